@@ -1,0 +1,35 @@
+"""The in-house engine: 2-D DEM and contact dynamics of disks and half-plane walls."""
+
+from __future__ import annotations
+
+from ninedisk.core.errors import (
+    CoreError,
+    InvalidNumericsError,
+    InvalidSceneError,
+    NoEquilibriumError,
+    NonFiniteStateError,
+    SolverNotConvergedError,
+    UnstableTimeStepError,
+)
+from ninedisk.core.history import History
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core.simulate import simulate
+
+__all__ = [
+    "ContactLaw",
+    "CoreError",
+    "Disks",
+    "History",
+    "InvalidNumericsError",
+    "InvalidSceneError",
+    "NoEquilibriumError",
+    "NonFiniteStateError",
+    "Numerics",
+    "Scene",
+    "SolverNotConvergedError",
+    "UnstableTimeStepError",
+    "Wall",
+    "WallSegment",
+    "simulate",
+]

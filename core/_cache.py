@@ -1,0 +1,70 @@
+"""The one decorator of every kernel, and where compiled kernels are kept.
+
+Numba recompiles a cached function when its own file changes, but not when a jitted function that it calls from another
+file changes: a stale number with a cache hit. The cache folder is therefore keyed by a hash of all sources of the core.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def source_hash(root: Path) -> str:
+    """Hash of every Python source below ``root`` (relative name and content), 16 hex digits."""
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _base_folder() -> Path:
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        return Path(chosen)
+    cache_home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(cache_home) if cache_home else Path.home() / ".cache") / "ninedisk" / "numba"
+
+
+@cache
+def cache_folder() -> str:
+    """Folder of the compiled kernels of this very source; a temporary one where the cache cannot be written."""
+    folder = _base_folder() / source_hash(Path(__file__).parent)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return str(folder)
+    except (OSError, RuntimeError):
+        pass
+    return tempfile.mkdtemp(prefix="ninedisk-numba-")
+
+
+def kernel(function: Function) -> Function:
+    """Compile ``function`` with the options of the project.
+
+    ``error_model="numpy"`` removes the branch on every division, ``nogil`` lets threads run kernels side by side.
+    The kernel must not allocate in its loops.
+    """
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = cache_folder()
+    try:
+        compiled: Function = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+    return compiled
+
+
+def inline_kernel(function: Function) -> Function:
+    """Like `kernel`, for small functions that are only called by kernels: LLVM inlines them, no cache of their own."""
+    compiled: Function = numba.njit(error_model="numpy", nogil=True)(function)
+    return compiled

@@ -1,0 +1,210 @@
+"""Kernels of the contact search: cell list, half neighbour list with a skin, lists of disks near walls.
+
+The neighbour list is stored by rows: the neighbours ``j > i`` of disk ``i`` are ``index[start[i]:start[i+1]]``, beside
+each the shear force of that contact. Lists are built in the order of the disks, so the same input gives the same bits.
+"""
+
+from __future__ import annotations
+
+from math import floor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core._cache import kernel
+
+OK, PAIRS_FULL, WALL_PAIRS_FULL, NOT_FINITE = 0, 1, 2, 3
+
+
+class NeighbourList(NamedTuple):
+    """Pairs closer than the skin, by rows.
+
+    Attributes
+    ----------
+    start : ndarray of int64, shape (rows + 1,)
+        Row pointers; a row is a disk (disk-disk list) or a wall (wall list).
+    index : ndarray of uint32, shape (capacity,)
+        The other disk of each pair.
+    shear : ndarray, shape (capacity,)
+        Shear force ``fs`` [N] on the row's body (disk-disk list) or on the disk (wall list).
+    """
+
+    start: NDArray[np.int64]
+    index: NDArray[np.uint32]
+    shear: NDArray[np.float64]
+
+
+class Cells(NamedTuple):
+    """Work arrays of the cell list.
+
+    Attributes
+    ----------
+    start : ndarray of int64, shape (cells + 1,)
+    order : ndarray of uint32, shape (n,)
+        Disks sorted by cell.
+    cell : ndarray of int64, shape (n,)
+        Cell of each disk.
+    grid : ndarray, shape (5,)
+        Lower corner x, y [m], width of a cell [m], columns, rows.
+    """
+
+    start: NDArray[np.int64]
+    order: NDArray[np.uint32]
+    cell: NDArray[np.int64]
+    grid: NDArray[np.float64]
+
+
+@kernel
+def sort_into_cells(x: NDArray[np.float64], width: float, cells: Cells) -> bool:
+    """Counting sort of the centres into square cells.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, 2)
+        Centres [m].
+    width : float
+        Smallest width of a cell [m]; it grows until the cells fit into ``cells.start``.
+    cells : Cells
+        Out.
+
+    Returns
+    -------
+    bool
+        False if a coordinate is not finite.
+    """
+    n = x.shape[0]
+    low_x, low_y, high_x, high_y = x[0, 0], x[0, 1], x[0, 0], x[0, 1]
+    for i in range(n):
+        if not (np.isfinite(x[i, 0]) and np.isfinite(x[i, 1])):
+            return False
+        low_x, high_x = min(low_x, x[i, 0]), max(high_x, x[i, 0])
+        low_y, high_y = min(low_y, x[i, 1]), max(high_y, x[i, 1])
+    room = cells.start.shape[0] - 1
+    columns, rows = floor((high_x - low_x) / width) + 1.0, floor((high_y - low_y) / width) + 1.0
+    while columns * rows > room:
+        width *= 1.5
+        columns, rows = floor((high_x - low_x) / width) + 1.0, floor((high_y - low_y) / width) + 1.0
+    grid = cells.grid
+    grid[0], grid[1], grid[2], grid[3], grid[4] = low_x, low_y, width, columns, rows
+    nx, count = int(columns), int(columns * rows)
+    for c in range(count + 1):
+        cells.start[c] = 0
+    for i in range(n):
+        c = int((x[i, 1] - low_y) / width) * nx + int((x[i, 0] - low_x) / width)
+        cells.cell[i] = c
+        cells.start[c + 1] += 1
+    for c in range(count):
+        cells.start[c + 1] += cells.start[c]
+    # The pointers serve as cursors while filling and are shifted back afterwards.
+    for i in range(n):
+        c = cells.cell[i]
+        cells.order[cells.start[c]] = i
+        cells.start[c] += 1
+    for c in range(count, 0, -1):
+        cells.start[c] = cells.start[c - 1]
+    cells.start[0] = 0
+    return True
+
+
+@kernel
+def build_pairs(
+    x: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    skin: float,
+    cells: Cells,
+    old: NeighbourList,
+    new: NeighbourList,
+) -> int:
+    """Half neighbour list of all pairs with a gap below ``skin``; shear forces of the old list are carried over.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, 2)
+        Centres [m].
+    radius : ndarray, shape (n,)
+        Radii [m].
+    skin : float
+        Largest gap [m] of a listed pair.
+    cells : Cells
+        Filled by `sort_into_cells` with a width of at least twice the largest radius plus the skin.
+    old, new : NeighbourList
+        ``old`` is read, ``new`` written.
+
+    Returns
+    -------
+    int
+        OK, or PAIRS_FULL if the capacity of ``new`` is too small.
+    """
+    n = x.shape[0]
+    nx, ny = int(cells.grid[3]), int(cells.grid[4])
+    capacity, k = new.index.shape[0], 0
+    new.start[0] = 0
+    for i in range(n):
+        c = cells.cell[i]
+        row, column = c // nx, c % nx
+        xi, yi, reach = x[i, 0], x[i, 1], radius[i] + skin
+        first, last = max(column - 1, 0), min(column + 1, nx - 1)
+        for r in range(max(row - 1, 0), min(row + 2, ny)):
+            for m in range(cells.start[r * nx + first], cells.start[r * nx + last + 1]):
+                j = int(cells.order[m])
+                if j <= i:
+                    continue
+                dx, dy, limit = x[j, 0] - xi, x[j, 1] - yi, reach + radius[j]
+                if dx * dx + dy * dy < limit * limit:
+                    if k == capacity:
+                        return PAIRS_FULL
+                    new.index[k] = j
+                    new.shear[k] = 0.0
+                    for o in range(old.start[i], old.start[i + 1]):
+                        if old.index[o] == j:
+                            new.shear[k] = old.shear[o]
+                            break
+                    k += 1
+        new.start[i + 1] = k
+    return OK
+
+
+@kernel
+def build_wall_pairs(
+    x: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    skin: float,
+    wall: NDArray[np.float64],
+    old: NeighbourList,
+    new: NeighbourList,
+) -> int:
+    """Lists of the disks with a gap below ``skin`` to each wall; shear forces of the old lists are carried over.
+
+    Parameters
+    ----------
+    x, radius, skin
+        As in `build_pairs`.
+    wall : ndarray, shape (m, 9)
+        Walls as `place_walls` fills them.
+    old, new : NeighbourList
+        Rows are walls; disks ascend within a row, so old and new rows are merged.
+
+    Returns
+    -------
+    int
+        OK, or WALL_PAIRS_FULL if the capacity of ``new`` is too small.
+    """
+    capacity, k = new.index.shape[0], 0
+    new.start[0] = 0
+    for w in range(wall.shape[0]):
+        o, end = old.start[w], old.start[w + 1]
+        px, py, nx, ny = wall[w, 0], wall[w, 1], wall[w, 2], wall[w, 3]
+        for i in range(x.shape[0]):
+            if (x[i, 0] - px) * nx + (x[i, 1] - py) * ny - radius[i] < skin:
+                if k == capacity:
+                    return WALL_PAIRS_FULL
+                new.index[k] = i
+                new.shear[k] = 0.0
+                while o < end and old.index[o] < i:
+                    o += 1
+                if o < end and old.index[o] == i:
+                    new.shear[k] = old.shear[o]
+                k += 1
+        new.start[w + 1] = k
+    return OK

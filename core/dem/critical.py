@@ -1,0 +1,111 @@
+"""Critical time step of the explicit scheme on a scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_cells, empty_list, grown
+from ninedisk.core.contacts.search_kernels import PAIRS_FULL, NeighbourList, build_pairs, sort_into_cells
+from ninedisk.core.dem.critical_kernels import largest_eigenvalue
+from ninedisk.core.geometry.motion import compile_motion, wall_poses
+from ninedisk.core.numerics import DampingForm
+from ninedisk.core.scene import ContactLaw, FloatArray, Scene
+
+NEAR = 1e-3
+"""Pairs with a gap below this fraction of the smaller radius count as contacts of the network."""
+
+ITERATIONS, TOLERANCE = 300, 1e-3
+
+
+def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -> float:
+    """Largest stable contact step of the central-difference scheme [s]: an estimate.
+
+    The highest frequency of the scene's present contact network (all contacts sticking; contacts within a gap of 1e-3
+    radii included) is found by power iteration, the norm of the residual added; every disk is further taken to touch
+    a wall, and the two lightest each other, so that free flight has a limit as well. Undamped, the limit is ``2/omega``. A dashpot
+    with ratio ``zeta`` at that frequency lowers it to ``(2/omega)(sqrt(1 + z^2) - z)`` with ``z = zeta`` where dashpots see
+    ``v_{n-1/2}`` (lagged) and ``z = 2 zeta`` where they see the extrapolated ``v_n`` (central): the root z = -1 of the
+    characteristic polynomial. Contacts that form later stiffen the network: stay well below.
+
+    Parameters
+    ----------
+    scene : Scene
+    damping_form : {"central", "lagged"}
+
+    Returns
+    -------
+    float
+        ``inf`` for a scene in which nothing can touch.
+    """
+    laws = [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
+    if not laws or len(scene.disks) == 0:
+        return float("inf")
+    square = max(_network_square(scene), _single_contact_square(scene))
+    omega = float(np.sqrt(square))
+    # c/kn = 2 beta sqrt(m_eff/kn) is largest for the heaviest bodies; a mode of frequency omega has zeta = omega (c/kn)/2.
+    heaviest = float(scene.disks.mass.max())
+    zeta = max(omega * law.beta * np.sqrt(heaviest / law.kn) for law in laws)
+    z = zeta if damping_form == "lagged" else 2.0 * zeta
+    return float(2.0 / omega / (np.sqrt(1.0 + z * z) + z))
+
+
+def _shear_stiffness(law: ContactLaw) -> float:
+    return law.ks if law.mu > 0.0 else 0.0
+
+
+def _single_contact_square(scene: Scene) -> float:
+    """Largest ``omega^2`` [1/s^2] of one contact on its own."""
+    disks = scene.disks
+    inv_mass = 1.0 / disks.mass
+    turn = np.where(disks.rotating, disks.radius**2 / disks.inertia, 0.0)
+    worst = 0.0
+    for law, other in [(scene.disk_disk, True)] * (len(disks) > 1) + [(wall.law, False) for wall in scene.walls]:
+        for stiffness, mobility in ((law.kn, inv_mass), (_shear_stiffness(law), inv_mass + turn)):
+            two = np.sort(mobility)[::-1][: 2 if other else 1]
+            worst = max(worst, stiffness * float(two.sum()))
+    return worst
+
+
+def _network_square(scene: Scene) -> float:
+    springs, bodies = contact_network(scene, NEAR * float(scene.disks.radius.min()))
+    if len(bodies) == 0:
+        return 0.0
+    disks = scene.disks
+    root = np.empty((len(disks), 3))
+    root[:, 0] = root[:, 1] = 1.0 / np.sqrt(disks.mass)
+    root[:, 2] = np.where(disks.rotating, 1.0 / np.sqrt(disks.inertia), 0.0)
+    # A fixed irregular start vector: the result is the same on every call, and no mode is orthogonal to it by symmetry.
+    start = np.cos(np.arange(1.0, 3.0 * len(disks) + 1.0) ** 2).reshape(-1, 3)
+    return float(largest_eigenvalue(springs, bodies, root, start, np.empty_like(start), ITERATIONS, TOLERANCE))
+
+
+def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
+    """Springs and bodies of all pairs with a gap up to ``reach`` [m] at time 0, as `apply_stiffness` reads them."""
+    disks = scene.disks
+    first, second = near_pairs(scene, reach)
+    d = disks.x[second] - disks.x[first]
+    n = d / np.hypot(d[:, 0], d[:, 1])[:, None]
+    law = scene.disk_disk
+    ones = np.ones(len(first))
+    springs = [np.column_stack([n, law.kn * ones, _shear_stiffness(law) * ones, disks.radius[first], disks.radius[second]])]
+    bodies = [np.column_stack([first, second])]
+    poses = wall_poses(compile_motion(scene.walls), 0.0)
+    for wall, pose in zip(scene.walls, poses, strict=True):
+        height = (disks.x - pose[0:2]) @ pose[2:4]
+        near = np.flatnonzero(height - disks.radius <= reach)
+        row = [-pose[2], -pose[3], wall.law.kn, _shear_stiffness(wall.law)]
+        springs.append(np.column_stack([np.tile(row, (len(near), 1)), disks.radius[near], np.zeros(len(near))]))
+        bodies.append(np.column_stack([near, np.full(len(near), -1)]))
+    return np.vstack(springs), np.vstack(bodies).astype(np.int64)
+
+
+def near_pairs(scene: Scene, reach: float) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
+    """Disk pairs ``i < j`` with a gap below ``reach`` [m] at time 0, in the order of the neighbour list."""
+    disks, n = scene.disks, len(scene.disks)
+    cells = empty_cells(n)
+    sort_into_cells(disks.x, 2.0 * float(disks.radius.max()) + reach, cells)
+    none, found = empty_list(n, 0), empty_list(n, PAIRS_PER_DISK * n + 16)
+    while build_pairs(disks.x, disks.radius, reach, cells, none, found) == PAIRS_FULL:
+        found = grown(NeighbourList(np.zeros(n + 1, dtype=np.int64), found.index, found.shear))
+    count = int(found.start[-1])
+    return np.repeat(np.arange(n), np.diff(found.start)), found.index[:count].astype(np.int64)

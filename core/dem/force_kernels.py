@@ -1,0 +1,161 @@
+"""Kernels of the contact forces: linear spring, dashpot without tension, incremental shear, Coulomb cap.
+
+Source: Cundall & Strack, Geotechnique 29 (1979) 47-65; conventions of `ninedisk.core.scene`: ``n`` points from ``i`` to
+``j``, ``t = (-n_y, n_x)``, the force on ``i`` is ``-fn n + fs t``. With lever arms ``a_i, a_j`` the slip of ``i`` past ``j`` is
+``vt = (v_i - v_j).t + a_i omega_i + a_j omega_j`` and both bodies receive the torque ``a fs``.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core._cache import inline_kernel, kernel
+from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.dem.state import ARM_OVERLAP, BETA, KN, KS, MU, WALL_MID, DiskArrays, StepConstants, WallArrays
+
+
+@inline_kernel
+def normal_force(overlap: float, rate: float, kn: float, beta: float, inv_m_eff: float) -> float:
+    """Normal force [N] ``max(kn overlap + c rate, 0)`` with ``c = 2 beta sqrt(m_eff kn)``.
+
+    Parameters
+    ----------
+    overlap : float
+        [m], > 0.
+    rate : float
+        Time derivative of the overlap [m/s].
+    kn : float
+        [N/m].
+    beta : float
+        Contact damping ratio [-].
+    inv_m_eff : float
+        ``1/m_i + 1/m_j`` [1/kg].
+    """
+    force = kn * overlap
+    if beta > 0.0:
+        force += 2.0 * beta * sqrt(kn / inv_m_eff) * rate
+        force = max(force, 0.0)
+    return force
+
+
+@inline_kernel
+def shear_force(before: float, slip: float, ks: float, cap: float) -> float:
+    """Shear force [N] after the slip increment [m], clipped to ``cap = mu fn`` with its sign kept."""
+    force = before - ks * slip
+    if force > cap:
+        return cap
+    if force < -cap:
+        return -cap
+    return force
+
+
+@kernel
+def disk_disk_forces(
+    disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], step: StepConstants, slip_dt: float
+) -> None:
+    """Add the forces of all disk-disk contacts to ``disks.force`` and ``disks.torque``; update shear forces.
+
+    Parameters
+    ----------
+    disks : DiskArrays
+    pairs : NeighbourList
+        Rows are the disks with the smaller number.
+    law : ndarray, shape (6,)
+        Law row.
+    step : StepConstants
+    slip_dt : float
+        Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0.
+    """
+    x, v, radius, omega = disks.x, disks.v, disks.radius, disks.omega
+    kn, ks, mu, beta = law[KN], law[KS], law[MU], law[BETA]
+    half = 0.5 * law[ARM_OVERLAP]
+    rough = mu > 0.0 and ks > 0.0
+    for i in range(x.shape[0]):
+        first, last = pairs.start[i], pairs.start[i + 1]
+        if first == last:
+            continue
+        xi, yi, ri = x[i, 0], x[i, 1], radius[i]
+        vxi, vyi, wi = v[i, 0], v[i, 1], omega[i]
+        fx, fy, torque = 0.0, 0.0, 0.0
+        for k in range(first, last):
+            j = pairs.index[k]
+            dx, dy, reach = x[j, 0] - xi, x[j, 1] - yi, ri + radius[j]
+            d2 = dx * dx + dy * dy
+            if d2 >= reach * reach:
+                pairs.shear[k] = 0.0
+                continue
+            d = sqrt(d2)
+            nx, ny, overlap = dx / d, dy / d, reach - d
+            rate = 0.0
+            if beta > 0.0:
+                rate = (disks.v_now[i, 0] - disks.v_now[j, 0]) * nx + (disks.v_now[i, 1] - disks.v_now[j, 1]) * ny
+            fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i] + disks.inv_mass[j])
+            gx, gy = -fn * nx, -fn * ny
+            if rough:
+                ai, aj = ri - half * overlap, radius[j] - half * overlap
+                vt = (v[j, 0] - vxi) * ny + (vyi - v[j, 1]) * nx + ai * wi + aj * omega[j]
+                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)
+                pairs.shear[k] = fs
+                gx -= fs * ny
+                gy += fs * nx
+                torque += ai * fs
+                disks.torque[j] += aj * fs
+            fx += gx
+            fy += gy
+            disks.force[j, 0] -= gx
+            disks.force[j, 1] -= gy
+        disks.force[i, 0] += fx
+        disks.force[i, 1] += fy
+        disks.torque[i] += torque
+
+
+@kernel
+def disk_wall_forces(
+    disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, step: StepConstants, slip_dt: float
+) -> None:
+    """Add the forces of all disk-wall contacts; update shear forces and the walls' loads.
+
+    Parameters are those of `disk_disk_forces`; rows of ``pairs`` are walls. The normal from disk to wall is the opposite of
+    the wall's. The wall's velocity at a point ``q`` is ``v_pivot + spin x (q - pivot)``, with ``q`` the foot of the disk's
+    centre on the surface or the middle of the overlap; the reaction acts at the foot.
+    """
+    for w in range(walls.now.shape[0]):
+        kn, ks, mu, beta = walls.law[w, KN], walls.law[w, KS], walls.law[w, MU], walls.law[w, BETA]
+        half, depth = 0.5 * walls.law[w, ARM_OVERLAP], 0.5 * walls.law[w, WALL_MID]
+        rough = mu > 0.0 and ks > 0.0
+        px, py, ux, uy = walls.now[w, 0], walls.now[w, 1], walls.now[w, 2], walls.now[w, 3]
+        cx, cy, vx, vy = walls.now[w, 4], walls.now[w, 5], walls.now[w, 6], walls.now[w, 7]
+        spin = walls.now[w, 8]
+        load_x, load_y, load_t = 0.0, 0.0, 0.0
+        for k in range(pairs.start[w], pairs.start[w + 1]):
+            i = pairs.index[k]
+            height = (disks.x[i, 0] - px) * ux + (disks.x[i, 1] - py) * uy
+            overlap = disks.radius[i] - height
+            if overlap <= 0.0:
+                pairs.shear[k] = 0.0
+                continue
+            foot_x, foot_y = disks.x[i, 0] - height * ux, disks.x[i, 1] - height * uy
+            qx, qy = foot_x - depth * overlap * ux - cx, foot_y - depth * overlap * uy - cy
+            wall_vx, wall_vy = vx - spin * qy, vy + spin * qx
+            rate = 0.0
+            if beta > 0.0:
+                rate = (wall_vx - disks.v_now[i, 0]) * ux + (wall_vy - disks.v_now[i, 1]) * uy
+            fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i])
+            gx, gy = fn * ux, fn * uy
+            if rough:
+                arm = disks.radius[i] - half * overlap
+                vt = (disks.v[i, 0] - wall_vx) * uy - (disks.v[i, 1] - wall_vy) * ux + arm * disks.omega[i]
+                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)
+                pairs.shear[k] = fs
+                gx += fs * uy
+                gy -= fs * ux
+                disks.torque[i] += arm * fs
+            disks.force[i, 0] += gx
+            disks.force[i, 1] += gy
+            load_x -= gx
+            load_y -= gy
+            load_t -= foot_x * gy - foot_y * gx
+        walls.load[w, 0], walls.load[w, 1], walls.load[w, 2] = load_x, load_y, load_t

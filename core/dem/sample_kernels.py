@@ -1,0 +1,151 @@
+"""Kernels that write a sample: synchronised velocities, watched contacts, walls, energies."""
+
+from __future__ import annotations
+
+from math import atan2, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core._cache import inline_kernel, kernel
+from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.dem.force_kernels import normal_force
+from ninedisk.core.dem.state import BETA, KN, KS, DiskArrays, Samples, StepConstants, WallArrays
+
+
+@inline_kernel
+def synchronised(value: float, acceleration: float, step: StepConstants, start: bool) -> float:
+    """Velocity at ``t_n`` [m/s or rad/s]: the mean of ``v_{n-1/2}`` and ``v_{n+1/2}``; at the start the value itself."""
+    if start:
+        return value
+    return 0.5 * (value + step.keep * value + step.gain * acceleration)
+
+
+@inline_kernel
+def listed_shear(pairs: NeighbourList, row: int, other: int) -> float:
+    """Shear force [N] of a pair; 0 if it is not in the list."""
+    for k in range(pairs.start[row], pairs.start[row + 1]):
+        if pairs.index[k] == other:
+            return pairs.shear[k]
+    return 0.0
+
+
+@inline_kernel
+def watched_disk_pair(
+    disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], i: int, j: int
+) -> tuple[float, float, float]:
+    """Gap [m], normal and shear force [N] of two disks."""
+    dx, dy = disks.x[j, 0] - disks.x[i, 0], disks.x[j, 1] - disks.x[i, 1]
+    d = sqrt(dx * dx + dy * dy)
+    gap = d - (disks.radius[i] + disks.radius[j])
+    if gap >= 0.0:
+        return gap, 0.0, 0.0
+    rate = ((disks.v_now[i, 0] - disks.v_now[j, 0]) * dx + (disks.v_now[i, 1] - disks.v_now[j, 1]) * dy) / d
+    fn = normal_force(-gap, rate, law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j])
+    return gap, fn, listed_shear(pairs, i, j)
+
+
+@inline_kernel
+def watched_wall_pair(
+    disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, i: int, w: int
+) -> tuple[float, float, float]:
+    """Gap [m], normal and shear force [N] of a disk and a wall."""
+    ux, uy = walls.now[w, 2], walls.now[w, 3]
+    height = (disks.x[i, 0] - walls.now[w, 0]) * ux + (disks.x[i, 1] - walls.now[w, 1]) * uy
+    gap = height - disks.radius[i]
+    if gap >= 0.0:
+        return gap, 0.0, 0.0
+    # The wall's normal velocity at the foot: v_pivot.u + spin (u x q) with q from the pivot to the foot.
+    qx = disks.x[i, 0] - height * ux - walls.now[w, 4]
+    qy = disks.x[i, 1] - height * uy - walls.now[w, 5]
+    wall_rate = walls.now[w, 6] * ux + walls.now[w, 7] * uy + walls.now[w, 8] * (qx * uy - qy * ux)
+    rate = wall_rate - (disks.v_now[i, 0] * ux + disks.v_now[i, 1] * uy)
+    fn = normal_force(-gap, rate, walls.law[w, KN], walls.law[w, BETA], disks.inv_mass[i])
+    return gap, fn, listed_shear(pairs, w, i)
+
+
+@kernel
+def contact_energy(
+    disks: DiskArrays,
+    walls: WallArrays,
+    pairs: NeighbourList,
+    wall_pairs: NeighbourList,
+    law: NDArray[np.float64],
+) -> tuple[float, float]:
+    """Elastic energy of the normal and of the shear springs [J]."""
+    normal, shear = 0.0, 0.0
+    for i in range(disks.x.shape[0]):
+        for k in range(pairs.start[i], pairs.start[i + 1]):
+            j = pairs.index[k]
+            dx, dy = disks.x[j, 0] - disks.x[i, 0], disks.x[j, 1] - disks.x[i, 1]
+            overlap = disks.radius[i] + disks.radius[j] - sqrt(dx * dx + dy * dy)
+            if overlap > 0.0:
+                normal += 0.5 * law[KN] * overlap * overlap
+                if law[KS] > 0.0:
+                    shear += 0.5 * pairs.shear[k] * pairs.shear[k] / law[KS]
+    for w in range(walls.now.shape[0]):
+        for k in range(wall_pairs.start[w], wall_pairs.start[w + 1]):
+            i = wall_pairs.index[k]
+            height = (disks.x[i, 0] - walls.now[w, 0]) * walls.now[w, 2]
+            height += (disks.x[i, 1] - walls.now[w, 1]) * walls.now[w, 3]
+            overlap = disks.radius[i] - height
+            if overlap > 0.0:
+                normal += 0.5 * walls.law[w, KN] * overlap * overlap
+                if walls.law[w, KS] > 0.0:
+                    shear += 0.5 * wall_pairs.shear[k] * wall_pairs.shear[k] / walls.law[w, KS]
+    return normal, shear
+
+
+@kernel
+def record(
+    disks: DiskArrays,
+    walls: WallArrays,
+    pairs: NeighbourList,
+    wall_pairs: NeighbourList,
+    law: NDArray[np.float64],
+    step: StepConstants,
+    samples: Samples,
+    row: int,
+    start: bool,
+    wall_work: float,
+) -> None:
+    """Write row ``row`` of ``samples`` from the state at ``t_n`` with its forces; ``start`` is True at n = 0."""
+    translation, rotation, gravity = 0.0, 0.0, 0.0
+    for i in range(disks.x.shape[0]):
+        ax = disks.force[i, 0] * disks.inv_mass[i] + step.gravity_x
+        ay = disks.force[i, 1] * disks.inv_mass[i] + step.gravity_y
+        vx, vy = synchronised(disks.v[i, 0], ax, step, start), synchronised(disks.v[i, 1], ay, step, start)
+        mass = 1.0 / disks.inv_mass[i]
+        translation += 0.5 * mass * (vx * vx + vy * vy)
+        gravity -= mass * (step.gravity_x * disks.x[i, 0] + step.gravity_y * disks.x[i, 1])
+        if disks.inv_inertia[i] > 0.0:
+            spin = synchronised(disks.omega[i], disks.torque[i] * disks.inv_inertia[i], step, start)
+            rotation += 0.5 * spin * spin / disks.inv_inertia[i]
+    for c in range(samples.chosen.shape[0]):
+        i = samples.chosen[c]
+        ax = disks.force[i, 0] * disks.inv_mass[i] + step.gravity_x
+        ay = disks.force[i, 1] * disks.inv_mass[i] + step.gravity_y
+        samples.x[row, c, 0], samples.x[row, c, 1] = disks.x[i, 0], disks.x[i, 1]
+        samples.v[row, c, 0] = synchronised(disks.v[i, 0], ax, step, start)
+        samples.v[row, c, 1] = synchronised(disks.v[i, 1], ay, step, start)
+        samples.angle[row, c] = disks.angle[i]
+        samples.omega[row, c] = disks.omega[i]
+        if disks.inv_inertia[i] > 0.0:
+            spin_rate = disks.torque[i] * disks.inv_inertia[i]
+            samples.omega[row, c] = synchronised(disks.omega[i], spin_rate, step, start)
+    n = disks.x.shape[0]
+    for c in range(samples.pairs.shape[0]):
+        i, j = samples.pairs[c, 0], samples.pairs[c, 1]
+        if j < n:
+            gap, fn, fs = watched_disk_pair(disks, pairs, law, i, j)
+        else:
+            gap, fn, fs = watched_wall_pair(disks, walls, wall_pairs, i, j - n)
+        samples.gap[row, c], samples.fn[row, c], samples.fs[row, c] = gap, fn, fs
+    for w in range(walls.now.shape[0]):
+        samples.wall_point[row, w, 0], samples.wall_point[row, w, 1] = walls.now[w, 0], walls.now[w, 1]
+        samples.wall_angle[row, w] = atan2(walls.now[w, 3], walls.now[w, 2])
+        samples.wall_force[row, w, 0], samples.wall_force[row, w, 1] = walls.load[w, 0], walls.load[w, 1]
+    normal, shear = contact_energy(disks, walls, pairs, wall_pairs, law)
+    samples.energy[row, 0], samples.energy[row, 1] = translation, rotation
+    samples.energy[row, 2], samples.energy[row, 3], samples.energy[row, 4] = normal, shear, gravity
+    samples.wall_work[row] = wall_work

@@ -1,0 +1,300 @@
+"""A DEM run in progress: allocates the arrays, calls the kernels, grows the lists."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_cells, empty_list, grown
+from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL, NeighbourList
+from ninedisk.core.dem import state
+from ninedisk.core.dem.critical import critical_time_step
+from ninedisk.core.dem.state import DiskArrays, Samples, StepConstants, WallArrays
+from ninedisk.core.dem.step_kernels import advance, rebuild
+from ninedisk.core.errors import InvalidSceneError, NonFiniteStateError, UnstableTimeStepError
+from ninedisk.core.geometry.motion import compile_motion, wall_poses
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import ContactLaw, Scene
+
+SAFETY = 0.1
+"""Fraction of the critical step that ``contact_dt = None`` stands for."""
+
+SKIN = 0.2
+"""Skin of the lists as a fraction of the mean radius."""
+
+STEPS_TIMES_DISKS = 2_000_000
+"""Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
+
+ENERGIES = ("translation", "rotation", "elastic_normal", "elastic_shear", "gravity")
+
+
+class DemSession:
+    """The in-house DEM on one scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    numerics : Numerics
+    watch : sequence of pairs
+        Contacts whose gap, ``fn`` and ``fs`` are recorded.
+    particles : sequence of int or None
+        Disks whose motion is recorded; None: all.
+
+    Raises
+    ------
+    InvalidSceneError
+        If the scene has no disk, or a preloaded pair does not touch.
+    UnstableTimeStepError
+        If the contact step exceeds the critical one and ``numerics.allow_unstable`` is False.
+    """
+
+    def __init__(
+        self, scene: Scene, numerics: Numerics, watch: Sequence[Pair] = (), particles: Sequence[int] | None = None
+    ) -> None:
+        if len(scene.disks) == 0:
+            raise InvalidSceneError("the scene has no disk: there is nothing to simulate")
+        self.scene, self.numerics = scene, numerics
+        self.pairs = tuple(scene.check_pair(pair) for pair in watch)
+        self.chosen = _chosen(scene, particles)
+        self.contact_dt, self.critical_dt = contact_step(scene, numerics)
+        self.substeps = numerics.substeps(self.contact_dt)
+        self._allocate()
+        self._preload()
+        self._samples = self._sample_arrays()
+
+    def run(self, progress: Callable[[int, int], None] | None = None) -> History:
+        """Run to the last step.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Called with (steps done, steps in all), in steps ``numerics.dt``.
+
+        Returns
+        -------
+        History
+        """
+        target = self.numerics.n_steps * self.substeps
+        stride = max(1, STEPS_TIMES_DISKS // len(self.scene.disks))
+        while self._clock[state.STEP] < target or self._clock[state.PENDING]:
+            self._advance(min(target, int(self._clock[state.STEP]) + stride))
+            if progress is not None:
+                progress(int(self._clock[state.STEP]) // self.substeps, self.numerics.n_steps)
+        return self.history()
+
+    def warm_up(self) -> None:
+        """Compile or load the kernels on a copy of the scene; this session's state stays as it is."""
+        DemSession(self.scene, self.numerics.replace(n_steps=1, sample_every=1, sample_until=None), self.pairs).run()
+
+    def _advance(self, target: int) -> None:
+        while True:
+            code = advance(
+                self._disks,
+                self._walls,
+                self._motion,
+                self._list,
+                self._wall_list,
+                self._spare,
+                self._wall_spare,
+                self._cells,
+                self._law,
+                self._step,
+                self._samples,
+                self._clock,
+                self._work,
+                self._widest,
+                target,
+            )
+            if code == OK:
+                self._check_finite()
+                return
+            self._mend(code)
+
+    def _check_finite(self) -> None:
+        if not (np.isfinite(self._disks.x).all() and np.isfinite(self._disks.v).all()):
+            self._mend(NOT_FINITE)
+
+    def _mend(self, code: int) -> None:
+        if code == PAIRS_FULL:
+            self._list, self._spare = grown(self._list), grown(self._spare)
+        elif code == WALL_PAIRS_FULL:
+            self._wall_list, self._wall_spare = grown(self._wall_list), grown(self._wall_spare)
+        else:
+            bad = np.flatnonzero(~np.isfinite(self._disks.x).all(axis=1))
+            step = int(self._clock[state.STEP])
+            named = f"disk {bad[0]}" if len(bad) else "a disk"
+            raise NonFiniteStateError(
+                f"the position of {named} is no finite number at contact step {step} (t = {step * self.contact_dt:g} s): "
+                f"contact_dt = {self.contact_dt:g} s is unstable here, or two centres coincide; reduce contact_dt (critical "
+                f"step of the initial state: {self.critical_dt:g} s)"
+            )
+
+    def _allocate(self) -> None:
+        scene, disks, n = self.scene, self.scene.disks, len(self.scene.disks)
+        inv_inertia = np.where(disks.rotating, 1.0 / disks.inertia, 0.0)
+        self._disks = DiskArrays(
+            x=disks.x.copy(),
+            v=disks.v.copy(),
+            angle=np.zeros(n),
+            omega=disks.omega.copy(),
+            radius=disks.radius.copy(),
+            inv_mass=1.0 / disks.mass,
+            inv_inertia=inv_inertia,
+            force=np.zeros((n, 2)),
+            torque=np.zeros(n),
+            v_now=disks.v.copy(),
+            x_built=disks.x.copy(),
+        )
+        m = len(scene.walls)
+        self._motion = compile_motion(scene.walls)
+        poses = wall_poses(self._motion, 0.0)
+        self._walls = WallArrays(
+            now=poses,
+            built=poses.copy(),
+            extent=np.zeros(m),
+            law=np.array([law_row(wall.law) for wall in scene.walls]).reshape(m, 6),
+            load=np.zeros((m, 3)),
+            load_before=np.zeros((m, 3)),
+        )
+        self._law = np.array(law_row(scene.disk_disk))
+        self._step = step_constants(scene, self.numerics, self.contact_dt)
+        self._list, self._spare = (empty_list(n, PAIRS_PER_DISK * n + 16) for _ in range(2))
+        self._wall_list, self._wall_spare = (empty_list(m, n // 4 + 16) for _ in range(2))
+        self._cells = empty_cells(n)
+        self._widest = float(disks.radius.max())
+        self._clock = np.array([0, 1, 0, 0], dtype=np.int64)
+        self._work = np.zeros(1)
+
+    def _preload(self) -> None:
+        """Build the lists once and enter the shear forces that contacts carry at time 0."""
+        while True:
+            code = rebuild(
+                self._disks,
+                self._walls,
+                self._list,
+                self._wall_list,
+                self._spare,
+                self._wall_spare,
+                self._cells,
+                self._step.skin,
+                self._widest,
+            )
+            if code == OK:
+                break
+            self._mend(code)
+        n = len(self.scene.disks)
+        for (i, j), force in self.scene.initial_shear.items():
+            pairs, row, other = (self._list, i, j) if j < n else (self._wall_list, j - n, i)
+            _enter_shear(self.scene, pairs, row, other, force)
+
+    def _sample_arrays(self) -> Samples:
+        at = self.numerics.sampled_steps() * self.substeps
+        s, k, c, m = len(at), len(self.chosen), len(self.pairs), len(self.scene.walls)
+        return Samples(
+            at=at,
+            chosen=self.chosen,
+            pairs=np.array(self.pairs, dtype=np.int64).reshape(c, 2),
+            x=np.empty((s, k, 2)),
+            v=np.empty((s, k, 2)),
+            angle=np.empty((s, k)),
+            omega=np.empty((s, k)),
+            gap=np.empty((s, c)),
+            fn=np.empty((s, c)),
+            fs=np.empty((s, c)),
+            wall_point=np.empty((s, m, 2)),
+            wall_angle=np.empty((s, m)),
+            wall_force=np.empty((s, m, 2)),
+            energy=np.empty((s, len(ENERGIES))),
+            wall_work=np.empty(s),
+        )
+
+    def history(self) -> History:
+        """What has been sampled so far."""
+        rows = int(self._clock[state.ROW])
+        data: dict[str, Any] = {name: array[:rows] for name, array in self._samples._asdict().items()}
+        energy = {name: data["energy"][:, k] for k, name in enumerate(ENERGIES)}
+        energy["kinetic"] = energy["translation"] + energy["rotation"]
+        energy["elastic"] = energy["elastic_normal"] + energy["elastic_shear"]
+        energy["wall_work"] = data["wall_work"]
+        # Times are products of the step number and the contact step, as the kernels form them.
+        fields = ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force")
+        return History(
+            step=data["at"] // self.substeps,
+            t=data["at"] * self.contact_dt,
+            pairs=self.pairs,
+            particles=tuple(int(i) for i in self.chosen),
+            force_meaning="instantaneous",
+            energy=energy,
+            **{name: data[name] for name in fields},
+        )
+
+
+def contact_step(scene: Scene, numerics: Numerics) -> tuple[float, float]:
+    """Contact step that a run will use and the critical step of the scene [s].
+
+    Raises
+    ------
+    UnstableTimeStepError
+        If ``numerics.contact_dt`` exceeds the critical step and ``numerics.allow_unstable`` is False.
+    """
+    critical = critical_time_step(scene, damping_form=numerics.damping_form)
+    if numerics.contact_dt is None:
+        return numerics.dt / max(1, int(np.ceil(numerics.dt / (SAFETY * critical)))), critical
+    if numerics.contact_dt > critical and not numerics.allow_unstable:
+        raise UnstableTimeStepError(
+            f"contact_dt = {numerics.contact_dt:g} s exceeds the critical step {critical:g} s of the explicit scheme on "
+            f"this scene: use at most {SAFETY * critical:g} s (a tenth of it) for accurate results, or set "
+            f"allow_unstable=True to run all the same"
+        )
+    return numerics.contact_dt, critical
+
+
+def law_row(law: ContactLaw) -> list[float]:
+    """Law as the kernels read it (columns of `ninedisk.core.dem.state`)."""
+    overlap, mid = law.lever_arm == "overlap", law.wall_velocity_at == "mid-overlap"
+    return [law.kn, law.ks, law.mu, law.beta, float(overlap), float(mid)]
+
+
+def step_constants(scene: Scene, numerics: Numerics, dt: float) -> StepConstants:
+    """Scalars of the scheme for contact step ``dt`` [s]."""
+    a = 0.5 * scene.xi * dt
+    central = numerics.damping_form == "central"
+    beta = max([scene.disk_disk.beta, *(wall.law.beta for wall in scene.walls)])
+    return StepConstants(
+        dt=dt,
+        keep=(1.0 - a) / (1.0 + a) if central else 1.0 - 2.0 * a,
+        gain=dt / (1.0 + a) if central else dt,
+        keep0=1.0 - a,
+        gain0=0.5 * dt,
+        gravity_x=scene.gravity[0],
+        gravity_y=scene.gravity[1],
+        skin=SKIN * float(scene.disks.radius.mean()),
+        damped=beta > 0.0,
+        lagged=not central,
+    )
+
+
+def _chosen(scene: Scene, particles: Sequence[int] | None) -> NDArray[np.int64]:
+    n = len(scene.disks)
+    if particles is None:
+        return np.arange(n, dtype=np.int64)
+    chosen = np.asarray(particles, dtype=np.int64).reshape(-1)
+    bad = chosen[(chosen < 0) | (chosen >= n)]
+    if len(bad):
+        raise InvalidSceneError(f"particle {bad[0]} does not exist: disks are numbered 0..{n - 1}")
+    return chosen
+
+
+def _enter_shear(scene: Scene, pairs: NeighbourList, row: int, other: int, force: float) -> None:
+    for k in range(int(pairs.start[row]), int(pairs.start[row + 1])):
+        if pairs.index[k] == other:
+            pairs.shear[k] = force
+            return
+    raise InvalidSceneError(
+        f"the initial shear force {force:g} N belongs to bodies {row} and {other} that do not touch: give them an overlap "
+        f"or drop the entry (the scene has {len(scene.disks)} disks)"
+    )

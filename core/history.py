@@ -1,0 +1,108 @@
+"""What a run gives back: sampled states, watched contacts, walls and energies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class History:
+    """Observations at the sampled steps; s samples, n disks, m walls, c watched pairs.
+
+    A quantity that an engine cannot observe is filled with NaN, never with a guess.
+
+    Parameters
+    ----------
+    step : ndarray of int, shape (s,)
+        Step numbers (multiples of ``Numerics.dt``).
+    t : ndarray, shape (s,)
+        Times [s].
+    x, v : ndarray, shape (s, n, 2)
+        Centres [m] and velocities [m/s], both at ``t``.
+    angle, omega : ndarray, shape (s, n)
+        Rotations [rad] since time 0 and spins [rad/s].
+    pairs : tuple of pairs
+        The watched contacts, as body numbers.
+    gap, fn, fs : ndarray, shape (s, c)
+        Gap [m], normal and shear contact force [N] of the watched pairs (sign conventions of `ninedisk.core.scene`).
+    force_meaning : {"instantaneous", "step-mean"}
+        Whether ``fn, fs`` are forces at ``t`` or impulses of the step that ends at ``t`` divided by its length.
+    wall_point : ndarray, shape (s, m, 2)
+        A material point of each wall [m].
+    wall_angle : ndarray, shape (s, m)
+        Direction of each wall's normal [rad].
+    wall_force : ndarray, shape (s, m, 2)
+        Force of the disks on each wall [N].
+    energy : mapping from name to ndarray, shape (s,)
+        Energies [J], e.g. ``kinetic``, ``elastic``, ``gravity``, ``wall_work``.
+    particles : tuple of int or None
+        Disks that ``x``, ``v``, ``angle`` and ``omega`` hold, in this order; None: all n of them.
+    """
+
+    step: NDArray[np.int64]
+    t: FloatArray
+    x: FloatArray
+    v: FloatArray
+    angle: FloatArray
+    omega: FloatArray
+    pairs: tuple[Pair, ...]
+    gap: FloatArray
+    fn: FloatArray
+    fs: FloatArray
+    force_meaning: Literal["instantaneous", "step-mean"]
+    wall_point: FloatArray
+    wall_angle: FloatArray
+    wall_force: FloatArray
+    energy: Mapping[str, FloatArray] = field(default_factory=dict)
+    particles: tuple[int, ...] | None = None
+
+    def contact(self, pair: Pair) -> int:
+        """Column of a watched pair in ``gap``, ``fn`` and ``fs``; KeyError if it was not watched."""
+        try:
+            return self.pairs.index(pair)
+        except ValueError:
+            raise KeyError(f"pair {pair} was not watched; watched: {self.pairs}") from None
+
+    @classmethod
+    def empty(
+        cls,
+        step: NDArray[np.int64],
+        t: FloatArray,
+        *,
+        n_disks: int,
+        n_walls: int,
+        pairs: tuple[Pair, ...],
+        force_meaning: Literal["instantaneous", "step-mean"] = "instantaneous",
+        energies: tuple[str, ...] = (),
+    ) -> History:
+        """A history of the right shapes, filled with NaN, for an engine to write into."""
+        s, c = len(step), len(pairs)
+
+        def blank(*shape: int) -> FloatArray:
+            return np.full((s, *shape), np.nan)
+
+        return cls(
+            step=step,
+            t=t,
+            x=blank(n_disks, 2),
+            v=blank(n_disks, 2),
+            angle=blank(n_disks),
+            omega=blank(n_disks),
+            pairs=pairs,
+            gap=blank(c),
+            fn=blank(c),
+            fs=blank(c),
+            force_meaning=force_meaning,
+            wall_point=blank(n_walls, 2),
+            wall_angle=blank(n_walls),
+            wall_force=blank(n_walls, 2),
+            energy={name: blank() for name in energies},
+        )

@@ -1,0 +1,53 @@
+"""Public entry of the core: a scene and its numerics in, a history out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+
+if TYPE_CHECKING:
+    from ninedisk.core.history import History, Pair
+
+
+def simulate(
+    scene: Scene,
+    numerics: Numerics,
+    watch: Sequence[Pair] = (),
+    *,
+    particles: Sequence[int] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> History:
+    """Run a scene on the in-house DEM.
+
+    Parameters
+    ----------
+    scene : Scene
+        Disks, walls, contact laws, gravity, damping.
+    numerics : Numerics
+        Steps and sampling.
+    watch : sequence of pairs
+        Contacts to record, as body numbers (disks first, then walls; `Scene.wall_index` finds a wall's).
+    particles : sequence of int or None
+        Disks whose motion is recorded; None: all.
+    progress : callable, optional
+        Called with (steps done, steps in all) a few times a second.
+
+    Returns
+    -------
+    History
+
+    Raises
+    ------
+    InvalidSceneError, InvalidNumericsError
+        If the input is impossible; the message names the value and the way out.
+    UnstableTimeStepError
+        If the contact step exceeds the critical one.
+    NonFiniteStateError
+        If the state stops being finite on the way.
+    """
+    from ninedisk.core.dem.session import DemSession
+
+    return DemSession(scene, numerics, watch, particles).run(progress)

@@ -1,0 +1,14 @@
+"""``python -m ninedisk`` and the console script."""
+
+from __future__ import annotations
+
+
+def main() -> None:
+    """Run the command line."""
+    from ninedisk.harness.cli import main as run
+
+    run()
+
+
+if __name__ == "__main__":
+    main()

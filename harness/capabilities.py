@@ -1,0 +1,72 @@
+"""What a scene can ask of an engine, in words that go into the reports."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import ContactLaw, Scene
+
+
+class Capability(StrEnum):
+    """A capability that an engine has or lacks; the value is its description."""
+
+    LINEAR_CONTACT = "linear normal contact of a given stiffness kn"
+    SHEAR_SPRING = "incremental shear spring of a given stiffness ks"
+    FRICTION = "Coulomb friction"
+    CONTACT_DAMPING = "contact dashpot (beta)"
+    RESTITUTION = "impact law with a given coefficient of restitution"
+    GLOBAL_DAMPING_CENTRAL = "global damping xi, central form"
+    GLOBAL_DAMPING_LAGGED = "global damping xi, lagged form"
+    MOVING_WALLS = "walls with prescribed translation"
+    ROTATING_WALLS = "walls with prescribed rotation about a pivot"
+    CURVED_WALL_MOTION = "walls whose translation is not piecewise linear in time"
+    GRAVITY = "gravity"
+    BLOCKED_ROTATION = "bodies that do not rotate"
+    PRELOAD = "shear forces that contacts carry from the start"
+    DISK_INERTIA = "inertia of a disk (not of a sphere)"
+    LEVER_ARM_RADIUS = "shear torque with the full radius as lever arm"
+    LEVER_ARM_OVERLAP = "shear torque with the lever arm R - overlap/2"
+
+
+def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
+    """Capabilities that a scene and its numerics require of an engine.
+
+    A contact whose stiffness only regularises a rigid one (``ContactLaw.regularised``) asks for either the linear
+    contact or an impact law; it is therefore left to the engine's ``supports`` and not listed here.
+    """
+    need: set[Capability] = set()
+    laws: list[ContactLaw] = [scene.disk_disk] if len(scene.disks) > 1 else []
+    laws += [wall.law for wall in scene.walls]
+    for law in laws:
+        if not law.regularised:
+            need.add(Capability.LINEAR_CONTACT)
+            if law.beta > 0.0:
+                need.add(Capability.CONTACT_DAMPING)
+        if law.mu > 0.0:
+            need.add(Capability.FRICTION)
+            if not law.regularised:
+                need.add(Capability.SHEAR_SPRING)
+                if scene.disks.rotating.any():
+                    radius = law.lever_arm == "radius"
+                    need.add(Capability.LEVER_ARM_RADIUS if radius else Capability.LEVER_ARM_OVERLAP)
+    if scene.xi > 0.0:
+        central = numerics.damping_form == "central"
+        need.add(Capability.GLOBAL_DAMPING_CENTRAL if central else Capability.GLOBAL_DAMPING_LAGGED)
+    for wall in scene.walls:
+        for segment in wall.motion:
+            if any(segment.velocity):
+                need.add(Capability.MOVING_WALLS)
+            if segment.angular_velocity:
+                need.add(Capability.ROTATING_WALLS)
+            if any(segment.amplitude) or any(segment.tan_lever):
+                need.add(Capability.CURVED_WALL_MOTION)
+    if any(scene.gravity):
+        need.add(Capability.GRAVITY)
+    if not scene.disks.rotating.all():
+        need.add(Capability.BLOCKED_ROTATION)
+    if any(scene.initial_shear.values()):
+        need.add(Capability.PRELOAD)
+    if scene.disks.rotating.any() and any(law.mu > 0.0 for law in laws):
+        need.add(Capability.DISK_INERTIA)
+    return frozenset(need)

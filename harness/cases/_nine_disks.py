@@ -1,0 +1,117 @@
+"""What compression and distortion share: the nine disks, the four walls, the parameters of their contacts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.harness.case import Parameter
+
+RADIUS, DENSITY, SIDE = 50.0, 1000.0, 300.0
+"""Radius [m], density [kg/m^2] per unit thickness, side of the box [m] (appendix A.1)."""
+
+MASS = DENSITY * math.pi * RADIUS**2
+
+LEFT, RIGHT, BOTTOM, TOP = 9, 10, 11, 12
+"""Body numbers of the walls; disks are numbered 0..8 row by row from the lower left."""
+
+CENTRE = 4
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """One row of Table A.1.
+
+    Attributes
+    ----------
+    kn : float
+        Contact stiffness [N/m].
+    dt : float
+        Step [s].
+    load_cycles : int
+        Cycles during which the walls move.
+    v_wall : float
+        Speed of each wall [m/s].
+    """
+
+    kn: float
+    dt: float
+    load_cycles: int
+    v_wall: float
+
+
+LOAD_CASES = {
+    "a1": LoadCase(1.35e9, 0.01525, 40, 0.12),
+    "a2": LoadCase(1.35e9, 0.01525, 120, 0.04),
+    "b1": LoadCase(1.5e8, 0.04576, 40, 0.36),
+    "b2": LoadCase(1.5e8, 0.04576, 120, 0.12),
+}
+
+CONTACT_PARAMETERS = (
+    Parameter(
+        name="lever_arm",
+        default="radius",
+        choices=("radius", "overlap"),
+        help="arm of the shear torque of disk-disk contacts: R (Cundall & Strack) or R - overlap/2",
+    ),
+    Parameter(
+        name="wall_lever_arm",
+        default="radius",
+        choices=("radius", "overlap"),
+        help="the same for disk-wall contacts",
+    ),
+    Parameter(
+        name="wall_velocity_at",
+        default="surface",
+        choices=("surface", "mid-overlap"),
+        help="point at which a rotating wall's velocity enters the slip",
+    ),
+    Parameter(
+        name="damping_form",
+        default="central",
+        choices=("central", "lagged"),
+        help="velocity that global damping sees: at t_n to second order, or v_{n-1/2}",
+    ),
+)
+
+
+def friction(params: Mapping[str, Any]) -> tuple[float, float]:
+    """Friction coefficients (disk-disk, disk-wall); ``wall_mu = "mu"`` stands for the disks' own."""
+    mu = math.tan(math.radians(params["phi_deg"]))
+    return mu, mu if params["wall_mu"] == "mu" else float(params["wall_mu"])
+
+
+def contact_laws(params: Mapping[str, Any], kn: float) -> tuple[ContactLaw, ContactLaw]:
+    """Laws of disk-disk and disk-wall contacts."""
+    mu, wall_mu = friction(params)
+    ks = kn * params["ks_over_kn"]
+    disk = ContactLaw(kn=kn, ks=ks, mu=mu, lever_arm=params["lever_arm"])
+    wall = ContactLaw(
+        kn=kn,
+        ks=ks,
+        mu=wall_mu,
+        lever_arm=params["wall_lever_arm"],
+        wall_velocity_at=params["wall_velocity_at"],
+    )
+    return disk, wall
+
+
+def nine_disks(
+    disk_law: ContactLaw, wall_law: ContactLaw, motions: Mapping[str, tuple[WallSegment, ...]], xi: float
+) -> Scene:
+    """Nine touching disks, simple cubic, in a box whose walls move as told (keys left, right, bottom, top)."""
+    places = {
+        "left": ((0.0, 0.0), (1.0, 0.0)),
+        "right": ((SIDE, 0.0), (-1.0, 0.0)),
+        "bottom": ((0.0, 0.0), (0.0, 1.0)),
+        "top": ((0.0, SIDE), (0.0, -1.0)),
+    }
+    centres = [[RADIUS * (1 + 2 * column), RADIUS * (1 + 2 * row)] for row in range(3) for column in range(3)]
+    walls = tuple(
+        Wall(name=name, point=point, normal=normal, law=wall_law, motion=motions[name])
+        for name, (point, normal) in places.items()
+    )
+    return Scene(disks=Disks(x=centres, radius=RADIUS, mass=MASS), disk_disk=disk_law, walls=walls, xi=xi)  # type: ignore[arg-type]

@@ -1,0 +1,165 @@
+"""The Engine protocol: what an adapter implements and what it gives back."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Protocol, runtime_checkable
+
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+from ninedisk.harness.capabilities import Capability
+
+
+class SupportLevel(StrEnum):
+    """How faithfully an engine expresses a scene."""
+
+    EXACT = "exact"
+    EQUIVALENT = "equivalent"
+    APPROXIMATE = "approximate"
+    NO = "no"
+
+
+@dataclass(frozen=True)
+class Support:
+    """Answer of `Engine.supports`: level, the capabilities that are missing, and notes for the report."""
+
+    level: SupportLevel
+    missing: tuple[Capability, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineInfo:
+    """Facts about an engine; `version` is None where it is not installed.
+
+    ``scheme`` names the time discretisation, so that an exact time-discrete reference binds only engines
+    of that very scheme: ``"central-difference"``, ``"theta"``, ``"semi-implicit-euler"``, ``"position-first-euler"``...
+    ``contact`` is ``"spring"`` (linear contact springs), ``"impulse"`` (rigid, velocity level), ``"cd"`` or ``"soft"``.
+    """
+
+    id: str
+    name: str
+    version: str | None
+    scheme: str
+    contact: str
+    licence: str
+    how_it_runs: str
+    precision: str
+    threads: int
+    install: str
+    capabilities: frozenset[Capability]
+    not_installed_because: str = ""
+
+    @property
+    def installed(self) -> bool:
+        """Whether the engine can run on this machine."""
+        return self.version is not None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timings:
+    """Wall-clock seconds; only ``advance`` counts in comparisons of speed."""
+
+    setup: float
+    warm_up: float
+    advance: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineRun:
+    """A finished run: the history, its timings, and every setting that was chosen on purpose."""
+
+    history: History
+    timings: Timings
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+class EngineError(RuntimeError):
+    """The engine failed, crashed or answered nonsense; the message carries its last output lines."""
+
+
+class EngineTimeoutError(EngineError):
+    """The engine was stopped at its time limit."""
+
+
+class EngineNotInstalledError(EngineError):
+    """The engine is not on this machine; the message says how to install it."""
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """What the harness asks of an engine."""
+
+    id: str
+
+    def info(self) -> EngineInfo:
+        """Facts about the engine; must be cheap and must not fail where it is not installed."""
+        ...
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        """How faithfully this engine expresses the scene; NO names the missing capabilities."""
+        ...
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene and return the observations at ``numerics.sampled_steps()``.
+
+        Raises
+        ------
+        EngineError
+            On any failure of the engine; `ninedisk.core.errors.CoreError` on a scene that the user got wrong.
+        """
+        ...
+
+
+class Session(Protocol):
+    """What an in-process adapter writes; `run_session` turns it into `Engine.run`."""
+
+    def warm_up(self) -> None:
+        """JIT and caches; the state stays unchanged; not counted."""
+        ...
+
+    def advance(self, n_steps: int) -> None:
+        """Advance by ``n_steps`` steps ``Numerics.dt``: the only timed call."""
+        ...
+
+    def observe(self, history: History, row: int) -> None:
+        """Write copies of the current state into row ``row`` of ``history``."""
+        ...
+
+
+def run_session(
+    make: Any, scene: Scene, numerics: Numerics, watch: Sequence[Pair], *, force_meaning: Any = "step-mean"
+) -> EngineRun:
+    """Drive a `Session` (``make(scene, numerics, pairs)``) over the sampled steps and time it."""
+    pairs = tuple(scene.check_pair(pair) for pair in watch)
+    steps = numerics.sampled_steps()
+    history = History.empty(
+        steps,
+        steps * numerics.dt,
+        n_disks=len(scene.disks),
+        n_walls=len(scene.walls),
+        pairs=pairs,
+        force_meaning=force_meaning,
+    )
+    begin = time.perf_counter()
+    session = make(scene, numerics, pairs)
+    setup = time.perf_counter() - begin
+    begin = time.perf_counter()
+    session.warm_up()
+    warm_up = time.perf_counter() - begin
+    advance, done = 0.0, 0
+    for row, step in enumerate(steps):
+        begin = time.perf_counter()
+        if step > done:
+            session.advance(int(step) - done)
+        advance += time.perf_counter() - begin
+        done = int(step)
+        session.observe(history, row)
+    settings = getattr(session, "settings", {})
+    return EngineRun(
+        history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=dict(settings)
+    )

@@ -1,0 +1,69 @@
+"""The in-house DEM, treated like any other engine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import ninedisk
+from ninedisk.core.history import Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+from ninedisk.harness.capabilities import Capability
+from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel, Timings
+
+LACKS = frozenset({Capability.RESTITUTION})
+
+
+class DemEngine:
+    """`ninedisk.core.dem`: central differences, linear contact springs."""
+
+    id = "dem"
+
+    def info(self) -> EngineInfo:
+        """Facts about the engine."""
+        return EngineInfo(
+            id=self.id,
+            name="ninedisk DEM",
+            version=ninedisk.__version__,
+            scheme="central-difference",
+            contact="spring",
+            licence="BSD-3-Clause",
+            how_it_runs="in-process (Numba)",
+            precision="float64",
+            threads=1,
+            install="part of ninedisk",
+            capabilities=frozenset(Capability) - LACKS,
+        )
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:  # noqa: ARG002
+        """Every scene is expressed; a rigid contact only through its regularising spring."""
+        laws = [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
+        if any(law.regularised for law in laws):
+            return Support(SupportLevel.APPROXIMATE, notes=("rigid contacts are replaced by springs kn, ks and a dashpot",))
+        return Support(SupportLevel.EXACT)
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene on `ninedisk.core.dem.session.DemSession`."""
+        from ninedisk.core.dem.session import DemSession
+
+        begin = time.perf_counter()
+        session = DemSession(scene, numerics, watch)
+        setup = time.perf_counter() - begin
+        begin = time.perf_counter()
+        session.warm_up()
+        warm_up = time.perf_counter() - begin
+        begin = time.perf_counter()
+        history = session.run()
+        advance = time.perf_counter() - begin
+        settings = {
+            "contact_dt [s]": session.contact_dt,
+            "critical step of the initial state [s]": session.critical_dt,
+            "damping_form": numerics.damping_form,
+            "lever_arm": scene.disk_disk.lever_arm,
+            "skin / mean radius": 0.2,
+        }
+        return EngineRun(history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=settings)
+
+
+ENGINE = DemEngine()
