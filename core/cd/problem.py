@@ -1,0 +1,244 @@
+"""The contact problem of one step: a plain object that can be saved, loaded and given to any solver."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from ninedisk.core.cd import contact_kernels as kernels
+from ninedisk.core.errors import InvalidSceneError
+
+FloatArray = NDArray[np.float64]
+_FIELDS = ("mass", "force", "bodies", "normal", "arms", "offset", "mu", "compliance", "shear_0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactProblem:
+    """Frictional contact of b bodies through c contacts in two dimensions, as a convex program or with Coulomb friction.
+
+    With velocities ``v`` (or displacements: the unit is the caller's), contact forces ``r = (p, q)`` and contact
+    velocities ``u``::
+
+        M v = f + H' r,      u = H v + g + C (r - (0, q0)),      |q| <= mu p
+
+    and either the associated rule, ``r`` minimises ``1/2 r' W r + b' r`` over the cones, or Coulomb's law,
+    ``0 <= u_n  complementary to  p >= 0`` and ``q`` opposing ``u_t`` (De Saxce 1992: the same optimality conditions with
+    ``u_n + mu |u_t|`` in the place of ``u_n``). ``W = H M^-1 H' + C`` is the Delassus operator and
+    ``b = H M^-1 f + g - C (0, q0)``.
+
+    Parameters
+    ----------
+    mass : array_like, shape (b, 3)
+        Diagonal of M for ``(x, y, rotation)`` of each body, > 0; ``inf`` blocks an unknown (its prescribed motion belongs
+        to ``offset``).
+    force : array_like, shape (b, 3)
+        Load ``f``.
+    bodies : array_like of int, shape (c, 2)
+        Bodies i, j of each contact; -1 for a body whose motion is prescribed.
+    normal : array_like, shape (c, 2)
+        Unit normals from i to j.
+    arms : array_like, shape (c, 4)
+        Rotation columns ``(a_ni, a_nj, a_ti, a_tj)`` of the Jacobian (see `contact_kernels`); friction between two disks
+        has ``(0, 0, R_i, R_j)``.
+    offset : array_like, shape (c, 2)
+        ``g``: normal and tangential part; in the displacement form the gap at the start and the obstacle's motion.
+    mu : array_like, shape (c,)
+        Friction coefficients, >= 0; with 0 the contact has no tangential unknown.
+    compliance : array_like, shape (c, 2), optional
+        Normal and tangential compliance, >= 0; 0 is the rigid contact.
+    shear_0 : array_like, shape (c,), optional
+        Shear forces ``q0`` at the start of the step; they matter with tangential compliance only.
+    notes : mapping from str to str
+        Anything that is to be kept with the saved problem, for instance the scene as JSON.
+
+    Raises
+    ------
+    InvalidSceneError
+        If a shape or value is not allowed.
+    """
+
+    mass: FloatArray
+    force: FloatArray
+    bodies: NDArray[np.int32]
+    normal: FloatArray
+    arms: FloatArray
+    offset: FloatArray
+    mu: FloatArray
+    compliance: FloatArray = None  # type: ignore[assignment]
+    shear_0: FloatArray = None  # type: ignore[assignment]
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        b, c = len(np.asarray(self.mass)), len(np.asarray(self.bodies))
+        shapes: dict[str, tuple[int, ...]] = {
+            "mass": (b, 3),
+            "force": (b, 3),
+            "normal": (c, 2),
+            "arms": (c, 4),
+            "offset": (c, 2),
+            "mu": (c,),
+            "compliance": (c, 2),
+            "shear_0": (c,),
+        }
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            object.__setattr__(self, name, _array(name, np.zeros(shape) if value is None else value, shape))
+        bodies = np.array(self.bodies, dtype=np.int32).reshape(c, 2)
+        bodies.setflags(write=False)
+        object.__setattr__(self, "bodies", bodies)
+        self._check()
+
+    def _check(self) -> None:
+        if self.mass.size and not self.mass.min() > 0.0:
+            body, axis = np.unravel_index(int(np.argmin(self.mass)), self.mass.shape)
+            raise InvalidSceneError(
+                f"mass[{body}, {axis}] = {self.mass[body, axis]:g} is not allowed: it must be > 0 (inf blocks an unknown)"
+            )
+        if self.n_contacts == 0:
+            return
+        if self.bodies.min() < -1 or self.bodies.max() >= self.n_bodies:
+            raise InvalidSceneError(f"bodies must lie in -1..{self.n_bodies - 1}; found {self.bodies.max()}")
+        length = np.hypot(self.normal[:, 0], self.normal[:, 1])
+        if np.abs(length - 1.0).max() > 1e-12:
+            k = int(np.argmax(np.abs(length - 1.0)))
+            raise InvalidSceneError(f"normal[{k}] has the length {length[k]:.17g}; normals must have length 1")
+        for name, value in (("mu", self.mu), ("compliance", self.compliance)):
+            if value.min() < 0.0:
+                k = int(np.argmin(value if value.ndim == 1 else value.min(axis=1)))
+                raise InvalidSceneError(f"{name}[{k}] = {value[k]} is not allowed: it must be >= 0")
+        stuck = self.blocks[:, 0] <= 0.0
+        if stuck.any():
+            k = int(np.argmax(stuck))
+            raise InvalidSceneError(
+                f"contact {k} of bodies {tuple(self.bodies[k])} can neither open nor close (both motions are prescribed "
+                f"along its normal and it is rigid): drop it, or give it compliance"
+            )
+
+    @property
+    def n_bodies(self) -> int:
+        """Number of bodies, b."""
+        return int(self.mass.shape[0])
+
+    @property
+    def n_contacts(self) -> int:
+        """Number of contacts, c."""
+        return int(self.bodies.shape[0])
+
+    @cached_property
+    def inverse_mass(self) -> FloatArray:
+        """``M^-1`` per unknown, shape (b, 3); 0 where the unknown is blocked."""
+        return 1.0 / self.mass
+
+    @cached_property
+    def free(self) -> FloatArray:
+        """1 for unknowns that are free, 0 for blocked ones, shape (b, 3)."""
+        return np.isfinite(self.mass).astype(np.float64)
+
+    @cached_property
+    def blocks(self) -> FloatArray:
+        """Diagonal blocks ``(W_nn, W_nt, W_tt)`` of the Delassus operator, shape (c, 3)."""
+        blocks = np.empty((self.n_contacts, 3))
+        kernels.delassus_blocks(self.bodies, self.normal, self.arms, self.inverse_mass, self.compliance, blocks)
+        return blocks
+
+    @cached_property
+    def rho(self) -> FloatArray:
+        """Scale [force/velocity] of each contact, shape (c,): 1 / largest diagonal entry of its Delassus block."""
+        tangential = np.where(self.mu > 0.0, self.blocks[:, 2], 0.0)
+        return 1.0 / np.maximum(self.blocks[:, 0], tangential)
+
+    @cached_property
+    def b(self) -> FloatArray:
+        """Contact velocities without contact forces, ``b = H M^-1 f + g - C (0, q0)``, shape (c, 2)."""
+        return self.contact_velocity(self.body_velocity(np.zeros((self.n_contacts, 2))), np.zeros((self.n_contacts, 2)))
+
+    def body_velocity(self, r: FloatArray) -> FloatArray:
+        """``v = M^-1 (f + H' r)``, shape (b, 3), of the contact forces ``r``, shape (c, 2)."""
+        v = np.empty((self.n_bodies, 3))
+        kernels.body_velocities(self.bodies, self.normal, self.arms, self.inverse_mass, self.force, r, v)
+        return v
+
+    def contact_velocity(self, v: FloatArray, r: FloatArray) -> FloatArray:
+        """``u = H v + g + C (r - (0, q0))``, shape (c, 2)."""
+        u = np.empty((self.n_contacts, 2))
+        kernels.contact_velocities(self.bodies, self.normal, self.arms, v, u)
+        u += self.offset + self.compliance * r
+        u[:, 1] -= self.compliance[:, 1] * self.shear_0
+        return u
+
+    def objective(self, r: FloatArray) -> float:
+        """Value ``1/2 r' W r + b' r`` of the convex program."""
+        dv = self.body_velocity(r) - self.body_velocity(np.zeros_like(r))
+        mass = np.where(self.free > 0.0, self.mass, 0.0)
+        quadratic = float((mass * dv * dv).sum() + (self.compliance * r * r).sum())
+        return 0.5 * quadratic + float((self.b * r).sum())
+
+    def jacobian(self) -> sp.csr_array:
+        """``H``, shape (2 c, 3 b), on the free unknowns; rows ``2 k`` normal, ``2 k + 1`` tangential."""
+        c = self.n_contacts
+        n, a = self.normal, self.arms
+        normal_row = np.column_stack([-n[:, 0], -n[:, 1], a[:, 0], n[:, 0], n[:, 1], a[:, 1]])
+        shear_row = np.column_stack([-n[:, 1], n[:, 0], a[:, 2], n[:, 1], -n[:, 0], a[:, 3]])
+        data = np.stack([normal_row, shear_row], axis=1)
+        body = np.repeat(self.bodies.astype(np.int64), 3, axis=1)
+        column = 3 * body + np.tile(np.arange(3), 2)
+        valid = np.repeat((body >= 0)[:, None, :], 2, axis=1)
+        columns = np.repeat(column[:, None, :], 2, axis=1)
+        rows = np.broadcast_to((2 * np.arange(c)[:, None] + np.arange(2))[:, :, None], data.shape)
+        shape = (2 * c, 3 * self.n_bodies)
+        h = sp.csr_array((data[valid], (rows[valid], columns[valid])), shape=shape)
+        return sp.csr_array(h @ sp.diags_array(self.free.ravel()))
+
+    def delassus(self) -> sp.csr_array:
+        """``W = H M^-1 H' + C``, shape (2 c, 2 c), as a sparse matrix."""
+        h = self.jacobian()
+        w = h @ sp.diags_array(self.inverse_mass.ravel()) @ h.T + sp.diags_array(self.compliance.ravel())
+        return sp.csr_array(w)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the problem to an ``.npz`` file: the fields of this class, and ``(W, q, mu)`` for other codes.
+
+        ``W_data, W_indices, W_indptr`` are the Delassus matrix in compressed sparse rows and ``q`` is ``b`` flattened,
+        in Siconos' notation.
+        """
+        w = self.delassus()
+        arrays = {name: getattr(self, name) for name in _FIELDS}
+        arrays |= {"W_data": w.data, "W_indices": w.indices, "W_indptr": w.indptr, "q": self.b.ravel()}
+        arrays |= {f"note_{key}": np.array(text) for key, text in self.notes.items()}
+        with open(path, "wb") as stream:
+            np.savez_compressed(stream, **arrays)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> ContactProblem:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InvalidSceneError
+            If the file holds no contact problem.
+        """
+        with np.load(path, allow_pickle=False) as data:
+            missing = [name for name in _FIELDS if name not in data]
+            if missing:
+                raise InvalidSceneError(f"{os.fspath(path)} holds no contact problem: it lacks {', '.join(missing)}")
+            notes = {key[5:]: str(data[key]) for key in data.files if key.startswith("note_")}
+            return cls(**{name: data[name] for name in _FIELDS}, notes=notes)
+
+
+def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    array = np.array(value, dtype=np.float64)
+    if array.size == 0:
+        array = array.reshape(shape)
+    if array.shape != shape:
+        raise InvalidSceneError(f"{name} has shape {array.shape}; it must have shape {shape}")
+    bad = np.isnan(array) if name == "mass" else ~np.isfinite(array)
+    if bad.any():
+        raise InvalidSceneError(f"{name} must be finite; it holds {array[bad][0]}")
+    array.setflags(write=False)
+    return array

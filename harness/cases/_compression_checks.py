@@ -1,0 +1,179 @@
+"""Truths of the nine-disk compression."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.harness.case import Check, Observed, Setup
+from ninedisk.harness.cases._converged import consensus_checks, converged_checks
+from ninedisk.harness.cases._nine_disks import LOAD_CASES, MASS, RADIUS, LoadCase, friction
+from ninedisk.harness.engine import EngineInfo
+from ninedisk.harness.matched import core_history
+from ninedisk.references.analytic.compression import (
+    continuous_row,
+    row_frequency,
+    steady_force,
+    undamped_amplitude,
+)
+from ninedisk.references.exact_steps.compression import smooth_row
+
+HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
+ROUND_OFF = 1e-9
+"""Of the largest value: the forces are kn times differences of positions near 300 m, so one unit in the last place of a position
+(6e-14 m) is 1e-12 of the force; some hundred steps add up to less than 1e-9."""
+
+
+def compression_checks(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
+) -> Sequence[Check]:
+    """Truths that bind ``engine`` on a variant of the compression."""
+    load = LOAD_CASES[params["load_case"]]
+    found = []
+    if friction(params)[1] == 0.0:
+        if engine.scheme == "central-difference":
+            found += _exact_checks(params, observed, load)
+        found += _analytic_checks(params, observed, load, engine)
+    else:
+        found += converged_checks(
+            "nine-disk/compression",
+            params,
+            observed,
+            engine,
+            series=HISTORIES,
+            scalars=[f"{name}_settled" for name in HISTORIES],
+            first_order_rtol=0.5 * row_frequency(kn=load.kn, mass=MASS) * load.dt,
+        )
+    found.append(
+        Check(
+            quantity="symmetry_error",
+            norm="scalar",
+            truth="analytic",
+            expected=0.0,
+            source="the set-up is its own image under a half turn",
+            atol=ROUND_OFF * RADIUS,
+            why="round-off of positions: 6e-14 m each, amplified over the run to less than 1e-9 radii",
+        )
+    )
+    if engine.scheme == "central-difference" and engine.id != "dem":
+        history = core_history(setup)
+        rows = np.searchsorted(history.step, observed.step)
+        expected = {name: history.fn[rows, history.contact(pair)] for name, pair in setup.labels.items()}
+        found += consensus_checks(
+            observed, expected, rtol=1e-10, why="same scheme, same arithmetic up to round-off (1e-12 a step, 200 steps)"
+        )
+    return found
+
+
+def peaks(
+    name: str, step: NDArray[np.int64], force: NDArray[np.float64], load_cycles: int
+) -> dict[str, tuple[str, float]]:
+    """Peak, its cycle, and half the range after the walls have stopped; NaN where nothing was observed."""
+    after = force[step > load_cycles]
+    peak, cycle, amplitude = math.nan, math.nan, math.nan
+    if np.isfinite(force).all():
+        peak, cycle = float(force.max()), float(step[int(np.argmax(force))])
+        if len(after):
+            amplitude = 0.5 * float(after.max() - after.min())
+    return {
+        f"{name}_peak": ("N", peak),
+        f"{name}_peak_cycle": ("cycle", cycle),
+        f"{name}_amplitude": ("N", amplitude),
+    }
+
+
+def exact_rows(params: Mapping[str, Any], load: LoadCase, n_steps: int) -> tuple[NDArray[np.float64], ...]:
+    """Exact time-discrete forces (disk-disk, wall) after cycles 0..n_steps [N]."""
+    k = params["substeps"]
+    rows = smooth_row(
+        kn=load.kn,
+        mass=MASS,
+        xi=params["xi"],
+        dt=load.dt / k,
+        n_load=load.load_cycles * k,
+        v_wall=load.v_wall,
+        n_steps=n_steps * k,
+        form=params["damping_form"],
+    )
+    return tuple(row[::k] for row in rows)
+
+
+def _exact_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase) -> list[Check]:
+    disk_disk, wall = exact_rows(params, load, int(observed.step[-1]))
+    source = "exact recurrence of the smooth row under central differences"
+    found = []
+    for name in HISTORIES:
+        row = (disk_disk if "disk_disk" in name else wall)[observed.step]
+        scale = float(np.abs(row).max())
+        common = {"truth": "exact-step", "source": source, "why": "round-off of positions near 300 m (see ROUND_OFF)"}
+        found.append(Check(quantity=name, norm="max", expected=row, rtol=ROUND_OFF, **common))  # type: ignore[arg-type]
+        for key, (unit, value) in peaks(name, observed.step, row, load.load_cycles).items():
+            atol = ROUND_OFF * scale if unit == "N" else 0.0
+            if math.isfinite(value):
+                found.append(Check(quantity=key, norm="scalar", expected=value, atol=atol, **common))  # type: ignore[arg-type]
+    return found
+
+
+def _analytic_checks(
+    params: Mapping[str, Any], observed: Observed, load: LoadCase, engine: EngineInfo
+) -> list[Check]:
+    """Steady force, continuous history and undamped amplitude, with the error that the step explains."""
+    t_wall, xi = load.load_cycles * load.dt, params["xi"]
+    omega = row_frequency(kn=load.kn, mass=MASS)
+    steady = steady_force(kn=load.kn, v_wall=load.v_wall, t_wall=t_wall)
+    # A central-difference oscillator runs fast by (omega dt)^2/24, so that the phase drifts by that fraction of omega t; the
+    # amplitude is off by the square itself. Other schemes are of first order.
+    h = omega * load.dt / params["substeps"]
+    second_order = engine.scheme == "central-difference" and params["damping_form"] == "central"
+    swing = load.kn * load.v_wall / omega
+    drift = h**2 / 24.0 if second_order else h / 2.0
+    fade = np.exp(-0.5 * xi * observed.t)
+    error = swing * float(((drift * omega * observed.t + (h**2 if second_order else h)) * fade).max())
+    order = "second" if second_order else "first"
+    disk_disk, wall = continuous_row(
+        observed.t, kn=load.kn, mass=MASS, xi=xi, v_wall=load.v_wall, t_wall=t_wall
+    )
+    found = [
+        Check(
+            quantity=name,
+            norm="max",
+            truth="analytic",
+            expected=disk_disk if "disk_disk" in name else wall,
+            source="damped oscillator under a ramp that stops, continuous in time",
+            atol=error,
+            why=f"{order} order in dt: phase drift and amplitude error of the oscillation at omega dt = {h:.3g}",
+        )
+        for name in HISTORIES
+    ]
+    for name in HISTORIES:
+        if xi > 0.0:
+            left = swing * math.exp(-0.5 * xi * (max(params["settle_cycles"], params["cycles"]) * load.dt - t_wall))
+            found.append(
+                Check(
+                    quantity=f"{name}_settled",
+                    norm="scalar",
+                    truth="analytic",
+                    expected=steady,
+                    source="kn v T/2: two equal springs share the wall's displacement",
+                    rtol=ROUND_OFF,
+                    atol=left,
+                    why="round-off, plus what damping has left of the oscillation by then",
+                )
+            )
+        elif params["cycles"] > load.load_cycles:
+            found.append(
+                Check(
+                    quantity=f"{name}_amplitude",
+                    norm="scalar",
+                    truth="analytic",
+                    expected=undamped_amplitude(kn=load.kn, mass=MASS, v_wall=load.v_wall, t_wall=t_wall),
+                    source="(kn v/omega) |sin(omega T/2)|",
+                    atol=swing * (drift * omega * t_wall + h**2),
+                    why=f"{order} order in dt: phase at which the walls stop, and crests that fall between samples",
+                )
+            )
+    return found

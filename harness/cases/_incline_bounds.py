@@ -1,0 +1,144 @@
+"""How far an engine's scheme or springs may take the block from the continuous solution, derived."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.harness.case import FloatArray, Observed, Setup
+from ninedisk.harness.cases._shared import SOFT_TOLERANCE, round_off_speed
+from ninedisk.harness.engine import EngineInfo
+from ninedisk.references.analytic.incline import acceleration, critical_mu
+
+NAMES = ("x", "vx", "gap", "fn", "fs")
+
+SETTLING = 40.0
+"""Time in units of 1/omega after which a critically damped contact is in equilibrium to round-off: 41 exp(-40) = 2e-16."""
+
+
+class Bounds(NamedTuple):
+    """Absolute tolerances by quantity with their reasons.
+
+    ``rest_gap`` is the gap at rest [m]; ``forces_from`` marks the samples at which forces are compared, shape (s,), and
+    ``settled_only`` says that the gap is compared at those only. ``creep`` is the way [m] that a stuck block may make in the
+    second half of the run, ``mobilised`` the tolerance of fs/fn.
+    """
+
+    atol: Mapping[str, float]
+    why: Mapping[str, str]
+    rest_gap: float
+    forces_from: NDArray[np.bool_]
+    settled_only: bool
+    creep: float
+    mobilised: float
+
+
+def spring_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed) -> Bounds:
+    """Engines with contact springs.
+
+    With preload the scheme is exact for the block's constant acceleration; what remains is round-off. The
+    overlap is the difference of the height and the radius, known to a few units in the last place of the radius, so that fn is
+    uncertain by kn times that, and velocities by `round_off_speed`.
+    """
+    law, disks = setup.scene.walls[0].law, setup.scene.disks
+    contact_dt = setup.numerics.contact_dt or setup.numerics.dt
+    radius, mass = float(disks.radius[0]), params["mass"]
+    angle = math.radians(params["angle_deg"])
+    pull = params["g"] * math.sin(angle)
+    normal = mass * params["g"] * math.cos(angle)
+    t_end = float(observed.t[-1])
+    steps = t_end / contact_dt
+    length = 8.0 * float(np.spacing(radius))
+    v_max = acceleration(mu=params["mu"], angle=angle, g=params["g"]) * t_end
+    speed = (1.0 + params["mu"]) * round_off_speed(radius, contact_dt) + steps * float(np.spacing(v_max))
+    force = law.kn * length + 1e-13 * normal
+    atol = {"x": speed * t_end, "vx": speed, "gap": length, "fn": force, "fs": (params["mu"] + law.ks / law.kn) * force}
+    exact = "constant acceleration, exact in the scheme; round-off of the overlap times kn"
+    why = dict.fromkeys((*NAMES, "creep"), exact)
+    after = np.asarray(observed.t > 0.0)
+    if params["preload"]:
+        mobilised = (atol["fs"] + atol["fn"]) / normal
+        return Bounds(atol, why, -normal / law.kn, after, False, atol["x"], mobilised)
+    return _without_preload(params, Bounds(atol, why, -normal / law.kn, after, True, 0.0, 0.0), law.kn, law.ks, pull, observed.t)
+
+
+def _without_preload(
+    params: Mapping[str, Any], exact: Bounds, kn: float, ks: float, pull: float, t: FloatArray
+) -> Bounds:
+    """Add what the start without preload does to the block.
+
+    The springs take up their forces within some 1/omega, omega the lower of the two contact frequencies. For that long nothing but
+    gravity acts along the incline: a velocity of ``pull/omega = F/sqrt(m k)``, F the driving force, at a step response without
+    overshoot, and 3 times that at most with the slower rise of a critically damped fn and of fs behind it. A sliding block keeps the
+    offset; a block that should stick loses it at ``mu g cos - pull`` and then swings about its place without damping, its force
+    between the cap and as far below the driving force.
+    """
+    mass, mu, angle = params["mass"], params["mu"], math.radians(params["angle_deg"])
+    omega = math.sqrt(min(kn, ks) / mass)
+    offset = 3.0 * pull / omega
+    t_end = float(t[-1])
+    settled = np.asarray(t >= SETTLING / omega)
+    atol, why = dict(exact.atol), dict(exact.why)
+    start = f"start without preload: velocity offset up to 3 F/sqrt(m k) = {offset:.3g} m/s"
+    why |= {"x": start, "vx": start, "creep": start, "fs": start}
+    atol["vx"] += offset
+    spare = params["g"] * (mu * math.cos(angle) - math.sin(angle))
+    if mu < critical_mu(angle=angle) or spare <= 0.0:
+        atol["x"] += offset * t_end
+        return exact._replace(atol=atol, why=why, forces_from=settled)
+    stop = offset / spare
+    swing = mass * spare
+    atol["x"] += offset * min(stop, t_end) + 2.0 * mass * pull / ks
+    atol["fs"] += swing
+    why["fs"] = "start without preload: the stuck block swings on its shear spring, up to the cap"
+    creep = exact.atol["x"] + 2.0 * swing / ks + (offset * (stop - t_end / 2.0) if stop > t_end / 2.0 else 0.0)
+    mobilised = exact.atol["fs"] + swing
+    return exact._replace(
+        atol=atol, why=why, forces_from=settled, creep=creep, mobilised=mobilised / (mass * params["g"] * math.cos(angle))
+    )
+
+
+def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Bounds:
+    """Rigid contacts: positions off by at most ``a t dt/2`` times (1 + mu^2), the associated rule's initial lift included.
+
+    From the exact steps of the four known schemes: position-first and semi-implicit Euler ``-+ a t dt/2``, theta scheme
+    ``(2 theta - 1) a t dt/2``, associated rule ``a t dt (1/2 - mu^2)``, velocity ``-a mu^2 dt``, gap ``mu dt vx``, first force
+    ``m mu a`` above its final value.
+    """
+    numerics, mu, mass = setup.numerics, params["mu"], params["mass"]
+    angle, dt = math.radians(params["angle_deg"]), setup.numerics.dt
+    steps = setup.numerics.sampled_steps()
+    t_end = float(steps[-1]) * dt
+    a = acceleration(mu=mu, angle=angle, g=params["g"])
+    weight = mass * params["g"]
+    associated = engine.contact == "cd" and numerics.sliding == "associated"
+    lift = 1.0 if associated else 0.0
+    atol = {
+        "x": a * t_end * dt * (0.5 + lift * mu**2),
+        "vx": a * mu**2 * dt * lift,
+        "gap": mu * dt * a * t_end * lift,
+        "fn": mass * mu * a * lift,
+        "fs": mu * mass * mu * a * lift,
+    }
+    floor = {"x": 1e-12 * t_end, "vx": 1e-12, "gap": 1e-12, "fn": 1e-10 * weight, "fs": 1e-10 * weight}
+    soft = SOFT_TOLERANCE if engine.contact == "soft" else 0.0
+    scale = {"x": params["g"] * t_end**2, "vx": params["g"] * t_end, "gap": 0.5, "fn": weight, "fs": weight}
+    atol = {name: atol[name] + floor[name] + soft * scale[name] for name in NAMES}
+    rule = "; dilation of the associated rule" if associated else ""
+    why = {
+        "x": "first order in dt: a t dt/2" + rule,
+        "vx": "constant acceleration: exact velocities, round-off" + rule,
+        "gap": "rigid contact: round-off" + rule,
+        "fn": "equilibrium: round-off of the contact solver" + rule,
+        "fs": "equilibrium: round-off of the contact solver" + rule,
+        "creep": "a rigid contact that sticks does not move: round-off of the steps",
+    }
+    if soft:
+        why = {name: "contact soft in a way of its own: 1 % of gravity's effect" for name in why}
+    creep = 1e-12 * t_end + soft * scale["x"]
+    # Step-mean forces have no value before the first step.
+    return Bounds(atol, why, 0.0, np.asarray(steps > 0), False, creep, 1e-10 + soft)

@@ -1,0 +1,140 @@
+"""What collision, incline and rolling share: parameters of contact dynamics, contact steps, sums over steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.numerics import Numerics
+from ninedisk.harness.case import Check, Norm, Parameter, ParameterError, TruthKind
+
+FloatArray = NDArray[np.float64]
+
+CONTACT_DYNAMICS = (
+    Parameter(
+        name="impact",
+        default="theta",
+        choices=("theta", "newton"),
+        help="impact law of contact dynamics: the theta scheme's own, or Newton's at velocity level",
+    ),
+    Parameter(
+        name="sliding",
+        default="associated",
+        choices=("associated", "coulomb"),
+        help="sliding rule of contact dynamics",
+    ),
+    Parameter(name="solver", default="auto", help="contact solver of contact dynamics; auto chooses by size"),
+)
+
+THETA = Parameter(name="theta", default=1.0, low=0.5, high=1.0, unit="-", help="parameter of the theta scheme")
+
+CONTACT_DT = Parameter(
+    name="contact_dt",
+    default=None,
+    optional=True,
+    low=0.0,
+    low_open=True,
+    unit="s",
+    help="own step of engines with contact springs; it must divide dt; none: what the contact's resolution asks for",
+)
+
+SOFT_TOLERANCE = 1e-2
+"""Relative tolerance for engines whose contacts are soft in a way of their own (no kn to set): 1 % tells the right law
+from a wrong one; such runs are graded approximate."""
+
+EXACT_STEP_RTOL = 1e-10
+"""Of an exact time-discrete solution: the round-off of some hundred steps, 1e-14, and of a solver's residual."""
+
+
+def contact_step(dt: float, target: float) -> float:
+    """Largest ``dt/k``, k whole, that does not exceed ``target`` [s]."""
+    return dt / max(1, math.ceil(dt / target * (1.0 - 1e-12)))
+
+
+def numerics_of(params: Mapping[str, Any], *, n_steps: int, contact_dt: float, theta: float) -> Numerics:
+    """Numerics of one variant; a ``contact_dt`` that the user set replaces the proposed one."""
+    return Numerics(
+        dt=params["dt"],
+        n_steps=n_steps,
+        contact_dt=contact_dt if params["contact_dt"] is None else params["contact_dt"],
+        theta=theta,
+        impact=params["impact"],
+        sliding=params["sliding"],
+        solver=params["solver"],
+    )
+
+
+def whole_steps(params: Mapping[str, Any], default: float, *, at_least: float = 0.0, event: str = "") -> int:
+    """Number of steps ``dt`` of the run: ``params["duration"]``, or ``default`` [s] where it is None.
+
+    Raises
+    ------
+    ParameterError
+        If the duration is shorter than a step, or than ``at_least`` [s], the end of the named event.
+    """
+    given = params["duration"]
+    duration = default if given is None else float(given)
+    steps = math.ceil(duration / params["dt"] * (1.0 - 1e-12))
+    if steps * params["dt"] < at_least:
+        raise ParameterError(
+            f"duration = {duration:g} s is not allowed: {event} is over at {at_least:g} s only; use a longer one, or none"
+        )
+    if duration < params["dt"] * (1.0 - 1e-12):
+        raise ParameterError(
+            f"duration = {duration:g} s is not allowed: it must be at least one step, dt = {params['dt']:g} s"
+        )
+    return steps
+
+
+def round_off_speed(length: float, contact_dt: float) -> float:
+    """Velocity [m/s] that the rounding of a coordinate of size ``length`` [m] stands for.
+
+    A coordinate that is kept to one unit in the last place moves by that unit or not at all; a force balance through
+    a contact spring therefore leaves velocities of the order of one unit per step. Factor 8: sums of a few such roundings.
+    """
+    return 8.0 * float(np.spacing(length)) / contact_dt
+
+
+def last(values: FloatArray) -> float:
+    """Last value of a series."""
+    return float(values[-1])
+
+
+def series_and_final(
+    names: Sequence[str],
+    expected: Mapping[str, FloatArray],
+    *,
+    truth: TruthKind,
+    source: str,
+    tolerance: Mapping[str, tuple[float, float, str]],
+) -> list[Check]:
+    """A check of each series and of its final value ``<name>_final``.
+
+    ``tolerance`` maps a name to (atol, rtol, why); rtol refers to the largest value of the series in both checks.
+    """
+    found = []
+    for name in names:
+        atol, rtol, why = tolerance[name]
+        curve = expected[name]
+        scale = float(np.abs(curve[np.isfinite(curve)]).max(initial=0.0))
+        norms: tuple[tuple[str, Norm, float | FloatArray], ...] = (
+            (name, "max", curve),
+            (f"{name}_final", "scalar", last(curve)),
+        )
+        found += [
+            Check(
+                quantity=quantity,
+                norm=norm,
+                truth=truth,
+                expected=value,
+                source=source,
+                atol=atol + rtol * scale,
+                why=why,
+            )
+            for quantity, norm, value in norms
+        ]
+    return found

@@ -1,0 +1,248 @@
+"""Block on an incline, sliding or sticking (appendix A.3.4)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ninedisk.core.history import History
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
+from ninedisk.harness.case import Check, FloatArray, Observed, Parameter, Setup, Value
+from ninedisk.harness.cases._incline_bounds import NAMES, Bounds, first_order_bounds, spring_bounds
+from ninedisk.harness.cases._shared import (
+    CONTACT_DT,
+    CONTACT_DYNAMICS,
+    EXACT_STEP_RTOL,
+    THETA,
+    contact_step,
+    last,
+    numerics_of,
+    series_and_final,
+    whole_steps,
+)
+from ninedisk.harness.engine import EngineInfo
+from ninedisk.references.analytic.incline import critical_mu, incline
+from ninedisk.references.exact_steps.incline import (
+    InclineSteps,
+    associated_incline,
+    coulomb_incline_theta,
+    position_first_euler_incline,
+    semi_implicit_euler_incline,
+)
+
+RADIUS = 0.5
+PAIR = (0, 1)
+PHASE = 0.1
+"""Default resolution of the contact: ``omega dt <= PHASE``; nothing but the start without preload depends on it."""
+
+CONTACT_BETA = 1.0
+"""The plane's dashpot is critical: without preload the block settles on the plane instead of bouncing for ever."""
+
+
+class InclineBlock:
+    """A disk that cannot turn, touching a plane under tilted gravity: x runs down the incline, y is its normal."""
+
+    id = "incline-block"
+    version = 1
+    title = "Block on an incline"
+    source = "appendix A.3.4 of Lim's thesis, (A.7), figures A.17-A.26"
+    requirement = "mu = 0.36 slides with a = g (sin - mu cos), mu = 0.4 stays; fn = m g cos; dilation shrinks with dt"
+    parameters = (
+        Parameter(name="mu", default=0.36, low=0.0, unit="-", in_id=True, help="friction coefficient"),
+        Parameter(
+            name="dt",
+            default=0.01,
+            low=0.0,
+            low_open=True,
+            unit="s",
+            in_id=True,
+            help="step; sampling of spring engines",
+        ),
+        Parameter(
+            name="angle_deg", default=20.0, low=0.0, low_open=True, high=89.0, unit="deg", help="slope of the incline"
+        ),
+        Parameter(name="duration", default=1.0, low=0.0, low_open=True, unit="s", help="length of the run"),
+        Parameter(
+            name="preload",
+            default=True,
+            help="spring engines start with the overlap and the shear force of equilibrium; rigid ones start touching anyway",
+        ),
+        Parameter(name="g", default=10.0, low=0.0, low_open=True, unit="m/s^2", help="gravity"),
+        Parameter(name="mass", default=7.854, low=0.0, low_open=True, unit="kg", help="mass of the block"),
+        Parameter(
+            name="kn", default=1e8, low=0.0, low_open=True, unit="N/m", help="normal stiffness of spring engines"
+        ),
+        Parameter(
+            name="ks",
+            default=None,
+            optional=True,
+            low=0.0,
+            low_open=True,
+            unit="N/m",
+            help="shear stiffness of spring engines; none: kn",
+        ),
+        CONTACT_DT,
+        THETA,
+        *CONTACT_DYNAMICS,
+    )
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """The source's two coefficients and three steps; springs without preload, stiff and soft."""
+        rows: list[Mapping[str, Value]] = [{"mu": mu, "dt": dt} for mu in (0.36, 0.4) for dt in (0.01, 0.005, 0.0025)]
+        rows += [{"mu": mu, "dt": 0.01, "preload": False} for mu in (0.36, 0.4)]
+        return [*rows, {"mu": 0.4, "dt": 0.01, "preload": False, "kn": 1e6}]
+
+    def build(self, params: Mapping[str, Any]) -> Setup:
+        """One disk on a horizontal plane, gravity tilted."""
+        angle = math.radians(params["angle_deg"])
+        kn, mu, mass, g = params["kn"], params["mu"], params["mass"], params["g"]
+        ks = kn if params["ks"] is None else params["ks"]
+        law = ContactLaw(kn=kn, ks=ks, mu=mu, beta=CONTACT_BETA, restitution=0.0, regularised=True)
+        normal, shear = mass * g * math.cos(angle), mass * g * math.sin(angle)
+        overlap = normal / kn if params["preload"] else 0.0
+        # The disk is body i and the plane's normal is +y, hence t = +x: friction up the incline is fs < 0.
+        start = {PAIR: -min(mu * normal, shear)} if params["preload"] and mu > 0.0 else {}
+        scene = Scene(
+            disks=Disks(
+                x=np.array([[0.0, RADIUS - overlap]]),
+                radius=np.array([RADIUS]),
+                mass=np.array([mass]),
+                rotating=np.array([False]),
+            ),
+            disk_disk=law,
+            walls=(Wall(name="incline", point=(0.0, 0.0), normal=(0.0, 1.0), law=law),),
+            gravity=(g * math.sin(angle), -g * math.cos(angle)),
+            initial_shear=start,
+        )
+        numerics = numerics_of(
+            params,
+            n_steps=whole_steps(params, params["duration"]),
+            contact_dt=contact_step(params["dt"], PHASE / math.sqrt(max(kn, ks) / mass)),
+            theta=params["theta"],
+        )
+        return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
+
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
+        """Displacement, velocity, gap and contact forces; ``fs`` is positive up the incline.
+
+        ``creep_rate`` is the mean velocity over the second half of the run, and ``mu_crit`` the friction mobilised there,
+        mean fs over mean fn; both only where the block should stick.
+        """
+        x = history.x[:, 0, 0] - setup.scene.disks.x[0, 0]
+        fn, fs = history.fn[:, 0], -history.fs[:, 0]
+        series = {
+            "x": ("m", x),
+            "vx": ("m/s", history.v[:, 0, 0]),
+            "gap": ("m", history.gap[:, 0]),
+            "fn": ("N", fn),
+            "fs": ("N", fs),
+        }
+        scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
+        if sticks(params):
+            half = _half(history.t)
+            elapsed = history.t[-1] - history.t[half]
+            scalars["creep_rate"] = ("m/s", float((x[-1] - x[half]) / elapsed))
+            scalars["mu_crit"] = ("-", float(fs[half + 1 :].mean() / fn[half + 1 :].mean()))
+        return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def checks(
+        self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
+    ) -> Sequence[Check]:
+        """Exact steps of the engine's scheme where there are any, and the continuous solution for all."""
+        exact = _exact_steps(params, setup, observed, engine)
+        if engine.contact == "spring":
+            bounds = spring_bounds(params, setup, observed)
+        else:
+            bounds = first_order_bounds(params, setup, engine)
+        return [*exact, *_analytic(params, setup, observed, bounds)]
+
+
+def sticks(params: Mapping[str, Any]) -> bool:
+    """Whether the block should stay where it is."""
+    return bool(params["mu"] >= critical_mu(angle=math.radians(params["angle_deg"])))
+
+
+def _half(t: FloatArray) -> int:
+    """Sample from which the second half of the run counts; never the last one."""
+    return min(int(np.searchsorted(t, 0.5 * t[-1])), len(t) - 2)
+
+
+def _analytic(params: Mapping[str, Any], setup: Setup, observed: Observed, bounds: Bounds) -> list[Check]:
+    angle = math.radians(params["angle_deg"])
+    truth = incline(observed.t, mu=params["mu"], angle=angle, g=params["g"], mass=params["mass"])
+    expected = {
+        "x": truth.x,
+        "vx": truth.vx,
+        "gap": np.full_like(truth.x, bounds.rest_gap),
+        "fn": np.where(bounds.forces_from, truth.fn, np.nan),
+        "fs": np.where(bounds.forces_from, truth.fs, np.nan),
+    }
+    if bounds.settled_only:
+        expected["gap"] = np.where(bounds.forces_from, expected["gap"], np.nan)
+    tolerance = {name: (bounds.atol[name], 0.0, bounds.why[name]) for name in NAMES}
+    found = series_and_final(
+        NAMES, expected, truth="analytic", source="(A.7), equilibrium on the incline", tolerance=tolerance
+    )
+    if sticks(params):
+        elapsed = observed.t[-1] - observed.t[_half(observed.t)]
+        found += [
+            Check(
+                quantity="creep_rate", norm="scalar", truth="analytic", expected=0.0, source="Coulomb: a stuck block rests",
+                atol=bounds.creep / float(elapsed), why=bounds.why["creep"],
+            ),
+            Check(
+                quantity="mu_crit", norm="scalar", truth="analytic", expected=critical_mu(angle=angle),
+                source="tan(angle)", atol=bounds.mobilised, why=bounds.why["fs"],
+            ),
+        ]  # fmt: skip
+    return found
+
+
+def _exact_steps(params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
+    steps, scheme = _scheme_solution(params, setup, engine)
+    if steps is None:
+        return []
+    expected = {name: getattr(steps, name)[observed.step] for name in NAMES}
+    why = "exact solution of this very scheme: round-off of the steps"
+    touch = "a length of a metre, rounded"
+    speed = params["g"] * float(observed.t[-1])
+    tolerance = {
+        "x": (1e-15 * speed, EXACT_STEP_RTOL, why),
+        "vx": (1e-15 * speed, EXACT_STEP_RTOL, why),
+        "gap": (1e-12, EXACT_STEP_RTOL, touch),
+        "fn": (0.0, EXACT_STEP_RTOL, why),
+        "fs": (0.0, EXACT_STEP_RTOL, why),
+    }
+    return series_and_final(NAMES, expected, truth="exact-step", source=scheme, tolerance=tolerance)
+
+
+def _scheme_solution(
+    params: Mapping[str, Any], setup: Setup, engine: EngineInfo
+) -> tuple[InclineSteps | None, str]:
+    """Exact steps of the engine's scheme and their name; None where no closed form is known."""
+    numerics = setup.numerics
+    block = {
+        "mu": params["mu"],
+        "angle": math.radians(params["angle_deg"]),
+        "g": params["g"],
+        "mass": params["mass"],
+        "dt": numerics.dt,
+        "n_steps": numerics.n_steps,
+    }
+    if engine.contact == "spring":
+        return None, ""
+    if engine.scheme == "position-first-euler":
+        return position_first_euler_incline(**block), "position-first Euler, x = (A.7)(1 - dt/t)"
+    if engine.scheme == "semi-implicit-euler":
+        return semi_implicit_euler_incline(**block), "semi-implicit Euler, x = (A.7)(1 + dt/t)"
+    if engine.scheme == "theta" and numerics.sliding == "coulomb":
+        return coulomb_incline_theta(**block, theta=numerics.theta), f"theta scheme, theta = {numerics.theta:g}, Coulomb"
+    if engine.scheme == "theta" and numerics.theta == 1.0:
+        return associated_incline(**block), "theta scheme, theta = 1, associated sliding rule"
+    return None, ""
+
+
+CASE = InclineBlock()

@@ -1,0 +1,1 @@
+"""Closed forms of the continuous problems, one problem a file."""

@@ -1,0 +1,57 @@
+"""The main job: run every case on every engine of this machine, build the page, say what came out.
+
+The page is built whatever the checks say, since it is the place to look a failure up. A failed check is a finding and
+leaves the exit status at 0; an error, a time-out or a crash (exit code 2 and above of ``ninedisk run``) does not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+
+def ninedisk(*arguments: str) -> int:
+    """Run the command line of the environment that this script runs in; its exit code."""
+    return subprocess.run([sys.executable, "-m", "ninedisk", *arguments], check=False).returncode
+
+
+def summary(rows: Path) -> str:
+    """Statuses of the measurements in a file written by ``ninedisk run --json``, the most frequent first."""
+    if not rows.exists():
+        return "no measurements"
+    counts = Counter(row["status"] for row in json.loads(rows.read_text(encoding="utf-8")))
+    return ", ".join(f"{count} {status}" for status, count in counts.most_common()) or "no measurements"
+
+
+def main() -> int:
+    """Run, report, summarise; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--store", default="results", help="folder of the results, kept from run to run")
+    parser.add_argument("--out", default="report", help="folder of the page")
+    options = parser.parse_args()
+
+    with tempfile.TemporaryDirectory() as folder:
+        rows = Path(folder) / "measurements.json"
+        run = ninedisk("run", "--store", options.store, "--json", str(rows))
+        counts = summary(rows)
+    page = ninedisk("report", "--store", options.store, "--out", options.out)
+
+    print(f"\nMeasurements: {counts}")
+    if run == 1:
+        print("Some checks fail: the page lists them first.")
+    elif run > 1:
+        print(f"The run ended with exit code {run}: a cell broke down, or the command line was wrong (see above).")
+    if page == 0:
+        print(f"The page: {Path(options.out).resolve() / 'index.html'}")
+    else:
+        print(f"The page was not built: ninedisk report ended with exit code {page}.")
+    return run if run > 1 else page
+
+
+if __name__ == "__main__":
+    sys.exit(main())
