@@ -34,7 +34,7 @@ METHOD = (
 )
 
 IGNORED = {
-    "nine-disk/compression": ("substeps", "cycles", "lever_arm", "wall_lever_arm", "wall_velocity_at", "damping_form"),
+    "nine-disk/compression": ("substeps", "cycles", "lever_arm", "damping_form"),
     "nine-disk/distortion": ("substeps", "damping_form"),
 }
 

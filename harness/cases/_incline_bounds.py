@@ -71,19 +71,19 @@ def _without_preload(
 ) -> Bounds:
     """Add what the start without preload does to the block.
 
-    The springs take up their forces within some 1/omega, omega the lower of the two contact frequencies. For that long nothing but
-    gravity acts along the incline: a velocity of ``pull/omega = F/sqrt(m k)``, F the driving force, at a step response without
-    overshoot, and 3 times that at most with the slower rise of a critically damped fn and of fs behind it. A sliding block keeps the
-    offset; a block that should stick loses it at ``mu g cos - pull`` and then swings about its place without damping, its force
-    between the cap and as far below the driving force.
+    Two things delay friction. The shear spring has to be stretched: loaded at once by the driving force F it lets the block reach
+    ``F/sqrt(m ks)``. The cap has to rise: a critically damped fn follows ``1 - exp(-tau)(1 - tau)``, tau = omega t, and the deficit
+    lets the block gain ``(F/m omega) tau exp(-tau)``, at most 1/e of ``F/sqrt(m kn)``. Omega is the lower of the two contact
+    frequencies. A sliding block keeps the velocity; one that should stick loses it at ``mu g cos - pull`` and then swings about its
+    place without damping, its force between the cap and as far below the driving force.
     """
     mass, mu, angle = params["mass"], params["mu"], math.radians(params["angle_deg"])
     omega = math.sqrt(min(kn, ks) / mass)
-    offset = 3.0 * pull / omega
+    offset = (1.0 + math.exp(-1.0)) * pull / omega
     t_end = float(t[-1])
     settled = np.asarray(t >= SETTLING / omega)
     atol, why = dict(exact.atol), dict(exact.why)
-    start = f"start without preload: velocity offset up to 3 F/sqrt(m k) = {offset:.3g} m/s"
+    start = f"start without preload: velocity offset up to (1 + 1/e) F/sqrt(m k) = {offset:.3g} m/s"
     why |= {"x": start, "vx": start, "creep": start, "fs": start}
     atol["vx"] += offset
     spare = params["g"] * (mu * math.cos(angle) - math.sin(angle))

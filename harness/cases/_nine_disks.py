@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core.scene import ContactLaw, Disks, LeverArm, Scene, Wall, WallSegment, WallVelocityAt
 from ninedisk.harness.case import Parameter
 
 RADIUS, DENSITY, SIDE = 50.0, 1000.0, 300.0
@@ -50,31 +50,27 @@ LOAD_CASES = {
     "b2": LoadCase(1.5e8, 0.04576, 120, 0.12),
 }
 
-CONTACT_PARAMETERS = (
-    Parameter(
-        name="lever_arm",
-        default="radius",
-        choices=("radius", "overlap"),
-        help="arm of the shear torque of disk-disk contacts: R (Cundall & Strack) or R - overlap/2",
-    ),
-    Parameter(
-        name="wall_lever_arm",
-        default="radius",
-        choices=("radius", "overlap"),
-        help="the same for disk-wall contacts",
-    ),
-    Parameter(
-        name="wall_velocity_at",
-        default="surface",
-        choices=("surface", "mid-overlap"),
-        help="point at which a rotating wall's velocity enters the slip",
-    ),
-    Parameter(
-        name="damping_form",
-        default="central",
-        choices=("central", "lagged"),
-        help="velocity that global damping sees: at t_n to second order, or v_{n-1/2}",
-    ),
+ARMS: dict[str, tuple[LeverArm, LeverArm, WallVelocityAt]] = {
+    "radius": ("radius", "radius", "surface"),
+    "overlap": ("overlap", "overlap", "mid-overlap"),
+    "overlap-disks": ("overlap", "radius", "surface"),
+}
+"""Conventions of the shear torque: lever arm of disk-disk contacts, of disk-wall contacts, and the point at which a wall's
+velocity enters the slip. "radius" is Cundall & Strack's, "overlap" that of contacts whose point lies in the middle of the
+overlap, "overlap-disks" takes that point between disks and the wall's surface at walls."""
+
+LEVER_ARM = Parameter(
+    name="lever_arm",
+    default="radius",
+    choices=tuple(ARMS),
+    help="arm of the shear torque: R everywhere, R - overlap/2 everywhere, or R - overlap/2 between disks and R at walls",
+)
+
+DAMPING_FORM = Parameter(
+    name="damping_form",
+    default="central",
+    choices=("central", "lagged"),
+    help="velocity that global damping sees: at t_n to second order, or v_{n-1/2}",
 )
 
 
@@ -88,14 +84,9 @@ def contact_laws(params: Mapping[str, Any], kn: float) -> tuple[ContactLaw, Cont
     """Laws of disk-disk and disk-wall contacts."""
     mu, wall_mu = friction(params)
     ks = kn * params["ks_over_kn"]
-    disk = ContactLaw(kn=kn, ks=ks, mu=mu, lever_arm=params["lever_arm"])
-    wall = ContactLaw(
-        kn=kn,
-        ks=ks,
-        mu=wall_mu,
-        lever_arm=params["wall_lever_arm"],
-        wall_velocity_at=params["wall_velocity_at"],
-    )
+    disk_arm, wall_arm, velocity_at = ARMS[params["lever_arm"]]
+    disk = ContactLaw(kn=kn, ks=ks, mu=mu, lever_arm=disk_arm)
+    wall = ContactLaw(kn=kn, ks=ks, mu=wall_mu, lever_arm=wall_arm, wall_velocity_at=velocity_at)
     return disk, wall
 
 

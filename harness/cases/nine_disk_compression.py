@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ from ninedisk.harness.case import Check, Observed, Parameter, Setup, Value
 from ninedisk.harness.cases._compression_checks import HISTORIES, compression_checks, peaks
 from ninedisk.harness.cases._nine_disks import (
     CENTRE,
-    CONTACT_PARAMETERS,
+    DAMPING_FORM,
     LEFT,
+    LEVER_ARM,
     LOAD_CASES,
     contact_laws,
     nine_disks,
@@ -64,10 +66,8 @@ class Compression:
             help="cycle at which the settled forces are read (damped runs only); 0: at the end of the history",
         ),
         Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in one cycle"),
-        *(
-            Parameter(**{**vars(parameter), "default": "overlap"}) if "arm" in parameter.name else parameter
-            for parameter in CONTACT_PARAMETERS
-        ),
+        replace(LEVER_ARM, default="overlap"),
+        DAMPING_FORM,
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from ninedisk.harness.case import Check, Observed, Parameter, Setup, Value
 from ninedisk.harness.cases._distortion_checks import HISTORIES, distortion_checks
 from ninedisk.harness.cases._nine_disks import (
     CENTRE,
-    CONTACT_PARAMETERS,
+    DAMPING_FORM,
+    LEVER_ARM,
     LOAD_CASES,
     SIDE,
     contact_laws,
@@ -71,14 +73,15 @@ class Distortion:
             help="friction of the walls; the word mu stands for the disks' own tan(phi)",
         ),
         Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in one cycle"),
-        *CONTACT_PARAMETERS,
+        replace(LEVER_ARM, in_id=True),
+        DAMPING_FORM,
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
         """Four readings of the walls, two friction angles, two ratios; with lever arm R and with R - overlap/2."""
         return [
-            {"walls": walls, "wall_mu": wall_mu, "phi_deg": phi, "ks_over_kn": ratio, **arms}
-            for arms in ({}, {"lever_arm": "overlap", "wall_lever_arm": "overlap", "wall_velocity_at": "mid-overlap"})
+            {"walls": walls, "wall_mu": wall_mu, "phi_deg": phi, "ks_over_kn": ratio, "lever_arm": arm}
+            for arm in ("radius", "overlap")
             for walls, wall_mu in (*((walls, "mu") for walls in WALLS), ("mid-pivot", 0.0))
             for phi in (15.0, 30.0)
             for ratio in (1.0, 2.0 / 3.0)

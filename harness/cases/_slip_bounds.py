@@ -1,0 +1,189 @@
+"""Truths of the slip-to-roll test, and how far schemes and springs may be from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ninedisk.harness.case import FloatArray, Observed, Setup
+from ninedisk.harness.cases._shared import SOFT_TOLERANCE, round_off_speed
+from ninedisk.harness.engine import EngineInfo
+from ninedisk.references.analytic.slip_to_roll import slide_to_stop, slip_end, slip_to_roll, spring_overshoot, stop_time
+
+NO_TURN = 1e30
+"""Inertia ratio that stands for a disk that cannot turn: 1 + 1/k is 1 to the last bit."""
+
+
+class Truth(NamedTuple):
+    """Curves by quantity, each of shape (s,), and the end of slip [s]."""
+
+    curves: Mapping[str, FloatArray]
+    slip_end: float
+
+
+class SlipBounds(NamedTuple):
+    """Absolute tolerances by quantity with their reasons, and the gap at rest [m]."""
+
+    atol: Mapping[str, float]
+    why: Mapping[str, str]
+    rest_gap: float
+
+
+def truth(params: Mapping[str, Any], t: FloatArray, radius: float, inertia_ratio: float) -> Truth:
+    """Rigid disk with Coulomb friction, at times ``t`` [s]; spin and slip positive when rolling forward."""
+    mu, speed, g = params["mu"], params["speed"], params["g"]
+    if inertia_ratio == NO_TURN:
+        history, end = slide_to_stop(t, mu=mu, speed=speed, g=g), stop_time(mu=mu, speed=speed, g=g)
+    else:
+        history = slip_to_roll(t, mu=mu, speed=speed, g=g, radius=radius, inertia_ratio=inertia_ratio)
+        end = slip_end(mu=mu, speed=speed, g=g, inertia_ratio=inertia_ratio)
+    spin = 0.0 - history.spin
+    slip = np.where(t < end, history.vx - radius * spin, 0.0)
+    return Truth({"x": history.x, "vx": history.vx, "spin": spin, "slip": slip}, end)
+
+
+def binding_history(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, radius: float, inertia_ratio: float
+) -> Truth | None:
+    """Exact steps of schemes whose velocities are exact: positions are sums of them. None for other schemes.
+
+    Sliding friction is constant, and the step in which slip ends leaves the disk rolling, whatever its fraction that still slipped:
+    the velocities at the steps are the continuous ones. Positions add the velocity at a step's begin (position-first) or end.
+    """
+    numerics = setup.numerics
+    ends = {"position-first-euler": 0, "semi-implicit-euler": 1}
+    if engine.scheme == "theta" and numerics.theta == 1.0 and numerics.sliding == "coulomb":
+        ends["theta"] = 1
+    if engine.contact == "spring" or engine.scheme not in ends:
+        return None
+    every = truth(params, np.arange(numerics.n_steps + 1) * numerics.dt, radius, inertia_ratio)
+    vx = every.curves["vx"]
+    used = vx[1:] if ends[engine.scheme] else vx[:-1]
+    x = np.concatenate(([0.0], np.cumsum(used) * numerics.dt))
+    curves = {**every.curves, "x": x}
+    return Truth({name: curve[observed.step] for name, curve in curves.items()}, every.slip_end)
+
+
+def shear_frequency(ks: float, mass: float, inertia_ratio: float) -> float:
+    """Angular frequency [rad/s] of a disk that sticks to its shear spring."""
+    return math.sqrt((1.0 + 1.0 / inertia_ratio) * ks / mass)
+
+
+def slip_tolerance(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) -> float:
+    """Slip velocity [m/s] below which the disk counts as rolling: one and a half times what its shear spring leaves."""
+    return 1.5 * _overshoot(params, setup, inertia_ratio) * (1.0 + 1.0 / inertia_ratio) + 1e-9 * float(params["speed"])
+
+
+def _overshoot(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) -> float:
+    """Amplitude [m/s] of the velocity that the shear spring leaves, the step in which slip ends included.
+
+    That step may end with a slip of up to ``(1 + 1/k) mu g dt`` backwards, dt the contact step: ``mu g dt`` in the velocity.
+    """
+    law, numerics = setup.scene.walls[0].law, setup.numerics
+    mass = float(setup.scene.disks.mass[0])
+    swing = spring_overshoot(mu=params["mu"], g=params["g"], mass=mass, ks=law.ks, inertia_ratio=inertia_ratio)
+    return swing + params["mu"] * params["g"] * (numerics.contact_dt or numerics.dt)
+
+
+def bounds(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, inertia_ratio: float
+) -> SlipBounds:
+    """Tolerances of the continuous solution for this engine."""
+    if engine.contact == "spring":
+        return _spring_bounds(params, setup, observed, inertia_ratio)
+    return _rigid_bounds(params, setup, observed, engine, inertia_ratio)
+
+
+def _per_velocity(setup: Setup, inertia_ratio: float) -> tuple[float, float]:
+    """Changes of spin and slip that friction makes together with a unit change of vx."""
+    radius = float(setup.scene.disks.radius[0])
+    turning = inertia_ratio != NO_TURN
+    return (1.0 / (inertia_ratio * radius) if turning else 0.0), (1.0 + 1.0 / inertia_ratio if turning else 1.0)
+
+
+def _spring_bounds(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, inertia_ratio: float
+) -> SlipBounds:
+    """Sliding is exact (constant force); what follows swings by the overshoot of the shear spring, undamped."""
+    law, disks = setup.scene.walls[0].law, setup.scene.disks
+    contact_dt = setup.numerics.contact_dt or setup.numerics.dt
+    mass, radius = float(disks.mass[0]), float(disks.radius[0])
+    weight, t_end = mass * params["g"], float(observed.t[-1])
+    rounding = round_off_speed(radius, contact_dt)
+    swing = _overshoot(params, setup, inertia_ratio)
+    spin, slip = _per_velocity(setup, inertia_ratio)
+    omega = shear_frequency(law.ks, mass, inertia_ratio)
+    vx = swing + rounding
+    why = f"overshoot of the shear spring, {swing:.3g} m/s, and of the contact step in which slip ends"
+    atol = {
+        # The swing's way is its amplitude over omega, from one side to the other; the step in which slip ends shifts the rest.
+        "x": 2.0 * swing / omega + contact_dt * swing + rounding * t_end,
+        "vx": vx,
+        "spin": spin * vx,
+        "slip": slip * vx,
+        "gap": 8.0 * float(np.spacing(radius)),
+        "slip_end": setup.numerics.dt + _early(params, setup, inertia_ratio),
+    }
+    reasons = {
+        "x": why,
+        "vx": why,
+        "spin": why,
+        "slip": why,
+        "gap": "weight over kn; round-off of the height",
+        "slip_end": "sampled every dt; slip counts as ended within a tolerance",
+    }
+    return SlipBounds(atol, reasons, -weight / law.kn)
+
+
+def _early(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) -> float:
+    """Time [s] by which slip counts as ended too early: its tolerance over its rate ``(1 + 1/k) mu g``."""
+    rate = (1.0 + 1.0 / inertia_ratio) * params["mu"] * params["g"]
+    return slip_tolerance(params, setup, inertia_ratio) / rate
+
+
+def _rigid_bounds(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, inertia_ratio: float
+) -> SlipBounds:
+    """Rigid contacts: exact velocities, positions summed from one end of each step.
+
+    The sum of a velocity that falls by ``dv`` in all is off by ``dt dv/2``; the kink where slip ends adds at most ``mu g dt^2/8``.
+    The associated rule lifts the disk by ``mu v0 dt``: from a start in touch the first step gives it ``vy = mu v0/(1 + mu^2)`` for
+    ``mu`` times that in vx, and it flies for ``2 vy/g`` until friction goes on; at the end the speed is the same.
+    """
+    mu, speed, g, dt = params["mu"], params["speed"], params["g"], setup.numerics.dt
+    t_end = float(observed.t[-1])
+    spin, slip = _per_velocity(setup, inertia_ratio)
+    lost = speed / slip
+    associated = engine.contact == "cd" and setup.numerics.sliding == "associated"
+    lift_vy = mu * speed / (1.0 + mu**2) if associated and params["start"] == "touching" else 0.0
+    flight = 2.0 * lift_vy / g
+    # Friction of the lift's impulse and of the flight that it replaces, and a step's at the kinks.
+    vx = (mu * lift_vy + mu * g * (flight + dt) if associated else 0.0) + 1e-11 * speed
+    soft = SOFT_TOLERANCE if engine.contact == "soft" else 0.0
+    scale = speed * t_end
+    atol = {
+        "x": 0.5 * dt * lost + mu * g * dt**2 / 8.0 + (vx * (lost / (mu * g) + flight) if associated else 0.0)
+        + 1e-12 * scale,
+        "vx": vx,
+        "spin": spin * vx,
+        "slip": slip * vx,
+        "gap": 1e-12 + (mu * speed * dt + lift_vy**2 / (2.0 * g) if associated else 0.0),
+        "slip_end": dt + flight + _early(params, setup, inertia_ratio),
+    }  # fmt: skip
+    weight = {"x": scale, "vx": speed, "spin": spin * speed, "slip": slip * speed, "gap": 1.0, "slip_end": t_end}
+    atol = {name: value + soft * weight[name] for name, value in atol.items()}
+    rule = "; lift of the associated rule" if associated else ""
+    why = {
+        "x": "first order in dt: dt (v0 - v_final)/2" + rule,
+        "vx": "constant friction: exact velocities, round-off" + rule,
+        "spin": "constant friction: exact velocities, round-off" + rule,
+        "slip": "constant friction: exact velocities, round-off" + rule,
+        "gap": "rigid contact: round-off of the height" + rule,
+        "slip_end": "sampled every dt; slip counts as ended within a tolerance" + rule,
+    }
+    if soft:
+        why = {name: text + "; contact soft in a way of its own: 1 %" for name, text in why.items()}
+    return SlipBounds(atol, why, 0.0)
