@@ -24,8 +24,9 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -129,9 +130,21 @@ def load_converged(
     return _load(base, fitting[0]) if fitting else None
 
 
-def read_index(folder: Path) -> tuple[dict[str, list[str]], list[dict[str, Any]]]:
-    """Ignored parameters by case, and the entries, checked; raises `ReferenceDataError`."""
+def read_index(folder: Path) -> tuple[Mapping[str, list[str]], Sequence[Mapping[str, Any]]]:
+    """Ignored parameters by case, and the entries, checked; raises `ReferenceDataError`.
+
+    The result is kept until the file changes: an index of all variants takes longer to parse than a table.
+    """
     path = folder / INDEX
+    try:
+        state = path.stat()
+    except OSError:
+        raise ReferenceDataError(f"{path} does not exist") from None
+    return _read_index(path, (state.st_mtime_ns, state.st_size))
+
+
+@lru_cache(maxsize=4)
+def _read_index(path: Path, _: tuple[int, int]) -> tuple[dict[str, list[str]], list[dict[str, Any]]]:
     data = check_keys(
         read_toml(path), required={"format": int}, optional={"ignored": dict, "curve": list}, where=str(path)
     )

@@ -48,8 +48,9 @@ def write_converged(
     """
     base = Path(folder)
     _check(curve)
-    known, entries = read_index(base) if (base / INDEX).exists() else ({}, [])
-    kept = [e for e in entries if e["case"] != curve.case or not equal_params(e["params"], curve.params)]
+    listed, entries = read_index(base) if (base / INDEX).exists() else ({}, [])
+    known = {case: list(names) for case, names in listed.items()}
+    kept = [dict(e) for e in entries if e["case"] != curve.case or not equal_params(e["params"], curve.params)]
     if any(entry["file"] == file for entry in kept):
         raise ValueError(f"file = {file!r} belongs to another entry of {base / INDEX}: choose another name")
     known[curve.case] = sorted({*known.get(curve.case, ()), *ignored})

@@ -78,10 +78,11 @@ def whole_steps(params: Mapping[str, Any], default: float, *, at_least: float = 
     """
     given = params["duration"]
     duration = default if given is None else float(given)
-    steps = math.ceil(duration / params["dt"] * (1.0 - 1e-12))
+    steps = math.ceil(duration / float(params["dt"]) * (1.0 - 1e-12))
     if steps * params["dt"] < at_least:
         raise ParameterError(
-            f"duration = {duration:g} s is not allowed: {event} is over at {at_least:g} s only; use a longer one, or none"
+            f"duration = {duration:g} s is not allowed: {event} is over at {at_least:g} s only; "
+            "use a longer one, or none"
         )
     if duration < params["dt"] * (1.0 - 1e-12):
         raise ParameterError(
@@ -93,10 +94,16 @@ def whole_steps(params: Mapping[str, Any], default: float, *, at_least: float = 
 def round_off_speed(length: float, contact_dt: float) -> float:
     """Velocity [m/s] that the rounding of a coordinate of size ``length`` [m] stands for.
 
-    A coordinate that is kept to one unit in the last place moves by that unit or not at all; a force balance through
-    a contact spring therefore leaves velocities of the order of one unit per step. Factor 8: sums of a few such roundings.
+    A coordinate that is kept to one unit in the last place moves by that unit or not at all; a force balance through a
+    contact spring therefore leaves velocities of the order of one unit per step. Factor 8: sums of a few such
+    roundings.
     """
     return 8.0 * float(np.spacing(length)) / contact_dt
+
+
+def summed_round_off(largest: float, additions: float) -> float:
+    """Worst rounding error of a sum of ``additions`` terms whose value never exceeds ``largest``: half a unit each."""
+    return 0.5 * additions * float(np.spacing(abs(largest)))
 
 
 def last(values: FloatArray) -> float:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ninedisk.harness.case import FloatArray, Observed, Setup
-from ninedisk.harness.cases._shared import SOFT_TOLERANCE, round_off_speed
+from ninedisk.harness.cases._shared import SOFT_TOLERANCE, round_off_speed, summed_round_off
 from ninedisk.harness.engine import EngineInfo
 from ninedisk.references.analytic.slip_to_roll import slide_to_stop, slip_end, slip_to_roll, spring_overshoot, stop_time
 
@@ -50,8 +50,9 @@ def binding_history(
 ) -> Truth | None:
     """Exact steps of schemes whose velocities are exact: positions are sums of them. None for other schemes.
 
-    Sliding friction is constant, and the step in which slip ends leaves the disk rolling, whatever its fraction that still slipped:
-    the velocities at the steps are the continuous ones. Positions add the velocity at a step's begin (position-first) or end.
+    Sliding friction is constant, and the step in which slip ends leaves the disk rolling, whatever its fraction that
+    still slipped: the velocities at the steps are the continuous ones. Positions add the velocity at a step's begin
+    (position-first) or end.
     """
     numerics = setup.numerics
     ends = {"position-first-euler": 0, "semi-implicit-euler": 1}
@@ -80,7 +81,8 @@ def slip_tolerance(params: Mapping[str, Any], setup: Setup, inertia_ratio: float
 def _overshoot(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) -> float:
     """Amplitude [m/s] of the velocity that the shear spring leaves, the step in which slip ends included.
 
-    That step may end with a slip of up to ``(1 + 1/k) mu g dt`` backwards, dt the contact step: ``mu g dt`` in the velocity.
+    That step may end with a slip of up to ``(1 + 1/k) mu g dt`` backwards, dt the contact step: ``mu g dt`` in the
+    velocity.
     """
     law, numerics = setup.scene.walls[0].law, setup.numerics
     mass = float(setup.scene.disks.mass[0])
@@ -104,23 +106,26 @@ def _per_velocity(setup: Setup, inertia_ratio: float) -> tuple[float, float]:
     return (1.0 / (inertia_ratio * radius) if turning else 0.0), (1.0 + 1.0 / inertia_ratio if turning else 1.0)
 
 
-def _spring_bounds(
-    params: Mapping[str, Any], setup: Setup, observed: Observed, inertia_ratio: float
-) -> SlipBounds:
+def _spring_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, inertia_ratio: float) -> SlipBounds:
     """Sliding is exact (constant force); what follows swings by the overshoot of the shear spring, undamped."""
     law, disks = setup.scene.walls[0].law, setup.scene.disks
     contact_dt = setup.numerics.contact_dt or setup.numerics.dt
     mass, radius = float(disks.mass[0]), float(disks.radius[0])
     weight, t_end = mass * params["g"], float(observed.t[-1])
-    rounding = round_off_speed(radius, contact_dt)
+    steps = t_end / contact_dt
+    rounding = round_off_speed(radius, contact_dt) + summed_round_off(params["speed"], steps)
     swing = _overshoot(params, setup, inertia_ratio)
     spin, slip = _per_velocity(setup, inertia_ratio)
     omega = shear_frequency(law.ks, mass, inertia_ratio)
     vx = swing + rounding
     why = f"overshoot of the shear spring, {swing:.3g} m/s, and of the contact step in which slip ends"
     atol = {
-        # The swing's way is its amplitude over omega, from one side to the other; the step in which slip ends shifts the rest.
-        "x": 2.0 * swing / omega + contact_dt * swing + rounding * t_end,
+        # The swing's way is its amplitude over omega, from one side to the other; the step in which slip ends shifts
+        # the rest.
+        "x": 2.0 * swing / omega
+        + contact_dt * swing
+        + rounding * t_end
+        + summed_round_off(params["speed"] * t_end, steps),
         "vx": vx,
         "spin": spin * vx,
         "slip": slip * vx,
@@ -149,9 +154,10 @@ def _rigid_bounds(
 ) -> SlipBounds:
     """Rigid contacts: exact velocities, positions summed from one end of each step.
 
-    The sum of a velocity that falls by ``dv`` in all is off by ``dt dv/2``; the kink where slip ends adds at most ``mu g dt^2/8``.
-    The associated rule lifts the disk by ``mu v0 dt``: from a start in touch the first step gives it ``vy = mu v0/(1 + mu^2)`` for
-    ``mu`` times that in vx, and it flies for ``2 vy/g`` until friction goes on; at the end the speed is the same.
+    The sum of a velocity that falls by ``dv`` in all is off by ``dt dv/2``; the kink where slip ends adds at most ``mu
+    g dt^2/8``. The associated rule lifts the disk by ``mu v0 dt``: from a start in touch the first step gives it ``vy =
+    mu v0/(1 + mu^2)`` for ``mu`` times that in vx, and it flies for ``2 vy/g`` until friction goes on; at the end the
+    speed is the same.
     """
     mu, speed, g, dt = params["mu"], params["speed"], params["g"], setup.numerics.dt
     t_end = float(observed.t[-1])

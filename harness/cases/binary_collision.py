@@ -63,8 +63,8 @@ class Impact(NamedTuple):
 def knobs(params: Mapping[str, Any]) -> Knobs:
     """Restitution, damping ratio and theta of a variant.
 
-    The first of ``restitution``, ``beta``, ``theta`` that is set gives the target restitution, else ``kind`` does; the two
-    others follow from it unless they are set as well.
+    The first of ``restitution``, ``beta``, ``theta`` that is set gives the target restitution, else ``kind`` does; the
+    two others follow from it unless they are set as well.
     """
     given, beta, theta = params["restitution"], params["beta"], params["theta"]
     if given is not None:
@@ -83,15 +83,17 @@ def knobs(params: Mapping[str, Any]) -> Knobs:
 class BinaryCollision:
     """Disk 1 hits disk 2, which rests; no gravity, no friction.
 
-    ``energy`` is kinetic only: while the disks touch, a spring engine holds the rest in the spring. Histories are therefore
-    compared before and after the contact, and not within the step in which a rigid engine may place it.
+    ``energy`` is kinetic only: while the disks touch, a spring engine holds the rest in the spring. Histories are
+    therefore compared before and after the contact, and not within the step in which a rigid engine may place it.
     """
 
     id = "binary-collision"
     version = 1
     title = "Binary collision of two disks"
     source = "appendix A.2 of Lim's thesis, figures A.6-A.13"
-    requirement = "momentum always conserved; energy after an elastic impact; velocities (0, 1) elastic, (1/2, 1/2) plastic"
+    requirement = (
+        "momentum always conserved; energy after an elastic impact; velocities (0, 1) elastic, (1/2, 1/2) plastic"
+    )
     parameters = (
         Parameter(
             name="kind",
@@ -179,12 +181,17 @@ class BinaryCollision:
         numerics = numerics_of(
             params,
             n_steps=whole_steps(
-                params, max(2.0 * flight, end + 48.0 * dt), at_least=end + dt, event="the collision, spread over its steps,"
+                params,
+                max(2.0 * flight, end + 48.0 * dt),
+                at_least=end + dt,
+                event="the collision, spread over its steps,",
             ),
             contact_dt=contact_step(dt, target),
             theta=told.theta,
         )
-        return Setup(scene=Scene(disks=disks, disk_disk=law), numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
+        return Setup(
+            scene=Scene(disks=disks, disk_disk=law), numerics=numerics, watch=(PAIR,), labels={"contact": PAIR}
+        )
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
         """Velocities, kinetic energy and momentum."""
@@ -237,12 +244,12 @@ class BinaryCollision:
 def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Impact:
     """Restitution that an engine must reach, by the kind of its contacts.
 
-    Spring engines: with ``eps = (omega dt)^2``, dt the contact step, an undamped contact of any scheme equivalent to central
-    differences keeps ``v_{n+1/2}^2 + omega^2 x_n x_{n+1}``. At entry and exit, a fraction phi into the step, the product is
-    ``-phi (1 - phi) (v dt)^2``, so that ``|e - 1| <= eps/8 (1 + eps)``: phase of the impact in the step. With a dashpot the force
-    jumps at touch by ``c v``; the sampled jump is up to dt/2 early or late, which scales e by ``1 +- beta omega dt``; a dashpot
-    that sees ``v_{n-1/2}`` acts as ``beta (1 + beta omega dt/2)``, another ``beta omega dt`` at most since
-    ``|d ln e/d ln beta| <= 2``. Second-order terms of the dashpot: the same again, squared.
+    Spring engines: with ``eps = (omega dt)^2``, dt the contact step, an undamped contact of any scheme equivalent to
+    central differences keeps ``v_{n+1/2}^2 + omega^2 x_n x_{n+1}``. At entry and exit, a fraction phi into the step,
+    the product is ``-phi (1 - phi) (v dt)^2``, so that ``|e - 1| <= eps/8 (1 + eps)``: phase of the impact in the step.
+    With a dashpot the force jumps at touch by ``c v``; the sampled jump is up to dt/2 early or late, which scales e by
+    ``1 +- beta omega dt``; a dashpot that sees ``v_{n-1/2}`` acts as ``beta (1 + beta omega dt/2)``, another ``beta
+    omega dt`` at most since ``|d ln e/d ln beta| <= 2``. Second-order terms of the dashpot: the same again, squared.
     """
     told = knobs(params)
     if engine.contact == "spring":
@@ -267,7 +274,10 @@ def _analytic(params: Mapping[str, Any], setup: Setup, observed: Observed, impac
     event = _event(params, setup, observed)
     expected = {name: np.where(event, np.nan, curves[name]) for name in NAMES}
     # vx_1, vx_2 = v (1 -+ e)/2 and energy = m v^2 (1 + e^2)/4.
-    of_speed, of_energy = speed * impact.tolerance / 2.0, mass * speed**2 * impact.tolerance * (e + impact.tolerance / 2) / 2
+    of_speed, of_energy = (
+        speed * impact.tolerance / 2.0,
+        mass * speed**2 * impact.tolerance * (e + impact.tolerance / 2) / 2,
+    )
     floor = ROUND_OFF * speed, ROUND_OFF * mass * speed**2
     tolerance = {
         "vx_1": (of_speed + floor[0], 0.0, impact.why),
@@ -303,7 +313,7 @@ def _exact_steps(params: Mapping[str, Any], setup: Setup, observed: Observed) ->
     expected = {name: steps[name][observed.step] for name in NAMES}
     why = "exact solution of the theta scheme; the phase gap/(v dt) is rounded once a step"
     source = f"theta scheme, theta = {numerics.theta:g}, e_eff(gap, theta)"
-    tolerance = {name: (0.0, EXACT_STEP_RTOL, why) for name in NAMES}
+    tolerance = dict.fromkeys(NAMES, (0.0, EXACT_STEP_RTOL, why))
     e = float((expected["vx_2"][-1] - expected["vx_1"][-1]) / params["speed"])
     return [
         *series_and_final(NAMES, expected, truth="exact-step", source=source, tolerance=tolerance),

@@ -37,7 +37,8 @@ CONTACT_BETA = 1.0
 """The plane's dashpot is critical: a landing (``start=dilated``) does not bounce for long."""
 
 RUN = 3.0
-"""Default duration in units of v0/(mu g), the time in which a disk that cannot turn stops; rolling starts at a third of it."""
+"""Default duration in units of v0/(mu g), the time in which a disk that cannot turn stops; rolling starts at a third of
+it."""
 
 
 class SlipToRoll:
@@ -88,7 +89,7 @@ class SlipToRoll:
             low=0.0,
             low_open=True,
             unit="s",
-            help="length of the run; none: 3 v0/(mu g)",
+            help="length of the run; none: 3 v0/(mu g), and 4 times the fall from a dilated start",
         ),
         THETA,
         *CONTACT_DYNAMICS,
@@ -105,7 +106,8 @@ class SlipToRoll:
         ks = kn if params["ks"] is None else params["ks"]
         law = ContactLaw(kn=kn, ks=ks, mu=mu, beta=CONTACT_BETA, restitution=0.0, regularised=True)
         touching = params["start"] == "touching"
-        height = RADIUS - MASS * g / kn if touching else RADIUS + mu * params["speed"] * params["dt"]
+        lift = 0.0 if touching else mu * params["speed"] * params["dt"]
+        height = RADIUS - MASS * g / kn if touching else RADIUS + lift
         if height <= 0.0:
             raise ParameterError(
                 f"kn = {kn:g} N/m is not allowed: the disk would sink into the plane by its weight; use kn > {MASS * g / RADIUS:g}"
@@ -126,7 +128,7 @@ class SlipToRoll:
         fastest = max(math.sqrt(kn / MASS), shear_frequency(ks, MASS, inertia_ratio(params)))
         numerics = numerics_of(
             params,
-            n_steps=whole_steps(params, RUN * params["speed"] / (mu * g)),
+            n_steps=whole_steps(params, RUN * params["speed"] / (mu * g) + 4.0 * math.sqrt(2.0 * lift / g)),
             contact_dt=contact_step(params["dt"], PHASE / fastest),
             theta=params["theta"],
         )
@@ -135,8 +137,8 @@ class SlipToRoll:
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
         """Motion, spin and slip, both positive when the disk rolls forward; ``slip_end`` is the last sample before rolling, plus one.
 
-        Slip counts as ended within `slip_tolerance`, which allows for the swing that a shear spring of the scene's stiffness
-        leaves. NaN where the slip never ends.
+        Slip counts as ended within `slip_tolerance`, which allows for the swing that a shear spring of the scene's
+        stiffness leaves. NaN where the slip never ends.
         """
         vx, spin = history.v[:, 0, 0], 0.0 - history.omega[:, 0]
         slip = vx - RADIUS * spin

@@ -93,8 +93,8 @@ def continuous_row(
     and sine (or hyperbolic) solutions with ``C(0) = 1, S'(0) = 1``; the hold subtracts the same response delayed by
     ``t_wall``.
 
-    No contact ever opens: x is ``v_wall/2`` times the integral of the oscillator's step response over the last ``t_wall``, and
-    that response lies in [0, 2), so ``0 <= x <= w``.
+    No contact ever opens: x is ``v_wall/2`` times the integral of the oscillator's step response over the last
+    ``t_wall``, and that response lies in [0, 2], so ``0 <= x <= w``.
 
     Parameters
     ----------

@@ -1,0 +1,105 @@
+# Every target makes what it needs; `make` alone explains them.
+
+PYTHON ?= python3
+VENV ?= .venv
+STORE ?= results
+OUT ?= report
+WORKERS ?= auto
+ENGINE_PACKAGES := yade
+
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+PY := $(VENV)/bin/python
+PIP := $(PY) -m pip --disable-pip-version-check --quiet
+LINKED := build/linked
+SOURCES := core references harness reports
+
+# The stamps carry a checksum of this folder's name: an editable install points at its sources by absolute path, so a
+# copied or moved tree has to be installed anew.
+HERE := $(shell pwd | cksum | cut -d' ' -f1)
+INSTALLED := $(VENV)/.installed-$(HERE)
+DEVELOPED := $(VENV)/.developed-$(HERE)
+METADATA := pyproject.toml harness/_root/__init__.py
+
+.PHONY: help report test engines lint types imports wheel dev clean
+
+help: ## Explain the targets
+	@echo "ninedisk: verification harness for granular DEM and contact dynamics"
+	@echo
+	@echo "Two commands do everything, set-up included:"
+	@echo "  make report    run all cases on all engines of this machine and build the page $(OUT)/index.html"
+	@echo "  make test      pass all tests"
+	@echo
+	@echo "All targets:"
+	@grep -hE '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 17
+	@echo
+	@echo "Settings (make report STORE=elsewhere): PYTHON=$(PYTHON) VENV=$(VENV) STORE=$(STORE) OUT=$(OUT) WORKERS=$(WORKERS)"
+
+report: $(INSTALLED) ## Run the main job, build its page and say where it is
+	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)"
+
+# Two runs, because a clock that is read while other tests keep the processors busy proves nothing.
+test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time, one by one
+	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not timing"
+	$(PY) -m pytest -q -m timing
+
+engines: ## Install the external engines that are Debian packages (needs root or sudo)
+	@command -v apt-get >/dev/null || { \
+	  echo "make engines: there is no apt-get here, it serves Debian and its relatives only." >&2; \
+	  echo "Install $(ENGINE_PACKAGES) by your system's own means, or go on without: its cells say not-installed." >&2; \
+	  exit 1; }; \
+	sudo=; if [ "$$(id -u)" != 0 ]; then \
+	  command -v sudo >/dev/null || { echo "make engines: become root, or install sudo" >&2; exit 1; }; sudo=sudo; \
+	fi; \
+	$$sudo apt-get -q -o Acquire::Retries=3 update; \
+	$$sudo env DEBIAN_FRONTEND=noninteractive apt-get -q -y -o Acquire::Retries=3 install --no-install-recommends \
+	  $(ENGINE_PACKAGES)
+
+lint: $(DEVELOPED) ## Check style and format
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+
+types: $(DEVELOPED) $(LINKED) ## Check types, strictly
+	MYPYPATH=$(LINKED) $(PY) -m mypy -p ninedisk
+	MYPYPATH=$(LINKED) $(PY) -m mypy tools
+
+imports: $(DEVELOPED) $(LINKED) ## Check which package may import which
+	PYTHONPATH=$(LINKED) $(PY) $(VENV)/bin/lint-imports
+
+wheel: $(DEVELOPED) ## Build dist/*.tar.gz and, from it, dist/*.whl; check that nothing is missing
+	@rm -rf dist; mkdir -p build
+	$(PY) -m build --outdir dist . >build/build.log 2>&1 || { cat build/build.log; exit 1; }
+	$(PY) tools/check_wheel.py dist/*.whl
+
+dev: $(DEVELOPED) ## Make the environment of developers, .venv, and nothing else
+
+clean: ## Remove all that these targets made, apart from the results and the report
+	rm -rf $(VENV) build dist ninedisk.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find $(SOURCES) tests tools -name __pycache__ -prune -exec rm -rf {} +
+
+$(PY):
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "$(PYTHON) is older than Python 3.11 or missing: say make PYTHON=/path/to/a/newer/python" >&2; exit 1; }
+	@echo "Making the environment $(VENV)"
+	@$(PYTHON) -m venv $(VENV) || { \
+	  rm -rf $(VENV); echo "venv failed: on Debian, apt-get install python3-venv" >&2; exit 1; }
+
+$(INSTALLED): $(METADATA) | $(PY)
+	@echo "Installing ninedisk into $(VENV) (a few minutes the first time)"
+	@$(PIP) install -e .
+	@touch $@
+
+$(DEVELOPED): $(METADATA) | $(PY)
+	@echo "Installing ninedisk and the developers' tools into $(VENV) (a few minutes the first time)"
+	@$(PIP) install -e '.[dev]'
+	@touch $@ $(INSTALLED)
+
+# mypy and import-linter do not see an editable install; they are shown a folder of links in the installed shape.
+$(LINKED): Makefile
+	@mkdir -p $@/ninedisk
+	@for name in $(SOURCES); do ln -sfn ../../../$$name $@/ninedisk/$$name; done
+	@for name in __init__.py __main__.py py.typed; do ln -sfn ../../../harness/_root/$$name $@/ninedisk/$$name; done
+	@touch $@

@@ -1,0 +1,102 @@
+"""Projected (nonsmooth) Gauss-Seidel, optionally over-relaxed: the field's baseline, and the Coulomb solver."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.cd.feasibility import check_feasible
+from ninedisk.core.cd.gauss_seidel_kernels import sweep
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.residuals import Sliding, measure
+from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch, not_converged
+from ninedisk.core.cd.start import starting_forces
+
+FloatArray = NDArray[np.float64]
+MAX_SWEEPS = 1_000_000
+
+
+def solve_gauss_seidel(
+    problem: ContactProblem,
+    options: SolverOptions | None = None,
+    *,
+    sliding: Sliding = "associated",
+    start: FloatArray | None = None,
+) -> SolverResult:
+    """Sweep over the contacts until natural map and duality gap are below the tolerance.
+
+    Each contact's 2 x 2 problem is solved exactly by cases; with ``options.relaxation`` other than 1 the step is
+    stretched and projected back on the cone.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    options : SolverOptions, optional
+    sliding : {"associated", "coulomb"}
+    start : array_like, shape (c, 2), optional
+        Contact forces to start from; they are projected on the cones.
+
+    Returns
+    -------
+    SolverResult
+
+    Raises
+    ------
+    SolverNotConvergedError
+        At the iteration or time limit, with the figures reached.
+    InfeasibleContactsError
+        If no motion satisfies the contacts.
+    """
+    options = options or SolverOptions()
+    clock = Stopwatch(options.time_limit)
+    limit = options.max_iterations or MAX_SWEEPS
+    r = starting_forces(problem, start)
+    done, batch = 0, 1
+    best, best_r = None, r
+    while True:
+        v = problem.body_velocity(r)
+        residuals = measure(problem, v, r, sliding=sliding)
+        if best is None or residuals.worst < best.worst:
+            best, best_r = residuals, r.copy()
+        if residuals.reached(options.tolerance):
+            return SolverResult(
+                solver="gauss-seidel",
+                sliding=sliding,
+                v=v,
+                r=r,
+                iterations=done,
+                residuals=residuals,
+                seconds=clock.seconds,
+            )
+        if done >= limit or clock.over:
+            break
+        # Checks cost about as much as a sweep and set v anew from r; their distance grows with the number of sweeps.
+        batch = min(max(1, done // 8), limit - done, max(1, 20_000_000 // (problem.n_contacts + 1)))
+        sweep(
+            problem.bodies,
+            problem.normal,
+            problem.arms,
+            problem.inverse_mass,
+            problem.offset,
+            problem.compliance,
+            problem.shear_0,
+            problem.mu,
+            problem.blocks,
+            options.relaxation,
+            sliding == "coulomb",
+            batch,
+            v,
+            r,
+        )
+        done += batch
+    check_feasible(problem, best_r)
+    not_converged(
+        "gauss-seidel",
+        options,
+        done,
+        best,
+        clock,
+        "Use the interior-point solver, loosen the tolerance, or raise max_iterations or time_limit."
+        if sliding == "associated"
+        else "Raise max_iterations or time_limit, try a relaxation between 0.5 and 1.5, or loosen the tolerance.",
+    )

@@ -1,0 +1,79 @@
+"""Kernel that sums up how far a pair of velocities and contact forces is from a solution."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.cd._jit import kernel
+from ninedisk.core.cd.cone_kernels import project_on_cone
+from ninedisk.core.cd.contact_kernels import contact_velocity
+
+Floats = NDArray[np.float64]
+
+EPSILON = 2.220446049250313e-16
+MAP, FORCE, FREE_MAP, WORK, GAP, VIOLATION, ENERGY_W, ENERGY_B, LARGEST, NOISE_MAP, NOISE_WORK, NOISE = range(12)
+
+
+@kernel
+def sum_residuals(
+    bodies: NDArray[np.int32],
+    normal: Floats,
+    arms: Floats,
+    offset: Floats,
+    compliance: Floats,
+    shear_0: Floats,
+    mu: Floats,
+    rho: Floats,
+    b: Floats,
+    v: Floats,
+    r: Floats,
+    coulomb: bool,
+    sums: Floats,
+) -> None:
+    """Sums over the contacts from which `residuals.measure` forms its figures; arguments as in `ContactProblem`.
+
+    With ``u = H v + g + C (r - (0, q0))``, for Coulomb ``u_n`` increased by ``mu |u_t|``, P the projection on the cone and
+    ``noise`` the round-off error of evaluating ``u``, ``sums`` receives
+
+    ``MAP`` |r - P(r - rho u)|^2, ``FORCE`` |r|^2, ``FREE_MAP`` |P(-rho b)|^2, ``WORK`` sum |r.u|, ``GAP`` sum r.u,
+    ``VIOLATION`` sum of max(0, mu |u_t| - u_n), ``ENERGY_W`` sum r.(u - b), ``ENERGY_B`` sum r.b, ``LARGEST`` max p,
+    ``NOISE_MAP`` |rho noise|^2, ``NOISE_WORK`` sum |r| noise, ``NOISE`` sum of the noise.
+    """
+    for m in range(12):
+        sums[m] = 0.0
+    for k in range(bodies.shape[0]):
+        p, q = r[k, 0], r[k, 1]
+        un, ut = contact_velocity(k, bodies, normal, arms, v)
+        size = abs(offset[k, 0]) + abs(offset[k, 1]) + compliance[k, 0] * p
+        size += compliance[k, 1] * (abs(q) + abs(shear_0[k]))
+        for side in range(2):
+            i = bodies[k, side]
+            if i >= 0:
+                arm = abs(arms[k, side]) + abs(arms[k, 2 + side])
+                size += abs(v[i, 0]) + abs(v[i, 1]) + arm * abs(v[i, 2])
+        un += offset[k, 0] + compliance[k, 0] * p
+        ut += offset[k, 1] + compliance[k, 1] * (q - shear_0[k])
+        friction = mu[k] * abs(ut)
+        work_w = p * (un - b[k, 0]) + q * (ut - b[k, 1])
+        if coulomb:
+            un += friction
+        if mu[k] == 0.0:
+            ut = 0.0
+        p_map, q_map = project_on_cone(p - rho[k] * un, q - rho[k] * ut, mu[k])
+        sums[MAP] += (p - p_map) ** 2 + (q - q_map) ** 2
+        sums[FORCE] += p * p + q * q
+        bt = b[k, 1] if mu[k] > 0.0 else 0.0
+        p_map, q_map = project_on_cone(-rho[k] * b[k, 0], -rho[k] * bt, mu[k])
+        sums[FREE_MAP] += p_map * p_map + q_map * q_map
+        work = p * un + q * ut
+        sums[WORK] += abs(work)
+        sums[GAP] += work
+        sums[VIOLATION] += max(0.0, friction - un)
+        sums[ENERGY_W] += work_w
+        sums[ENERGY_B] += p * b[k, 0] + q * b[k, 1]
+        sums[LARGEST] = max(sums[LARGEST], p)
+        noise = EPSILON * size
+        sums[NOISE_MAP] += (rho[k] * noise) ** 2
+        sums[NOISE_WORK] += (p + abs(q)) * noise
+        sums[NOISE] += noise

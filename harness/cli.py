@@ -1,0 +1,164 @@
+"""The command line: what it offers; the work is imported by the command that needs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ninedisk.harness.cli_support import guarded
+
+app = typer.Typer(
+    name="ninedisk",
+    help="Verify and compare engines for granular DEM and contact dynamics on problems with known answers.\n\n"
+    "Start with: ninedisk list cases, then ninedisk run 'nine-disk/*' --engine dem, then ninedisk report.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+listing = typer.Typer(help="Show the cases and their parameters, and the engines.", no_args_is_help=True)
+app.add_typer(listing, name="list")
+
+Store = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the stored results.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        import ninedisk
+
+        typer.echo(f"ninedisk {ninedisk.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    _: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+@listing.command("cases")
+@guarded
+def list_cases(
+    case: Annotated[
+        str | None, typer.Argument(metavar="[CASE]", help="Show one case with its parameters, ranges and units.")
+    ] = None,
+) -> None:
+    """List the cases, or one case with everything that --set can change.
+
+    \b
+    Examples:
+      ninedisk list cases
+      ninedisk list cases binary-collision
+    """
+    from ninedisk.harness.cli_list import show_case, show_cases
+
+    show_cases() if case is None else show_case(case)
+
+
+@listing.command("engines")
+@guarded
+def list_engines() -> None:
+    """List the engines: installed or not, version, licence, how they run, how to install them.
+
+    \b
+    Example:
+      ninedisk list engines
+    """
+    from ninedisk.harness.cli_list import show_engines
+
+    show_engines()
+
+
+@app.command("run", short_help="Run cases on engines and judge the results.")
+@guarded
+def run(
+    globs: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="GLOB", help="Cases by id or pattern, e.g. 'nine-disk/*'. None: all cases."),
+    ] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option("--engine", "-e", metavar="ID", help="Engine to run; repeat for several. None: all engines."),
+    ] = None,
+    all_engines: Annotated[bool, typer.Option("--all-engines", help="All engines (the default, said aloud).")] = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="Fix a parameter, unit allowed ('dt=10 ms'); repeat for several."
+        ),
+    ] = None,
+    store: Store = Path("results"),
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write the measurement rows as JSON.")
+    ] = None,
+    published: Annotated[
+        Path | None,
+        typer.Option("--published", metavar="DIR", help="Folder with your own digitised curves (CSV + TOML)."),
+    ] = None,
+) -> None:
+    """Run cases on engines, hold the results against every known truth, and store them.
+
+    \b
+    Examples:
+      ninedisk run
+      ninedisk run nine-disk/compression --engine dem
+      ninedisk run 'nine-disk/*' -e dem -e yade --set phi_deg=20
+      ninedisk run incline-block -e pymunk --set 'dt=5 ms' --set mu=0.36 --json rows.json
+
+    \b
+    Exit codes:
+      0  every cell passes or is excused (unsupported, not-installed, known-gap, gap-closed, no-truth)
+      1  the run is complete but some check failed
+      2  wrong usage (unknown id or parameter, value out of range, store that cannot be written)
+      3  an engine failed, crashed or ran out of time in some cell
+      130  interrupted; nothing was stored
+    """
+    from ninedisk.harness.cli_run import execute
+    from ninedisk.harness.errors import UsageError
+
+    if engine and all_engines:
+        raise UsageError("--engine and --all-engines exclude each other: give one of them")
+    code = execute(
+        globs=globs or [],
+        engines=engine or [],
+        settings=settings or [],
+        store=store,
+        json_file=json_file,
+        published=published,
+    )
+    raise typer.Exit(code)
+
+
+@app.command("report", short_help="Build the comparison report from the store.")
+@guarded
+def report(
+    store: Store = Path("results"),
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pages.")] = Path("report"),
+) -> None:
+    """Build the comparison report from the stored results and say where its first page is.
+
+    \b
+    Example:
+      ninedisk report --store results --out report
+    """
+    from ninedisk.harness.cli_support import CellProgress
+    from ninedisk.harness.errors import UsageError
+    from ninedisk.reports.build import build_report
+    from ninedisk.reports.errors import ReportError
+
+    try:
+        with CellProgress() as progress:
+            page = build_report(store, out, lambda label, done, total: progress(done, total, label))
+    except ReportError as error:
+        raise UsageError(str(error)) from error
+    typer.echo(f"report: {page}")
+
+
+def main() -> None:
+    """Entry point of the console script and of ``python -m ninedisk``."""
+    app(prog_name="ninedisk")

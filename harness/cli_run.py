@@ -1,0 +1,128 @@
+"""``ninedisk run``: check the request, run, store, tell."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import typer
+
+from ninedisk.harness.claims import judge_claims
+from ninedisk.harness.cli_summary import show_summary
+from ninedisk.harness.cli_support import FAILURE, CellProgress, fail
+from ninedisk.harness.errors import StoreError, UsageError
+from ninedisk.harness.plan import plan_matrix
+from ninedisk.harness.provenance import command_line, provenance
+from ninedisk.harness.published import check_folder
+from ninedisk.harness.registry import engine_table, match_cases
+from ninedisk.harness.results import CaseResult
+from ninedisk.harness.runner import run_cells
+from ninedisk.harness.store import new_run_id, prepare_store, write_run
+from ninedisk.harness.tables import plain_json
+from ninedisk.harness.verdict import exit_code
+
+
+def execute(
+    *,
+    globs: Sequence[str],
+    engines: Sequence[str],
+    settings: Sequence[str],
+    store: Path,
+    json_file: Path | None,
+    published: Path | None,
+) -> int:
+    """Run, store, print; the exit code of the command.
+
+    Every mistake in the request is found before the first cell runs, the store's and the JSON file's included.
+
+    Raises
+    ------
+    UsageError, ParameterError, CoreError
+        With the message to show.
+    """
+    cells = plan_matrix(
+        match_cases(globs), list(dict.fromkeys(engines)) or list(engine_table()), parse_settings(settings)
+    )
+    for note in check_folder(published, cells):
+        typer.echo(note, err=True)
+    prepare_store(store)
+    if json_file is not None:
+        _prepare_json(json_file)
+    started = _now()
+    with CellProgress() as progress:
+        results = run_cells(cells, progress, published=published)
+        claims = judge_claims(results)
+        facts = {
+            "started": started,
+            "finished": _now(),
+            "provenance": provenance(result.cell for result in results),
+            "argv": command_line(),
+        }
+    code = exit_code({status for result in results for status in result.statuses})
+    try:
+        folder: Path | None = write_run(store, new_run_id(), results, claims, facts)
+        if json_file is not None:
+            write_json(json_file, results)
+    except StoreError as error:
+        show_summary(results, None)
+        fail(str(error), FAILURE)
+    show_summary(results, folder)
+    return code
+
+
+def parse_settings(settings: Sequence[str]) -> dict[str, str]:
+    """``NAME=VALUE`` texts as a mapping; a name given twice is refused, since only one of them could count."""
+    found: dict[str, str] = {}
+    for text in settings:
+        name, sign, value = text.partition("=")
+        name, value = name.strip(), value.strip()
+        if not sign or not name or not value:
+            raise UsageError(f"--set {text!r} is not allowed: write NAME=VALUE, for instance --set dt=0.01")
+        if found.setdefault(name, value) != value:
+            raise UsageError(f"--set gives {name!r} twice ({found[name]} and {value}): give it once")
+    return found
+
+
+def write_json(path: Path, results: Sequence[CaseResult]) -> None:
+    """Write the measurement rows as a JSON list, NaN as null; the file appears whole or not at all.
+
+    Raises
+    ------
+    StoreError
+        If it cannot be written.
+    """
+    rows = json.loads(plain_json([row for result in results for row in result.rows]))
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        try:
+            with temporary.open("w", encoding="utf-8") as file:
+                json.dump(rows, file, indent=1)
+                file.write("\n")
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise StoreError(
+            f"{str(path)!r} cannot be written ({error.strerror or error}): give another --json FILE"
+        ) from error
+
+
+def _prepare_json(path: Path) -> None:
+    if path.is_dir():
+        raise UsageError(f"--json {str(path)!r} is a folder: give a file")
+    try:
+        with tempfile.NamedTemporaryFile(prefix=f".{path.name}.", dir=path.parent):
+            pass
+    except OSError as error:
+        raise UsageError(
+            f"--json {str(path)!r} cannot be written ({error.strerror or error}): give a file in a folder that exists "
+            f"and can be written"
+        ) from error
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

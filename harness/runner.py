@@ -1,0 +1,244 @@
+"""Runs cells: a variant of a case on an engine, held against every truth that binds it."""
+
+from __future__ import annotations
+
+import json
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
+from ninedisk.harness.case import Case, Check, Setup
+from ninedisk.harness.engine import (
+    Engine,
+    EngineError,
+    EngineInfo,
+    EngineNotInstalledError,
+    EngineRun,
+    EngineTimeoutError,
+    Support,
+    SupportLevel,
+)
+from ninedisk.harness.observation import check_history, frames
+from ninedisk.harness.plan import Cell, plan_case, plan_matrix
+from ninedisk.harness.published import published_checks
+from ninedisk.harness.records import CELL_COLUMNS, MEASUREMENT_COLUMNS
+from ninedisk.harness.results import CaseResult, Row, complete
+from ninedisk.harness.tables import measurement_row, plain_json, reference_blocks, series_blocks
+from ninedisk.harness.verdict import cell_verdict
+
+Progress = Callable[[int, int, str], None]
+"""Called with (cells done, cells in all, name of the cell that begins)."""
+
+USERS_MISTAKES = (InvalidSceneError, InvalidNumericsError, UnstableTimeStepError)
+"""Errors of an engine's run that come from the parameters, not from the engine."""
+
+_KEPT_LINES = 12
+
+
+def run_case(
+    case: Case | str,
+    *,
+    engine: Engine | str = "dem",
+    params: Mapping[str, Any] | None = None,
+    published: Path | None = None,
+) -> CaseResult:
+    """Run one variant of a case on one engine.
+
+    Parameters
+    ----------
+    case : Case or str
+        A case or its id, e.g. ``"nine-disk/compression"``.
+    engine : Engine or str
+        An engine or its id.
+    params : mapping, optional
+        Parameters that differ from the case's defaults; text may carry a unit (``{"dt": "10 ms"}``).
+    published : Path, optional
+        Folder with digitised curves of your own that join the truths.
+
+    Returns
+    -------
+    CaseResult
+        With ``status``, ``reason``, ``measurements`` and ``series`` (DataFrames), ``setup`` and ``history``. A failing
+        engine is a status, not an exception.
+
+    Raises
+    ------
+    UsageError
+        Unknown case or engine.
+    ParameterError, CoreError
+        Unknown parameter, value out of range, or parameters that make an impossible scene or an unstable time step.
+
+    Examples
+    --------
+    >>> result = run_case("nine-disk/compression", engine="dem", params={"load_case": "a2"})  # doctest: +SKIP
+    >>> result.measurements[["quantity", "abs_error", "status"]]  # doctest: +SKIP
+    """
+    return run_cell(plan_case(case, engine, params), published=published, raise_users_mistakes=bool(params))
+
+
+def run_matrix(
+    case_ids: Sequence[str],
+    engine_ids: Sequence[str],
+    overrides: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+    *,
+    published: Path | None = None,
+) -> list[CaseResult]:
+    """Run every (case variant, engine) cell; see `ninedisk.harness.plan.plan_matrix` for the variants and the errors.
+
+    A cell that fails, hangs or crashes is a status and never the end of the run. Where the user's own parameters make
+    the only cell impossible, the `CoreError` is raised, because there is nothing else to show.
+    """
+    return run_cells(plan_matrix(case_ids, engine_ids, overrides or {}), progress, published=published)
+
+
+def run_cells(
+    cells: Sequence[Cell], progress: Progress | None = None, *, published: Path | None = None
+) -> list[CaseResult]:
+    """Run planned cells one after the other."""
+    alone = len(cells) == 1 and cells[0].user_set
+    results = []
+    for done, cell in enumerate(cells):
+        if progress is not None:
+            progress(done, len(cells), cell.name)
+        results.append(run_cell(cell, published=published, raise_users_mistakes=alone))
+    if progress is not None:
+        progress(len(cells), len(cells), "")
+    return results
+
+
+def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes: bool = False) -> CaseResult:
+    """Run one cell; only a mistake in the user's parameters is raised, and only if asked for."""
+    head = _head(cell)
+    if isinstance(cell.setup, Exception):
+        return _without_measurements(cell, head, "error", f"the case cannot be built: {last_lines(cell.setup)}")
+    setup = cell.setup
+    head |= _setup_columns(setup)
+    if isinstance(cell.engine, Exception):
+        return _without_measurements(cell, head, "error", last_lines(cell.engine))
+    try:
+        info = cell.engine.info()
+        head |= _engine_columns(info)
+        if not info.installed:
+            why = info.not_installed_because or "it is not on this machine"
+            return _without_measurements(cell, head, "not-installed", f"{why}; install it with: {info.install}")
+        support = cell.engine.supports(setup.scene, setup.numerics)
+        head |= _support_columns(support)
+        if support.level is SupportLevel.NO:
+            lacks = ["it lacks " + ", ".join(support.missing)] if support.missing else []
+            why = "; ".join([*lacks, *support.notes])
+            return _without_measurements(cell, head, "unsupported", why)
+        run = cell.engine.run(setup.scene, setup.numerics, setup.watch)
+        check_history(run.history, setup)
+        return _measure(cell, setup, info, run, head, published)
+    except EngineNotInstalledError as error:
+        return _without_measurements(cell, head, "not-installed", last_lines(error))
+    except EngineTimeoutError as error:
+        return _without_measurements(cell, head, "timeout", last_lines(error))
+    except Exception as error:
+        if raise_users_mistakes and isinstance(error, USERS_MISTAKES):
+            raise
+        return _without_measurements(cell, head, "error", last_lines(error))
+
+
+def all_checks(cell: Cell, setup: Setup, observed: Any, info: EngineInfo, published: Path | None) -> list[Check]:
+    """The case's own truths followed by the published ones."""
+    params = cell.variant.params
+    own = list(cell.case.checks(params, setup, observed, info))
+    return own + published_checks(cell.case.id, params, observed, own, published)
+
+
+def last_lines(error: BaseException) -> str:
+    """Message of an error, its last lines only; with its kind and place where it is none of ours."""
+    message = str(error).strip()
+    if not isinstance(error, CoreError | EngineError | ValueError) or not message:
+        frame = traceback.extract_tb(error.__traceback__)[-1:]
+        where = f" at {Path(frame[0].filename).name}:{frame[0].lineno}" if frame else ""
+        message = f"{type(error).__name__}{where}: {message}"
+    return "\n".join(message.splitlines()[-_KEPT_LINES:])[-2000:]
+
+
+def _measure(
+    cell: Cell, setup: Setup, info: EngineInfo, run: EngineRun, head: Row, published: Path | None
+) -> CaseResult:
+    observed = cell.case.observe(cell.variant.params, setup, run.history)
+    checks = all_checks(cell, setup, observed, info, published)
+    common = {name: head[name] for name in head if name in MEASUREMENT_COLUMNS}
+    rows = [measurement_row(common, check, observed) for check in checks]
+    status, reason = cell_verdict(rows)
+    failed = any(row["status"] == "fail" for row in rows)
+    cell_row = head | {
+        "settings": plain_json(dict(run.settings)),
+        "status": status,
+        "reason": reason,
+        "setup_s": run.timings.setup,
+        "warm_up_s": run.timings.warm_up,
+        "advance_s": float("nan") if failed else run.timings.advance,
+        "frames": plain_json(frames(run.history)),
+    }
+    if not rows:
+        rows = [complete(common | {"status": status, "reason": reason}, MEASUREMENT_COLUMNS)]
+    names = (cell.case.id, cell.variant.id, cell.engine_id)
+    return CaseResult(
+        cell=complete(cell_row, CELL_COLUMNS),
+        rows=rows,
+        series_blocks=series_blocks(names, observed, checks),
+        reference_blocks=reference_blocks(names[:2], observed, checks),
+        setup=setup,
+        history=run.history,
+        observed=observed,
+        checks=tuple(checks),
+    )
+
+
+def _without_measurements(cell: Cell, head: Row, status: str, reason: str) -> CaseResult:
+    verdict = {"status": status, "reason": reason}
+    common = {name: head[name] for name in head if name in MEASUREMENT_COLUMNS}
+    return CaseResult(
+        cell=complete(head | verdict, CELL_COLUMNS),
+        rows=[complete(common | verdict, MEASUREMENT_COLUMNS)],
+        setup=None if isinstance(cell.setup, Exception) else cell.setup,
+    )
+
+
+def _head(cell: Cell) -> Row:
+    case = cell.case
+    return {
+        "case": case.id,
+        "case_version": case.version,
+        "case_title": case.title,
+        "case_source": case.source,
+        "case_requirement": case.requirement,
+        "variant": cell.variant.id,
+        "params": plain_json(dict(cell.variant.params)),
+        "engine": cell.engine_id,
+    }
+
+
+def _setup_columns(setup: Setup) -> Row:
+    stored = {
+        "scene": setup.scene.to_dict(),
+        "numerics": setup.numerics.to_dict(),
+        "watch": [list(pair) for pair in setup.watch],
+        "labels": {name: list(pair) for name, pair in setup.labels.items()},
+    }
+    return {"n_steps": setup.numerics.n_steps, "n_disks": len(setup.scene.disks), "setup": plain_json(stored)}
+
+
+def _engine_columns(info: EngineInfo) -> Row:
+    return {
+        "engine_name": info.name,
+        "engine_version": info.version or "",
+        "engine_licence": info.licence,
+        "engine_runs": info.how_it_runs,
+    }
+
+
+def _support_columns(support: Support) -> Row:
+    return {
+        "support": str(support.level),
+        "missing": json.dumps([str(capability) for capability in support.missing]),
+        "notes": json.dumps(list(support.notes)),
+    }

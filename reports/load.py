@@ -1,0 +1,171 @@
+"""Reader of a store: finished runs only, the newest rows of each case variant and engine."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ninedisk.harness.records import RUN_KEYS, SCHEMA_VERSION, TABLES
+from ninedisk.reports.curves import Curve, References, Series, split_references, split_series
+from ninedisk.reports.errors import ReportError
+
+Row = dict[str, Any]
+CellKey = tuple[str, str, str]
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What the pages are made of.
+
+    Parameters
+    ----------
+    runs : list of dict
+        ``run.json`` of every run that contributes a row, newest first.
+    cells, measurements, claims : list of dict
+        Rows with the columns of `ninedisk.harness.records`.
+    series, references : mapping
+        Curves by (case, variant, engine, quantity), and by (case, variant, quantity).
+    outdated : list of str
+        Cells that were left out because their case has a newer version.
+    """
+
+    runs: list[Row]
+    cells: list[Row]
+    measurements: list[Row]
+    claims: list[Row]
+    series: Series
+    references: References
+    outdated: list[str] = field(default_factory=list)
+
+
+def load_store(store: Path) -> Stored:
+    """Read every finished run below ``store/runs`` and keep the newest rows.
+
+    For each (case, variant, engine) the newest run by ``started`` wins; reference curves follow the newest run of their
+    (case, variant), claims the newest run that states them. Cells of an older case version than the newest stored one
+    are left out, because results of two definitions must not stand in one table.
+
+    Raises
+    ------
+    ReportError
+        If the store has no finished run, a run was written by a newer schema, or a file is damaged.
+    """
+    runs = _finished_runs(store)
+    cell_rows = [_rows(run, "cells") for run in runs]
+    owner: dict[CellKey, int] = {}
+    newest: dict[CellKey, Row] = {}
+    for index, rows in enumerate(cell_rows):
+        for row in rows:
+            owner[_key(row)], newest[_key(row)] = index, row
+    version: dict[str, int] = {}
+    for row in newest.values():
+        version[row["case"]] = max(version.get(row["case"], 0), int(row["case_version"] or 0))
+    old = [key for key, row in newest.items() if int(row["case_version"] or 0) < version[key[0]]]
+    for key in old:
+        del owner[key], newest[key]
+    if not newest:
+        raise ReportError(f"{store} holds no results: its runs have no cells; run `ninedisk run --store {store}` first")
+
+    reference_owner: dict[tuple[str, str], int] = {}
+    for (case, variant, _), index in owner.items():
+        reference_owner[case, variant] = max(index, reference_owner.get((case, variant), -1))
+    measurements: list[Row] = []
+    claims: dict[tuple[str, str, str], Row] = {}
+    series: dict[tuple[str, str, str, str], Curve] = {}
+    references: dict[tuple[str, str, str], list[Curve]] = {}
+    for index, run in enumerate(runs):
+        for row in _rows(run, "claims"):
+            claims[row["claim"], row["case"], row["engine"]] = row
+        if index not in owner.values():
+            continue
+        measurements += [row for row in _rows(run, "measurements") if owner.get(_key(row)) == index]
+        for name, curve in split_series(_table(run, "series")).items():
+            if owner.get((name[0], name[1], name[2])) == index:
+                series[name] = curve
+        for place, curves in split_references(_table(run, "references")).items():
+            if reference_owner.get((place[0], place[1])) == index:
+                references[place] = curves
+    used = [run.record for index, run in reversed(list(enumerate(runs))) if index in owner.values()]
+    outdated = [f"{case} / {variant} on {engine}" for case, variant, engine in sorted(old)]
+    return Stored(used, list(newest.values()), measurements, list(claims.values()), series, references, outdated)
+
+
+@dataclass(frozen=True)
+class _Run:
+    folder: Path
+    record: Row
+
+
+def _key(row: Row) -> CellKey:
+    return row["case"], row["variant"], row["engine"]
+
+
+def _finished_runs(store: Path) -> list[_Run]:
+    if not (store / "runs").is_dir():
+        raise ReportError(f"{store} is no store: it has no folder 'runs'; name the folder that `ninedisk run` wrote")
+    # A writer that was killed leaves a folder without run.json, or one whose name still begins with a dot.
+    found = [path for path in sorted((store / "runs").glob("*/run.json")) if not path.parent.name.startswith(".")]
+    runs = [_Run(path.parent, _record(path)) for path in found]
+    if not runs:
+        raise ReportError(f"{store} holds no finished run: run `ninedisk run --store {store}` first")
+    return sorted(runs, key=lambda run: (_when(run.record["started"]), str(run.record["run_id"])))
+
+
+def _record(path: Path) -> Row:
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as problem:
+        raise ReportError(f"{path} cannot be read ({problem}): delete that run or copy it again") from problem
+    missing = [key for key in RUN_KEYS if key not in record] if isinstance(record, dict) else list(RUN_KEYS)
+    if missing:
+        raise ReportError(f"{path} lacks {', '.join(missing)}: delete that run or copy it again")
+    version = record["schema_version"]
+    if not isinstance(version, int) or version > SCHEMA_VERSION:
+        raise ReportError(
+            f"{path} has schema version {version!r}, this ninedisk reads up to {SCHEMA_VERSION}: update ninedisk, or "
+            f"name a store without that run"
+        )
+    return dict(record)
+
+
+def _when(started: Any) -> datetime:
+    try:
+        moment = datetime.fromisoformat(str(started))
+    except ValueError:
+        return datetime.min.replace(tzinfo=UTC)
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
+def _table(run: _Run, name: str) -> Any:
+    """Parquet table with exactly the columns of the schema; columns that an older run lacks are empty."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = run.folder / f"{name}.parquet"
+    try:
+        table = pq.ParquetFile(path).read(use_threads=False)
+    except (OSError, pa.ArrowException) as problem:
+        raise ReportError(f"{path} cannot be read ({problem}): delete that run or copy it again") from problem
+    types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
+    columns = []
+    for column, kind in TABLES[name].items():
+        held = column in table.column_names
+        try:
+            columns.append(table[column].cast(types[kind]) if held else pa.nulls(table.num_rows, types[kind]))
+        except pa.ArrowException as problem:
+            raise ReportError(f"{path}: column {column!r} is not {kind} ({problem})") from problem
+    return pa.table(columns, names=list(TABLES[name]))
+
+
+def _rows(run: _Run, name: str) -> Iterable[Row]:
+    """Rows of a table; empty strings instead of nulls."""
+    texts = [column for column, kind in TABLES[name].items() if kind == "string"]
+    rows: list[Row] = _table(run, name).to_pylist()
+    for row in rows:
+        for column in texts:
+            row[column] = row[column] or ""
+    return rows

@@ -1,0 +1,224 @@
+"""The HTML: templates with everything escaped, and the values that each kind of page shows."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from ninedisk.reports import text, words
+from ninedisk.reports.load import Row
+from ninedisk.reports.panel import CaseData, EngineFacts, Panel, summarise, worst_first
+from ninedisk.reports.words import shade, symbol
+
+HERE = Path(__file__).parent
+SHOWN = 30
+"""Measurements that a case page shows before the rest is folded."""
+
+
+OPEN_GROUPS = 4
+"""Groups of variants of one figure that are open; the rest is folded."""
+
+
+@dataclass(frozen=True)
+class CellGroup:
+    """Cells of one case and engine that differ in nothing but the variant."""
+
+    status: str
+    support: str
+    reason: str
+    missing: list[str]
+    notes: list[str]
+    settings: dict[str, str]
+    cells: list[Row]
+
+    @property
+    def total(self) -> float:
+        """Stepping time of all cells [s]."""
+        times = [text.as_float(cell["advance_s"]) for cell in self.cells]
+        return sum(time for time in times if time == time)
+
+
+def environment() -> Environment:
+    """Templates: everything escaped, and a missing value is an error, not an empty string."""
+    env = Environment(
+        loader=FileSystemLoader(HERE / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    env.filters |= {
+        "error": text.error,
+        "number": text.number,
+        "ratio": text.ratio,
+        "seconds": text.seconds,
+        "variant": _variant,
+        "unit": lambda unit: "" if unit in ("-", "1") else unit,
+        "shade": shade,
+        "symbol": symbol,
+        "css": lambda word: re.sub(r"[^a-z-]", "", str(word)),
+    }
+    env.globals |= {
+        "pips": words.SUPPORT_PIPS,
+        "support_meaning": words.SUPPORT_MEANING,
+        "status_meaning": words.STATUS_MEANING,
+        "shades": words.SHADES,
+        "nothing": text.NOTHING,
+    }
+    return env
+
+
+def index_page(env: Environment, panel: Panel) -> str:
+    """The overview."""
+    rows, gaps = panel.open_rows(), panel.gap_rows()
+    by_cell = _by(panel.measurements, "case", "engine")
+    matrix = []
+    for case in panel.cases.values():
+        cells = _by(case.cells, "engine")
+        summaries = [
+            summarise(cells.get((engine,), []), by_cell.get((case.id, engine), [])) for engine in panel.engines
+        ]
+        worst = max((s.ratio for s in summaries if s and s.worst), default=-1.0)
+        matrix.append((worst, case, summaries))
+    matrix.sort(key=lambda item: -item[0])
+    return env.get_template("index.html").render(
+        root="",
+        engines=panel.engines,
+        cases=panel.cases,
+        matrix=[(case, summaries) for _, case, summaries in matrix],
+        open_rows=rows,
+        gap_rows=gaps,
+        unfinished=panel.unfinished(),
+        n_failed=sum(row["ratio"] > 1.0 for row in rows),
+        n_rated=len(rows),
+        fine=not panel.unfinished() and all(row["ratio"] <= 1.0 for row in rows),
+        contradicted=[claim for claim in _claims(panel, _all_claims(panel)) if claim["verdict"] == "contradicted"],
+        n_claims=len(_all_claims(panel)),
+        provenance=provenance(panel.stored.runs[0]) if panel.stored.runs else [],
+        runs=[_run(run) for run in panel.stored.runs],
+        outdated=panel.stored.outdated,
+    )
+
+
+def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, Any]) -> str:
+    """A case; ``drawn`` holds its figures and difference tables, as `CaseDrawing.values` gives them."""
+    rated = worst_first(row for row in case.measurements if row["ratio"] == row["ratio"])
+    rows = [row for row in rated if row["status"] not in ("known-gap", "gap-closed")]
+    explained = [row for row in case.measurements if row["status"] in ("known-gap", "gap-closed")]
+    unrated = [row for row in case.measurements if row["ratio"] != row["ratio"] and row not in explained]
+    cells, measured = _by(case.cells, "engine"), _by(case.measurements, "engine")
+    summaries = [
+        (panel.engines[key[0]], summary)
+        for key, group in cells.items()
+        if (summary := summarise(group, measured.get(key, []))) is not None
+    ]
+    return env.get_template("case.html").render(
+        root="../",
+        case=case,
+        cases=panel.cases,
+        engines=panel.engines,
+        worst=rows[0] if rows else None,
+        fine=bool(rows) and rows[0]["ratio"] <= 1.0,
+        summaries=sorted(summaries, key=lambda item: -item[1].ratio if item[1].worst else 1.0),
+        rows=rows,
+        gaps=worst_first(explained),
+        unrated=unrated,
+        shown=SHOWN,
+        open_groups=OPEN_GROUPS,
+        claims=_claims(panel, case.claims),
+        cell_groups=[(panel.engines[key[0]], cell_groups(group)) for key, group in cells.items()],
+        **drawn,
+    )
+
+
+def engine_page(env: Environment, panel: Panel, engine: EngineFacts) -> str:
+    """An engine."""
+    measured = _by([row for row in panel.measurements if row["engine"] == engine.id], "case", "variant")
+    lines, groups = [], []
+    for case in panel.cases.values():
+        cells = [cell for cell in case.cells if cell["engine"] == engine.id]
+        if cells:
+            groups.append((case, cell_groups(cells)))
+        for cell in cells:
+            lines.append((case, cell, summarise([cell], measured.get((case.id, cell["variant"]), []))))
+    lines.sort(key=lambda line: -line[2].ratio if line[2] and line[2].worst else 1.0)
+    return env.get_template("engine.html").render(root="../", engine=engine, lines=lines, cell_groups=groups)
+
+
+def cell_groups(cells: list[Row]) -> list[CellGroup]:
+    """Cells joined where status, support, reason, notes and settings agree."""
+    columns = ("status", "support", "reason", "missing", "notes", "settings")
+    return [
+        CellGroup(
+            status=key[0],
+            support=key[1],
+            reason=key[2],
+            missing=[str(item) for item in text.decoded(key[3], list)],
+            notes=[str(item) for item in text.decoded(key[4], list)],
+            settings={str(k): _plain(v) for k, v in text.decoded(key[5], dict).items()},
+            cells=members,
+        )
+        for key, members in _by(cells, *columns).items()
+    ]
+
+
+def provenance(run: Row) -> list[tuple[str, str]]:
+    """Date, command and every recorded fact of the newest run."""
+    facts = run["provenance"] if isinstance(run["provenance"], dict) else {"provenance": run["provenance"]}
+    known = [("date", _plain(run["started"])), ("command", _run(run)["argv"])]
+    return known + [(str(name), _plain(value)) for name, value in facts.items() if value not in ("", None)]
+
+
+def _run(run: Row) -> Row:
+    facts = run["provenance"] if isinstance(run["provenance"], dict) else {}
+    argv = run["argv"] if isinstance(run["argv"], list) else [run["argv"]]
+    return {**run, "commit": str(facts.get("commit") or "")[:19], "argv": " ".join(str(word) for word in argv)}
+
+
+def _all_claims(panel: Panel) -> list[Row]:
+    return [claim for case in panel.cases.values() for claim in case.claims]
+
+
+def _claims(panel: Panel, claims: list[Row]) -> list[Row]:
+    """Claims joined over the engines of one verdict, contradicted ones first."""
+    order = {"contradicted": 0, "undecided": 1, "confirmed": 2}
+    joined = []
+    for key, rows in _by(claims, "claim", "case", "verdict").items():
+        names = [panel.engines[row["engine"]].name if row["engine"] in panel.engines else row["engine"] for row in rows]
+        evidence = dict.fromkeys(row["evidence"] for row in rows if row["evidence"])
+        if len(evidence) > 1:
+            evidence = dict.fromkeys(
+                f"{name}: {row['evidence']}" for name, row in zip(names, rows, strict=True) if row["evidence"]
+            )
+        engines = [name for name in dict.fromkeys(names) if name]
+        joined.append({**rows[0], "verdict": key[2], "engines": engines, "evidence": list(evidence)})
+    return sorted(joined, key=lambda claim: (order.get(claim["verdict"], 1), claim["case"], claim["claim"]))
+
+
+def _by(rows: Iterable[Row], *columns: str) -> dict[tuple[str, ...], list[Row]]:
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[column] for column in columns), []).append(row)
+    return groups
+
+
+def _variant(name: str) -> Markup:
+    """A variant's id that may wrap after its commas, numbers cut to four digits."""
+    parts = [re.sub(r"(?<==)-?\d+\.\d{5,}$", lambda m: f"{float(m[0]):.4g}", part) for part in name.split(",")]
+    return Markup(",<wbr>").join(parts)
+
+
+def _plain(value: Any) -> str:
+    """A recorded fact on one line."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_plain(item)}" for name, item in value.items())
+    if isinstance(value, list):
+        return ", ".join(_plain(item) for item in value)
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)

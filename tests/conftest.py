@@ -1,0 +1,3 @@
+"""Options and fixtures for the whole test tree."""
+
+pytest_plugins = ["ninedisk.harness.pytest_plugin", "pytester"]

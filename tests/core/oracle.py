@@ -1,0 +1,251 @@
+"""A slow twin of the central-difference DEM, written from the formulas and not from the kernels.
+
+All pairs are visited, vectors are explicit, shear forces live in a dictionary, walls are functions of time. One cycle:
+positions of disks and walls at ``t_n``, forces at ``t_n``, velocities at ``t_{n+1/2}``, positions at ``t_{n+1}``.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from math import cos, hypot, sin, sqrt, tan
+
+import numpy as np
+
+from ninedisk.core.history import History
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
+
+Vector = np.ndarray
+
+
+def turn(angle: float, vector: Vector) -> Vector:
+    """Rotate a vector counter-clockwise."""
+    return np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]]) @ vector
+
+
+def cross(a: Vector, b: Vector) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+def left(n: Vector) -> Vector:
+    """The tangent t = (-n_y, n_x)."""
+    return np.array([-n[1], n[0]])
+
+
+@dataclass
+class WallState:
+    """A wall at one time: a point of its surface, normal, pivot, velocity of the pivot, rotation rate."""
+
+    point: Vector
+    normal: Vector
+    pivot: Vector
+    pivot_velocity: Vector
+    spin: float
+
+    def velocity(self, q: Vector) -> Vector:
+        return self.pivot_velocity + self.spin * left(q - self.pivot)
+
+
+def wall_at(wall: Wall, t: float, segment_of: float | None = None) -> WallState:
+    """Exact state at time ``t``.
+
+    The segment is the one that holds at the time ``segment_of`` (default: ``t``); where one ends and the next begins, it
+    is the later one.
+    """
+    holds = t if segment_of is None else segment_of
+    point, normal, begin = np.array(wall.point), np.array(wall.normal), 0.0
+    for segment in (*wall.motion, WallSegment()):
+        pivot = np.array(segment.pivot) if segment.pivot is not None else point
+        if holds < begin + segment.duration:
+            return _moved(segment, point, normal, pivot, t - begin)
+        end = _moved(segment, point, normal, pivot, segment.duration)
+        point, normal, begin = end.point, end.normal, begin + segment.duration
+    raise AssertionError("the closing segment of rest is endless")
+
+
+def _moved(segment: WallSegment, point: Vector, normal: Vector, pivot: Vector, tau: float) -> WallState:
+    phase = segment.frequency * tau + segment.phase
+    shift = np.array(segment.velocity) * tau
+    shift = shift + np.array(segment.amplitude) * (sin(phase) - sin(segment.phase))
+    shift = shift + np.array(segment.tan_lever) * tan(segment.tan_rate * tau)
+    rate = np.array(segment.velocity) + np.array(segment.amplitude) * segment.frequency * cos(phase)
+    rate = rate + np.array(segment.tan_lever) * segment.tan_rate / cos(segment.tan_rate * tau) ** 2
+    angle = segment.angular_velocity * tau
+    return WallState(
+        point=pivot + shift + turn(angle, point - pivot),
+        normal=turn(angle, normal),
+        pivot=pivot + shift,
+        pivot_velocity=rate,
+        spin=segment.angular_velocity,
+    )
+
+
+class Oracle:
+    """State of a run; `run` gives back a `History` with every pair watched.
+
+    ``events`` counts what happened to contacts: ``close, open, stick, slip, no-tension``.
+    """
+
+    def __init__(self, scene: Scene, numerics: Numerics) -> None:
+        assert numerics.contact_dt is not None
+        self.scene, self.numerics, self.dt = scene, numerics, numerics.contact_dt
+        self.n_disks = len(scene.disks)
+        self.x, self.v, self.omega = (np.array(getattr(scene.disks, name)) for name in ("x", "v", "omega"))
+        self.v_before = self.v.copy()
+        self.angle = np.zeros(self.n_disks)
+        self.shear = dict(scene.initial_shear)
+        self.normal: dict[tuple[int, int], float] = {}
+        self.gap: dict[tuple[int, int], float] = {}
+        self.step, self.wall_work = 0, 0.0
+        self.loads_before: list[tuple[Vector, float]] = []
+        self.events: Counter[str] = Counter()
+        self.pairs = [(i, j) for i in range(self.n_disks) for j in range(i + 1, scene.n_bodies)]
+
+    def place(self) -> None:
+        """Walls at ``t_n``; their velocities are those of the middle of the step that ends there, about the pivot at ``t_n``."""
+        t, middle = self.step * self.dt, max(self.step - 0.5, 0.0) * self.dt
+        self.walls = []
+        for wall in self.scene.walls:
+            pose, mean, about = wall_at(wall, t), wall_at(wall, middle), wall_at(wall, t, segment_of=middle)
+            self.walls.append(WallState(pose.point, pose.normal, about.pivot, mean.pivot_velocity, mean.spin))
+
+    def find_forces(self) -> None:
+        """Forces, torques and wall loads at ``t_n``."""
+        self.place()
+        self.force, self.torque = np.zeros((self.n_disks, 2)), np.zeros(self.n_disks)
+        self.loads = [(np.zeros(2), 0.0) for _ in self.walls]
+        for pair in self.pairs:
+            if pair[1] < self.n_disks:
+                self._disk_disk(*pair)
+            else:
+                self._disk_wall(*pair)
+        for state, before, now in zip(self.walls, self.loads_before, self.loads, strict=False):
+            force, torque = 0.5 * (before[0] + now[0]), 0.5 * (before[1] + now[1])
+            power = force @ state.pivot_velocity + (torque - cross(state.pivot, force)) * state.spin
+            self.wall_work -= self.dt * power
+        self.loads_before = self.loads
+
+    def seen(self, i: int) -> Vector:
+        """Velocity of a disk that dashpots see: v_n extrapolated from the last two half steps, or v_{n-1/2}."""
+        if self.step == 0 or self.numerics.damping_form == "lagged":
+            return self.v[i]
+        change = self.v[i] - self.v_before[i]
+        return self.v[i] + (change if self.step == 1 else 0.5 * change)
+
+    def _disk_disk(self, i: int, j: int) -> None:
+        radius, mass = self.scene.disks.radius, self.scene.disks.mass
+        between = self.x[j] - self.x[i]
+        distance = hypot(*between)
+        n = between / distance
+        overlap = radius[i] + radius[j] - distance
+        law = self.scene.disk_disk
+        shorter = 0.5 * overlap if law.lever_arm == "overlap" else 0.0
+        arm_i, arm_j = radius[i] - shorter, radius[j] - shorter
+        at_i = self.v[i] + self.omega[i] * arm_i * left(n)
+        at_j = self.v[j] + self.omega[j] * arm_j * left(-n)
+        m_eff = 1.0 / (1.0 / mass[i] + 1.0 / mass[j])
+        closing = (self.seen(i) - self.seen(j)) @ n
+        if not self._contact((i, j), law, overlap, closing, (at_i - at_j) @ left(n), m_eff):
+            return
+        on_i = -self.normal[i, j] * n + self.shear[i, j] * left(n)
+        self.force[i] += on_i
+        self.force[j] -= on_i
+        self.torque[i] += arm_i * cross(n, on_i)
+        self.torque[j] += arm_j * cross(-n, -on_i)
+
+    def _disk_wall(self, i: int, body: int) -> None:
+        wall, law = self.walls[body - self.n_disks], self.scene.walls[body - self.n_disks].law
+        radius = self.scene.disks.radius[i]
+        height = (self.x[i] - wall.point) @ wall.normal
+        overlap = radius - height
+        n = -wall.normal
+        foot = self.x[i] + height * n
+        q = foot + 0.5 * overlap * n if law.wall_velocity_at == "mid-overlap" else foot
+        arm = radius - (0.5 * overlap if law.lever_arm == "overlap" else 0.0)
+        at_disk = self.v[i] + self.omega[i] * arm * left(n)
+        closing = (self.seen(i) - wall.velocity(q)) @ n
+        slip = (at_disk - wall.velocity(q)) @ left(n)
+        if not self._contact((i, body), law, overlap, closing, slip, float(self.scene.disks.mass[i])):
+            return
+        on_i = -self.normal[i, body] * n + self.shear[i, body] * left(n)
+        self.force[i] += on_i
+        self.torque[i] += arm * cross(n, on_i)
+        load, torque = self.loads[body - self.n_disks]
+        self.loads[body - self.n_disks] = (load - on_i, torque - cross(foot, on_i))
+
+    def _contact(
+        self, pair: tuple[int, int], law: ContactLaw, overlap: float, closing: float, slip: float, m_eff: float
+    ) -> bool:
+        """Update ``normal``, ``shear`` and ``gap`` of a pair; False if it is open."""
+        was_closed = self.normal.get(pair, 0.0) > 0.0
+        self.gap[pair], self.normal[pair] = -overlap, 0.0
+        if overlap <= 0.0:
+            self.shear[pair] = 0.0
+            self.events["open"] += was_closed
+            return False
+        self.events["close"] += not was_closed and self.step > 0
+        fn = law.kn * overlap + 2.0 * law.beta * sqrt(m_eff * law.kn) * closing
+        self.events["no-tension"] += fn < 0.0
+        self.normal[pair] = fn = max(fn, 0.0)
+        trial = self.shear.get(pair, 0.0) - (law.ks * slip * self.dt if self.step > 0 else 0.0)
+        cap = law.mu * fn
+        self.shear[pair] = float(np.clip(trial, -cap, cap))
+        if cap > 0.0 and law.ks > 0.0:
+            self.events["slip" if abs(trial) > cap else "stick"] += 1
+        return True
+
+    def kicked(self, old: Vector, acceleration: Vector) -> Vector:
+        """Velocity half a step later than ``t_n`` from the one before (from ``v_0`` at the start)."""
+        xi, dt = self.scene.xi, self.dt
+        if self.step == 0:
+            return old + 0.5 * dt * (acceleration - xi * old)
+        if self.numerics.damping_form == "central":
+            return ((1.0 - 0.5 * xi * dt) * old + dt * acceleration) / (1.0 + 0.5 * xi * dt)
+        return old + dt * (acceleration - xi * old)
+
+    def new_velocities(self) -> tuple[Vector, Vector]:
+        disks = self.scene.disks
+        v = self.kicked(self.v, self.force / disks.mass[:, None] + np.array(self.scene.gravity))
+        omega = np.where(disks.rotating, self.kicked(self.omega, self.torque / disks.inertia), self.omega)
+        return v, omega
+
+    def move(self) -> None:
+        """To ``t_{n+1}``."""
+        v, omega = self.new_velocities()
+        self.v_before, self.v, self.omega = self.v, v, omega
+        self.x, self.angle = self.x + self.dt * v, self.angle + self.dt * omega
+        self.step += 1
+
+    def run(self) -> History:
+        """Run ``n_steps`` contact steps and record all of them."""
+        count = self.numerics.n_steps
+        steps = np.arange(count + 1)
+        names = ("kinetic", "elastic", "gravity", "wall_work")
+        history = History.empty(
+            steps, steps * self.dt, n_disks=self.n_disks, n_walls=len(self.scene.walls), pairs=tuple(self.pairs), energies=names
+        )
+        for row in range(count + 1):
+            self.find_forces()
+            self._record(history, row)
+            self.move()
+        return history
+
+    def _record(self, h: History, row: int) -> None:
+        disks = self.scene.disks
+        v, omega = (self.v, self.omega) if row == 0 else (0.5 * (a + b) for a, b in zip((self.v, self.omega), self.new_velocities(), strict=True))
+        h.x[row], h.v[row], h.angle[row], h.omega[row] = self.x, v, self.angle, omega
+        elastic = 0.0
+        for c, pair in enumerate(self.pairs):
+            h.gap[row, c], h.fn[row, c], h.fs[row, c] = self.gap[pair], self.normal[pair], self.shear[pair]
+            law = self.scene.law(pair)
+            elastic += 0.5 * law.kn * max(-self.gap[pair], 0.0) ** 2
+            elastic += 0.5 * self.shear[pair] ** 2 / law.ks if law.ks > 0.0 else 0.0
+        for w, (wall, (load, _)) in enumerate(zip(self.walls, self.loads, strict=True)):
+            h.wall_point[row, w], h.wall_force[row, w] = wall.point, load
+            h.wall_angle[row, w] = np.arctan2(wall.normal[1], wall.normal[0])
+        h.energy["kinetic"][row] = 0.5 * np.sum(disks.mass * np.sum(v**2, axis=1))
+        h.energy["kinetic"][row] += 0.5 * np.sum((disks.inertia * omega**2)[disks.rotating])
+        h.energy["elastic"][row] = elastic
+        h.energy["gravity"][row] = -np.sum(disks.mass * (self.x @ np.array(self.scene.gravity)))
+        h.energy["wall_work"][row] = self.wall_work

@@ -1,0 +1,146 @@
+"""Which module may import what: our own packages by import-linter, third parties by the lists below."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+# First match wins. The core is meant to run where only a compiler of kernels exists; sparse algebra serves contact
+# dynamics alone, and factorisations one module of it.
+THIRD_PARTIES = (
+    (r"ninedisk\.core\.cd\.factorise", {"numpy", "numba", "scipy.sparse", "qdldl", "pypardiso"}),
+    (r"ninedisk\.core\.cd(\..+)?", {"numpy", "numba", "scipy.sparse"}),
+    (r"ninedisk\.core(\..+)?", {"numpy", "numba"}),
+)
+# A kernel works on arrays and numbers. Besides other kernels it may use modules that lay arrays out, as long as these
+# import no more than a kernel may; the layer that checks and converts is out of reach.
+KERNELS = re.compile(r"ninedisk\.core\..*kernel[^.]*")
+KERNELS_MAY_IMPORT = {"__future__", "math", "typing", "collections.abc", "numpy", "numba", "ninedisk.core._cache"}
+PUBLIC_LAYER = {f"ninedisk.core.{name}" for name in ("scene", "numerics", "history", "errors", "simulate")}
+
+
+def imported(path: Path) -> set[str]:
+    """Dotted names that a module imports, at its top or in a function; ``from a.b import c`` counts as ``a.b.c``."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return names
+
+
+def within(name: str, packages: set[str]) -> bool:
+    return any(name == package or name.startswith(f"{package}.") for package in packages)
+
+
+def foreign(module: str, names: set[str]) -> set[str]:
+    """Names among ``names`` that are third parties ``module`` may not import."""
+    ours = {"ninedisk", *sys.stdlib_module_names}
+    allowed = next((allowed for rule, allowed in THIRD_PARTIES if re.fullmatch(rule, module)), None)
+    return set() if allowed is None else {name for name in names if not within(name, ours | allowed)}
+
+
+def test_the_core_imports_only_its_third_parties(sources: dict[str, Path]) -> None:
+    found = {module: foreign(module, imported(path)) for module, path in sources.items()}
+    assert {module: names for module, names in found.items() if names} == {}
+
+
+def beyond_kernels(sources: dict[str, Path]) -> set[str]:
+    """Imports, as "module -> name", of kernels and of all that they reach, that no kernel may have."""
+    waiting = [module for module in sources if KERNELS.fullmatch(module)]
+    seen, wrong = set(waiting), set()
+    while waiting:
+        module = waiting.pop()
+        for name in imported(sources[module]):
+            if within(name, KERNELS_MAY_IMPORT):
+                continue
+            target = next((m for m in (name, name.rpartition(".")[0]) if m in sources), None)
+            if target is None or target in PUBLIC_LAYER:
+                wrong.add(f"{module} -> {name}")
+            elif target not in seen:
+                seen.add(target)
+                waiting.append(target)
+    return wrong
+
+
+def test_kernels_reach_only_arrays_the_compiler_and_kernels(sources: dict[str, Path]) -> None:
+    assert any(KERNELS.fullmatch(module) for module in sources), "no module of kernels: has their naming changed?"
+    assert beyond_kernels(sources) == set()
+
+
+@pytest.mark.parametrize(
+    ("layout", "wrong"),
+    [
+        ("from numpy.typing import NDArray", set()),
+        ("import scipy", {"ninedisk.core.layout -> scipy"}),
+        ("from ninedisk.core.scene import Scene", {"ninedisk.core.layout -> ninedisk.core.scene.Scene"}),
+    ],
+)
+def test_a_kernel_is_answerable_for_what_it_reaches(tmp_path: Path, layout: str, wrong: set[str]) -> None:
+    (tmp_path / "a_kernels.py").write_text("from ninedisk.core.layout import Arrays")
+    (tmp_path / "layout.py").write_text(layout)
+    planted = {f"ninedisk.core.{path.stem}": path for path in tmp_path.iterdir()}
+    assert beyond_kernels({**planted, "ninedisk.core.scene": tmp_path / "scene.py"}) == wrong
+
+
+def test_yade_is_imported_by_its_drivers_only(sources: dict[str, Path]) -> None:
+    """A GPL engine is never loaded into our process."""
+    users = [module for module, path in sources.items() if within("yade", imported(path)) and ".drivers." not in module]
+    assert users == []
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "refused"),
+    [
+        ("ninedisk.core.dem.step", "scipy.sparse.csc_array", True),
+        ("ninedisk.core.dem.step", "numpy.linalg.norm", False),
+        ("ninedisk.core.cd.problem", "scipy.sparse.csc_array", False),
+        ("ninedisk.core.cd.problem", "scipy.optimize.root", True),
+        ("ninedisk.core.cd.problem", "qdldl", True),
+        ("ninedisk.core.cd.factorise", "qdldl.Solver", False),
+        ("ninedisk.core.cdx", "scipy.sparse", True),
+        ("ninedisk.harness.store", "pandas", False),
+    ],
+)
+def test_the_rules_tell_right_from_wrong(module: str, name: str, refused: bool) -> None:
+    assert bool(foreign(module, {name})) is refused
+
+
+def linked(folder: Path, sources: dict[str, Path]) -> Path:
+    """A folder of links to the installed sources in the shape of one package, which import-linter can read."""
+    for module, path in sources.items():
+        name = module.replace(".", "/") + ("/__init__.py" if path.name == "__init__.py" else ".py")
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).symlink_to(path)
+    return folder
+
+
+def lint_imports(root: Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run import-linter with the project's contracts on the package in ``folder``."""
+    call = "from importlinter.cli import lint_imports_command; lint_imports_command()"
+    command = [sys.executable, "-P", "-c", call, "--no-cache", "--config", str(root / "pyproject.toml")]
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
+
+
+def test_our_packages_depend_one_way(root: Path, sources: dict[str, Path], tmp_path: Path) -> None:
+    pytest.importorskip("importlinter", reason="import-linter comes with the extra `dev`")
+    done = lint_imports(root, linked(tmp_path, sources))
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_an_import_against_the_direction_is_found(root: Path, sources: dict[str, Path], tmp_path: Path) -> None:
+    pytest.importorskip("importlinter", reason="import-linter comes with the extra `dev`")
+    planted = tmp_path / "planted.py"
+    planted.write_text("from ninedisk.harness import case\n")
+    done = lint_imports(root, linked(tmp_path / "packages", {**sources, "ninedisk.core.planted": planted}))
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "ninedisk.core.planted -> ninedisk.harness.case" in done.stdout

@@ -1,0 +1,66 @@
+"""`make report`: the page is built whatever the checks say, and the exit status tells findings from breakdowns."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+pytestmark = pytest.mark.tree
+
+
+@pytest.fixture
+def job(root: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("main_job", root / "tools" / "main_job.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("run", "page", "status", "said"),
+    [
+        (0, 0, 0, "Measurements: 2 pass, 1 fail"),
+        (1, 0, 0, "Some checks fail"),
+        (3, 0, 3, "exit code 3"),
+        (0, 2, 2, "not built"),
+        (3, 2, 3, "not built"),
+    ],
+)
+def test_exit_status(
+    job: ModuleType,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    run: int,
+    page: int,
+    status: int,
+    said: str,
+) -> None:
+    calls = []
+
+    def ninedisk(*arguments: str) -> int:
+        calls.append(arguments[0])
+        if arguments[0] == "report":
+            return page
+        rows = [{"status": "pass"}, {"status": "fail"}, {"status": "pass"}]
+        Path(arguments[arguments.index("--json") + 1]).write_text(json.dumps(rows))
+        return run
+
+    monkeypatch.setattr(job, "ninedisk", ninedisk)
+    monkeypatch.setattr(sys, "argv", ["main_job.py", "--out", str(tmp_path / "page")])
+    assert job.main() == status
+    assert calls == ["run", "report"]
+    out = capsys.readouterr().out
+    assert said in out
+    assert (str(tmp_path / "page" / "index.html") in out) is (page == 0)
+
+
+def test_a_run_without_rows_is_said_to_be_one(job: ModuleType, tmp_path: Path) -> None:
+    assert job.summary(tmp_path / "absent.json") == "no measurements"

@@ -1,0 +1,93 @@
+"""What the README shows works as it stands, and what it lists is what there is."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ninedisk.harness import records
+
+pytestmark = pytest.mark.tree
+README = Path(__file__).resolve().parents[2] / "README.md"
+
+
+def blocks(language: str) -> list[str]:
+    if not README.exists():  # against a wheel; the tests are deselected there, but parametrised all the same
+        return []
+    return re.findall(rf"^```{language}\n(.*?)^```", README.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+def table(header: str) -> list[list[str]]:
+    """Cells of the rows of the table that begins with ``header``."""
+    lines = README.read_text(encoding="utf-8").splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith(f"| {header} |"))
+    rows = []
+    for line in lines[first + 2 :]:
+        if not line.startswith("|"):
+            break
+        rows.append([cell.strip() for cell in line.strip("|").split("|")])
+    return rows
+
+
+def first_line(code: str) -> str:
+    return code.splitlines()[0]
+
+
+@pytest.mark.parametrize("code", blocks("python"), ids=first_line)
+def test_python_examples_run(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "README.md", "exec"), {"__name__": "readme"})
+    assert list(tmp_path.iterdir()) == [], "an example leaves files behind"
+
+
+def test_the_example_of_a_digitised_curve_is_read(tmp_path: Path) -> None:
+    from ninedisk.references.published_curves import load_curves
+
+    (example,) = (code for code in blocks("toml") if code.startswith("case ="))
+    (tmp_path / "name.toml").write_text(example, encoding="utf-8")
+    (tmp_path / "name.csv").write_text("step,force\n0,0\n100,4.9e7\n")
+    (curve,) = load_curves(tmp_path)
+    assert curve.applies_to("nine-disk/compression", {"load_case": "a1", "xi": 3.0})
+
+
+def test_both_entries_have_an_example() -> None:
+    code = "\n".join(blocks("python"))
+    assert "run_case(" in code
+    assert "simulate(" in code
+
+
+def test_statuses_are_those_of_the_records() -> None:
+    """The exit codes are excused, failed or broken down, as `records.EXCUSED` has it."""
+    rows = {status.strip("`"): int(code) for status, _, code in table("status")}
+    assert set(rows) == set(records.STATUSES)
+    assert {status for status, code in rows.items() if code == 0} == records.EXCUSED
+
+
+@pytest.mark.parametrize("command", ["list", "run", "report"])
+def test_options_exist(command: str) -> None:
+    used = [row[0] for row in table("command") if row[0].startswith(f"`ninedisk {command}")]
+    options = set(re.findall(r"--[a-z]+", " ".join(used)))
+    done = subprocess.run(
+        [sys.executable, "-m", "ninedisk", command, "--help"], capture_output=True, text=True, timeout=60
+    )
+    assert used
+    assert done.returncode == 0, done.stderr
+    assert options <= set(re.findall(r"--[a-z]+", done.stdout))
+
+
+def test_make_targets_exist(root: Path) -> None:
+    prose = re.sub(r"^```.*?^```", "", README.read_text(), flags=re.DOTALL | re.MULTILINE)
+    shown = set(re.findall(r"`make ([a-z]+)", prose))
+    shown |= set(re.findall(r"^\$ make ([a-z]+)", "\n".join(blocks("console")), re.MULTILINE))
+    targets = set(re.findall(r"^([a-z]+):", (root / "Makefile").read_text(), re.MULTILINE))
+    assert {"report", "test", "engines"} <= shown <= targets
+
+
+def test_files_that_it_links_to_exist(root: Path) -> None:
+    links = re.findall(r"\]\(([^)#]+)", README.read_text())
+    assert links
+    assert [link for link in links if "://" not in link and not (root / link).exists()] == []

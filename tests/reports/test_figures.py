@@ -1,0 +1,156 @@
+"""Plans and pictures: which variants a figure takes, which limits and points a panel has."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ninedisk.reports import draw_history, plans
+from ninedisk.reports.configurations import case_configurations
+from ninedisk.reports.draw_history import error_limits, round_off, thin, value_limits
+from ninedisk.reports.drawing import CaseDrawing
+from ninedisk.reports.figures import case_figures, looks_of
+from ninedisk.reports.load import load_store
+from ninedisk.reports.panel import build_panel
+from ninedisk.reports.render import Job, render
+from ninedisk.reports.scene_view import read_scene
+
+FIGURES = {f"A.{k}" for k in (2, 3, 4, *range(6, 14), *range(17, 27))} | {"A.5 (a)", "A.5 (b)"}
+
+
+def test_plans_cover_every_figure_of_the_source():
+    numbers = set()
+    for case_plans in plans.PLANS.values():
+        for plan in case_plans:
+            numbers |= {quantity.number for quantity in plan.quantities} if "–" in plan.number else {plan.number}
+    assert numbers - {""} == FIGURES
+
+
+def test_every_plan_says_what_is_seen_and_concluded():
+    for plan in [plan for some in plans.PLANS.values() for plan in some]:
+        assert plan.title
+        assert plan.shows.endswith(".")
+        assert plan.allows.endswith(".")
+
+
+def test_plans_match_numbers_by_value_and_words_exactly():
+    plan = plans.PLANS["nine-disk/distortion"][1]
+    assert plan.matches({"phi_deg": 15.0, "ks_over_kn": 0.6667})
+    assert not plan.matches({"phi_deg": 15.0, "ks_over_kn": 0.7})
+    assert not plan.matches({"phi_deg": "15", "ks_over_kn": 1.0})
+    elastic = plans.PLANS["binary-collision"][0]
+    assert elastic.matches({"kind": "elastic", "restitution": None})
+    assert not elastic.matches({"kind": "elastic", "restitution": 0.5})
+
+
+def test_figures_of_the_panel(panel_store):
+    panel = build_panel(load_store(panel_store))
+    blocks = case_figures(panel, panel.cases["nine-disk/compression"])
+    assert [block.plan.number for block in blocks] == ["A.2", "A.3", ""]
+    smooth = blocks[0].groups[0]
+    assert (smooth.heading, smooth.columns, len(smooth.panels)) == ("wall_mu = 0", 2, 8)
+    assert [panel.picture.title for panel in smooth.panels[:2]] == [
+        "Fn disk–disk, centre row, xi = 3",
+        "Fn disk–disk, centre row, xi = 0",
+    ]
+    left, right = (shown.picture for shown in smooth.panels[:2])
+    assert left.y_limits == right.y_limits
+    assert left.error_limits == right.error_limits
+    assert len(left.lines) == 4
+    assert len(left.references) == 1
+
+
+def test_variants_that_no_plan_takes_are_shown_too(tmp_path, write, small):
+    write(tmp_path, "a", small(case="incline-block"))
+    panel = build_panel(load_store(tmp_path))
+    (block,) = case_figures(panel, panel.cases["incline-block"])
+    assert block.plan.title == plans.GENERIC.title
+    assert block.groups[0].panels[0].picture.y_label == "x [m]"
+
+
+def test_runaway_does_not_flatten_the_others():
+    truth = np.array([0.0, 1.0])
+    low, high = value_limits([truth], [np.array([0.5, 1e9, np.inf, np.nan])])
+    assert -3.0 < low <= 0.0
+    assert 1.0 <= high < 4.0
+
+
+def test_round_off_is_no_signal():
+    low, high = value_limits([np.full(3, 2.0)], [2.0 + 1e-15 * np.arange(3)])
+    assert high - low > 0.1
+    assert value_limits([np.zeros(3)], [np.array([0.0, 1e-20, -1e-20])])[1] > 1e-13
+    assert value_limits([], [np.full(3, np.nan)]) == (-1.0, 1.0)
+
+
+def test_error_axis_holds_errors_and_tolerance():
+    floor = round_off([2.0], [])
+    assert floor == pytest.approx(4.44e-16, rel=1e-2)
+    low, high = error_limits([np.array([1e-9, np.nan])], [1e-3, np.nan], floor)
+    assert low < floor
+    assert high > 1e-3
+    assert error_limits([np.full(2, np.nan)], [1.0], floor) is None
+    assert round_off([0.0], [np.array([0.0, 1e-40, 1e-3])]) == pytest.approx(2.2e-19, rel=1e-2)
+
+
+def test_thinning_keeps_ends_and_extremes():
+    x = np.arange(5000.0)
+    y = np.sin(x / 300.0)
+    y[1234], y[4321] = 9.0, np.nan
+    keep = thin(x, y)
+    assert len(keep) <= draw_history.MOST_POINTS
+    assert {0, 1234, 4999} <= set(keep)
+    assert np.nanmin(y) in y[keep]
+    assert list(thin(np.arange(3.0), np.full(3, np.nan))) == [0, 1, 2]
+
+
+def test_configurations_begin_with_the_distortion(panel_store):
+    panel = build_panel(load_store(panel_store))
+    case = panel.cases["nine-disk/distortion"]
+    plan, groups = case_configurations(case, looks_of(panel, case).engines)
+    assert plan.number == "A.4"
+    assert len(groups) == 3
+    assert [picture.title for picture in groups[0][1]] == ["cycle 5000", "cycle 5500"]
+    assert len(groups[0][1][1].bodies) == 3
+
+
+def test_sketch_reads_every_motion_and_survives_nonsense(panel_store):
+    panel = build_panel(load_store(panel_store))
+    setup = json.loads(panel.cases["nine-disk/distortion"].cells[0]["setup"])
+    scene = read_scene(setup)
+    assert [wall.spin for wall in scene.walls] == [-0.0175, -0.0175, 0.0, 0.0]
+    assert scene.marks[0][0] == "fn_disk_disk_centre"
+    assert np.allclose(scene.marks[0][1], [100.0, 150.0])
+    assert np.allclose(scene.marks[2][1], [0.0, 150.0])
+    for nonsense in (
+        {},
+        {"scene": None},
+        {"scene": {"disks": {"x": "abc"}}},
+        {"scene": {"disks": {"x": [], "radius": []}}},
+    ):
+        assert read_scene(nonsense) is None
+
+
+def test_drawing_is_deterministic_in_any_number_of_processes(panel_store, tmp_path):
+    panel = build_panel(load_store(panel_store))
+    written = []
+    for workers in (1, 2):
+        folder = tmp_path / str(workers)
+        (folder / "figures").mkdir(parents=True)
+        jobs = CaseDrawing(panel, panel.cases["nine-disk/distortion"], folder).jobs
+        heard = []
+        render(
+            [Job(job.picture, job.path) for job in jobs[:14]],
+            lambda done, count, heard=heard: heard.append((done, count)),
+            workers,
+        )
+        assert heard[-1] == (14, 14)
+        written.append({path.name: path.read_bytes() for path in sorted(Path(folder, "figures").iterdir())})
+    assert written[0] == written[1]
+    for text in written[0].values():
+        assert b"<metadata>" not in text
+        assert b"prefers-color-scheme: dark" in text
+        assert not re.search(rb'(?:href|src)="(?!#)', text)

@@ -1,0 +1,103 @@
+"""The reader takes finished runs, the newest rows, and nothing that it does not understand."""
+
+from __future__ import annotations
+
+import json
+
+import pyarrow.parquet as pq
+import pytest
+
+from ninedisk.harness.records import SCHEMA_VERSION
+from ninedisk.reports.errors import ReportError
+from ninedisk.reports.load import load_store
+
+
+def test_newest_run_wins_cell_by_cell(tmp_path, write, small):
+    write(tmp_path, "z-old", small(value=1.0), started="2026-01-01T00:00:00+00:00")
+    write(tmp_path, "y-other", small(engine="yade", value=2.0), started="2026-01-01T12:00:00+00:00")
+    write(tmp_path, "a-new", small(value=3.0), started="2026-01-02T00:00:00+01:00")
+    stored = load_store(tmp_path)
+    assert {row["engine"]: row["value"] for row in stored.measurements} == {"dem": 3.0, "yade": 2.0}
+    assert [run["run_id"] for run in stored.runs] == ["a-new", "y-other"]
+    assert len(stored.cells) == 2
+    assert set(stored.series) == {("demo/one", "k=1", engine, "x") for engine in ("dem", "yade")}
+
+
+def test_started_is_compared_as_time_not_as_text(tmp_path, write, small):
+    write(tmp_path, "a", small(value=1.0), started="2026-01-01T23:30:00+00:00")
+    write(tmp_path, "b", small(value=2.0), started="2026-01-02T00:15:00+01:00")
+    assert load_store(tmp_path).measurements[0]["value"] == 1.0
+
+
+def test_unfinished_and_hidden_runs_are_ignored(tmp_path, write, small):
+    write(tmp_path, "a", small(value=1.0))
+    write(tmp_path, "b", small(value=2.0), started="2027-01-01T00:00:00+00:00", finished=False)
+    write(tmp_path, ".tmp-c", small(value=3.0), started="2027-01-01T00:00:00+00:00")
+    assert [row["value"] for row in load_store(tmp_path).measurements] == [1.0]
+
+
+def test_newer_schema_is_refused(tmp_path, write, small):
+    write(tmp_path, "a", small(), schema=SCHEMA_VERSION + 1)
+    with pytest.raises(ReportError, match=rf"schema version {SCHEMA_VERSION + 1}.*reads up to {SCHEMA_VERSION}"):
+        load_store(tmp_path)
+
+
+@pytest.mark.parametrize("make", [lambda _: None, lambda store: (store / "runs").mkdir()])
+def test_empty_store_is_an_error_that_names_the_way_out(tmp_path, make):
+    make(tmp_path)
+    with pytest.raises(ReportError, match="ninedisk run"):
+        load_store(tmp_path)
+
+
+def test_run_without_cells_is_an_error(tmp_path, write):
+    write(tmp_path, "a", {})
+    with pytest.raises(ReportError, match="no results"):
+        load_store(tmp_path)
+
+
+def test_damaged_files_are_named(tmp_path, write, small):
+    folder = write(tmp_path, "a", small())
+    (folder / "series.parquet").write_bytes(b"PAR1 nonsense")
+    with pytest.raises(ReportError, match=r"series\.parquet cannot be read"):
+        load_store(tmp_path)
+    (folder / "run.json").write_text("{")
+    with pytest.raises(ReportError, match=r"run\.json cannot be read"):
+        load_store(tmp_path)
+    (folder / "run.json").write_text(json.dumps({"run_id": "a"}))
+    with pytest.raises(ReportError, match="lacks schema_version"):
+        load_store(tmp_path)
+
+
+def test_older_case_version_is_left_out_and_said(tmp_path, write, small):
+    write(tmp_path, "a", small(engine="yade", case_version=1))
+    write(tmp_path, "b", small(engine="dem", case_version=2))
+    stored = load_store(tmp_path)
+    assert [cell["engine"] for cell in stored.cells] == ["dem"]
+    assert {row["engine"] for row in stored.measurements} == {key[2] for key in stored.series} == {"dem"}
+    assert stored.outdated == ["demo/one / k=1 on yade"]
+
+
+def test_columns_that_an_older_run_lacks_are_empty(tmp_path, write, small):
+    folder = write(tmp_path, "a", small())
+    table = pq.read_table(folder / "measurements.parquet").drop_columns(["why", "uncertainty"])
+    pq.write_table(table, folder / "measurements.parquet")
+    row = load_store(tmp_path).measurements[0]
+    assert row["why"] == ""
+    assert row["uncertainty"] is None
+
+
+def test_references_of_one_label_that_differ_stay_two_curves(tmp_path, write, small):
+    tables = small()
+    tables["references"] += [{**row, "value": 2.5} for row in tables["references"]]
+    write(tmp_path, "a", tables)
+    curves = load_store(tmp_path).references["demo/one", "k=1", "x"]
+    assert [set(curve.value) for curve in curves] == [{1.5}, {2.5}]
+
+
+def test_series_are_ordered_by_step(tmp_path, write, small):
+    tables = small()
+    tables["series"].reverse()
+    write(tmp_path, "a", tables)
+    curve = load_store(tmp_path).series["demo/one", "k=1", "dem", "x"]
+    assert list(curve.step) == [0, 1, 2, 3, 4]
+    assert curve.error[4] == pytest.approx(0.46)

@@ -1,0 +1,129 @@
+"""The whole panel's pages: links, order, weight, alternatives."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from ninedisk.reports.load import load_store
+from ninedisk.reports.panel import build_panel
+
+
+class Page(HTMLParser):
+    """Collects what the tests ask of a page."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.ids: set[str] = set()
+        self.images: list[dict[str, str | None]] = []
+        self.tags: set[str] = set()
+        self.attributes: set[str] = set()
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        held = dict(attrs)
+        self.tags.add(tag)
+        self.attributes |= set(held)
+        self.links += [held[name] for name in ("href", "src") if name in held]
+        if held.get("id"):
+            self.ids.add(held["id"])
+        if tag == "img":
+            self.images.append(held)
+
+
+@pytest.fixture(scope="module")
+def pages(panel_report):
+    return {path: Page(path) for path in panel_report.rglob("*.html")}
+
+
+def test_every_link_leads_to_a_file_of_the_report(panel_report, pages):
+    assert len(pages) == 1 + 6 + 6
+    for path, page in pages.items():
+        for link in page.links:
+            parts = urlsplit(link)
+            assert not parts.scheme, link
+            assert not parts.netloc, link
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            assert target.is_file(), (path, link)
+            assert target.is_relative_to(panel_report.resolve())
+            if parts.fragment:
+                assert parts.fragment in pages[target].ids, (path, link)
+
+
+def test_nothing_is_fetched_and_no_script_runs(panel_report, pages):
+    for page in pages.values():
+        assert "script" not in page.tags
+        assert not {name for name in page.attributes if name.startswith("on")}
+    for path in panel_report.rglob("*.css"):
+        assert not re.search(r"@import|url\(", path.read_text(encoding="utf-8"))
+
+
+def test_every_figure_is_used_and_has_a_text_alternative(panel_report, pages):
+    used = set()
+    for path, page in pages.items():
+        for image in page.images:
+            assert len(image["alt"]) > 20
+            assert int(image["width"]) > 100
+            assert int(image["height"]) > 100
+            used.add((path.parent / image["src"]).resolve())
+    assert used == {path.resolve() for path in (panel_report / "figures").iterdir()}
+
+
+def test_pages_are_light(panel_report):
+    assert (panel_report / "index.html").stat().st_size < 300_000
+    assert sum(path.stat().st_size for path in panel_report.rglob("*") if path.is_file()) < 15_000_000
+
+
+def test_overview_ranks_the_worst_first(panel_store, panel_report):
+    rows = build_panel(load_store(panel_store)).open_rows()
+    html = (panel_report / "index.html").read_text(encoding="utf-8")
+    table = html[html.index('id="worst"') : html.index('id="broken"')]
+    shown = re.findall(r'<td class="n \w+"><b>([^<]+)</b>', table)
+    assert len(shown) == 10
+    assert [float(value) for value in shown] == sorted((float(value) for value in shown), reverse=True)
+    assert f"{rows[0]['ratio']:.1e}" == shown[0]
+    headline = html[html.index("Worst error of the panel") : html.index('id="matrix"')]
+    assert shown[0] in headline
+    assert rows[0]["quantity"] in headline
+    cells = re.findall(r'class="size">([^<]+)<', html)
+    assert max(float(value) for value in cells if value != "—") == float(shown[0])
+
+
+def test_overview_shows_claims_gaps_breaks_and_provenance(panel_report):
+    html = (panel_report / "index.html").read_text(encoding="utf-8")
+    claims = html[html.index('id="claims"') : html.index('id="provenance"')]
+    assert claims.count("✗ contradicted") == 1
+    assert "ninedisk DEM, YADE" in claims
+    for words in (
+        "◷ timeout",
+        "‼ error",
+        "∅ not-installed",
+        "○ unsupported",
+        "△ known-gap",
+        "0123456789abcdef",
+        "a processor",
+    ):
+        assert words in html, words
+
+
+def test_case_page_orders_its_errors(panel_report):
+    html = (panel_report / "case" / "incline-block.html").read_text(encoding="utf-8")
+    errors = html[html.index('id="errors"') : html.index("Known gaps</h3>")]
+    shown = [float(value) for value in re.findall(r'<td class="n \w+"><b>([^<]+)</b>', errors)]
+    assert len(shown) > 30
+    assert shown == sorted(shown, reverse=True)
+    assert html.index("Figure A.17–A.21") < html.index("Figure A.22–A.26") < html.index('id="errors"')
+    assert "order of the scheme at this step" in html
+
+
+def test_difference_table_names_pairs_and_variants(panel_report):
+    html = (panel_report / "case" / "nine-disk-compression.html").read_text(encoding="utf-8")
+    table = html[html.index('id="differences"') : html.index('id="errors"')]
+    assert "Box2D – ninedisk DEM" in table
+    assert "LAMMPS – YADE" in table
+    assert "pymunk" not in table

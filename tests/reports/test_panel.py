@@ -1,0 +1,115 @@
+"""Ratings: error over tolerance, what counts as worst, names that are safe."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ninedisk.harness.records import STATUSES
+from ninedisk.reports import text
+from ninedisk.reports.curves import Curve, differences
+from ninedisk.reports.panel import error_ratio, summarise, worst_first, worst_status
+from ninedisk.reports.words import SHADES, STATUS_MEANING, STATUS_SYMBOL, shade
+
+
+def row(**changes):
+    base = {
+        "status": "pass",
+        "abs_error": 2.0,
+        "atol": 1.0,
+        "rtol": 0.1,
+        "scale": 10.0,
+        "engine": "e",
+        "variant": "v",
+        "quantity": "q",
+    }
+    made = {**base, **changes}
+    return {**made, "ratio": error_ratio(made)}
+
+
+@pytest.mark.parametrize(
+    ("changes", "ratio"),
+    [
+        ({}, 1.0),
+        ({"scale": math.nan}, 2.0),
+        ({"atol": 0.0, "rtol": 0.0}, math.inf),
+        ({"atol": 0.0, "rtol": 0.0, "abs_error": 0.0}, 0.0),
+        ({"status": "fail", "abs_error": math.nan}, math.inf),
+        ({"status": "pass", "abs_error": math.nan}, math.nan),
+        ({"status": "timeout", "abs_error": 0.0}, math.nan),
+        ({"status": "no-truth", "abs_error": None, "atol": None, "rtol": None, "scale": None}, math.nan),
+    ],
+)
+def test_error_over_tolerance(changes, ratio):
+    assert row(**changes)["ratio"] == pytest.approx(ratio, nan_ok=True)
+
+
+def test_worst_first():
+    rows = [row(abs_error=1.0), row(abs_error=math.nan), row(abs_error=9.0), row(status="fail", abs_error=math.nan)]
+    assert [r["ratio"] for r in worst_first(rows)] == pytest.approx([math.inf, 4.5, 0.5, math.nan], nan_ok=True)
+
+
+def test_known_gaps_do_not_hide_other_errors():
+    cell = {"status": "known-gap", "support": "exact"}
+    found = summarise([cell], [row(status="known-gap", abs_error=1e9), row(abs_error=3.0)])
+    assert found is not None
+    assert found.ratio == 1.5
+    assert found.gaps == 1
+
+
+def test_status_of_a_cell():
+    assert worst_status(["pass", "fail", "known-gap"]) == "fail"
+    assert worst_status(["pass", "unheard-of"]) == "unheard-of"
+    assert worst_status([]) == ""
+
+
+def test_every_status_has_a_symbol_of_its_own_and_a_meaning():
+    assert set(STATUS_SYMBOL) == set(STATUS_MEANING) == set(STATUSES)
+    assert len(set(STATUS_SYMBOL.values())) == len(STATUSES)
+
+
+def test_shades_bound_the_ratio():
+    assert [shade(most) for _, most, _ in SHADES] == [name for name, _, _ in SHADES]
+    assert shade(1.0000001) == "out1"
+    assert shade(math.nan) == "none"
+
+
+def test_numbers_as_text():
+    assert [text.error(x) for x in (1.23e-13, 0, None, math.nan, math.inf)] == ["1.2e-13", "0", "—", "—", "—"]
+    assert [text.ratio(x) for x in (0.5, 12345.0, 3e-9, math.inf, math.nan)] == ["0.5", "1.2e+04", "3.0e-09", "∞", "—"]
+    assert [text.seconds(x) for x in (2.0, 0.0123, 4e-6, math.nan)] == ["2 s", "12.3 ms", "4 µs", "—"]
+    assert text.number(-math.inf) == "—"
+
+
+def test_slugs_stay_in_their_folder_and_apart():
+    slugs = text.Slugs()
+    made = [
+        slugs(name)
+        for name in ("nine-disk/compression", "nine-disk compression", "../../etc/passwd", "", "Ω", "a" * 500)
+    ]
+    assert len(set(made)) == len(made)
+    assert all(set(slug) <= set("abcdefghijklmnopqrstuvwxyz0123456789-") and 0 < len(slug) < 80 for slug in made)
+    assert slugs("nine-disk/compression") == "nine-disk-compression"
+
+
+def test_damaged_json_is_empty():
+    assert text.decoded("{", dict) == {}
+    assert text.decoded("[1]", dict) == {}
+    assert text.decoded("", list) == []
+
+
+def curve(step, value):
+    values = np.array(value, dtype=float)
+    return Curve(
+        np.array(step, dtype=float), np.array(step, dtype=float), values, np.full(len(values), np.nan), "N", ""
+    )
+
+
+def test_difference_of_two_engines_uses_common_steps_and_ignores_nan():
+    one, two = curve([0, 1, 2, 3], [0.0, 4.0, np.nan, 9.0]), curve([1, 2, 3], [3.0, 5.0, -10.0])
+    assert differences(one, two) == pytest.approx(19.0 / 10.0)
+    assert differences(one, two) == differences(two, one)
+    assert math.isnan(differences(one, curve([7], [1.0])))
+    assert differences(curve([0], [0.0]), curve([0], [0.0])) == 0.0
