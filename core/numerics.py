@@ -20,6 +20,15 @@ _CHOICES = {
 }
 
 
+def _number(name: str, value: Any, *, optional: bool) -> float | None:
+    if value is None and optional:
+        return None
+    try:
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be a number") from error
+
+
 @dataclass(frozen=True, kw_only=True)
 class Numerics:
     """Time stepping and sampling.
@@ -70,13 +79,17 @@ class Numerics:
 
     def __post_init__(self) -> None:
         for name in ("dt", "contact_dt"):
-            value = getattr(self, name)
+            value = _number(name, getattr(self, name), optional=name == "contact_dt")
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be finite and > 0")
         for name, low in (("n_steps", 1), ("sample_every", 1), ("sample_from", 0), ("sample_until", 0)):
-            value = getattr(self, name)
-            if value is not None and (value != int(value) or value < low):
+            value = _number(name, getattr(self, name), optional=name == "sample_until")
+            if value is None:
+                continue
+            if not np.isfinite(value) or value != int(value) or value < low:
                 raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be a whole number >= {low}")
+            object.__setattr__(self, name, int(value))
+        _number("theta", self.theta, optional=False)
         if not 0.5 <= self.theta <= 1.0:
             raise InvalidNumericsError(f"theta = {self.theta!r} is not allowed: it must lie in [0.5, 1]")
         for name, choices in _CHOICES.items():

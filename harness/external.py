@@ -12,7 +12,15 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import capabilities_needed
-from ninedisk.harness.engine import EngineError, EngineInfo, EngineNotInstalledError, EngineRun, Support, SupportLevel, Timings
+from ninedisk.harness.engine import (
+    EngineError,
+    EngineInfo,
+    EngineNotInstalledError,
+    EngineRun,
+    Support,
+    SupportLevel,
+    Timings,
+)
 from ninedisk.harness.isolation import run_isolated
 from ninedisk.harness.wire import Request, decode_answer, encode_request
 
@@ -62,7 +70,9 @@ class ExternalEngine:
         """
         info = self.info()
         if not info.installed:
-            raise EngineNotInstalledError(f"{info.name} is not installed ({info.not_installed_because}): {info.install}")
+            raise EngineNotInstalledError(
+                f"{info.name} is not installed ({info.not_installed_because}): {info.install}"
+            )
         pairs = tuple(scene.check_pair(pair) for pair in watch)
         with tempfile.TemporaryDirectory(prefix=f"ninedisk-{self.id}-", ignore_cleanup_errors=True) as name:
             folder = Path(name)

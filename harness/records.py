@@ -24,7 +24,17 @@ STATUSES = (
 EXCUSED = frozenset({"pass", "unsupported", "not-installed", "known-gap", "no-truth", "gap-closed"})
 """Statuses that leave the exit code at 0."""
 
-WORST_FIRST = ("error", "timeout", "fail", "gap-closed", "known-gap", "no-truth", "unsupported", "not-installed", "pass")
+WORST_FIRST = (
+    "error",
+    "timeout",
+    "fail",
+    "gap-closed",
+    "known-gap",
+    "no-truth",
+    "unsupported",
+    "not-installed",
+    "pass",
+)
 """Order in which a cell's measurements decide its status: the first one present wins."""
 
 RUN_KEYS = ("run_id", "schema_version", "started", "finished", "provenance", "argv")

@@ -104,7 +104,9 @@ def decode_request(text: str) -> Request:
         If the scene or its numerics are not allowed.
     """
     data = _parse(text, "request")
-    expect_keys(data, ("wire_version", "scene", "numerics", "watch", "sampled_steps", "answer_file", "extra"), "request")
+    expect_keys(
+        data, ("wire_version", "scene", "numerics", "watch", "sampled_steps", "answer_file", "extra"), "request"
+    )
     scene, numerics = Scene.from_dict(data["scene"]), Numerics.from_dict(data["numerics"])
     return Request(
         scene=scene,
@@ -194,7 +196,9 @@ def _check_state(arrays: Mapping[str, NDArray[np.float64]], steps: NDArray[np.in
     for name, array in arrays.items():
         if np.isinf(array).any():
             row = int(np.argwhere(np.isinf(array))[0][0])
-            raise WireError(f"history.{name} is infinite at step {steps[row]}; expected a number, or null for not observed")
+            raise WireError(
+                f"history.{name} is infinite at step {steps[row]}; expected a number, or null for not observed"
+            )
     t, expected = arrays["t"], steps * numerics.dt
     wrong = ~(np.abs(t - expected) <= 1e-9 * numerics.dt * np.maximum(steps, 1))  # round-off of summing steps
     if wrong.any():

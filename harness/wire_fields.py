@@ -39,7 +39,9 @@ def step_array(value: Any, expected: NDArray[np.int64]) -> NDArray[np.int64]:
     if not isinstance(value, list) or any(isinstance(step, bool) or not isinstance(step, int) for step in value):
         raise WireError(f"history.step is {value!r:.80}; expected a list of whole numbers")
     if len(value) != len(expected):
-        raise WireError(f"history.step has {len(value)} steps; expected the {len(expected)} sampled steps of the request")
+        raise WireError(
+            f"history.step has {len(value)} steps; expected the {len(expected)} sampled steps of the request"
+        )
     steps = np.array(value, dtype=np.int64)
     if (steps != expected).any():
         row = int(np.argmax(steps != expected))

@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from ninedisk.reports import text, words
 from ninedisk.reports.load import Row
-from ninedisk.reports.panel import CaseData, EngineFacts, Panel, summarise, worst_first
+from ninedisk.reports.panel import EXPLAINED, CaseData, EngineFacts, Panel, is_rated, summarise, worst_first
 from ninedisk.reports.words import shade, symbol
 
 HERE = Path(__file__).parent
@@ -109,10 +109,12 @@ def index_page(env: Environment, panel: Panel) -> str:
 
 def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, Any]) -> str:
     """A case; ``drawn`` holds its figures and difference tables, as `CaseDrawing.values` gives them."""
-    rated = worst_first(row for row in case.measurements if row["ratio"] == row["ratio"])
-    rows = [row for row in rated if row["status"] not in ("known-gap", "gap-closed")]
-    explained = [row for row in case.measurements if row["status"] in ("known-gap", "gap-closed")]
-    unrated = [row for row in case.measurements if row["ratio"] != row["ratio"] and row not in explained]
+    rows = worst_first(row for row in case.measurements if is_rated(row) and row["status"] not in EXPLAINED)
+    gaps = worst_first(row for row in case.measurements if row["status"] in EXPLAINED)
+    unrated = [row for row in case.measurements if not is_rated(row) and row["status"] not in EXPLAINED]
+    notes: dict[tuple[str, str], int] = {}
+    for row in (*rows[SHOWN:], *gaps[SHOWN:], *unrated):
+        row["note"] = notes.setdefault((row["why"], row["source"]), len(notes) + 1)
     cells, measured = _by(case.cells, "engine"), _by(case.measurements, "engine")
     summaries = [
         (panel.engines[key[0]], summary)
@@ -128,8 +130,9 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
         fine=bool(rows) and rows[0]["ratio"] <= 1.0,
         summaries=sorted(summaries, key=lambda item: -item[1].ratio if item[1].worst else 1.0),
         rows=rows,
-        gaps=worst_first(explained),
+        gaps=gaps,
         unrated=unrated,
+        notes=list(notes),
         shown=SHOWN,
         open_groups=OPEN_GROUPS,
         claims=_claims(panel, case.claims),

@@ -42,6 +42,11 @@ def error_ratio(row: Row) -> float:
     return 0.0 if error == 0.0 else math.inf
 
 
+def is_rated(row: Row) -> bool:
+    """Whether a measurement has an error over tolerance."""
+    return not math.isnan(row["ratio"])
+
+
 def worst_status(statuses: Iterable[str]) -> str:
     """The status that decides; unknown words count as worst, so that they are seen."""
     present = set(statuses)
@@ -115,7 +120,7 @@ class Panel:
 
     def open_rows(self) -> list[Row]:
         """Rated measurements, worst first, without those whose truth is known to be off."""
-        return worst_first(r for r in self.measurements if not math.isnan(r["ratio"]) and r["status"] not in EXPLAINED)
+        return worst_first(r for r in self.measurements if is_rated(r) and r["status"] not in EXPLAINED)
 
     def gap_rows(self) -> list[Row]:
         """Measurements against truths that are known to be off, worst first."""
@@ -130,7 +135,7 @@ def summarise(cells: list[Row], measurements: list[Row]) -> Summary | None:
     """Join the cells of a case and engine (or of one variant); None if there are none."""
     if not cells:
         return None
-    rated = [row for row in measurements if not math.isnan(row["ratio"])]
+    rated = [row for row in measurements if is_rated(row)]
     counted = [row for row in rated if row["status"] not in EXPLAINED]
     counts = Counter(cell["status"] for cell in cells)
     order = {status: k for k, status in enumerate(WORST_FIRST)}

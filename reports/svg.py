@@ -20,8 +20,8 @@ _STYLE = re.compile(r' style="([^"]*)"')
 def write_svg(figure: Any, path: Path) -> None:
     """Write a matplotlib figure.
 
-    Coordinates are rounded to 0.1 pt, a tenth of a line's width; styles that matplotlib repeats at every tick and marker
-    become classes. Together that makes the file four times smaller.
+    Coordinates are rounded to 0.1 pt, a tenth of a line's width; styles that matplotlib repeats at every tick and
+    marker become classes. Together that makes the file a third as large.
     """
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})

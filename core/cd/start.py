@@ -22,7 +22,9 @@ def starting_forces(problem: ContactProblem, start: ArrayLike | None) -> NDArray
         return np.zeros(shape)
     r = np.array(start, dtype=np.float64)
     if r.shape != shape or not np.isfinite(r).all():
-        raise InvalidNumericsError(f"the starting forces must be finite and of shape {shape}; they have shape {r.shape}")
+        raise InvalidNumericsError(
+            f"the starting forces must be finite and of shape {shape}; they have shape {r.shape}"
+        )
     p, q, mu = r[:, 0], np.abs(r[:, 1]), problem.mu
     outside = q > mu * p
     along = np.maximum(0.0, (p + mu * q) / (1.0 + mu * mu))

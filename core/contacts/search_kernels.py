@@ -71,7 +71,7 @@ def sort_into_cells(x: NDArray[np.float64], width: float, cells: Cells) -> bool:
     Returns
     -------
     bool
-        False if a coordinate is not finite.
+        False if a coordinate, or the extent of all, is not finite.
     """
     n = x.shape[0]
     low_x, low_y, high_x, high_y = x[0, 0], x[0, 1], x[0, 0], x[0, 1]
@@ -80,6 +80,9 @@ def sort_into_cells(x: NDArray[np.float64], width: float, cells: Cells) -> bool:
             return False
         low_x, high_x = min(low_x, x[i, 0]), max(high_x, x[i, 0])
         low_y, high_y = min(low_y, x[i, 1]), max(high_y, x[i, 1])
+    # Finite coordinates can still be too far apart for a finite difference.
+    if not (np.isfinite(high_x - low_x) and np.isfinite(high_y - low_y)):
+        return False
     room = cells.start.shape[0] - 1
     columns, rows = floor((high_x - low_x) / width) + 1.0, floor((high_y - low_y) / width) + 1.0
     while columns * rows > room:

@@ -7,6 +7,7 @@ import numpy as np
 from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_cells, empty_list, grown
 from ninedisk.core.contacts.search_kernels import PAIRS_FULL, NeighbourList, build_pairs, sort_into_cells
 from ninedisk.core.dem.critical_kernels import largest_eigenvalue
+from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import DampingForm
 from ninedisk.core.scene import ContactLaw, FloatArray, Scene
@@ -25,7 +26,8 @@ def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -
     a wall, and the two lightest each other, so that free flight has a limit as well. Undamped, the limit is ``2/omega``. A dashpot
     with ratio ``zeta`` at that frequency lowers it to ``(2/omega)(sqrt(1 + z^2) - z)`` with ``z = zeta`` where dashpots see
     ``v_{n-1/2}`` (lagged) and ``z = 2 zeta`` where they see the extrapolated ``v_n`` (central): the root z = -1 of the
-    characteristic polynomial. Contacts that form later stiffen the network: stay well below.
+    characteristic polynomial; lagged global damping adds ``xi/(2 omega)`` to ``zeta``, the central form leaves the limit as it is.
+    Contacts that form later stiffen the network: stay well below.
 
     Parameters
     ----------
@@ -37,15 +39,16 @@ def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -
     float
         ``inf`` for a scene in which nothing can touch.
     """
+    lagged = damping_form == "lagged"
     laws = [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
     if not laws or len(scene.disks) == 0:
-        return float("inf")
+        return 2.0 / scene.xi if lagged and scene.xi > 0.0 else float("inf")
     square = max(_network_square(scene), _single_contact_square(scene))
     omega = float(np.sqrt(square))
     # c/kn = 2 beta sqrt(m_eff/kn) is largest for the heaviest bodies; a mode of frequency omega has zeta = omega (c/kn)/2.
     heaviest = float(scene.disks.mass.max())
     zeta = max(omega * law.beta * np.sqrt(heaviest / law.kn) for law in laws)
-    z = zeta if damping_form == "lagged" else 2.0 * zeta
+    z = zeta + 0.5 * scene.xi / omega if lagged else 2.0 * zeta
     return float(2.0 / omega / (np.sqrt(1.0 + z * z) + z))
 
 
@@ -84,10 +87,19 @@ def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[
     disks = scene.disks
     first, second = near_pairs(scene, reach)
     d = disks.x[second] - disks.x[first]
-    n = d / np.hypot(d[:, 0], d[:, 1])[:, None]
+    distance = np.hypot(d[:, 0], d[:, 1])
+    if len(distance) and distance.min() == 0.0:
+        k = int(np.argmin(distance))
+        x, y = disks.x[first[k]]
+        raise InvalidSceneError(
+            f"the centres of disks {first[k]} and {second[k]} coincide at ({x:g}, {y:g}): their contact has no normal; move one"
+        )
+    n = d / distance[:, None]
     law = scene.disk_disk
     ones = np.ones(len(first))
-    springs = [np.column_stack([n, law.kn * ones, _shear_stiffness(law) * ones, disks.radius[first], disks.radius[second]])]
+    springs = [
+        np.column_stack([n, law.kn * ones, _shear_stiffness(law) * ones, disks.radius[first], disks.radius[second]])
+    ]
     bodies = [np.column_stack([first, second])]
     poses = wall_poses(compile_motion(scene.walls), 0.0)
     for wall, pose in zip(scene.walls, poses, strict=True):
@@ -99,7 +111,9 @@ def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[
     return np.vstack(springs), np.vstack(bodies).astype(np.int64)
 
 
-def near_pairs(scene: Scene, reach: float) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
+def near_pairs(
+    scene: Scene, reach: float
+) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
     """Disk pairs ``i < j`` with a gap below ``reach`` [m] at time 0, in the order of the neighbour list."""
     disks, n = scene.disks, len(scene.disks)
     cells = empty_cells(n)

@@ -12,7 +12,11 @@ from ninedisk.core._cache import kernel
 
 @kernel
 def apply_stiffness(
-    springs: NDArray[np.float64], bodies: NDArray[np.int64], root: NDArray[np.float64], u: NDArray[np.float64], out: NDArray[np.float64]
+    springs: NDArray[np.float64],
+    bodies: NDArray[np.int64],
+    root: NDArray[np.float64],
+    u: NDArray[np.float64],
+    out: NDArray[np.float64],
 ) -> None:
     """``out = M^-1/2 K M^-1/2 u`` for a network of normal and shear springs.
 
@@ -31,7 +35,14 @@ def apply_stiffness(
             out[i, d] = 0.0
     for c in range(springs.shape[0]):
         i, j = bodies[c, 0], bodies[c, 1]
-        nx, ny, kn, ks, ai, aj = springs[c, 0], springs[c, 1], springs[c, 2], springs[c, 3], springs[c, 4], springs[c, 5]
+        nx, ny, kn, ks, ai, aj = (
+            springs[c, 0],
+            springs[c, 1],
+            springs[c, 2],
+            springs[c, 3],
+            springs[c, 4],
+            springs[c, 5],
+        )
         ux, uy, slip = u[i, 0] * root[i, 0], u[i, 1] * root[i, 1], u[i, 2] * root[i, 2] * ai
         if j >= 0:
             ux -= u[j, 0] * root[j, 0]

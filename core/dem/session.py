@@ -188,8 +188,29 @@ class DemSession:
             self._mend(code)
         n = len(self.scene.disks)
         for (i, j), force in self.scene.initial_shear.items():
+            self._check_preload(i, j, force)
             pairs, row, other = (self._list, i, j) if j < n else (self._wall_list, j - n, i)
-            _enter_shear(self.scene, pairs, row, other, force)
+            _enter_shear(pairs, row, other, force)
+
+    def _check_preload(self, i: int, j: int, force: float) -> None:
+        scene, x, n = self.scene, self.scene.disks.x, len(self.scene.disks)
+        if j < n:
+            gap = float(np.hypot(*(x[j] - x[i])) - scene.disks.radius[i] - scene.disks.radius[j])
+        else:
+            wall = scene.walls[j - n]
+            gap = float((x[i] - np.array(wall.point)) @ np.array(wall.normal) - scene.disks.radius[i])
+        names = f"{scene.body_name(i)} and {scene.body_name(j)}"
+        if gap >= 0.0:
+            raise InvalidSceneError(
+                f"the initial shear force {force:g} N belongs to {names}, which do not touch (gap {gap:g} m): give them an "
+                f"overlap or drop the entry"
+            )
+        law = scene.law((i, j))
+        if force != 0.0 and (law.mu == 0.0 or law.ks == 0.0):
+            raise InvalidSceneError(
+                f"the initial shear force {force:g} N belongs to {names}, whose contact is smooth (mu = {law.mu:g}, "
+                f"ks = {law.ks:g}): give it mu > 0 and ks > 0 or drop the entry"
+            )
 
     def _sample_arrays(self) -> Samples:
         at = self.numerics.sampled_steps() * self.substeps
@@ -289,12 +310,7 @@ def _chosen(scene: Scene, particles: Sequence[int] | None) -> NDArray[np.int64]:
     return chosen
 
 
-def _enter_shear(scene: Scene, pairs: NeighbourList, row: int, other: int, force: float) -> None:
+def _enter_shear(pairs: NeighbourList, row: int, other: int, force: float) -> None:
     for k in range(int(pairs.start[row]), int(pairs.start[row + 1])):
         if pairs.index[k] == other:
             pairs.shear[k] = force
-            return
-    raise InvalidSceneError(
-        f"the initial shear force {force:g} N belongs to bodies {row} and {other} that do not touch: give them an overlap "
-        f"or drop the entry (the scene has {len(scene.disks)} disks)"
-    )

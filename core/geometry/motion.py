@@ -47,7 +47,9 @@ def wall_poses(motion: WallMotion, t: float) -> NDArray[np.float64]:
     return table
 
 
-def _table(first: list[int], rows: list[tuple[float, NDArray[np.float64], NDArray[np.float64], WallSegment]]) -> WallMotion:
+def _table(
+    first: list[int], rows: list[tuple[float, NDArray[np.float64], NDArray[np.float64], WallSegment]]
+) -> WallMotion:
     def column(values: list[object], width: int) -> NDArray[np.float64]:
         return np.array(values, dtype=np.float64).reshape((len(rows), width) if width > 1 else len(rows))
 

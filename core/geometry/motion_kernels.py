@@ -115,14 +115,20 @@ def place_walls(motion: WallMotion, t: float, t_velocity: float, wall: NDArray[n
     ----------
     motion : WallMotion
     t, t_velocity : float
-        Times of the poses and of the velocities [s]; the segment is the one active at ``t_velocity``, so that a step
-        which ends where a segment ends belongs to that segment.
+        Times of the poses and of the velocities [s]. Pivot, velocity and rotation rate are those of the segment active at
+        ``t_velocity``; the surface follows the segment active just before ``t``, so that a segment which ends between two
+        steps ends there.
     wall : ndarray, shape (m, 9)
         Out: point x, y [m]; normal x, y; pivot x, y [m]; pivot velocity x, y [m/s]; rotation rate [rad/s].
     """
     for w in range(wall.shape[0]):
         k = active_segment(motion, w, t_velocity)
         px, py, nx, ny, cx, cy = pose_at(motion, k, t)
+        later = k
+        while later + 1 < motion.first[w + 1] and motion.begin[later + 1] < t:
+            later += 1
+        if later != k:
+            px, py, nx, ny, _, _ = pose_at(motion, later, t)
         vx, vy = velocity_at(motion, k, t_velocity)
         wall[w, 0], wall[w, 1] = px, py
         wall[w, 2], wall[w, 3] = nx, ny

@@ -118,9 +118,7 @@ def _exact_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase)
     return found
 
 
-def _analytic_checks(
-    params: Mapping[str, Any], observed: Observed, load: LoadCase, engine: EngineInfo
-) -> list[Check]:
+def _analytic_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase, engine: EngineInfo) -> list[Check]:
     """Steady force, continuous history and undamped amplitude, with the error that the step explains."""
     t_wall, xi = load.load_cycles * load.dt, params["xi"]
     omega = row_frequency(kn=load.kn, mass=MASS)
@@ -134,9 +132,7 @@ def _analytic_checks(
     fade = np.exp(-0.5 * xi * observed.t)
     error = swing * float(((drift * omega * observed.t + (h**2 if second_order else h)) * fade).max())
     order = "second" if second_order else "first"
-    disk_disk, wall = continuous_row(
-        observed.t, kn=load.kn, mass=MASS, xi=xi, v_wall=load.v_wall, t_wall=t_wall
-    )
+    disk_disk, wall = continuous_row(observed.t, kn=load.kn, mass=MASS, xi=xi, v_wall=load.v_wall, t_wall=t_wall)
     found = [
         Check(
             quantity=name,

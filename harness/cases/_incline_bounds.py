@@ -114,7 +114,7 @@ def _without_preload(
 
 
 def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Bounds:
-    """Rigid contacts: positions off by at most ``a t dt/2`` times (1 + mu^2), the associated rule's initial lift included.
+    """Rigid contacts: positions off by ``a t dt/2``, and what the associated rule's lift adds.
 
     From the exact steps of the four known schemes: position-first and semi-implicit Euler ``-+ a t dt/2``, theta scheme
     ``(2 theta - 1) a t dt/2``, associated rule ``a t dt (1/2 - mu^2)``, velocity ``-a mu^2 dt``, gap ``mu dt vx``,

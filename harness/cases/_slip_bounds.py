@@ -60,7 +60,8 @@ def binding_history(
         ends["theta"] = 1
     if engine.contact == "spring" or engine.scheme not in ends:
         return None
-    every = truth(params, np.arange(numerics.n_steps + 1) * numerics.dt, radius, inertia_ratio)
+    times = np.arange(numerics.n_steps + 1, dtype=np.float64) * numerics.dt
+    every = truth(params, times, radius, inertia_ratio)
     vx = every.curves["vx"]
     used = vx[1:] if ends[engine.scheme] else vx[:-1]
     x = np.concatenate(([0.0], np.cumsum(used) * numerics.dt))
@@ -75,7 +76,8 @@ def shear_frequency(ks: float, mass: float, inertia_ratio: float) -> float:
 
 def slip_tolerance(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) -> float:
     """Slip velocity [m/s] below which the disk counts as rolling: one and a half times what its shear spring leaves."""
-    return 1.5 * _overshoot(params, setup, inertia_ratio) * (1.0 + 1.0 / inertia_ratio) + 1e-9 * float(params["speed"])
+    swing = _overshoot(params, setup, inertia_ratio)
+    return 1.5 * swing * (1.0 + 1.0 / inertia_ratio) + 1e-9 * float(params["speed"])
 
 
 def _overshoot(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) -> float:
@@ -87,7 +89,7 @@ def _overshoot(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) ->
     law, numerics = setup.scene.walls[0].law, setup.numerics
     mass = float(setup.scene.disks.mass[0])
     swing = spring_overshoot(mu=params["mu"], g=params["g"], mass=mass, ks=law.ks, inertia_ratio=inertia_ratio)
-    return swing + params["mu"] * params["g"] * (numerics.contact_dt or numerics.dt)
+    return swing + float(params["mu"] * params["g"]) * (numerics.contact_dt or numerics.dt)
 
 
 def bounds(
@@ -117,14 +119,17 @@ def _spring_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, 
     swing = _overshoot(params, setup, inertia_ratio)
     spin, slip = _per_velocity(setup, inertia_ratio)
     omega = shear_frequency(law.ks, mass, inertia_ratio)
-    vx = swing + rounding
-    why = f"overshoot of the shear spring, {swing:.3g} m/s, and of the contact step in which slip ends"
+    # Where in the overlap the friction acts is open: an arm R - overlap/2 changes the rolling speed by v0 overlap/R at
+    # most.
+    arm = params["speed"] * weight / (law.kn * radius)
+    vx = swing + rounding + arm
+    why = f"overshoot of the shear spring and of its step, {swing:.3g} m/s; lever arm within the overlap, {arm:.3g} m/s"
     atol = {
         # The swing's way is its amplitude over omega, from one side to the other; the step in which slip ends shifts
         # the rest.
         "x": 2.0 * swing / omega
         + contact_dt * swing
-        + rounding * t_end
+        + (rounding + arm) * t_end
         + summed_round_off(params["speed"] * t_end, steps),
         "vx": vx,
         "spin": spin * vx,
@@ -146,7 +151,7 @@ def _spring_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, 
 def _early(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) -> float:
     """Time [s] by which slip counts as ended too early: its tolerance over its rate ``(1 + 1/k) mu g``."""
     rate = (1.0 + 1.0 / inertia_ratio) * params["mu"] * params["g"]
-    return slip_tolerance(params, setup, inertia_ratio) / rate
+    return slip_tolerance(params, setup, inertia_ratio) / float(rate)
 
 
 def _rigid_bounds(

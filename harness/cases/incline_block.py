@@ -196,7 +196,8 @@ def _analytic(params: Mapping[str, Any], observed: Observed, bounds: Bounds) -> 
     weight = params["mass"] * params["g"] * math.cos(angle)
     found.append(
         Check(quantity="mu_crit", norm="scalar", truth="analytic", expected=critical_mu(angle=angle),
-              source="tan(angle)", atol=(bounds.force + 2.0 * params["mass"] * bounds.gain / elapsed) / weight, why=bounds.why["fs"]),
+              source="tan(angle)", atol=(bounds.force + 2.0 * params["mass"] * bounds.gain / elapsed) / weight,
+              why=bounds.why["fs"]),
     )  # fmt: skip
     if sticks(params):
         found.append(

@@ -13,7 +13,7 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import WallSegment
 from ninedisk.harness.case import Check, Observed, Parameter, Setup, Value
-from ninedisk.harness.cases._distortion_checks import HISTORIES, distortion_checks
+from ninedisk.harness.cases._distortion_checks import distortion_checks
 from ninedisk.harness.cases._nine_disks import (
     CENTRE,
     DAMPING_FORM,
@@ -54,7 +54,13 @@ class Distortion:
     requirement = "Forces at the centre disk follow the converged history; shear never exceeds mu times normal force."
     parameters = (
         Parameter(
-            name="phi_deg", default=15.0, low=0.0, high=89.0, unit="deg", in_id=True, help="angle of friction between disks"
+            name="phi_deg",
+            default=15.0,
+            low=0.0,
+            high=89.0,
+            unit="deg",
+            in_id=True,
+            help="angle of friction between disks",
         ),
         Parameter(name="ks_over_kn", default=1.0, low=0.0, in_id=True, help="shear over normal contact stiffness"),
         Parameter(
@@ -99,9 +105,7 @@ class Distortion:
             sample_from=COMPRESS + SETTLE,
             damping_form=params["damping_form"],
         )
-        return Setup(
-            scene=scene, numerics=numerics, watch=(UP, RIGHT), labels={"centre/up": UP, "centre/right": RIGHT}
-        )
+        return Setup(scene=scene, numerics=numerics, watch=(UP, RIGHT), labels={"centre/up": UP, "centre/right": RIGHT})
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
         """Forces at the centre disk over distortion cycles 0..500; slip, cone, symmetry, deformed configuration."""

@@ -37,8 +37,8 @@ CONTACT_BETA = 1.0
 """The plane's dashpot is critical: a landing (``start=dilated``) does not bounce for long."""
 
 RUN = 3.0
-"""Default duration in units of v0/(mu g), the time in which a disk that cannot turn stops; rolling starts at a third of
-it."""
+"""Default duration in units of v0/(mu g), the time in which a disk that cannot turn stops; a rolling disk
+rolls from a third of it on."""
 
 
 class SlipToRoll:
@@ -67,7 +67,7 @@ class SlipToRoll:
             name="start",
             default="touching",
             choices=("touching", "dilated"),
-            help="gap at time 0: none, or mu v0 dt, at which the associated rule with theta = 1 slides from the first step on",
+            help="gap at time 0: none, or mu v0 dt, at which the associated rule (theta = 1) slides from the start",
         ),
         Parameter(
             name="kn", default=1e8, low=0.0, low_open=True, unit="N/m", help="normal stiffness of spring engines"
@@ -110,7 +110,8 @@ class SlipToRoll:
         height = RADIUS - MASS * g / kn if touching else RADIUS + lift
         if height <= 0.0:
             raise ParameterError(
-                f"kn = {kn:g} N/m is not allowed: the disk would sink into the plane by its weight; use kn > {MASS * g / RADIUS:g}"
+                f"kn = {kn:g} N/m is not allowed: the disk would sink into the plane "
+                f"by its weight; use kn > {MASS * g / RADIUS:g}"
             )
         scene = Scene(
             disks=Disks(
@@ -135,7 +136,7 @@ class SlipToRoll:
         return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
-        """Motion, spin and slip, both positive when the disk rolls forward; ``slip_end`` is the last sample before rolling, plus one.
+        """Motion, spin (positive when rolling forward) and slip; ``slip_end`` is the first sample of lasting rolling.
 
         Slip counts as ended within `slip_tolerance`, which allows for the swing that a shear spring of the scene's
         stiffness leaves. NaN where the slip never ends.

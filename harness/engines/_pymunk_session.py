@@ -114,12 +114,12 @@ class PymunkSession:
         return apart / distance, distance - float(radius[i] + radius[j])
 
     def _impulses(self) -> dict[Pair, FloatArray]:
-        """Impulse [N s] of the last step on the lower-numbered body of each touching pair that is watched or has a wall."""
+        """Impulse [N s] of the last step on the first body of each touching pair that is watched or has a wall."""
         found: dict[Pair, FloatArray] = {}
 
         def collect(arbiter: pymunk.Arbiter) -> None:
             # pymunk reports the impulse on the body of the arbiter's first shape.
-            one, two = (self.number[shape.body] for shape in arbiter.shapes)
+            one, two = (self.number[shape.body] for shape in arbiter.shapes if shape.body is not None)
             impulse = np.array(arbiter.total_impulse)
             found[min(one, two), max(one, two)] = impulse if one < two else -impulse
 

@@ -40,7 +40,9 @@ class DemEngine:
         """Every scene is expressed; a rigid contact only through its regularising spring."""
         laws = [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
         if any(law.regularised for law in laws):
-            return Support(SupportLevel.APPROXIMATE, notes=("rigid contacts are replaced by springs kn, ks and a dashpot",))
+            return Support(
+                SupportLevel.APPROXIMATE, notes=("rigid contacts are replaced by springs kn, ks and a dashpot",)
+            )
         return Support(SupportLevel.EXACT)
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
@@ -63,7 +65,9 @@ class DemEngine:
             "lever_arm": scene.disk_disk.lever_arm,
             "skin / mean radius": 0.2,
         }
-        return EngineRun(history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=settings)
+        return EngineRun(
+            history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=settings
+        )
 
 
 ENGINE = DemEngine()

@@ -37,7 +37,9 @@ NOTE_DASHPOT = "dashpot by Law2_ScGeom_ViscElPhys_Basic, with the velocity of t_
 def _version(program: str) -> tuple[str | None, str]:
     """Version of the YADE at this path, or None and the reason."""
     try:
-        done = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=30, env=_clean(), check=True)
+        done = subprocess.run(
+            [program, "--version"], capture_output=True, text=True, timeout=30, env=_clean(), check=True
+        )
     except (OSError, subprocess.SubprocessError) as error:
         return None, f"{program} --version fails: {error}"
     _, found, version = done.stdout.partition("Yade version:")
@@ -96,7 +98,14 @@ class Yade(ExternalEngine):
     def environment(self, folder: Path) -> Mapping[str, str]:
         """A home of its own: YADE starts IPython, which writes there."""
         home = str(folder)
-        return {**_clean(), "HOME": home, "TMPDIR": home, "IPYTHONDIR": home, "MPLCONFIGDIR": home, "OMP_NUM_THREADS": "1"}
+        return {
+            **_clean(),
+            "HOME": home,
+            "TMPDIR": home,
+            "IPYTHONDIR": home,
+            "MPLCONFIGDIR": home,
+            "OMP_NUM_THREADS": "1",
+        }
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """EXACT where YADE's conventions are the scene's.
@@ -162,7 +171,9 @@ def _walls_turn(scene: Scene) -> bool:
 
 def _other_wall_velocity(scene: Scene) -> bool:
     return any(
-        wall.law.mu > 0.0 and wall.law.wall_velocity_at != "mid-overlap" and any(s.angular_velocity for s in wall.motion)
+        wall.law.mu > 0.0
+        and wall.law.wall_velocity_at != "mid-overlap"
+        and any(s.angular_velocity for s in wall.motion)
         for wall in scene.walls
     )
 

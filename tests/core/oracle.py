@@ -223,7 +223,12 @@ class Oracle:
         steps = np.arange(count + 1)
         names = ("kinetic", "elastic", "gravity", "wall_work")
         history = History.empty(
-            steps, steps * self.dt, n_disks=self.n_disks, n_walls=len(self.scene.walls), pairs=tuple(self.pairs), energies=names
+            steps,
+            steps * self.dt,
+            n_disks=self.n_disks,
+            n_walls=len(self.scene.walls),
+            pairs=tuple(self.pairs),
+            energies=names,
         )
         for row in range(count + 1):
             self.find_forces()
@@ -233,7 +238,11 @@ class Oracle:
 
     def _record(self, h: History, row: int) -> None:
         disks = self.scene.disks
-        v, omega = (self.v, self.omega) if row == 0 else (0.5 * (a + b) for a, b in zip((self.v, self.omega), self.new_velocities(), strict=True))
+        v, omega = (
+            (self.v, self.omega)
+            if row == 0
+            else (0.5 * (a + b) for a, b in zip((self.v, self.omega), self.new_velocities(), strict=True))
+        )
         h.x[row], h.v[row], h.angle[row], h.omega[row] = self.x, v, self.angle, omega
         elastic = 0.0
         for c, pair in enumerate(self.pairs):

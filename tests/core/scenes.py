@@ -68,7 +68,9 @@ def random_scene(rng: RNG, dt: float, n_steps: int, **fixed: Any) -> Scene:
         normal = np.array([np.cos(direction), np.sin(direction)])
         height = x @ normal
         lowest = int(np.argmin(height))
-        point = normal * (height[lowest] - radius[lowest] * rng.uniform(0.7, 1.1)) + rng.normal() * np.array([-normal[1], normal[0]])
+        point = normal * (height[lowest] - radius[lowest] * rng.uniform(0.7, 1.1)) + rng.normal() * np.array(
+            [-normal[1], normal[0]]
+        )
         motion = random_motion(rng, dt, n_steps)
         walls.append(Wall(name=f"w{k}", point=tuple(point), normal=tuple(normal), law=random_law(rng), motion=motion))
     shear = {}
@@ -116,14 +118,18 @@ def difference(one: History, two: History, fields: tuple[str, ...]) -> dict[str,
     return found
 
 
-def pair_scene(law: ContactLaw, *, overlap: float, closing: float, radius: float = 1.0, mass: float = 1.0, **changes: Any) -> Scene:
+def pair_scene(
+    law: ContactLaw, *, overlap: float, closing: float, radius: float = 1.0, mass: float = 1.0, **changes: Any
+) -> Scene:
     """Two equal disks on the x axis with an overlap [m] and a closing speed [m/s], centre of mass at rest."""
     d = radius - 0.5 * overlap
     disks = Disks(x=[[-d, 0.0], [d, 0.0]], v=[[0.5 * closing, 0.0], [-0.5 * closing, 0.0]], radius=radius, mass=mass)
     return Scene(disks=disks, disk_disk=law, **changes)
 
 
-def floor_scene(law: ContactLaw, *, height: float, v: tuple[float, float] = (0.0, 0.0), mass: float = 1.0, **changes: Any) -> Scene:
+def floor_scene(
+    law: ContactLaw, *, height: float, v: tuple[float, float] = (0.0, 0.0), mass: float = 1.0, **changes: Any
+) -> Scene:
     """A disk of radius 1 with its centre at ``height`` above a floor at y = 0."""
     motion = changes.pop("motion", ())
     disks = Disks(x=[[0.0, height]], v=[v], radius=1.0, mass=mass)

@@ -18,7 +18,11 @@ ELASTIC = ContactLaw(kn=KN)
 
 
 def errors(
-    build: Scene, end: float, exact: Callable[[History], np.ndarray], value: Callable[[History], np.ndarray], **how: object
+    build: Scene,
+    end: float,
+    exact: Callable[[History], np.ndarray],
+    value: Callable[[History], np.ndarray],
+    **how: object,
 ) -> list[float]:
     """Largest error at ten common times for each refinement of the step."""
     found = []
@@ -130,7 +134,9 @@ def test_smooth_nine_disks_are_second_order() -> None:
     walls = []
     for name, normal in (("left", (1, 0)), ("right", (-1, 0)), ("bottom", (0, 1)), ("top", (0, -1))):
         motion = (WallSegment(duration=load, velocity=(speed * normal[0], speed * normal[1])),)
-        walls.append(Wall(name=name, point=(-3.0 * normal[0], -3.0 * normal[1]), normal=normal, law=wall_law, motion=motion))
+        walls.append(
+            Wall(name=name, point=(-3.0 * normal[0], -3.0 * normal[1]), normal=normal, law=wall_law, motion=motion)
+        )
     scene = Scene(disks=Disks(x=x, radius=1.0, mass=mass), disk_disk=law, walls=tuple(walls), xi=xi)
     errors_of = {"disk-disk": [], "wall": []}
     for n in REFINEMENTS:

@@ -184,8 +184,13 @@ def test_lists_that_are_full_at_the_start_grow() -> None:
 def settled_with_shear() -> Scene:
     """A tumbling packing against two rough walls, with contacts that stick and slip."""
     rng = np.random.default_rng(8)
-    x = np.array([[1.9 * (k % 6) + 0.95 * (k // 6 % 2), 1.7 * (k // 6)] for k in range(36)]) + rng.uniform(-0.05, 0.05, (36, 2))
-    walls = tuple(Wall(name=str(w), point=p, normal=n, law=LAW) for w, (p, n) in enumerate([((0, -0.95), (0, 1)), ((-0.95, 0), (1, 0))]))
+    x = np.array([[1.9 * (k % 6) + 0.95 * (k // 6 % 2), 1.7 * (k // 6)] for k in range(36)]) + rng.uniform(
+        -0.05, 0.05, (36, 2)
+    )
+    walls = tuple(
+        Wall(name=str(w), point=p, normal=n, law=LAW)
+        for w, (p, n) in enumerate([((0, -0.95), (0, 1)), ((-0.95, 0), (1, 0))])
+    )
     disks = Disks(x=x, omega=rng.normal(0.0, 20.0, 36), v=rng.normal(0.0, 3.0, (36, 2)), radius=1.0, mass=1.0)
     return Scene(disks=disks, disk_disk=LAW, walls=walls, gravity=(3.0, -10.0))
 
@@ -220,7 +225,10 @@ def candidates_per_disk(x: np.ndarray) -> float:
 
 def test_work_of_a_rebuild_is_linear_in_n() -> None:
     """Nine cells of width 2.2 hold 10 to 11 disks of a square packing, and a half list's borders less, whatever n."""
-    work = [candidates_per_disk(2.0 * np.array([[k % s, k // s] for k in range(s * s)], dtype=float)) for s in (32, 100, 320)]
+    work = [
+        candidates_per_disk(2.0 * np.array([[k % s, k // s] for k in range(s * s)], dtype=float))
+        for s in (32, 100, 320)
+    ]
     assert 9.0 < work[0] < work[1] < work[2] < 11.0 * 1.05
 
 

@@ -29,7 +29,9 @@ def assert_twins(scene: Scene, steps: int = STEPS, **how: object) -> Counter[str
     twin = Oracle(scene, settings)
     expected = twin.run()
     found = run(scene, settings)
-    far = {name: value for name, value in difference(found, expected, FIELDS + ENERGIES).items() if not value < TOLERANCE}
+    far = {
+        name: value for name, value in difference(found, expected, FIELDS + ENERGIES).items() if not value < TOLERANCE
+    }
     assert not far
     return twin.events
 
@@ -50,7 +52,10 @@ def test_each_convention_on_a_turning_wall(arm: str, at: str) -> None:
     rng = np.random.default_rng(5)
     law = random_law(rng, mu=0.7, ks=0.5 * KN, beta=0.2, lever_arm=arm, wall_velocity_at=at)
     disks = Disks(x=[[0.0, 0.9], [1.9, 0.95]], omega=[3.0, -20.0], radius=1.0, mass=[1.0, 2.0])
-    motion = (WallSegment(duration=20 * DT, angular_velocity=4.0, pivot=(-3.0, 0.4)), WallSegment(angular_velocity=-3.0))
+    motion = (
+        WallSegment(duration=20 * DT, angular_velocity=4.0, pivot=(-3.0, 0.4)),
+        WallSegment(angular_velocity=-3.0),
+    )
     floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law, motion=motion)
     assert_twins(Scene(disks=disks, disk_disk=law, walls=(floor,), gravity=(1.0, -9.0)))
 

@@ -107,6 +107,14 @@ def test_thinning_keeps_ends_and_extremes():
     assert list(thin(np.arange(3.0), np.full(3, np.nan))) == [0, 1, 2]
 
 
+def test_scattered_samples_are_joined_but_a_gap_stays_a_gap():
+    x = np.arange(9.0)
+    scattered = np.where(x % 4 == 0, 1.0, np.nan)
+    assert list(draw_history.joined(x, scattered)[0]) == [0.0, 4.0, 8.0]
+    gap = np.where((x > 2) & (x < 6), np.nan, 1.0)
+    assert list(draw_history.joined(x, gap)[0]) == list(x)
+
+
 def test_configurations_begin_with_the_distortion(panel_store):
     panel = build_panel(load_store(panel_store))
     case = panel.cases["nine-disk/distortion"]

@@ -1,0 +1,81 @@
+"""Rigid disks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ninedisk.core._validate import FloatArray, finite, numbers
+from ninedisk.core.errors import InvalidSceneError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disks:
+    """Rigid disks as a structure of arrays (copied and made read-only).
+
+    Parameters
+    ----------
+    x : array_like, shape (n, 2)
+        Centres [m].
+    radius, mass : array_like, shape (n,) or scalar
+        Radii [m] and masses [kg], > 0.
+    inertia : array_like, shape (n,), scalar or None
+        Moments of inertia [kg m^2], > 0; None means uniform disks, ``m R^2 / 2``.
+    v : array_like, shape (n, 2), optional
+        Velocities [m/s] at time 0.
+    omega : array_like, shape (n,), optional
+        Spins [rad/s] at time 0, counter-clockwise positive.
+    rotating : array_like of bool, shape (n,) or scalar
+        False: the disk keeps its spin whatever torque acts (a block in the shape of a disk).
+
+    Raises
+    ------
+    InvalidSceneError
+        If a shape or value is not allowed.
+    """
+
+    x: FloatArray
+    radius: FloatArray
+    mass: FloatArray
+    inertia: FloatArray = None  # type: ignore[assignment]
+    v: FloatArray = None  # type: ignore[assignment]
+    omega: FloatArray = None  # type: ignore[assignment]
+    rotating: NDArray[np.bool_] = True  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        x = numbers("disks.x", self.x)
+        if x.ndim != 2 or x.shape[1] != 2:
+            raise InvalidSceneError(f"disks.x has shape {x.shape}; it must have shape (n, 2)")
+        n = x.shape[0]
+
+        def column(name: str, value: ArrayLike, default: ArrayLike | None = None) -> FloatArray:
+            given = default if value is None else value
+            array = numbers(f"disks.{name}", given)
+            return finite(f"disks.{name}", np.full(n, array) if array.ndim == 0 else array, (n,))
+
+        radius, mass = column("radius", self.radius), column("mass", self.mass)
+        inertia = column("inertia", self.inertia, 0.5 * mass * radius**2)
+        for name, array in (("radius", radius), ("mass", mass), ("inertia", inertia)):
+            if n and array.min() <= 0.0:
+                i = int(np.argmin(array))
+                raise InvalidSceneError(f"disks.{name}[{i}] = {array[i]:g} is not allowed: it must be > 0")
+        flags = np.asarray(self.rotating)
+        if flags.dtype != np.bool_ or flags.shape not in ((), (n,)):
+            raise InvalidSceneError(
+                f"disks.rotating must be true or false, one for all or one for each of the {n} disks"
+            )
+        rotating = np.array(np.broadcast_to(flags, (n,)))
+        rotating.setflags(write=False)
+        zeros = np.zeros((n, 2))
+        object.__setattr__(self, "x", finite("disks.x", x, (n, 2)))
+        object.__setattr__(self, "v", finite("disks.v", zeros if self.v is None else self.v, (n, 2)))
+        object.__setattr__(self, "omega", column("omega", self.omega, 0.0))
+        object.__setattr__(self, "radius", radius)
+        object.__setattr__(self, "mass", mass)
+        object.__setattr__(self, "inertia", inertia)
+        object.__setattr__(self, "rotating", rotating)
+
+    def __len__(self) -> int:
+        return int(self.x.shape[0])
