@@ -38,6 +38,8 @@ class EngineInfo:
 
     ``scheme`` names the time discretisation, so that an exact time-discrete reference binds only engines
     of that very scheme: ``"central-difference"``, ``"theta"``, ``"semi-implicit-euler"``, ``"position-first-euler"``...
+    ``turns_shear`` says how a shear force follows the contact's rotation: ``"exactly"``, or ``"to first order"`` (its size then
+    grows by half the square of the rotation in each step).
     ``contact`` is ``"spring"`` (linear contact springs), ``"impulse"`` (rigid, velocity level), ``"cd"`` or ``"soft"``.
     """
 
@@ -53,6 +55,7 @@ class EngineInfo:
     install: str
     capabilities: frozenset[Capability]
     not_installed_because: str = ""
+    turns_shear: str = "exactly"
 
     @property
     def installed(self) -> bool:

@@ -1,0 +1,1 @@
+"""Contact dynamics: problems, solvers, time stepping."""

@@ -1,0 +1,1 @@
+"""Contact search: cell list, neighbour lists."""

@@ -1,0 +1,1 @@
+"""Explicit DEM: linear contacts, central differences."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
-from ninedisk.core.dem.state import ARM_OVERLAP, BETA, KN, KS, MU, WALL_MID, DiskArrays, StepConstants, WallArrays
+from ninedisk.core.dem.state import ARM_OVERLAP, BETA, KN, KS, MU, WALL_MID, DiskArrays, WallArrays
 
 
 @inline_kernel
@@ -53,9 +53,7 @@ def shear_force(before: float, slip: float, ks: float, cap: float) -> float:
 
 
 @kernel
-def disk_disk_forces(
-    disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], step: StepConstants, slip_dt: float
-) -> None:
+def disk_disk_forces(disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], slip_dt: float) -> None:
     """Add the forces of all disk-disk contacts to ``disks.force`` and ``disks.torque``; update shear forces.
 
     Parameters
@@ -65,7 +63,6 @@ def disk_disk_forces(
         Rows are the disks with the smaller number.
     law : ndarray, shape (6,)
         Law row.
-    step : StepConstants
     slip_dt : float
         Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0.
     """
@@ -113,9 +110,7 @@ def disk_disk_forces(
 
 
 @kernel
-def disk_wall_forces(
-    disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, step: StepConstants, slip_dt: float
-) -> None:
+def disk_wall_forces(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, slip_dt: float) -> None:
     """Add the forces of all disk-wall contacts; update shear forces and the walls' loads.
 
     Parameters are those of `disk_disk_forces`; rows of ``pairs`` are walls. The normal from disk to wall is the opposite of

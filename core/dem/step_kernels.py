@@ -213,8 +213,8 @@ def advance(
         for i in range(disks.x.shape[0]):
             disks.force[i, 0], disks.force[i, 1], disks.torque[i] = 0.0, 0.0, 0.0
         slip_dt = step.dt if n > 0 else 0.0
-        disk_disk_forces(disks, pairs, law, step, slip_dt)
-        disk_wall_forces(disks, walls, wall_pairs, step, slip_dt)
+        disk_disk_forces(disks, pairs, law, slip_dt)
+        disk_wall_forces(disks, walls, wall_pairs, slip_dt)
         work[0] += wall_work_of_step(walls, slip_dt)
         clock[PENDING] = 0
         if clock[ROW] < samples.at.shape[0] and samples.at[clock[ROW]] == n:

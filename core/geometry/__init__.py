@@ -1,0 +1,1 @@
+"""Geometry: walls and their motion."""

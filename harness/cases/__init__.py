@@ -1,0 +1,1 @@
+"""The verification problems, one family a module."""

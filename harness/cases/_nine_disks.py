@@ -7,8 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, LeverArm, Scene, Wall, WallSegment, WallVelocityAt
 from ninedisk.harness.case import Parameter
+from ninedisk.harness.engine import EngineInfo
 
 RADIUS, DENSITY, SIDE = 50.0, 1000.0, 300.0
 """Radius [m], density [kg/m^2] per unit thickness, side of the box [m] (appendix A.1)."""
@@ -106,3 +110,19 @@ def nine_disks(
         for name, (point, normal) in places.items()
     )
     return Scene(disks=Disks(x=centres, radius=RADIUS, mass=MASS), disk_disk=disk_law, walls=walls, xi=xi)  # type: ignore[arg-type]
+
+
+def shear_growth(history: History, engine: EngineInfo) -> float:
+    """Relative growth of shear forces in an engine that turns them to first order: half the sum of the squared rotations.
+
+    Rotations are those of the contacts between disks from sample to sample; the worst contact counts.
+    """
+    if engine.turns_shear == "exactly":
+        return 0.0
+    worst = 0.0
+    for i in range(9):
+        for j in (i + 1, i + 3):
+            if j < 9 and (j != i + 1 or j % 3):
+                d = history.x[:, j] - history.x[:, i]
+                worst = max(worst, 0.5 * float((np.diff(np.arctan2(d[:, 1], d[:, 0])) ** 2).sum()))
+    return worst

@@ -112,7 +112,7 @@ class Distortion:
         shown = history.step >= COMPRESS + SETTLE
         step = history.step[shown] - (COMPRESS + SETTLE)
         t = history.t[shown] - (COMPRESS + SETTLE) * setup.numerics.dt
-        mu, wall_mu = friction(params)
+        mu, _ = friction(params)
         series, scalars, excess = {}, {}, -math.inf
         for name, pair in (("up", UP), ("right", RIGHT)):
             column = history.contact(pair)

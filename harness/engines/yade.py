@@ -89,6 +89,7 @@ class Yade(ExternalEngine):
             install="apt-get install yade",
             capabilities=CAPABILITIES,
             not_installed_because=reason,
+            turns_shear="to first order",
         )
 
     def command(self) -> Sequence[str]:

@@ -1,0 +1,118 @@
+"""Slip to roll: verdicts on engines, end of slip, the springs' overshoot, defects that must be seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ninedisk.harness.case import ParameterError
+from ninedisk.harness.cases.slip_to_roll import CASE
+from ninedisk.harness.engines.dem import ENGINE as DEM
+from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
+from ninedisk.harness.params import resolve
+
+MATRIX = CASE.matrix()
+
+
+@pytest.mark.parametrize("engine", [PYMUNK, DEM], ids=lambda engine: engine.id)
+@pytest.mark.parametrize("params", MATRIX, ids=lambda params: resolve(CASE, params).id)
+def test_the_matrix_passes(run_cell, engine, params):
+    cell = run_cell(CASE, engine, params)
+    assert cell.failures == []
+    assert cell.checks
+
+
+@pytest.mark.parametrize(("dt", "onset"), [(0.01, 0.12), (0.005, 0.115), (0.0025, 0.1125)])
+def test_pymunk_rolls_at_two_thirds(run_cell, dt, onset):
+    cell = run_cell(CASE, PYMUNK, {"dt": dt})
+    values = cell.observed.scalars
+    assert values["vx_final"][1] == pytest.approx(2 / 3, abs=1e-12)
+    assert values["spin_final"][1] == pytest.approx(2 / 3, abs=1e-12)
+    assert values["slip_end"][1] == pytest.approx(onset, abs=1e-12)
+    assert cell.margin("x_final", "exact-step") < 1e-2
+
+
+def test_the_springs_overshoot_fills_its_tolerance(run_cell):
+    for params in ({}, {"kn": 1e6}, {"rotating": False}):
+        assert 0.8 < run_cell(CASE, DEM, params).margin("vx", "analytic") <= 1.0
+
+
+def test_the_overshoot_falls_with_the_square_root_of_the_shear_stiffness(run_cell):
+    swings = []
+    for ks in (1e6, 1e8):
+        cell = run_cell(CASE, DEM, {"kn": 1e8, "ks": ks})
+        vx = cell.observed.series["vx"][1][cell.observed.t > 0.2]
+        swings.append(np.ptp(vx))
+        assert cell.failures == []
+    assert swings[0] / swings[1] == pytest.approx(10.0, rel=0.1)
+
+
+def test_a_disk_that_cannot_turn_stops(run_cell):
+    for engine in (PYMUNK, DEM):
+        values = run_cell(CASE, engine, {"rotating": False}).observed.scalars
+        assert values["spin_final"][1] == 0.0
+        assert values["slip_end"][1] == pytest.approx(0.34, abs=1e-12)
+
+
+@pytest.mark.parametrize("engine", [PYMUNK, DEM], ids=lambda engine: engine.id)
+def test_a_dilated_start_ends_at_the_same_rolling_speed(run_cell, engine):
+    cell = run_cell(CASE, engine, {"start": "dilated"})
+    assert cell.failures == []
+    assert {check.quantity for check in cell.checks} == {"vx_final", "spin_final", "slip_final"}
+    assert cell.observed.series["gap"][1][0] == pytest.approx(0.3 * 0.01)
+
+
+def test_a_slip_that_never_ends_is_no_number(run_cell):
+    cell = run_cell(CASE, PYMUNK, {"duration": 0.05})
+    assert np.isnan(cell.observed.scalars["slip_end"][1])
+    assert any(text.startswith("slip_end") for text in cell.failures)
+
+
+def _imitation(scene):
+    """The scene with three quarters of the friction that it asks for."""
+    wall = scene.walls[0]
+    law = type(wall.law)(kn=wall.law.kn, mu=0.75 * wall.law.mu, restitution=0.0, regularised=True)
+    weak = type(wall)(name=wall.name, point=wall.point, normal=wall.normal, law=law)
+    return scene.replace(walls=(weak,), disk_disk=law)
+
+
+def test_wrong_friction_is_seen(run_cell):
+    class Slippery:
+        id = "slippery"
+        info = staticmethod(PYMUNK.info)
+
+        def run(self, scene, numerics, watch):
+            return PYMUNK.run(_imitation(scene), numerics, watch)
+
+    names = {text.split()[0] for text in run_cell(CASE, Slippery(), {}).failures}
+    assert {"vx", "x", "spin", "slip_end"} <= names
+    assert "vx_final" not in names
+
+
+@pytest.mark.parametrize(
+    ("spoil", "seen"),
+    [
+        (lambda h: h.omega.__imul__(-1.0), {"spin", "spin_final", "slip_end"}),
+        (lambda h: h.v.__imul__(1 + 1e-10), {"vx", "vx_final"}),
+        (lambda h: h.omega.__imul__(0.8), {"spin_final", "slip_final"}),
+        (lambda h: h.x.__setitem__((..., 0), h.x[..., 0] * (1 + 1e-9)), {"x_final"}),
+        (lambda h: h.gap.__iadd__(1e-11), {"gap"}),
+        (lambda h: h.omega.__setitem__((..., 0), np.nan), {"spin", "slip_end"}),
+    ],
+    ids=["sense", "speed", "sphere", "position", "gap", "missing"],
+)
+def test_defects_are_seen(run_cell, spoil, seen):
+    assert seen <= {text.split()[0] for text in run_cell(CASE, PYMUNK, {}, spoil).failures}
+
+
+def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
+    for params in [*MATRIX, {"start": "dilated"}]:
+        names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, PYMUNK, params).checks]
+        blank = judge_history(CASE, PYMUNK.info(), params, None)
+        assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
+        assert len(blank.failures) == len(names)
+
+
+def test_a_plane_too_soft_to_carry_the_disk_is_refused():
+    with pytest.raises(ParameterError, match="kn = 20 N/m"):
+        CASE.build(resolve(CASE, {"kn": 20}).params)
