@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from ninedisk.harness.isolation import run_isolated
 from ninedisk.harness.wire import Request, decode_answer, encode_request
 
 
-class ExternalEngine:
+class ExternalEngine(ABC):
     """Adapter of an out-of-process engine; a subclass gives `id`, `info` and `command`.
 
     Each run has a temporary folder of its own, which is its working directory and ``TMPDIR`` and is removed at the end.
@@ -37,13 +38,13 @@ class ExternalEngine:
     time_limit: float | None = None
     """Seconds; None: the environment variable ``NINEDISK_TIME_LIMIT``, or 120."""
 
+    @abstractmethod
     def info(self) -> EngineInfo:
         """Facts about the engine; ``version`` is None where it is not installed."""
-        raise NotImplementedError(f"{type(self).__name__} must say what engine it is: override info()")
 
+    @abstractmethod
     def command(self) -> Sequence[str]:
         """Program and arguments; it reads the request from standard input and writes the answer file."""
-        raise NotImplementedError(f"{type(self).__name__} must say how its engine is started: override command()")
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """EXACT if the engine has every capability that is needed, else NO with the missing ones."""

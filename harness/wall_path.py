@@ -45,10 +45,11 @@ def wall_path(scene: Scene, dt: float, n_steps: int) -> NDArray[np.float64]:
     end = moving_until(scene)
     last = n_steps if not np.isfinite(end) else min(n_steps, int(np.ceil(end / dt)) + 1)
     motion = compile_motion(scene.walls)
-    path = np.empty((last + 1, len(scene.walls), 9))
+    path = np.empty((last + 1, len(scene.walls), 11))
     for step in range(last + 1):
-        place_walls(motion, step * dt, max(0.0, (step - 0.5) * dt), path[step])
-    return path
+        middle = max(0.0, (step - 0.5) * dt)
+        place_walls(motion, step * dt, middle, middle, path[step])
+    return np.ascontiguousarray(path[:, :, :9])
 
 
 def _moves(segment: WallSegment) -> bool:

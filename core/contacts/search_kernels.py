@@ -183,7 +183,7 @@ def build_wall_pairs(
     ----------
     x, radius, skin
         As in `build_pairs`.
-    wall : ndarray, shape (m, 9)
+    wall : ndarray, shape (m, 11)
         Walls as `place_walls` fills them.
     old, new : NeighbourList
         Rows are walls; disks ascend within a row, so old and new rows are merged.

@@ -123,7 +123,7 @@ def disk_wall_forces(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList,
         rough = mu > 0.0 and ks > 0.0
         px, py, ux, uy = walls.now[w, 0], walls.now[w, 1], walls.now[w, 2], walls.now[w, 3]
         cx, cy, vx, vy = walls.now[w, 4], walls.now[w, 5], walls.now[w, 6], walls.now[w, 7]
-        spin = walls.now[w, 8]
+        spin, rate_x, rate_y = walls.now[w, 8], walls.now[w, 9], walls.now[w, 10]
         load_x, load_y, load_t = 0.0, 0.0, 0.0
         for k in range(pairs.start[w], pairs.start[w + 1]):
             i = pairs.index[k]
@@ -137,7 +137,7 @@ def disk_wall_forces(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList,
             wall_vx, wall_vy = vx - spin * qy, vy + spin * qx
             rate = 0.0
             if beta > 0.0:
-                rate = (wall_vx - disks.v_now[i, 0]) * ux + (wall_vy - disks.v_now[i, 1]) * uy
+                rate = (rate_x - spin * qy - disks.v_now[i, 0]) * ux + (rate_y + spin * qx - disks.v_now[i, 1]) * uy
             fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i])
             gx, gy = fn * ux, fn * uy
             if rough:

@@ -58,7 +58,7 @@ def watched_wall_pair(
     # The wall's normal velocity at the foot: v_pivot.u + spin (u x q) with q from the pivot to the foot.
     qx = disks.x[i, 0] - height * ux - walls.now[w, 4]
     qy = disks.x[i, 1] - height * uy - walls.now[w, 5]
-    wall_rate = walls.now[w, 6] * ux + walls.now[w, 7] * uy + walls.now[w, 8] * (qx * uy - qy * ux)
+    wall_rate = walls.now[w, 9] * ux + walls.now[w, 10] * uy + walls.now[w, 8] * (qx * uy - qy * ux)
     rate = wall_rate - (disks.v_now[i, 0] * ux + disks.v_now[i, 1] * uy)
     fn = normal_force(-gap, rate, walls.law[w, KN], walls.law[w, BETA], disks.inv_mass[i])
     return gap, fn, listed_shear(pairs, w, i)

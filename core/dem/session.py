@@ -11,20 +11,14 @@ from numpy.typing import NDArray
 from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_cells, empty_list, grown
 from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL, NeighbourList
 from ninedisk.core.dem import state
-from ninedisk.core.dem.critical import critical_time_step
-from ninedisk.core.dem.state import DiskArrays, Samples, StepConstants, WallArrays
+from ninedisk.core.dem.constants import contact_step, law_row, step_constants
+from ninedisk.core.dem.state import DiskArrays, Samples, WallArrays
 from ninedisk.core.dem.step_kernels import advance, rebuild
-from ninedisk.core.errors import InvalidSceneError, NonFiniteStateError, UnstableTimeStepError
+from ninedisk.core.errors import InvalidSceneError, NonFiniteStateError
 from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene
-
-SAFETY = 0.1
-"""Fraction of the critical step that ``contact_dt = None`` stands for."""
-
-SKIN = 0.2
-"""Skin of the lists as a fraction of the mean radius."""
+from ninedisk.core.scene import Scene
 
 STEPS_TIMES_DISKS = 2_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
@@ -252,51 +246,6 @@ class DemSession:
             energy=energy,
             **{name: data[name] for name in fields},
         )
-
-
-def contact_step(scene: Scene, numerics: Numerics) -> tuple[float, float]:
-    """Contact step that a run will use and the critical step of the scene [s].
-
-    Raises
-    ------
-    UnstableTimeStepError
-        If ``numerics.contact_dt`` exceeds the critical step and ``numerics.allow_unstable`` is False.
-    """
-    critical = critical_time_step(scene, damping_form=numerics.damping_form)
-    if numerics.contact_dt is None:
-        return numerics.dt / max(1, int(np.ceil(numerics.dt / (SAFETY * critical)))), critical
-    if numerics.contact_dt > critical and not numerics.allow_unstable:
-        raise UnstableTimeStepError(
-            f"contact_dt = {numerics.contact_dt:g} s exceeds the critical step {critical:g} s of the explicit scheme on "
-            f"this scene: use at most {SAFETY * critical:g} s (a tenth of it) for accurate results, or set "
-            f"allow_unstable=True to run all the same"
-        )
-    return numerics.contact_dt, critical
-
-
-def law_row(law: ContactLaw) -> list[float]:
-    """Law as the kernels read it (columns of `ninedisk.core.dem.state`)."""
-    overlap, mid = law.lever_arm == "overlap", law.wall_velocity_at == "mid-overlap"
-    return [law.kn, law.ks, law.mu, law.beta, float(overlap), float(mid)]
-
-
-def step_constants(scene: Scene, numerics: Numerics, dt: float) -> StepConstants:
-    """Scalars of the scheme for contact step ``dt`` [s]."""
-    a = 0.5 * scene.xi * dt
-    central = numerics.damping_form == "central"
-    beta = max([scene.disk_disk.beta, *(wall.law.beta for wall in scene.walls)])
-    return StepConstants(
-        dt=dt,
-        keep=(1.0 - a) / (1.0 + a) if central else 1.0 - 2.0 * a,
-        gain=dt / (1.0 + a) if central else dt,
-        keep0=1.0 - a,
-        gain0=0.5 * dt,
-        gravity_x=scene.gravity[0],
-        gravity_y=scene.gravity[1],
-        skin=SKIN * float(scene.disks.radius.mean()),
-        damped=beta > 0.0,
-        lagged=not central,
-    )
 
 
 def _chosen(scene: Scene, particles: Sequence[int] | None) -> NDArray[np.int64]:

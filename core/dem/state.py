@@ -51,7 +51,7 @@ class WallArrays(NamedTuple):
 
     Attributes
     ----------
-    now, built : shape (m, 9)
+    now, built : shape (m, 11)
         Pose and velocity (columns of `place_walls`) at ``t_n`` and at the last rebuild.
     extent : shape (m,)
         Largest distance of a disk's centre from the wall's point at the last rebuild [m].

@@ -202,7 +202,8 @@ def advance(
             n += 1
             clock[STEP] = n
             clock[PENDING] = 1
-            place_walls(motion, n * step.dt, (n - 0.5) * step.dt, walls.now)
+            t, t_half = n * step.dt, (n - 0.5) * step.dt
+            place_walls(motion, t, t_half, t_half if step.lagged else t, walls.now)
             limit = min(0.5 * skin, skin - wall_drift(walls, skin))
             stale = not (limit > 0.0 and far < limit * limit)
         if stale:

@@ -33,17 +33,17 @@ def compile_motion(walls: Sequence[Wall]) -> WallMotion:
                 break
             single = _table([0, 1], [(begin, point, normal, segment)])
             end = begin + segment.duration
-            pose = np.empty((1, 9))
-            place_walls(single, end, begin, pose)
+            pose = np.empty((1, 11))
+            place_walls(single, end, begin, begin, pose)
             begin, point, normal = end, pose[0, 0:2].copy(), pose[0, 2:4].copy()
         first.append(len(rows))
     return _table(first, rows)
 
 
 def wall_poses(motion: WallMotion, t: float) -> NDArray[np.float64]:
-    """Wall table at time ``t``, shape (m, 9): point, normal, pivot, pivot velocity, rotation rate (see `place_walls`)."""
-    table = np.empty((len(motion.first) - 1, 9))
-    place_walls(motion, t, t, table)
+    """Wall table at time ``t``, shape (m, 11): point, normal, pivot, pivot velocity, rotation rate, pivot velocity (see `place_walls`)."""
+    table = np.empty((len(motion.first) - 1, 11))
+    place_walls(motion, t, t, t, table)
     return table
 
 

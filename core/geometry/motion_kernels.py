@@ -108,7 +108,7 @@ def velocity_at(motion: WallMotion, k: int, t: float) -> tuple[float, float]:
 
 
 @kernel
-def place_walls(motion: WallMotion, t: float, t_velocity: float, wall: NDArray[np.float64]) -> None:
+def place_walls(motion: WallMotion, t: float, t_velocity: float, t_rate: float, wall: NDArray[np.float64]) -> None:
     """Fill the wall table for time ``t``, with velocities of the time ``t_velocity`` just before it.
 
     Parameters
@@ -118,8 +118,11 @@ def place_walls(motion: WallMotion, t: float, t_velocity: float, wall: NDArray[n
         Times of the poses and of the velocities [s]. Pivot, velocity and rotation rate are those of the segment active at
         ``t_velocity``; the surface follows the segment active just before ``t``, so that a segment which ends between two
         steps ends there.
-    wall : ndarray, shape (m, 9)
-        Out: point x, y [m]; normal x, y; pivot x, y [m]; pivot velocity x, y [m/s]; rotation rate [rad/s].
+    t_rate : float
+        Time at which dashpots see the walls' velocity [s], in the same segment.
+    wall : ndarray, shape (m, 11)
+        Out: point x, y [m]; normal x, y; pivot x, y [m]; pivot velocity x, y [m/s]; rotation rate [rad/s]; pivot velocity x, y
+        at ``t_rate`` [m/s].
     """
     for w in range(wall.shape[0]):
         k = active_segment(motion, w, t_velocity)
@@ -135,3 +138,4 @@ def place_walls(motion: WallMotion, t: float, t_velocity: float, wall: NDArray[n
         wall[w, 4], wall[w, 5] = cx, cy
         wall[w, 6], wall[w, 7] = vx, vy
         wall[w, 8] = motion.spin[k]
+        wall[w, 9], wall[w, 10] = velocity_at(motion, k, t_rate)

@@ -159,10 +159,8 @@ class InclineBlock:
     ) -> Sequence[Check]:
         """Exact steps of the engine's scheme where there are any, and the continuous solution for all."""
         exact = _exact_steps(params, setup, observed, engine)
-        if engine.contact == "spring":
-            bounds = spring_bounds(params, setup, observed)
-        else:
-            bounds = first_order_bounds(params, setup, engine)
+        spring = engine.contact == "spring"
+        bounds = spring_bounds(params, setup, observed) if spring else first_order_bounds(params, setup, engine)
         return [*exact, *_analytic(params, observed, bounds)]
 
 

@@ -46,6 +46,10 @@ class PymunkSession:
         options = read_options(numerics)
         self.scene, self.dt, self.pairs, self.done = scene, numerics.dt, pairs, 0
         self.reach = 4.0 * (_size(scene) + _path(scene, numerics))
+        if not math.isfinite(self.reach):
+            raise EngineError(
+                "pymunk: the bodies' way over the run is no finite length; reduce velocities, dt or n_steps"
+            )
         self.touch = _TOUCH_ULPS * float(np.spacing(self.reach))
         self.space = pymunk.Space()
         self.space.gravity = scene.gravity

@@ -42,9 +42,13 @@ class WallState:
     pivot: Vector
     pivot_velocity: Vector
     spin: float
+    rate_velocity: Vector | None = None
 
     def velocity(self, q: Vector) -> Vector:
         return self.pivot_velocity + self.spin * left(q - self.pivot)
+
+    def velocity_for_dashpots(self, q: Vector) -> Vector:
+        return self.rate_velocity + self.spin * left(q - self.pivot)
 
 
 def wall_at(wall: Wall, t: float, segment_of: float | None = None) -> WallState:
@@ -103,12 +107,18 @@ class Oracle:
         self.pairs = [(i, j) for i in range(self.n_disks) for j in range(i + 1, scene.n_bodies)]
 
     def place(self) -> None:
-        """Walls at ``t_n``; their velocities are those of the middle of the step that ends there, about the pivot at ``t_n``."""
+        """Walls at ``t_n``; their velocities are those of the middle of the step that ends there, about the pivot at ``t_n``.
+
+        Dashpots see the pivot's velocity at ``t_n`` in the central form.
+        """
         t, middle = self.step * self.dt, max(self.step - 0.5, 0.0) * self.dt
         self.walls = []
         for wall in self.scene.walls:
             pose, mean, about = wall_at(wall, t), wall_at(wall, middle), wall_at(wall, t, segment_of=middle)
-            self.walls.append(WallState(pose.point, pose.normal, about.pivot, mean.pivot_velocity, mean.spin))
+            seen = mean if self.numerics.damping_form == "lagged" else about
+            self.walls.append(
+                WallState(pose.point, pose.normal, about.pivot, mean.pivot_velocity, mean.spin, seen.pivot_velocity)
+            )
 
     def find_forces(self) -> None:
         """Forces, torques and wall loads at ``t_n``."""
@@ -164,7 +174,7 @@ class Oracle:
         q = foot + 0.5 * overlap * n if law.wall_velocity_at == "mid-overlap" else foot
         arm = radius - (0.5 * overlap if law.lever_arm == "overlap" else 0.0)
         at_disk = self.v[i] + self.omega[i] * arm * left(n)
-        closing = (self.seen(i) - wall.velocity(q)) @ n
+        closing = (self.seen(i) - wall.velocity_for_dashpots(q)) @ n
         slip = (at_disk - wall.velocity(q)) @ left(n)
         if not self._contact((i, body), law, overlap, closing, slip, float(self.scene.disks.mass[i])):
             return

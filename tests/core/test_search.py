@@ -19,6 +19,7 @@ from ninedisk.core.contacts.search_kernels import (
     build_wall_pairs,
     sort_into_cells,
 )
+from ninedisk.core.dem import constants
 from ninedisk.core.dem import session as session_module
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
@@ -199,8 +200,8 @@ def test_shear_history_survives_rebuilds(monkeypatch: pytest.MonkeyPatch) -> Non
     """A rebuild at every step changes the order of summation and nothing else; 1e-11: see the comparison with the twin."""
     scene, how = settled_with_shear(), numerics(1e-3, 80)
     histories, rebuilds = [], []
-    for skin in (1e-6, 0.01, 0.2, 3.0):
-        monkeypatch.setattr(session_module, "SKIN", skin)
+    for skin in (1e-6, 0.05, 0.4, 3.0):
+        monkeypatch.setattr(constants, "SKIN", skin)
         session = DemSession(scene, how, [(i, j) for i in range(36) for j in range(i + 1, 38)])
         histories.append(session.run())
         rebuilds.append(int(session._clock[REBUILDS]))

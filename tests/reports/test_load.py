@@ -23,6 +23,20 @@ def test_newest_run_wins_cell_by_cell(tmp_path, write, small):
     assert set(stored.series) == {("demo/one", "k=1", engine, "x") for engine in ("dem", "yade")}
 
 
+def test_run_that_is_half_superseded_gives_only_its_other_half(tmp_path, write, small):
+    both, newer = small(value=1.0), small(value=3.0)
+    other = small(engine="yade", value=2.0)
+    write(tmp_path, "a", {name: both[name] + other[name] for name in both}, started="2026-01-01T00:00:00+00:00")
+    for row in newer["series"] + newer["references"]:
+        row["value"] = 9.0
+    write(tmp_path, "b", newer, started="2026-01-02T00:00:00+00:00")
+    stored = load_store(tmp_path)
+    assert sorted((row["engine"], row["value"]) for row in stored.measurements) == [("dem", 3.0), ("yade", 2.0)]
+    assert set(stored.series["demo/one", "k=1", "dem", "x"].value) == {9.0}
+    assert stored.series["demo/one", "k=1", "yade", "x"].value[0] == 1.0
+    assert [set(curve.value) for curve in stored.references["demo/one", "k=1", "x"]] == [{9.0}]
+
+
 def test_started_is_compared_as_time_not_as_text(tmp_path, write, small):
     write(tmp_path, "a", small(value=1.0), started="2026-01-01T23:30:00+00:00")
     write(tmp_path, "b", small(value=2.0), started="2026-01-02T00:15:00+01:00")

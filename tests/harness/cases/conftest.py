@@ -54,7 +54,9 @@ def judge_history(case: Case, info: EngineInfo, params: Mapping[str, Any], histo
     return Cell(full, setup, given, observed, tuple(case.checks(full, setup, observed, info)))
 
 
-def run_cell(case: Case, engine: Engine, params: Mapping[str, Any], spoil: Callable[[History], None] | None = None) -> Cell:
+def run_cell(
+    case: Case, engine: Engine, params: Mapping[str, Any], spoil: Callable[[History], None] | None = None
+) -> Cell:
     """Run a variant; ``spoil`` alters the history in place, as a defect of the engine would."""
     setup = case.build(resolve(case, params).params)
     history = engine.run(setup.scene, setup.numerics, setup.watch).history

@@ -37,9 +37,9 @@ def test_the_tolerance_of_the_elastic_spring_is_the_error_s_own_bound(run_cell):
     # other. No combination is beyond the bound, the worst is close to it.
     contact_dt = 0.01 / 128
     margins = [
-        run_cell(
-            CASE, DEM, {"kn": kn, "gap": 0.02 + phase * contact_dt, "contact_dt": contact_dt}
-        ).margin("restitution_effective", "analytic")
+        run_cell(CASE, DEM, {"kn": kn, "gap": 0.02 + phase * contact_dt, "contact_dt": contact_dt}).margin(
+            "restitution_effective", "analytic"
+        )
         for kn in 1e5 * np.linspace(0.99, 1.01, 8)
         for phase in np.linspace(0.0, 1.0, 8, endpoint=False)
     ]
@@ -90,7 +90,9 @@ def _theta_history(params, *, spoil=0.0) -> History:
         mass_1=full["mass"], mass_2=full["mass"],
     )  # fmt: skip
     taken = numerics.sampled_steps()
-    history = History.empty(taken, taken * numerics.dt, n_disks=2, n_walls=0, pairs=setup.watch, force_meaning="step-mean")
+    history = History.empty(
+        taken, taken * numerics.dt, n_disks=2, n_walls=0, pairs=setup.watch, force_meaning="step-mean"
+    )
     history.v[...] = 0.0
     history.v[:, 0, 0], history.v[:, 1, 0] = steps.vx_1, steps.vx_2 * (1.0 + spoil)
     return history
@@ -135,7 +137,9 @@ def test_an_engine_that_ignores_the_restitution_fails(run_cell):
             law = type(scene.disk_disk)(kn=scene.disk_disk.kn, restitution=0.99, regularised=True)
             return PYMUNK.run(scene.replace(disk_disk=law), numerics, watch)
 
-    assert any(text.startswith("restitution_effective") for text in run_cell(CASE, Deaf(), {"kind": "elastic"}).failures)
+    assert any(
+        text.startswith("restitution_effective") for text in run_cell(CASE, Deaf(), {"kind": "elastic"}).failures
+    )
 
 
 def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
