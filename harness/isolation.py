@@ -164,8 +164,6 @@ def _converse(
                 return ended
             pause = min(2.0 * pause, 0.05)
             for key, _ in _ready(selector, min(left, pause)):
-                stream = key.fileobj
-                assert not isinstance(stream, int)
                 if key.data == "stdin":
                     pending = _feed(selector, process.stdin, pending)
                 elif chunk := os.read(key.fd, _CHUNK):
@@ -173,7 +171,7 @@ def _converse(
                     tail += chunk
                     del tail[: max(0, len(tail) - keep)]
                 else:
-                    selector.unregister(stream)
+                    selector.unregister(key.fileobj)
 
 
 def _ready(selector: selectors.BaseSelector, timeout: float) -> list[tuple[selectors.SelectorKey, int]]:

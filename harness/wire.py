@@ -179,7 +179,8 @@ def _history(data: Any, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...
     energy = {
         name: float_array(series, f"history.energy.{name}", (len(steps),)) for name, series in data["energy"].items()
     }
-    return History(step=steps, pairs=pairs, force_meaning=data["force_meaning"], energy=energy, **arrays)
+    fields: dict[str, Any] = {**arrays}
+    return History(step=steps, pairs=pairs, force_meaning=data["force_meaning"], energy=energy, **fields)
 
 
 def _check_state(arrays: Mapping[str, NDArray[np.float64]], steps: NDArray[np.int64], numerics: Numerics) -> None:
@@ -232,7 +233,11 @@ def _lists(array: NDArray[np.float64]) -> Any:
     missing = np.isnan(array)
     if not missing.any():
         return array.tolist()
-    return None if missing.all() else np.where(missing, None, array.astype(object)).tolist()
+    if missing.all():
+        return None
+    entries = array.astype(object)
+    entries[missing] = None
+    return entries.tolist()
 
 
 def _parse(text: str, what: str) -> dict[str, Any]:

@@ -64,7 +64,7 @@ def test_time_limit_stops_the_whole_group(tmp_path: Path) -> None:
         "open(sys.argv[1], 'w').write(str(child.pid)); print('started', flush=True); time.sleep(600)"
     )
     begin = time.monotonic()
-    with pytest.raises(EngineTimeoutError, match="time limit of 1.5 s") as caught:
+    with pytest.raises(EngineTimeoutError, match=r"time limit of 1\.5 s") as caught:
         run_isolated(python(code, str(tmp_path / "pid")), time_limit=1.5)
     assert time.monotonic() - begin < 10.0
     assert "started" in str(caught.value)

@@ -22,6 +22,8 @@ import time
 
 import numpy as np
 import yade
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(sys.argv[0])))  # YADE runs this file without its folder on the path
 from yade import (
     Bo1_Box_Aabb,
     Bo1_Sphere_Aabb,
@@ -43,23 +45,12 @@ from yade import (
     ViscElMat,
     ViscElPhys,
 )
-from yade.minieigenHP import Quaternion
-from yade.utils import box, sphere
+from yade.utils import sphere
+from yade_history import history
+from yade_parts import DISK_MASK, INTEGRATED, NOBODY, WALLS_APART, Law, WallBox
 
-DISK_MASK, WALL_MASK, WALLS_APART, INTEGRATED, NOBODY = 5, 3, 2, 4, 8
-"""Disks and walls share bit 1 (they collide), walls share bit 2 (they do not, among themselves), disks have bit 4."""
 SMALL_SCENE = 200  # bodies up to which the collider runs at every step: it costs nothing there
 HALF_PLANE = 1e6  # half-length of a wall's box in units of the scene's size: only its face counts
-
-
-class Law:
-    """Contact law of one kind of pair, with a shear spring only where it can carry a force."""
-
-    def __init__(self, law):
-        self.kn, self.beta = law["kn"], law["beta"]
-        # A contact without friction or without shear spring carries no shear force; ks > 0 keeps YADE's energy defined.
-        self.mu = law["mu"] if law["ks"] > 0.0 else 0.0
-        self.ks = law["ks"] if self.mu > 0.0 else law["kn"]
 
 
 class Run:
@@ -261,107 +252,6 @@ class Run:
             energy += 0.5 * physics.shearForce.squaredNorm() / physics.ks
         return energy
 
-    def history(self):
-        """All samples as the arrays of the wire format."""
-        step, x, half, spin, turn, force, torque, contact, elastic, given = zip(*self.samples)  # noqa: B905
-        steps, n, m = len(step), self.n, self.m
-        mass, inertia, radius = (np.array(self.disks[key]) for key in ("mass", "inertia", "radius"))
-        x, half = (np.array(rows).reshape(steps, n, 2) for rows in (x, half))
-        force = np.array(force).reshape(steps, n + m, 2)
-        v = self._synchronised(half, force[:, :n] / mass[:, None] + np.array(self.gravity))
-        spin = np.array(spin).reshape(steps, n)
-        omega = self._synchronised(spin, np.array(torque).reshape(steps, n) / inertia)
-        omega = np.where(np.array(self.disks["rotating"], dtype=bool), omega, spin)
-        v[0], omega[0] = given[0]
-        t = np.array(step) * (self.substeps * self.dt)
-        rows = np.minimum(np.array(step) * self.substeps, len(self.path) - 1)
-        point, normal = self.path[rows, :, 0:2], self.path[rows, :, 2:4]
-        contact = np.array(contact).reshape(steps, len(self.pairs), 2)
-        return {
-            "step": list(step),
-            "t": t.tolist(),
-            "x": x.tolist(),
-            "v": v.tolist(),
-            "angle": unwrapped(np.array(turn).reshape(steps, n), omega, t).tolist(),
-            "omega": omega.tolist(),
-            "gap": self._gaps(x, radius, point, normal).tolist(),
-            "fn": contact[:, :, 0].tolist(),
-            "fs": contact[:, :, 1].tolist(),
-            "force_meaning": "instantaneous",
-            "wall_point": point.tolist(),
-            "wall_angle": np.arctan2(normal[:, :, 1], normal[:, :, 0]).tolist(),
-            "wall_force": force[:, n:].tolist(),
-            "energy": {
-                "kinetic": (0.5 * (v**2).sum(axis=2) @ mass + 0.5 * omega**2 @ inertia).tolist(),
-                "gravity": (-(x @ np.array(self.gravity)) @ mass).tolist(),
-                "elastic": list(elastic),
-            },
-        }
-
-    def _synchronised(self, half, acceleration):
-        if self.central:
-            return (half + 0.5 * self.dt * acceleration) / (1.0 + self.a)
-        return half + 0.5 * self.dt * (acceleration - self.xi * half)
-
-    def _gaps(self, x, radius, point, normal):
-        gaps = np.empty((len(x), len(self.pairs)))
-        for c, (i, j) in enumerate(self.pairs):
-            if j < self.n:
-                gaps[:, c] = np.linalg.norm(x[:, j] - x[:, i], axis=1) - radius[i] - radius[j]
-            else:
-                w = j - self.n
-                gaps[:, c] = ((x[:, i] - point[:, w]) * normal[:, w]).sum(axis=1) - radius[i]
-        return gaps
-
-
-class WallBox:
-    """A half-plane as the face of a large fixed box.
-
-    The box is turned from the nearest axis by at most 45 degrees, so that a wall along an axis has no rotation at all
-    and its face is exact to the last bit.
-    """
-
-    def __init__(self, row, middle, depth, size, material):
-        self.depth = depth
-        point, normal = row[0:2], row[2:4]
-        self.axis = int(np.argmax(np.abs(normal)))
-        self.outward = math.copysign(1.0, normal[self.axis])
-        self.along = float((middle - point) @ (-normal[1], normal[0]))  # face centre opposite the middle of the disks
-        extents = (depth, size, depth) if self.axis == 0 else (size, depth, depth)
-        body = box((0, 0, 0), extents, fixed=True, material=material)
-        body.mask = WALL_MASK
-        O.bodies.append(body)
-        self.state = body.state
-        self.normal, self.still = None, False
-        self.place(row)
-
-    def place(self, row):
-        """Put the face where ``row`` says (see ``wall_path``) and give the box its velocity there."""
-        px, py, nx, ny, cx, cy, vx, vy, spin = row.tolist()
-        state = self.state
-        still = not (vx or vy or spin)
-        if self.still and still:
-            return
-        x = px - ny * self.along - nx * self.depth
-        y = py + nx * self.along - ny * self.depth
-        state.pos = (x, y, 0.0)
-        if self.normal != (nx, ny):
-            self.normal = (nx, ny)
-            bx, by = (self.outward, 0.0) if self.axis == 0 else (0.0, self.outward)
-            state.ori = Quaternion(Vector3(0, 0, 1), math.atan2(bx * ny - by * nx, bx * nx + by * ny))
-        self.still = still
-        state.vel = (vx - spin * (y - cy), vy + spin * (x - cx), 0.0)
-        state.angVel = (0.0, 0.0, spin)
-
-
-def unwrapped(turn, omega, t):
-    """Rotation angles without jumps: each wrapped angle plus the whole turns that the mean spin since the last sample asks."""
-    angle = np.array(turn)
-    for k in range(1, len(t)):
-        expected = angle[k - 1] + 0.5 * (omega[k - 1] + omega[k]) * (t[k] - t[k - 1])
-        angle[k] += 2.0 * math.pi * np.round((expected - angle[k]) / (2.0 * math.pi))
-    return angle
-
 
 def main():
     """Read the request, run it, write the answer; any exception becomes an ``error`` answer."""
@@ -378,7 +268,7 @@ def main():
             "engine_version": str(yade.config.version),
             "timings": {"setup": setup, "warm_up": 0.0, "advance": advance},
             "settings": {"contact_law": type(RUN.law).__name__},
-            "history": RUN.history(),
+            "history": history(RUN),
         }
     except Exception as error:  # the harness shows the text; a traceback would only bury it
         answer = {"wire_version": 1, "error": f"{type(error).__name__}: {error}"}

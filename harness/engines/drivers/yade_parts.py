@@ -1,0 +1,61 @@
+"""Contact laws and walls as YADE has them; imported by the driver inside YADE."""
+
+import math
+
+import numpy as np
+from yade import O, Vector3
+from yade.minieigenHP import Quaternion
+from yade.utils import box
+
+DISK_MASK, WALL_MASK, WALLS_APART, INTEGRATED, NOBODY = 5, 3, 2, 4, 8
+"""Disks and walls share bit 1 (they collide), walls share bit 2 (they do not, among themselves), disks have bit 4."""
+
+
+class Law:
+    """Contact law of one kind of pair, with a shear spring only where it can carry a force."""
+
+    def __init__(self, law):
+        self.kn, self.beta = law["kn"], law["beta"]
+        # A contact without friction or without shear spring carries no shear force; ks > 0 keeps YADE's energy defined.
+        self.mu = law["mu"] if law["ks"] > 0.0 else 0.0
+        self.ks = law["ks"] if self.mu > 0.0 else law["kn"]
+
+
+class WallBox:
+    """A half-plane as the face of a large fixed box.
+
+    The box is turned from the nearest axis by at most 45 degrees, so that a wall along an axis has no rotation at all
+    and its face is exact to the last bit.
+    """
+
+    def __init__(self, row, middle, depth, size, material):
+        self.depth = depth
+        point, normal = row[0:2], row[2:4]
+        self.axis = int(np.argmax(np.abs(normal)))
+        self.outward = math.copysign(1.0, normal[self.axis])
+        self.along = float((middle - point) @ (-normal[1], normal[0]))  # face centre opposite the middle of the disks
+        extents = (depth, size, depth) if self.axis == 0 else (size, depth, depth)
+        body = box((0, 0, 0), extents, fixed=True, material=material)
+        body.mask = WALL_MASK
+        O.bodies.append(body)
+        self.state = body.state
+        self.normal, self.still = None, False
+        self.place(row)
+
+    def place(self, row):
+        """Put the face where ``row`` says (see ``wall_path``) and give the box its velocity there."""
+        px, py, nx, ny, cx, cy, vx, vy, spin = row.tolist()
+        state = self.state
+        still = not (vx or vy or spin)
+        if self.still and still:
+            return
+        x = px - ny * self.along - nx * self.depth
+        y = py + nx * self.along - ny * self.depth
+        state.pos = (x, y, 0.0)
+        if self.normal != (nx, ny):
+            self.normal = (nx, ny)
+            bx, by = (self.outward, 0.0) if self.axis == 0 else (0.0, self.outward)
+            state.ori = Quaternion(Vector3(0, 0, 1), math.atan2(bx * ny - by * nx, bx * nx + by * ny))
+        self.still = still
+        state.vel = (vx - spin * (y - cy), vy + spin * (x - cx), 0.0)
+        state.angVel = (0.0, 0.0, spin)
