@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -55,16 +55,17 @@ def kernel(function: Function) -> Function:
     ``error_model="numpy"`` removes the branch on every division, ``nogil`` lets threads run kernels side by side.
     The kernel must not allocate in its loops.
     """
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = cache_folder()
+    settings: Any = numba.config
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = cache_folder()
     try:
-        compiled: Function = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+        compiled: Any = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
     finally:
-        numba.config.CACHE_DIR = before
-    return compiled
+        settings.CACHE_DIR = before
+    return cast(Function, compiled)
 
 
 def inline_kernel(function: Function) -> Function:
     """Like `kernel`, for small functions that are only called by kernels: LLVM inlines them, no cache of their own."""
-    compiled: Function = numba.njit(error_model="numpy", nogil=True)(function)
-    return compiled
+    compiled: Any = numba.njit(error_model="numpy", nogil=True)(function)
+    return cast(Function, compiled)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli_support import guarded
+from ninedisk.harness.cli_support import INTERRUPTED, guarded
 
 app = typer.Typer(
     name="ninedisk",
@@ -161,4 +161,7 @@ def report(
 
 def main() -> None:
     """Entry point of the console script and of ``python -m ninedisk``."""
-    app(prog_name="ninedisk")
+    try:
+        app(prog_name="ninedisk")
+    except KeyboardInterrupt:  # outside of a command: while it starts or ends
+        raise SystemExit(INTERRUPTED) from None

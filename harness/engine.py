@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
+
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
@@ -142,7 +144,7 @@ def run_session(
     steps = numerics.sampled_steps()
     history = History.empty(
         steps,
-        steps * numerics.dt,
+        np.multiply(steps, numerics.dt, dtype=np.float64),
         n_disks=len(scene.disks),
         n_walls=len(scene.walls),
         pairs=pairs,

@@ -138,7 +138,7 @@ def _compare_series(check: Check, observed: Observed) -> Comparison:
     tolerance = _tolerance(check, scale)
     error = np.where(speaks, _difference(value, expected), 0.0)
     beyond = speaks & ~(error <= tolerance)
-    worst = int(np.argmax(missing)) if missing.any() else int(np.argmax(np.where(speaks, error, -1.0)))
+    worst = int(np.argmax(np.where(speaks, error, -1.0)))  # the first missing value, if any: argmax ranks NaN highest
     return Comparison(
         unit=unit,
         value=float(value[worst]),

@@ -14,18 +14,18 @@ def empty_list(rows: int, capacity: int) -> NeighbourList:
     """A neighbour list of ``rows`` empty rows and room for ``capacity`` pairs."""
     return NeighbourList(
         start=np.zeros(rows + 1, dtype=np.int64),
-        index=np.zeros(capacity, dtype=np.uint32),
+        other=np.zeros(capacity, dtype=np.uint32),
         shear=np.zeros(capacity),
     )
 
 
 def grown(pairs: NeighbourList) -> NeighbourList:
     """Copy of a list with 1.5 times its room."""
-    room = pairs.index.shape[0] + pairs.index.shape[0] // 2 + 16
+    room = pairs.other.shape[0] + pairs.other.shape[0] // 2 + 16
     larger = empty_list(pairs.start.shape[0] - 1, room)
     used = int(pairs.start[-1])
     larger.start[:] = pairs.start
-    larger.index[:used] = pairs.index[:used]
+    larger.other[:used] = pairs.other[:used]
     larger.shear[:used] = pairs.shear[:used]
     return larger
 

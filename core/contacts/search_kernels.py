@@ -1,6 +1,6 @@
 """Kernels of the contact search: cell list, half neighbour list with a skin, lists of disks near walls.
 
-The neighbour list is stored by rows: the neighbours ``j > i`` of disk ``i`` are ``index[start[i]:start[i+1]]``, beside
+The neighbour list is stored by rows: the neighbours ``j > i`` of disk ``i`` are ``other[start[i]:start[i+1]]``, beside
 each the shear force of that contact. Lists are built in the order of the disks, so the same input gives the same bits.
 """
 
@@ -24,14 +24,14 @@ class NeighbourList(NamedTuple):
     ----------
     start : ndarray of int64, shape (rows + 1,)
         Row pointers; a row is a disk (disk-disk list) or a wall (wall list).
-    index : ndarray of uint32, shape (capacity,)
+    other : ndarray of uint32, shape (capacity,)
         The other disk of each pair.
     shear : ndarray, shape (capacity,)
         Shear force ``fs`` [N] on the row's body (disk-disk list) or on the disk (wall list).
     """
 
     start: NDArray[np.int64]
-    index: NDArray[np.uint32]
+    other: NDArray[np.uint32]
     shear: NDArray[np.float64]
 
 
@@ -141,7 +141,7 @@ def build_pairs(
     """
     n = x.shape[0]
     nx, ny = int(cells.grid[3]), int(cells.grid[4])
-    capacity, k = new.index.shape[0], 0
+    capacity, k = new.other.shape[0], 0
     new.start[0] = 0
     for i in range(n):
         c = cells.cell[i]
@@ -157,10 +157,10 @@ def build_pairs(
                 if dx * dx + dy * dy < limit * limit:
                     if k == capacity:
                         return PAIRS_FULL
-                    new.index[k] = j
+                    new.other[k] = j
                     new.shear[k] = 0.0
                     for o in range(old.start[i], old.start[i + 1]):
-                        if old.index[o] == j:
+                        if old.other[o] == j:
                             new.shear[k] = old.shear[o]
                             break
                     k += 1
@@ -193,7 +193,7 @@ def build_wall_pairs(
     int
         OK, or WALL_PAIRS_FULL if the capacity of ``new`` is too small.
     """
-    capacity, k = new.index.shape[0], 0
+    capacity, k = new.other.shape[0], 0
     new.start[0] = 0
     for w in range(wall.shape[0]):
         o, end = old.start[w], old.start[w + 1]
@@ -202,11 +202,11 @@ def build_wall_pairs(
             if (x[i, 0] - px) * nx + (x[i, 1] - py) * ny - radius[i] < skin:
                 if k == capacity:
                     return WALL_PAIRS_FULL
-                new.index[k] = i
+                new.other[k] = i
                 new.shear[k] = 0.0
-                while o < end and old.index[o] < i:
+                while o < end and old.other[o] < i:
                     o += 1
-                if o < end and old.index[o] == i:
+                if o < end and old.other[o] == i:
                     new.shear[k] = old.shear[o]
                 k += 1
         new.start[w + 1] = k

@@ -120,6 +120,6 @@ def near_pairs(
     sort_into_cells(disks.x, 2.0 * float(disks.radius.max()) + reach, cells)
     none, found = empty_list(n, 0), empty_list(n, PAIRS_PER_DISK * n + 16)
     while build_pairs(disks.x, disks.radius, reach, cells, none, found) == PAIRS_FULL:
-        found = grown(NeighbourList(np.zeros(n + 1, dtype=np.int64), found.index, found.shear))
+        found = grown(NeighbourList(np.zeros(n + 1, dtype=np.int64), found.other, found.shear))
     count = int(found.start[-1])
-    return np.repeat(np.arange(n), np.diff(found.start)), found.index[:count].astype(np.int64)
+    return np.repeat(np.arange(n), np.diff(found.start)), found.other[:count].astype(np.int64)

@@ -78,7 +78,7 @@ def disk_disk_forces(disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.fl
         vxi, vyi, wi = v[i, 0], v[i, 1], omega[i]
         fx, fy, torque = 0.0, 0.0, 0.0
         for k in range(first, last):
-            j = pairs.index[k]
+            j = pairs.other[k]
             dx, dy, reach = x[j, 0] - xi, x[j, 1] - yi, ri + radius[j]
             d2 = dx * dx + dy * dy
             if d2 >= reach * reach:
@@ -126,7 +126,7 @@ def disk_wall_forces(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList,
         spin, rate_x, rate_y = walls.now[w, 8], walls.now[w, 9], walls.now[w, 10]
         load_x, load_y, load_t = 0.0, 0.0, 0.0
         for k in range(pairs.start[w], pairs.start[w + 1]):
-            i = pairs.index[k]
+            i = pairs.other[k]
             height = (disks.x[i, 0] - px) * ux + (disks.x[i, 1] - py) * uy
             overlap = disks.radius[i] - height
             if overlap <= 0.0:

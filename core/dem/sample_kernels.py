@@ -25,8 +25,8 @@ def synchronised(value: float, acceleration: float, step: StepConstants, start: 
 def listed_shear(pairs: NeighbourList, row: int, other: int) -> float:
     """Shear force [N] of a pair; 0 if it is not in the list."""
     for k in range(pairs.start[row], pairs.start[row + 1]):
-        if pairs.index[k] == other:
-            return pairs.shear[k]
+        if pairs.other[k] == other:
+            return float(pairs.shear[k])
     return 0.0
 
 
@@ -76,7 +76,7 @@ def contact_energy(
     normal, shear = 0.0, 0.0
     for i in range(disks.x.shape[0]):
         for k in range(pairs.start[i], pairs.start[i + 1]):
-            j = pairs.index[k]
+            j = pairs.other[k]
             dx, dy = disks.x[j, 0] - disks.x[i, 0], disks.x[j, 1] - disks.x[i, 1]
             overlap = disks.radius[i] + disks.radius[j] - sqrt(dx * dx + dy * dy)
             if overlap > 0.0:
@@ -85,7 +85,7 @@ def contact_energy(
                     shear += 0.5 * pairs.shear[k] * pairs.shear[k] / law[KS]
     for w in range(walls.now.shape[0]):
         for k in range(wall_pairs.start[w], wall_pairs.start[w + 1]):
-            i = wall_pairs.index[k]
+            i = wall_pairs.other[k]
             height = (disks.x[i, 0] - walls.now[w, 0]) * walls.now[w, 2]
             height += (disks.x[i, 1] - walls.now[w, 1]) * walls.now[w, 3]
             overlap = disks.radius[i] - height

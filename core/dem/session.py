@@ -46,6 +46,11 @@ class DemSession:
         If the contact step exceeds the critical one and ``numerics.allow_unstable`` is False.
     """
 
+    _list: NeighbourList
+    _spare: NeighbourList
+    _wall_list: NeighbourList
+    _wall_spare: NeighbourList
+
     def __init__(
         self, scene: Scene, numerics: Numerics, watch: Sequence[Pair] = (), particles: Sequence[int] | None = None
     ) -> None:
@@ -156,11 +161,13 @@ class DemSession:
         )
         self._law = np.array(law_row(scene.disk_disk))
         self._step = step_constants(scene, self.numerics, self.contact_dt)
-        self._list, self._spare = (empty_list(n, PAIRS_PER_DISK * n + 16) for _ in range(2))
-        self._wall_list, self._wall_spare = (empty_list(m, n // 4 + 16) for _ in range(2))
+        self._list = empty_list(n, PAIRS_PER_DISK * n + 16)
+        self._spare = empty_list(n, PAIRS_PER_DISK * n + 16)
+        self._wall_list = empty_list(m, n // 4 + 16)
+        self._wall_spare = empty_list(m, n // 4 + 16)
         self._cells = empty_cells(n)
         self._widest = float(disks.radius.max())
-        self._clock = np.array([0, 1, 0, 0], dtype=np.int64)
+        self._clock: NDArray[np.int64] = np.array([0, 1, 0, 0], dtype=np.int64)
         self._work = np.zeros(1)
 
     def _preload(self) -> None:
@@ -261,5 +268,5 @@ def _chosen(scene: Scene, particles: Sequence[int] | None) -> NDArray[np.int64]:
 
 def _enter_shear(pairs: NeighbourList, row: int, other: int, force: float) -> None:
     for k in range(int(pairs.start[row]), int(pairs.start[row + 1])):
-        if pairs.index[k] == other:
+        if pairs.other[k] == other:
             pairs.shear[k] = force

@@ -107,7 +107,7 @@ def copy_list(source: NeighbourList, target: NeighbourList) -> None:
     """Copy a freshly built list over the one in use."""
     target.start[:] = source.start
     used = source.start[-1]
-    target.index[:used] = source.index[:used]
+    target.other[:used] = source.other[:used]
     target.shear[:used] = source.shear[:used]
 
 

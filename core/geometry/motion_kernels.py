@@ -49,7 +49,7 @@ class WallMotion(NamedTuple):
 @inline_kernel
 def active_segment(motion: WallMotion, wall: int, t: float) -> int:
     """Index of the segment of ``wall`` that holds at time ``t`` [s]."""
-    k = motion.first[wall + 1] - 1
+    k = int(motion.first[wall + 1]) - 1
     while k > motion.first[wall] and motion.begin[k] > t:
         k -= 1
     return k

@@ -69,7 +69,7 @@ def numerics_of(params: Mapping[str, Any], *, n_steps: int, contact_dt: float, t
 
 
 def whole_steps(params: Mapping[str, Any], default: float, *, at_least: float = 0.0, event: str = "") -> int:
-    """Number of steps ``dt`` of the run: ``params["duration"]``, or ``default`` [s] where it is None.
+    """Number of steps ``dt`` of the run, >= 1: ``params["duration"]``, or ``default`` [s] where it is None.
 
     Raises
     ------
@@ -84,11 +84,11 @@ def whole_steps(params: Mapping[str, Any], default: float, *, at_least: float = 
             f"duration = {duration:g} s is not allowed: {event} is over at {at_least:g} s only; "
             "use a longer one, or none"
         )
-    if duration < params["dt"] * (1.0 - 1e-12):
+    if given is not None and duration < params["dt"] * (1.0 - 1e-12):
         raise ParameterError(
             f"duration = {duration:g} s is not allowed: it must be at least one step, dt = {params['dt']:g} s"
         )
-    return steps
+    return max(steps, 1)
 
 
 def round_off_speed(length: float, contact_dt: float) -> float:

@@ -36,6 +36,9 @@ UP, RIGHT = (CENTRE, 7), (CENTRE, 5)
 
 WALLS = ("mid-pivot", "mid-pivot-caps-translate", "corner-pivot-caps-translate")
 
+READINGS: tuple[tuple[str, Value], ...] = (*((walls, "mu") for walls in WALLS), ("mid-pivot", 0.0))
+"""Readings of the source in the matrix: motion of the walls, their friction."""
+
 SLIPPING = 1.0 - 1e-9
 """A contact slips where |Fs| reaches this fraction of mu Fn: at the cap up to round-off."""
 
@@ -88,7 +91,7 @@ class Distortion:
         return [
             {"walls": walls, "wall_mu": wall_mu, "phi_deg": phi, "ks_over_kn": ratio, "lever_arm": arm}
             for arm in ("radius", "overlap")
-            for walls, wall_mu in (*((walls, "mu") for walls in WALLS), ("mid-pivot", 0.0))
+            for walls, wall_mu in READINGS
             for phi in (15.0, 30.0)
             for ratio in (1.0, 2.0 / 3.0)
         ]

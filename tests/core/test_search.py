@@ -57,7 +57,7 @@ def neighbours(x: np.ndarray, radius: np.ndarray, skin: float) -> list[list[int]
     cells, found = empty_cells(n), empty_list(n, n * n)
     assert sort_into_cells(x, 2.0 * radius.max() + skin, cells)
     assert build_pairs(x, radius, skin, cells, empty_list(n, 0), found) == OK
-    return [sorted(found.index[a:b].tolist()) for a, b in zip(found.start, found.start[1:], strict=False)]
+    return [sorted(found.other[a:b].tolist()) for a, b in zip(found.start, found.start[1:], strict=False)]
 
 
 def brute_force(x: np.ndarray, radius: np.ndarray, skin: float) -> list[list[int]]:
@@ -99,7 +99,7 @@ def test_coordinates_whose_extent_or_square_overflows_are_survived(huge: float) 
         assert cells.cell.min() >= 0
         assert cells.cell.max() < cells.start.shape[0] - 1
         assert build_pairs(x, np.ones(5), 0.1, cells, empty_list(5, 0), found) == OK
-        assert found.index[found.start[3] : found.start[4]].tolist() == [4]
+        assert found.other[found.start[3] : found.start[4]].tolist() == [4]
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -125,7 +125,7 @@ def test_wall_lists_equal_brute_force(n: int, m: int, seed: int, skin: float) ->
     assert build_wall_pairs(x, radius, skin, poses, empty_list(m, 0), found) == OK
     for w, pose in enumerate(poses):
         gap = (x[:, 0] - pose[0]) * pose[2] + (x[:, 1] - pose[1]) * pose[3] - radius
-        assert found.index[found.start[w] : found.start[w + 1]].tolist() == np.flatnonzero(gap < skin).tolist()
+        assert found.other[found.start[w] : found.start[w + 1]].tolist() == np.flatnonzero(gap < skin).tolist()
 
 
 def imploding(n: int, walls: tuple[Wall, ...] = ()) -> Scene:
@@ -149,10 +149,10 @@ def with_room(scene: Scene, steps: int, monkeypatch: pytest.MonkeyPatch) -> Hist
 def test_full_disk_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = imploding(40)
     session = DemSession(scene, numerics(1e-3, 20), [(0, 1)])
-    room = session._list.index.shape[0]
+    room = session._list.other.shape[0]
     found = session.run()
     assert session._list.start[-1] > 1.5 * room
-    assert session._list.index.shape[0] == session._spare.index.shape[0] > 1.5 * room
+    assert session._list.other.shape[0] == session._spare.other.shape[0] > 1.5 * room
     expected = with_room(scene, 20, monkeypatch)
     for name in ("x", "v", "omega", "angle"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
@@ -165,7 +165,7 @@ def test_full_wall_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyP
     walls = tuple(Wall(name=n, point=(0.0, -1.0), normal=(s, 1.0), law=soft) for n, s in (("a", 0.0), ("b", 1e-3)))
     scene = imploding(64, walls)
     session = DemSession(scene, numerics(1e-3, 12))
-    room = session._wall_list.index.shape[0]
+    room = session._wall_list.other.shape[0]
     found = session.run()
     assert session._wall_list.start[-1] > 1.5 * room
     assert np.ptp(session._wall_list.start[:-1]) > room

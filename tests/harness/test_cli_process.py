@@ -24,6 +24,14 @@ def ninedisk(folder: Path, environment: dict[str, str], *arguments: str) -> subp
     )
 
 
+def wait_for(path: Path) -> None:
+    """Until a cell runs."""
+    end = time.monotonic() + 30.0
+    while not path.exists():
+        assert time.monotonic() < end, "the engine did not start"
+        time.sleep(0.02)
+
+
 @pytest.mark.parametrize(
     ("arguments", "code"),
     [
@@ -49,7 +57,7 @@ def test_ctrl_c(tmp_path: Path, fake_environment: dict[str, str]) -> None:
         command("run", "fake/fall", "-e", "fake-slow", "--json", "rows.json"),
         cwd=tmp_path, env=fake_environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    time.sleep(1.5)
+    wait_for(tmp_path / "slow.started")
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 130
@@ -62,7 +70,7 @@ def test_ctrl_c(tmp_path: Path, fake_environment: dict[str, str]) -> None:
 
 def test_kill_in_the_middle_of_a_run(tmp_path: Path, fake_environment: dict[str, str]) -> None:
     process = subprocess.Popen(command("run", "fake/fall", "-e", "fake-slow"), cwd=tmp_path, env=fake_environment)
-    time.sleep(1.0)
+    wait_for(tmp_path / "slow.started")
     process.kill()
     process.wait(timeout=20)
     assert run_ids(tmp_path / "results") == []

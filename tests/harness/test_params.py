@@ -28,6 +28,8 @@ MAYBE = parameter(default=None, optional=True, low=0.0, high=1.0)
     [
         (SECONDS, "10 ms", 0.01),
         (SECONDS, "10ms", 0.01),
+        (SECONDS, "1.1 ms", 1.1e-3),
+        (SECONDS, "4.3 ms", 4.3e-3),
         (SECONDS, "1e-3", 0.001),
         (SECONDS, "2/3 s", 2 / 3),
         (SECONDS, "1 hour", 3600.0),

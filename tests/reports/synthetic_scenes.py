@@ -72,16 +72,16 @@ def small_setup(n: int, *, gravity: Sequence[float] = (0.0, 0.0), wall: bool = F
 
 
 def box_frames(engine: int) -> Row:
-    """The assembly before and after a shear."""
+    """The assembly at the start, before and after a shear."""
     x = np.array(box_setup()["scene"]["disks"]["x"])
     sheared = x + np.outer(x[:, 1] - 150.0, [0.13 + 0.003 * engine, 0.0])
     points = [[0.0, 150.0], [300.0, 150.0], [0.0, 0.0], [0.0, 300.0]]
     normals = np.array([0.0, math.pi, math.pi / 2, -math.pi / 2])
     turned = normals - np.array([0.1334, 0.1334, 0.0, 0.0])
     return {
-        "step": [5000, 5500],
-        "x": [x.tolist(), sheared.tolist()],
-        "angle": [[0.0] * 9, [0.06 * (-1) ** k for k in range(9)]],
-        "wall_point": [points, points],
-        "wall_angle": [normals.tolist(), turned.tolist()],
+        "step": [0, 5000, 5500],
+        "x": [x.tolist(), x.tolist(), sheared.tolist()],
+        "angle": [[0.0] * 9, [0.0] * 9, [0.06 * (-1) ** k for k in range(9)]],
+        "wall_point": [points, points, points],
+        "wall_angle": [normals.tolist(), normals.tolist(), turned.tolist()],
     }

@@ -37,6 +37,14 @@ def test_run_that_is_half_superseded_gives_only_its_other_half(tmp_path, write, 
     assert [set(curve.value) for curve in stored.references["demo/one", "k=1", "x"]] == [{9.0}]
 
 
+def test_curves_of_a_cell_that_broke_since_are_gone(tmp_path, write, small):
+    write(
+        tmp_path, "a", {n: small()[n] + small(engine="yade")[n] for n in small()}, started="2026-01-01T00:00:00+00:00"
+    )
+    write(tmp_path, "b", {**small(status="error"), "series": []}, started="2026-01-02T00:00:00+00:00")
+    assert {key[2] for key in load_store(tmp_path).series} == {"yade"}
+
+
 def test_started_is_compared_as_time_not_as_text(tmp_path, write, small):
     write(tmp_path, "a", small(value=1.0), started="2026-01-01T23:30:00+00:00")
     write(tmp_path, "b", small(value=2.0), started="2026-01-02T00:15:00+01:00")

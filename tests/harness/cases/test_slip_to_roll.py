@@ -10,7 +10,6 @@ from ninedisk.harness.cases.slip_to_roll import CASE
 from ninedisk.harness.engines.dem import ENGINE as DEM
 from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
 from ninedisk.harness.params import resolve
-from ninedisk.references.analytic.slip_to_roll import spring_overshoot
 
 MATRIX = CASE.matrix()
 
@@ -35,20 +34,14 @@ def test_pymunk_rolls_at_two_thirds(run_cell, dt, onset):
 
 def test_the_springs_overshoot_fills_its_tolerance(run_cell):
     for params in ({}, {"kn": 1e6}, {"rotating": False}):
-        assert 0.8 < run_cell(CASE, DEM, params).margin("vx", "analytic") <= 1.0
+        assert 0.9 < run_cell(CASE, DEM, params).margin("vx", "analytic") <= 1.0
 
 
-def test_the_contact_step_in_which_slip_ends_adds_to_the_overshoot(run_cell):
-    # The speed shifts the end of slip within a coarse contact step: the spring's swing alone would be exceeded, by less
-    # than mu g dt of the contact step.
-    contact_dt = 0.01 / 400
-    swing = spring_overshoot(mu=0.3, g=10.0, mass=np.pi, ks=1e8)
-    errors = []
-    for speed in 1.0 + np.linspace(0.0, 9.0 * contact_dt, 8, endpoint=False):
-        cell = run_cell(CASE, DEM, {"speed": speed, "contact_dt": contact_dt})
-        assert cell.failures == []
-        errors.append(np.abs(cell.observed.series["vx"][1][cell.observed.t > 0.2] - 2.0 * speed / 3.0).max())
-    assert 1.02 * swing < max(errors) < swing + 0.3 * 10.0 * contact_dt
+def test_no_phase_of_the_end_of_slip_swings_beyond_the_spring(run_cell):
+    # The speed shifts the end of slip within a coarse contact step, omega dt = 0.24; the samples see every contact step.
+    for speed in 1.0 + np.linspace(0.0, 2.25e-4, 8, endpoint=False):
+        params = {"speed": speed, "dt": 2.5e-5, "contact_dt": 2.5e-5, "duration": 0.115}
+        assert run_cell(CASE, DEM, params).margin("vx", "analytic") <= 1.0
 
 
 def test_the_overshoot_falls_with_the_square_root_of_the_shear_stiffness(run_cell):
@@ -130,3 +123,10 @@ def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
 def test_a_plane_too_soft_to_carry_the_disk_is_refused():
     with pytest.raises(ParameterError, match="kn = 20 N/m"):
         CASE.build(resolve(CASE, {"kn": 20}).params)
+
+
+def test_durations_shorter_than_a_step():
+    fast = {"mu": 1.5, "g": 30.0, "speed": 0.2, "dt": 0.016}
+    assert CASE.build(resolve(CASE, fast).params).numerics.n_steps == 1
+    with pytest.raises(ParameterError, match=r"duration = 0\.001 s"):
+        CASE.build(resolve(CASE, {"duration": 0.001}).params)

@@ -4,6 +4,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -172,6 +173,7 @@ class FakeEngine:
         elif self.behaviour == "unstable" and numerics.dt > 0.5:
             raise UnstableTimeStepError(f"dt = {numerics.dt:g} s exceeds the critical step 0.5 s: use a smaller one")
         elif self.behaviour == "slow":
+            Path("slow.started").touch()
             time.sleep(30.0)
 
 
