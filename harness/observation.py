@@ -55,9 +55,13 @@ def check_history(history: History, setup: Setup) -> None:
 
 
 def frames(history: History) -> dict[str, Any]:
-    """At most `MAX_FRAMES` sampled configurations as plain data, first and last included."""
+    """At most `MAX_FRAMES` sampled configurations as plain data: first and last, and the first of the regular samples.
+
+    Regular sampling may begin long after step 0 (``Numerics.sample_from``); what happened until then is one frame.
+    """
     count = len(history.step)
-    rows = np.unique(np.linspace(0, count - 1, min(count, MAX_FRAMES)).round().astype(np.int64))
+    rows = np.linspace(min(1, count - 1), count - 1, min(count, MAX_FRAMES - 1)).round().astype(np.int64)
+    rows = np.unique(np.append(rows, 0))
     picked: dict[str, Any] = {"step": history.step[rows].tolist(), "t": history.t[rows].tolist()}
     for name in ("x", "angle", "wall_point", "wall_angle"):
         picked[name] = np.asarray(getattr(history, name))[rows].tolist()

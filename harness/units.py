@@ -26,7 +26,7 @@ def split_number(text: str) -> tuple[str, str] | None:
 def to_unit(name: str, number: str, suffix: str, unit: str) -> float:
     """Convert ``number suffix`` to ``unit``.
 
-    Pint does the arithmetic on fractions, so that ``10 ms`` is the double nearest to 0.01.
+    ``number`` is a decimal or a fraction of two numbers, as `split_number` gives it.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def to_unit(name: str, number: str, suffix: str, unit: str) -> float:
         raise ParameterError(f"{shown}: {suffix!r} is no unit; {want}")
     import pint  # a third of a second, so only where a unit was typed
 
-    registry: Any = pint.UnitRegistry(non_int_type=Fraction)
+    registry: Any = pint.UnitRegistry()
     try:
         converted = registry.Quantity(Fraction(number), registry.parse_units(plain)).to(expected or "dimensionless")
         return float(converted.magnitude)

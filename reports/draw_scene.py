@@ -54,7 +54,7 @@ def draw_sketch(scene: SceneView, path: Path) -> None:
             _motion(axes, wall, scene.walls, low, high, size)
         if scene.gravity.any():
             strength = float(np.hypot(*scene.gravity))
-            head = np.array([high[0] - 0.4 * size, high[1] - 0.1 * size]) + 0.8 * size * scene.gravity / strength
+            head = np.array([high[0] - 1.1 * size, high[1] - 0.1 * size]) + 0.8 * size * scene.gravity / strength
             _arrow(axes, head - 0.8 * size * scene.gravity / strength, head, GRAVITY, f"g = {strength:.4g} m/s²")
         for k, (_, place) in enumerate(scene.marks):
             _mark(axes, place, numeral(k))

@@ -158,7 +158,7 @@ class BinaryCollision:
             "vy_2": ("m/s", v[:, 1, 1]),
         }
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
-        scalars["restitution_effective"] = ("-", (v[-1, 1, 0] - v[-1, 0, 0]) / params["speed"])
+        scalars["restitution_effective"] = ("1", (v[-1, 1, 0] - v[-1, 0, 0]) / params["speed"])
         drift = np.abs(momentum - params["mass"] * params["speed"])
         scalars["momentum_drift"] = ("kg m/s", float(drift.max()))  # NaN where a velocity is
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)

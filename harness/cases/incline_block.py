@@ -149,7 +149,7 @@ class InclineBlock:
         inertial = params["mass"] * (vx[-1] - vx[half]) / elapsed
         with np.errstate(divide="ignore", invalid="ignore"):  # an engine that loses the contact reports fn = 0
             held = (fs[half + 1 :].mean() + inertial) / fn[half + 1 :].mean()
-        scalars["mu_crit"] = ("-", float(held))
+        scalars["mu_crit"] = ("1", float(held))
         if sticks(params):
             scalars["creep_rate"] = ("m/s", float((x[-1] - x[half]) / elapsed))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)

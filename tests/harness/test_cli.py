@@ -126,6 +126,14 @@ def test_json_rows(here: Path) -> None:
     assert sorted(path.name for path in here.iterdir()) == ["results", "rows.json"]
 
 
+def test_json_is_replaced_never_overwritten(here: Path) -> None:
+    """Whoever reads the old file while the new one is written sees the old one whole."""
+    (here / "rows.json").write_text("old")
+    with (here / "rows.json").open() as reader:
+        assert ninedisk("run", "fake/fall", "-e", "fake-good", "--json", "rows.json").exit_code == 0
+        assert reader.read() == "old"
+
+
 def test_a_store_that_fills_up_leaves_the_old_json(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from ninedisk.harness import store
 

@@ -120,7 +120,7 @@ def test_configurations_begin_with_the_distortion(panel_store):
     case = panel.cases["nine-disk/distortion"]
     plan, groups = case_configurations(case, looks_of(panel, case).engines)
     assert plan.number == "A.4"
-    assert len(groups) == 3
+    assert len(groups) == 2
     assert [picture.title for picture in groups[0][1]] == ["cycle 5000", "cycle 5500"]
     assert len(groups[0][1][1].bodies) == 3
 

@@ -87,7 +87,7 @@ def test_overview_ranks_the_worst_first(panel_store, panel_report):
     assert len(shown) == 10
     assert [float(value) for value in shown] == sorted((float(value) for value in shown), reverse=True)
     assert f"{rows[0]['ratio']:.1e}" == shown[0]
-    values = re.findall(r'<td>(\w+) \[[^<]*</small></td>\s*<td class="n">([^<]+)</td>', table)
+    values = re.findall(r'<td>(\w+) \[[^<]*<small>[^<]*</small></td>\s*<td class="n">([^<]+)</td>', table)
     assert values == [(row["quantity"], f"{row['value']:.7g}") for row in rows[:10]]
     headline = html[html.index("Worst error of the panel") : html.index('id="matrix"')]
     assert shown[0] in headline

@@ -14,6 +14,7 @@ Derivations used below, a = xi dt/2:
 - start: ``v_{1/2} = v_0 + dt/2 (F_0/m - xi v_0)``, by choosing the velocity from which the first step starts.
 """
 
+import contextlib
 import json
 import math
 import os
@@ -253,9 +254,18 @@ class Run:
         return energy
 
 
+def remove_temporary_folder():
+    """Remove YADE's own folder in /tmp (it heeds no TMPDIR) while it is empty: nobody would after a kill or a short exit."""
+    folder = os.path.dirname(O.tmpFilename())
+    with contextlib.suppress(OSError):
+        os.rmdir(folder)
+        print("removed", folder)
+
+
 def main():
     """Read the request, run it, write the answer; any exception becomes an ``error`` answer."""
     begin = time.perf_counter()
+    remove_temporary_folder()
     request = json.load(sys.stdin)
     try:
         global RUN

@@ -15,12 +15,14 @@ def history(run):
     v = synchronised(run, half, force[:, :n] / mass[:, None] + np.array(run.gravity))
     spin = np.array(spin).reshape(steps, n)
     omega = synchronised(run, spin, np.array(torque).reshape(steps, n) / inertia)
-    omega = np.where(np.array(run.disks["rotating"], dtype=bool), omega, spin)
+    turning = np.array(run.disks["rotating"], dtype=bool)
+    omega = np.where(turning, omega, spin)
     v[0], omega[0] = given[0]
     t = np.array(step) * (run.substeps * run.dt)
     rows = np.minimum(np.array(step) * run.substeps, len(run.path) - 1)
     point, normal = run.path[rows, :, 0:2], run.path[rows, :, 2:4]
     contact = np.array(contact).reshape(steps, len(run.pairs), 2)
+    # A blocked spin is prescribed: it exchanges no energy with the scene and is not counted, as in the in-house DEM.
     return {
         "step": list(step),
         "t": t.tolist(),
@@ -36,7 +38,7 @@ def history(run):
         "wall_angle": np.arctan2(normal[:, :, 1], normal[:, :, 0]).tolist(),
         "wall_force": force[:, n:].tolist(),
         "energy": {
-            "kinetic": (0.5 * (v**2).sum(axis=2) @ mass + 0.5 * omega**2 @ inertia).tolist(),
+            "kinetic": (0.5 * (v**2).sum(axis=2) @ mass + 0.5 * omega**2 @ np.where(turning, inertia, 0.0)).tolist(),
             "gravity": (-(x @ np.array(run.gravity)) @ mass).tolist(),
             "elastic": list(elastic),
         },

@@ -21,6 +21,8 @@ from ninedisk.core.simulate import simulate
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
 from ninedisk.harness.engines.yade import NOTE_ARM, NOTE_ROTATION, Yade
+from ninedisk.harness.isolation import run_isolated
+from ninedisk.harness.wire import Request, encode_request
 
 needs_yade = pytest.mark.skipif(shutil.which("yade") is None, reason="YADE is not installed: apt-get install yade")
 
@@ -165,7 +167,7 @@ def test_damped_oblique_collision_with_initial_overlap() -> None:
         radius=[1.0, 1.0, 0.6],  # type: ignore[arg-type]
         mass=[1.0, 2.0, 0.4],  # type: ignore[arg-type]
         v=[(1.0, 0.0), (0.0, 0.3), (2.0, 0.0)],  # type: ignore[arg-type]
-        omega=[1.0, -2.0, 0.0],  # type: ignore[arg-type]
+        omega=[1.0, -2.0, 0.7],  # type: ignore[arg-type]
         rotating=[True, True, False],  # type: ignore[arg-type]
     )
     scene = Scene(disks=disks, disk_disk=law(kn=1e4, ks=5e3, mu=0.5, beta=0.2), xi=0.7, gravity=(0.3, -1.0))
@@ -213,14 +215,28 @@ def test_oblique_walls_with_every_kind_of_motion() -> None:
 
 @needs_yade
 def test_two_runs_at_once_do_not_disturb_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    numerics = Numerics(dt=DT, n_steps=50, contact_dt=DT)
+    Yade().extra(nine_disks(), numerics, tmp_path)  # the core's kernels find their cache in the true home
+    (tmp_path / "wall_path.npy").unlink()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    numerics = Numerics(dt=DT, n_steps=50, contact_dt=DT)
     with ThreadPoolExecutor(2) as pool:
         one, two = pool.map(lambda _: Yade().run(nine_disks(), numerics, [CENTRE]).history, range(2))
     np.testing.assert_array_equal(one.fn, two.fn)
     assert one.fn.max() > 0.0
     assert list(tmp_path.iterdir()) == []  # neither a temporary file nor a home
+
+
+@needs_yade
+def test_folder_that_yade_makes_in_tmp_is_removed(tmp_path: Path) -> None:
+    """YADE makes it whatever TMPDIR says, and leaves it behind when it is killed; the driver removes it at its start."""
+    scene, numerics, engine = nine_disks(), Numerics(dt=DT, n_steps=1), Yade()
+    extra = engine.extra(scene, numerics, tmp_path)
+    request = Request(scene=scene, numerics=numerics, watch=(), answer_file=str(tmp_path / "answer"), extra=extra)
+    done = run_isolated(engine.command(), stdin=encode_request(request), env=engine.environment(tmp_path), cwd=tmp_path)
+    folder = done.stdout.partition("removed ")[2].split()[0]
+    assert folder.startswith("/tmp/yade-")
+    assert not Path(folder).exists()
 
 
 @needs_yade
