@@ -106,5 +106,8 @@ class Wall:
                     f"wall {self.name!r}: only the last segment may be endless, the others need a finite duration"
                 )
         object.__setattr__(self, "point", (float(point[0]), float(point[1])))
-        object.__setattr__(self, "normal", (float(normal[0] / length), float(normal[1] / length)))
+        # A unit normal stays as it is: dividing by a length one unit in the last place off 1 would move it at every copy.
+        if abs(length - 1.0) > 4e-16:
+            normal = normal / length
+        object.__setattr__(self, "normal", (float(normal[0]), float(normal[1])))
         object.__setattr__(self, "motion", motion)
