@@ -44,7 +44,7 @@ class BinaryCollision:
     requirement = (
         "momentum always conserved; energy after an elastic impact; velocities (0, 1) elastic, (1/2, 1/2) plastic"
     )
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter(
             name="kind",
             default="elastic",

@@ -50,7 +50,7 @@ class InclineBlock:
     title = "Block on an incline"
     source = "appendix A.3.4 of Lim's thesis, (A.7), figures A.17-A.26"
     requirement = "mu = 0.36 slides with a = g (sin - mu cos), mu = 0.4 stays; fn = m g cos; dilation shrinks with dt"
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.36, low=0.0, unit="-", in_id=True, help="friction coefficient"),
         Parameter(
             name="dt",

@@ -42,7 +42,7 @@ class Compression:
     title = "Nine disks, uniform compression"
     source = "appendix A.1.1, Table A.1, Figures A.2 and A.3"
     requirement = "Contact forces of the explicit scheme follow the exact recurrence and settle at kn v T/2."
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter(
             name="load_case", default="a1", choices=tuple(LOAD_CASES), in_id=True, help="row of Table A.1: kn, dt, v, T"
         ),

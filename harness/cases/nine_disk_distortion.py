@@ -55,7 +55,7 @@ class Distortion:
     title = "Nine disks, constant-volume distortion"
     source = "appendix A.1.2, Figures A.4 and A.5"
     requirement = "Forces at the centre disk follow the converged history; shear never exceeds mu times normal force."
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter(
             name="phi_deg",
             default=15.0,

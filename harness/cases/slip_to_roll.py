@@ -49,7 +49,7 @@ class SlipToRoll:
     title = "Slip to roll"
     source = "appendix A.3.3 of Lim's thesis (rotations); classical rigid-body mechanics"
     requirement = "slides until v0/(3 mu g), then rolls at 2 v0/3; without rotation stops at v0/(mu g)"
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.3, low=0.0, low_open=True, unit="-", in_id=True, help="friction coefficient"),
         Parameter(
             name="dt",
