@@ -74,9 +74,11 @@ class InteriorPoint:
         S. Mehrotra, "On the implementation of a primal-dual interior point method", SIAM J. Optim. 2 (1992) 575-601.
         """
         clock = Stopwatch(self.options.time_limit)
-        if problem.n_contacts == 0:
-            r = np.zeros((0, 2))
-            return self._result(problem.body_velocity(r), r, 0, measure(problem, problem.body_velocity(r), r), clock)
+        # Where no contact force is needed, every iterate would be infinitely far off relative to the solution 0.
+        free = np.zeros((problem.n_contacts, 2))
+        unloaded = measure(problem, problem.body_velocity(free), free)
+        if unloaded.reached(self.options.tolerance):
+            return self._result(problem.body_velocity(free), free, 0, unloaded, clock)
         if self._graph is None or not self._graph.fits(problem, self.options.factoriser):
             self._graph = BodyGraph(problem.n_bodies, problem.bodies, self.options.factoriser)
         run = _Run(problem, BodyMatrix(problem, self._graph), start)
