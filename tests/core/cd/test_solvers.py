@@ -83,7 +83,7 @@ def clarabel_forces(problem: ContactProblem) -> np.ndarray:
             rows.append(row)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-12
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
     cones = [clarabel.ZeroConeT(len(smooth)), clarabel.NonnegativeConeT(len(rows) - len(smooth))]
     solver = clarabel.DefaultSolver(
         sp.csc_matrix(sp.triu(problem.delassus())),
@@ -94,7 +94,7 @@ def clarabel_forces(problem: ContactProblem) -> np.ndarray:
         settings,
     )
     solution = solver.solve()
-    assert str(solution.status) in ("Solved", "AlmostSolved")  # the second: 1e-12 not quite reached
+    assert str(solution.status) == "Solved"
     return np.array(solution.x).reshape(c, 2)
 
 
