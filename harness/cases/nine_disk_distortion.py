@@ -122,11 +122,12 @@ class Distortion:
             fn, fs = history.fn[shown, column], history.fs[shown, column]
             series[f"fn_{name}"] = ("N", fn)
             series[f"fs_{name}"] = ("N", fs)
-            slipping = np.flatnonzero(np.abs(fs) >= SLIPPING * mu * fn)
+            slipping = np.flatnonzero((fn > 0.0) & (np.abs(fs) >= SLIPPING * mu * fn))
             known = bool(np.isfinite(fn).all() and np.isfinite(fs).all())
+            ratio = float(np.divide(np.abs(fs), fn, out=np.zeros_like(fs), where=fn > 0.0).max())
             first = float(step[slipping[0]]) if len(slipping) else math.inf
             scalars[f"first_slip_{name}"] = ("cycle", first if known else math.nan)
-            scalars[f"plateau_ratio_{name}"] = ("1", float((np.abs(fs) / fn).max()) if known else math.nan)
+            scalars[f"plateau_ratio_{name}"] = ("1", ratio if known else math.nan)
             excess = max(excess, float((np.abs(fs) - mu * fn).max() / fn.max())) if known else math.nan
         x = history.x[shown]
         scalars["cone_excess"] = ("1", max(excess, 0.0))

@@ -255,7 +255,7 @@ class Run:
 
 
 def remove_temporary_folder():
-    """Remove YADE's own folder in /tmp (it heeds no TMPDIR) while it is empty: nobody would after a kill or a short exit."""
+    """Remove YADE's own temporary folder (it heeds no TMPDIR) while it is empty: nobody would after a kill or a short exit."""
     folder = os.path.dirname(O.tmpFilename())
     with contextlib.suppress(OSError):
         os.rmdir(folder)

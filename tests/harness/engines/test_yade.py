@@ -235,7 +235,7 @@ def test_folder_that_yade_makes_in_tmp_is_removed(tmp_path: Path) -> None:
     request = Request(scene=scene, numerics=numerics, watch=(), answer_file=str(tmp_path / "answer"), extra=extra)
     done = run_isolated(engine.command(), stdin=encode_request(request), env=engine.environment(tmp_path), cwd=tmp_path)
     folder = done.stdout.partition("removed ")[2].split()[0]
-    assert folder.startswith("/tmp/yade-")
+    assert Path(folder).name.startswith("yade-")
     assert not Path(folder).exists()
 
 
