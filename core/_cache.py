@@ -18,6 +18,12 @@ import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True, "_nrt": False}
+"""Options of every kernel. ``error_model="numpy"`` removes the branch on every division, ``nogil`` lets threads run kernels side
+by side. Without Numba's runtime (``_nrt=False``) there is no reference counting: the kernels pass tuples of a dozen arrays, and two
+atomic counts for each array at each call were four fifths of a step of nine disks. It also makes an allocation in a kernel a
+compilation error, which is the rule here anyway. ``forceinline`` spares the copies of those tuples."""
+
 
 def source_hash(root: Path) -> str:
     """Hash of every Python source below ``root`` (relative name and content), 16 hex digits."""
@@ -50,16 +56,12 @@ def cache_folder() -> str:
 
 
 def kernel(function: Function) -> Function:
-    """Compile ``function`` with the options of the project.
-
-    ``error_model="numpy"`` removes the branch on every division, ``nogil`` lets threads run kernels side by side.
-    The kernel must not allocate in its loops.
-    """
+    """Compile ``function`` with `OPTIONS` and keep the machine code in `cache_folder`; it must not allocate."""
     settings: Any = numba.config
     before = settings.CACHE_DIR
     settings.CACHE_DIR = cache_folder()
     try:
-        compiled: Any = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+        compiled: Any = numba.njit(cache=True, **OPTIONS)(function)
     finally:
         settings.CACHE_DIR = before
     return cast(Function, compiled)
@@ -67,5 +69,5 @@ def kernel(function: Function) -> Function:
 
 def inline_kernel(function: Function) -> Function:
     """Like `kernel`, for small functions that are only called by kernels: LLVM inlines them, no cache of their own."""
-    compiled: Any = numba.njit(error_model="numpy", nogil=True)(function)
+    compiled: Any = numba.njit(**OPTIONS)(function)
     return cast(Function, compiled)

@@ -105,10 +105,12 @@ def mark_built(disks: DiskArrays, walls: WallArrays) -> None:
 @inline_kernel
 def copy_list(source: NeighbourList, target: NeighbourList) -> None:
     """Copy a freshly built list over the one in use."""
-    target.start[:] = source.start
-    used = source.start[-1]
-    target.other[:used] = source.other[:used]
-    target.shear[:used] = source.shear[:used]
+    rows = source.start.shape[0]
+    for k in range(rows):
+        target.start[k] = source.start[k]
+    for k in range(source.start[rows - 1]):
+        target.other[k] = source.other[k]
+        target.shear[k] = source.shear[k]
 
 
 @kernel
