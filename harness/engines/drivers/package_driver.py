@@ -1,0 +1,29 @@
+"""Driver of an engine that is a Python package: ``package_driver.py module:Session`` with the request on stdin.
+
+It runs under the harness' own Python. The session's module may name an ``ENGINE_VERSION``; the session, its ``settings``.
+"""
+
+import importlib
+import json
+import sys
+
+from ninedisk.core.errors import CoreError
+from ninedisk.harness.engine import EngineError, run_session
+from ninedisk.harness.wire import WIRE_VERSION, Answer, decode_request, encode_answer
+
+
+def main():
+    module, name = sys.argv[1].split(":")
+    request = decode_request(sys.stdin.read())
+    home = importlib.import_module(module)
+    try:
+        run = run_session(getattr(home, name), request.scene, request.numerics, request.watch)
+        text = encode_answer(Answer(run=run, engine_version=str(getattr(home, "ENGINE_VERSION", "unknown"))))
+    except (CoreError, EngineError) as error:
+        text = json.dumps({"wire_version": WIRE_VERSION, "error": str(error)})
+    with open(request.answer_file, "w", encoding="utf-8") as out:
+        out.write(text)
+
+
+if __name__ == "__main__":
+    main()
