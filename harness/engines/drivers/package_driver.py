@@ -13,6 +13,7 @@ from ninedisk.harness.wire import WIRE_VERSION, Answer, decode_request, encode_a
 
 
 def main():
+    """Read the request, drive the session, write the answer file."""
     module, name = sys.argv[1].split(":")
     request = decode_request(sys.stdin.read())
     home = importlib.import_module(module)
