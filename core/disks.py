@@ -29,6 +29,8 @@ class Disks:
         Spins [rad/s] at time 0, counter-clockwise positive.
     rotating : array_like of bool, shape (n,) or scalar
         False: the disk keeps its spin whatever torque acts (a block in the shape of a disk).
+    held : array_like of bool, shape (n, 2) or scalar
+        True: the disk keeps this component of its velocity whatever force acts (a prescribed motion).
 
     Raises
     ------
@@ -43,9 +45,10 @@ class Disks:
     v: FloatArray = None  # type: ignore[assignment]
     omega: FloatArray = None  # type: ignore[assignment]
     rotating: NDArray[np.bool_] = True  # type: ignore[assignment]
+    held: NDArray[np.bool_] = False  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        x = numbers("disks.x", self.x)
+        x = _pairs("disks.x", self.x)
         if x.ndim != 2 or x.shape[1] != 2:
             raise InvalidSceneError(f"disks.x has shape {x.shape}; it must have shape (n, 2)")
         n = x.shape[0]
@@ -61,21 +64,39 @@ class Disks:
             if n and array.min() <= 0.0:
                 i = int(np.argmin(array))
                 raise InvalidSceneError(f"disks.{name}[{i}] = {array[i]:g} is not allowed: it must be > 0")
-        flags = np.asarray(self.rotating)
-        if flags.dtype != np.bool_ or flags.shape not in ((), (n,)):
-            raise InvalidSceneError(
-                f"disks.rotating must be true or false, one for all or one for each of the {n} disks"
-            )
-        rotating = np.array(np.broadcast_to(flags, (n,)))
-        rotating.setflags(write=False)
-        zeros = np.zeros((n, 2))
+        rotating = _flags("rotating", self.rotating, (n,), "one for each")
+        held = _flags("held", self.held, (n, 2), "a pair (x, y) for each")
         object.__setattr__(self, "x", finite("disks.x", x, (n, 2)))
-        object.__setattr__(self, "v", finite("disks.v", zeros if self.v is None else self.v, (n, 2)))
+        object.__setattr__(
+            self, "v", finite("disks.v", np.zeros((n, 2)) if self.v is None else _pairs("disks.v", self.v), (n, 2))
+        )
         object.__setattr__(self, "omega", column("omega", self.omega, 0.0))
         object.__setattr__(self, "radius", radius)
         object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "inertia", inertia)
         object.__setattr__(self, "rotating", rotating)
+        object.__setattr__(self, "held", held)
 
     def __len__(self) -> int:
         return int(self.x.shape[0])
+
+
+def _pairs(name: str, value: ArrayLike) -> FloatArray:
+    """Numbers in rows of two; an empty list, as JSON has it for no disk at all, has lost its second dimension."""
+    array = numbers(name, value)
+    return array.reshape(0, 2) if array.shape == (0,) else array
+
+
+def _flags(name: str, value: ArrayLike, shape: tuple[int, ...], form: str) -> NDArray[np.bool_]:
+    """Read-only truth values of the given shape, from as many or from one for all."""
+    try:
+        flags = np.asarray(value)
+    except ValueError:  # rows of unequal length
+        flags = np.empty(())
+    if flags.size == 0 == shape[0]:  # an empty list has lost its shape and type
+        flags = np.empty(shape, dtype=bool)
+    if flags.dtype != np.bool_ or flags.shape not in ((), shape):
+        raise InvalidSceneError(f"disks.{name} must be true or false, one for all or {form} of the {shape[0]} disks")
+    full = np.array(np.broadcast_to(flags, shape))
+    full.setflags(write=False)
+    return full

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ninedisk.core._validate import at_least, finite
+from ninedisk.core._validate import at_least, real
 from ninedisk.core.errors import InvalidSceneError
 
 LeverArm = Literal["radius", "overlap"]
@@ -57,17 +57,20 @@ class ContactLaw:
     regularised: bool = False
 
     def __post_init__(self) -> None:
-        at_least("kn", self.kn, 0.0, strict=True)
-        at_least("ks", self.ks, 0.0)
-        at_least("mu", self.mu, 0.0)
-        at_least("beta", self.beta, 0.0)
+        for name in ("kn", "ks", "mu", "beta"):
+            object.__setattr__(self, name, at_least(name, getattr(self, name), 0.0, strict=name == "kn"))
         if self.restitution is not None:
-            finite("restitution", self.restitution, ())
-        if self.restitution is not None and not 0.0 <= self.restitution <= 1.0:
-            raise InvalidSceneError(f"restitution = {self.restitution!r} is not allowed: it must lie in [0, 1]")
+            restitution = real(self.restitution)
+            if not 0.0 <= restitution <= 1.0:
+                raise InvalidSceneError(
+                    f"restitution = {self.restitution!r} is not allowed: it must be a number in [0, 1], or None"
+                )
+            object.__setattr__(self, "restitution", restitution)
         if self.lever_arm not in LEVER_ARMS:
             raise InvalidSceneError(f"lever_arm = {self.lever_arm!r} is unknown: use one of {', '.join(LEVER_ARMS)}")
         if self.wall_velocity_at not in WALL_VELOCITY_AT:
             raise InvalidSceneError(
                 f"wall_velocity_at = {self.wall_velocity_at!r} is unknown: use one of {', '.join(WALL_VELOCITY_AT)}"
             )
+        if not isinstance(self.regularised, bool):
+            raise InvalidSceneError(f"regularised = {self.regularised!r} is not allowed: it must be true or false")

@@ -8,25 +8,19 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ninedisk.core._validate import real
 from ninedisk.core.errors import InvalidNumericsError
 
 DampingForm = Literal["central", "lagged"]
 Impact = Literal["theta", "newton"]
 Sliding = Literal["associated", "coulomb"]
+Regime = Literal["dynamic", "quasi-static"]
 _CHOICES = {
     "damping_form": ("central", "lagged"),
     "impact": ("theta", "newton"),
     "sliding": ("associated", "coulomb"),
+    "regime": ("dynamic", "quasi-static"),
 }
-
-
-def _number(name: str, value: Any, *, optional: bool) -> float | None:
-    if value is None and optional:
-        return None
-    try:
-        return float(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be a number") from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +49,8 @@ class Numerics:
         Impact law of contact dynamics: the theta scheme's own, or Newton's at velocity level.
     sliding : {"associated", "coulomb"}
         Sliding rule of contact dynamics.
+    regime : {"dynamic", "quasi-static"}
+        Motion with inertia, or a series of equilibria under prescribed motions (contact dynamics).
     solver : str
         Contact solver of contact dynamics; "auto" chooses by size and tolerance.
     allow_unstable : bool
@@ -73,25 +69,42 @@ class Numerics:
     theta: float = 1.0
     impact: Impact = "theta"
     sliding: Sliding = "associated"
+    regime: Regime = "dynamic"
     solver: str = "auto"
     allow_unstable: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("dt", "contact_dt"):
-            value = _number(name, getattr(self, name), optional=name == "contact_dt")
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be finite and > 0")
-        for name, low in (("n_steps", 1), ("sample_every", 1), ("sample_from", 0), ("sample_until", 0)):
-            value = _number(name, getattr(self, name), optional=name == "sample_until")
-            if value is None:
+            value = getattr(self, name)
+            if value is None and name == "contact_dt":
                 continue
-            if not np.isfinite(value) or value != int(value) or value < low:
+            number = real(value)
+            if not (np.isfinite(number) and number > 0.0):
+                raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be a finite number > 0")
+            object.__setattr__(self, name, number)
+        for name, low in (("n_steps", 1), ("sample_every", 1), ("sample_from", 0), ("sample_until", 0)):
+            value = getattr(self, name)
+            if value is None and name == "sample_until":
+                continue
+            number = real(value)
+            if not (number.is_integer() and number >= low):
                 raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be a whole number >= {low}")
             object.__setattr__(self, name, int(value))
-        _number("theta", self.theta, optional=False)
-        if not 0.5 <= self.theta <= 1.0:
-            raise InvalidNumericsError(f"theta = {self.theta!r} is not allowed: it must lie in [0.5, 1]")
+        theta = real(self.theta)
+        if not 0.5 <= theta <= 1.0:
+            raise InvalidNumericsError(f"theta = {self.theta!r} is not allowed: it must be a number in [0.5, 1]")
+        object.__setattr__(self, "theta", theta)
+        if not isinstance(self.allow_unstable, bool):
+            raise InvalidNumericsError(
+                f"allow_unstable = {self.allow_unstable!r} is not allowed: it must be true or false"
+            )
+        if not isinstance(self.solver, str):
+            raise InvalidNumericsError(f"solver = {self.solver!r} is not allowed: it must be the name of a solver")
+        if not isinstance(self.options, Mapping):
+            raise InvalidNumericsError(
+                f"options = {self.options!r} is not allowed: they must be a mapping from names to values"
+            )
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 raise InvalidNumericsError(

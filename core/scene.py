@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ class Scene:
         object.__setattr__(self, "walls", tuple(self.walls))
         gravity = finite("gravity", self.gravity, (2,))
         object.__setattr__(self, "gravity", (float(gravity[0]), float(gravity[1])))
-        at_least("xi", self.xi, 0.0)
+        object.__setattr__(self, "xi", at_least("xi", self.xi, 0.0))
         names = [wall.name for wall in self.walls]
         if len(set(names)) != len(names):
             raise InvalidSceneError(f"wall names must be unique: {', '.join(names)}")
@@ -95,7 +96,10 @@ class Scene:
         """Return ``pair`` as two body numbers in order, or raise `InvalidSceneError`."""
         if len(pair) != 2:
             raise InvalidSceneError(f"a pair is two body numbers, not {pair!r}")
-        i, j = int(pair[0]), int(pair[1])
+        try:
+            i, j = index(pair[0]), index(pair[1])
+        except TypeError as error:
+            raise InvalidSceneError(f"a pair is two body numbers, not {pair!r}") from error
         if not (0 <= i < len(self.disks) and i < j < self.n_bodies):
             raise InvalidSceneError(
                 f"pair {tuple(pair)} is not allowed: the first body is a disk (0..{len(self.disks) - 1}), the second a "
@@ -140,6 +144,7 @@ class Scene:
                 "mass": disks.mass.tolist(),
                 "inertia": disks.inertia.tolist(),
                 "rotating": disks.rotating.tolist(),
+                "held": disks.held.tolist(),
             },
             "disk_disk": _plain(self.disk_disk),
             "walls": [
@@ -171,7 +176,8 @@ class Scene:
             for wall in data["walls"]:
                 law = ContactLaw(**wall["law"])
                 motion = tuple(
-                    WallSegment(**{**seg, "duration": float(seg.get("duration", "inf"))}) for seg in wall["motion"]
+                    WallSegment(**{**seg, "duration": np.inf} if seg.get("duration") == "inf" else seg)
+                    for seg in wall["motion"]
                 )
                 walls.append(Wall(**{**wall, "law": law, "motion": motion}))
             scene = cls(

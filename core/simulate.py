@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 
@@ -17,10 +18,11 @@ def simulate(
     numerics: Numerics,
     watch: Sequence[Pair] = (),
     *,
+    method: Literal["dem", "cd"] = "dem",
     particles: Sequence[int] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> History:
-    """Run a scene on the in-house DEM.
+    """Run a scene on the in-house DEM, or by contact dynamics.
 
     Parameters
     ----------
@@ -30,6 +32,8 @@ def simulate(
         Steps and sampling.
     watch : sequence of pairs
         Contacts to record, as body numbers (disks first, then walls; `Scene.wall_index` finds a wall's).
+    method : {"dem", "cd"}
+        Discrete element method (contact springs, explicit) or contact dynamics (rigid or elastic, implicit).
     particles : sequence of int or None
         Disks whose motion is recorded; None: all.
     progress : callable, optional
@@ -47,7 +51,15 @@ def simulate(
         If the contact step exceeds the critical one.
     NonFiniteStateError
         If the state stops being finite on the way.
+    SolverNotConvergedError, NoEquilibriumError
+        Contact dynamics: if a step is not solved to its tolerance, or a static one has no solution.
     """
-    from ninedisk.core.dem.session import DemSession
+    if method == "dem":
+        from ninedisk.core.dem.session import DemSession
 
-    return DemSession(scene, numerics, watch, particles).run(progress)
+        return DemSession(scene, numerics, watch, particles).run(progress)
+    if method != "cd":
+        raise InvalidNumericsError(f"method = {method!r} is unknown: use dem or cd")
+    from ninedisk.core.cd.session import CdSession
+
+    return CdSession(scene, numerics, watch, particles).run(progress)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 
-from ninedisk.core._validate import finite
+from ninedisk.core._validate import finite, real
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
 
@@ -53,8 +54,12 @@ class WallSegment:
     tan_rate: float = 0.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.duration, int | float | np.number) or not self.duration > 0.0:
-            raise InvalidSceneError(f"segment duration = {self.duration!r} is not allowed: it must be > 0")
+        duration = real(self.duration)
+        if not duration > 0.0:
+            raise InvalidSceneError(
+                f"segment duration = {self.duration!r} is not allowed: it must be a number > 0 (inf for the last segment)"
+            )
+        object.__setattr__(self, "duration", duration)
         for name in ("velocity", "amplitude", "tan_lever"):
             array = finite(f"segment {name}", getattr(self, name), (2,))
             object.__setattr__(self, name, (float(array[0]), float(array[1])))
@@ -62,7 +67,7 @@ class WallSegment:
             pivot = finite("segment pivot", self.pivot, (2,))
             object.__setattr__(self, "pivot", (float(pivot[0]), float(pivot[1])))
         for name in ("angular_velocity", "frequency", "phase", "tan_rate"):
-            finite(f"segment {name}", getattr(self, name), ())
+            object.__setattr__(self, name, float(finite(f"segment {name}", getattr(self, name), ())))
         if self.tan_rate and not abs(self.tan_rate * self.duration) < np.pi / 2:
             raise InvalidSceneError(
                 f"tan_rate * duration = {self.tan_rate * self.duration:g} is not allowed: it must stay below pi/2"
@@ -94,10 +99,12 @@ class Wall:
     motion: tuple[WallSegment, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise InvalidSceneError(f"the name of a wall must be a string, not {self.name!r}")
         point = finite(f"wall {self.name!r} point", self.point, (2,))
         normal = finite(f"wall {self.name!r} normal", self.normal, (2,))
-        length = float(np.hypot(normal[0], normal[1]))
-        if length == 0.0:
+        largest = float(np.abs(normal).max())
+        if largest == 0.0:
             raise InvalidSceneError(f"wall {self.name!r} has a zero normal: give it a direction")
         motion = tuple(self.motion)
         for segment in motion[:-1]:
@@ -107,7 +114,9 @@ class Wall:
                 )
         object.__setattr__(self, "point", (float(point[0]), float(point[1])))
         # A unit normal stays as it is: dividing by a length one unit in the last place off 1 would move it at every copy.
-        if abs(length - 1.0) > 4e-16:
-            normal = normal / length
+        if abs(hypot(normal[0], normal[1]) - 1.0) > 4e-16:
+            # A power of two first, which rounds nothing: the length of a tiny or huge normal would under- or overflow.
+            scaled = np.ldexp(normal, -int(np.frexp(largest)[1]))
+            normal = scaled / np.hypot(scaled[0], scaled[1])
         object.__setattr__(self, "normal", (float(normal[0]), float(normal[1])))
         object.__setattr__(self, "motion", motion)

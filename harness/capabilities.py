@@ -23,6 +23,8 @@ class Capability(StrEnum):
     CURVED_WALL_MOTION = "walls whose translation is not piecewise linear in time"
     GRAVITY = "gravity"
     BLOCKED_ROTATION = "bodies that do not rotate"
+    HELD_MOTION = "disks with a prescribed velocity component"
+    QUASI_STATIC = "the static limit: a series of equilibria"
     PRELOAD = "shear forces that contacts carry from the start"
     DISK_INERTIA = "inertia of a disk (not of a sphere)"
     LEVER_ARM_RADIUS = "shear torque with the full radius as lever arm"
@@ -65,6 +67,10 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
         need.add(Capability.GRAVITY)
     if not scene.disks.rotating.all():
         need.add(Capability.BLOCKED_ROTATION)
+    if scene.disks.held.any():
+        need.add(Capability.HELD_MOTION)
+    if numerics.regime == "quasi-static":
+        need.add(Capability.QUASI_STATIC)
     if any(scene.initial_shear.values()):
         need.add(Capability.PRELOAD)
     if scene.disks.rotating.any() and any(law.mu > 0.0 for law in laws):

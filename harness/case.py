@@ -30,7 +30,8 @@ class Parameter:
     """A parameter of a case, settable by ``--set NAME=VALUE``.
 
     ``words`` are values that a number parameter accepts besides numbers (``wall_mu=mu``); ``optional`` admits
-    ``none``; ``in_id`` puts the parameter into every variant's id, the others only where they differ from the default.
+    ``none``; ``only_for`` is the kind of contact (`EngineInfo.contact`) that alone has this setting, empty for all: a variant of the
+    matrix that sets it means nothing to other engines and is not run on them; ``in_id`` puts the parameter into every variant's id, the others only where they differ from the default.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Parameter:
     whole: bool = False
     optional: bool = False
     in_id: bool = False
+    only_for: str = ""
 
 
 @dataclass(frozen=True)

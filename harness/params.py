@@ -56,6 +56,15 @@ def resolve(case: Case, overrides: Mapping[str, Any]) -> Variant:
     return Variant(id=",".join(shown) or "default", params=params)
 
 
+def foreign_settings(case: Case, params: Mapping[str, Any], contact: str) -> list[str]:
+    """Parameters that differ from their default although only engines with another kind of contact have them."""
+    return [
+        parameter.name
+        for parameter in case.parameters
+        if parameter.only_for not in ("", contact) and params[parameter.name] != parse(parameter, parameter.default)
+    ]
+
+
 def describe_parameters(parameters: Sequence[Parameter]) -> str:
     """One line a parameter: name, default, unit, allowed values and help."""
     lines = []

@@ -21,6 +21,7 @@ from ninedisk.harness.engine import (
     SupportLevel,
 )
 from ninedisk.harness.observation import check_history, frames
+from ninedisk.harness.params import foreign_settings
 from ninedisk.harness.plan import Cell, plan_case, plan_matrix
 from ninedisk.harness.published import published_checks
 from ninedisk.harness.records import CELL_COLUMNS, MEASUREMENT_COLUMNS
@@ -124,6 +125,10 @@ def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes:
         if not info.installed:
             why = info.not_installed_because or "it is not on this machine"
             return _without_measurements(cell, head, "not-installed", f"{why}; install it with: {info.install}")
+        foreign = [] if cell.user_set else foreign_settings(cell.case, cell.variant.params, info.contact)
+        if foreign:
+            why = f"the variant sets {', '.join(foreign)}, which this engine does not have: its run is that of the default"
+            return _without_measurements(cell, head, "unsupported", why)
         support = cell.engine.supports(setup.scene, setup.numerics)
         head |= _support_columns(support)
         if support.level is SupportLevel.NO:

@@ -19,7 +19,7 @@ ITERATIONS, TOLERANCE = 300, 1e-3
 
 
 def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -> float:
-    """Largest stable contact step of the central-difference scheme [s]: an estimate.
+    """Largest stable contact step of the central-difference scheme [s]: exact for one mode, else on the safe side.
 
     The highest frequency of the scene's present contact network (all contacts sticking; contacts within a gap of 1e-3
     radii included) is found by power iteration, the norm of the residual added; every disk is further taken to touch
@@ -27,7 +27,8 @@ def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -
     with ratio ``zeta`` at that frequency lowers it to ``(2/omega)(sqrt(1 + z^2) - z)`` with ``z = zeta`` where dashpots see
     ``v_{n-1/2}`` (lagged) and ``z = 2 zeta`` where they see the extrapolated ``v_n`` (central): the root z = -1 of the
     characteristic polynomial; lagged global damping adds ``xi/(2 omega)`` to ``zeta``, the central form leaves the limit as it is.
-    Contacts that form later stiffen the network: stay well below.
+    Every spring, those of the shear included, is taken to have the largest of all damping times ``c/kn``. Contacts that form later
+    stiffen the network: stay well below.
 
     Parameters
     ----------

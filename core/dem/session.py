@@ -14,11 +14,12 @@ from ninedisk.core.dem import state
 from ninedisk.core.dem.constants import contact_step, law_row, step_constants
 from ninedisk.core.dem.state import DiskArrays, Samples, WallArrays
 from ninedisk.core.dem.step_kernels import advance, rebuild
-from ninedisk.core.errors import InvalidSceneError, NonFiniteStateError
+from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError
 from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.watch import chosen_particles
 
 STEPS_TIMES_DISKS = 2_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
@@ -56,9 +57,14 @@ class DemSession:
     ) -> None:
         if len(scene.disks) == 0:
             raise InvalidSceneError("the scene has no disk: there is nothing to simulate")
+        if scene.disks.held.any():
+            i = int(np.argmax(scene.disks.held.any(axis=1)))
+            raise InvalidSceneError(f"disk {i} is held, which the DEM cannot express: free it, or use contact dynamics")
+        if numerics.regime != "dynamic":
+            raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")
         self.scene, self.numerics = scene, numerics
         self.pairs = tuple(scene.check_pair(pair) for pair in watch)
-        self.chosen = _chosen(scene, particles)
+        self.chosen = chosen_particles(scene, particles)
         self.contact_dt, self.critical_dt = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
         self._allocate()
@@ -253,17 +259,6 @@ class DemSession:
             energy=energy,
             **{name: data[name] for name in fields},
         )
-
-
-def _chosen(scene: Scene, particles: Sequence[int] | None) -> NDArray[np.int64]:
-    n = len(scene.disks)
-    if particles is None:
-        return np.arange(n, dtype=np.int64)
-    chosen = np.asarray(particles, dtype=np.int64).reshape(-1)
-    bad = chosen[(chosen < 0) | (chosen >= n)]
-    if len(bad):
-        raise InvalidSceneError(f"particle {bad[0]} does not exist: disks are numbered 0..{n - 1}")
-    return chosen
 
 
 def _enter_shear(pairs: NeighbourList, row: int, other: int, force: float) -> None:

@@ -20,6 +20,7 @@ from ninedisk.references.analytic.compression import (
     steady_force,
     undamped_amplitude,
 )
+from ninedisk.references.exact_steps.cd_row import smooth_row_cd
 from ninedisk.references.exact_steps.compression import smooth_row
 
 HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
@@ -34,11 +35,22 @@ def compression_checks(
     """Truths that bind ``engine`` on a variant of the compression."""
     load = LOAD_CASES[params["load_case"]]
     found = []
-    if friction(params)[1] == 0.0:
+    static = engine.contact == "cd" and params["regime"] == "quasi-static"
+    smooth = friction(params)[1] == 0.0
+    if smooth and static:
+        found += _static_checks(params, observed, load)
+    elif smooth:
         if engine.scheme == "central-difference":
-            found += _exact_checks(params, observed, load)
+            found += _exact_checks(
+                observed, load, exact_rows(params, load, int(observed.step[-1])), "central differences"
+            )
+        elif engine.scheme == "theta":
+            rows = theta_rows(params, load, int(observed.step[-1]))
+            found += _exact_checks(
+                observed, load, rows, f"the theta scheme, theta = {params['theta']:g}, elastic contacts"
+            )
         found += _analytic_checks(params, observed, load, engine)
-    else:
+    elif not static:
         found += converged_checks(
             "nine-disk/compression",
             params,
@@ -61,8 +73,8 @@ def compression_checks(
     )
     if engine.scheme == "central-difference" and engine.id != "dem":
         history = core_history(setup)
-        rows = np.searchsorted(history.step, observed.step)
-        expected = {name: history.fn[rows, history.contact(pair)] for name, pair in setup.labels.items()}
+        at = np.searchsorted(history.step, observed.step)
+        expected = {name: history.fn[at, history.contact(pair)] for name, pair in setup.labels.items()}
         growth = shear_growth(history, engine)
         why = "same scheme, same arithmetic up to round-off (1e-12 a step, 200 steps)"
         if growth:
@@ -104,9 +116,43 @@ def exact_rows(params: Mapping[str, Any], load: LoadCase, n_steps: int) -> tuple
     return tuple(row[::k] for row in rows)
 
 
-def _exact_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase) -> list[Check]:
-    disk_disk, wall = exact_rows(params, load, int(observed.step[-1]))
-    source = "exact recurrence of the smooth row under central differences"
+def theta_rows(params: Mapping[str, Any], load: LoadCase, n_steps: int) -> tuple[NDArray[np.float64], ...]:
+    """Exact forces (disk-disk, wall) of contact dynamics with elastic contacts after cycles 0..n_steps [N]."""
+    k = params["substeps"]
+    rows = smooth_row_cd(
+        kn=load.kn,
+        mass=MASS,
+        xi=params["xi"],
+        dt=load.dt / k,
+        n_load=load.load_cycles * k,
+        v_wall=load.v_wall,
+        n_steps=n_steps * k,
+        theta=params["theta"],
+    )
+    return tuple(row[::k] for row in rows)
+
+
+def _static_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase) -> list[Check]:
+    """Equilibrium in every step: both springs of a half row bear half the wall's displacement."""
+    way = load.v_wall * load.dt * np.minimum(observed.step, load.load_cycles)
+    common = {
+        "truth": "analytic",
+        "source": "equilibrium of the smooth row: kn w/2",
+        "why": "round-off of positions near 300 m (see ROUND_OFF); the static balance is solved to 1e-11",
+        "rtol": ROUND_OFF,
+    }
+    found = [Check(quantity=name, norm="max", expected=0.5 * load.kn * way, **common) for name in HISTORIES]  # type: ignore[arg-type]
+    if params["xi"] > 0.0:
+        steady = steady_force(kn=load.kn, v_wall=load.v_wall, t_wall=load.load_cycles * load.dt)
+        found += [Check(quantity=f"{name}_settled", norm="scalar", expected=steady, **common) for name in HISTORIES]  # type: ignore[arg-type]
+    return found
+
+
+def _exact_checks(
+    observed: Observed, load: LoadCase, rows: tuple[NDArray[np.float64], ...], scheme: str
+) -> list[Check]:
+    disk_disk, wall = rows
+    source = f"exact recurrence of the smooth row under {scheme}"
     found = []
     for name in HISTORIES:
         row = (disk_disk if "disk_disk" in name else wall)[observed.step]

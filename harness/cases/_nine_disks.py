@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, LeverArm, Scene, Wall, WallSegment, WallVelocityAt
 from ninedisk.harness.case import Parameter
+from ninedisk.harness.cases._shared import CONTACT_DYNAMICS, REGIME, THETA
 from ninedisk.harness.engine import EngineInfo
 
 RADIUS, DENSITY, SIDE = 50.0, 1000.0, 300.0
@@ -76,6 +77,22 @@ DAMPING_FORM = Parameter(
     choices=("central", "lagged"),
     help="velocity that global damping sees: at t_n to second order, or v_{n-1/2}",
 )
+
+NINE_DISK_CD = (
+    replace(
+        THETA,
+        default=0.5,
+        help="parameter of the theta scheme; elastic contacts are dissipative at every theta, 1/2 the least",
+    ),
+    REGIME,
+    *(parameter for parameter in CONTACT_DYNAMICS if parameter.name != "impact"),
+)
+"""Settings of contact dynamics, whose contacts are elastic here: no impact law."""
+
+
+def cd_settings(params: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of `Numerics` that `NINE_DISK_CD` sets."""
+    return {name: params[name] for name in ("theta", "regime", "sliding", "solver")}
 
 
 def friction(params: Mapping[str, Any]) -> tuple[float, float]:

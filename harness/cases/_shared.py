@@ -18,19 +18,37 @@ CONTACT_DYNAMICS = (
     Parameter(
         name="impact",
         default="theta",
+        only_for="cd",
         choices=("theta", "newton"),
         help="impact law of contact dynamics: the theta scheme's own, or Newton's at velocity level",
     ),
     Parameter(
         name="sliding",
         default="associated",
+        only_for="cd",
         choices=("associated", "coulomb"),
         help="sliding rule of contact dynamics",
     ),
-    Parameter(name="solver", default="auto", help="contact solver of contact dynamics; auto chooses by size"),
+    Parameter(
+        name="solver",
+        default="auto",
+        choices=("auto", "interior-point", "projected-gradient", "gauss-seidel"),
+        only_for="cd",
+        help="contact solver of contact dynamics; auto chooses by size and outcome",
+    ),
 )
 
-THETA = Parameter(name="theta", default=1.0, low=0.5, high=1.0, unit="-", help="parameter of the theta scheme")
+THETA = Parameter(
+    name="theta", default=1.0, low=0.5, high=1.0, unit="-", only_for="cd", help="parameter of the theta scheme"
+)
+
+REGIME = Parameter(
+    name="regime",
+    default="dynamic",
+    choices=("dynamic", "quasi-static"),
+    only_for="cd",
+    help="with inertia, or the static limit of contact dynamics: a series of equilibria",
+)
 
 CONTACT_DT = Parameter(
     name="contact_dt",

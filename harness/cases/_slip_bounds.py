@@ -12,6 +12,7 @@ from ninedisk.harness.case import FloatArray, Observed, Setup
 from ninedisk.harness.cases._shared import SOFT_TOLERANCE, round_off_speed, summed_round_off
 from ninedisk.harness.engine import EngineInfo
 from ninedisk.references.analytic.slip_to_roll import slide_to_stop, slip_end, slip_to_roll, spring_overshoot, stop_time
+from ninedisk.references.exact_steps.rolling import associated_rolling
 
 NO_TURN = 1e30
 """Inertia ratio that stands for a disk that cannot turn: 1 + 1/k is 1 to the last bit."""
@@ -48,25 +49,41 @@ def truth(params: Mapping[str, Any], t: FloatArray, radius: float, inertia_ratio
 def binding_history(
     params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, radius: float, inertia_ratio: float
 ) -> Truth | None:
-    """Exact steps of schemes whose velocities are exact: positions are sums of them. None for other schemes.
+    """Exact steps of the theta scheme's associated rule, or of schemes whose velocities are exact. None for other schemes.
 
     Sliding friction is constant, and the step in which slip ends leaves the disk rolling, whatever its fraction that
     still slipped: the velocities at the steps are the continuous ones. Positions add the velocity at a step's begin
-    (position-first) or end.
+    (position-first) or end. Under the associated rule the gap belongs to the solution, and to the curves.
     """
     numerics = setup.numerics
+    if engine.scheme == "theta" and numerics.sliding == "associated":
+        if numerics.theta != 1.0 or numerics.impact != "theta":
+            return None
+        steps = associated_rolling(
+            mu=params["mu"],
+            g=params["g"],
+            mass=float(setup.scene.disks.mass[0]),
+            radius=radius,
+            inertia_ratio=math.inf if inertia_ratio == NO_TURN else inertia_ratio,
+            speed=params["speed"],
+            dt=numerics.dt,
+            n_steps=numerics.n_steps,
+            gap_0=params["mu"] * params["speed"] * params["dt"] if params["start"] == "dilated" else 0.0,
+        )
+        stepped = {name: getattr(steps, name)[observed.step] for name in ("x", "vx", "spin", "slip", "gap")}
+        return Truth(stepped, math.nan)
     ends = {"position-first-euler": 0, "semi-implicit-euler": 1}
     if engine.scheme == "theta" and numerics.theta == 1.0 and numerics.sliding == "coulomb":
         ends["theta"] = 1
     if engine.contact == "spring" or engine.scheme not in ends:
         return None
     times = np.arange(numerics.n_steps + 1, dtype=np.float64) * numerics.dt
-    every = truth(params, times, radius, inertia_ratio)
-    vx = every.curves["vx"]
+    continuous = truth(params, times, radius, inertia_ratio)
+    vx = continuous.curves["vx"]
     used = vx[1:] if ends[engine.scheme] else vx[:-1]
     x = np.concatenate(([0.0], np.cumsum(used) * numerics.dt))
-    curves = {**every.curves, "x": x}
-    return Truth({name: curve[observed.step] for name, curve in curves.items()}, every.slip_end)
+    curves = {"x": x, "vx": vx, "spin": continuous.curves["spin"]}
+    return Truth({name: curve[observed.step] for name, curve in curves.items()}, continuous.slip_end)
 
 
 def shear_frequency(ks: float, mass: float, inertia_ratio: float) -> float:

@@ -104,13 +104,14 @@ class BinaryCollision:
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """The source's two, a restitution between, a soft spring, and an impact within a step."""
+        """The source's two, a restitution between, a soft spring, an impact within a step, and Newton's law."""
         return (
             {"kind": "elastic"},
             {"kind": "plastic"},
             {"kind": "elastic", "restitution": 0.5},
             {"kind": "elastic", "kn": 1e4},
             {"kind": "elastic", "gap": 0.5025},
+            {"kind": "elastic", "restitution": 0.5, "impact": "newton"},
         )
 
     def build(self, params: Mapping[str, Any]) -> Setup:

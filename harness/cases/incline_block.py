@@ -94,6 +94,8 @@ class InclineBlock:
         """The source's two coefficients and three steps; springs without preload, stiff and soft."""
         rows: list[Mapping[str, Value]] = [{"mu": mu, "dt": dt} for mu in (0.36, 0.4) for dt in (0.01, 0.005, 0.0025)]
         rows += [{"mu": mu, "dt": 0.01, "preload": False} for mu in (0.36, 0.4)]
+        rows += [{"mu": 0.36, "dt": dt, "sliding": "coulomb"} for dt in (0.01, 0.005, 0.0025)]
+        rows += [{"mu": 0.4, "dt": 0.01, "sliding": "coulomb"}]
         return [*rows, {"mu": 0.4, "dt": 0.01, "preload": False, "kn": 1e6}]
 
     def build(self, params: Mapping[str, Any]) -> Setup:
@@ -130,7 +132,8 @@ class InclineBlock:
         """Displacement, velocity, gap and contact forces; ``fs`` is positive up the incline.
 
         ``mu_crit`` is the friction that would hold the block, from what the engine reports over the second half of the
-        run: ``(fs + m dvx/dt)/fn``. ``creep_rate`` is the mean velocity there, observed only where the block should
+        run: ``(fs + m dvx/dt)/fn``. ``dilation`` is the final rise of the gap over ``mu v dt``: 1 under the associated rule, 0
+        under Coulomb's. ``creep_rate`` is the mean velocity there, observed only where the block should
         stick.
         """
         x = history.x[:, 0, 0] - setup.scene.disks.x[0, 0]
@@ -150,7 +153,14 @@ class InclineBlock:
         with np.errstate(divide="ignore", invalid="ignore"):  # an engine that loses the contact reports fn = 0
             held = (fs[half + 1 :].mean() + inertial) / fn[half + 1 :].mean()
         scalars["mu_crit"] = ("1", float(held))
-        if sticks(params):
+        if not sticks(params):
+            lift = series["gap"][1][-1] - series["gap"][1][0]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                scalars["dilation"] = (
+                    "1",
+                    float(lift / (params["mu"] * vx[-1] * params["dt"])) if params["mu"] else 0.0,
+                )
+        else:
             scalars["creep_rate"] = ("m/s", float((x[-1] - x[half]) / elapsed))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
@@ -161,12 +171,35 @@ class InclineBlock:
         exact = _exact_steps(params, setup, observed, engine)
         spring = engine.contact == "spring"
         bounds = spring_bounds(params, setup, observed) if spring else first_order_bounds(params, setup, engine)
-        return [*exact, *_analytic(params, observed, bounds)]
+        return [*exact, *_analytic(params, observed, bounds), *_dilation(params, setup, observed, engine, bounds)]
 
 
 def sticks(params: Mapping[str, Any]) -> bool:
     """Whether the block should stay where it is."""
     return bool(params["mu"] >= critical_mu(angle=math.radians(params["angle_deg"])))
+
+
+def _dilation(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, bounds: Bounds
+) -> list[Check]:
+    """1 for the associated rule at theta = 1, where every sliding step ends with ``gap = mu v dt``; 0 for Coulomb's law."""
+    if sticks(params) or params["mu"] == 0.0:
+        return []
+    numerics = setup.numerics
+    associated = engine.contact == "cd" and numerics.sliding == "associated"
+    if associated and numerics.theta != 1.0:
+        return []
+    angle = math.radians(params["angle_deg"])
+    speed = float(incline(observed.t, mu=params["mu"], angle=angle, g=params["g"], mass=params["mass"]).vx[-1])
+    length = params["mu"] * speed * numerics.dt
+    start = RADIUS - float(setup.scene.disks.x[0, 1])
+    # Springs rest at the overlap of the weight, whatever they start with; an associated step is exact to the solver's residual.
+    error = 1e-12 if associated else bounds.atol["gap"] + abs(bounds.rest_gap + start)
+    return [
+        Check(quantity="dilation", norm="scalar", truth="exact-step" if associated else "analytic",
+              expected=1.0 if associated else 0.0, source="(A.2): gap = mu v dt" if associated else "Coulomb's law: no dilation",
+              atol=2.0 * error / length + EXACT_STEP_RTOL, why=bounds.why["gap"]),
+    ]  # fmt: skip
 
 
 def _half(t: FloatArray) -> int:

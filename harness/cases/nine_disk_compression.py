@@ -20,6 +20,8 @@ from ninedisk.harness.cases._nine_disks import (
     LEFT,
     LEVER_ARM,
     LOAD_CASES,
+    NINE_DISK_CD,
+    cd_settings,
     contact_laws,
     nine_disks,
 )
@@ -68,16 +70,19 @@ class Compression:
         Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in one cycle"),
         replace(LEVER_ARM, default="overlap"),
         DAMPING_FORM,
+        *NINE_DISK_CD,
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Four load cases, damped and not, smooth and rough walls."""
-        return [
+        """Four load cases, damped and not, smooth and rough walls; theta = 1 and the static limit of contact dynamics."""
+        rows: list[Mapping[str, Value]] = [
             {"load_case": load_case, "xi": xi, "wall_mu": wall_mu}
             for wall_mu in (0.0, "mu")
             for xi in (3.0, 0.0)
             for load_case in LOAD_CASES
         ]
+        rows += [{"load_case": "a1", "theta": 1.0}]
+        return [*rows, *({"load_case": "a1", "wall_mu": wall_mu, "regime": "quasi-static"} for wall_mu in (0.0, "mu"))]
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Scene of Figure A.1 with the walls' motion of Table A.1."""
@@ -97,6 +102,7 @@ class Compression:
             contact_dt=load.dt / params["substeps"],
             sample_until=cycles,
             damping_form=params["damping_form"],
+            **cd_settings(params),
         )
         return Setup(scene=scene, numerics=numerics, watch=WATCH, labels=dict(zip(HISTORIES, WATCH, strict=True)))
 

@@ -19,7 +19,9 @@ from ninedisk.harness.cases._nine_disks import (
     DAMPING_FORM,
     LEVER_ARM,
     LOAD_CASES,
+    NINE_DISK_CD,
     SIDE,
+    cd_settings,
     contact_laws,
     friction,
     nine_disks,
@@ -84,17 +86,19 @@ class Distortion:
         Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in one cycle"),
         replace(LEVER_ARM, in_id=True),
         DAMPING_FORM,
+        *NINE_DISK_CD,
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Four readings of the walls, two friction angles, two ratios; with lever arm R and with R - overlap/2."""
-        return [
+        """Four readings of the walls, two friction angles, two ratios; with lever arm R and with R - overlap/2; a static one."""
+        rows: list[Mapping[str, Value]] = [
             {"walls": walls, "wall_mu": wall_mu, "phi_deg": phi, "ks_over_kn": ratio, "lever_arm": arm}
             for arm in ("radius", "overlap")
             for walls, wall_mu in READINGS
             for phi in (15.0, 30.0)
             for ratio in (1.0, 2.0 / 3.0)
         ]
+        return [*rows, {"walls": "mid-pivot", "wall_mu": 0.0, "regime": "quasi-static"}]
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Scene with three stages of wall motion."""
@@ -107,6 +111,7 @@ class Distortion:
             contact_dt=load.dt / params["substeps"],
             sample_from=COMPRESS + SETTLE,
             damping_form=params["damping_form"],
+            **cd_settings(params),
         )
         return Setup(scene=scene, numerics=numerics, watch=(UP, RIGHT), labels={"centre/up": UP, "centre/right": RIGHT})
 

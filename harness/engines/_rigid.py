@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Disks, Scene
+from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability, capabilities_needed
 
 
@@ -56,16 +58,7 @@ def without_spring_preload(scene: Scene) -> Scene:
     shear = {pair: force for pair, force in scene.initial_shear.items() if not scene.law(pair).regularised}
     if not moved and len(shear) == len(scene.initial_shear):
         return scene
-    disks = scene.disks
     return scene.replace(
-        disks=Disks(
-            x=x,
-            radius=disks.radius,
-            mass=disks.mass,
-            inertia=disks.inertia,
-            v=disks.v,
-            omega=disks.omega,
-            rotating=disks.rotating,
-        ),
+        disks=replace(scene.disks, x=x),
         initial_shear=shear,
     )

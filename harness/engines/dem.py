@@ -9,10 +9,10 @@ import ninedisk
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.capabilities import Capability
+from ninedisk.harness.capabilities import Capability, capabilities_needed
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel, Timings
 
-LACKS = frozenset({Capability.RESTITUTION})
+LACKS = frozenset({Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC})
 
 
 class DemEngine:
@@ -36,8 +36,11 @@ class DemEngine:
             capabilities=frozenset(Capability) - LACKS,
         )
 
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:  # noqa: ARG002
-        """Every scene is expressed; a rigid contact only through its regularising spring."""
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
+        missing = capabilities_needed(scene, numerics) & LACKS
+        if missing:
+            return Support(SupportLevel.NO, tuple(sorted(missing)))
         laws = [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
         if any(law.regularised for law in laws):
             return Support(

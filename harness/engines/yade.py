@@ -14,15 +14,21 @@ import numpy as np
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability, capabilities_needed
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.engines._spring import contact_steps, laws_in_use
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.wall_path import wall_path
 
 DRIVER = Path(__file__).parent / "drivers" / "yade_driver.py"
 _FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "DISPLAY", "OMPI_COMM_WORLD_RANK")
-CAPABILITIES = frozenset(Capability) - {Capability.RESTITUTION, Capability.LEVER_ARM_RADIUS}
+CAPABILITIES = frozenset(Capability) - {
+    Capability.RESTITUTION,
+    Capability.LEVER_ARM_RADIUS,
+    Capability.HELD_MOTION,
+    Capability.QUASI_STATIC,
+}
 
 NOTE_ARM = "lever arm of shear torque and slip: R - overlap/2, for disks and walls (ScGeom)"
 NOTE_WALL = "a wall's velocity enters the slip at the middle of the overlap"
@@ -51,20 +57,6 @@ def _version(program: str) -> tuple[str | None, str]:
 def _clean() -> dict[str, str]:
     """Environment without what belongs to another Python or to a display."""
     return {key: value for key, value in os.environ.items() if key not in _FOREIGN}
-
-
-def contact_steps(scene: Scene, numerics: Numerics) -> tuple[int, float]:
-    """Contact steps in one ``dt`` and their length [s]: those of the in-house DEM, whose scheme it is.
-
-    Raises
-    ------
-    UnstableTimeStepError
-        If ``numerics.contact_dt`` exceeds the critical step and ``numerics.allow_unstable`` is False.
-    """
-    from ninedisk.core.dem.constants import contact_step
-
-    contact_dt, _ = contact_step(scene, numerics)
-    return numerics.substeps(contact_dt), contact_dt
 
 
 class Yade(ExternalEngine):
@@ -120,7 +112,7 @@ class Yade(ExternalEngine):
             return Support(SupportLevel.NO, tuple(sorted(missing)), notes)
         if missing or _other_wall_velocity(scene):
             return Support(SupportLevel.APPROXIMATE, tuple(sorted(missing)), notes)
-        late = numerics.damping_form == "central" and any(law.beta > 0.0 for law in _laws(scene))
+        late = numerics.damping_form == "central" and any(law.beta > 0.0 for law in laws_in_use(scene))
         return Support(SupportLevel.EQUIVALENT if late else SupportLevel.EXACT, (), notes)
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
@@ -150,12 +142,8 @@ class Yade(ExternalEngine):
         return EngineRun(history=done.history, timings=done.timings, settings={**chosen, **done.settings})
 
 
-def _laws(scene: Scene) -> list[ContactLaw]:
-    return ([scene.disk_disk] if len(scene.disks) > 1 else []) + [wall.law for wall in scene.walls]
-
-
 def _notes(scene: Scene) -> tuple[str, ...]:
-    laws = _laws(scene)
+    laws = laws_in_use(scene)
     notes: list[str] = []
     if any(law.mu > 0.0 for law in laws):
         notes += [NOTE_ARM, NOTE_ROTATION]

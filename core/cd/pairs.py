@@ -1,0 +1,64 @@
+"""Pairs of bodies that are close to each other, from the contact search that the DEM uses."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_cells, empty_list, grown
+from ninedisk.core.contacts.search_kernels import OK, build_pairs, build_wall_pairs, sort_into_cells
+from ninedisk.core.errors import NonFiniteStateError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class PairFinder:
+    """Finds all pairs with a gap below a limit.
+
+    Parameters
+    ----------
+    radius : ndarray, shape (n,)
+        Radii [m].
+    n_walls : int
+    """
+
+    def __init__(self, radius: FloatArray, n_walls: int) -> None:
+        n = len(radius)
+        self._radius, self._cells = radius, empty_cells(n)
+        self._widest = float(radius.max())
+        self._none, self._no_walls = empty_list(n, 0), empty_list(n_walls, 0)
+        self._disks, self._walls = empty_list(n, PAIRS_PER_DISK * n + 16), empty_list(n_walls, n // 4 + 16)
+
+    def within(self, x: FloatArray, wall: FloatArray, reach: float) -> IntArray:
+        """Pairs with a gap below ``reach`` [m], shape (k, 2), as body numbers in ascending order.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, 2)
+            Centres [m].
+        wall : ndarray, shape (m, 11)
+            Walls as `place_walls` fills them.
+        reach : float
+            Limit of the gap [m], > 0.
+
+        Raises
+        ------
+        NonFiniteStateError
+            If a position is no finite number.
+        """
+        if not sort_into_cells(x, 2.0 * self._widest + reach, self._cells):
+            raise NonFiniteStateError("the position of a disk is no finite number: reduce dt")
+        while build_pairs(x, self._radius, reach, self._cells, self._none, self._disks) != OK:
+            self._disks = grown(empty_list(len(x), self._disks.other.shape[0]))
+        while build_wall_pairs(x, self._radius, reach, wall, self._no_walls, self._walls) != OK:
+            self._walls = grown(empty_list(wall.shape[0], self._walls.other.shape[0]))
+        start, other = self._disks.start, self._disks.other
+        first = np.repeat(np.arange(len(x), dtype=np.int64), np.diff(start))
+        second = other[: start[-1]].astype(np.int64)
+        w_start, w_other = self._walls.start, self._walls.other
+        of_wall = len(x) + np.repeat(np.arange(wall.shape[0], dtype=np.int64), np.diff(w_start))
+        pairs = np.column_stack(
+            [np.concatenate([first, w_other[: w_start[-1]].astype(np.int64)]), np.concatenate([second, of_wall])]
+        )
+        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]

@@ -1,0 +1,262 @@
+"""A contact-dynamics run in progress."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.cd.contact_set import Place, solve_with_contacts
+from ninedisk.core.cd.feasibility import InfeasibleContactsError
+from ninedisk.core.cd.frames import Frames, contact_frames
+from ninedisk.core.cd.laws import LawTable
+from ninedisk.core.cd.memory import ContactMemory
+from ninedisk.core.cd.pairs import PairFinder
+from ninedisk.core.cd.recorder import Recorder
+from ninedisk.core.cd.result import SolverResult
+from ninedisk.core.cd.settings import read_settings
+from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.cd.statics import StaticStep, zero_energy_modes
+from ninedisk.core.cd.step import DynamicStep, Solved, Step, bodies_of
+from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
+from ninedisk.core.geometry.motion import compile_motion, wall_poses
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+from ninedisk.core.watch import chosen_particles
+
+FloatArray = NDArray[np.float64]
+
+TOUCHING = 1e-9
+"""Overlap over radius up to which a rigid contact counts as touching: the rounding of a scene's coordinates."""
+NEAR = 1e-3
+"""Gap over radius of the pairs that a static step considers at once."""
+MODES_UP_TO = 300
+"""Number of disks up to which modes without energy are counted."""
+PROGRESS_EVERY = 0.1
+"""Seconds between two reports of progress."""
+
+
+class CdSession:
+    """Contact dynamics on one scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    numerics : Numerics
+        ``theta, impact, sliding, regime, solver`` and the options of `ninedisk.core.cd.settings` choose the method.
+    watch : sequence of pairs
+        Contacts whose gap, ``fn`` and ``fs`` are recorded.
+    particles : sequence of int or None
+        Disks whose motion is recorded; None: all.
+
+    Attributes
+    ----------
+    dt : float
+        Step [s]: ``numerics.dt``; ``numerics.contact_dt`` where that is given and all contacts are elastic.
+    remarks : list of str
+        What a reader of the results should know, filled by `run`.
+    solves : Counter
+        Problems solved by each method.
+    iterations : int
+        Iterations of all of them together.
+    worst : (float, float)
+        Largest natural-map residual and duality gap of all steps.
+
+    Raises
+    ------
+    InvalidSceneError
+        If the scene has no disk, rigid contacts overlap or carry an initial shear force, or a law cannot be expressed.
+    InvalidNumericsError
+        If a setting is not allowed.
+    """
+
+    def __init__(
+        self, scene: Scene, numerics: Numerics, watch: Sequence[Pair] = (), particles: Sequence[int] | None = None
+    ) -> None:
+        if len(scene.disks) == 0:
+            raise InvalidSceneError("the scene has no disk: there is nothing to simulate")
+        self.scene, self.numerics = scene, numerics
+        self.settings = read_settings(numerics)
+        disks, n = scene.disks, len(scene.disks)
+        self._laws = LawTable(scene, numerics, self.settings.contacts)
+        self.dt, self.substeps = self._own_step()
+        self._bodies = bodies_of(scene)
+        self._solver = ContactSolver(numerics.solver, self.settings.solver_options, numerics.sliding)
+        self._finder = PairFinder(disks.radius, len(scene.walls))
+        self._motion = compile_motion(scene.walls)
+        self._wall = wall_poses(self._motion, 0.0)
+        self._x = np.column_stack([disks.x, np.zeros(n)])
+        self._v = np.column_stack([disks.v, disks.omega])
+        self._wall_work = 0.0
+        self.remarks: list[str] = []
+        self.solves: Counter[str] = Counter()
+        self.iterations, self.worst = 0, (0.0, 0.0)
+        pairs = tuple(scene.check_pair(pair) for pair in watch)
+        self._memory = self._initial_forces()
+        self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen_particles(scene, particles))
+
+    def run(self, progress: Callable[[int, int], None] | None = None) -> History:
+        """Run to the last step.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Called with (steps done, steps in all) a few times a second.
+
+        Returns
+        -------
+        History
+
+        Raises
+        ------
+        SolverNotConvergedError
+            If a step's problem was not solved to its tolerance, with the figures and what to change.
+        NoEquilibriumError
+            If a static step has no solution.
+        InvalidSceneError
+            If rigid contacts contradict each other.
+        NonFiniteStateError
+            If the state stops being finite.
+        """
+        steps, told = self.numerics.n_steps, time.monotonic()
+        self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0)
+        for step in range(1, steps + 1):
+            try:
+                for substep in range(self.substeps):
+                    self._advance((step - 1) * self.substeps + substep + 1)
+            except InfeasibleContactsError as error:
+                self._contradiction(step, error)
+            except (SolverNotConvergedError, NoEquilibriumError) as error:
+                kept = self._keep_problem(step)
+                raise type(error)(f"step {step} (t = {step * self.numerics.dt:g} s): {error}{kept}") from error
+            self._recorder.sample(step, self._x, self._v, self._wall, self._memory, self._wall_work)
+            if progress is not None and time.monotonic() - told > PROGRESS_EVERY:
+                told = time.monotonic()
+                progress(step, steps)
+        if progress is not None:
+            progress(steps, steps)
+        self._remark()
+        return self._recorder.history
+
+    def warm_up(self) -> None:
+        """Compile or load the kernels on one step of a copy; this session's state stays as it is."""
+        once = self.numerics.replace(n_steps=1, sample_every=1, sample_until=None)
+        CdSession(self.scene, once).run()
+        if self.numerics.solver in ("auto", "interior-point") and self.numerics.sliding == "associated":
+            CdSession(self.scene, once.replace(solver="interior-point")).run()
+
+    def _advance(self, step: int) -> None:
+        dt, radius = self.dt, self.scene.disks.radius
+        after = wall_poses(self._motion, step * dt)
+        place = Place(self._x[:, :2].copy(), radius, self._wall, after)
+        static = self.numerics.regime == "quasi-static"
+        self._step: Step = self._static_step(place) if static else self._dynamic_step()
+        margin = NEAR * float(radius.min()) if static else 0.0
+        frames, solved = solve_with_contacts(
+            self._step, place, self._finder, self._laws, self._memory, self.numerics.sliding, margin
+        )
+        self._note(solved.result)
+        if not np.isfinite(solved.dx).all():
+            raise NonFiniteStateError(
+                f"the displacement of disk {int(np.argmin(np.isfinite(solved.dx).all(axis=1)))} is no finite number at step {step}"
+            )
+        self._wall_work += self._work_of_walls(frames, solved)
+        self._x = self._x + solved.dx
+        self._v = solved.dx / dt if static else solved.v
+        self._memory = self._memory.renewed(frames.pairs, solved.r)
+        self._wall = after
+        self._frames = frames
+
+    def _dynamic_step(self) -> DynamicStep:
+        return DynamicStep(self._bodies, self._laws, self._solver, self._v, self.dt, self.numerics.theta)
+
+    def _static_step(self, place: Place) -> StaticStep:
+        disks = self.scene.disks
+        given = self.dt * np.column_stack([disks.v, disks.omega])
+        prescribed = np.where(self._bodies.free, 0.0, given)
+        return StaticStep(self._bodies, self._laws, self._solver, prescribed, disks.radius, place.wall_way())
+
+    def _own_step(self) -> tuple[float, int]:
+        numerics = self.numerics
+        used = self._laws.elastic[0 if len(self.scene.disks) > 1 else 1 :]
+        if numerics.contact_dt is None or not used.all():
+            return numerics.dt, 1
+        return numerics.contact_dt, numerics.substeps(numerics.contact_dt)
+
+    def _work_of_walls(self, frames: Frames, solved: Solved) -> float:
+        """Work of prescribed wall motion on the disks: forces of the step times the walls' own displacement [J]."""
+        moved = np.column_stack([frames.gap - frames.gap_before, frames.shift])
+        return -float((solved.r * moved).sum())
+
+    def _initial_forces(self) -> ContactMemory:
+        """Forces at time 0: elastic contacts by their overlap and the scene's shear forces, rigid ones by nothing."""
+        scene, laws, n = self.scene, self._laws, len(self.scene.disks)
+        x = self._x[:, :2].copy()
+        pairs = self._finder.within(x, self._wall, 1e-12 * float(scene.disks.radius.max()))
+        frames = contact_frames(pairs, x, scene.disks.radius, self._wall, self._wall, laws)
+        elastic = laws.elastic[frames.row]
+        depth = np.maximum(0.0, -frames.gap)
+        smaller = np.where(pairs[:, 1] < n, scene.disks.radius[np.minimum(pairs[:, 1], n - 1)], np.inf)
+        bad = ~elastic & (depth > TOUCHING * np.minimum(scene.disks.radius[pairs[:, 0]], smaller))
+        if bad.any():
+            k = int(np.argmax(np.where(bad, depth, 0.0)))
+            names = " and ".join(scene.body_name(int(body)) for body in pairs[k])
+            raise InvalidSceneError(
+                f"{names} overlap by {depth[k]:g} m and their contact is rigid: move them apart, or make it elastic "
+                "(cd.contacts = elastic)"
+            )
+        forces = np.column_stack([np.where(elastic, laws.kn[frames.row] * depth, 0.0), np.zeros(len(pairs))])
+        at = {(int(i), int(j)): k for k, (i, j) in enumerate(pairs)}
+        for pair, shear in scene.initial_shear.items():
+            if shear == 0.0:
+                continue
+            names = " and ".join(scene.body_name(body) for body in pair)
+            k = at.get(pair, -1)
+            if k < 0 or not elastic[k] or laws.mu[frames.row[k]] == 0.0:
+                raise InvalidSceneError(
+                    f"the initial shear force {shear:g} N belongs to {names}, whose contact does not hold one (open, rigid or "
+                    "smooth): give it an overlap, elasticity, mu > 0 and ks > 0, or drop the entry"
+                )
+            forces[k, 1] = shear
+        return ContactMemory(scene.n_bodies, pairs, forces)
+
+    def _note(self, result: SolverResult) -> None:
+        self.solves[result.solver] += 1
+        self.iterations += result.iterations
+        found = result.residuals
+        self.worst = (max(self.worst[0], found.natural_map), max(self.worst[1], found.duality_gap))
+
+    def _remark(self) -> None:
+        """Say how many modes without energy the last static step left alone."""
+        step = self._step
+        if not isinstance(step, StaticStep) or len(self._x) > MODES_UP_TO:
+            return
+        problem = step.problem(self._frames, self._memory.forces, self._bodies.mass, np.zeros_like(self._x))
+        count = zero_energy_modes(problem, self._memory.forces)
+        if count:
+            self.remarks.append(
+                f"{count} displacement mode(s) without energy at the last step (rattlers, rolling gears): the load does no work "
+                "on them, and the displacement of least norm was taken"
+            )
+
+    def _contradiction(self, step: int, error: InfeasibleContactsError) -> NoReturn:
+        raise InvalidSceneError(
+            f"step {step} (t = {step * self.numerics.dt:g} s): {error}; disks are numbered from 0, -1 is a wall"
+            f"{self._keep_problem(step)}"
+        ) from error
+
+    def _keep_problem(self, step: int) -> str:
+        """Save the problem that failed, if the option asks for it; the sentence that says so."""
+        problem, path = self._solver.problem, self.settings.save_failed
+        if problem is None or not path:
+            return " (the option cd.save_failed = FILE keeps the problem of a step that fails)"
+        notes = {"scene": json.dumps(self.scene.to_dict()), "numerics": json.dumps(self.numerics.to_dict())}
+        replace(problem, notes={**notes, "step": str(step)}).save(path)
+        return f" The problem is in {path}: ninedisk.core.cd.problem.ContactProblem.load reads it."

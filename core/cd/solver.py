@@ -1,0 +1,88 @@
+"""The contact solver of a run: one of the three methods, or a choice by problem and outcome."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.interior_point import InteriorPoint
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.projected_gradient import solve_projected_gradient
+from ninedisk.core.cd.residuals import Sliding
+from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
+
+FloatArray = NDArray[np.float64]
+
+SOLVERS = ("auto", "interior-point", "projected-gradient", "gauss-seidel")
+TRIAL_SWEEPS = 60
+"""Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
+TRIAL_CONTACTS = 5_000
+"""Above this number of contacts information needs more than the trial's sweeps to cross a packing."""
+
+
+class ContactSolver:
+    """Solves the problems of successive steps; keeps what can be reused.
+
+    ``"auto"`` takes Gauss-Seidel for Coulomb friction. For the associated rule it gives Gauss-Seidel, started from the last
+    step's forces, `TRIAL_SWEEPS` sweeps: enough where few contacts touch each body, or where their compliance dominates. Where
+    they do not reach the tolerance the interior point takes over, whose number of iterations hardly depends on the problem.
+
+    Parameters
+    ----------
+    name : str
+        "auto", "interior-point", "projected-gradient" or "gauss-seidel".
+    options : SolverOptions
+    sliding : {"associated", "coulomb"}
+
+    Attributes
+    ----------
+    problem : ContactProblem or None
+        The problem given last.
+
+    Raises
+    ------
+    InvalidNumericsError
+        If the name is unknown, or the method cannot solve Coulomb's law.
+    """
+
+    def __init__(self, name: str, options: SolverOptions, sliding: Sliding) -> None:
+        if name not in SOLVERS:
+            raise InvalidNumericsError(f"solver = {name!r} is unknown: use one of {', '.join(SOLVERS)}")
+        if sliding == "coulomb" and name not in ("auto", "gauss-seidel"):
+            raise InvalidNumericsError(
+                f"solver = {name!r} solves the associated rule only: with sliding = 'coulomb' use gauss-seidel or auto"
+            )
+        self.name, self.options, self.sliding = name, options, sliding
+        self.problem: ContactProblem | None = None
+        self._interior = InteriorPoint(options)
+        self._trial = replace(options, max_iterations=min(TRIAL_SWEEPS, options.max_iterations or TRIAL_SWEEPS))
+
+    def solve(self, problem: ContactProblem, start: FloatArray | None = None) -> SolverResult:
+        """Solve one problem.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+        start : ndarray, shape (c, 2), optional
+            Contact forces of a neighbouring problem.
+
+        Raises
+        ------
+        SolverNotConvergedError, InfeasibleContactsError
+            As the methods do.
+        """
+        self.problem = problem
+        if self.sliding == "coulomb" or self.name == "gauss-seidel":
+            return solve_gauss_seidel(problem, self.options, sliding=self.sliding, start=start)
+        if self.name == "projected-gradient":
+            return solve_projected_gradient(problem, self.options, start=start)
+        if self.name == "auto" and problem.n_contacts <= TRIAL_CONTACTS:
+            try:
+                return solve_gauss_seidel(problem, self._trial, start=start)
+            except SolverNotConvergedError:
+                pass
+        return self._interior.solve(problem)

@@ -1,0 +1,164 @@
+"""One step of the theta scheme as a contact problem."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.cd.contact_kernels import contact_velocities
+from ninedisk.core.cd.frames import Frames
+from ninedisk.core.cd.laws import LawTable
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.result import SolverResult
+from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+
+class Bodies(NamedTuple):
+    """What does not change from step to step; b disks.
+
+    Attributes
+    ----------
+    mass : ndarray, shape (b, 3)
+        Mass [kg], mass [kg], moment of inertia [kg m^2].
+    free : ndarray of bool, shape (b, 3)
+        False for unknowns whose motion is prescribed.
+    load : ndarray, shape (b, 3)
+        External force [N], force [N], torque [N m].
+    xi : float
+        Global damping [1/s].
+    """
+
+    mass: FloatArray
+    free: NDArray[np.bool_]
+    load: FloatArray
+    xi: float
+
+
+class Solved(NamedTuple):
+    """Outcome of a step: displacements ``dx``, shape (b, 3); velocities ``v`` at its end, shape (b, 3); forces ``r``, (c, 2)."""
+
+    dx: FloatArray
+    v: FloatArray
+    r: FloatArray
+    result: SolverResult
+
+
+class Step(Protocol):
+    """A step that can be solved on any set of contacts."""
+
+    def guess(self) -> FloatArray:
+        """Displacements without contacts, shape (b, 3) [m], [m], [rad]."""
+        ...
+
+    def solve(self, frames: Frames, forces: FloatArray) -> Solved:
+        """Solve with these contacts; ``forces`` are those of the last step, shape (c, 2)."""
+        ...
+
+
+def bodies_of(scene: Scene) -> Bodies:
+    """The constant data of a scene's disks."""
+    disks = scene.disks
+    mass = np.column_stack([disks.mass, disks.mass, disks.inertia])
+    free = np.column_stack([~disks.held, disks.rotating])
+    load = np.column_stack([disks.mass * scene.gravity[0], disks.mass * scene.gravity[1], np.zeros(len(disks))])
+    return Bodies(mass, free, load, scene.xi)
+
+
+def pair_bodies(frames: Frames, n: int) -> NDArray[np.int32]:
+    """Bodies of the contact problem: a wall is a prescribed body, -1."""
+    return np.where(frames.pairs < n, frames.pairs, -1).astype(np.int32)
+
+
+def relative(frames: Frames, motion: FloatArray) -> FloatArray:
+    """``H motion``: opening and tangential part, shape (c, 2), of velocities or displacements, shape (b, 3)."""
+    u = np.empty((len(frames), 2))
+    contact_velocities(pair_bodies(frames, len(motion)), frames.normal, frames.arms, motion, u)
+    return u
+
+
+def compliances(frames: Frames, laws: LawTable) -> FloatArray:
+    """Compliance ``(1/kn, 1/ks)`` [m/N] of each contact, shape (c, 2); 0 where it is rigid or carries no shear force."""
+    elastic, row = laws.elastic[frames.row], frames.row
+    shear = np.where(laws.ks[row] > 0.0, laws.ks[row], np.inf)
+    return np.where(elastic[:, None], np.column_stack([1.0 / laws.kn[row], 1.0 / shear]), 0.0)
+
+
+class DynamicStep:
+    """Step of length ``dt`` from the velocities ``v0``.
+
+    The unknowns are the velocities ``v1`` at the end of the step. With ``dx = dt (theta v1 + (1 - theta) v0)``::
+
+        M (v1 - v0)/dt + xi M dx/dt = f + H' r
+
+    and, for each contact, the opening displacement ``gap + H_n dx + p/kn`` and the slip ``shift + H_t dx + (q - q0)/ks``,
+    both divided by ``theta dt``, are the contact velocity of the program: the scheme of the source's (A.1) with rotations,
+    elasticity and damping. A rigid contact under Newton's law enters at the level of velocities instead: ``u_n + e min(u_n0, 0)``
+    and ``u_t`` at the end of the step, as in Moreau-Jean time stepping.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    laws : LawTable
+    solver : ContactSolver
+    v0 : ndarray, shape (b, 3)
+        Velocities at the start of the step [m/s], [m/s], [rad/s].
+    dt, theta : float
+        Step [s] and parameter of the scheme.
+    """
+
+    def __init__(
+        self, bodies: Bodies, laws: LawTable, solver: ContactSolver, v0: FloatArray, dt: float, theta: float
+    ) -> None:
+        self._bodies, self._laws, self._solver = bodies, laws, solver
+        self._v0, self._dt, self._theta = v0, dt, theta
+        inertia = bodies.mass * (1.0 / dt + theta * bodies.xi)
+        self._mass = np.where(bodies.free, inertia, np.inf)
+        kept = bodies.mass * v0 * (1.0 / dt - (1.0 - theta) * bodies.xi)
+        self._force = np.where(bodies.free, bodies.load + kept, 0.0)
+        self._prescribed = np.where(bodies.free, 0.0, v0)
+
+    def guess(self) -> FloatArray:
+        """Displacements of the free flight."""
+        return self._displacement(self._force / self._mass)
+
+    def problem(self, frames: Frames, forces: FloatArray) -> ContactProblem:
+        """The contact problem of the step, in velocities [m/s] and forces [N]."""
+        theta, dt, laws = self._theta, self._dt, self._laws
+        held = relative(frames, self._prescribed)
+        before = relative(frames, np.where(self._bodies.free, self._v0, 0.0))
+        offset = np.column_stack([frames.gap, frames.shift]) / (theta * dt)
+        offset += held / theta + (1.0 - theta) / theta * before
+        restitution = laws.restitution[frames.row]
+        newton = ~np.isnan(restitution)
+        if newton.any():
+            # Prescribed part of the contact velocity: walls by their displacement over the step, held disks by their speed.
+            wall = np.column_stack([frames.gap - frames.gap_before, frames.shift]) / dt + held
+            approach = np.minimum(0.0, wall[:, 0] + before[:, 0])
+            wall[:, 0] += restitution * approach
+            offset[newton] = wall[newton]
+        return ContactProblem(
+            mass=self._mass,
+            force=self._force,
+            bodies=pair_bodies(frames, len(self._mass)),
+            normal=frames.normal,
+            arms=frames.arms,
+            offset=offset,
+            mu=laws.mu[frames.row],
+            compliance=compliances(frames, laws) / (theta * dt),
+            shear_0=forces[:, 1],
+        )
+
+    def solve(self, frames: Frames, forces: FloatArray) -> Solved:
+        """Solve the step with these contacts; raises as `ContactSolver.solve`."""
+        result = self._solver.solve(self.problem(frames, forces), forces)
+        return Solved(self._displacement(result.v), result.v + self._prescribed, result.r, result)
+
+    def _displacement(self, v: FloatArray) -> FloatArray:
+        theta = self._theta
+        free = theta * v + (1.0 - theta) * self._v0
+        return self._dt * np.where(self._bodies.free, free, self._prescribed)

@@ -1,0 +1,101 @@
+"""The in-house contact dynamics, treated like any other engine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import ninedisk
+from ninedisk.core.history import Pair
+from ninedisk.core.law import ContactLaw
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+from ninedisk.harness.capabilities import Capability
+from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel, Timings
+from ninedisk.harness.engines._rigid import has_spring_preload, rigid_needs, without_spring_preload
+
+CAPABILITIES = frozenset(Capability) - {Capability.CONTACT_DAMPING, Capability.GLOBAL_DAMPING_LAGGED}
+
+NOTE_PRELOAD = "the preload of regularising springs is undone: rigid contacts find their forces anew in each step"
+NOTE_DAMPING = "global damping acts on the displacement of the step, dx/dt"
+NOTE_ELASTIC = "elastic contact forces are those of the end of the step: first order, dissipative at every theta"
+
+
+class CdEngine:
+    """`ninedisk.core.cd`: implicit theta scheme, one convex program a step (or Coulomb's law by Gauss-Seidel)."""
+
+    id = "cd"
+
+    def info(self) -> EngineInfo:
+        """Facts about the engine."""
+        return EngineInfo(
+            id=self.id,
+            name="ninedisk CD",
+            version=ninedisk.__version__,
+            scheme="theta",
+            contact="cd",
+            licence="BSD-3-Clause",
+            how_it_runs="in-process (NumPy, Numba)",
+            precision="float64",
+            threads=1,
+            install="part of ninedisk",
+            capabilities=CAPABILITIES,
+        )
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        """EXACT but for dashpots of contact springs, the lagged form of global damping, and a restitution that theta misses."""
+        notes = []
+        if has_spring_preload(scene):
+            notes.append(NOTE_PRELOAD)
+        if scene.xi > 0.0 and numerics.regime == "dynamic":
+            notes.append(NOTE_DAMPING)
+        if any(not law.regularised for law in _laws(scene)) and numerics.regime == "dynamic":
+            notes.append(NOTE_ELASTIC)
+        missing = rigid_needs(scene, numerics) - CAPABILITIES
+        if missing:
+            return Support(SupportLevel.NO, tuple(sorted(missing)), tuple(notes))
+        if numerics.impact == "theta":
+            scheme = (1.0 - numerics.theta) / numerics.theta
+            asked = {law.restitution for law in _laws(scene) if law.regularised and law.restitution is not None}
+            if any(abs(scheme - e) > 1e-12 for e in asked):
+                told = ", ".join(f"{e:g}" for e in sorted(asked))
+                notes.append(f"restitution of the theta scheme: (1 - theta)/theta = {scheme:g}; the scene says {told}")
+        return Support(SupportLevel.EXACT, (), tuple(notes))
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene on `ninedisk.core.cd.session.CdSession`."""
+        from ninedisk.core.cd.session import CdSession
+
+        begin = time.perf_counter()
+        session = CdSession(without_spring_preload(scene), numerics, watch)
+        setup = time.perf_counter() - begin
+        begin = time.perf_counter()
+        session.warm_up()
+        warm_up = time.perf_counter() - begin
+        begin = time.perf_counter()
+        history = session.run()
+        advance = time.perf_counter() - begin
+        settings = {
+            "dt [s]": session.dt,
+            "theta": numerics.theta,
+            "impact": numerics.impact,
+            "sliding": numerics.sliding,
+            "regime": numerics.regime,
+            "solver": numerics.solver,
+            "tolerance": session.settings.solver_options.tolerance,
+            "problems solved": ", ".join(f"{name} {count}" for name, count in sorted(session.solves.items())),
+            "iterations": session.iterations,
+            "largest natural-map residual": session.worst[0],
+            "largest relative duality gap": session.worst[1],
+            "remarks": "; ".join(session.remarks),
+        }
+        return EngineRun(
+            history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=settings
+        )
+
+
+def _laws(scene: Scene) -> list[ContactLaw]:
+    return [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
+
+
+ENGINE = CdEngine()
