@@ -1,15 +1,28 @@
-"""What the decorator of the kernels promises."""
+"""What the decorator of the kernels promises: no allocation, and machine code that is kept, found again and never stale."""
 
 from __future__ import annotations
+
+import importlib
+import json
+import os
+import pkgutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
+from numba.core.registry import CPUDispatcher
 
-from ninedisk.core._cache import inline_kernel
+from ninedisk import core
+from ninedisk.core._cache import OPTIONS, inline_kernel, source_hash
+
+compiled = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
 
-@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+@compiled
 def test_a_kernel_cannot_allocate() -> None:
     """An array that a kernel would make needs Numba's runtime, which kernels are compiled without."""
 
@@ -20,3 +33,105 @@ def test_a_kernel_cannot_allocate() -> None:
 
     with pytest.raises(numba.core.errors.NumbaError):
         total(3)
+
+
+@compiled
+def test_every_function_of_the_dem_that_is_compiled_is_such_a_kernel() -> None:
+    found = 0
+    for package in ("contacts", "dem", "geometry"):
+        folder = Path(core.__file__).parent / package
+        for module in pkgutil.iter_modules([str(folder)], f"ninedisk.core.{package}."):
+            for value in vars(importlib.import_module(module.name)).values():
+                if isinstance(value, CPUDispatcher):
+                    assert {name: value.targetoptions.get(name) for name in OPTIONS} == OPTIONS, value
+                    found += 1
+    assert found > 20
+
+
+PROGRAM = """
+import json
+import numba
+before = numba.config.CACHE_DIR
+from ninedisk.core import ContactLaw, Wall
+from ninedisk.core.geometry.motion import compile_motion, wall_poses
+from ninedisk.core.geometry.motion_kernels import place_walls
+wall = Wall(name="w", point=(3.0, 2.0), normal=(0.0, 1.0), law=ContactLaw(kn=1.0))
+pose = wall_poses(compile_motion([wall]), 1.0)
+stats = place_walls.stats
+print(json.dumps({
+    "hits": sum(stats.cache_hits.values()),
+    "misses": sum(stats.cache_misses.values()),
+    "path": stats.cache_path,
+    "pose": pose[0, :4].tolist(),
+    "numba": [before, numba.config.CACHE_DIR],
+}))
+"""
+
+
+def in_a_fresh_process(**environment: str) -> dict[str, object]:
+    """Place a wall with the compiled kernel and tell where its machine code came from."""
+    clean = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        env={**clean, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    answer: dict[str, object] = json.loads(done.stdout)
+    assert answer["pose"] == [3.0, 2.0, 0.0, 1.0]
+    return answer
+
+
+@compiled
+@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "NUMBA_CACHE_DIR"])
+def test_second_process_finds_the_machine_code_of_the_first(variable: str, tmp_path: Path) -> None:
+    first, second = (in_a_fresh_process(**{variable: str(tmp_path)}) for _ in range(2))
+    assert (first["hits"], first["misses"]) == (0, 1)
+    assert (second["hits"], second["misses"]) == (1, 0)
+    # In the folder of this very source, and nothing beside it.
+    base = tmp_path / "ninedisk" / "numba" if variable == "XDG_CACHE_HOME" else tmp_path
+    own = base / source_hash(Path(core.__file__).parent)
+    assert Path(str(first["path"])).is_relative_to(own)
+    assert [path.name for path in base.iterdir()] == [own.name]
+    assert list(own.rglob("*place_walls*.nbc"))
+    # Numba's own setting is the user's: functions of others are not kept among ours.
+    before, after = first["numba"]  # type: ignore[misc]
+    assert before == after
+
+
+@compiled
+def test_where_nothing_can_be_kept_the_kernels_still_run(tmp_path: Path) -> None:
+    """The cache's place is a file: a temporary folder serves, which nobody else can read or write."""
+    taken, temporary = tmp_path / "taken", tmp_path / "tmp"
+    taken.write_text("not a folder")
+    temporary.mkdir()
+    for _ in range(2):
+        answer = in_a_fresh_process(NUMBA_CACHE_DIR=str(taken), TMPDIR=str(temporary))
+        assert (answer["hits"], answer["misses"]) == (0, 1)
+        assert Path(str(answer["path"])).is_relative_to(temporary)
+    assert taken.read_text() == "not a folder"
+    assert {stat.S_IMODE(path.stat().st_mode) for path in temporary.glob("ninedisk-numba-*")} == {0o700}
+
+
+def test_key_of_the_cache_is_every_source_and_nothing_else(tmp_path: Path) -> None:
+    """Numba looks at a function's own file only; one that it calls from another file may have changed as well."""
+    (tmp_path / "a.py").write_text("x = 1")
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "b.py").write_text("y = 1")
+    keys = [source_hash(tmp_path)]
+    assert source_hash(tmp_path) == keys[0]
+    (tmp_path / "a.pyc").write_text("compiled")
+    assert source_hash(tmp_path) == keys[0]
+    changes = (
+        lambda: (tmp_path / "sub" / "b.py").write_text("y = 2"),
+        lambda: (tmp_path / "sub" / "b.py").rename(tmp_path / "sub" / "c.py"),
+        lambda: (tmp_path / "d.py").write_text(""),
+        lambda: (tmp_path / "a.py").unlink(),
+    )
+    for change in changes:
+        change()
+        keys.append(source_hash(tmp_path))
+    assert len(set(keys)) == 5
+    assert all(len(key) == 16 for key in keys)

@@ -1,0 +1,270 @@
+"""The critical step against known frequencies and dense eigenvalues; the limit is sharp on both sides."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scenes import KN, all_pairs, floor_scene, numerics, pair_scene, run
+
+from ninedisk.core.dem.constants import SAFETY, contact_step
+from ninedisk.core.dem.critical import critical_time_step
+from ninedisk.core.errors import InvalidSceneError, UnstableTimeStepError
+from ninedisk.core.history import History
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
+from ninedisk.references.analytic.critical_step import row_frequencies
+
+SMOOTH = ContactLaw(kn=KN)
+LOW = 1.1e-3 / 2
+"""The estimate adds the residual of the eigenvector, at most 1e-3 of omega^2, so that the step errs to the safe side."""
+
+
+def row(law: ContactLaw, n: int, *, overlap: float = 0.02, **changes: object) -> Scene:
+    """``n`` disks in a row pressed between two walls; with disturbances that excite every mode."""
+    length = (2.0 - overlap) * n
+    x = np.zeros((n, 2))
+    x[:, 0] = (np.arange(n) + 0.5) * (2.0 - overlap) + 1e-5 * overlap * np.cos(np.arange(n) ** 2)
+    walls = (
+        Wall(name="left", point=(0.5 * overlap, 0.0), normal=(1.0, 0.0), law=law),
+        Wall(name="right", point=(length - 0.5 * overlap, 0.0), normal=(-1.0, 0.0), law=law),
+    )
+    # All contacts carry kn overlap; a wall stands half an overlap further in than the lattice.
+    return Scene(**{"disks": Disks(x=x, radius=1.0, mass=1.0), "disk_disk": law, "walls": walls, **changes})
+
+
+def polynomial(dt: float, omega: float, *, zeta: float = 0.0, xi: float = 0.0, form: str = "central") -> list[float]:
+    """Characteristic polynomial of the scheme on one mode, ``x_n = z^n``, highest power first.
+
+    Central: ``(1 + a)(x_3 - x_2) - (1 - a)(x_2 - x_1) + k x_2 + c (3 (x_2 - x_1) - (x_1 - x_0))/2 = 0``, ``a = xi dt/2``,
+    ``k = (omega dt)^2``, ``c = 2 zeta omega dt``; lagged: ``x_2 - 2 x_1 + x_0 + k x_1 + (c + 2 a)(x_1 - x_0) = 0``.
+    """
+    a, k, c = 0.5 * xi * dt, (omega * dt) ** 2, 2.0 * zeta * omega * dt
+    if form == "lagged":
+        return [1.0, k + c + 2.0 * a - 2.0, 1.0 - c - 2.0 * a]
+    return [1.0 + a, k + 1.5 * c - 2.0, 1.0 - a - 2.0 * c, 0.5 * c]
+
+
+def largest_root(dt: float, omega: float, **damping: object) -> complex:
+    roots = np.roots(polynomial(dt, omega, **damping))
+    return complex(roots[np.argmax(np.abs(roots))])
+
+
+def swing(scene: Scene, dt: float, steps: int, mode: list[list[float]], form: str) -> np.ndarray:
+    """Displacement of a mode (weights of x, y, angle for each disk) in every step; all contacts stay closed and carry load.
+
+    As long as they do, the scene is linear; beyond, an open contact softens it and the amplitude stops growing.
+    """
+    history: History = run(scene, numerics(dt, steps, damping_form=form), touching(scene))
+    assert history.gap.max() < 0.0
+    assert history.fn.min() > 0.0
+    weights = np.array(mode)
+    return (
+        np.diff(history.x, axis=0).reshape(steps, -1) @ weights[:, :2].ravel()
+        + np.diff(history.angle, axis=0) @ weights[:, 2]
+    )
+
+
+def touching(scene: Scene) -> list[tuple[int, int]]:
+    watch = all_pairs(scene)
+    gap = run(scene, numerics(1e-9, 1), watch).gap[0]
+    return [pair for pair, value in zip(watch, gap, strict=True) if value < 0.0]
+
+
+def assert_sharp(
+    scene: Scene, mode: list[list[float]], omega: float, *, form: str = "central", zeta: float = 0.0, xi: float = 0.0
+) -> None:
+    """The limit is where the scheme's largest root leaves the unit circle, and the run does what the roots say.
+
+    At the limit the root is -1, alone or (undamped) double; at a double root `numpy.roots` is good to 1e-8 only.
+    """
+    damping = {"zeta": zeta, "xi": xi, "form": form}
+    critical = critical_time_step(scene, damping_form=form)
+    for fraction in np.linspace(0.01, 0.999, 200):
+        assert abs(largest_root(fraction * critical, omega, **damping)) <= 1.0 + 1e-12
+    assert abs(largest_root((1.0 + 2.0 * LOW) * critical, omega, **damping)) > 1.0 + 1e-6
+
+    below = np.abs(swing(scene, 0.99 * critical, 400, mode, form))
+    # The swing is a beat, sampled 11 times or more in each of its lobes: its tops are hit to 1 - cos(pi/22) = 1 %.
+    assert below[200:].max() <= 1.02 * below[:200].max()
+
+    for factor in (1.01, 1.05):
+        root = largest_root(factor * critical, omega, **damping)
+        # From 2e-7 m to 2e-5 m, a thousandth of the overlap: dashpots at their limit make that a third of the force.
+        steps = int(np.log(100.0) / np.log(abs(root))) + 3
+        grown = swing(scene, factor * critical, steps, mode, form)
+        assert root.imag == 0.0
+        # The differences of successive swings are free of what still creeps back.
+        assert (np.diff(np.abs(np.diff(grown[-6:]))) > 0.0).all()
+        # A position of 1 m rounds to 2e-16 m; the first swings are 1e-9 m in the smallest of the steps.
+        expected = continued(grown[:3], steps, factor * critical, omega, **damping)
+        np.testing.assert_allclose(grown, expected, rtol=1e-6, atol=1e-15)
+
+
+def continued(first: np.ndarray, steps: int, dt: float, omega: float, **damping: object) -> np.ndarray:
+    """The sequence that the scheme makes of the first three displacements of a mode."""
+    coefficients = np.array(polynomial(dt, omega, **damping))
+    sequence = list(first)
+    while len(sequence) < steps:
+        sequence.append(-(coefficients[1:] @ sequence[: -len(coefficients) : -1]) / coefficients[0])
+    return np.array(sequence)
+
+
+def test_known_frequencies() -> None:
+    rough = ContactLaw(kn=KN, ks=KN, mu=0.5)
+    known = {
+        "pair": (pair_scene(SMOOTH, overlap=0.01, closing=0.0, mass=2.0), np.sqrt(2.0 * KN / 2.0)),
+        "one disk between walls": (row(SMOOTH, 1), np.sqrt(2.0 * KN)),
+        "row of three": (row(SMOOTH, 3), np.sqrt((2.0 + np.sqrt(2.0)) * KN)),
+        "rolling on a wall": (floor_scene(rough, height=0.999, mass=2.0), np.sqrt(3.0 * KN / 2.0)),
+        "pair with shear": (pair_scene(rough, overlap=0.01, closing=0.0), np.sqrt(6.0 * KN)),
+        "shear spring without friction": (floor_scene(ContactLaw(kn=KN, ks=9 * KN), height=0.999), np.sqrt(KN)),
+        "touching within a thousandth": (pair_scene(SMOOTH, overlap=-9e-4, closing=0.0), np.sqrt(2.0 * KN)),
+        "free flight, a wall somewhere": (floor_scene(SMOOTH, height=50.0), np.sqrt(KN)),
+    }
+    for name, (scene, omega) in known.items():
+        ratio = critical_time_step(scene) * omega / 2.0
+        assert 1.0 - LOW <= ratio <= 1.0 + 1e-9, (name, ratio)
+    assert known["row of three"][1] == pytest.approx(row_frequencies(kn=KN, mass=1.0)[-1], rel=1e-14)
+
+
+def test_nothing_to_touch() -> None:
+    scene = Scene(disks=Disks(x=[[0.0, 0.0]], radius=1.0, mass=1.0), disk_disk=SMOOTH, xi=4.0)
+    assert critical_time_step(scene) == np.inf
+    # v+ = (1 - xi dt) v- grows beyond xi dt = 2.
+    assert critical_time_step(scene, damping_form="lagged") == 0.5
+    assert contact_step(scene, Numerics(dt=0.1, n_steps=1)) == (0.1, np.inf)
+
+
+def dense(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and dashpots over the masses, from the strain of every contact as a row: ``B^T diag(k) B``."""
+    disks, law = scene.disks, scene.disk_disk
+    n = len(disks)
+    rows, stiffness, dashpot = [], [], []
+    for i in range(n):
+        for j in range(i + 1, n):
+            d = disks.x[j] - disks.x[i]
+            distance = np.hypot(*d)
+            if distance >= disks.radius[i] + disks.radius[j]:
+                continue
+            normal = d / distance
+            closing, slip = np.zeros((n, 3)), np.zeros((n, 3))
+            closing[i, :2], closing[j, :2] = normal, -normal
+            tangent = np.array([-normal[1], normal[0]])
+            slip[i], slip[j] = [*tangent, disks.radius[i]], [*(-tangent), disks.radius[j]]
+            rows += [closing.ravel(), slip.ravel()]
+            stiffness += [law.kn, law.ks]
+            m_eff = 1.0 / (1.0 / disks.mass[i] + 1.0 / disks.mass[j])
+            dashpot += [2.0 * law.beta * np.sqrt(m_eff * law.kn), 0.0]
+    b = np.array(rows) / np.sqrt(np.column_stack([disks.mass, disks.mass, disks.inertia]).ravel())
+    return b.T @ (np.array(stiffness)[:, None] * b), b.T @ (np.array(dashpot)[:, None] * b)
+
+
+def packing(seed: int, n: int, **law: float) -> Scene:
+    rng = np.random.default_rng(seed)
+    radius = rng.uniform(0.5, 1.0, n)
+    disks = Disks(x=rng.uniform(0.0, 1.42 * np.sqrt(n), (n, 2)), radius=radius, mass=3.0 * radius**2)
+    return Scene(disks=disks, disk_disk=ContactLaw(kn=KN, ks=0.8 * KN, mu=0.3, **law))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_random_packing_against_dense_eigenvalues(seed: int) -> None:
+    scene = packing(seed, 40)
+    ratio = critical_time_step(scene) * np.sqrt(np.linalg.eigvalsh(dense(scene)[0])[-1]) / 2.0
+    # A start vector that is nearly free of the highest mode may stop at a neighbouring one, above by less than the residual.
+    assert 1.0 - 2 * LOW <= ratio <= 1.0 + LOW
+
+
+def spectral_radius(scene: Scene, dt: float, form: str) -> float:
+    """Of the step of all sticking contacts, ``(x_n, u_n, u_{n-1})`` to the next, with ``u_n = x_n - x_{n-1}``."""
+    stiffness, dashpot = dense(scene)
+    one, zero = np.eye(len(stiffness)), np.zeros_like(stiffness)
+    k, c, a = dt * dt * stiffness, dt * dashpot, 0.5 * scene.xi * dt
+    if form == "central":
+        u = np.hstack([-k, (1.0 - a) * one - 1.5 * c, 0.5 * c]) / (1.0 + a)
+    else:
+        u = np.hstack([-k, (1.0 - 2.0 * a) * one - c, zero])
+    step = np.vstack([u + np.hstack([one, zero, zero]), u, np.hstack([zero, one, zero])])
+    return float(np.abs(np.linalg.eigvals(step)).max())
+
+
+@pytest.mark.parametrize("form", ["central", "lagged"])
+@pytest.mark.parametrize(("beta", "xi"), [(0.1, 0.0), (1.0, 0.0), (0.3, 50.0)])
+def test_limit_of_packings_with_dashpots_is_safe(form: str, beta: float, xi: float) -> None:
+    """Dashpots count as if every contact had the largest mass and its shear spring one too: safe, and exact for one mode only."""
+    for seed in range(3):
+        scene = packing(seed, 25, beta=beta).replace(xi=xi)
+        critical = critical_time_step(scene, damping_form=form)
+        free = critical_time_step(packing(seed, 25))
+        assert critical < free
+        # Rigid motions are double roots at 1, which the eigenvalue solver splits by the root of round-off.
+        assert spectral_radius(scene, critical, form) < 1.0 + 1e-6
+        assert spectral_radius(scene, 1.01 * free, form) > 1.01
+
+
+ROW = {1: [[1.0, 0.0, 0.0]], 3: [[1.0, 0.0, 0.0], [-np.sqrt(2.0), 0.0, 0.0], [1.0, 0.0, 0.0]]}
+"""Highest modes of the rows of one and of three disks."""
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_limit_of_a_pressed_row_is_sharp(n: int) -> None:
+    assert_sharp(row(SMOOTH, n), ROW[n], np.sqrt({1: 2.0, 3: 2.0 + np.sqrt(2.0)}[n] * KN))
+
+
+def test_limit_of_a_disk_that_rolls_on_a_shear_spring_is_sharp() -> None:
+    law = ContactLaw(kn=KN, ks=KN, mu=1e3)
+    scene = floor_scene(law, height=0.99, v=(1e-5, 0.0), gravity=(0.0, -0.01 * KN))
+    assert_sharp(scene, [[1.0, 0.0, 1.0]], np.sqrt(3.0 * KN))
+
+
+@pytest.mark.parametrize("form", ["central", "lagged"])
+@pytest.mark.parametrize("beta", [0.05, 0.3, 1.0, 3.0])
+def test_limit_with_dashpots_is_sharp(form: str, beta: float) -> None:
+    """One disk between two walls, two springs and two dashpots: zeta = 2 (2 beta sqrt(m kn))/(2 m omega) = sqrt(2) beta."""
+    scene = row(ContactLaw(kn=KN, beta=beta), 1)
+    assert_sharp(scene, ROW[1], np.sqrt(2.0 * KN), form=form, zeta=np.sqrt(2.0) * beta)
+
+
+def test_dashpots_of_the_heaviest_disk_count() -> None:
+    """A lighter disk that touches nothing has the lower frequency, on one wall, and the smaller dashpots."""
+    law = ContactLaw(kn=KN, beta=0.5)
+    disks = Disks(x=[[0.9900002, 0.0], [0.99, 5.0]], radius=[1.0, 0.5], mass=[1.5, 1.0])
+    scene = row(law, 1, disks=disks, disk_disk=ContactLaw(kn=0.1 * KN))
+    assert_sharp(scene, [[1.0, 0.0, 0.0], [0.0] * 3], np.sqrt(2.0 * KN / 1.5), zeta=np.sqrt(2.0) * 0.5)
+
+
+@pytest.mark.parametrize(("form", "xi"), [("lagged", 30.0), ("lagged", 600.0), ("central", 30.0), ("central", 600.0)])
+@pytest.mark.parametrize("beta", [0.0, 0.3])
+def test_limit_with_global_damping_is_sharp(form: str, xi: float, beta: float) -> None:
+    scene = row(ContactLaw(kn=KN, beta=beta), 1, xi=xi)
+    assert_sharp(scene, ROW[1], np.sqrt(2.0 * KN), form=form, zeta=np.sqrt(2.0) * beta, xi=xi)
+    free = critical_time_step(scene.replace(xi=0.0), damping_form=form)
+    critical = critical_time_step(scene, damping_form=form)
+    assert (critical == free) if form == "central" else (critical < 0.95 * free)
+
+
+def test_unstable_step_is_refused_unless_allowed() -> None:
+    scene = row(SMOOTH, 3)
+    critical = critical_time_step(scene)
+    settings = Numerics(dt=1.05 * critical, contact_dt=1.05 * critical, n_steps=2)
+    with pytest.raises(UnstableTimeStepError) as caught:
+        run(scene, settings, [])
+    for part in (f"{1.05 * critical:g}", f"{critical:g}", f"{0.1 * critical:g}", "allow_unstable=True"):
+        assert part in str(caught.value)
+    run(scene, settings.replace(allow_unstable=True), [])
+    run(scene, settings.replace(dt=0.99 * critical, contact_dt=0.99 * critical), [])
+
+
+def test_chosen_step_is_a_tenth_of_the_critical_one_and_divides_dt() -> None:
+    scene = row(SMOOTH, 3)
+    for dt in (1e-5, 1e-3, 0.0123, 1.0):
+        step, critical = contact_step(scene, Numerics(dt=dt, n_steps=1))
+        assert step <= SAFETY * critical * (1.0 + 1e-12)
+        assert dt / step == pytest.approx(round(dt / step), rel=1e-12)
+        assert step > 0.5 * min(dt, SAFETY * critical)
+
+
+def test_coincident_centres_are_named() -> None:
+    scene = Scene(disks=Disks(x=[[5.0, 0.0], [1.0, 2.0], [1.0, 2.0]], radius=1.0, mass=1.0), disk_disk=SMOOTH)
+    for contact_dt in (None, 1e-3):
+        with pytest.raises(InvalidSceneError, match=r"disks 1 and 2 coincide at \(1, 2\).*move one"):
+            run(scene, Numerics(dt=1e-3, contact_dt=contact_dt, n_steps=1))

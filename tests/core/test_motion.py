@@ -1,0 +1,138 @@
+"""Prescribed motion of walls: poses as exact functions of time, velocities as their derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from oracle import wall_at
+from scenes import KN, numerics, random_motion, run
+
+from ninedisk.core.geometry.motion import compile_motion, wall_poses
+from ninedisk.core.geometry.motion_kernels import place_walls
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+
+LAW = ContactLaw(kn=KN)
+
+
+def wall(
+    *motion: WallSegment, point: tuple[float, float] = (0.3, -1.0), normal: tuple[float, float] = (0.6, 0.8)
+) -> Wall:
+    return Wall(name="w", point=point, normal=normal, law=LAW, motion=motion)
+
+
+def pose(one: Wall, t: float) -> np.ndarray:
+    return wall_poses(compile_motion([one]), t)[0]
+
+
+def test_random_motions_against_the_twin() -> None:
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        one = wall(*random_motion(rng, 0.01, 60))
+        for t in rng.uniform(0.0, 0.9, 5):
+            expected, found = wall_at(one, t), pose(one, t)
+            # Amplitudes and levers of some metres; velocities up to ten times that.
+            np.testing.assert_allclose(found[0:2], expected.point, rtol=0, atol=1e-14 * 10)
+            np.testing.assert_allclose(found[2:4], expected.normal, rtol=0, atol=1e-15 * 4)
+            np.testing.assert_allclose(found[4:6], expected.pivot, rtol=0, atol=1e-14 * 10)
+            np.testing.assert_allclose(found[6:8], expected.pivot_velocity, rtol=0, atol=1e-13 * 10)
+            assert found[8] == expected.spin
+            np.testing.assert_array_equal(found[9:11], found[6:8])
+
+
+@pytest.mark.parametrize(
+    "segment",
+    [
+        WallSegment(velocity=(0.5, -2.0)),
+        WallSegment(amplitude=(0.2, -0.1), frequency=7.0, phase=0.8),
+        WallSegment(tan_lever=(0.4, 3.0), tan_rate=0.3, duration=3.0),
+        WallSegment(angular_velocity=1.3, pivot=(0.0, 0.0)),
+        WallSegment(angular_velocity=-0.7, pivot=(4.0, 2.0), velocity=(1.0, 0.0), amplitude=(0.0, 0.5), frequency=2.0),
+    ],
+)
+def test_velocity_is_the_derivative_of_the_surface_point(segment: WallSegment) -> None:
+    one, t, h = wall(segment), 0.6, 1e-5
+    now = pose(one, t)
+    slope = (pose(one, t + h)[0:2] - pose(one, t - h)[0:2]) / (2 * h)
+    arm = now[0:2] - now[4:6]
+    velocity = now[6:8] + now[8] * np.array([-arm[1], arm[0]])
+    # Central difference: third derivatives of some tens times h^2/6, and eps/h.
+    np.testing.assert_allclose(velocity, slope, rtol=0, atol=2e-8)
+    assert np.hypot(*velocity) > 0.1
+
+
+def test_half_turn_about_a_pivot() -> None:
+    one = wall(
+        WallSegment(duration=2.0, angular_velocity=np.pi / 2, pivot=(1.0, 0.0)), point=(3.0, 0.0), normal=(0.0, 1.0)
+    )
+    for t in (2.0, 5.0):
+        np.testing.assert_allclose(pose(one, t)[:4], [-1.0, 0.0, 0.0, -1.0], rtol=0, atol=1e-15)
+
+
+def test_tangent_ramp_follows_a_side_that_turns() -> None:
+    """A cap at height h on a side wall turning by ``rate t`` moves by ``h tan(rate t)``: the side passes through its corner."""
+    height, rate, t = 2.5, 0.1, 4.0
+    side = wall(WallSegment(angular_velocity=-rate), point=(0.0, 0.0), normal=(1.0, 0.0))
+    cap = wall(
+        WallSegment(tan_lever=(height, 0.0), tan_rate=rate, duration=10.0), point=(0.0, height), normal=(0.0, -1.0)
+    )
+    corner = pose(cap, t)[0:2]
+    assert corner == pytest.approx([height * np.tan(0.4), height], rel=1e-15)
+    assert (corner - pose(side, t)[0:2]) @ pose(side, t)[2:4] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_wall_rests_after_its_last_segment_and_keeps_its_bits_without_rotation() -> None:
+    one = wall(WallSegment(duration=0.3, velocity=(1.0, 0.0)), WallSegment(duration=0.3, velocity=(0.0, 1.0)))
+    rest = pose(one, 0.6)
+    np.testing.assert_array_equal(rest[2:4], [0.6, 0.8])
+    np.testing.assert_array_equal(pose(one, 1e9)[:6], rest[:6])
+    np.testing.assert_array_equal(pose(one, 1.0)[6:], 0.0)
+    np.testing.assert_allclose(rest[:2], [0.6, -0.7], rtol=0, atol=1e-15)
+
+
+def test_step_that_ends_a_segment_belongs_to_it() -> None:
+    """Velocities are those of the middle of the step, for dashpots of its end, both in the segment of the step."""
+    one = wall(WallSegment(duration=1.0, velocity=(2.0, 0.0)), WallSegment(duration=1.0, velocity=(0.0, 5.0)))
+    table = np.empty((1, 11))
+    place_walls(compile_motion([one]), 1.0, 0.95, 1.0, table)
+    np.testing.assert_array_equal(table[0, 6:11], [2.0, 0.0, 0.0, 2.0, 0.0])
+    place_walls(compile_motion([one]), 1.1, 1.05, 1.1, table)
+    np.testing.assert_array_equal(table[0, 6:11], [0.0, 5.0, 0.0, 0.0, 5.0])
+
+
+def test_dashpots_see_the_velocity_at_the_end_of_the_step() -> None:
+    one = wall(WallSegment(amplitude=(0.0, 0.1), frequency=10.0))
+    table = np.empty((1, 11))
+    place_walls(compile_motion([one]), 0.2, 0.15, 0.2, table)
+    assert table[0, 7] == pytest.approx(np.cos(1.5), rel=1e-14)
+    assert table[0, 10] == pytest.approx(np.cos(2.0), rel=1e-14)
+
+
+@pytest.mark.parametrize("end", [0.0107, 0.0102, 0.0105, 0.01])
+def test_segment_that_ends_between_two_steps_ends_there(end: float) -> None:
+    motion = (WallSegment(duration=end, velocity=(0.0, 1.0)), WallSegment(duration=0.0003, velocity=(0.0, 2.0)))
+    floor = Wall(name="floor", point=(0.0, -5.0), normal=(0.0, 1.0), law=LAW, motion=motion)
+    scene = Scene(disks=Disks(x=[[0.0, 0.0]], radius=1.0, mass=1.0), disk_disk=LAW, walls=(floor,))
+    history = run(scene, numerics(1e-3, 15))
+    expected = [wall_at(floor, t).point[1] for t in history.t]
+    np.testing.assert_allclose(history.wall_point[:, 0, 1], expected, rtol=0, atol=1e-15)
+    assert history.wall_point[-1, 0, 1] == pytest.approx(-5.0 + end + 0.0006, abs=1e-15)
+
+
+def test_lists_of_a_turning_wall_are_rebuilt_in_time() -> None:
+    """A wall that sweeps over disks far from its pivot: none is missed, however fast its surface there."""
+    floor = Wall(
+        name="floor",
+        point=(0.0, 0.0),
+        normal=(0.0, 1.0),
+        law=LAW,
+        motion=(WallSegment(angular_velocity=2.0, pivot=(0.0, 0.0)),),
+    )
+    x = [[5.0, 3.0], [20.0, 3.0], [80.0, 3.0]]
+    scene = Scene(disks=Disks(x=x, radius=1.0, mass=1e9), disk_disk=LAW, walls=(floor,))
+    history = run(scene, numerics(1e-3, 300))
+    for i in range(3):
+        height = x[i][1] * np.cos(2.0 * history.t) - x[i][0] * np.sin(2.0 * history.t)
+        expected = KN * np.maximum(1.0 - height, 0.0)
+        # The disks weigh so much that they stay: 1e6 N on 1e9 kg for 0.3 s move them by 5e-5 m.
+        np.testing.assert_allclose(history.fn[:, history.contact((i, 3))], expected, rtol=1e-3, atol=KN * 1e-4)
+    assert (history.wall_force[-1] != 0.0).any()
