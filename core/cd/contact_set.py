@@ -16,7 +16,7 @@ from ninedisk.core.cd.step import Solved, Step, relative
 
 FloatArray = NDArray[np.float64]
 
-ROUND_OFF = 64.0 * float(np.finfo(np.float64).eps)
+ROUND_OFF = 4.0 * float(np.finfo(np.float64).eps)
 """Of the largest coordinate: gaps are differences of a few of them."""
 
 
@@ -88,14 +88,15 @@ def solve_with_contacts(
         Contacts of the step.
     solved : Solved
     """
-    tolerance = place.round_off()
+    # Rounding of this gap, of the displacements and of those of earlier steps that a contact still carries.
+    tolerance = 16.0 * place.round_off()
     dilation = laws.mu if sliding == "associated" else np.zeros_like(laws.mu)
     factor = 1.0 + float(dilation.max())
     walls = place.wall_way()
 
     def reach_of(dx: FloatArray) -> float:
         surface = np.hypot(dx[:, 0], dx[:, 1]) + place.radius * np.abs(dx[:, 2])
-        return factor * (2.0 * float(surface.max()) + walls) + max(margin, 4.0 * tolerance)
+        return factor * (2.0 * float(surface.max()) + walls) + max(margin, 2.0 * tolerance)
 
     def near(reach: float) -> Frames:
         pairs = finder.within(place.x, place.after, reach)

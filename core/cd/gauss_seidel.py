@@ -52,12 +52,12 @@ def solve_gauss_seidel(
     limit = options.max_iterations or MAX_SWEEPS
     r = starting_forces(problem, start)
     done, batch = 0, 1
-    best, best_r = None, r
+    best = None
     while True:
         v = problem.body_velocity(r)
         residuals = measure(problem, v, r, sliding=sliding)
         if best is None or residuals.worst < best.worst:
-            best, best_r = residuals, r.copy()
+            best = residuals
         if residuals.reached(options.tolerance):
             return SolverResult(
                 solver="gauss-seidel",
@@ -89,7 +89,7 @@ def solve_gauss_seidel(
             r,
         )
         done += batch
-    check_feasible(problem, best_r)
+    check_feasible(problem, r)
     not_converged(
         "gauss-seidel",
         options,

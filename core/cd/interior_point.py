@@ -72,6 +72,8 @@ class InteriorPoint:
         Notes
         -----
         S. Mehrotra, "On the implementation of a primal-dual interior point method", SIAM J. Optim. 2 (1992) 575-601.
+        M. Colombo, J. Gondzio, "Further development of multiple centrality correctors for interior point methods", Comput.
+        Optim. Appl. 41 (2008) 277-305.
         """
         clock = Stopwatch(self.options.time_limit)
         # Where no contact force is needed, every iterate would be infinitely far off relative to the solution 0.
@@ -84,15 +86,18 @@ class InteriorPoint:
         run = _Run(problem, BodyMatrix(problem, self._graph), start)
         limit = self.options.max_iterations or MAX_ITERATIONS
         best, best_point, since = run.residuals(), run.point, 0
+        lowest = np.array([best.natural_map, best.duality_gap])
         iterations = 0
         while not best.reached(self.options.tolerance) and iterations < limit and since < STALL and not clock.over:
             if not run.iterate():
                 break
             iterations += 1
             residuals = run.residuals()
-            since += 1
+            figures = np.array([residuals.natural_map, residuals.duality_gap])
+            # Either figure counts as progress: forces that have to grow by orders of magnitude leave the gap where it is.
+            since = 0 if (figures < 0.9 * lowest).any() else since + 1
+            lowest = np.minimum(lowest, figures)
             if residuals.worst < best.worst:
-                since = 0 if residuals.worst < 0.9 * best.worst else since
                 best, best_point = residuals, run.point
         if best.reached(self.options.tolerance):
             # Velocities that follow from the forces conserve momentum to the last bit; they replace the iterate's own
@@ -167,8 +172,10 @@ class _Run:
         _, da, ds = direction(-product)
         step = min(kernels.longest_step(problem.mu, a, s, da, ds))
         ahead = float(((a + step * da) * (s + step * ds))[self.rays].sum()) / self.count
-        sigma = (max(ahead, 0.0) / centre) ** 3
-        dv, da, ds = direction(sigma * centre - product - da * ds)
+        sigma = max((max(ahead, 0.0) / centre) ** 3, 0.1 * (1.0 - step) ** 2)
+        # The corrector assumes the full step. Where the predictor gets only a part of the way, its second-order term counts by
+        # the square of that part; in full it makes the products cycle (Colombo & Gondzio 2008).
+        dv, da, ds = direction(sigma * centre - product - step**2 * da * ds)
         # Close to the solution the full step is safe: the fraction to the boundary tends to 1 with the centring.
         step = min(1.0, min(max(0.995, 1.0 - sigma), CLOSEST) * min(kernels.longest_step(problem.mu, a, s, da, ds)))
         new_a, new_s = a + step * da, s + step * ds

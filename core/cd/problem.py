@@ -54,6 +54,9 @@ class ContactProblem:
         Normal and tangential compliance, >= 0; 0 is the rigid contact.
     shear_0 : array_like, shape (c,), optional
         Shear forces ``q0`` at the start of the step; they matter with tangential compliance only.
+    resolution : float
+        Uncertainty of the offsets, in the unit of ``u``, >= 0, for instance the rounding of the coordinates that a gap is the
+        difference of: no solution can be judged more finely.
     notes : mapping from str to str
         Anything that is to be kept with the saved problem, for instance the scene as JSON.
 
@@ -72,6 +75,7 @@ class ContactProblem:
     mu: FloatArray
     compliance: FloatArray = None  # type: ignore[assignment]
     shear_0: FloatArray = None  # type: ignore[assignment]
+    resolution: float = 0.0
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -92,6 +96,8 @@ class ContactProblem:
         bodies = np.array(self.bodies, dtype=np.int32).reshape(c, 2)
         bodies.setflags(write=False)
         object.__setattr__(self, "bodies", bodies)
+        if not (np.isfinite(self.resolution) and self.resolution >= 0.0):
+            raise InvalidSceneError(f"resolution = {self.resolution!r} is not allowed: it must be finite and >= 0")
         self._check()
 
     def _check(self) -> None:
@@ -210,6 +216,7 @@ class ContactProblem:
         w = self.delassus()
         arrays = {name: getattr(self, name) for name in _FIELDS}
         arrays |= {"W_data": w.data, "W_indices": w.indices, "W_indptr": w.indptr, "q": self.b.ravel()}
+        arrays["resolution"] = np.array(self.resolution)
         arrays |= {f"note_{key}": np.array(text) for key, text in self.notes.items()}
         with open(path, "wb") as stream:
             np.savez_compressed(stream, **arrays)
@@ -228,7 +235,8 @@ class ContactProblem:
             if missing:
                 raise InvalidSceneError(f"{os.fspath(path)} holds no contact problem: it lacks {', '.join(missing)}")
             notes = {key[5:]: str(data[key]) for key in data.files if key.startswith("note_")}
-            return cls(**{name: data[name] for name in _FIELDS}, notes=notes)
+            resolution = float(data["resolution"]) if "resolution" in data else 0.0
+            return cls(**{name: data[name] for name in _FIELDS}, resolution=resolution, notes=notes)
 
 
 def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:

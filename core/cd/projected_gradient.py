@@ -55,10 +55,10 @@ def solve_projected_gradient(
     v_y, v_work = v.copy(), np.empty_like(v)
     state, sums = np.array([1.0, 1.0]), np.empty(3)
     residuals = best = measure(problem, v, r)
-    best_r, done = r.copy(), 0
+    done = 0
     while not residuals.reached(options.tolerance):
         if done >= limit or clock.over:
-            check_feasible(problem, best_r)
+            check_feasible(problem, r)
             not_converged(
                 "projected-gradient",
                 options,
@@ -94,7 +94,7 @@ def solve_projected_gradient(
         v[:], v_y[:] = problem.body_velocity(r), problem.body_velocity(y)
         residuals = measure(problem, v, r)
         if residuals.worst < best.worst:
-            best, best_r = residuals, r.copy()
+            best = residuals
     return SolverResult(
         solver="projected-gradient",
         sliding="associated",

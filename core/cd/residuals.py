@@ -17,6 +17,9 @@ Sliding = Literal["associated", "coulomb"]
 ROUND_OFF = 16.0
 """Multiple of the estimated evaluation error below which a figure says nothing."""
 
+UNRESOLVED = 1e-3
+"""Where the offsets' resolution alone makes up more than this fraction of the forces, the forces are round-off of the scene."""
+
 
 @dataclass(frozen=True)
 class Residuals:
@@ -40,7 +43,8 @@ class Residuals:
     stationarity : float
         ``|M v - f - H' r|_{M^-1} / sqrt(E)``: error of the bodies' balance of momentum.
     floor_map, floor_gap : float
-        Values of ``natural_map`` and ``duality_gap`` that the round-off error of evaluating u alone explains.
+        Values of ``natural_map`` and ``duality_gap`` that the round-off error of evaluating u alone explains; where the offsets'
+        resolution explains more than `UNRESOLVED` of a problem, that too.
     """
 
     natural_map: float
@@ -88,13 +92,19 @@ def measure(problem: ContactProblem, v: FloatArray, r: FloatArray, *, sliding: S
     # A velocity of size |v| in the kinetic norm is known to eps |v| at best, whatever the contacts do.
     noise_v = (sums_of.EPSILON**2) * float((mass * v * v).sum())
     noise = sums[sums_of.NOISE_WORK] + largest * sums[sums_of.NOISE] + 0.5 * noise_v
+    floor_map = ROUND_OFF * np.sqrt(sums[sums_of.NOISE_MAP])
+    floor_gap = ROUND_OFF * noise
+    unsure = problem.resolution * float(np.sqrt((problem.rho * problem.rho).sum()))
+    if unsure > UNRESOLVED * force:
+        floor_map += unsure
+        floor_gap += problem.resolution * (float(np.abs(r).sum()) + largest * problem.n_contacts)
     return Residuals(
         natural_map=_ratio(np.sqrt(sums[sums_of.MAP]), force),
         complementarity=_ratio(sums[sums_of.WORK], energy),
         duality_gap=_ratio(gap, energy),
         stationarity=_ratio(np.sqrt(unbalance), np.sqrt(energy)),
-        floor_map=_ratio(ROUND_OFF * np.sqrt(sums[sums_of.NOISE_MAP]), force),
-        floor_gap=_ratio(ROUND_OFF * noise, energy),
+        floor_map=_ratio(floor_map, force),
+        floor_gap=_ratio(floor_gap, energy),
     )
 
 

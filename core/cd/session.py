@@ -19,6 +19,7 @@ from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.memory import ContactMemory
 from ninedisk.core.cd.pairs import PairFinder
 from ninedisk.core.cd.recorder import Recorder
+from ninedisk.core.cd.residuals import UNRESOLVED
 from ninedisk.core.cd.result import SolverResult
 from ninedisk.core.cd.settings import read_settings
 from ninedisk.core.cd.solver import ContactSolver
@@ -67,7 +68,7 @@ class CdSession:
     iterations : int
         Iterations of all of them together.
     worst : (float, float)
-        Largest natural-map residual and duality gap of all steps.
+        Largest natural-map residual and duality gap of all steps whose forces are more than round-off.
 
     Raises
     ------
@@ -157,7 +158,7 @@ class CdSession:
         after = wall_poses(self._motion, step * dt)
         place = Place(self._x[:, :2].copy(), radius, self._wall, after)
         static = self.numerics.regime == "quasi-static"
-        self._step: Step = self._static_step(place) if static else self._dynamic_step()
+        self._step: Step = self._static_step(place) if static else self._dynamic_step(place)
         margin = NEAR * float(radius.min()) if static else 0.0
         frames, solved = solve_with_contacts(
             self._step, place, self._finder, self._laws, self._memory, self.numerics.sliding, margin
@@ -174,14 +175,17 @@ class CdSession:
         self._wall = after
         self._frames = frames
 
-    def _dynamic_step(self) -> DynamicStep:
-        return DynamicStep(self._bodies, self._laws, self._solver, self._v, self.dt, self.numerics.theta)
+    def _dynamic_step(self, place: Place) -> DynamicStep:
+        theta = self.numerics.theta
+        return DynamicStep(self._bodies, self._laws, self._solver, self._v, self.dt, theta, place.round_off())
 
     def _static_step(self, place: Place) -> StaticStep:
         disks = self.scene.disks
         given = self.dt * np.column_stack([disks.v, disks.omega])
         prescribed = np.where(self._bodies.free, 0.0, given)
-        return StaticStep(self._bodies, self._laws, self._solver, prescribed, disks.radius, place.wall_way())
+        return StaticStep(
+            self._bodies, self._laws, self._solver, prescribed, disks.radius, place.wall_way(), place.round_off()
+        )
 
     def _own_step(self) -> tuple[float, int]:
         numerics = self.numerics
@@ -231,6 +235,8 @@ class CdSession:
         self.solves[result.solver] += 1
         self.iterations += result.iterations
         found = result.residuals
+        if max(found.floor_map, found.floor_gap) > UNRESOLVED:
+            return
         self.worst = (max(self.worst[0], found.natural_map), max(self.worst[1], found.duality_gap))
 
     def _remark(self) -> None:

@@ -17,8 +17,8 @@ FloatArray = NDArray[np.float64]
 WEIGHT = 1e-3
 """Proximal stiffness over contact stiffness: small, so that a few iterations reach the limit, and large enough that displacements
 follow from forces without loss of digits."""
-BALANCE = 1e-11
-"""Largest unbalanced force of an equilibrium, relative to the largest force."""
+BALANCE = 1e-10
+"""Largest unbalanced force of an equilibrium, relative to the largest force: what the residual of the solver, 1e-12, leaves."""
 MAX_ITERATIONS = 400
 
 
@@ -45,6 +45,8 @@ class StaticStep:
         Radii [m].
     length : float
         Displacement [m] that the walls prescribe, 0 if none.
+    round_off : float
+        Rounding error of a gap [m].
 
     Notes
     -----
@@ -59,9 +61,10 @@ class StaticStep:
         prescribed: FloatArray,
         radius: FloatArray,
         length: float,
+        round_off: float,
     ) -> None:
         self._bodies, self._laws, self._solver = bodies, laws, solver
-        self._prescribed, self._radius = prescribed, radius
+        self._prescribed, self._radius, self._round_off = prescribed, radius, round_off
         self._length = max(length, float(np.abs(prescribed[:, :2]).max())) or 1e-3 * float(radius.min())
 
     def guess(self) -> FloatArray:
@@ -81,6 +84,7 @@ class StaticStep:
             mu=self._laws.mu[frames.row],
             compliance=compliances(frames, self._laws),
             shear_0=forces[:, 1],
+            resolution=self._round_off,
         )
 
     def solve(self, frames: Frames, forces: FloatArray) -> Solved:

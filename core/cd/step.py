@@ -109,13 +109,23 @@ class DynamicStep:
         Velocities at the start of the step [m/s], [m/s], [rad/s].
     dt, theta : float
         Step [s] and parameter of the scheme.
+    round_off : float
+        Rounding error of a gap [m].
     """
 
     def __init__(
-        self, bodies: Bodies, laws: LawTable, solver: ContactSolver, v0: FloatArray, dt: float, theta: float
+        self,
+        bodies: Bodies,
+        laws: LawTable,
+        solver: ContactSolver,
+        v0: FloatArray,
+        dt: float,
+        theta: float,
+        round_off: float,
     ) -> None:
         self._bodies, self._laws, self._solver = bodies, laws, solver
         self._v0, self._dt, self._theta = v0, dt, theta
+        self._resolution = round_off / (theta * dt)
         inertia = bodies.mass * (1.0 / dt + theta * bodies.xi)
         self._mass = np.where(bodies.free, inertia, np.inf)
         kept = bodies.mass * v0 * (1.0 / dt - (1.0 - theta) * bodies.xi)
@@ -151,6 +161,7 @@ class DynamicStep:
             mu=laws.mu[frames.row],
             compliance=compliances(frames, laws) / (theta * dt),
             shear_0=forces[:, 1],
+            resolution=self._resolution,
         )
 
     def solve(self, frames: Frames, forces: FloatArray) -> Solved:

@@ -34,7 +34,7 @@ def test_entry_points_join(fakes: ModuleType) -> None:
 def test_unknown_ids_name_the_close_ones() -> None:
     with pytest.raises(UnknownIdError, match=r"no case 'fake/fal'\. Did you mean 'fake/fall'.*Known cases: nine-disk"):
         get_case("fake/fal")
-    with pytest.raises(UnknownIdError, match=r"no engine 'yad'\. Did you mean 'yade'.*Known engines: dem, yade"):
+    with pytest.raises(UnknownIdError, match=r"no engine 'yad'\. Did you mean 'yade'.*Known engines: dem, cd, yade"):
         get_engine("yad")
 
 
