@@ -24,12 +24,24 @@ BUILTIN_CASES: dict[str, str] = {
     "nine-disk/distortion": "ninedisk.harness.cases.nine_disk_distortion:CASE",
     "binary-collision": "ninedisk.harness.cases.binary_collision:CASE",
     "incline-block": "ninedisk.harness.cases.incline_block:CASE",
+    "sliding/quasistatic": "ninedisk.harness.cases.sliding_quasistatic:CASE",
+    "sliding/dynamic": "ninedisk.harness.cases.sliding_dynamic:CASE",
     "slip-to-roll": "ninedisk.harness.cases.slip_to_roll:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem:ENGINE",
+    "cd": "ninedisk.harness.engines.cd:ENGINE",
     "yade": "ninedisk.harness.engines.yade:ENGINE",
     "pymunk": "ninedisk.harness.engines.pymunk:ENGINE",
+    "lammps": "ninedisk.harness.engines.lammps:ENGINE",
+    "bullet": "ninedisk.harness.engines.bullet:ENGINE",
+    "dart": "ninedisk.harness.engines.dart:ENGINE",
+    "siconos": "ninedisk.harness.engines.siconos:ENGINE",
+    "box2d": "ninedisk.harness.engines.box2d:ENGINE",
+    "mujoco": "ninedisk.harness.engines.mujoco:ENGINE",
+    "drake": "ninedisk.harness.engines.drake:ENGINES",
+    "drake-sap": "ninedisk.harness.engines.drake:ENGINES",
+    "drake-lagged": "ninedisk.harness.engines.drake:ENGINES",
 }
 CASE_GROUP = "ninedisk.cases"
 ENGINE_GROUP = "ninedisk.engines"

@@ -27,7 +27,7 @@ from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engine import EngineError
+from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, turn, wall_reach, write_contacts
 
 FloatArray = NDArray[np.float64]
 
@@ -45,11 +45,7 @@ class PymunkSession:
     def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
         options = read_options(numerics)
         self.scene, self.dt, self.pairs, self.done = scene, numerics.dt, pairs, 0
-        self.reach = 4.0 * (_size(scene) + _path(scene, numerics))
-        if not math.isfinite(self.reach):
-            raise EngineError(
-                "pymunk: the bodies' way over the run is no finite length; reduce velocities, dt or n_steps"
-            )
+        self.reach = wall_reach(scene, numerics, "pymunk")
         self.touch = _TOUCH_ULPS * float(np.spacing(self.reach))
         self.space = pymunk.Space()
         self.space.gravity = scene.gravity
@@ -63,7 +59,7 @@ class PymunkSession:
             "pymunk.damping": self.space.damping,
             "wall_half_length": self.reach,
         }
-        self.poses = _WallPoses(scene)
+        self.poses = WallPoses(scene)
         self.walls = [self._wall(k) for k in range(len(scene.walls))]
         self.disks = [self._disk(i) for i in range(len(scene.disks))]
         self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
@@ -87,35 +83,9 @@ class PymunkSession:
             history.v[row, i] = body.velocity
             history.angle[row, i] = body.angle
             history.omega[row, i] = body.angular_velocity
-        if not (np.isfinite(history.x[row]).all() and np.isfinite(history.v[row]).all()):
-            raise EngineError(f"pymunk: the state is no longer finite at step {self.done}; reduce dt")
-        point, normal = self.poses(self.done * self.dt)
-        history.wall_point[row] = point
-        history.wall_angle[row] = np.arctan2(normal[:, 1], normal[:, 0])
-        impulses = self._impulses() if self.done else {}
-        for c, (i, j) in enumerate(self.pairs):
-            n, gap = self._contact_frame(history.x[row], point, normal, i, j)
-            history.gap[row, c] = gap
-            if self.done:
-                force = impulses.get((i, j), np.zeros(2)) / self.dt
-                history.fn[row, c] = -(force @ n)
-                history.fs[row, c] = force @ np.array([-n[1], n[0]])
-        if self.done:
-            history.wall_force[row] = 0.0
-            for (_, j), impulse in impulses.items():
-                if j >= len(self.disks):
-                    history.wall_force[row, j - len(self.disks)] -= impulse / self.dt
-
-    def _contact_frame(
-        self, x: FloatArray, point: FloatArray, normal: FloatArray, i: int, j: int
-    ) -> tuple[FloatArray, float]:
-        """Unit normal from body i to body j, and the gap [m]."""
-        radius, wall = self.scene.disks.radius, j - len(self.disks)
-        if wall >= 0:
-            return -normal[wall], float((x[i] - point[wall]) @ normal[wall] - radius[i])
-        apart = x[j] - x[i]
-        distance = float(np.hypot(apart[0], apart[1]))
-        return apart / distance, distance - float(radius[i] + radius[j])
+        finite_state("pymunk", self.done, history.x[row], history.v[row])
+        pose = self.poses(self.done * self.dt)
+        write_contacts(self.scene, history, row, pose, self._impulses() if self.done else None, self.dt)
 
     def _impulses(self) -> dict[Pair, FloatArray]:
         """Impulse [N s] of the last step on the first body of each touching pair that is watched or has a wall."""
@@ -138,9 +108,9 @@ class PymunkSession:
         for k, body in enumerate(self.walls):
             first = self.scene.walls[k].normal
             body.position = tuple(here[k].tolist())
-            body.angle = _turn(first, facing[k])
+            body.angle = turn(first, facing[k])
             body.velocity = tuple(((there[k] - here[k]) / self.dt).tolist())
-            body.angular_velocity = _turn(facing[k], to_face[k]) / self.dt
+            body.angular_velocity = turn(facing[k], to_face[k]) / self.dt
             self.space.reindex_shapes_for_body(body)
 
     def _disk(self, i: int) -> pymunk.Body:
@@ -178,26 +148,6 @@ class PymunkSession:
         return body
 
 
-class _WallPoses:
-    """Surface point [m] and normal of each wall at a time, both of shape (m, 2)."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self.moving = any(wall.motion for wall in scene.walls)
-
-    def __call__(self, t: float) -> tuple[FloatArray, FloatArray]:
-        if not self.moving:
-            walls = self.scene.walls
-            point, normal = [wall.point for wall in walls], [wall.normal for wall in walls]
-            return np.array(point).reshape(-1, 2), np.array(normal).reshape(-1, 2)
-        from ninedisk.core.geometry.motion import compile_motion, wall_poses  # loads Numba, so only where needed
-
-        if not hasattr(self, "table"):
-            self.table = compile_motion(self.scene.walls)
-        pose = wall_poses(self.table, t)
-        return pose[:, 0:2].copy(), pose[:, 2:4].copy()
-
-
 def read_options(numerics: Numerics) -> dict[str, float]:
     """Settings of this engine: the defaults, then ``numerics.options``.
 
@@ -219,23 +169,3 @@ def read_options(numerics: Numerics) -> dict[str, float]:
     if not 0.0 <= bias <= 1.0:
         raise InvalidNumericsError(f"pymunk.collision_bias = {bias!r} is not allowed: it must lie in [0, 1]")
     return options
-
-
-def _turn(one: FloatArray | tuple[float, float], two: FloatArray) -> float:
-    """Signed angle from one direction to another [rad], in (-pi, pi]."""
-    return math.atan2(one[0] * two[1] - one[1] * two[0], one[0] * two[0] + one[1] * two[1])
-
-
-def _size(scene: Scene) -> float:
-    """Largest distance from the origin that disks and walls' points reach at time 0 [m]."""
-    far = [float(np.abs(scene.disks.x).max() + scene.disks.radius.max())] if len(scene.disks) else []
-    return max([*far, *(max(abs(wall.point[0]), abs(wall.point[1])) for wall in scene.walls)], default=1.0)
-
-
-def _path(scene: Scene, numerics: Numerics) -> float:
-    """Path [m] of the fastest body over the run, were it free: walls must be longer than that."""
-    t = numerics.dt * numerics.n_steps
-    speed = float(np.hypot(scene.disks.v[:, 0], scene.disks.v[:, 1]).max(initial=0.0))
-    spin = float(np.abs(scene.disks.omega * scene.disks.radius).max(initial=0.0))
-    driven = max((abs(v) for wall in scene.walls for seg in wall.motion for v in seg.velocity), default=0.0)
-    return (speed + spin + 2.0 * driven) * t + 0.5 * math.hypot(*scene.gravity) * t * t

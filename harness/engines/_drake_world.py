@@ -1,0 +1,223 @@
+"""A scene as a Drake plant: disks on joints of the plane z = 0, walls as half-spaces, point contacts.
+
+- A disk is a sphere on a planar joint, which has Drake's linear damping, or on two prismatic joints where it cannot turn.
+- Point contacts of two geometries act as their stiffnesses in series, and friction is twice that of the coefficients: see
+  `shares_in_series`.
+- Walls do not meet each other; a wall that moves is a body of its own, of a mass that no disk can disturb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import (
+    AddContactMaterial,
+    CollisionFilterDeclaration,
+    GeometrySet,
+    HalfSpace,
+    ProximityProperties,
+    Sphere,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    ContactModel,
+    CoulombFriction,
+    DiscreteContactApproximation,
+)
+from pydrake.multibody.tree import BodyIndex, PlanarJoint, PrismaticJoint, SpatialInertia, UnitInertia
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from ninedisk.core.history import Pair
+from ninedisk.core.scene import Scene
+
+ENGINE_VERSION = version("drake")
+
+IMMOVABLE = 1e30
+"""Mass [kg] of a wall that moves: the forces of a run change its velocity by less than round-off."""
+
+APPROXIMATIONS = {"sap": DiscreteContactApproximation.kSap, "lagged": DiscreteContactApproximation.kLagged}
+
+
+class Surfaces(NamedTuple):
+    """What contacts are made of, by geometry: the disks', then each wall's.
+
+    ``stiffness`` [N/m] and ``friction`` [-] are the shares of `shares_in_series`; ``dissipation`` [s/m] is Hunt and
+    Crossley's, ``relaxation_time`` [s] that of SAP (None: not used).
+    """
+
+    stiffness: tuple[float, list[float]]
+    friction: tuple[float, list[float]]
+    dissipation: float = 0.0
+    relaxation_time: float | None = None
+
+    def properties(self, wall: int | None) -> Any:
+        """Drake's properties of a disk (None) or of a wall."""
+        stiffness, mu = (shares[0] if wall is None else shares[1][wall] for shares in (self.stiffness, self.friction))
+        properties = ProximityProperties()
+        AddContactMaterial(
+            dissipation=self.dissipation,
+            point_stiffness=stiffness,
+            friction=CoulombFriction(mu, mu),
+            properties=properties,
+        )
+        if self.relaxation_time is not None:
+            properties.AddProperty("material", "relaxation_time", self.relaxation_time)
+        return properties
+
+
+class DrakeWorld:
+    """Plant, context and simulator of one run.
+
+    Parameters
+    ----------
+    scene : Scene
+    time_step : float
+        Step of a discrete plant [s]; 0: continuous.
+    surfaces : Surfaces
+    approximation : str
+        Contact approximation of a discrete plant, ``"sap"`` or ``"lagged"``.
+    stiction_tolerance : float or None
+        Slip velocity [m/s] up to which the lagged approximation's friction grows.
+    near_rigid_threshold : float or None
+        SAP makes contacts softer that would respond within a step; 0: none.
+    driven : bool
+        Whether walls are bodies of their own that `drive` moves.
+    blocked : bool
+        Whether disks that cannot turn need joints without rotation; no torque acts in a scene without friction.
+    inflate : float
+        Length [m] by which radii are larger than the scene's.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        time_step: float,
+        surfaces: Surfaces,
+        approximation: str = "sap",
+        stiction_tolerance: float | None = None,
+        near_rigid_threshold: float | None = None,
+        driven: bool = False,
+        blocked: bool = True,
+        inflate: float = 0.0,
+    ) -> None:
+        self.scene = scene
+        builder = DiagramBuilder()
+        self.plant, geometry = AddMultibodyPlantSceneGraph(builder, time_step)
+        plant = self.plant
+        plant.set_contact_model(ContactModel.kPoint)
+        if time_step > 0.0:
+            plant.set_discrete_contact_approximation(APPROXIMATIONS[approximation])
+        plant.mutable_gravity_field().set_gravity_vector([*scene.gravity, 0.0])
+        self.number: dict[int, int] = {}
+        self.disks = [self._disk(i, surfaces, blocked, inflate) for i in range(len(scene.disks))]
+        self.prescribed = plant.AddModelInstance("walls")
+        plant.set_gravity_enabled(self.prescribed, False)  # no weight, or walls would fall with their immovable mass
+        self.walls = [self._wall(k, surfaces, driven) for k in range(len(scene.walls))]
+        if near_rigid_threshold is not None:
+            plant.set_sap_near_rigid_threshold(near_rigid_threshold)
+        plant.Finalize()
+        if stiction_tolerance is not None:
+            plant.set_stiction_tolerance(stiction_tolerance)
+        apart = [body for body, number in self.number.items() if number >= len(scene.disks)]
+        shapes = [g for body in apart for g in plant.GetCollisionGeometriesForBody(plant.get_body(BodyIndex(body)))]
+        geometry.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(GeometrySet(shapes)))
+        diagram = builder.Build()
+        self.simulator = Simulator(diagram)
+        self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
+        for i, joint in enumerate(self.disks):
+            joint.set(self.context, scene.disks.x[i], scene.disks.v[i], float(scene.disks.omega[i]))
+
+    def state(self) -> tuple[NDArray[np.float64], ...]:
+        """Centres, velocities, rotations and spins of the disks."""
+        rows = [joint.get(self.context) for joint in self.disks]
+        columns = tuple(np.array(column, dtype=np.float64) for column in zip(*rows, strict=True))
+        return columns if columns else (np.empty((0, 2)), np.empty((0, 2)), np.empty(0), np.empty(0))
+
+    def forces(self) -> dict[Pair, NDArray[np.float64]]:
+        """Force [N] on the first body of each touching pair."""
+        results = self.plant.get_contact_results_output_port().Eval(self.context)
+        found: dict[Pair, NDArray[np.float64]] = {}
+        for c in range(results.num_point_pair_contacts()):
+            contact = results.point_pair_contact_info(c)
+            one, two = (self.number[int(index)] for index in (contact.bodyA_index(), contact.bodyB_index()))
+            on_second = np.array(contact.contact_force()[:2])
+            pair = (min(one, two), max(one, two))
+            found[pair] = found.get(pair, np.zeros(2)) + (on_second if one > two else -on_second)
+        return found
+
+    def drive(self, k: int, point: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
+        """Put a wall's point somewhere [m] and give it a velocity [m/s]."""
+        self.walls[k].set(self.context, point, velocity, 0.0)
+
+    def _disk(self, i: int, surfaces: Surfaces, blocked: bool, inflate: float) -> Any:
+        disks, plant, xi = self.scene.disks, self.plant, self.scene.xi
+        mass, inertia = float(disks.mass[i]), float(disks.inertia[i])
+        unit = inertia / mass
+        body = plant.AddRigidBody(f"disk {i}", SpatialInertia(mass, np.zeros(3), UnitInertia(unit, unit, unit)))
+        self.number[int(body.index())] = i
+        sphere = Sphere(float(disks.radius[i]) + inflate)
+        plant.RegisterCollisionGeometry(body, RigidTransform(), sphere, f"disk {i}", surfaces.properties(None))
+        if blocked and not disks.rotating[i]:
+            return _SlidingJoint(plant, body, f"disk {i}", xi * mass)
+        turning = xi * inertia if disks.rotating[i] else 0.0
+        return _TurningJoint(plant, body, f"disk {i}", [xi * mass, xi * mass, turning])
+
+    def _wall(self, k: int, surfaces: Surfaces, driven: bool) -> Any:
+        wall, plant = self.scene.walls[k], self.plant
+        inertia = SpatialInertia(IMMOVABLE, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))
+        body = plant.AddRigidBody(f"wall {k}", self.prescribed, inertia)
+        self.number[int(body.index())] = len(self.scene.disks) + k
+        pose = HalfSpace.MakePose([*wall.normal, 0.0], np.zeros(3))
+        plant.RegisterCollisionGeometry(body, pose, HalfSpace(), f"wall {k}", surfaces.properties(k))
+        if driven:
+            return _TurningJoint(plant, body, f"wall {k}", [0.0, 0.0, 0.0])
+        return plant.WeldFrames(plant.world_frame(), body.body_frame(), RigidTransform([*wall.point, 0.0]))
+
+
+class _TurningJoint:
+    """A body that moves and turns in the plane."""
+
+    def __init__(self, plant: Any, body: Any, name: str, damping: Sequence[float]) -> None:
+        self.joint = plant.AddJoint(PlanarJoint(name, plant.world_frame(), body.body_frame(), damping))
+
+    def set(self, context: Any, x: NDArray[np.float64], v: NDArray[np.float64], spin: float) -> None:
+        """Set centre [m], velocity [m/s] and spin [rad/s]; the angle becomes 0."""
+        self.joint.set_pose(context, x, 0.0)
+        self.joint.set_translational_velocity(context, v)
+        self.joint.set_angular_velocity(context, spin)
+
+    def get(self, context: Any) -> tuple[Any, Any, float, float]:
+        """Centre, velocity, angle, spin."""
+        joint = self.joint
+        pose = joint.get_translation(context), joint.get_translational_velocity(context)
+        return *pose, joint.get_rotation(context), joint.get_angular_velocity(context)
+
+
+class _SlidingJoint:
+    """A body that moves in the plane and does not turn."""
+
+    def __init__(self, plant: Any, body: Any, name: str, damping: float) -> None:
+        between = plant.AddRigidBody(f"{name} carrier", SpatialInertia.Zero())
+        frames = (plant.world_frame(), between.body_frame(), body.body_frame())
+        self.joints = [
+            plant.AddJoint(PrismaticJoint(f"{name} {axis}", frames[k], frames[k + 1], np.eye(3)[k], damping=damping))
+            for k, axis in enumerate("xy")
+        ]
+
+    def set(self, context: Any, x: NDArray[np.float64], v: NDArray[np.float64], spin: float) -> None:  # noqa: ARG002
+        """Set centre [m] and velocity [m/s]."""
+        for k, joint in enumerate(self.joints):
+            joint.set_translation(context, x[k])
+            joint.set_translation_rate(context, v[k])
+
+    def get(self, context: Any) -> tuple[Any, Any, float, float]:
+        """Centre, velocity, angle, spin."""
+        x = [joint.get_translation(context) for joint in self.joints]
+        return x, [joint.get_translation_rate(context) for joint in self.joints], 0.0, 0.0

@@ -1,0 +1,25 @@
+"""What adapters of engines with contact springs share."""
+
+from __future__ import annotations
+
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import ContactLaw, Scene
+
+
+def contact_steps(scene: Scene, numerics: Numerics) -> tuple[int, float]:
+    """Contact steps in one ``dt`` and their length [s]: those of the in-house DEM, whose scheme it is.
+
+    Raises
+    ------
+    UnstableTimeStepError
+        If ``numerics.contact_dt`` exceeds the critical step and ``numerics.allow_unstable`` is False.
+    """
+    from ninedisk.core.dem.constants import contact_step
+
+    contact_dt, _ = contact_step(scene, numerics)
+    return numerics.substeps(contact_dt), contact_dt
+
+
+def laws_in_use(scene: Scene) -> list[ContactLaw]:
+    """Laws of the pairs that the scene can have: between disks (of two or more), then of each wall."""
+    return ([scene.disk_disk] if len(scene.disks) > 1 else []) + [wall.law for wall in scene.walls]

@@ -1,0 +1,44 @@
+"""Driver of LAMMPS: a request of the wire format on standard input, an answer file out.
+
+It runs under the harness' Python, holds LAMMPS as a library and shares nothing with the harness but the wire format.
+"""
+
+import ctypes
+import json
+import os
+import sys
+import time
+from importlib import metadata
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # -P keeps this folder off the path
+
+
+def main():
+    """Read the request, run it, write the answer; any exception becomes an ``error`` answer."""
+    begin = time.perf_counter()
+    request = json.load(sys.stdin)
+    try:
+        # LAMMPS' library asks for this name and would look in the system's folders only.
+        ctypes.CDLL(request["extra"]["libmpi"], mode=ctypes.RTLD_GLOBAL)
+        from lammps_history import history
+        from lammps_run import Run
+
+        run = Run(request)
+        run.start()
+        setup = time.perf_counter() - begin
+        advance = run.advance(request["sampled_steps"])
+        answer = {
+            "wire_version": 1,
+            "engine_version": metadata.version("lammps"),
+            "timings": {"setup": setup, "warm_up": 0.0, "advance": advance},
+            "settings": {"pair_style": run.pair_style, "release": run.lammps.version()},
+            "history": history(run),
+        }
+    except Exception as error:  # the harness shows the text; a traceback would only bury it
+        answer = {"wire_version": 1, "error": f"{type(error).__name__}: {error}"}
+    with open(request["answer_file"], "w", encoding="utf-8") as out:
+        out.write(json.dumps(answer))  # dump() would take the slow encoder
+
+
+if __name__ == "__main__":
+    main()
