@@ -30,8 +30,9 @@ class Parameter:
     """A parameter of a case, settable by ``--set NAME=VALUE``.
 
     ``words`` are values that a number parameter accepts besides numbers (``wall_mu=mu``); ``optional`` admits
-    ``none``; ``only_for`` is the kind of contact (`EngineInfo.contact`) that alone has this setting, empty for all: a variant of the
-    matrix that sets it means nothing to other engines and is not run on them; ``in_id`` puts the parameter into every variant's id, the others only where they differ from the default.
+    ``none``; ``in_id`` puts the parameter into every variant's id, the others only where they differ from the default.
+    ``only_for`` is the kind of contact (`EngineInfo.contact`) that alone has this setting, empty for all: a variant of the
+    matrix that sets it means nothing to other engines and is not run on them.
     """
 
     name: str

@@ -138,7 +138,7 @@ def _static_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase
     common = {
         "truth": "analytic",
         "source": "equilibrium of the smooth row: kn w/2",
-        "why": "round-off of positions near 300 m (see ROUND_OFF); the static balance is solved to 1e-11",
+        "why": "round-off of positions near 300 m (see ROUND_OFF); the static balance is solved to 1e-10",
         "rtol": ROUND_OFF,
     }
     found = [Check(quantity=name, norm="max", expected=0.5 * load.kn * way, **common) for name in HISTORIES]  # type: ignore[arg-type]
