@@ -8,10 +8,10 @@ from typing import Literal
 from ninedisk.core._validate import at_least, real
 from ninedisk.core.errors import InvalidSceneError
 
-LeverArm = Literal["radius", "overlap"]
+LeverArm = Literal["radius", "overlap", "torque-overlap"]
 WallVelocityAt = Literal["surface", "mid-overlap"]
 
-LEVER_ARMS: tuple[LeverArm, ...] = ("radius", "overlap")
+LEVER_ARMS: tuple[LeverArm, ...] = ("radius", "overlap", "torque-overlap")
 WALL_VELOCITY_AT: tuple[WallVelocityAt, ...] = ("surface", "mid-overlap")
 
 
@@ -32,8 +32,9 @@ class ContactLaw:
     restitution : float or None
         Coefficient of restitution [-] in [0, 1] for engines that have an impact law.
         None: the scene prescribes none.
-    lever_arm : {"radius", "overlap"}
-        Arm of the shear torque: R (Cundall & Strack 1979) or R - overlap/2.
+    lever_arm : {"radius", "overlap", "torque-overlap"}
+        Arm of the shear torque and of the slip by rotation: R (Cundall & Strack 1979), R - overlap/2, or R - overlap/2 for the
+        torque and R for the slip (LAMMPS ``pair_style granular``).
     wall_velocity_at : {"surface", "mid-overlap"}
         Point at which a wall's velocity enters the slip: on the wall's surface or in the middle
         of the overlap (no effect on disk-disk contacts, nor on walls that do not rotate).

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.scene import ContactLaw, LeverArm, Scene
 
 
 class Capability(StrEnum):
@@ -29,6 +30,15 @@ class Capability(StrEnum):
     DISK_INERTIA = "inertia of a disk (not of a sphere)"
     LEVER_ARM_RADIUS = "shear torque with the full radius as lever arm"
     LEVER_ARM_OVERLAP = "shear torque with the lever arm R - overlap/2"
+    LEVER_ARM_TORQUE = "shear torque with the lever arm R - overlap/2, slip with R"
+
+
+LEVER_ARMS: Mapping[LeverArm, Capability] = {
+    "radius": Capability.LEVER_ARM_RADIUS,
+    "overlap": Capability.LEVER_ARM_OVERLAP,
+    "torque-overlap": Capability.LEVER_ARM_TORQUE,
+}
+"""What a law's lever arm asks of an engine."""
 
 
 def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
@@ -50,8 +60,7 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
             if not law.regularised:
                 need.add(Capability.SHEAR_SPRING)
                 if scene.disks.rotating.any():
-                    radius = law.lever_arm == "radius"
-                    need.add(Capability.LEVER_ARM_RADIUS if radius else Capability.LEVER_ARM_OVERLAP)
+                    need.add(LEVER_ARMS[law.lever_arm])
     if scene.xi > 0.0:
         central = numerics.damping_form == "central"
         need.add(Capability.GLOBAL_DAMPING_CENTRAL if central else Capability.GLOBAL_DAMPING_LAGGED)

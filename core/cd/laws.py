@@ -39,7 +39,8 @@ class LawTable:
     Raises
     ------
     InvalidSceneError
-        If a rigid contact is to obey Newton's law but its restitution is not given, or an elastic one has a dashpot.
+        If a rigid contact is to obey Newton's law but its restitution is not given, or an elastic one has a dashpot or another
+        lever arm for the torque than for the slip.
     """
 
     def __init__(self, scene: Scene, numerics: Numerics, contacts: Stiffness) -> None:
@@ -59,6 +60,11 @@ class LawTable:
                 raise InvalidSceneError(
                     f"the law of {names[k]} has a dashpot (beta = {law.beta:g}), which contact dynamics does not have: use "
                     "beta = 0, or make the contact rigid with a restitution (cd.contacts = rigid)"
+                )
+            if law.lever_arm == "torque-overlap" and self.elastic[k] and self.mu[k] > 0.0 and used[k]:
+                raise InvalidSceneError(
+                    f"the law of {names[k]} has lever_arm = 'torque-overlap', which contact dynamics does not have: its friction "
+                    "does work with one arm; use radius or overlap"
                 )
             if numerics.impact == "newton" and not self.elastic[k] and used[k]:
                 if law.restitution is None:

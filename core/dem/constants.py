@@ -39,8 +39,8 @@ def contact_step(scene: Scene, numerics: Numerics) -> tuple[float, float]:
 
 def law_row(law: ContactLaw) -> list[float]:
     """Law as the kernels read it (columns of `ninedisk.core.dem.state`)."""
-    overlap, mid = law.lever_arm == "overlap", law.wall_velocity_at == "mid-overlap"
-    return [law.kn, law.ks, law.mu, law.beta, float(overlap), float(mid)]
+    torque, slip = law.lever_arm != "radius", law.lever_arm == "overlap"
+    return [law.kn, law.ks, law.mu, law.beta, float(torque), float(slip), float(law.wall_velocity_at == "mid-overlap")]
 
 
 def step_constants(scene: Scene, numerics: Numerics, dt: float) -> StepConstants:

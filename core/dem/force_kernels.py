@@ -2,7 +2,8 @@
 
 Source: Cundall & Strack, Geotechnique 29 (1979) 47-65; conventions of `ninedisk.core.scene`: ``n`` points from ``i`` to
 ``j``, ``t = (-n_y, n_x)``, the force on ``i`` is ``-fn n + fs t``. With lever arms ``a_i, a_j`` the slip of ``i`` past ``j`` is
-``vt = (v_i - v_j).t + a_i omega_i + a_j omega_j`` and both bodies receive the torque ``a fs``.
+``vt = (v_i - v_j).t + a_i omega_i + a_j omega_j`` and both bodies receive the torque ``a fs``; a law may take another arm for the
+torque than for the slip.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
-from ninedisk.core.dem.state import ARM_OVERLAP, BETA, KN, KS, MU, WALL_MID, DiskArrays, WallArrays
+from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_OVERLAP, TORQUE_OVERLAP, WALL_MID, DiskArrays, WallArrays
 
 
 @inline_kernel
@@ -61,14 +62,14 @@ def disk_disk_forces(disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.fl
     disks : DiskArrays
     pairs : NeighbourList
         Rows are the disks with the smaller number.
-    law : ndarray, shape (6,)
+    law : ndarray, shape (7,)
         Law row.
     slip_dt : float
         Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0.
     """
     x, v, radius, omega = disks.x, disks.v, disks.radius, disks.omega
     kn, ks, mu, beta = law[KN], law[KS], law[MU], law[BETA]
-    half = 0.5 * law[ARM_OVERLAP]
+    half, half_slip = 0.5 * law[TORQUE_OVERLAP], 0.5 * law[SLIP_OVERLAP]
     rough = mu > 0.0 and ks > 0.0
     for i in range(x.shape[0]):
         first, last = pairs.start[i], pairs.start[i + 1]
@@ -93,7 +94,8 @@ def disk_disk_forces(disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.fl
             gx, gy = -fn * nx, -fn * ny
             if rough:
                 ai, aj = ri - half * overlap, radius[j] - half * overlap
-                vt = (v[j, 0] - vxi) * ny + (vyi - v[j, 1]) * nx + ai * wi + aj * omega[j]
+                vt = (v[j, 0] - vxi) * ny + (vyi - v[j, 1]) * nx
+                vt += (ri - half_slip * overlap) * wi + (radius[j] - half_slip * overlap) * omega[j]
                 fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)
                 pairs.shear[k] = fs
                 gx -= fs * ny
@@ -119,7 +121,8 @@ def disk_wall_forces(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList,
     """
     for w in range(walls.now.shape[0]):
         kn, ks, mu, beta = walls.law[w, KN], walls.law[w, KS], walls.law[w, MU], walls.law[w, BETA]
-        half, depth = 0.5 * walls.law[w, ARM_OVERLAP], 0.5 * walls.law[w, WALL_MID]
+        half, depth = 0.5 * walls.law[w, TORQUE_OVERLAP], 0.5 * walls.law[w, WALL_MID]
+        half_slip = 0.5 * walls.law[w, SLIP_OVERLAP]
         rough = mu > 0.0 and ks > 0.0
         px, py, ux, uy = walls.now[w, 0], walls.now[w, 1], walls.now[w, 2], walls.now[w, 3]
         cx, cy, vx, vy = walls.now[w, 4], walls.now[w, 5], walls.now[w, 6], walls.now[w, 7]
@@ -142,7 +145,8 @@ def disk_wall_forces(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList,
             gx, gy = fn * ux, fn * uy
             if rough:
                 arm = disks.radius[i] - half * overlap
-                vt = (disks.v[i, 0] - wall_vx) * uy - (disks.v[i, 1] - wall_vy) * ux + arm * disks.omega[i]
+                vt = (disks.v[i, 0] - wall_vx) * uy - (disks.v[i, 1] - wall_vy) * ux
+                vt += (disks.radius[i] - half_slip * overlap) * disks.omega[i]
                 fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)
                 pairs.shear[k] = fs
                 gx += fs * uy

@@ -161,7 +161,7 @@ class DemSession:
             now=poses,
             built=poses.copy(),
             extent=np.zeros(m),
-            law=np.array([law_row(wall.law) for wall in scene.walls]).reshape(m, 6),
+            law=np.array([law_row(wall.law) for wall in scene.walls]).reshape(m, 7),
             load=np.zeros((m, 3)),
             load_before=np.zeros((m, 3)),
         )

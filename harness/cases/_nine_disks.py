@@ -59,16 +59,18 @@ ARMS: dict[str, tuple[LeverArm, LeverArm, WallVelocityAt]] = {
     "radius": ("radius", "radius", "surface"),
     "overlap": ("overlap", "overlap", "mid-overlap"),
     "overlap-disks": ("overlap", "radius", "surface"),
+    "torque-overlap-disks": ("torque-overlap", "radius", "surface"),
 }
 """Conventions of the shear torque: lever arm of disk-disk contacts, of disk-wall contacts, and the point at which a wall's
 velocity enters the slip. "radius" is Cundall & Strack's, "overlap" that of contacts whose point lies in the middle of the
-overlap, "overlap-disks" takes that point between disks and the wall's surface at walls."""
+overlap, "overlap-disks" takes that point between disks and the wall's surface at walls; "torque-overlap-disks" does so for the torque
+alone, slip between disks having the arm R (LAMMPS ``granular``)."""
 
 LEVER_ARM = Parameter(
     name="lever_arm",
     default="radius",
     choices=tuple(ARMS),
-    help="arm of the shear torque: R everywhere, R - overlap/2 everywhere, or R - overlap/2 between disks and R at walls",
+    help="arm of the shear torque: R everywhere, R - overlap/2 everywhere, between disks only, or between disks for the torque only",
 )
 
 DAMPING_FORM = Parameter(

@@ -26,6 +26,7 @@ _FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "DISPLAY
 CAPABILITIES = frozenset(Capability) - {
     Capability.RESTITUTION,
     Capability.LEVER_ARM_RADIUS,
+    Capability.LEVER_ARM_TORQUE,
     Capability.HELD_MOTION,
     Capability.QUASI_STATIC,
 }

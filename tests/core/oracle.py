@@ -150,10 +150,11 @@ class Oracle:
         n = between / distance
         overlap = radius[i] + radius[j] - distance
         law = self.scene.disk_disk
-        shorter = 0.5 * overlap if law.lever_arm == "overlap" else 0.0
+        shorter = 0.5 * overlap if law.lever_arm != "radius" else 0.0
         arm_i, arm_j = radius[i] - shorter, radius[j] - shorter
-        at_i = self.v[i] + self.omega[i] * arm_i * left(n)
-        at_j = self.v[j] + self.omega[j] * arm_j * left(-n)
+        less_slip = shorter if law.lever_arm == "overlap" else 0.0
+        at_i = self.v[i] + self.omega[i] * (radius[i] - less_slip) * left(n)
+        at_j = self.v[j] + self.omega[j] * (radius[j] - less_slip) * left(-n)
         m_eff = 1.0 / (1.0 / mass[i] + 1.0 / mass[j])
         closing = (self.seen(i) - self.seen(j)) @ n
         if not self._contact((i, j), law, overlap, closing, (at_i - at_j) @ left(n), m_eff):
@@ -172,8 +173,9 @@ class Oracle:
         n = -wall.normal
         foot = self.x[i] + height * n
         q = foot + 0.5 * overlap * n if law.wall_velocity_at == "mid-overlap" else foot
-        arm = radius - (0.5 * overlap if law.lever_arm == "overlap" else 0.0)
-        at_disk = self.v[i] + self.omega[i] * arm * left(n)
+        arm = radius - (0.5 * overlap if law.lever_arm != "radius" else 0.0)
+        slip_arm = arm if law.lever_arm == "overlap" else radius
+        at_disk = self.v[i] + self.omega[i] * slip_arm * left(n)
         closing = (self.seen(i) - wall.velocity_for_dashpots(q)) @ n
         slip = (at_disk - wall.velocity(q)) @ left(n)
         if not self._contact((i, body), law, overlap, closing, slip, float(self.scene.disks.mass[i])):

@@ -27,7 +27,7 @@ def random_law(rng: RNG, **fixed: Any) -> ContactLaw:
         "ks": KN * rng.choice([0.0, 0.2, 0.8, 0.8]),
         "mu": rng.choice([0.0, 0.05, 0.5, 2.0]),
         "beta": rng.choice([0.0, 0.1, 0.8]),
-        "lever_arm": rng.choice(["radius", "overlap"]).item(),
+        "lever_arm": rng.choice(["radius", "overlap", "torque-overlap"]).item(),
         "wall_velocity_at": rng.choice(["surface", "mid-overlap"]).item(),
     }
     return ContactLaw(**{**values, **fixed})

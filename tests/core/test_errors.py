@@ -42,7 +42,9 @@ def test_stiffness_of_zero_and_choices_that_do_not_exist() -> None:
     for bad in (-0.1, 1.1, NAN):
         with pytest.raises(InvalidSceneError, match="restitution"):
             ContactLaw(kn=1.0, restitution=bad)
-    with pytest.raises(InvalidSceneError, match="lever_arm = 'R' is unknown: use one of radius, overlap"):
+    with pytest.raises(
+        InvalidSceneError, match="lever_arm = 'R' is unknown: use one of radius, overlap, torque-overlap"
+    ):
         ContactLaw(kn=1.0, lever_arm="R")
     with pytest.raises(
         InvalidSceneError, match="wall_velocity_at = 'foot' is unknown: use one of surface, mid-overlap"

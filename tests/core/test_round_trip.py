@@ -31,7 +31,7 @@ LAWS = st.builds(
     mu=NOT_NEGATIVE,
     beta=NOT_NEGATIVE,
     restitution=st.none() | st.floats(0.0, 1.0),
-    lever_arm=st.sampled_from(["radius", "overlap"]),
+    lever_arm=st.sampled_from(["radius", "overlap", "torque-overlap"]),
     wall_velocity_at=st.sampled_from(["surface", "mid-overlap"]),
     regularised=st.booleans(),
 )

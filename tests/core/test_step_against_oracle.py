@@ -46,7 +46,7 @@ def test_random_scenes(form: str) -> None:
     assert min(events[name] for name in ("close", "open", "stick", "slip", "no-tension")) >= 20, events
 
 
-@pytest.mark.parametrize("arm", ["radius", "overlap"])
+@pytest.mark.parametrize("arm", ["radius", "overlap", "torque-overlap"])
 @pytest.mark.parametrize("at", ["surface", "mid-overlap"])
 def test_each_convention_on_a_turning_wall(arm: str, at: str) -> None:
     rng = np.random.default_rng(5)
