@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ninedisk.core.cd.frames import Frames, contact_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.memory import ContactMemory
-from ninedisk.core.cd.pairs import PairFinder
 from ninedisk.core.cd.residuals import Sliding
 from ninedisk.core.cd.step import Solved, Step, relative
+from ninedisk.core.contacts.finder import PairFinder
 
 FloatArray = NDArray[np.float64]
 

@@ -17,7 +17,6 @@ from ninedisk.core.cd.feasibility import InfeasibleContactsError
 from ninedisk.core.cd.frames import Frames, contact_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.memory import ContactMemory
-from ninedisk.core.cd.pairs import PairFinder
 from ninedisk.core.cd.recorder import Recorder
 from ninedisk.core.cd.residuals import UNRESOLVED
 from ninedisk.core.cd.result import SolverResult
@@ -25,6 +24,7 @@ from ninedisk.core.cd.settings import read_settings
 from ninedisk.core.cd.solver import ContactSolver
 from ninedisk.core.cd.statics import StaticStep, zero_energy_modes
 from ninedisk.core.cd.step import DynamicStep, Solved, Step, bodies_of
+from ninedisk.core.contacts.finder import PairFinder
 from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
 from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.history import History, Pair

@@ -6,22 +6,22 @@ import numpy as np
 
 from ninedisk.core.contacts.search_kernels import Cells, NeighbourList
 
-PAIRS_PER_DISK = 3
+PAIRS_PER_DISK = 2.5
 """First guess of listed pairs a disk: a settled polydisperse packing has 2.3 with a skin of a tenth of a diameter."""
 
 
 def empty_list(rows: int, capacity: int) -> NeighbourList:
     """A neighbour list of ``rows`` empty rows and room for ``capacity`` pairs."""
     return NeighbourList(
-        start=np.zeros(rows + 1, dtype=np.int64),
+        start=np.zeros(rows + 1, dtype=np.int32),
         other=np.zeros(capacity, dtype=np.uint32),
         shear=np.zeros(capacity),
     )
 
 
 def grown(pairs: NeighbourList) -> NeighbourList:
-    """Copy of a list with 1.5 times its room."""
-    room = pairs.other.shape[0] + pairs.other.shape[0] // 2 + 16
+    """Copy of a list with 1.2 times its room."""
+    room = pairs.other.shape[0] + pairs.other.shape[0] // 5 + 16
     larger = empty_list(pairs.start.shape[0] - 1, room)
     used = int(pairs.start[-1])
     larger.start[:] = pairs.start
@@ -31,10 +31,10 @@ def grown(pairs: NeighbourList) -> NeighbourList:
 
 
 def empty_cells(n: int) -> Cells:
-    """Work arrays of the cell list for ``n`` disks; twice as many cells as disks cover loose packings."""
+    """Work arrays of the cell list for ``n`` disks; as many cells as disks cover a packing, looser ones get wider cells."""
     return Cells(
-        start=np.zeros(2 * n + 65, dtype=np.int64),
+        start=np.zeros(n + 65, dtype=np.int32),
         order=np.zeros(n, dtype=np.uint32),
-        cell=np.zeros(n, dtype=np.int64),
+        cell=np.zeros(n, dtype=np.int32),
         grid=np.zeros(5),
     )

@@ -22,7 +22,7 @@ class NeighbourList(NamedTuple):
 
     Attributes
     ----------
-    start : ndarray of int64, shape (rows + 1,)
+    start : ndarray of int32, shape (rows + 1,)
         Row pointers; a row is a disk (disk-disk list) or a wall (wall list).
     other : ndarray of uint32, shape (capacity,)
         The other disk of each pair.
@@ -30,7 +30,7 @@ class NeighbourList(NamedTuple):
         Shear force ``fs`` [N] on the row's body (disk-disk list) or on the disk (wall list).
     """
 
-    start: NDArray[np.int64]
+    start: NDArray[np.int32]
     other: NDArray[np.uint32]
     shear: NDArray[np.float64]
 
@@ -40,18 +40,18 @@ class Cells(NamedTuple):
 
     Attributes
     ----------
-    start : ndarray of int64, shape (cells + 1,)
+    start : ndarray of int32, shape (cells + 1,)
     order : ndarray of uint32, shape (n,)
-        Disks sorted by cell.
-    cell : ndarray of int64, shape (n,)
+        Disks sorted by cell, row by row.
+    cell : ndarray of int32, shape (n,)
         Cell of each disk.
     grid : ndarray, shape (5,)
         Lower corner x, y [m], width of a cell [m], columns, rows.
     """
 
-    start: NDArray[np.int64]
+    start: NDArray[np.int32]
     order: NDArray[np.uint32]
-    cell: NDArray[np.int64]
+    cell: NDArray[np.int32]
     grid: NDArray[np.float64]
 
 
@@ -116,6 +116,8 @@ def build_pairs(
     radius: NDArray[np.float64],
     skin: float,
     cells: Cells,
+    in_order: bool,
+    listed: NDArray[np.uint32],
     old: NeighbourList,
     new: NeighbourList,
 ) -> int:
@@ -131,6 +133,10 @@ def build_pairs(
         Largest gap [m] of a listed pair.
     cells : Cells
         Filled by `sort_into_cells` with a width of at least twice the largest radius plus the skin.
+    in_order : bool
+        Whether the disks already lie in the order of the cells; partners then come from the rest of their row and the next.
+    listed : ndarray of uint32, shape (n,)
+        Row that each disk had in ``old``. A shear force is the same number seen from either disk.
     old, new : NeighbourList
         ``old`` is read, ``new`` written.
 
@@ -148,9 +154,10 @@ def build_pairs(
         row, column = c // nx, c % nx
         xi, yi, reach = x[i, 0], x[i, 1], radius[i] + skin
         first, last = max(column - 1, 0), min(column + 1, nx - 1)
-        for r in range(max(row - 1, 0), min(row + 2, ny)):
-            for m in range(cells.start[r * nx + first], cells.start[r * nx + last + 1]):
-                j = int(cells.order[m])
+        for r in range(row if in_order else max(row - 1, 0), min(row + 2, ny)):
+            begin = cells.start[r * nx + first]
+            for m in range(max(begin, i + 1) if in_order else begin, cells.start[r * nx + last + 1]):
+                j = m if in_order else int(cells.order[m])
                 if j <= i:
                     continue
                 dx, dy, limit = x[j, 0] - xi, x[j, 1] - yi, reach + radius[j]
@@ -159,8 +166,9 @@ def build_pairs(
                         return PAIRS_FULL
                     new.other[k] = j
                     new.shear[k] = 0.0
-                    for o in range(old.start[i], old.start[i + 1]):
-                        if old.other[o] == j:
+                    a, b = min(listed[i], listed[j]), max(listed[i], listed[j])
+                    for o in range(old.start[a], old.start[a + 1]):
+                        if old.other[o] == b:
                             new.shear[k] = old.shear[o]
                             break
                     k += 1
@@ -174,6 +182,8 @@ def build_wall_pairs(
     radius: NDArray[np.float64],
     skin: float,
     wall: NDArray[np.float64],
+    listed: NDArray[np.uint32],
+    scratch: NDArray[np.float64],
     old: NeighbourList,
     new: NeighbourList,
 ) -> int:
@@ -181,12 +191,14 @@ def build_wall_pairs(
 
     Parameters
     ----------
-    x, radius, skin
+    x, radius, skin, listed
         As in `build_pairs`.
     wall : ndarray, shape (m, 11)
         Walls as `place_walls` fills them.
+    scratch : ndarray, shape (n,)
+        Zero before and after.
     old, new : NeighbourList
-        Rows are walls; disks ascend within a row, so old and new rows are merged.
+        Rows are walls; disks ascend within a row.
 
     Returns
     -------
@@ -196,18 +208,19 @@ def build_wall_pairs(
     capacity, k = new.other.shape[0], 0
     new.start[0] = 0
     for w in range(wall.shape[0]):
-        o, end = old.start[w], old.start[w + 1]
+        for o in range(old.start[w], old.start[w + 1]):
+            scratch[old.other[o]] = old.shear[o]
         px, py, nx, ny = wall[w, 0], wall[w, 1], wall[w, 2], wall[w, 3]
         for i in range(x.shape[0]):
             if (x[i, 0] - px) * nx + (x[i, 1] - py) * ny - radius[i] < skin:
                 if k == capacity:
+                    for o in range(old.start[w], old.start[w + 1]):
+                        scratch[old.other[o]] = 0.0
                     return WALL_PAIRS_FULL
                 new.other[k] = i
-                new.shear[k] = 0.0
-                while o < end and old.other[o] < i:
-                    o += 1
-                if o < end and old.other[o] == i:
-                    new.shear[k] = old.shear[o]
+                new.shear[k] = scratch[listed[i]]
                 k += 1
         new.start[w + 1] = k
+        for o in range(old.start[w], old.start[w + 1]):
+            scratch[old.other[o]] = 0.0
     return OK

@@ -43,8 +43,8 @@ def law_row(law: ContactLaw) -> list[float]:
     return [law.kn, law.ks, law.mu, law.beta, float(torque), float(slip), float(law.wall_velocity_at == "mid-overlap")]
 
 
-def step_constants(scene: Scene, numerics: Numerics, dt: float) -> StepConstants:
-    """Scalars of the scheme for contact step ``dt`` [s]."""
+def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) -> StepConstants:
+    """Scalars of the scheme for contact step ``dt`` [s]; ``in_order``: disks are kept in the order of the cells."""
     a = 0.5 * scene.xi * dt
     central = numerics.damping_form == "central"
     beta = max([scene.disk_disk.beta, *(wall.law.beta for wall in scene.walls)])
@@ -59,4 +59,5 @@ def step_constants(scene: Scene, numerics: Numerics, dt: float) -> StepConstants
         skin=SKIN * float(scene.disks.radius.mean()),
         damped=beta > 0.0,
         lagged=not central,
+        sorted=in_order,
     )

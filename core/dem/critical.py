@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_cells, empty_list, grown
-from ninedisk.core.contacts.search_kernels import PAIRS_FULL, NeighbourList, build_pairs, sort_into_cells
+from ninedisk.core.contacts.finder import PairFinder
 from ninedisk.core.dem.critical_kernels import largest_eigenvalue
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.motion import compile_motion, wall_poses
@@ -86,7 +85,7 @@ def _network_square(scene: Scene) -> float:
 def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
     """Springs and bodies of all pairs with a gap up to ``reach`` [m] at time 0, as `apply_stiffness` reads them."""
     disks = scene.disks
-    first, second = near_pairs(scene, reach)
+    first, second = PairFinder(disks.radius, 0).within(disks.x, np.empty((0, 11)), reach).T
     d = disks.x[second] - disks.x[first]
     distance = np.hypot(d[:, 0], d[:, 1])
     if len(distance) and distance.min() == 0.0:
@@ -110,17 +109,3 @@ def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[
         springs.append(np.column_stack([np.tile(row, (len(near), 1)), disks.radius[near], np.zeros(len(near))]))
         bodies.append(np.column_stack([near, np.full(len(near), -1)]))
     return np.vstack(springs), np.vstack(bodies).astype(np.int64)
-
-
-def near_pairs(
-    scene: Scene, reach: float
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
-    """Disk pairs ``i < j`` with a gap below ``reach`` [m] at time 0, in the order of the neighbour list."""
-    disks, n = scene.disks, len(scene.disks)
-    cells = empty_cells(n)
-    sort_into_cells(disks.x, 2.0 * float(disks.radius.max()) + reach, cells)
-    none, found = empty_list(n, 0), empty_list(n, PAIRS_PER_DISK * n + 16)
-    while build_pairs(disks.x, disks.radius, reach, cells, none, found) == PAIRS_FULL:
-        found = grown(NeighbourList(np.zeros(n + 1, dtype=np.int64), found.other, found.shear))
-    count = int(found.start[-1])
-    return np.repeat(np.arange(n), np.diff(found.start)), found.other[:count].astype(np.int64)

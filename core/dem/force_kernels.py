@@ -53,9 +53,23 @@ def shear_force(before: float, slip: float, ks: float, cap: float) -> float:
     return force
 
 
+@inline_kernel
+def first_from(pairs: NeighbourList, low: int, high: int, disk: int) -> int:
+    """First entry of ``low .. high-1`` whose disk is not below ``disk``; entries ascend."""
+    while low < high:
+        middle = (low + high) // 2
+        if pairs.other[middle] < disk:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
 @kernel
-def disk_disk_forces(disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], slip_dt: float) -> None:
-    """Add the forces of all disk-disk contacts to ``disks.force`` and ``disks.torque``; update shear forces.
+def disk_disk_forces(
+    disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], slip_dt: float, begin: int, end: int
+) -> None:
+    """Add the forces of the disk-disk contacts in some rows to ``disks.force`` and ``disks.torque``; update shear forces.
 
     Parameters
     ----------
@@ -66,12 +80,14 @@ def disk_disk_forces(disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.fl
         Law row.
     slip_dt : float
         Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0.
+    begin, end : int
+        Rows of the list.
     """
     x, v, radius, omega = disks.x, disks.v, disks.radius, disks.omega
     kn, ks, mu, beta = law[KN], law[KS], law[MU], law[BETA]
     half, half_slip = 0.5 * law[TORQUE_OVERLAP], 0.5 * law[SLIP_OVERLAP]
     rough = mu > 0.0 and ks > 0.0
-    for i in range(x.shape[0]):
+    for i in range(begin, end):
         first, last = pairs.start[i], pairs.start[i + 1]
         if first == last:
             continue
@@ -112,10 +128,13 @@ def disk_disk_forces(disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.fl
 
 
 @kernel
-def disk_wall_forces(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, slip_dt: float) -> None:
-    """Add the forces of all disk-wall contacts; update shear forces and the walls' loads.
+def disk_wall_forces(
+    disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, slip_dt: float, begin: int, end: int, stripe: int
+) -> None:
+    """Add the forces of the contacts between walls and some disks; update shear forces and this stripe's share of the loads.
 
-    Parameters are those of `disk_disk_forces`; rows of ``pairs`` are walls. The normal from disk to wall is the opposite of
+    Parameters are those of `disk_disk_forces`, the disks being ``begin .. end-1``; rows of ``pairs`` are walls, with ascending
+    disks. The normal from disk to wall is the opposite of
     the wall's. The wall's velocity at a point ``q`` is ``v_pivot + spin x (q - pivot)``, with ``q`` the foot of the disk's
     centre on the surface or the middle of the overlap; the reaction acts at the foot.
     """
@@ -128,8 +147,11 @@ def disk_wall_forces(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList,
         cx, cy, vx, vy = walls.now[w, 4], walls.now[w, 5], walls.now[w, 6], walls.now[w, 7]
         spin, rate_x, rate_y = walls.now[w, 8], walls.now[w, 9], walls.now[w, 10]
         load_x, load_y, load_t = 0.0, 0.0, 0.0
-        for k in range(pairs.start[w], pairs.start[w + 1]):
+        last = pairs.start[w + 1]
+        for k in range(first_from(pairs, pairs.start[w], last, begin), last):
             i = pairs.other[k]
+            if i >= end:
+                break
             height = (disks.x[i, 0] - px) * ux + (disks.x[i, 1] - py) * uy
             overlap = disks.radius[i] - height
             if overlap <= 0.0:
@@ -157,4 +179,4 @@ def disk_wall_forces(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList,
             load_x -= gx
             load_y -= gy
             load_t -= foot_x * gy - foot_y * gx
-        walls.load[w, 0], walls.load[w, 1], walls.load[w, 2] = load_x, load_y, load_t
+        walls.share[stripe, w, 0], walls.share[stripe, w, 1], walls.share[stripe, w, 2] = load_x, load_y, load_t

@@ -34,15 +34,17 @@ def listed_shear(pairs: NeighbourList, row: int, other: int) -> float:
 def watched_disk_pair(
     disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], i: int, j: int
 ) -> tuple[float, float, float]:
-    """Gap [m], normal and shear force [N] of two disks."""
+    """Gap [m], normal and shear force [N] of the disks in rows i and j; the same numbers from either one."""
     dx, dy = disks.x[j, 0] - disks.x[i, 0], disks.x[j, 1] - disks.x[i, 1]
     d = sqrt(dx * dx + dy * dy)
     gap = d - (disks.radius[i] + disks.radius[j])
     if gap >= 0.0:
         return gap, 0.0, 0.0
-    rate = ((disks.v_now[i, 0] - disks.v_now[j, 0]) * dx + (disks.v_now[i, 1] - disks.v_now[j, 1]) * dy) / d
+    rate = 0.0
+    if law[BETA] > 0.0:
+        rate = ((disks.v_now[i, 0] - disks.v_now[j, 0]) * dx + (disks.v_now[i, 1] - disks.v_now[j, 1]) * dy) / d
     fn = normal_force(-gap, rate, law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j])
-    return gap, fn, listed_shear(pairs, i, j)
+    return gap, fn, listed_shear(pairs, min(i, j), max(i, j))
 
 
 @inline_kernel
@@ -55,11 +57,13 @@ def watched_wall_pair(
     gap = height - disks.radius[i]
     if gap >= 0.0:
         return gap, 0.0, 0.0
-    # The wall's normal velocity at the foot: v_pivot.u + spin (u x q) with q from the pivot to the foot.
-    qx = disks.x[i, 0] - height * ux - walls.now[w, 4]
-    qy = disks.x[i, 1] - height * uy - walls.now[w, 5]
-    wall_rate = walls.now[w, 9] * ux + walls.now[w, 10] * uy + walls.now[w, 8] * (qx * uy - qy * ux)
-    rate = wall_rate - (disks.v_now[i, 0] * ux + disks.v_now[i, 1] * uy)
+    rate = 0.0
+    if walls.law[w, BETA] > 0.0:
+        # The wall's normal velocity at the foot: v_pivot.u + spin (u x q) with q from the pivot to the foot.
+        qx = disks.x[i, 0] - height * ux - walls.now[w, 4]
+        qy = disks.x[i, 1] - height * uy - walls.now[w, 5]
+        rate = walls.now[w, 9] * ux + walls.now[w, 10] * uy + walls.now[w, 8] * (qx * uy - qy * ux)
+        rate -= disks.v_now[i, 0] * ux + disks.v_now[i, 1] * uy
     fn = normal_force(-gap, rate, walls.law[w, KN], walls.law[w, BETA], disks.inv_mass[i])
     return gap, fn, listed_shear(pairs, w, i)
 
@@ -122,7 +126,7 @@ def record(
             spin = synchronised(disks.omega[i], disks.torque[i] * disks.inv_inertia[i], step, start)
             rotation += 0.5 * spin * spin / disks.inv_inertia[i]
     for c in range(samples.chosen.shape[0]):
-        i = samples.chosen[c]
+        i = disks.place[samples.chosen[c]]
         ax = disks.force[i, 0] * disks.inv_mass[i] + step.gravity_x
         ay = disks.force[i, 1] * disks.inv_mass[i] + step.gravity_y
         samples.x[row, c, 0], samples.x[row, c, 1] = disks.x[i, 0], disks.x[i, 1]
@@ -135,9 +139,9 @@ def record(
             samples.omega[row, c] = synchronised(disks.omega[i], spin_rate, step, start)
     n = disks.x.shape[0]
     for c in range(samples.pairs.shape[0]):
-        i, j = samples.pairs[c, 0], samples.pairs[c, 1]
+        i, j = int(disks.place[samples.pairs[c, 0]]), samples.pairs[c, 1]
         if j < n:
-            gap, fn, fs = watched_disk_pair(disks, pairs, law, i, j)
+            gap, fn, fs = watched_disk_pair(disks, pairs, law, i, int(disks.place[j]))
         else:
             gap, fn, fs = watched_wall_pair(disks, walls, wall_pairs, i, j - n)
         samples.gap[row, c], samples.fn[row, c], samples.fs[row, c] = gap, fn, fs

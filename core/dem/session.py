@@ -1,21 +1,36 @@
-"""A DEM run in progress: allocates the arrays, calls the kernels, grows the lists."""
+"""A DEM run in progress: calls the kernels, grows the lists, saves and restores."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
+from threading import Thread
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_cells, empty_list, grown
+from ninedisk.core.contacts.lists import empty_cells, grown
 from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL, NeighbourList
 from ninedisk.core.dem import state
+from ninedisk.core.dem.arrays import (
+    ENERGIES,
+    SORT_FROM,
+    STRIPES,
+    Lists,
+    disk_arrays,
+    first_lists,
+    sample_arrays,
+    team_arrays,
+    wall_arrays,
+)
+from ninedisk.core.dem.checkpoint import read_checkpoint, write_checkpoint
 from ninedisk.core.dem.constants import contact_step, law_row, step_constants
-from ninedisk.core.dem.state import DiskArrays, Samples, WallArrays
-from ninedisk.core.dem.step_kernels import advance, rebuild
+from ninedisk.core.dem.preload import enter_preload
+from ninedisk.core.dem.rebuild_kernels import rebuild
+from ninedisk.core.dem.step_kernels import advance
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError
-from ninedisk.core.geometry.motion import compile_motion, wall_poses
+from ninedisk.core.geometry.motion import compile_motion
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
@@ -24,7 +39,7 @@ from ninedisk.core.watch import chosen_particles
 STEPS_TIMES_DISKS = 2_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
 
-ENERGIES = ("translation", "rotation", "elastic_normal", "elastic_shear", "gravity")
+MOST_THREADS = 64
 
 
 class DemSession:
@@ -38,38 +53,70 @@ class DemSession:
         Contacts whose gap, ``fn`` and ``fs`` are recorded.
     particles : sequence of int or None
         Disks whose motion is recorded; None: all.
+    threads : int
+        Threads that share the work, 1..64; the results are the same to the last bit. Small scenes use one.
+
+    Attributes
+    ----------
+    contact_dt, critical_dt : float
+        Contact step and critical step of the initial state [s].
+    substeps : int
+        Contact steps in one ``numerics.dt``.
 
     Raises
     ------
     InvalidSceneError
-        If the scene has no disk, or a preloaded pair does not touch.
+        If the scene has no disk or a held one, or a preloaded pair does not touch.
+    InvalidNumericsError
+        If the numerics ask for the static limit, or the number of threads is not allowed.
     UnstableTimeStepError
         If the contact step exceeds the critical one and ``numerics.allow_unstable`` is False.
     """
 
-    _list: NeighbourList
-    _spare: NeighbourList
-    _wall_list: NeighbourList
-    _wall_spare: NeighbourList
-
     def __init__(
-        self, scene: Scene, numerics: Numerics, watch: Sequence[Pair] = (), particles: Sequence[int] | None = None
+        self,
+        scene: Scene,
+        numerics: Numerics,
+        watch: Sequence[Pair] = (),
+        particles: Sequence[int] | None = None,
+        *,
+        threads: int = 1,
     ) -> None:
-        if len(scene.disks) == 0:
+        n, m = len(scene.disks), len(scene.walls)
+        if n == 0:
             raise InvalidSceneError("the scene has no disk: there is nothing to simulate")
         if scene.disks.held.any():
             i = int(np.argmax(scene.disks.held.any(axis=1)))
             raise InvalidSceneError(f"disk {i} is held, which the DEM cannot express: free it, or use contact dynamics")
         if numerics.regime != "dynamic":
             raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")
+        if isinstance(threads, bool) or threads not in range(1, MOST_THREADS + 1):
+            raise InvalidNumericsError(
+                f"threads = {threads!r} is not allowed: it must be a whole number 1..{MOST_THREADS}"
+            )
         self.scene, self.numerics = scene, numerics
         self.pairs = tuple(scene.check_pair(pair) for pair in watch)
         self.chosen = chosen_particles(scene, particles)
         self.contact_dt, self.critical_dt = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
-        self._allocate()
-        self._preload()
-        self._samples = self._sample_arrays()
+        in_order = n >= SORT_FROM
+        stripes = STRIPES if in_order else 1
+        self._crew = threads if in_order else 1
+        self._disks = disk_arrays(scene)
+        self._motion = compile_motion(scene.walls)
+        self._walls = wall_arrays(scene, self._motion, stripes)
+        self._team = team_arrays(stripes, self._crew)
+        self._lists = first_lists(n, m)
+        self._cells = empty_cells(n)
+        self._law = np.array(law_row(scene.disk_disk))
+        self._step = step_constants(scene, numerics, self.contact_dt, in_order)
+        self._widest = float(scene.disks.radius.max())
+        self._clock: NDArray[np.int64] = np.array([0, 1, 0, 0], dtype=np.int64)
+        self._work = np.zeros(1)
+        self._first_lists()
+        enter_preload(scene, self._disks, self._lists.disks, self._lists.walls)
+        pairs = np.array(self.pairs, dtype=np.int64).reshape(len(self.pairs), 2)
+        self._samples = sample_arrays(numerics.sampled_steps() * self.substeps, self.chosen, pairs, m)
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> History:
         """Run to the last step.
@@ -82,6 +129,11 @@ class DemSession:
         Returns
         -------
         History
+
+        Raises
+        ------
+        NonFiniteStateError
+            If the state stops being finite.
         """
         target = self.numerics.n_steps * self.substeps
         stride = max(1, STEPS_TIMES_DISKS // len(self.scene.disks))
@@ -91,29 +143,119 @@ class DemSession:
                 progress(int(self._clock[state.STEP]) // self.substeps, self.numerics.n_steps)
         return self.history()
 
+    def advance(self, steps: int) -> None:
+        """Advance by ``steps`` steps ``numerics.dt``, at most to the last one; raises as `run`."""
+        last = self.numerics.n_steps * self.substeps
+        self._advance(min(last, int(self._clock[state.STEP]) + steps * self.substeps))
+
     def warm_up(self) -> None:
         """Compile or load the kernels on a copy of the scene; this session's state stays as it is."""
-        DemSession(self.scene, self.numerics.replace(n_steps=1, sample_every=1, sample_until=None), self.pairs).run()
+        once = self.numerics.replace(n_steps=1, sample_every=1, sample_until=None)
+        DemSession(self.scene, once, self.pairs, threads=self._crew).run()
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a checkpoint from which `load` goes on bit for bit.
+
+        Parameters
+        ----------
+        path : path-like
+            File in NumPy's ``.npz`` format; it appears whole or not at all.
+        """
+        write_checkpoint(path, self.scene, self.numerics, self._state())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, n_steps: int | None = None, threads: int = 1) -> DemSession:
+        """The session that `save` wrote, as if it had never stopped.
+
+        Parameters
+        ----------
+        path : path-like
+        n_steps : int, optional
+            New last step; None: the one it was begun with.
+        threads : int
+            Need not be that of the session that was saved.
+
+        Raises
+        ------
+        InvalidSceneError
+            If the file is no checkpoint.
+        InvalidNumericsError
+            If the run is already past ``n_steps``.
+        """
+        scene, numerics, arrays = read_checkpoint(path)
+        if n_steps is not None:
+            numerics = numerics.replace(n_steps=n_steps)
+        watch = [(int(i), int(j)) for i, j in arrays["samples.pairs"]]
+        session = cls(scene, numerics, watch, arrays["samples.chosen"].tolist(), threads=threads)
+        done = int(arrays["clock"][state.STEP])
+        if done > numerics.n_steps * session.substeps:
+            raise InvalidNumericsError(
+                f"n_steps = {numerics.n_steps} is not allowed: the checkpoint has done {done // session.substeps} steps"
+            )
+        session._restore(arrays)
+        return session
+
+    def _state(self) -> dict[str, NDArray[Any]]:
+        """Every array that the next step depends on, and the samples so far."""
+        groups = {
+            "disks": self._disks,
+            "walls": self._walls,
+            "pairs": self._lists.disks,
+            "wall_pairs": self._lists.walls,
+        }
+        found: dict[str, NDArray[Any]] = {"clock": self._clock, "work": self._work, "stripe": self._team.stripe}
+        for name, group in groups.items():
+            found |= {f"{name}.{field}": array for field, array in group._asdict().items()}
+        return found | {f"samples.{field}": array for field, array in self._samples._asdict().items()}
+
+    def _restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+        def as_list(name: str) -> NeighbourList:
+            start, other, shear = (np.array(arrays[f"{name}.{field}"]) for field in NeighbourList._fields)
+            return NeighbourList(start, other, shear)
+
+        pairs, wall_pairs = as_list("pairs"), as_list("wall_pairs")
+        # A spare need not hold anything, but room for as many pairs.
+        self._lists = Lists(pairs, wall_pairs, as_list("pairs"), as_list("wall_pairs"))
+        mine = self._state()
+        # The last step of a run is always sampled; a longer run drops that row if it is none of its own.
+        rows = np.isin(arrays["samples.at"], self._samples.at) & (
+            np.arange(len(arrays["samples.at"])) < arrays["clock"][state.ROW]
+        )
+        for name, array in arrays.items():
+            if name.startswith("samples."):
+                if name not in ("samples.at", "samples.chosen", "samples.pairs"):
+                    mine[name][: rows.sum()] = array[rows]
+            elif not name.startswith(("pairs.", "wall_pairs.")):
+                mine[name][...] = array
+        self._clock[state.ROW] = rows.sum()
 
     def _advance(self, target: int) -> None:
         while True:
-            code = advance(
+            lists = self._lists
+            shared = (
                 self._disks,
                 self._walls,
                 self._motion,
-                self._list,
-                self._wall_list,
-                self._spare,
-                self._wall_spare,
+                lists.disks,
+                lists.walls,
+                lists.spare,
+                lists.wall_spare,
                 self._cells,
                 self._law,
                 self._step,
                 self._samples,
+                self._team,
                 self._clock,
                 self._work,
                 self._widest,
                 target,
             )
+            crew = [Thread(target=advance, args=(me, self._crew, *shared)) for me in range(1, self._crew)]
+            for thread in crew:
+                thread.start()
+            code = advance(0, self._crew, *shared)
+            for thread in crew:
+                thread.join()
             if code == OK:
                 self._check_finite()
                 return
@@ -124,121 +266,40 @@ class DemSession:
             self._mend(NOT_FINITE)
 
     def _mend(self, code: int) -> None:
+        lists = self._lists
         if code == PAIRS_FULL:
-            self._list, self._spare = grown(self._list), grown(self._spare)
+            self._lists = lists._replace(disks=grown(lists.disks), spare=grown(lists.spare))
         elif code == WALL_PAIRS_FULL:
-            self._wall_list, self._wall_spare = grown(self._wall_list), grown(self._wall_spare)
+            self._lists = lists._replace(walls=grown(lists.walls), wall_spare=grown(lists.wall_spare))
         else:
             bad = np.flatnonzero(~np.isfinite(self._disks.x).all(axis=1))
             step = int(self._clock[state.STEP])
-            named = f"disk {bad[0]}" if len(bad) else "a disk"
+            named = f"disk {self._disks.name[bad].min()}" if len(bad) else "a disk"
             raise NonFiniteStateError(
                 f"the position of {named} is no finite number at contact step {step} (t = {step * self.contact_dt:g} s): "
                 f"contact_dt = {self.contact_dt:g} s is unstable here, or two centres coincide; reduce contact_dt (critical "
                 f"step of the initial state: {self.critical_dt:g} s)"
             )
 
-    def _allocate(self) -> None:
-        scene, disks, n = self.scene, self.scene.disks, len(self.scene.disks)
-        inv_inertia = np.where(disks.rotating, 1.0 / disks.inertia, 0.0)
-        self._disks = DiskArrays(
-            x=disks.x.copy(),
-            v=disks.v.copy(),
-            angle=np.zeros(n),
-            omega=disks.omega.copy(),
-            radius=disks.radius.copy(),
-            inv_mass=1.0 / disks.mass,
-            inv_inertia=inv_inertia,
-            force=np.zeros((n, 2)),
-            torque=np.zeros(n),
-            v_now=disks.v.copy(),
-            x_built=disks.x.copy(),
-        )
-        m = len(scene.walls)
-        self._motion = compile_motion(scene.walls)
-        poses = wall_poses(self._motion, 0.0)
-        self._walls = WallArrays(
-            now=poses,
-            built=poses.copy(),
-            extent=np.zeros(m),
-            law=np.array([law_row(wall.law) for wall in scene.walls]).reshape(m, 7),
-            load=np.zeros((m, 3)),
-            load_before=np.zeros((m, 3)),
-        )
-        self._law = np.array(law_row(scene.disk_disk))
-        self._step = step_constants(scene, self.numerics, self.contact_dt)
-        self._list = empty_list(n, PAIRS_PER_DISK * n + 16)
-        self._spare = empty_list(n, PAIRS_PER_DISK * n + 16)
-        self._wall_list = empty_list(m, n // 4 + 16)
-        self._wall_spare = empty_list(m, n // 4 + 16)
-        self._cells = empty_cells(n)
-        self._widest = float(disks.radius.max())
-        self._clock: NDArray[np.int64] = np.array([0, 1, 0, 0], dtype=np.int64)
-        self._work = np.zeros(1)
-
-    def _preload(self) -> None:
-        """Build the lists once and enter the shear forces that contacts carry at time 0."""
+    def _first_lists(self) -> None:
         while True:
+            lists = self._lists
             code = rebuild(
                 self._disks,
                 self._walls,
-                self._list,
-                self._wall_list,
-                self._spare,
-                self._wall_spare,
+                lists.disks,
+                lists.walls,
+                lists.spare,
+                lists.wall_spare,
                 self._cells,
+                self._team,
                 self._step.skin,
                 self._widest,
+                self._step.sorted,
             )
             if code == OK:
-                break
+                return
             self._mend(code)
-        n = len(self.scene.disks)
-        for (i, j), force in self.scene.initial_shear.items():
-            self._check_preload(i, j, force)
-            pairs, row, other = (self._list, i, j) if j < n else (self._wall_list, j - n, i)
-            _enter_shear(pairs, row, other, force)
-
-    def _check_preload(self, i: int, j: int, force: float) -> None:
-        scene, x, n = self.scene, self.scene.disks.x, len(self.scene.disks)
-        if j < n:
-            gap = float(np.hypot(*(x[j] - x[i])) - scene.disks.radius[i] - scene.disks.radius[j])
-        else:
-            wall = scene.walls[j - n]
-            gap = float((x[i] - np.array(wall.point)) @ np.array(wall.normal) - scene.disks.radius[i])
-        names = f"{scene.body_name(i)} and {scene.body_name(j)}"
-        if gap >= 0.0:
-            raise InvalidSceneError(
-                f"the initial shear force {force:g} N belongs to {names}, which do not touch (gap {gap:g} m): give them an "
-                f"overlap or drop the entry"
-            )
-        law = scene.law((i, j))
-        if force != 0.0 and (law.mu == 0.0 or law.ks == 0.0):
-            raise InvalidSceneError(
-                f"the initial shear force {force:g} N belongs to {names}, whose contact is smooth (mu = {law.mu:g}, "
-                f"ks = {law.ks:g}): give it mu > 0 and ks > 0 or drop the entry"
-            )
-
-    def _sample_arrays(self) -> Samples:
-        at = self.numerics.sampled_steps() * self.substeps
-        s, k, c, m = len(at), len(self.chosen), len(self.pairs), len(self.scene.walls)
-        return Samples(
-            at=at,
-            chosen=self.chosen,
-            pairs=np.array(self.pairs, dtype=np.int64).reshape(c, 2),
-            x=np.empty((s, k, 2)),
-            v=np.empty((s, k, 2)),
-            angle=np.empty((s, k)),
-            omega=np.empty((s, k)),
-            gap=np.empty((s, c)),
-            fn=np.empty((s, c)),
-            fs=np.empty((s, c)),
-            wall_point=np.empty((s, m, 2)),
-            wall_angle=np.empty((s, m)),
-            wall_force=np.empty((s, m, 2)),
-            energy=np.empty((s, len(ENERGIES))),
-            wall_work=np.empty(s),
-        )
 
     def history(self) -> History:
         """What has been sampled so far."""
@@ -259,9 +320,3 @@ class DemSession:
             energy=energy,
             **{name: data[name] for name in fields},
         )
-
-
-def _enter_shear(pairs: NeighbourList, row: int, other: int, force: float) -> None:
-    for k in range(int(pairs.start[row]), int(pairs.start[row + 1])):
-        if pairs.other[k] == other:
-            pairs.shear[k] = force

@@ -21,16 +21,21 @@ rebuilds so far."""
 class DiskArrays(NamedTuple):
     """State of n disks at ``t_n``: positions at ``t_n``, velocities at ``t_{n-1/2}`` (at n = 0: ``t_0``).
 
+    Large runs keep the disks in the order of the cells of the contact search; ``name`` and ``place`` translate.
+
     Attributes
     ----------
     x, v : shape (n, 2), [m], [m/s]
     angle, omega : shape (n,), [rad], [rad/s]
     radius, inv_mass, inv_inertia : shape (n,), [m], [1/kg], [1/(kg m^2)]; ``inv_inertia`` is 0 for a disk that does not
         rotate
-    force : shape (n, 2), contact forces at ``t_n`` [N]
-    torque : shape (n,), contact torques at ``t_n`` [N m]
-    v_now : shape (n, 2), velocity that contact dashpots see [m/s]
-    x_built : shape (n, 2), positions at the last rebuild of the lists [m]
+    force : shape (n, 2), contact forces at ``t_n`` [N]; scratch during a rebuild
+    torque : shape (n,), contact torques at ``t_n`` [N m]; scratch during a rebuild
+    v_now : shape (n, 2), velocity that contact dashpots see [m/s]; shape (0, 2) where there is none
+    moved : ndarray of float32, shape (n, 2), displacement since the last rebuild of the lists [m]
+    name : ndarray of uint32, shape (n,), number that the scene gives to the disk in this row
+    place : ndarray of uint32, shape (n,), row of the scene's disk
+    listed : ndarray of uint32, shape (n,), row that this disk had when the lists in use were built
     """
 
     x: FloatArray
@@ -43,11 +48,14 @@ class DiskArrays(NamedTuple):
     force: FloatArray
     torque: FloatArray
     v_now: FloatArray
-    x_built: FloatArray
+    moved: NDArray[np.float32]
+    name: NDArray[np.uint32]
+    place: NDArray[np.uint32]
+    listed: NDArray[np.uint32]
 
 
 class WallArrays(NamedTuple):
-    """State of m walls.
+    """State of m walls; s stripes.
 
     Attributes
     ----------
@@ -59,6 +67,8 @@ class WallArrays(NamedTuple):
         Law rows.
     load, load_before : shape (m, 3)
         Force of the disks on the wall [N] and its torque about the origin [N m], at ``t_n`` and ``t_{n-1}``.
+    share : shape (s, m, 3)
+        Part of the load that each stripe contributes.
     """
 
     now: FloatArray
@@ -67,6 +77,32 @@ class WallArrays(NamedTuple):
     law: FloatArray
     load: FloatArray
     load_before: FloatArray
+    share: FloatArray
+
+
+class Team(NamedTuple):
+    """What the threads of a run share; s stripes, at most t threads.
+
+    Disks are divided into stripes of whole rows of cells, in ascending order; a pair belongs to the stripe of its first disk and
+    touches no further than the next stripe. Even stripes at once, then odd ones, never write to the same disk at the same time, and
+    every sum is formed in an order that does not depend on the number of threads.
+
+    Attributes
+    ----------
+    stripe : ndarray of int64, shape (s + 1,)
+        First row of each stripe; unused stripes are empty.
+    flags : ndarray of int64, shape (t * PAD,)
+        Barrier, see `ninedisk.core._sync`.
+    far : ndarray, shape (t * PAD,)
+        Largest squared displacement since the last rebuild among each thread's disks [m^2].
+    code : ndarray of int64, shape (1,)
+        Outcome of the last rebuild.
+    """
+
+    stripe: NDArray[np.int64]
+    flags: NDArray[np.int64]
+    far: FloatArray
+    code: NDArray[np.int64]
 
 
 class StepConstants(NamedTuple):
@@ -86,6 +122,8 @@ class StepConstants(NamedTuple):
         Skin of the lists [m].
     damped, lagged : bool
         Whether a law has a dashpot; whether dashpots see ``v_{n-1/2}`` instead of ``v_n``.
+    sorted : bool
+        Whether disks are kept in the order of the cells.
     """
 
     dt: float
@@ -98,6 +136,7 @@ class StepConstants(NamedTuple):
     skin: float
     damped: bool
     lagged: bool
+    sorted: bool
 
 
 class Samples(NamedTuple):
@@ -108,7 +147,7 @@ class Samples(NamedTuple):
     at : ndarray of int64, shape (s,)
         Contact steps to sample, ascending.
     chosen : ndarray of int64, shape (k,)
-        Disks whose motion is recorded.
+        Disks whose motion is recorded, by their number in the scene.
     pairs : ndarray of int64, shape (c, 2)
         Watched pairs as body numbers.
     x, v : shape (s, k, 2)

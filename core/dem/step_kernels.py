@@ -13,24 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core._cache import inline_kernel, kernel
-from ninedisk.core.contacts.search_kernels import (
-    NOT_FINITE,
-    OK,
-    Cells,
-    NeighbourList,
-    build_pairs,
-    build_wall_pairs,
-    sort_into_cells,
-)
+from ninedisk.core._sync import PAD, wait_for_all
+from ninedisk.core.contacts.search_kernels import OK, Cells, NeighbourList
 from ninedisk.core.dem.force_kernels import disk_disk_forces, disk_wall_forces
+from ninedisk.core.dem.rebuild_kernels import rebuild
 from ninedisk.core.dem.sample_kernels import record
-from ninedisk.core.dem.state import PENDING, REBUILDS, ROW, STEP, DiskArrays, Samples, StepConstants, WallArrays
+from ninedisk.core.dem.state import PENDING, REBUILDS, ROW, STEP, DiskArrays, Samples, StepConstants, Team, WallArrays
 from ninedisk.core.geometry.motion_kernels import WallMotion, place_walls
+
+SURE = 1.001
+"""Displacements since a rebuild are summed in single precision: ten thousand roundings of 6e-8 each stay below a thousandth."""
 
 
 @kernel
-def kick_and_drift(disks: DiskArrays, step: StepConstants, first: bool) -> float:
-    """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}``.
+def kick_and_drift(disks: DiskArrays, step: StepConstants, first: bool, begin: int, end: int) -> float:
+    """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the disks ``begin .. end-1``; clears their forces.
 
     Parameters
     ----------
@@ -38,6 +35,7 @@ def kick_and_drift(disks: DiskArrays, step: StepConstants, first: bool) -> float
     step : StepConstants
     first : bool
         True for the half kick from ``t_0``.
+    begin, end : int
 
     Returns
     -------
@@ -48,20 +46,23 @@ def kick_and_drift(disks: DiskArrays, step: StepConstants, first: bool) -> float
     # v_n is extrapolated from v_{n-1/2} with the acceleration before: half the kick, or all of it after the half kick.
     ahead = 0.0 if step.lagged else (1.0 if first else 0.5)
     far = 0.0
-    for i in range(disks.x.shape[0]):
+    for i in range(begin, end):
         vx = keep * disks.v[i, 0] + gain * (disks.force[i, 0] * disks.inv_mass[i] + step.gravity_x)
         vy = keep * disks.v[i, 1] + gain * (disks.force[i, 1] * disks.inv_mass[i] + step.gravity_y)
         if step.damped:
             disks.v_now[i, 0] = vx + ahead * (vx - disks.v[i, 0])
             disks.v_now[i, 1] = vy + ahead * (vy - disks.v[i, 1])
         disks.v[i, 0], disks.v[i, 1] = vx, vy
-        x, y = disks.x[i, 0] + step.dt * vx, disks.x[i, 1] + step.dt * vy
-        disks.x[i, 0], disks.x[i, 1] = x, y
+        dx, dy = step.dt * vx, step.dt * vy
+        disks.x[i, 0] += dx
+        disks.x[i, 1] += dy
         if disks.inv_inertia[i] > 0.0:
             disks.omega[i] = keep * disks.omega[i] + gain * (disks.torque[i] * disks.inv_inertia[i])
         disks.angle[i] += step.dt * disks.omega[i]
-        dx, dy = x - disks.x_built[i, 0], y - disks.x_built[i, 1]
-        d2 = dx * dx + dy * dy
+        disks.force[i, 0], disks.force[i, 1], disks.torque[i] = 0.0, 0.0, 0.0
+        mx, my = np.float32(disks.moved[i, 0] + dx), np.float32(disks.moved[i, 1] + dy)
+        disks.moved[i, 0], disks.moved[i, 1] = mx, my
+        d2 = float(mx * mx + my * my)
         if not d2 <= far:
             far = d2
             if not far >= 0.0:
@@ -88,56 +89,34 @@ def wall_drift(walls: WallArrays, skin: float) -> float:
 
 
 @inline_kernel
-def mark_built(disks: DiskArrays, walls: WallArrays) -> None:
-    """Remember the positions of the rebuild that just happened."""
-    for i in range(disks.x.shape[0]):
-        disks.x_built[i, 0], disks.x_built[i, 1] = disks.x[i, 0], disks.x[i, 1]
-    for w in range(walls.now.shape[0]):
-        extent = 0.0
-        for c in range(9):
-            walls.built[w, c] = walls.now[w, c]
-        for i in range(disks.x.shape[0]):
-            dx, dy = disks.x[i, 0] - walls.now[w, 0], disks.x[i, 1] - walls.now[w, 1]
-            extent = max(extent, dx * dx + dy * dy)
-        walls.extent[w] = sqrt(extent)
-
-
-@inline_kernel
-def copy_list(source: NeighbourList, target: NeighbourList) -> None:
-    """Copy a freshly built list over the one in use."""
-    rows = source.start.shape[0]
-    for k in range(rows):
-        target.start[k] = source.start[k]
-    for k in range(source.start[rows - 1]):
-        target.other[k] = source.other[k]
-        target.shear[k] = source.shear[k]
-
-
-@kernel
-def rebuild(
+def stripe_forces(
     disks: DiskArrays,
     walls: WallArrays,
     pairs: NeighbourList,
     wall_pairs: NeighbourList,
-    spare: NeighbourList,
-    wall_spare: NeighbourList,
-    cells: Cells,
-    skin: float,
-    widest: float,
-) -> int:
-    """Rebuild both lists, shear forces carried over; on any code but OK the lists in use are untouched."""
-    if not sort_into_cells(disks.x, 2.0 * widest + skin, cells):
-        return NOT_FINITE
-    code = build_pairs(disks.x, disks.radius, skin, cells, pairs, spare)
-    if code != OK:
-        return code
-    code = build_wall_pairs(disks.x, disks.radius, skin, walls.now, wall_pairs, wall_spare)
-    if code != OK:
-        return code
-    copy_list(spare, pairs)
-    copy_list(wall_spare, wall_pairs)
-    mark_built(disks, walls)
-    return OK
+    law: NDArray[np.float64],
+    slip_dt: float,
+    stripe: NDArray[np.int64],
+    parity: int,
+    me: int,
+    crew: int,
+) -> None:
+    """Forces of every ``crew``-th even (parity 0) or odd (1) stripe, beginning with thread ``me``'s first."""
+    for s in range(parity + 2 * me, stripe.shape[0] - 1, 2 * crew):
+        begin, end = stripe[s], stripe[s + 1]
+        disk_disk_forces(disks, pairs, law, slip_dt, begin, end)
+        disk_wall_forces(disks, walls, wall_pairs, slip_dt, begin, end, s)
+
+
+@inline_kernel
+def gather_loads(walls: WallArrays) -> None:
+    """Loads of the walls from the shares of the stripes, summed in the order of the stripes."""
+    for w in range(walls.now.shape[0]):
+        for c in range(3):
+            total = 0.0
+            for s in range(walls.share.shape[0]):
+                total += walls.share[s, w, c]
+            walls.load[w, c] = total
 
 
 @inline_kernel
@@ -157,6 +136,8 @@ def wall_work_of_step(walls: WallArrays, dt: float) -> float:
 
 @kernel
 def advance(
+    me: int,
+    crew: int,
     disks: DiskArrays,
     walls: WallArrays,
     motion: WallMotion,
@@ -168,17 +149,23 @@ def advance(
     law: NDArray[np.float64],
     step: StepConstants,
     samples: Samples,
+    team: Team,
     clock: NDArray[np.int64],
     work: NDArray[np.float64],
     widest: float,
     target: int,
 ) -> int:
-    """Advance to contact step ``target``; sample on the way.
+    """Advance to contact step ``target``; sample on the way. All threads of a crew call it with the same arguments but ``me``.
+
+    Thread 0 alone moves the walls, rebuilds, sums loads and samples; a barrier separates what one thread writes from what another
+    one reads.
 
     Parameters
     ----------
-    disks, walls, motion, pairs, wall_pairs, law, step, samples
-        See their classes; ``law`` is the disk-disk law row, shape (6,).
+    me, crew : int
+        This thread's number and the number of threads.
+    disks, walls, motion, pairs, wall_pairs, law, step, samples, team
+        See their classes; ``law`` is the disk-disk law row, shape (7,).
     spare, wall_spare, cells
         Work arrays of the rebuild.
     clock : ndarray of int64, shape (4,)
@@ -195,32 +182,50 @@ def advance(
         OK when ``target`` is reached. Otherwise a code of `search_kernels`, with ``clock[PENDING]`` = 1: the caller mends the
         cause (grows a list) and calls again.
     """
-    skin = step.skin
-    while clock[STEP] < target or clock[PENDING] == 1:
-        n = clock[STEP]
-        stale = clock[PENDING] == 1
+    skin, n, row = step.skin, clock[STEP], clock[ROW]
+    stale = clock[PENDING] == 1
+    wait_for_all(team.flags, me, crew)
+    while n < target or stale:
         if not stale:
-            far = kick_and_drift(disks, step, n == 0)
+            count = disks.x.shape[0]
+            far = kick_and_drift(disks, step, n == 0, count * me // crew, count * (me + 1) // crew)
+            team.far[me * PAD] = far
             n += 1
-            clock[STEP] = n
-            clock[PENDING] = 1
-            t, t_half = n * step.dt, (n - 0.5) * step.dt
-            place_walls(motion, t, t_half, t_half if step.lagged else t, walls.now)
+            if me == 0:
+                clock[STEP], clock[PENDING] = n, 1
+                t, t_half = n * step.dt, (n - 0.5) * step.dt
+                place_walls(motion, t, t_half, t_half if step.lagged else t, walls.now)
+            wait_for_all(team.flags, me, crew)
+            for other in range(crew):
+                if not team.far[other * PAD] <= far:
+                    far = team.far[other * PAD]
             limit = min(0.5 * skin, skin - wall_drift(walls, skin))
-            stale = not (limit > 0.0 and far < limit * limit)
+            stale = not (limit > 0.0 and SURE * far < limit * limit)
         if stale:
-            code = rebuild(disks, walls, pairs, wall_pairs, spare, wall_spare, cells, skin, widest)
-            if code != OK:
-                return code
-            clock[REBUILDS] += 1
-        for i in range(disks.x.shape[0]):
-            disks.force[i, 0], disks.force[i, 1], disks.torque[i] = 0.0, 0.0, 0.0
+            if me == 0:
+                team.code[0] = rebuild(
+                    disks, walls, pairs, wall_pairs, spare, wall_spare, cells, team, skin, widest, step.sorted
+                )
+                clock[REBUILDS] += 1 if team.code[0] == OK else 0
+            wait_for_all(team.flags, me, crew)
+            if team.code[0] != OK:
+                return int(team.code[0])
         slip_dt = step.dt if n > 0 else 0.0
-        disk_disk_forces(disks, pairs, law, slip_dt)
-        disk_wall_forces(disks, walls, wall_pairs, slip_dt)
-        work[0] += wall_work_of_step(walls, slip_dt)
-        clock[PENDING] = 0
-        if clock[ROW] < samples.at.shape[0] and samples.at[clock[ROW]] == n:
-            record(disks, walls, pairs, wall_pairs, law, step, samples, clock[ROW], n == 0, work[0])
-            clock[ROW] += 1
+        stripe_forces(disks, walls, pairs, wall_pairs, law, slip_dt, team.stripe, 0, me, crew)
+        wait_for_all(team.flags, me, crew)
+        stripe_forces(disks, walls, pairs, wall_pairs, law, slip_dt, team.stripe, 1, me, crew)
+        wait_for_all(team.flags, me, crew)
+        sampled = row < samples.at.shape[0] and samples.at[row] == n
+        if me == 0:
+            gather_loads(walls)
+            work[0] += wall_work_of_step(walls, slip_dt)
+            clock[PENDING] = 0
+            if sampled:
+                record(disks, walls, pairs, wall_pairs, law, step, samples, row, n == 0, work[0])
+                clock[ROW] = row + 1
+        if sampled:
+            row += 1
+            wait_for_all(team.flags, me, crew)
+        stale = False
+    wait_for_all(team.flags, me, crew)
     return OK

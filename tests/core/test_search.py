@@ -19,8 +19,8 @@ from ninedisk.core.contacts.search_kernels import (
     build_wall_pairs,
     sort_into_cells,
 )
+from ninedisk.core.dem import arrays as arrays_module
 from ninedisk.core.dem import constants
-from ninedisk.core.dem import session as session_module
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
 from ninedisk.core.geometry.motion import compile_motion, wall_poses
@@ -56,7 +56,7 @@ def neighbours(x: np.ndarray, radius: np.ndarray, skin: float) -> list[list[int]
     n = len(x)
     cells, found = empty_cells(n), empty_list(n, n * n)
     assert sort_into_cells(x, 2.0 * radius.max() + skin, cells)
-    assert build_pairs(x, radius, skin, cells, empty_list(n, 0), found) == OK
+    assert build_pairs(x, radius, skin, cells, False, np.arange(n, dtype=np.uint32), empty_list(n, 0), found) == OK
     return [sorted(found.other[a:b].tolist()) for a, b in zip(found.start, found.start[1:], strict=False)]
 
 
@@ -98,7 +98,9 @@ def test_coordinates_whose_extent_or_square_overflows_are_survived(huge: float) 
     if sort_into_cells(x, 2.1, cells):
         assert cells.cell.min() >= 0
         assert cells.cell.max() < cells.start.shape[0] - 1
-        assert build_pairs(x, np.ones(5), 0.1, cells, empty_list(5, 0), found) == OK
+        assert (
+            build_pairs(x, np.ones(5), 0.1, cells, False, np.arange(5, dtype=np.uint32), empty_list(5, 0), found) == OK
+        )
         assert found.other[found.start[3] : found.start[4]].tolist() == [4]
 
 
@@ -122,7 +124,12 @@ def test_wall_lists_equal_brute_force(n: int, m: int, seed: int, skin: float) ->
         walls.append(Wall(name=str(k), point=tuple(point), normal=tuple(normal), law=LAW))
     poses = wall_poses(compile_motion(walls), 0.0)
     found = empty_list(m, n * m)
-    assert build_wall_pairs(x, radius, skin, poses, empty_list(m, 0), found) == OK
+    assert (
+        build_wall_pairs(
+            x, radius, skin, poses, np.arange(len(x), dtype=np.uint32), np.zeros(len(x)), empty_list(m, 0), found
+        )
+        == OK
+    )
     for w, pose in enumerate(poses):
         gap = (x[:, 0] - pose[0]) * pose[2] + (x[:, 1] - pose[1]) * pose[3] - radius
         assert found.other[found.start[w] : found.start[w + 1]].tolist() == np.flatnonzero(gap < skin).tolist()
@@ -142,17 +149,17 @@ def imploding(n: int, walls: tuple[Wall, ...] = ()) -> Scene:
 def with_room(scene: Scene, steps: int, monkeypatch: pytest.MonkeyPatch) -> History:
     """The same run with lists that never have to grow."""
     n = len(scene.disks)
-    monkeypatch.setattr(session_module, "empty_list", lambda rows, _: empty_list(rows, n * n))
+    monkeypatch.setattr(arrays_module, "empty_list", lambda rows, _: empty_list(rows, n * n))
     return run(scene, numerics(1e-3, steps))
 
 
 def test_full_disk_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = imploding(40)
     session = DemSession(scene, numerics(1e-3, 20), [(0, 1)])
-    room = session._list.other.shape[0]
+    room = session._lists.disks.other.shape[0]
     found = session.run()
-    assert session._list.start[-1] > 1.5 * room
-    assert session._list.other.shape[0] == session._spare.other.shape[0] > 1.5 * room
+    assert session._lists.disks.start[-1] > 1.5 * room
+    assert session._lists.disks.other.shape[0] == session._lists.spare.other.shape[0] > 1.5 * room
     expected = with_room(scene, 20, monkeypatch)
     for name in ("x", "v", "omega", "angle"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
@@ -165,10 +172,10 @@ def test_full_wall_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyP
     walls = tuple(Wall(name=n, point=(0.0, -1.0), normal=(s, 1.0), law=soft) for n, s in (("a", 0.0), ("b", 1e-3)))
     scene = imploding(64, walls)
     session = DemSession(scene, numerics(1e-3, 12))
-    room = session._wall_list.other.shape[0]
+    room = session._lists.walls.other.shape[0]
     found = session.run()
-    assert session._wall_list.start[-1] > 1.5 * room
-    assert np.ptp(session._wall_list.start[:-1]) > room
+    assert session._lists.walls.start[-1] > 1.5 * room
+    assert np.ptp(session._lists.walls.start[:-1]) > room
     expected = with_room(scene, 12, monkeypatch)
     np.testing.assert_array_equal(found.x, expected.x)
     np.testing.assert_array_equal(found.wall_force, expected.wall_force)
@@ -179,7 +186,7 @@ def test_lists_that_are_full_at_the_start_grow() -> None:
     """All pairs of 60 concentric-like disks: 1770, ten times the first guess."""
     x = np.random.default_rng(4).uniform(0.0, 0.5, (60, 2))
     scene = Scene(disks=Disks(x=x, radius=1.0, mass=1.0), disk_disk=LAW)
-    assert DemSession(scene, numerics(1e-4, 1))._list.start[-1] == 60 * 59 // 2
+    assert DemSession(scene, numerics(1e-4, 1))._lists.disks.start[-1] == 60 * 59 // 2
 
 
 def settled_with_shear() -> Scene:

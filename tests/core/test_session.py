@@ -115,7 +115,7 @@ def test_a_run_leaves_its_scene_alone(whole: History) -> None:
 
 def buffers(session: DemSession) -> list[int]:
     """Addresses of all arrays that the kernels work on."""
-    groups = (session._disks, session._walls, session._list, session._wall_list, session._spare, session._samples)
+    groups = (session._disks, session._walls, *session._lists, session._team, session._samples)
     return [array.__array_interface__["data"][0] for group in groups for array in group]
 
 

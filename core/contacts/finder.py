@@ -28,7 +28,8 @@ class PairFinder:
         self._radius, self._cells = radius, empty_cells(n)
         self._widest = float(radius.max())
         self._none, self._no_walls = empty_list(n, 0), empty_list(n_walls, 0)
-        self._disks, self._walls = empty_list(n, PAIRS_PER_DISK * n + 16), empty_list(n_walls, n // 4 + 16)
+        self._disks, self._walls = empty_list(n, int(PAIRS_PER_DISK * n) + 16), empty_list(n_walls, n // 4 + 16)
+        self._listed, self._scratch = np.arange(n, dtype=np.uint32), np.zeros(n)
 
     def within(self, x: FloatArray, wall: FloatArray, reach: float) -> IntArray:
         """Pairs with a gap below ``reach`` [m], shape (k, 2), as body numbers in ascending order.
@@ -49,9 +50,12 @@ class PairFinder:
         """
         if not sort_into_cells(x, 2.0 * self._widest + reach, self._cells):
             raise NonFiniteStateError("the position of a disk is no finite number: reduce dt")
-        while build_pairs(x, self._radius, reach, self._cells, self._none, self._disks) != OK:
+        while build_pairs(x, self._radius, reach, self._cells, False, self._listed, self._none, self._disks) != OK:
             self._disks = grown(empty_list(len(x), self._disks.other.shape[0]))
-        while build_wall_pairs(x, self._radius, reach, wall, self._no_walls, self._walls) != OK:
+        while (
+            build_wall_pairs(x, self._radius, reach, wall, self._listed, self._scratch, self._no_walls, self._walls)
+            != OK
+        ):
             self._walls = grown(empty_list(wall.shape[0], self._walls.other.shape[0]))
         start, other = self._disks.start, self._disks.other
         first = np.repeat(np.arange(len(x), dtype=np.int64), np.diff(start))

@@ -1,0 +1,110 @@
+"""Allocation of the arrays of a DEM run."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core._sync import PAD
+from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_list
+from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.dem.constants import law_row
+from ninedisk.core.dem.state import DiskArrays, Samples, Team, WallArrays
+from ninedisk.core.geometry.motion import wall_poses
+from ninedisk.core.geometry.motion_kernels import WallMotion
+from ninedisk.core.scene import Scene
+
+SORT_FROM = 2_000
+"""Number of disks from which they are kept in the order of the cells: a smaller scene fits into the fast caches anyway, and the
+order of its disks stays the scene's."""
+
+STRIPES = 64
+"""Stripes of a sorted run, whatever the number of threads: even ones give 8 pieces of work to each of 4 threads."""
+
+ENERGIES = ("translation", "rotation", "elastic_normal", "elastic_shear", "gravity")
+
+
+class Lists(NamedTuple):
+    """Neighbour lists in use and their spares, for disks and walls."""
+
+    disks: NeighbourList
+    walls: NeighbourList
+    spare: NeighbourList
+    wall_spare: NeighbourList
+
+
+def disk_arrays(scene: Scene) -> DiskArrays:
+    """State of the disks at time 0, in the scene's order."""
+    disks, n = scene.disks, len(scene.disks)
+    damped = any(law.beta > 0.0 for law in (scene.disk_disk, *(wall.law for wall in scene.walls)))
+    return DiskArrays(
+        x=disks.x.copy(),
+        v=disks.v.copy(),
+        angle=np.zeros(n),
+        omega=disks.omega.copy(),
+        radius=disks.radius.copy(),
+        inv_mass=1.0 / disks.mass,
+        inv_inertia=np.where(disks.rotating, 1.0 / disks.inertia, 0.0),
+        force=np.zeros((n, 2)),
+        torque=np.zeros(n),
+        v_now=disks.v.copy() if damped else np.zeros((0, 2)),
+        moved=np.zeros((n, 2), dtype=np.float32),
+        name=np.arange(n, dtype=np.uint32),
+        place=np.arange(n, dtype=np.uint32),
+        listed=np.arange(n, dtype=np.uint32),
+    )
+
+
+def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
+    """State of the walls at time 0."""
+    m = len(scene.walls)
+    poses = wall_poses(motion, 0.0)
+    return WallArrays(
+        now=poses,
+        built=poses.copy(),
+        extent=np.zeros(m),
+        law=np.array([law_row(wall.law) for wall in scene.walls]).reshape(m, 7),
+        load=np.zeros((m, 3)),
+        load_before=np.zeros((m, 3)),
+        share=np.zeros((stripes, m, 3)),
+    )
+
+
+def team_arrays(stripes: int, threads: int) -> Team:
+    """Shared arrays of the threads; the stripes are set by the first rebuild."""
+    return Team(
+        stripe=np.zeros(stripes + 1, dtype=np.int64),
+        flags=np.zeros(threads * PAD, dtype=np.int64),
+        far=np.zeros(threads * PAD),
+        code=np.zeros(1, dtype=np.int64),
+    )
+
+
+def first_lists(n: int, m: int) -> Lists:
+    """Empty lists for n disks and m walls."""
+    room, wall_room = int(PAIRS_PER_DISK * n) + 16, n // 64 + 16
+    return Lists(empty_list(n, room), empty_list(m, wall_room), empty_list(n, room), empty_list(m, wall_room))
+
+
+def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArray[np.int64], n_walls: int) -> Samples:
+    """Room for the samples at the contact steps ``at``."""
+    s, k, c, m = len(at), len(chosen), len(pairs), n_walls
+    return Samples(
+        at=at,
+        chosen=chosen,
+        pairs=pairs,
+        x=np.empty((s, k, 2)),
+        v=np.empty((s, k, 2)),
+        angle=np.empty((s, k)),
+        omega=np.empty((s, k)),
+        gap=np.empty((s, c)),
+        fn=np.empty((s, c)),
+        fs=np.empty((s, c)),
+        wall_point=np.empty((s, m, 2)),
+        wall_angle=np.empty((s, m)),
+        wall_force=np.empty((s, m, 2)),
+        energy=np.empty((s, len(ENERGIES))),
+        wall_work=np.empty(s),
+    )

@@ -1,0 +1,56 @@
+"""Shear forces that contacts carry at time 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.dem.state import DiskArrays
+from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.scene import Scene
+
+
+def enter_preload(scene: Scene, disks: DiskArrays, pairs: NeighbourList, wall_pairs: NeighbourList) -> None:
+    """Write the scene's initial shear forces into the lists.
+
+    Raises
+    ------
+    InvalidSceneError
+        If a pair does not touch, or its contact is smooth.
+    """
+    n = len(scene.disks)
+    for (i, j), force in scene.initial_shear.items():
+        check_preload(scene, i, j, force)
+        row, other = int(disks.place[i]), int(disks.place[j]) if j < n else 0
+        if j < n:
+            _enter(pairs, min(row, other), max(row, other), force)
+        else:
+            _enter(wall_pairs, j - n, row, force)
+
+
+def check_preload(scene: Scene, i: int, j: int, force: float) -> None:
+    """Raise `InvalidSceneError` unless disk i and body j touch and their contact is rough."""
+    x, n = scene.disks.x, len(scene.disks)
+    if j < n:
+        gap = float(np.hypot(*(x[j] - x[i])) - scene.disks.radius[i] - scene.disks.radius[j])
+    else:
+        wall = scene.walls[j - n]
+        gap = float((x[i] - np.array(wall.point)) @ np.array(wall.normal) - scene.disks.radius[i])
+    names = f"{scene.body_name(i)} and {scene.body_name(j)}"
+    if gap >= 0.0:
+        raise InvalidSceneError(
+            f"the initial shear force {force:g} N belongs to {names}, which do not touch (gap {gap:g} m): give them an "
+            f"overlap or drop the entry"
+        )
+    law = scene.law((i, j))
+    if force != 0.0 and (law.mu == 0.0 or law.ks == 0.0):
+        raise InvalidSceneError(
+            f"the initial shear force {force:g} N belongs to {names}, whose contact is smooth (mu = {law.mu:g}, "
+            f"ks = {law.ks:g}): give it mu > 0 and ks > 0 or drop the entry"
+        )
+
+
+def _enter(pairs: NeighbourList, row: int, other: int, force: float) -> None:
+    for k in range(int(pairs.start[row]), int(pairs.start[row + 1])):
+        if pairs.other[k] == other:
+            pairs.shear[k] = force

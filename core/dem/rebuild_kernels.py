@@ -1,0 +1,171 @@
+"""Kernels of the rebuild: disks into the order of the cells, lists with their shear forces, stripes of the threads."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core._cache import inline_kernel, kernel
+from ninedisk.core.contacts.search_kernels import (
+    NOT_FINITE,
+    OK,
+    Cells,
+    NeighbourList,
+    build_pairs,
+    build_wall_pairs,
+    sort_into_cells,
+)
+from ninedisk.core.dem.state import DiskArrays, Team, WallArrays
+
+
+@inline_kernel
+def permute(values: NDArray[np.float64], order: NDArray[np.uint32], scratch: NDArray[np.float64]) -> None:
+    """``values[k] = values[order[k]]`` for an array of shape (n,)."""
+    for k in range(values.shape[0]):
+        scratch[k] = values[order[k]]
+    for k in range(values.shape[0]):
+        values[k] = scratch[k]
+
+
+@inline_kernel
+def permute_pairs(values: NDArray[np.float64], order: NDArray[np.uint32], scratch: NDArray[np.float64]) -> None:
+    """``values[k] = values[order[k]]`` for an array of shape (n, 2), or (0, 2)."""
+    for k in range(values.shape[0]):
+        scratch[k, 0], scratch[k, 1] = values[order[k], 0], values[order[k], 1]
+    for k in range(values.shape[0]):
+        values[k, 0], values[k, 1] = scratch[k, 0], scratch[k, 1]
+
+
+@inline_kernel
+def permute_numbers(values: NDArray[np.uint32], order: NDArray[np.uint32], scratch: NDArray[np.float64]) -> None:
+    """``values[k] = values[order[k]]`` for whole numbers, which a double holds exactly."""
+    for k in range(values.shape[0]):
+        scratch[k] = values[order[k]]
+    for k in range(values.shape[0]):
+        values[k] = np.uint32(scratch[k])
+
+
+@kernel
+def put_in_order(disks: DiskArrays, cells: Cells) -> None:
+    """Bring the disks into the order of the cells, so that neighbours in space are neighbours in memory.
+
+    ``disks.listed`` keeps saying which row a disk has in the lists in use, also if a rebuild is begun more than once. Forces and
+    torques serve as scratch.
+    """
+    order, one, two = cells.order, disks.torque, disks.force
+    permute_pairs(disks.x, order, two)
+    permute_pairs(disks.v, order, two)
+    permute_pairs(disks.v_now, order, two)
+    permute(disks.angle, order, one)
+    permute(disks.omega, order, one)
+    permute(disks.radius, order, one)
+    permute(disks.inv_mass, order, one)
+    permute(disks.inv_inertia, order, one)
+    permute_numbers(disks.name, order, one)
+    permute_numbers(disks.listed, order, one)
+    for k in range(order.shape[0]):
+        disks.place[disks.name[k]] = k
+    # A counting sort is stable: sorted once more, the disks stay where they are.
+    nx = int(cells.grid[3])
+    for c in range(nx * int(cells.grid[4])):
+        for k in range(cells.start[c], cells.start[c + 1]):
+            order[k], cells.cell[k] = k, c
+
+
+@kernel
+def divide(disks: DiskArrays, cells: Cells, stripe: NDArray[np.int64]) -> None:
+    """Stripes of whole rows of cells with about equally many disks; one stripe of all where disks are not in order.
+
+    The division depends on the positions alone, never on the number of threads.
+    """
+    n, count = disks.x.shape[0], stripe.shape[0] - 1
+    nx, ny = int(cells.grid[3]), int(cells.grid[4])
+    stripe[0] = 0
+    used = 0
+    for row in range(ny if count > 1 else 0):
+        end = cells.start[(row + 1) * nx]
+        if used < count - 1 and end * count >= (used + 1) * n and end > stripe[used]:
+            used += 1
+            stripe[used] = end
+    for s in range(used + 1, count + 1):
+        stripe[s] = n
+
+
+@inline_kernel
+def mark_built(disks: DiskArrays, walls: WallArrays) -> None:
+    """Forget displacements, forces and torques; remember the walls of the rebuild that just happened."""
+    for i in range(disks.x.shape[0]):
+        disks.moved[i, 0], disks.moved[i, 1], disks.listed[i] = 0.0, 0.0, i
+        disks.force[i, 0], disks.force[i, 1], disks.torque[i] = 0.0, 0.0, 0.0
+    for w in range(walls.now.shape[0]):
+        extent = 0.0
+        for c in range(9):
+            walls.built[w, c] = walls.now[w, c]
+        for i in range(disks.x.shape[0]):
+            dx, dy = disks.x[i, 0] - walls.now[w, 0], disks.x[i, 1] - walls.now[w, 1]
+            extent = max(extent, dx * dx + dy * dy)
+        walls.extent[w] = sqrt(extent)
+
+
+@inline_kernel
+def copy_list(source: NeighbourList, target: NeighbourList) -> None:
+    """Copy a freshly built list over the one in use."""
+    rows = source.start.shape[0]
+    for k in range(rows):
+        target.start[k] = source.start[k]
+    for k in range(source.start[rows - 1]):
+        target.other[k] = source.other[k]
+        target.shear[k] = source.shear[k]
+
+
+@kernel
+def rebuild(
+    disks: DiskArrays,
+    walls: WallArrays,
+    pairs: NeighbourList,
+    wall_pairs: NeighbourList,
+    spare: NeighbourList,
+    wall_spare: NeighbourList,
+    cells: Cells,
+    team: Team,
+    skin: float,
+    widest: float,
+    in_order: bool,
+) -> int:
+    """Rebuild both lists, shear forces carried over; on any code but OK the lists in use are untouched.
+
+    Parameters
+    ----------
+    disks, walls, pairs, wall_pairs, team
+        See their classes; forces and torques are zero afterwards.
+    spare, wall_spare, cells
+        Work arrays.
+    skin, widest : float
+        Skin of the lists and largest radius [m].
+    in_order : bool
+        Whether disks are brought into the order of the cells.
+
+    Returns
+    -------
+    int
+        A code of `search_kernels`.
+    """
+    if not sort_into_cells(disks.x, 2.0 * widest + skin, cells):
+        return NOT_FINITE
+    if in_order:
+        put_in_order(disks, cells)
+    for i in range(disks.torque.shape[0]):
+        disks.torque[i] = 0.0
+    code = build_pairs(disks.x, disks.radius, skin, cells, in_order, disks.listed, pairs, spare)
+    if code != OK:
+        return code
+    code = build_wall_pairs(disks.x, disks.radius, skin, walls.now, disks.listed, disks.torque, wall_pairs, wall_spare)
+    if code != OK:
+        return code
+    copy_list(spare, pairs)
+    copy_list(wall_spare, wall_pairs)
+    divide(disks, cells, team.stripe)
+    mark_built(disks, walls)
+    return OK
