@@ -197,7 +197,7 @@ class DemSession:
 
     def _state(self) -> dict[str, NDArray[Any]]:
         """Every array that the next step depends on, and the samples so far."""
-        groups = {
+        groups: dict[str, Any] = {
             "disks": self._disks,
             "walls": self._walls,
             "pairs": self._lists.disks,
