@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.feasibility import check_feasible
+from ninedisk.core.cd.feasibility import PROOF_AFTER, check_feasible
 from ninedisk.core.cd.gauss_seidel_kernels import sweep
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.residuals import Sliding, measure
@@ -45,14 +45,14 @@ def solve_gauss_seidel(
     SolverNotConvergedError
         At the iteration or time limit, with the figures reached.
     InfeasibleContactsError
-        If no motion satisfies the contacts.
+        If no motion satisfies the contacts; that is looked into after `PROOF_AFTER` sweeps.
     """
     options = options or SolverOptions()
     clock = Stopwatch(options.time_limit)
     limit = options.max_iterations or MAX_SWEEPS
     r = starting_forces(problem, start)
     done, batch = 0, 1
-    best = None
+    best, proof_sought = None, False
     while True:
         v = problem.body_velocity(r)
         residuals = measure(problem, v, r, sliding=sliding)
@@ -68,6 +68,9 @@ def solve_gauss_seidel(
                 residuals=residuals,
                 seconds=clock.seconds,
             )
+        if done >= PROOF_AFTER and not proof_sought:
+            check_feasible(problem, sliding=sliding, seconds=options.time_limit)
+            proof_sought = True
         if done >= limit or clock.over:
             break
         # Checks cost about as much as a sweep and set v anew from r; their distance grows with the number of sweeps.
@@ -89,7 +92,6 @@ def solve_gauss_seidel(
             r,
         )
         done += batch
-    check_feasible(problem, r)
     not_converged(
         "gauss-seidel",
         options,

@@ -107,7 +107,7 @@ class InteriorPoint:
             if balanced.reached(self.options.tolerance):
                 return self._result(v, best_point.r, iterations, balanced, clock)
             return self._result(best_point.v, best_point.r, iterations, best, clock)
-        check_feasible(problem, run.point.r)
+        check_feasible(problem, seconds=self.options.time_limit)
         not_converged(
             "interior-point",
             self.options,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.feasibility import check_feasible
+from ninedisk.core.cd.feasibility import PROOF_AFTER, check_feasible
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.projected_gradient_kernels import iterate
 from ninedisk.core.cd.residuals import measure
@@ -43,7 +43,7 @@ def solve_projected_gradient(
     SolverNotConvergedError
         At the iteration or time limit, with the figures reached.
     InfeasibleContactsError
-        If no motion satisfies the contacts.
+        If no motion satisfies the contacts; that is looked into after `PROOF_AFTER` iterations.
     """
     options = options or SolverOptions()
     clock = Stopwatch(options.time_limit)
@@ -55,10 +55,12 @@ def solve_projected_gradient(
     v_y, v_work = v.copy(), np.empty_like(v)
     state, sums = np.array([1.0, 1.0]), np.empty(3)
     residuals = best = measure(problem, v, r)
-    done = 0
+    done, proof_sought = 0, False
     while not residuals.reached(options.tolerance):
+        if done >= PROOF_AFTER and not proof_sought:
+            check_feasible(problem, seconds=options.time_limit)
+            proof_sought = True
         if done >= limit or clock.over:
-            check_feasible(problem, r)
             not_converged(
                 "projected-gradient",
                 options,

@@ -1,0 +1,27 @@
+"""The three contact solvers under one signature, for tests that hold for each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.interior_point import InteriorPoint
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.projected_gradient import solve_projected_gradient
+from ninedisk.core.cd.result import SolverOptions, SolverResult
+
+Solve = Callable[..., SolverResult]
+
+
+def solve_interior_point(
+    problem: ContactProblem, options: SolverOptions | None = None, start: NDArray[np.float64] | None = None
+) -> SolverResult:
+    """One solve, cold unless a start is given."""
+    return InteriorPoint(options).solve(problem, start=start)
+
+
+each_solver = pytest.mark.parametrize("solve", [solve_interior_point, solve_projected_gradient, solve_gauss_seidel])
