@@ -14,7 +14,7 @@ from ninedisk.core.errors import InvalidNumericsError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-PARDISO_FROM = 3000
+PARDISO_FROM = 60_000
 """Unknowns from which PARDISO, where installed, is worth its overhead."""
 
 
