@@ -20,6 +20,7 @@ def simulate(
     *,
     method: Literal["dem", "cd"] = "dem",
     particles: Sequence[int] | None = None,
+    threads: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> History:
     """Run a scene on the in-house DEM, or by contact dynamics.
@@ -36,6 +37,8 @@ def simulate(
         Discrete element method (contact springs, explicit) or contact dynamics (rigid or elastic, implicit).
     particles : sequence of int or None
         Disks whose motion is recorded; None: all.
+    threads : int
+        Threads of the DEM, 1..64; the result does not depend on them.
     progress : callable, optional
         Called with (steps done, steps in all) a few times a second.
 
@@ -57,7 +60,7 @@ def simulate(
     if method == "dem":
         from ninedisk.core.dem.session import DemSession
 
-        return DemSession(scene, numerics, watch, particles).run(progress)
+        return DemSession(scene, numerics, watch, particles, threads=threads).run(progress)
     if method != "cd":
         raise InvalidNumericsError(f"method = {method!r} is unknown: use dem or cd")
     from ninedisk.core.cd.session import CdSession

@@ -7,6 +7,7 @@ import numpy as np
 from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.state import DiskArrays
 from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.history import Pair
 from ninedisk.core.scene import Scene
 
 
@@ -54,3 +55,17 @@ def _enter(pairs: NeighbourList, row: int, other: int, force: float) -> None:
     for k in range(int(pairs.start[row]), int(pairs.start[row + 1])):
         if pairs.other[k] == other:
             pairs.shear[k] = force
+
+
+def shear_by_pair(disks: DiskArrays, pairs: NeighbourList, wall_pairs: NeighbourList) -> dict[Pair, float]:
+    """Shear forces [N] of the lists that are not zero, by body numbers of the scene: the inverse of `enter_preload`."""
+    name, n = disks.name.astype(np.int64), len(disks.name)
+    found: dict[Pair, float] = {}
+    for listed, of_walls in ((pairs, False), (wall_pairs, True)):
+        row = np.repeat(np.arange(len(listed.start) - 1), np.diff(listed.start))
+        used = np.flatnonzero(listed.shear[: len(row)])
+        other = name[listed.other[used].astype(np.int64)]
+        first, second = (other, n + row[used]) if of_walls else (name[row[used]], other)
+        for i, j, force in zip(first.tolist(), second.tolist(), listed.shear[used].tolist(), strict=True):
+            found[min(i, j), max(i, j)] = force
+    return found

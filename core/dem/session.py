@@ -26,7 +26,7 @@ from ninedisk.core.dem.arrays import (
 )
 from ninedisk.core.dem.checkpoint import read_checkpoint, write_checkpoint
 from ninedisk.core.dem.constants import contact_step, law_row, step_constants
-from ninedisk.core.dem.preload import enter_preload
+from ninedisk.core.dem.preload import enter_preload, shear_by_pair
 from ninedisk.core.dem.rebuild_kernels import rebuild
 from ninedisk.core.dem.step_kernels import advance
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError
@@ -147,6 +147,19 @@ class DemSession:
         """Advance by ``steps`` steps ``numerics.dt``, at most to the last one; raises as `run`."""
         last = self.numerics.n_steps * self.substeps
         self._advance(min(last, int(self._clock[state.STEP]) + steps * self.substeps))
+
+    def snapshot(self) -> tuple[float, dict[str, NDArray[np.float64]]]:
+        """Time [s] and present state of all disks in the scene's order, for `FrameWriter.write`.
+
+        Positions and angles belong to this time, velocities ``v`` and spins ``omega`` to half a contact step before it.
+        """
+        disks, place = self._disks, self._disks.place
+        names = ("x", "v", "angle", "omega", "radius")
+        return int(self._clock[state.STEP]) * self.contact_dt, {name: getattr(disks, name)[place] for name in names}
+
+    def shear_forces(self) -> dict[Pair, float]:
+        """Shear forces ``fs`` [N] of all closed contacts that carry one, by body numbers: a scene's ``initial_shear``."""
+        return shear_by_pair(self._disks, self._lists.disks, self._lists.walls)
 
     def warm_up(self) -> None:
         """Compile or load the kernels on a copy of the scene; this session's state stays as it is."""
