@@ -19,6 +19,9 @@ FloatArray = NDArray[np.float64]
 ROUND_OFF = 4.0 * float(np.finfo(np.float64).eps)
 """Of the largest coordinate: gaps are differences of a few of them."""
 
+NEARBY = 1e-2
+"""Gap over the smallest radius of the pairs that are looked at in any case: contact forces move disks that would rest without."""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -108,7 +111,7 @@ def solve_with_contacts(
         return frames.gap + u[:, 0] - rise
 
     dx = step.guess()
-    reach = reach_of(dx)
+    reach = max(2.0 * reach_of(dx), NEARBY * float(place.radius.min()))
     frames = near(reach)
     inside = closing(frames, dx) < max(margin, tolerance)
     while True:

@@ -14,6 +14,8 @@ from ninedisk.core.cd.start import starting_forces
 
 FloatArray = NDArray[np.float64]
 MAX_SWEEPS = 1_000_000
+FEWEST = 2
+"""Sweeps between two measurements at the start: on few contacts a measurement costs as much as ten sweeps."""
 
 
 def solve_gauss_seidel(
@@ -51,7 +53,7 @@ def solve_gauss_seidel(
     clock = Stopwatch(options.time_limit)
     limit = options.max_iterations or MAX_SWEEPS
     r = starting_forces(problem, start)
-    done, batch = 0, 1
+    done = 0
     best, proof_sought = None, False
     while True:
         v = problem.body_velocity(r)
@@ -74,7 +76,7 @@ def solve_gauss_seidel(
         if done >= limit or clock.over:
             break
         # Checks cost about as much as a sweep and set v anew from r; their distance grows with the number of sweeps.
-        batch = min(max(1, done // 8), limit - done, max(1, 20_000_000 // (problem.n_contacts + 1)))
+        batch = min(max(FEWEST, done // 4), limit - done, max(1, 20_000_000 // (problem.n_contacts + 1)))
         sweep(
             problem.bodies,
             problem.normal,
