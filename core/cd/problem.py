@@ -160,6 +160,11 @@ class ContactProblem:
         return 1.0 / np.maximum(self.blocks[:, 0], tangential)
 
     @cached_property
+    def rho_norm(self) -> float:
+        """Euclidean norm of `rho`."""
+        return float(np.sqrt((self.rho * self.rho).sum()))
+
+    @cached_property
     def b(self) -> FloatArray:
         """Contact velocities without contact forces, ``b = H M^-1 f + g - C (0, q0)``, shape (c, 2)."""
         return self.contact_velocity(self.body_velocity(np.zeros((self.n_contacts, 2))), np.zeros((self.n_contacts, 2)))

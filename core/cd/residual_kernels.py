@@ -77,3 +77,16 @@ def sum_residuals(
         sums[NOISE_MAP] += (rho[k] * noise) ** 2
         sums[NOISE_WORK] += (p + abs(q)) * noise
         sums[NOISE] += noise
+
+
+@kernel
+def sum_kinetic(inverse_mass: Floats, v: Floats, balanced: Floats, sums: Floats) -> None:
+    """``sums[0] = |v - balanced|_M^2``, ``sums[1] = |v|_M^2`` over the unknowns that are free, arrays of shape (b, 3)."""
+    off, size = 0.0, 0.0
+    for i in range(v.shape[0]):
+        for d in range(3):
+            if inverse_mass[i, d] > 0.0:
+                wrong = v[i, d] - balanced[i, d]
+                off += wrong * wrong / inverse_mass[i, d]
+                size += v[i, d] * v[i, d] / inverse_mass[i, d]
+    sums[0], sums[1] = off, size

@@ -82,19 +82,19 @@ def measure(problem: ContactProblem, v: FloatArray, r: FloatArray, *, sliding: S
         sliding == "coulomb",
         sums,
     )
-    unbalanced = v - problem.body_velocity(r)
-    mass = np.where(problem.free > 0.0, problem.mass, 0.0)
-    unbalance = float((mass * unbalanced * unbalanced).sum())
+    kinetic = np.empty(2)
+    sums_of.sum_kinetic(problem.inverse_mass, v, problem.body_velocity(r), kinetic)
+    unbalance = float(kinetic[0])
     energy = 0.5 * (abs(sums[sums_of.ENERGY_W]) + abs(sums[sums_of.ENERGY_B]))
     force = max(np.sqrt(sums[sums_of.FORCE]), np.sqrt(sums[sums_of.FREE_MAP]))
     largest = sums[sums_of.LARGEST]
     gap = abs(sums[sums_of.GAP]) + largest * sums[sums_of.VIOLATION] + 0.5 * unbalance
     # A velocity of size |v| in the kinetic norm is known to eps |v| at best, whatever the contacts do.
-    noise_v = (sums_of.EPSILON**2) * float((mass * v * v).sum())
+    noise_v = (sums_of.EPSILON**2) * float(kinetic[1])
     noise = sums[sums_of.NOISE_WORK] + largest * sums[sums_of.NOISE] + 0.5 * noise_v
     floor_map = ROUND_OFF * np.sqrt(sums[sums_of.NOISE_MAP])
     floor_gap = ROUND_OFF * noise
-    unsure = problem.resolution * float(np.sqrt((problem.rho * problem.rho).sum()))
+    unsure = problem.resolution * problem.rho_norm
     if unsure > UNRESOLVED * force:
         floor_map += unsure
         floor_gap += problem.resolution * (float(np.abs(r).sum()) + largest * problem.n_contacts)
