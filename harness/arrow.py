@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ninedisk.harness.records import TABLES
-from ninedisk.harness.results import Block, CaseResult, Row
+from ninedisk.harness.results import EMPTY, Block, CaseResult, Row
 from ninedisk.harness.tables import distinct_references
 
 if TYPE_CHECKING:
@@ -53,6 +53,11 @@ def _table(name: str, chunks: dict[str, list[Any]]) -> pa.Table:
     schema = pa.schema([(column, _arrow_type(kind)) for column, kind in TABLES[name].items()])
     joined = [pa.chunked_array(chunks[field.name], type=field.type).combine_chunks() for field in schema]
     return pa.Table.from_arrays(joined, schema=schema)
+
+
+def empty_column(kind: str, length: int) -> pa.Array:
+    """A column of ``length`` unknown values: NaN, -1 or empty text."""
+    return _array([EMPTY[kind]] * length, kind)
 
 
 def _arrow_type(kind: str) -> pa.DataType:

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ninedisk.harness import cli_history, cli_store
+from ninedisk.harness.cli_store import Store
 from ninedisk.harness.cli_support import INTERRUPTED, guarded
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ninedisk.harness.records import Comparison, History
 
 app = typer.Typer(
     name="ninedisk",
@@ -20,8 +27,6 @@ app = typer.Typer(
 )
 listing = typer.Typer(help="Show the cases and their parameters, and the engines.", no_args_is_help=True)
 app.add_typer(listing, name="list")
-
-Store = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the stored results.")]
 
 
 def _version(wanted: bool) -> None:
@@ -62,16 +67,23 @@ def list_cases(
 
 @listing.command("engines")
 @guarded
-def list_engines() -> None:
-    """List the engines: installed or not, version, licence, how they run, how to install them.
+def list_engines(
+    engine: Annotated[
+        str | None,
+        typer.Argument(metavar="[ENGINE]", help="Show one engine: what it can express and lacks, and its options."),
+    ] = None,
+) -> None:
+    """List the engines (installed or not, version, licence, how they run, what they express, how to install them), or one of them
+    with everything that --option can change.
 
     \b
-    Example:
+    Examples:
       ninedisk list engines
+      ninedisk list engines siconos
     """
-    from ninedisk.harness.cli_list import show_engines
+    from ninedisk.harness.cli_list import show_engine, show_engines
 
-    show_engines()
+    show_engines() if engine is None else show_engine(engine)
 
 
 @app.command("run", short_help="Run cases on engines and judge the results.")
@@ -92,6 +104,14 @@ def run(
             "--set", metavar="NAME=VALUE", help="Fix a parameter, unit allowed ('dt=10 ms'); repeat for several."
         ),
     ] = None,
+    options: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--option",
+            metavar="ENGINE.NAME=VALUE",
+            help="Fix a setting of one engine; repeat for several. ninedisk list engines ENGINE shows what there is.",
+        ),
+    ] = None,
     store: Store = Path("results"),
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the measurement rows as JSON.")
@@ -109,6 +129,7 @@ def run(
       ninedisk run nine-disk/compression --engine dem
       ninedisk run 'nine-disk/*' -e dem -e yade --set phi_deg=20
       ninedisk run incline-block -e pymunk --set 'dt=5 ms' --set mu=0.36 --json rows.json
+      ninedisk run slip-to-roll -e siconos --option siconos.theta=1
 
     \b
     Exit codes:
@@ -127,6 +148,7 @@ def run(
         globs=globs or [],
         engines=engine or [],
         settings=settings or [],
+        options=options or [],
         store=store,
         json_file=json_file,
         published=published,
@@ -157,6 +179,27 @@ def report(
     except ReportError as error:
         raise UsageError(str(error)) from error
     typer.echo(f"report: {page}")
+
+
+def _comparison_page(comparison: Comparison, path: Path) -> None:
+    from ninedisk.reports.compare_page import write_comparison
+
+    write_comparison(comparison, path)
+
+
+def _dashboard_folder(history: History, out: Path, progress: Callable[[str, int, int], None]) -> Path:
+    from ninedisk.harness.errors import UsageError
+    from ninedisk.reports.dashboard import build_dashboard
+    from ninedisk.reports.errors import ReportError
+
+    try:
+        return build_dashboard(history, out, progress)
+    except ReportError as error:
+        raise UsageError(str(error)) from error
+
+
+cli_history.register(app, _comparison_page, _dashboard_folder)
+cli_store.register(app)
 
 
 def main() -> None:

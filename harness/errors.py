@@ -14,6 +14,10 @@ class StoreError(UsageError):
     """A store that cannot be written, or a run in it that cannot be read."""
 
 
+class NewerSchemaError(StoreError):
+    """A run that a newer version wrote."""
+
+
 def close_matches(name: str, known: Iterable[str]) -> str:
     """``" Did you mean 'a' or 'b'?"``, or an empty string where nothing known comes close."""
     matches = difflib.get_close_matches(name, list(known), n=3, cutoff=0.5)

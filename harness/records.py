@@ -1,12 +1,19 @@
 """Schema of stored results: the only thing that the reports know.
 
 A run is a folder with ``run.json`` (`RUN_KEYS`) and the Parquet tables of `TABLES`. Columns are never renamed or
-reused; `SCHEMA_VERSION` grows when one is added.
+reused; `SCHEMA_VERSION` grows when one is added. What is derived from several runs, comparisons and histories, has its
+form in `ninedisk.harness.records` too, so that pages can be made of it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 SCHEMA_VERSION = 1
+
+OLDEST_SCHEMA = 1
+"""Older runs than this cannot be read; those between lack columns, which are then empty."""
 
 STATUSES = (
     "pass",
@@ -144,3 +151,121 @@ TABLES: dict[str, dict[str, str]] = {
     "references": REFERENCE_COLUMNS,
     "claims": CLAIM_COLUMNS,
 }
+
+CHANGE_VERDICTS = ("worse", "suspect", "lost", "not-comparable", "better", "new", "same")
+"""How something changed between two runs, what wants attention first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunFacts:
+    """What a run came from; ``machine`` is processor, cores and platform, ``versions`` those of packages and engines."""
+
+    run_id: str
+    started: str
+    commit: str
+    machine: str
+    versions: Mapping[str, str]
+    command: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A check, a timing or a whole cell, before and after.
+
+    ``kind`` is ``error`` (``base``, ``head`` and ``tolerance`` are absolute errors in ``unit``), ``timing`` (seconds) or
+    ``cell`` (no numbers, NaN). ``verdict`` is one of `CHANGE_VERDICTS`, ``reason`` says why.
+    """
+
+    verdict: str
+    kind: str
+    case: str
+    case_version: int
+    variant: str
+    engine: str
+    quantity: str
+    unit: str
+    truth: str
+    base: float
+    head: float
+    tolerance: float
+    base_status: str
+    head_status: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Two runs, or two groups of runs for the timings; ``changes`` has what wants attention first."""
+
+    base: RunFacts
+    head: RunFacts
+    base_runs: int
+    head_runs: int
+    changes: tuple[Change, ...]
+    rules: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run's value: an absolute error with its tolerance, or seconds; NaN where the cell left none.
+
+    ``reason`` says why where ``status`` is no pass; ``shared`` is the factor of a timing that all timings of its run
+    have in common, compared with other runs on the machine.
+    """
+
+    run: int
+    value: float
+    tolerance: float
+    status: str
+    engine_version: str
+    reason: str = ""
+    shared: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shift:
+    """A lasting change of a line: ``before`` and ``after`` are its levels around point number ``at``,
+    those of timings without what all timings of a run share.
+
+    The change lies in all likelihood before one of the points ``first .. last``; for errors that is ``at`` alone.
+    ``chance`` is the probability that noise alone shows such a shift anywhere on the dashboard (NaN for errors, which
+    are no random numbers); ``open`` says that the line has not come back since.
+    """
+
+    at: int
+    first: int
+    last: int
+    verdict: str
+    before: float
+    after: float
+    chance: float
+    reason: str
+    open: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """History of one check (``error``), timing (``timing``) or status (``cell``) on one machine, of one case version."""
+
+    kind: str
+    case: str
+    case_version: int
+    variant: str
+    engine: str
+    engine_name: str
+    machine: str
+    quantity: str
+    unit: str
+    truth: str
+    points: tuple[Point, ...]
+    shifts: tuple[Shift, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class History:
+    """All runs of a store, oldest first; ``comparisons`` holds those around shifts by numbers of the two runs."""
+
+    runs: tuple[RunFacts, ...]
+    lines: tuple[Line, ...]
+    comparisons: Mapping[tuple[int, int], Comparison]
+    rules: tuple[str, ...]

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
 
-_EMPTY: dict[str, Any] = {"string": "", "float64": float("nan"), "int64": -1}
+EMPTY: dict[str, Any] = {"string": "", "float64": float("nan"), "int64": -1}
+"""What stands for an unknown value of each kind of column."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,4 +104,4 @@ def complete(row: Mapping[str, Any], columns: Mapping[str, str]) -> Row:
     unknown = set(row) - set(columns)
     if unknown:
         raise KeyError(f"no such column: {', '.join(sorted(unknown))}")
-    return {name: row.get(name, _EMPTY[kind]) for name, kind in columns.items()}
+    return {name: row.get(name, EMPTY[kind]) for name, kind in columns.items()}

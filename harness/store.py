@@ -16,16 +16,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ninedisk.harness.arrow import arrow_tables
-from ninedisk.harness.errors import StoreError
-from ninedisk.harness.records import RUN_KEYS, SCHEMA_VERSION, TABLES
+from ninedisk.harness.arrow import arrow_tables, empty_column
+from ninedisk.harness.errors import NewerSchemaError, StoreError
+from ninedisk.harness.records import OLDEST_SCHEMA, RUN_KEYS, SCHEMA_VERSION, TABLES
 from ninedisk.harness.results import CaseResult, Row
 from ninedisk.harness.tables import plain_json
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_UNFINISHED = ".tmp-"
+UNFINISHED = ".tmp-"
+"""What the name of a half-written run begins with."""
 
 
 def new_run_id(now: datetime | None = None) -> str:
@@ -45,7 +46,7 @@ def prepare_store(store: Path) -> None:
     runs = store / "runs"
     try:
         runs.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=_UNFINISHED, dir=runs):
+        with tempfile.TemporaryDirectory(prefix=UNFINISHED, dir=runs):
             pass
     except OSError as error:
         raise StoreError(
@@ -86,7 +87,7 @@ def write_run(
     """
     import pyarrow.parquet as pq
 
-    final, temporary = store / "runs" / run_id, store / "runs" / f"{_UNFINISHED}{run_id}"
+    final, temporary = store / "runs" / run_id, store / "runs" / f"{UNFINISHED}{run_id}"
     try:
         temporary.mkdir(parents=True)
         for name, table in arrow_tables(results, claims).items():
@@ -118,32 +119,90 @@ def run_ids(store: Path) -> list[str]:
     )
 
 
+def unfinished(store: Path) -> list[Path]:
+    """Folders that a writer left behind half-written, or is writing now."""
+    runs = store / "runs"
+    if not runs.is_dir():
+        return []
+    finished = set(run_ids(store))
+    return sorted(path for path in runs.iterdir() if path.is_dir() and path.name not in finished)
+
+
 def read_run(store: Path, run_id: str) -> tuple[dict[str, Any], dict[str, pa.Table]]:
-    """``run.json`` and the tables of a finished run.
+    """``run.json`` and the tables of a finished run; columns that an older schema lacks are empty.
 
     Raises
     ------
     StoreError
-        If there is no such finished run, it is damaged, or it was written by a newer version.
+        If there is no such finished run, it is damaged, or its schema is newer or too old.
+    """
+    about = read_about(store, run_id)
+    return about, {name: read_table(store, about, name) for name in TABLES}
+
+
+def read_about(store: Path, run_id: str) -> dict[str, Any]:
+    """``run.json`` of a finished run, once its schema is known to be readable.
+
+    Raises
+    ------
+    StoreError
+        As `read_run`.
+    """
+    if run_id not in run_ids(store):
+        raise StoreError(f"the store {str(store)!r} has no finished run {run_id!r}; `ninedisk runs` lists them")
+    try:
+        about: dict[str, Any] = json.loads((store / "runs" / run_id / "run.json").read_text(encoding="utf-8"))
+        version = int(about["schema_version"])
+        lacking = [key for key in RUN_KEYS if key not in about]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise StoreError(f"run {run_id!r} is damaged: its run.json cannot be read ({error})") from error
+    if lacking:
+        raise StoreError(f"run {run_id!r} is damaged: its run.json lacks {', '.join(lacking)}")
+    check_schema(f"run {run_id!r}", version)
+    return {**about, "run_id": run_id, "schema_version": version}
+
+
+def check_schema(what: str, version: int) -> None:
+    """Refuse a schema that this version does not know.
+
+    Raises
+    ------
+    StoreError
+        If ``version`` is newer than `records.SCHEMA_VERSION` or older than `records.OLDEST_SCHEMA`.
+    """
+    if version > SCHEMA_VERSION:
+        raise NewerSchemaError(
+            f"{what} was written with schema {version}, this version reads up to {SCHEMA_VERSION}: "
+            f"upgrade ninedisk to read it"
+        )
+    if version < OLDEST_SCHEMA:
+        raise StoreError(
+            f"{what} was written with schema {version}, which is unreadable now (the oldest readable one is "
+            f"{OLDEST_SCHEMA}): run the cases again, and remove it with `ninedisk prune --unreadable`"
+        )
+
+
+def read_table(store: Path, about: Mapping[str, Any], name: str, columns: Sequence[str] | None = None) -> pa.Table:
+    """One table of a run, or some of its columns, in the form of today's schema.
+
+    Raises
+    ------
+    StoreError
+        If the file is damaged.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    folder = store / "runs" / run_id
-    if run_id not in run_ids(store):
-        raise StoreError(f"the store {str(store)!r} has no finished run {run_id!r}")
+    run_id = about["run_id"]
+    kinds = {column: TABLES[name][column] for column in columns or TABLES[name]}
     try:
-        about = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        version = int(about["schema_version"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"run {run_id!r} is damaged: its run.json cannot be read ({error})") from error
-    if version > SCHEMA_VERSION:
-        raise StoreError(
-            f"run {run_id!r} was written with schema {version}, this version reads up to {SCHEMA_VERSION}: "
-            f"upgrade ninedisk to read it"
-        )
-    try:
-        return about, {name: pq.read_table(folder / f"{name}.parquet") for name in TABLES}
+        file = pq.ParquetFile(store / "runs" / run_id / f"{name}.parquet")
+        held = [column for column in kinds if column in file.schema_arrow.names]
+        table = file.read(columns=held, use_threads=False)
+        missing = sorted(set(kinds) - set(held))
+        if missing and about["schema_version"] == SCHEMA_VERSION:
+            raise StoreError(f"run {run_id!r} is damaged: {name}.parquet lacks the column(s) {', '.join(missing)}")
+        return pa.table({c: table[c] if c in held else empty_column(kinds[c], file.metadata.num_rows) for c in kinds})
     except (OSError, pa.ArrowException) as error:
         raise StoreError(f"run {run_id!r} is damaged: {error}") from error
 

@@ -1,0 +1,165 @@
+"""``ninedisk runs``, ``merge``, ``export`` and ``prune``: the commands that look after stores."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ninedisk.harness.cli_support import guarded
+
+Store = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the stored results.")]
+"""Option of every command that reads or writes results."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command("runs", short_help="List the stored runs.")(runs)
+    app.command("merge", short_help="Copy the runs of other stores into one.")(merge)
+    app.command("export", short_help="Write stored runs as CSV, JSON or Parquet.")(export)
+    app.command("prune", short_help="Remove old or half-written runs.")(prune)
+
+
+@guarded
+def runs(store: Store = Path("results")) -> None:
+    """List the stored runs, oldest first: when, of which commit, on which machine, with which outcome.
+
+    The last line is what `latest` means; the one above it is `latest~1`. Runs that cannot be read are listed with the
+    reason, half-written ones too.
+
+    \b
+    Examples:
+      ninedisk runs
+      ninedisk runs --store nightly
+    """
+    from ninedisk.harness.cli_tables import console, table
+    from ninedisk.harness.records import WORST_FIRST
+    from ninedisk.harness.store_care import listed
+    from ninedisk.harness.text import printable
+
+    found = listed(store)
+    out = console()
+    shown = table("run", "started", "commit", "machine", "engines", "cells")
+    for run in found:
+        if run.facts is None:
+            shown.add_row(printable(run.name), "", "", "", "", printable(run.problem))
+            continue
+        outcome = ", ".join(f"{run.cells[status]} {status}" for status in WORST_FIRST if run.cells[status])
+        facts = (run.name, run.facts.started, run.facts.commit[:12] or "-", run.facts.machine, ", ".join(run.engines))
+        shown.add_row(*(printable(text) for text in (*facts, outcome or "none")))
+    if found:
+        out.print(shown)
+    else:
+        out.print(f"no runs in {str(store)!r}; `ninedisk run --store {store}` makes one")
+
+
+@guarded
+def merge(
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Stores to copy from; they stay as they are.")
+    ],
+    store: Store = Path("results"),
+) -> None:
+    """Copy the runs of other stores, for instance of other machines, into one store.
+
+    Runs that are there already are left alone; half-written ones are never copied, and a damaged one stops the merge
+    before it is copied. Needs no lock and may be repeated.
+
+    \b
+    Examples:
+      ninedisk merge from-laptop from-cluster
+      ninedisk merge artifacts/results --store history
+    """
+    from ninedisk.harness.store_care import merge as merge_stores
+
+    copied, present = merge_stores(sources, store)
+    typer.echo(f"{len(copied)} run(s) copied into {store}, {len(present)} already there")
+
+
+@guarded
+def export(
+    which: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="RUN", help="Runs as in `ninedisk compare`: ids, latest, latest~4..latest. None: all."),
+    ] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write a .csv file.")] = None,
+    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write a .json file.")] = None,
+    parquet: Annotated[Path | None, typer.Option("--parquet", metavar="FILE", help="Write a .parquet file.")] = None,
+    store: Store = Path("results"),
+) -> None:
+    """Write stored runs as one flat table: a row for each check, with its run, commit, machine, versions and timings.
+
+    A cell that left no number has one row with its status and reason. Numbers keep all their digits. `ninedisk compare`
+    reads all three kinds of file. Curves are not exported: they are in the store's series.parquet.
+
+    \b
+    Examples:
+      ninedisk export --csv all.csv
+      ninedisk export latest --json head.json
+      ninedisk export latest~9..latest --parquet ten.parquet --store nightly
+    """
+    from ninedisk.harness.compare_sides import resolve
+    from ninedisk.harness.errors import UsageError
+    from ninedisk.harness.export import export_rows, write_export
+    from ninedisk.harness.snapshot import load_snapshots
+
+    files = {".csv": csv, ".json": json, ".parquet": parquet}
+    if not any(files.values()):
+        raise UsageError("nothing to write: give --csv FILE, --json FILE or --parquet FILE")
+    for suffix, path in files.items():
+        if path is not None and path.suffix != suffix:
+            raise UsageError(f"--{suffix[1:]} {str(path)!r} must end in {suffix}, so that it can be read again")
+    chosen = [run for word in which for run in resolve(word, store)] if which else load_snapshots(store)
+    distinct = {run.facts.run_id: run for run in chosen}
+    if not distinct:
+        raise UsageError(f"the store {str(store)!r} has no finished run: name another with --store DIR")
+    rows = export_rows(distinct.values())
+    for path in files.values():
+        if path is not None:
+            write_export(rows, path)
+            typer.echo(f"{path}: {len(rows)} rows of {len(distinct)} run(s)")
+
+
+@guarded
+def prune(
+    keep: Annotated[int | None, typer.Option("--keep", metavar="N", min=0, help="Keep only the newest N runs.")] = None,
+    before: Annotated[
+        str | None, typer.Option("--before", metavar="DATE", help="Remove runs that began before, e.g. 2026-01-31.")
+    ] = None,
+    unreadable: Annotated[
+        bool, typer.Option("--unreadable", help="Remove damaged runs and those of too old a schema.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Really remove; without it, only say what would go.")] = False,
+    store: Store = Path("results"),
+) -> None:
+    """Remove runs: half-written ones untouched for a day, and what is asked for. Without --yes nothing is removed.
+
+    What the report and the dashboard show comes from the runs: `ninedisk export` or a copy keeps them elsewhere first.
+
+    \b
+    Examples:
+      ninedisk prune
+      ninedisk prune --keep 100
+      ninedisk prune --before 2026-01-31 --yes
+    """
+    from datetime import UTC, datetime
+
+    from ninedisk.harness.errors import UsageError
+    from ninedisk.harness.store_care import prune as remove
+    from ninedisk.harness.store_care import to_prune
+    from ninedisk.harness.text import printable
+
+    try:
+        date = None if before is None else datetime.fromisoformat(before)
+    except ValueError as error:
+        raise UsageError(f"--before {before!r} is no date: write year-month-day, for instance 2026-01-31") from error
+    if date is not None and date.tzinfo is None:
+        date = date.replace(tzinfo=UTC)
+    doomed = to_prune(store, keep=keep, before=date, unreadable=unreadable)
+    for each in doomed:
+        typer.echo(f"{'remove' if yes else 'would remove'} {each.path}: {printable(each.reason)}")
+    if yes:
+        remove(doomed)
+    rest = "" if yes or not doomed else "; nothing was removed: add --yes"
+    typer.echo(f"{len(doomed)} folder(s){rest}" if doomed else "nothing to remove")
