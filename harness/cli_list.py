@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.cli_tables import console, table
-from ninedisk.harness.engine import Engine
+from ninedisk.harness.engine import Engine, EngineInfo
 from ninedisk.harness.params import allowed, format_value
 from ninedisk.harness.registry import BrokenEntryError, case_table, engine_table, get_case, get_engine
 
@@ -48,24 +50,89 @@ def show_case(case_id: str) -> None:
         out.print(f"example: {example}", markup=False, highlight=False)
 
 
+WORDS: Mapping[Capability, str] = {
+    Capability.LINEAR_CONTACT: "springs",
+    Capability.SHEAR_SPRING: "shear springs",
+    Capability.FRICTION: "friction",
+    Capability.CONTACT_DAMPING: "dashpots",
+    Capability.RESTITUTION: "restitution",
+    Capability.GLOBAL_DAMPING_CENTRAL: "damping",
+    Capability.GLOBAL_DAMPING_LAGGED: "damping",
+    Capability.MOVING_WALLS: "moving walls",
+    Capability.ROTATING_WALLS: "turning walls",
+    Capability.CURVED_WALL_MOTION: "walls on curves",
+    Capability.GRAVITY: "gravity",
+    Capability.BLOCKED_ROTATION: "blocked rotation",
+    Capability.HELD_MOTION: "held disks",
+    Capability.QUASI_STATIC: "static limit",
+    Capability.PRELOAD: "preload",
+    Capability.DISK_INERTIA: "disks' inertia",
+    Capability.LEVER_ARM_RADIUS: "arm R",
+    Capability.LEVER_ARM_OVERLAP: "arm R - overlap/2",
+    Capability.LEVER_ARM_TORQUE: "arm R - overlap/2 of the torque",
+}
+"""Capabilities in as few words as a table has room for."""
+
+
 def show_engines() -> None:
-    """Every engine: whether it is installed, its version and licence, how it runs, what installs it."""
-    shown = table("engine", "name", "version", "licence", "how it runs", "install")
+    """Every engine: whether it is installed, its version and licence, how it runs, what it expresses, what installs it."""
+    shown = table("engine", "name", "version", "licence", "how it runs", "contacts", "expresses", "install")
     missing: list[str] = []
     for engine_id in engine_table():
         try:
             _engine_row(shown, missing, get_engine(engine_id))
         except Exception as error:  # an outsider's adapter must not hide the others
-            shown.add_row(engine_id, f"broken: {error}", "", "", "", "")
+            shown.add_row(engine_id, f"broken: {error}", "", "", "", "", "", "")
     out = console()
     out.print(shown)
     for line in missing:
         out.print(line, markup=False, highlight=False)
+    out.print("One engine with its options: ninedisk list engines ENGINE", markup=False, highlight=False)
 
 
 def _engine_row(shown: Table, missing: list[str], engine: Engine) -> None:
     info = engine.info()
     version = info.version if info.version is not None else "not installed"
-    shown.add_row(info.id, info.name, version, info.licence, info.how_it_runs, info.install)
+    has = ", ".join(dict.fromkeys(WORDS[capability] for capability in Capability if capability in info.capabilities))
+    shown.add_row(info.id, info.name, version, info.licence, info.how_it_runs, info.contact, has, info.install)
     if not info.installed and info.not_installed_because:
         missing.append(f"{info.id}: {info.not_installed_because}")
+
+
+def show_engine(engine_id: str) -> None:
+    """One engine: facts, what it can express, what it lacks and where its documentation says so, its options."""
+    info = get_engine(engine_id).info()
+    state = f"version {info.version}" if info.installed else f"not installed: {info.not_installed_because}"
+    lines = [
+        f"{info.id}: {info.name}, {state}",
+        f"licence: {info.licence}; runs: {info.how_it_runs}; {info.precision}, {info.threads} thread(s)",
+        f"contacts: {info.contact}; scheme: {info.scheme}",
+        f"install: {info.install}",
+        "",
+        "It can express:",
+        *(f"  {capability}" for capability in Capability if capability in info.capabilities),
+        "It lacks:",
+        *(
+            f"  {capability}{_scope(info, capability)}"
+            for capability in Capability
+            if capability not in info.capabilities
+        ),
+    ]
+    out = console()
+    for line in lines:
+        out.print(line, markup=False, highlight=False)
+    if not info.options:
+        out.print("It has no options.", markup=False, highlight=False)
+        return
+    shown = table("option", "default", "allowed", "why this default")
+    for name, option in info.options.items():
+        shown.add_row(f"{info.id}.{name}", format_value(option.default), option.allowed, option.why)
+    out.print(shown)
+    name, option = next(iter(info.options.items()))
+    example = f"ninedisk run --engine {info.id} --option {info.id}.{name}={format_value(option.default)}"
+    out.print(f"example: {example}", markup=False, highlight=False)
+
+
+def _scope(info: EngineInfo, capability: Capability) -> str:
+    link = info.out_of_scope.get(capability)
+    return f" (out of scope by its own documentation: {link})" if link else ""

@@ -31,6 +31,7 @@ def execute(
     globs: Sequence[str],
     engines: Sequence[str],
     settings: Sequence[str],
+    options: Sequence[str] = (),
     store: Path,
     json_file: Path | None,
     published: Path | None,
@@ -45,7 +46,10 @@ def execute(
         With the message to show.
     """
     cells = plan_matrix(
-        match_cases(globs), list(dict.fromkeys(engines)) or list(engine_table()), parse_settings(settings)
+        match_cases(globs),
+        list(dict.fromkeys(engines)) or list(engine_table()),
+        parse_settings(settings),
+        parse_settings(options, flag="--option", example="siconos.theta=1"),
     )
     for note in check_folder(published, cells):
         typer.echo(note, err=True)
@@ -74,16 +78,16 @@ def execute(
     return code
 
 
-def parse_settings(settings: Sequence[str]) -> dict[str, str]:
+def parse_settings(settings: Sequence[str], *, flag: str = "--set", example: str = "dt=0.01") -> dict[str, str]:
     """``NAME=VALUE`` texts as a mapping; a name given twice is refused, since only one of them could count."""
     found: dict[str, str] = {}
     for text in settings:
         name, sign, value = text.partition("=")
         name, value = name.strip(), value.strip()
         if not sign or not name or not value:
-            raise UsageError(f"--set {text!r} is not allowed: write NAME=VALUE, for instance --set dt=0.01")
+            raise UsageError(f"{flag} {text!r} is not allowed: write NAME=VALUE, for instance {flag} {example}")
         if found.setdefault(name, value) != value:
-            raise UsageError(f"--set gives {name!r} twice ({found[name]} and {value}): give it once")
+            raise UsageError(f"{flag} gives {name!r} twice ({found[name]} and {value}): give it once")
     return found
 
 

@@ -14,6 +14,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability
+from ninedisk.harness.engines._options import Option
 
 
 class SupportLevel(StrEnum):
@@ -38,11 +39,42 @@ class Support:
 class EngineInfo:
     """Facts about an engine; `version` is None where it is not installed.
 
-    ``scheme`` names the time discretisation, so that an exact time-discrete reference binds only engines
-    of that very scheme: ``"central-difference"``, ``"theta"``, ``"semi-implicit-euler"``, ``"position-first-euler"``...
-    ``turns_shear`` says how a shear force follows the contact's rotation: ``"exactly"``, or ``"to first order"`` (its size then
-    grows by half the square of the rotation in each step).
-    ``contact`` is ``"spring"`` (linear contact springs), ``"impulse"`` (rigid, velocity level), ``"cd"`` or ``"soft"``.
+    Attributes
+    ----------
+    scheme : str
+        The time discretisation, so that an exact time-discrete reference binds only engines of that very scheme:
+
+        - ``"central-difference"``: velocities at half steps, forces at positions and walls of t_n;
+        - ``"theta"``: implicit theta scheme of `ninedisk.core.cd`, ``Numerics.theta`` its parameter;
+        - ``"semi-implicit-euler"``: velocities first, positions with the new ones;
+        - ``"position-first-euler"``: positions with the old velocities, then velocities;
+        - ``"moreau-jean"``: velocities first, positions with ``theta v_1 + (1 - theta) v_0``, theta the engine's option of that name;
+        - ``"runge-kutta-3"``: third order, steps so small that omega times a step is at most the engine's option ``phase``.
+
+        Any other name binds no exact steps.
+    contact : {"spring", "impulse", "cd", "soft"}
+        Linear contact springs; rigid at velocity level; contact dynamics; or soft in a way of the engine's own.
+    capabilities : frozenset of Capability
+    turns_shear : {"exactly", "to first order"}
+        How a shear force follows the contact's rotation; to first order its size changes by half the square of the rotation in
+        each step.
+    turns_exactly_with : frozenset of Capability
+        Lever arms with which that is exact all the same.
+    dilates : bool
+        Whether a sliding contact opens, as the associated rule of convex contact models has it.
+    friction_lags : bool
+        Whether friction is bounded by the normal force of the step before: a contact that begins has none in its first step.
+    softness : float or None
+        Of engines whose contacts are soft: part of what it should withstand in one step that a contact lets through, by the
+        engine's own regularisation. None: no such figure, see `ninedisk.harness.cases._shared.SOFT_TOLERANCE`.
+    softness_why : str
+        Where that figure comes from.
+    keeps_kn : bool
+        Of engines whose contacts are soft: whether a load at rest overlaps by load/kn, kn the scene's.
+    options : mapping from str to Option
+        Settings that ``Numerics.options`` may hold as ``<id>.<name>``.
+    out_of_scope : mapping from Capability to str
+        Where the engine's own documentation says that it is not meant to have a capability.
     """
 
     id: str
@@ -58,11 +90,23 @@ class EngineInfo:
     capabilities: frozenset[Capability]
     not_installed_because: str = ""
     turns_shear: str = "exactly"
+    turns_exactly_with: frozenset[Capability] = frozenset()
+    dilates: bool = False
+    friction_lags: bool = False
+    softness: float | None = None
+    softness_why: str = ""
+    keeps_kn: bool = False
+    options: Mapping[str, Option] = field(default_factory=dict)
+    out_of_scope: Mapping[Capability, str] = field(default_factory=dict)
 
     @property
     def installed(self) -> bool:
         """Whether the engine can run on this machine."""
         return self.version is not None
+
+    def option(self, name: str, numerics: Numerics) -> Any:
+        """Value of one of the engine's `options` in a run with these numerics."""
+        return numerics.options.get(f"{self.id}.{name}", self.options[name].default)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.case import Case, ParameterError, Setup, Variant
 from ninedisk.harness.engine import Engine
-from ninedisk.harness.errors import UsageError
-from ninedisk.harness.params import resolve
+from ninedisk.harness.errors import UsageError, close_matches
+from ninedisk.harness.params import format_value, resolve
 from ninedisk.harness.registry import BrokenEntryError, get_case, get_engine
 
 
@@ -35,19 +35,28 @@ class Cell:
         return f"{self.case.id}[{self.variant.id}] on {self.engine_id}"
 
 
-def plan_matrix(case_ids: Sequence[str], engine_ids: Sequence[str], overrides: Mapping[str, Any]) -> list[Cell]:
+def plan_matrix(
+    case_ids: Sequence[str],
+    engine_ids: Sequence[str],
+    overrides: Mapping[str, Any],
+    options: Mapping[str, Any] | None = None,
+) -> list[Cell]:
     """Every (case variant, engine) cell, with the variants of each case's matrix after the overrides.
 
-    An override replaces the matrix values of its parameter; variants that become equal are run once.
+    An override replaces the matrix values of its parameter; variants that become equal are run once. An option
+    ``ENGINE.NAME`` is a setting of that engine alone; where it differs from the engine's default it is part of the cells'
+    variant ids, so that their results are not taken for those of the default.
 
     Raises
     ------
     UsageError, ParameterError, CoreError
-        Unknown ids, parameters that some case lacks, values out of range, overrides that make no valid scene.
+        Unknown ids, parameters that some case lacks, options that no engine of the run has, values out of range, overrides
+        that make no valid scene.
     """
     cases = [get_case(case_id) for case_id in case_ids]
     _refuse_unknown(cases, overrides)
     engines = [(engine_id, _engine(engine_id)) for engine_id in engine_ids]
+    chosen = check_options(dict(engines), options or {})
     cells = []
     for case in cases:
         variants: dict[str, Variant] = {}
@@ -55,16 +64,55 @@ def plan_matrix(case_ids: Sequence[str], engine_ids: Sequence[str], overrides: M
             variant = resolve(case, {**row, **overrides})
             variants.setdefault(variant.id, variant)
         for variant in variants.values():
-            cells += _cells(case, variant, engines, user_set=bool(overrides))
+            cells += _cells(case, variant, engines, chosen, user_set=bool(overrides))
     return cells
 
 
-def plan_case(case: Case | str, engine: Engine | str, params: Mapping[str, Any] | None) -> Cell:
-    """The single cell of one variant: the case's defaults with ``params`` set."""
+def plan_case(
+    case: Case | str,
+    engine: Engine | str,
+    params: Mapping[str, Any] | None,
+    options: Mapping[str, Any] | None = None,
+) -> Cell:
+    """The single cell of one variant: the case's defaults with ``params`` set, the engine's with ``options``."""
     found = get_case(case) if isinstance(case, str) else case
     runner = get_engine(engine) if isinstance(engine, str) else engine
     variant = resolve(found, params or {})
-    return _cells(found, variant, [(runner.id, runner)], user_set=bool(params))[0]
+    chosen = check_options({runner.id: runner}, options or {})
+    return _cells(found, variant, [(runner.id, runner)], chosen, user_set=bool(params))[0]
+
+
+def check_options(engines: Mapping[str, Engine | Exception], options: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Options by the engine that has them, checked, full names kept; texts become numbers where numbers are meant.
+
+    Raises
+    ------
+    UsageError
+        If a name is none of an engine's that runs; the message lists what there is.
+    InvalidNumericsError
+        If a value is not allowed.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for full, value in options.items():
+        engine_id, _, name = full.partition(".")
+        if not name:
+            raise UsageError(f"the option {full!r} names no engine: write ENGINE.NAME, for instance siconos.theta")
+        engine = engines.get(engine_id)
+        if engine is None:
+            get_engine(engine_id)
+            raise UsageError(f"the option {full!r} belongs to an engine that is not run: add --engine {engine_id}")
+        if isinstance(engine, Exception):
+            raise UsageError(f"the option {full!r} cannot be checked: {engine}") from engine
+        known = engine.info().options
+        if name not in known:
+            names = ", ".join(f"{engine_id}.{each}" for each in known) or "none"
+            raise UsageError(
+                f"the engine {engine_id!r} has no option {name!r}.{close_matches(name, known)} Its options: {names}"
+            )
+        option = known[name]
+        checked = option.parsed(full, value) if isinstance(value, str) else option.checked(full, value)
+        found.setdefault(engine_id, {})[full] = checked
+    return found
 
 
 def _engine(engine_id: str) -> Engine | Exception:
@@ -75,7 +123,12 @@ def _engine(engine_id: str) -> Engine | Exception:
 
 
 def _cells(
-    case: Case, variant: Variant, engines: Sequence[tuple[str, Engine | Exception]], *, user_set: bool
+    case: Case,
+    variant: Variant,
+    engines: Sequence[tuple[str, Engine | Exception]],
+    options: Mapping[str, Mapping[str, Any]],
+    *,
+    user_set: bool,
 ) -> list[Cell]:
     setup: Setup | Exception
     try:
@@ -86,10 +139,42 @@ def _cells(
         setup = error
     except Exception as error:
         setup = error
-    return [
-        Cell(case=case, variant=variant, engine_id=name, engine=engine, setup=setup, user_set=user_set)
-        for name, engine in engines
+    cells = []
+    for name, engine in engines:
+        own = options.get(name, {})
+        cells.append(
+            Cell(
+                case=case,
+                variant=_with_options(variant, engine, own),
+                engine_id=name,
+                engine=engine,
+                setup=_setup_with(setup, own),
+                user_set=user_set,
+            )
+        )
+    return cells
+
+
+def _setup_with(setup: Setup | Exception, options: Mapping[str, Any]) -> Setup | Exception:
+    if isinstance(setup, Exception) or not options:
+        return setup
+    numerics = setup.numerics
+    return replace(setup, numerics=numerics.replace(options={**numerics.options, **options}))
+
+
+def _with_options(variant: Variant, engine: Engine | Exception, options: Mapping[str, Any]) -> Variant:
+    """The variant, its id extended by the options that differ from the engine's defaults."""
+    if isinstance(engine, Exception) or not options:
+        return variant
+    known = engine.info().options
+    shown = [
+        f"{full}={format_value(value)}"
+        for full, value in options.items()
+        if value != known[full.partition(".")[2]].default
     ]
+    if not shown:
+        return variant
+    return replace(variant, id=",".join([*([] if variant.id == "default" else [variant.id]), *shown]))
 
 
 def _refuse_unknown(cases: Sequence[Case], overrides: Mapping[str, Any]) -> None:

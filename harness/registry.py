@@ -42,6 +42,9 @@ BUILTIN_ENGINES: dict[str, str] = {
     "drake": "ninedisk.harness.engines.drake:ENGINES",
     "drake-sap": "ninedisk.harness.engines.drake:ENGINES",
     "drake-lagged": "ninedisk.harness.engines.drake:ENGINES",
+    "liggghts": "ninedisk.harness.engines.liggghts:ENGINE",
+    "esys-particle": "ninedisk.harness.engines.esys_particle:ENGINE",
+    "kratos": "ninedisk.harness.engines.kratos:ENGINE",
 }
 CASE_GROUP = "ninedisk.cases"
 ENGINE_GROUP = "ninedisk.engines"

@@ -43,6 +43,7 @@ def run_case(
     *,
     engine: Engine | str = "dem",
     params: Mapping[str, Any] | None = None,
+    options: Mapping[str, Any] | None = None,
     published: Path | None = None,
 ) -> CaseResult:
     """Run one variant of a case on one engine.
@@ -55,6 +56,8 @@ def run_case(
         An engine or its id.
     params : mapping, optional
         Parameters that differ from the case's defaults; text may carry a unit (``{"dt": "10 ms"}``).
+    options : mapping, optional
+        Settings of the engine, ``{"siconos.theta": 1.0}``; ``ninedisk list engines siconos`` shows them.
     published : Path, optional
         Folder with digitised curves of your own that join the truths.
 
@@ -67,7 +70,7 @@ def run_case(
     Raises
     ------
     UsageError
-        Unknown case or engine.
+        Unknown case or engine, or an option that the engine does not have.
     ParameterError, CoreError
         Unknown parameter, value out of range, or parameters that make an impossible scene or an unstable time step.
 
@@ -76,7 +79,8 @@ def run_case(
     >>> result = run_case("nine-disk/compression", engine="dem", params={"load_case": "a2"})  # doctest: +SKIP
     >>> result.measurements[["quantity", "abs_error", "status"]]  # doctest: +SKIP
     """
-    return run_cell(plan_case(case, engine, params), published=published, raise_users_mistakes=bool(params))
+    cell = plan_case(case, engine, params, options)
+    return run_cell(cell, published=published, raise_users_mistakes=bool(params))
 
 
 def run_matrix(
@@ -132,9 +136,7 @@ def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes:
         support = cell.engine.supports(setup.scene, setup.numerics)
         head |= _support_columns(support)
         if support.level is SupportLevel.NO:
-            lacks = ["it lacks " + ", ".join(support.missing)] if support.missing else []
-            why = "; ".join([*lacks, *support.notes])
-            return _without_measurements(cell, head, "unsupported", why)
+            return _without_measurements(cell, head, "unsupported", why_not(info, support))
         run = cell.engine.run(setup.scene, setup.numerics, setup.watch)
         check_history(run.history, setup)
         return _measure(cell, setup, info, run, head, published)
@@ -146,6 +148,17 @@ def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes:
         if raise_users_mistakes and isinstance(error, USERS_MISTAKES):
             raise
         return _without_measurements(cell, head, "error", last_lines(error))
+
+
+def why_not(info: EngineInfo, support: Support) -> str:
+    """Why an engine does not run a scene: what it lacks, where its documentation says that this is on purpose, and notes."""
+    lacks = ["it lacks " + ", ".join(support.missing)] if support.missing else []
+    links: dict[str, list[str]] = {}
+    for capability in support.missing:
+        if capability in info.out_of_scope:
+            links.setdefault(info.out_of_scope[capability], []).append(str(capability))
+    scope = [f"out of scope by its own documentation ({link}): {', '.join(names)}" for link, names in links.items()]
+    return "; ".join([*lacks, *scope, *support.notes])
 
 
 def all_checks(cell: Cell, setup: Setup, observed: Any, info: EngineInfo, published: Path | None) -> list[Check]:

@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.harness.case import FloatArray, Observed, Setup
-from ninedisk.harness.cases._shared import SOFT_TOLERANCE, round_off_speed, summed_round_off
+from ninedisk.harness.cases._shared import (
+    follows_associated_rule,
+    round_off_speed,
+    single,
+    slack_time,
+    soft_reason,
+    softness,
+    summed_round_off,
+)
 from ninedisk.harness.engine import EngineInfo
 from ninedisk.references.analytic.incline import acceleration, critical_mu
 
@@ -26,7 +34,8 @@ class Bounds(NamedTuple):
 
     ``rest_gap`` is the gap at rest [m]; ``forces_from`` marks the samples at which forces are compared, shape (s,), and
     ``settled_only`` says that the gap is compared at those only. Of the second half of the run, ``creep`` is the way
-    [m] that a stuck block may make, ``force`` the error of fs and fn together [N] and ``gain`` that of vx [m/s].
+    [m] that a stuck block may make, ``force`` the error of fs and fn together [N] and ``gain`` that of vx [m/s]. Where
+    ``chatter`` [N] is not zero, forces are not compared step by step but as means over that half, which it bounds.
     """
 
     atol: Mapping[str, float]
@@ -37,6 +46,7 @@ class Bounds(NamedTuple):
     creep: float
     force: float
     gain: float
+    chatter: float = 0.0
 
 
 def spring_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed) -> Bounds:
@@ -116,42 +126,116 @@ def _without_preload(
 def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Bounds:
     """Rigid contacts: positions off by ``a t dt/2``, and what the associated rule's lift adds.
 
-    From the exact steps of the four known schemes: position-first and semi-implicit Euler ``-+ a t dt/2``, theta scheme
+    From the exact steps of the known schemes: position-first and semi-implicit Euler ``-+ a t dt/2``, theta scheme
     ``(2 theta - 1) a t dt/2``, associated rule ``a t dt (1/2 - mu^2)``, velocity ``-a mu^2 dt``, gap ``mu dt vx``,
-    first force ``m mu a`` above its final value.
+    first force ``m mu a`` above its final value. See `chatter_bounds` for convex models that detect contacts by overlap.
     """
     numerics, mu, mass = setup.numerics, params["mu"], params["mass"]
     angle, dt = math.radians(params["angle_deg"]), setup.numerics.dt
     steps = setup.numerics.sampled_steps()
     t_end = float(steps[-1]) * dt
     a = acceleration(mu=mu, angle=angle, g=params["g"])
-    weight = mass * params["g"]
-    associated = engine.contact == "cd" and numerics.sliding == "associated"
+    weight, kn = mass * params["g"], setup.scene.walls[0].law.kn
+    associated = engine.contact == "cd" and follows_associated_rule(engine, numerics)
     lift = 1.0 if associated else 0.0
+    slack = slack_time(engine, dt, t_end)
+    speed = params["g"] * slack + single(engine, params["g"] * t_end, numerics.n_steps)
     atol = {
-        "x": a * t_end * dt * (0.5 + lift * mu**2),
-        "vx": a * mu**2 * dt * lift,
-        "gap": mu * dt * a * t_end * lift,
-        "fn": mass * mu * a * lift,
-        "fs": mu * mass * mu * a * lift,
+        "x": a * t_end * dt * (0.5 + lift * mu**2) + 1e-12 * t_end + speed * t_end,
+        "vx": a * mu**2 * dt * lift + 1e-12 + speed,
+        "gap": mu * dt * a * t_end * lift + 1e-12 + speed * t_end,
+        "fn": mass * mu * a * lift + 1e-10 * weight,
+        "fs": mu * mass * mu * a * lift + 1e-10 * weight,
     }
-    floor = {"x": 1e-12 * t_end, "vx": 1e-12, "gap": 1e-12, "fn": 1e-10 * weight, "fs": 1e-10 * weight}
-    soft = SOFT_TOLERANCE if engine.contact == "soft" else 0.0
-    scale = {"x": params["g"] * t_end**2, "vx": params["g"] * t_end, "gap": 0.5, "fn": weight, "fs": weight}
-    atol = {name: atol[name] + floor[name] + soft * scale[name] for name in NAMES}
+    # An impulse of one step is the small difference of velocities that carry the round-off of one step.
+    force = softness(engine) * weight + single(engine, weight, 1)
+    atol |= {"fn": atol["fn"] + force, "fs": atol["fs"] + force}
     rule = "; dilation of the associated rule" if associated else ""
+    if engine.keeps_kn:
+        atol["gap"] += weight / kn
+        rule += "; overlap of the weight over kn"
+        if not params["preload"]:
+            landing = mass * weight / kn / dt**2
+            atol |= {"fn": atol["fn"] + landing, "fs": atol["fs"] + mu * landing}
+            rule += ", into which the block sinks within a step at the earliest"
+    rule += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
     why = {
         "x": "first order in dt: a t dt/2" + rule,
         "vx": "constant acceleration: exact velocities, round-off" + rule,
         "gap": "rigid contact: round-off" + rule,
         "fn": "equilibrium: round-off of the contact solver" + rule,
         "fs": "equilibrium: round-off of the contact solver" + rule,
-        "creep": "a rigid contact that sticks does not move: round-off of the steps",
+        "creep": "a rigid contact that sticks does not move: round-off of the steps" + rule,
     }
-    if soft:
-        why = dict.fromkeys(why, "contact soft in a way of its own: 1 % of gravity's effect")
-    creep = 1e-12 * t_end + soft * scale["x"]
     # Step-mean forces have no value before the first step.
-    return Bounds(
-        atol, why, 0.0, np.asarray(steps > 0), False, creep=creep, force=atol["fs"] + atol["fn"], gain=atol["vx"]
+    bounds = Bounds(
+        atol,
+        why,
+        0.0,
+        np.asarray(steps > 0),
+        False,
+        creep=(1e-12 + speed) * t_end,
+        force=atol["fs"] + atol["fn"],
+        gain=atol["vx"],
+    )
+    if engine.friction_lags and not params["preload"]:
+        bounds = _first_step_smooth(params, bounds, dt, t_end)
+    return chatter_bounds(params, setup, bounds) if chatters(engine) and a > 0.0 else bounds
+
+
+def _first_step_smooth(params: Mapping[str, Any], bounds: Bounds, dt: float, t_end: float) -> Bounds:
+    """Add what a first step without friction does: an offset of the velocity, kept while sliding, braked where it should stick."""
+    mu, angle, g = params["mu"], math.radians(params["angle_deg"]), params["g"]
+    offset = min(mu * math.cos(angle), math.sin(angle)) * g * dt
+    spare = g * (mu * math.cos(angle) - math.sin(angle))
+    stop = offset / spare if spare > 0.0 else math.inf
+    start = f"friction is bounded by the step before, which has none at the start: velocity offset {offset:.3g} m/s"
+    why = {name: text if name in ("gap", "fn") else f"{text}; {start}" for name, text in bounds.why.items()}
+    atol = dict(bounds.atol)
+    atol["vx"] += offset
+    atol["x"] += offset * (min(stop, t_end) + dt)
+    late = max(stop - 0.5 * t_end, 0.0) if spare > 0.0 else 0.0
+    after = bounds.forces_from.copy()
+    after[: int(np.argmax(after)) + 1] = False
+    # A block that should stick slides until it has stopped, with friction mu fn instead of the driving force.
+    slides = params["mass"] * spare if spare > 0.0 else 0.0
+    atol["fs"] += slides
+    return bounds._replace(
+        atol=atol,
+        why=why,
+        forces_from=after,
+        creep=bounds.creep + offset * late,
+        gain=bounds.gain + offset * (late > 0.0),
+    )
+
+
+def chatters(engine: EngineInfo) -> bool:
+    """Whether a sliding block of this engine leaves the plane and lands again: a convex model that detects contacts by overlap."""
+    return engine.dilates and engine.contact != "cd"
+
+
+def chatter_bounds(params: Mapping[str, Any], setup: Setup, bounds: Bounds) -> Bounds:
+    """Add the flights of a sliding block that leaves the plane and lands again.
+
+    A step in touch gives the block the normal velocity ``mu vx`` at most; one without contact lets it fall freely, by ``g cos
+    dt``. As friction is mu times the normal force while the block slides, momentum gives ``vx = a t - mu vy`` at every step;
+    a landing may stop the block, which takes from friction ``mu vy`` at most. With a bounded vy the error of vx does not grow,
+    and means of the forces are off by the change of m vy alone.
+    """
+    mu, dt = params["mu"], setup.numerics.dt
+    angle = math.radians(params["angle_deg"])
+    t_end = float(setup.numerics.n_steps) * dt
+    fall = params["g"] * math.cos(angle) * dt
+    lift = mu * (acceleration(mu=mu, angle=angle, g=params["g"]) * t_end + mu * fall)
+    atol, why = dict(bounds.atol), dict(bounds.why)
+    depth = (fall + lift) * dt + lift**2 / (2.0 * params["g"] * math.cos(angle))
+    atol["vx"] += mu * (fall + 2.0 * lift)
+    atol["x"] += mu * lift * t_end + mu * depth
+    atol["gap"] += depth
+    impulse = params["mass"] * (fall + lift)
+    chatter = f"a sliding contact opens and lands again: normal velocities from {-fall:.3g} to {lift:.3g} m/s"
+    why = {name: f"{text}; {chatter}" for name, text in why.items()}
+    half = 0.5 * t_end
+    return bounds._replace(
+        atol=atol, why=why, force=2.0 * (bounds.force + impulse / half), gain=bounds.gain, chatter=impulse / half
     )

@@ -11,6 +11,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, LeverArm, Scene, Wall, WallSegment, WallVelocityAt
+from ninedisk.harness.capabilities import LEVER_ARMS
 from ninedisk.harness.case import Parameter
 from ninedisk.harness.cases._shared import CONTACT_DYNAMICS, REGIME, THETA
 from ninedisk.harness.engine import EngineInfo
@@ -131,12 +132,13 @@ def nine_disks(
     return Scene(disks=Disks(x=centres, radius=RADIUS, mass=MASS), disk_disk=disk_law, walls=walls, xi=xi)  # type: ignore[arg-type]
 
 
-def shear_growth(history: History, engine: EngineInfo) -> float:
+def shear_growth(history: History, engine: EngineInfo, law: ContactLaw) -> float:
     """Relative growth of shear forces in an engine that turns them to first order: half the sum of the squared rotations.
 
-    Rotations are those of the contacts between disks from sample to sample; the worst contact counts.
+    Rotations are those of the contacts between disks, which have the given law, from sample to sample; the worst contact
+    counts.
     """
-    if engine.turns_shear == "exactly":
+    if engine.turns_shear == "exactly" or LEVER_ARMS[law.lever_arm] in engine.turns_exactly_with:
         return 0.0
     worst = 0.0
     for i in range(9):

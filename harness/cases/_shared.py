@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.harness.case import Check, Norm, Parameter, ParameterError, TruthKind
+from ninedisk.harness.engine import EngineInfo
 
 FloatArray = NDArray[np.float64]
 
@@ -61,8 +62,8 @@ CONTACT_DT = Parameter(
 )
 
 SOFT_TOLERANCE = 1e-2
-"""Relative tolerance for engines whose contacts are soft in a way of their own (no kn to set): 1 % tells the right law
-from a wrong one; such runs are graded approximate."""
+"""Relative tolerance for engines whose contacts are soft in a way of their own (no kn to set) and that give no softness of theirs:
+1 % tells the right law from a wrong one; such runs are graded approximate."""
 
 EXACT_STEP_RTOL = 1e-10
 """Of an exact time-discrete solution: the round-off of some hundred steps, 1e-14, and of a solver's residual."""
@@ -122,6 +123,59 @@ def round_off_speed(length: float, contact_dt: float) -> float:
 def summed_round_off(largest: float, additions: float) -> float:
     """Worst rounding error of a sum of ``additions`` terms whose value never exceeds ``largest``: half a unit each."""
     return 0.5 * additions * float(np.spacing(abs(largest)))
+
+
+def single(engine: EngineInfo, largest: float, steps: float) -> float:
+    """Rounding error of an engine that computes in single precision; 0 for all others.
+
+    A quantity that is kept to one unit in the last place of single precision is off by half a unit after each of ``steps``
+    updates, all of one sign at worst. A result of one step, too, is made of several roundings: eight count at least.
+
+    Parameters
+    ----------
+    engine : EngineInfo
+    largest : float
+        Natural scale of the quantity, in its unit: the speed, momentum, length or weight that its computation handles, not the
+        expected value, which may be zero.
+    steps : float
+        Steps in which it is updated.
+    """
+    if engine.precision != "float32":
+        return 0.0
+    return 0.5 * max(steps, 8.0) * float(np.spacing(np.float32(abs(largest))))
+
+
+def softness(engine: EngineInfo) -> float:
+    """Part of what it should withstand in one step that a contact of this engine does not; 0 for all but soft contacts."""
+    if engine.contact != "soft":
+        return 0.0
+    return SOFT_TOLERANCE if engine.softness is None else engine.softness
+
+
+def slack_time(engine: EngineInfo, dt: float, t_end: float) -> float:
+    """Time [s] for which a load may act as if there were no contact: a body that should rest has that much of its free motion.
+
+    A soft contact lets through a fixed part of what it should withstand in one step, and so a velocity of ``softness g dt``
+    under gravity. An engine that does not say how soft it is may let through that part of the whole run.
+    """
+    return softness(engine) * (t_end if engine.softness is None else dt)
+
+
+def soft_reason(engine: EngineInfo) -> str:
+    """Words for the reason of a tolerance; empty for all but soft contacts."""
+    if engine.contact != "soft":
+        return ""
+    told = (
+        engine.softness_why
+        if engine.softness is not None
+        else "the engine does not say how soft: of the run's whole motion"
+    )
+    return f"; a soft contact lets through {softness(engine):g} of what it should withstand ({told})"
+
+
+def follows_associated_rule(engine: EngineInfo, numerics: Numerics) -> bool:
+    """Whether a sliding contact of this run opens: contact dynamics that is told so, and convex contact models."""
+    return engine.dilates or (engine.contact == "cd" and numerics.sliding == "associated")
 
 
 def last(values: FloatArray) -> float:

@@ -9,7 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ninedisk.harness.case import FloatArray, Observed, Setup
-from ninedisk.harness.cases._shared import SOFT_TOLERANCE, round_off_speed, summed_round_off
+from ninedisk.harness.cases._shared import (
+    follows_associated_rule,
+    round_off_speed,
+    single,
+    slack_time,
+    soft_reason,
+    summed_round_off,
+)
 from ninedisk.harness.engine import EngineInfo
 from ninedisk.references.analytic.slip_to_roll import slide_to_stop, slip_end, slip_to_roll, spring_overshoot, stop_time
 from ninedisk.references.exact_steps.rolling import associated_rolling
@@ -53,7 +60,8 @@ def binding_history(
 
     Sliding friction is constant, and the step in which slip ends leaves the disk rolling, whatever its fraction that
     still slipped: the velocities at the steps are the continuous ones. Positions add the velocity at a step's begin
-    (position-first) or end. Under the associated rule the gap belongs to the solution, and to the curves.
+    (position-first), end, or a mean of the two (Moreau-Jean). Under the associated rule the gap belongs to the solution, and
+    to the curves.
     """
     numerics = setup.numerics
     if engine.scheme == "theta" and numerics.sliding == "associated":
@@ -72,15 +80,18 @@ def binding_history(
         )
         stepped = {name: getattr(steps, name)[observed.step] for name in ("x", "vx", "spin", "slip", "gap")}
         return Truth(stepped, math.nan)
-    ends = {"position-first-euler": 0, "semi-implicit-euler": 1}
+    ends = {"position-first-euler": 0.0, "semi-implicit-euler": 1.0}
     if engine.scheme == "theta" and numerics.theta == 1.0 and numerics.sliding == "coulomb":
-        ends["theta"] = 1
+        ends["theta"] = 1.0
+    if engine.scheme == "moreau-jean":
+        ends["moreau-jean"] = float(engine.option("theta", numerics))
     if engine.contact == "spring" or engine.scheme not in ends:
         return None
     times = np.arange(numerics.n_steps + 1, dtype=np.float64) * numerics.dt
     continuous = truth(params, times, radius, inertia_ratio)
     vx = continuous.curves["vx"]
-    used = vx[1:] if ends[engine.scheme] else vx[:-1]
+    end = ends[engine.scheme]
+    used = end * vx[1:] + (1.0 - end) * vx[:-1]
     x = np.concatenate(([0.0], np.cumsum(used) * numerics.dt))
     curves = {"x": x, "vx": vx, "spin": continuous.curves["spin"]}
     return Truth({name: curve[observed.step] for name, curve in curves.items()}, continuous.slip_end)
@@ -184,33 +195,34 @@ def _rigid_bounds(
     t_end = float(observed.t[-1])
     spin, slip = _per_velocity(setup, inertia_ratio)
     lost = speed / slip
-    associated = engine.contact == "cd" and setup.numerics.sliding == "associated"
+    associated = follows_associated_rule(engine, setup.numerics)
     lift_vy = mu * speed / (1.0 + mu**2) if associated and params["start"] == "touching" else 0.0
     flight = 2.0 * lift_vy / g
-    # Friction of the lift's impulse and of the flight that it replaces, and a step's at the kinks.
-    vx = (mu * lift_vy + mu * g * (flight + dt) if associated else 0.0) + 1e-11 * speed
-    soft = SOFT_TOLERANCE if engine.contact == "soft" else 0.0
-    scale = speed * t_end
+    # Friction of the lift's impulse and of the flight that it replaces, and a step's at the kinks. A convex engine may land
+    # and lift again: momentum keeps vx at its truth less mu vy all the while, which this covers.
+    let_through = slack_time(engine, dt, t_end)
+    rough = g * let_through + single(engine, max(speed, g * t_end), setup.numerics.n_steps)
+    vx = (mu * lift_vy + mu * g * (flight + dt) if associated else 0.0) + 1e-11 * speed + rough
+    fall = g * dt**2 if associated and engine.contact != "cd" else 0.0
+    weight_yields = float(setup.scene.disks.mass[0]) * g / setup.scene.walls[0].law.kn if engine.keeps_kn else 0.0
     atol = {
         "x": 0.5 * dt * lost + mu * g * dt**2 / 8.0 + (vx * (lost / (mu * g) + flight) if associated else 0.0)
-        + 1e-12 * scale,
+        + 1e-12 * speed * t_end + rough * t_end,
         "vx": vx,
         "spin": spin * vx,
         "slip": slip * vx,
-        "gap": 1e-12 + (mu * speed * dt + lift_vy**2 / (2.0 * g) if associated else 0.0),
-        "slip_end": dt + flight + _early(params, setup, inertia_ratio),
+        "gap": 1e-12 + (mu * speed * dt + lift_vy**2 / (2.0 * g) + fall if associated else 0.0) + rough * t_end + weight_yields,
+        "slip_end": dt + flight + _early(params, setup, inertia_ratio) + let_through / mu,
     }  # fmt: skip
-    weight = {"x": scale, "vx": speed, "spin": spin * speed, "slip": slip * speed, "gap": 1.0, "slip_end": t_end}
-    atol = {name: value + soft * weight[name] for name, value in atol.items()}
     rule = "; lift of the associated rule" if associated else ""
+    rule += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
+    exact = "constant friction: exact velocities, round-off" + rule
     why = {
         "x": "first order in dt: dt (v0 - v_final)/2" + rule,
-        "vx": "constant friction: exact velocities, round-off" + rule,
-        "spin": "constant friction: exact velocities, round-off" + rule,
-        "slip": "constant friction: exact velocities, round-off" + rule,
+        "vx": exact,
+        "spin": exact,
+        "slip": exact,
         "gap": "rigid contact: round-off of the height" + rule,
         "slip_end": "sampled every dt; slip counts as ended within a tolerance" + rule,
     }
-    if soft:
-        why = {name: text + "; contact soft in a way of its own: 1 %" for name, text in why.items()}
     return SlipBounds(atol, why, 0.0)

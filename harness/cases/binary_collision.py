@@ -18,6 +18,7 @@ from ninedisk.harness.cases._shared import (
     contact_step,
     last,
     numerics_of,
+    single,
     whole_steps,
 )
 from ninedisk.harness.engine import EngineInfo
@@ -169,21 +170,24 @@ class BinaryCollision:
     ) -> Sequence[Check]:
         """Conservation for all; velocities and energy of the restitution that binds the engine."""
         momentum = params["mass"] * params["speed"]
+        of_momentum, of_speed = single(engine, momentum, 1), single(engine, params["speed"], 1)
         conserved = "two equal and opposite impulses: round-off of a few operations"
+        if of_momentum:
+            conserved += " in single precision"
         on_axis = "both centres lie on the x axis: no force has a y component"
         still: list[Check] = [
             Check(quantity=f"vy_{i}", norm="max", truth="analytic", expected=0.0, source="symmetry", why=on_axis,
-                  atol=1e-13 * params["speed"])
+                  atol=1e-13 * params["speed"] + of_speed)
             for i in (1, 2)
         ]  # fmt: skip
         return [
             *impact_checks(params, setup, observed, engine),
             Check(quantity="momentum_x", norm="max", truth="analytic", expected=momentum, source="conservation",
-                  why=conserved, rtol=1e-13),
+                  why=conserved, rtol=1e-13, atol=of_momentum),
             Check(quantity="momentum_x_final", norm="scalar", truth="analytic", expected=momentum,
-                  source="conservation", why=conserved, rtol=1e-13),
+                  source="conservation", why=conserved, rtol=1e-13, atol=of_momentum),
             Check(quantity="momentum_drift", norm="scalar", truth="analytic", expected=0.0, source="conservation",
-                  why=conserved, atol=1e-13 * momentum),
+                  why=conserved, atol=1e-13 * momentum + of_momentum),
             *still,
         ]  # fmt: skip
 

@@ -90,11 +90,16 @@ class Distortion:
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Four readings of the walls, two friction angles, two ratios; with lever arm R and with R - overlap/2; a static one."""
+        """Four readings of the walls, two friction angles, two ratios; lever arms R, R - overlap/2 and LAMMPS'; a static one."""
         rows: list[Mapping[str, Value]] = [
             {"walls": walls, "wall_mu": wall_mu, "phi_deg": phi, "ks_over_kn": ratio, "lever_arm": arm}
             for arm in ("radius", "overlap")
             for walls, wall_mu in READINGS
+            for phi in (15.0, 30.0)
+            for ratio in (1.0, 2.0 / 3.0)
+        ]
+        rows += [
+            {"phi_deg": phi, "ks_over_kn": ratio, "lever_arm": "torque-overlap-disks"}
             for phi in (15.0, 30.0)
             for ratio in (1.0, 2.0 / 3.0)
         ]

@@ -11,7 +11,15 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.harness.case import Check, Observed, Parameter, Setup, TruthKind, Value
-from ninedisk.harness.cases._shared import CONTACT_DYNAMICS, EXACT_STEP_RTOL, SOFT_TOLERANCE, contact_step
+from ninedisk.harness.cases._shared import (
+    CONTACT_DYNAMICS,
+    EXACT_STEP_RTOL,
+    contact_step,
+    follows_associated_rule,
+    single,
+    soft_reason,
+    softness,
+)
 from ninedisk.harness.cases._sliding import KN, MASS, PAIR, RADIUS, observe_particle, particle_on_plane
 from ninedisk.harness.engine import EngineInfo
 from ninedisk.references.exact_steps.sliding import SlidingSteps, dynamic_sliding
@@ -76,23 +84,32 @@ class DynamicSliding:
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
-        """Exact steps of the associated rule, or free flight for all who do not dilate."""
-        associated = engine.contact == "cd" and params["sliding"] == "associated"
+        """Exact steps of the associated rule, or free flight for all who do not dilate.
+
+        A convex engine that finds contacts by their overlap at a step's begin follows the rule from a start in touch, and sees no
+        contact at all across a gap.
+        """
+        associated = follows_associated_rule(engine, setup.numerics) and (engine.contact == "cd" or params["g0"] == 0.0)
         truth: TruthKind = "exact-step" if associated else "analytic"
         source = "(A.3) to (A.5), every step" if associated else "Coulomb's law: no load, no contact force"
         steps = _steps(params, setup, associated)
         way = params["speed"] * float(observed.t[-1])
-        soft = SOFT_TOLERANCE if engine.contact == "soft" else 0.0
-        height = 8.0 * float(np.spacing(RADIUS + params["g0"]))
-        length = height + EXACT_STEP_RTOL * float(np.abs(steps.gap).max()) + soft * way
-        speed = EXACT_STEP_RTOL * params["speed"] + soft * params["speed"]
-        force = EXACT_STEP_RTOL * (float(np.nanmax(steps.fn)) or MASS * params["speed"] / params["dt"])
-        force += soft * MASS * params["speed"] / params["dt"]
-        why = "round-off: of a height of a metre, of the solver's residual"
-        if soft:
-            why = "contact soft in a way of its own: 1 % of the motion"
+        soft, count = softness(engine), setup.numerics.n_steps
+        of_speed = single(engine, params["speed"], count)
+        # A velocity is rounded in each step; a height is the radius and more, kept to one unit in the last place.
+        height = 8.0 * float(np.spacing(RADIUS + params["g0"])) + single(engine, RADIUS + params["g0"], count)
+        length = (
+            height + EXACT_STEP_RTOL * float(np.abs(steps.gap).max()) + soft * way + of_speed * float(observed.t[-1])
+        )
+        speed = EXACT_STEP_RTOL * params["speed"] + soft * params["speed"] + of_speed
+        impulse = MASS * params["speed"] / params["dt"]
+        force = EXACT_STEP_RTOL * (float(np.nanmax(steps.fn)) or impulse)
+        force += soft * impulse + single(engine, impulse, 1)
+        why = "round-off: of a height of a metre, of the solver's residual" + soft_reason(engine)
+        if of_speed:
+            why += "; single precision"
         atol = {
-            "x": EXACT_STEP_RTOL * way + soft * way,
+            "x": (EXACT_STEP_RTOL + soft) * way + single(engine, way, count) + of_speed * float(observed.t[-1]),
             "gap": length,
             "vx": speed,
             "vy": speed,

@@ -23,8 +23,8 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.engines._options import read_options
-from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, turn, write_contacts
-from ninedisk.harness.engines._rigid_package import product_factors, touch_length
+from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, touch_length, turn, write_contacts
+from ninedisk.harness.engines._rigid_package import product_factors
 from ninedisk.harness.engines.dart import FORCE_MIXING, OPTIONS
 
 ENGINE_VERSION = str(dartpy.__version__)

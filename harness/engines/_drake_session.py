@@ -13,8 +13,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.engines._drake_world import ENGINE_VERSION, DrakeWorld, Surfaces
 from ninedisk.harness.engines._options import read_options
-from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, write_contacts
-from ninedisk.harness.engines._rigid_package import touch_length
+from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, touch_length, write_contacts
 from ninedisk.harness.engines._spring import laws_in_use
 from ninedisk.harness.engines.drake import DISCRETE_OPTIONS, OPTIONS, shares_in_series
 from ninedisk.harness.wall_path import moving_until
@@ -28,6 +27,8 @@ class DrakeSession:
     Walls are bodies of `IMMOVABLE` mass that are given their exact position and velocity at the begin of each step; steps
     end where a wall's motion changes.
     """
+
+    FORCE_MEANING = "instantaneous"
 
     def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
         from pydrake.systems.analysis import ResetIntegratorFromFlags

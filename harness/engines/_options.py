@@ -24,6 +24,27 @@ class Option:
     whole: bool = False
     choices: tuple[str, ...] = ()
 
+    @property
+    def allowed(self) -> str:
+        """The values it takes, in words."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        return f"{'a whole number' if self.whole else 'a number'} {self._span}"
+
+    @property
+    def _span(self) -> str:
+        return f">= {self.low:g}" if self.high == float("inf") else f"in [{self.low:g}, {self.high:g}]"
+
+    def parsed(self, name: str, text: str) -> Any:
+        """The value that a text stands for, if it is allowed; raises as `checked` does."""
+        if self.choices:
+            return self.checked(name, text)
+        try:
+            number = float(text)
+        except ValueError:
+            raise InvalidNumericsError(f"{name} = {text} is not allowed: it must be {self.allowed}") from None
+        return self.checked(name, number)
+
     def checked(self, name: str, value: Any) -> Any:
         """The value if it is allowed.
 
@@ -36,13 +57,10 @@ class Option:
             if value not in self.choices:
                 raise InvalidNumericsError(f"{name} = {value!r} is unknown: use one of {', '.join(self.choices)}")
             return value
-        kind = "a whole number" if self.whole else "a number"
-        span = f">= {self.low:g}" if self.high == float("inf") else f"in [{self.low:g}, {self.high:g}]"
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not self.low <= value <= self.high or value == float("inf"):
-            raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be {kind} {span}")
-        if self.whole and value != int(value):
-            raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be {kind} {span}")
+        inside = number and self.low <= value <= self.high and value != float("inf")
+        if not inside or (self.whole and value != int(value)):
+            raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be {self.allowed}")
         return int(value) if self.whole else float(value)
 
 

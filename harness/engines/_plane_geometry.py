@@ -12,6 +12,9 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import FloatArray, Scene
 from ninedisk.harness.engine import EngineError
 
+TOUCH_ULPS = 16.0
+"""A gap is a sum of a few coordinates of disks and walls, each rounded to half a unit in the last place."""
+
 
 class WallPoses:
     """Surface point [m] and unit normal of each wall at a time [s], both of shape (m, 2); exact for any motion."""
@@ -117,6 +120,17 @@ def wall_reach(scene: Scene, numerics: Numerics, engine: str) -> float:
             f"{engine}: the bodies' way over the run is no finite length; reduce velocities, dt or n_steps"
         )
     return reach
+
+
+def touch_length(scene: Scene, numerics: Numerics, engine: str) -> float:
+    """Length [m] of a few units of round-off of the scene's coordinates: bodies that are no further apart touch.
+
+    Raises
+    ------
+    EngineError
+        If the bodies' way over the run is no finite length.
+    """
+    return TOUCH_ULPS * float(np.spacing(wall_reach(scene, numerics, engine)))
 
 
 def size(scene: Scene) -> float:

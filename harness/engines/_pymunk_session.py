@@ -9,47 +9,47 @@
 - Walls are raised, and circles that meet circles made larger, by ``touch`` in all, some units of round-off: bodies
   which touch are then in contact whatever the rounding of their coordinates. ``collision_slop`` is that same length, so
   that nothing pushes them apart. Circles that meet walls keep their radius, the lever arm of friction.
-- ``collision_bias`` 0 takes out in one step, by a pseudo-velocity that leaves no momentum behind, the penetration that
-  an impact within a step causes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pymunk
 from numpy.typing import NDArray
 
-from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, turn, wall_reach, write_contacts
+from ninedisk.harness.engines._options import read_options
+from ninedisk.harness.engines._plane_geometry import (
+    WallPoses,
+    finite_state,
+    touch_length,
+    turn,
+    wall_reach,
+    write_contacts,
+)
+from ninedisk.harness.engines.pymunk import OPTIONS
 
 FloatArray = NDArray[np.float64]
 
-DEFAULTS: Mapping[str, float] = {"pymunk.iterations": 100, "pymunk.collision_bias": 0.0}
-"""A single contact needs one iteration; 100 serve groups of a few dozen, where 10, pymunk's default, do not."""
-
 _MEETS_DISKS, _MEETS_WALLS, _WALL = 1, 2, 4
-_TOUCH_ULPS = 16.0
-"""A gap is a sum of a few coordinates of walls' corners and of disks, each rounded to half a unit in the last place."""
 
 
 class PymunkSession:
     """The `Session` of one run."""
 
     def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
-        options = read_options(numerics)
+        options = read_options("pymunk", OPTIONS, numerics)
         self.scene, self.dt, self.pairs, self.done = scene, numerics.dt, pairs, 0
         self.reach = wall_reach(scene, numerics, "pymunk")
-        self.touch = _TOUCH_ULPS * float(np.spacing(self.reach))
+        self.touch = touch_length(scene, numerics, "pymunk")
         self.space = pymunk.Space()
         self.space.gravity = scene.gravity
-        self.space.iterations = int(options["pymunk.iterations"])
+        self.space.iterations = options["pymunk.iterations"]
         self.space.collision_bias = options["pymunk.collision_bias"]
         self.space.collision_slop = self.touch
         self.settings: dict[str, Any] = {
@@ -146,26 +146,3 @@ class PymunkSession:
         shape.friction, shape.elasticity = wall.law.mu, wall.law.restitution or 0.0
         self.space.add(body, shape)
         return body
-
-
-def read_options(numerics: Numerics) -> dict[str, float]:
-    """Settings of this engine: the defaults, then ``numerics.options``.
-
-    Raises
-    ------
-    InvalidNumericsError
-        Unknown name, or a value outside its range.
-    """
-    options = dict(DEFAULTS)
-    for name, value in numerics.options.items():
-        if not name.startswith("pymunk."):
-            continue
-        if name not in DEFAULTS:
-            raise InvalidNumericsError(f"the option {name!r} is unknown: use one of {', '.join(DEFAULTS)}")
-        options[name] = value
-    iterations, bias = options["pymunk.iterations"], options["pymunk.collision_bias"]
-    if iterations != int(iterations) or iterations < 1:
-        raise InvalidNumericsError(f"pymunk.iterations = {iterations!r} is not allowed: it must be a whole number >= 1")
-    if not 0.0 <= bias <= 1.0:
-        raise InvalidNumericsError(f"pymunk.collision_bias = {bias!r} is not allowed: it must lie in [0, 1]")
-    return options

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence, Set
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,11 @@ import numpy as np
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability, capabilities_needed
+from ninedisk.harness.engine import Support, SupportLevel
+from ninedisk.harness.engines._spring import laws_in_use
+
+NOTE_PRELOAD = "rigid contacts: the preload of the regularising springs is left out, disks start touching"
+NOTE_RESTITUTION = "the scene prescribes no restitution: 0 is used"
 
 
 def rigid_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
@@ -22,6 +28,48 @@ def rigid_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
     if all(scene.law(pair).regularised for pair, force in scene.initial_shear.items() if force):
         need -= {Capability.PRELOAD}
     return need
+
+
+def rigid_support(
+    scene: Scene,
+    numerics: Numerics,
+    capabilities: Set[Capability],
+    *,
+    refused: Sequence[str] = (),
+    remarks: Sequence[str] = (),
+    approximations: Sequence[str] = (),
+    preload_note: str = NOTE_PRELOAD,
+) -> Support:
+    """How an engine with rigid contacts expresses a scene; one whose stiffness matters is refused.
+
+    Parameters
+    ----------
+    scene, numerics
+    capabilities : set of Capability
+        The engine's own.
+    refused : sequence of str
+        Reasons why this very scene cannot be expressed although no capability is missing.
+    remarks : sequence of str
+        Notes that do not lower the level.
+    approximations : sequence of str
+        In what the engine only comes near to the scene.
+    preload_note : str
+        What becomes of the preload of regularising springs.
+    """
+    need = set(rigid_needs(scene, numerics))
+    laws = laws_in_use(scene)
+    if any(law.restitution for law in laws):
+        need.add(Capability.RESTITUTION)
+    missing = need - capabilities
+    if missing:
+        return Support(SupportLevel.NO, missing=tuple(sorted(missing)))
+    if refused:
+        return Support(SupportLevel.NO, notes=tuple(refused))
+    differs = [preload_note] if has_spring_preload(scene) else []
+    if any(law.restitution is None for law in laws):
+        differs.append(NOTE_RESTITUTION)
+    level = SupportLevel.EQUIVALENT if differs else SupportLevel.EXACT
+    return Support(SupportLevel.APPROXIMATE if approximations else level, notes=(*differs, *remarks, *approximations))
 
 
 def has_spring_preload(scene: Scene) -> bool:

@@ -25,6 +25,9 @@ CAPABILITIES = frozenset(
     }
 )
 
+RIGID_BODIES = "https://box2d.org/documentation/"
+"""States that bodies are rigid and that contacts prevent penetration by impulses."""
+
 OPTIONS = {
     "velocity_iterations": Option(
         default=100,
@@ -58,6 +61,8 @@ class Box2DEngine(RigidPackageEngine):
             version=version,
             scheme="semi-implicit-euler",
             contact="impulse",
+            options=OPTIONS,
+            out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), RIGID_BODIES),
             licence="zlib",
             how_it_runs="process of its own (Python package Box2D)",
             precision="float32",

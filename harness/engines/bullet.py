@@ -66,6 +66,7 @@ class BulletEngine(RigidPackageEngine):
             version=version,
             scheme="semi-implicit-euler",
             contact="impulse",
+            options=OPTIONS,
             licence="zlib",
             how_it_runs="process of its own (Python package pybullet)",
             precision="float64",

@@ -32,6 +32,9 @@ CAPABILITIES = frozenset(
     }
 )
 
+NO_SPRINGS = "https://dartsim.github.io/dart/v6.13.2/"
+"""States that contacts are complementarity conditions that guarantee non-penetration."""
+
 FORCE_MIXING = 1e-5
 """DART's own; its Python package does not let one change it."""
 
@@ -66,6 +69,10 @@ class DartEngine(RigidPackageEngine):
             version=version,
             scheme="semi-implicit Euler, regularised",
             contact="soft",
+            softness=FORCE_MIXING,
+            softness_why="constraint force mixing",
+            options=OPTIONS,
+            out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), NO_SPRINGS),
             licence="BSD-2-Clause",
             how_it_runs="process of its own (Python package dartpy)",
             precision="float64",

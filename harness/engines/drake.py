@@ -53,6 +53,12 @@ OF_SLIP = frozenset(
 RIGID = frozenset({Capability.FRICTION, Capability.GRAVITY, Capability.BLOCKED_ROTATION, Capability.DISK_INERTIA})
 """Of the discrete plants: their walls rest, and all they know of impacts is dissipation."""
 
+REGULARISED = "https://drake.mit.edu/doxygen_cxx/group__stribeck__approximation.html"
+"""States that friction is a continuous function of the slip velocity."""
+
+FRICTION_REGULARISATION = 1e-3
+"""Drake's sigma: the slip of a discrete plant's contact is that part of what friction prevents in a step; no setting of it."""
+
 OPTIONS = {
     "phase": Option(
         default=0.04,
@@ -96,7 +102,11 @@ class DrakeEngine(PackageEngine):
 
     def info(self) -> EngineInfo:
         """Facts about the installed Drake; does not import it."""
-        return _info(self.id, "Drake", scheme="runge-kutta-3", contact="spring", capabilities=SPRINGS)
+        return replace(
+            _info(self.id, "Drake", scheme="runge-kutta-3", contact="spring", capabilities=SPRINGS),
+            options=OPTIONS,
+            out_of_scope=dict.fromkeys((Capability.FRICTION, Capability.SHEAR_SPRING), REGULARISED),
+        )
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """Linear springs without dashpots, in scenes whose contacts do not slip."""
@@ -125,8 +135,7 @@ class DrakeEngine(PackageEngine):
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the scene with its overlaps; raises `InvalidNumericsError` on an impossible setting."""
         read_options(self.id, self.options, numerics)
-        found = ExternalEngine.run(self, scene, numerics, watch)
-        return replace(found, history=replace(found.history, force_meaning="instantaneous"))
+        return ExternalEngine.run(self, scene, numerics, watch)
 
 
 class DrakeDiscreteEngine(RigidPackageEngine):
@@ -137,8 +146,11 @@ class DrakeDiscreteEngine(RigidPackageEngine):
 
     preload_note = "the shear forces of the preload are left out, its overlaps are kept: there is no shear spring"
 
-    def __init__(self, engine_id: str, name: str, session: str, scheme: str, softness: str) -> None:
-        self.id, self.name, self.scheme, self.softness = engine_id, name, scheme, softness
+    def __init__(
+        self, engine_id: str, name: str, session: str, scheme: str, model: str, *, dilates: bool, friction_lags: bool
+    ) -> None:
+        self.id, self.name, self.scheme, self.model = engine_id, name, scheme, model
+        self.dilates, self.friction_lags = dilates, friction_lags
         self.options = DISCRETE_OPTIONS[engine_id]
         self._session = f"ninedisk.harness.engines._drake_session:{session}"
 
@@ -149,7 +161,16 @@ class DrakeDiscreteEngine(RigidPackageEngine):
 
     def info(self) -> EngineInfo:
         """Facts about the installed Drake; does not import it."""
-        return _info(self.id, self.name, scheme=self.scheme, contact="soft", capabilities=RIGID)
+        return replace(
+            _info(self.id, self.name, scheme=self.scheme, contact="soft", capabilities=RIGID),
+            dilates=self.dilates,
+            friction_lags=self.friction_lags,
+            softness=FRICTION_REGULARISATION,
+            softness_why="regularisation of friction, sigma",
+            keeps_kn=True,
+            options=self.options,
+            out_of_scope={Capability.SHEAR_SPRING: REGULARISED},
+        )
 
     def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """Coefficients that no two bodies' shares give, and spins that nothing may change."""
@@ -166,7 +187,7 @@ class DrakeDiscreteEngine(RigidPackageEngine):
 
     def approximations(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """The contact model."""
-        return [self.softness]
+        return [self.model]
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the scene with its overlaps; raises `InvalidNumericsError` on an impossible setting."""
@@ -252,6 +273,8 @@ ENGINES = (
         "SapSession",
         "semi-implicit Euler, convex contact",
         "Drake's convex model: contacts are compliant and dissipate, a sliding contact opens by about mu v dt and lands again",
+        dilates=True,
+        friction_lags=False,
     ),
     DrakeDiscreteEngine(
         "drake-lagged",
@@ -259,5 +282,7 @@ ENGINES = (
         "LaggedSession",
         "semi-implicit Euler, regularised friction",
         "Drake's lagged model: contacts are compliant and dissipate, friction is a function of the slip velocity",
+        dilates=False,
+        friction_lags=True,
     ),
 )

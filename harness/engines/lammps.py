@@ -14,7 +14,7 @@ import numpy as np
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
-from ninedisk.harness.capabilities import Capability, capabilities_needed
+from ninedisk.harness.capabilities import LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines._package_engine import package_version
 from ninedisk.harness.engines._spring import contact_steps, laws_in_use
@@ -31,7 +31,7 @@ CAPABILITIES = frozenset(Capability) - {
 KINDS = 24
 """Kinds of disks (mass, inertia, free to turn) that wall dashpots may tell apart: LAMMPS has 32 groups in all."""
 
-ARMS = frozenset({Capability.LEVER_ARM_RADIUS, Capability.LEVER_ARM_OVERLAP})
+ARMS = frozenset(LEVER_ARMS.values())
 
 NOTE_GRANULAR = "disk-disk contacts by pair_style granular: lever arm R - overlap/2 for the shear torque, but R for the slip by rotation"
 NOTE_CLASSIC = (
@@ -84,6 +84,7 @@ class Lammps(ExternalEngine):
             capabilities=CAPABILITIES,
             not_installed_because=reason or without,
             turns_shear="to first order",
+            turns_exactly_with=ARMS - {Capability.LEVER_ARM_RADIUS},  # pair_style granular
         )
 
     def command(self) -> Sequence[str]:
@@ -113,6 +114,8 @@ class Lammps(ExternalEngine):
             notes += (NOTE_KINDS,)
         if _asks_for_radius(scene) and not classic_pairs(scene):
             missing.add(Capability.LEVER_ARM_RADIUS)
+        if any(_rough(wall.law) and wall.law.lever_arm == "torque-overlap" for wall in scene.walls):
+            missing.add(Capability.LEVER_ARM_TORQUE)
         answer = tuple(sorted(missing))
         if missing - ARMS:
             return Support(SupportLevel.NO, answer, notes)

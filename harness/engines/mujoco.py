@@ -33,6 +33,9 @@ CAPABILITIES = frozenset(
 )
 """Walls do not move: a body whose pose is prescribed meets contacts as if it were at rest."""
 
+OWN_SOFTNESS = "https://mujoco.readthedocs.io/en/stable/computation/index.html"
+"""States that contacts are soft by a stiffness and damping per unit mass, a property of the constraint solver."""
+
 OPTIONS = {
     "substeps": Option(
         default=200,
@@ -87,6 +90,10 @@ class MuJoCoEngine(RigidPackageEngine):
             version=version,
             scheme="semi-implicit-euler in substeps",
             contact="soft",
+            softness=1.0 / OPTIONS["substeps"].default,
+            softness_why="a contact takes its load up within one of MuJoCo's own steps in dt",
+            options=OPTIONS,
+            out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), OWN_SOFTNESS),
             licence="Apache-2.0",
             how_it_runs="process of its own (Python package mujoco)",
             precision="float64",

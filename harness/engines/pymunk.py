@@ -8,12 +8,10 @@ gain of speed per step.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import version as installed_version
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.engine import (
     EngineError,
@@ -21,10 +19,11 @@ from ninedisk.harness.engine import (
     EngineNotInstalledError,
     EngineRun,
     Support,
-    SupportLevel,
     run_session,
 )
-from ninedisk.harness.engines._rigid import has_spring_preload, rigid_needs, without_spring_preload
+from ninedisk.harness.engines._options import Option
+from ninedisk.harness.engines._package_engine import package_version
+from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 
 CAPABILITIES = frozenset(
     {
@@ -39,6 +38,25 @@ CAPABILITIES = frozenset(
     }
 )
 
+OPTIONS = {
+    "iterations": Option(
+        default=100,
+        low=1,
+        high=1e9,
+        whole=True,
+        why="a single contact needs one; 100 serve groups of a few dozen, where 10, pymunk's default, do not",
+    ),
+    "collision_bias": Option(
+        default=0.0,
+        high=1.0,
+        why="part of an overlap that is left after a second; 0 takes out in one step, by a pseudo-velocity that leaves no "
+        "momentum behind, the overlap that an impact within a step causes",
+    ),
+}
+
+RIGID_BODIES = "https://chipmunk-physics.net/release/ChipmunkLatest-Docs/"
+"""Of Chipmunk, pymunk's library: states that bodies are rigid and that collisions are solved by impulses."""
+
 
 class PymunkEngine:
     """Adapter of pymunk; `ninedisk.harness.engines._pymunk_session` says how a scene is realised."""
@@ -47,16 +65,15 @@ class PymunkEngine:
 
     def info(self) -> EngineInfo:
         """Facts about the installed pymunk; does not import it."""
-        try:
-            version, because = installed_version("pymunk"), ""
-        except PackageNotFoundError:
-            version, because = None, "the Python package pymunk is missing"
+        version, because = package_version("pymunk")
         return EngineInfo(
             id=self.id,
             name="pymunk",
             version=version,
             scheme="position-first-euler",
             contact="impulse",
+            options=OPTIONS,
+            out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), RIGID_BODIES),
             licence="MIT",
             how_it_runs="in process",
             precision="float64",
@@ -68,15 +85,7 @@ class PymunkEngine:
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """Rigid contacts only: a scene whose stiffness matters is refused."""
-        missing = rigid_needs(scene, numerics) - CAPABILITIES
-        if missing:
-            return Support(SupportLevel.NO, missing=tuple(sorted(missing)))
-        notes = []
-        if has_spring_preload(scene):
-            notes.append("rigid contacts: the preload of the regularising springs is left out, disks start touching")
-        if any(law.restitution is None for law in _laws(scene)):
-            notes.append("the scene prescribes no restitution: 0 is used")
-        return Support(SupportLevel.EQUIVALENT if notes else SupportLevel.EXACT, notes=tuple(notes))
+        return rigid_support(scene, numerics, CAPABILITIES)
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the scene; forces are the impulses of a step divided by its length.
@@ -98,11 +107,6 @@ class PymunkEngine:
             return run_session(PymunkSession, without_spring_preload(scene), numerics, watch)
         except AssertionError as error:  # pymunk checks its arguments by assert
             raise EngineError(f"pymunk refused a value: {error}") from error
-
-
-def _laws(scene: Scene) -> list[ContactLaw]:
-    laws = [wall.law for wall in scene.walls]
-    return [*laws, scene.disk_disk] if len(scene.disks) > 1 else laws
 
 
 ENGINE = PymunkEngine()

@@ -18,10 +18,10 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.engine import EngineInfo, EngineRun, Support
 from ninedisk.harness.engines._options import Option, read_options
-from ninedisk.harness.engines._plane_geometry import wall_reach
-from ninedisk.harness.engines._rigid import has_spring_preload, rigid_needs, without_spring_preload
+from ninedisk.harness.engines._plane_geometry import touch_length
+from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.wall_path import wall_path
 
@@ -58,15 +58,11 @@ OPTIONS: Mapping[str, Option] = {
         default=100_000, low=1, whole=True, why="Gauss-Seidel needs some 10^4 sweeps for 500 contacts"
     ),
 }
-_TOUCH_ULPS = 16.0
-"""A gap is a sum of a few coordinates, each rounded to half a unit in the last place at every step of the contact."""
 
 NOTE_THETA = (
     "theta of Moreau-Jean is the option siconos.theta (1/2), not Numerics.theta: it weighs the positions' velocities and "
     "plays no part in the impact law"
 )
-NOTE_PRELOAD = "rigid contacts: the preload of the regularising springs is left out, disks start touching"
-NOTE_RESTITUTION = "the scene prescribes no restitution: 0 is used"
 
 
 def clean_environment() -> dict[str, str]:
@@ -110,6 +106,7 @@ class Siconos(ExternalEngine):
             version=version,
             scheme="moreau-jean",
             contact="impulse",
+            options=OPTIONS,
             licence="Apache-2.0",
             how_it_runs="subprocess of the system's Python, scene and history as JSON",
             precision="float64",
@@ -129,18 +126,10 @@ class Siconos(ExternalEngine):
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """Rigid contacts only; global damping is the central form for theta = 1/2 alone."""
-        missing = set(rigid_needs(scene, numerics) - CAPABILITIES)
-        if scene.xi > 0.0 and numerics.options.get("siconos.theta", OPTIONS["theta"].default) != 0.5:
-            missing.add(Capability.GLOBAL_DAMPING_CENTRAL)
-        if missing:
-            return Support(SupportLevel.NO, missing=tuple(sorted(missing)))
-        differs = []
-        if has_spring_preload(scene):
-            differs.append(NOTE_PRELOAD)
-        laws = [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
-        if any(law.restitution is None for law in laws):
-            differs.append(NOTE_RESTITUTION)
-        return Support(SupportLevel.EQUIVALENT if differs else SupportLevel.EXACT, notes=(*differs, NOTE_THETA))
+        has = set(CAPABILITIES)
+        if read_options(self.id, OPTIONS, numerics)[f"{self.id}.theta"] != 0.5:
+            has.discard(Capability.GLOBAL_DAMPING_CENTRAL)
+        return rigid_support(scene, numerics, has, remarks=(NOTE_THETA,))
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Settings, the walls' path at every step (a file: it can be long), and the gap that is round-off."""
@@ -149,7 +138,7 @@ class Siconos(ExternalEngine):
         return {
             "options": read_options(self.id, OPTIONS, numerics),
             "wall_path": str(path),
-            "threshold": _threshold(scene, numerics),
+            "threshold": touch_length(scene, numerics, self.id),
         }
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
@@ -168,16 +157,12 @@ class Siconos(ExternalEngine):
             "sliding": "coulomb",
             "impact": "newton",
             "activation": "gap + dt/2 rate <= threshold",
-            "activation_threshold": _threshold(scene, numerics),
+            "activation_threshold": touch_length(scene, numerics, self.id),
             "normal_of_two_disks": "at the predicted end of the step, x + dt v; for restitution, at its beginning",
             "threads": 1,
         }
         done = super().run(scene, numerics, watch)
         return EngineRun(history=done.history, timings=done.timings, settings={**chosen, **done.settings})
-
-
-def _threshold(scene: Scene, numerics: Numerics) -> float:
-    return _TOUCH_ULPS * float(np.spacing(wall_reach(scene, numerics, Siconos.id)))
 
 
 ENGINE = Siconos()

@@ -15,7 +15,7 @@ import numpy as np
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.capabilities import Capability, capabilities_needed
+from ninedisk.harness.capabilities import LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines._spring import contact_steps, laws_in_use
 from ninedisk.harness.external import ExternalEngine
@@ -30,6 +30,9 @@ CAPABILITIES = frozenset(Capability) - {
     Capability.HELD_MOTION,
     Capability.QUASI_STATIC,
 }
+
+EXPLICIT = "https://yade-dem.org/doc/formulation.html"
+"""States that motion is integrated explicitly, with inertia."""
 
 NOTE_ARM = "lever arm of shear torque and slip: R - overlap/2, for disks and walls (ScGeom)"
 NOTE_WALL = "a wall's velocity enters the slip at the middle of the overlap"
@@ -83,6 +86,7 @@ class Yade(ExternalEngine):
             capabilities=CAPABILITIES,
             not_installed_because=reason,
             turns_shear="to first order",
+            out_of_scope={Capability.QUASI_STATIC: EXPLICIT},
         )
 
     def command(self) -> Sequence[str]:
@@ -109,7 +113,7 @@ class Yade(ExternalEngine):
         """
         missing = capabilities_needed(scene, numerics) - CAPABILITIES
         notes = _notes(scene)
-        if missing - {Capability.LEVER_ARM_RADIUS}:
+        if missing - frozenset(LEVER_ARMS.values()):
             return Support(SupportLevel.NO, tuple(sorted(missing)), notes)
         if missing or _other_wall_velocity(scene):
             return Support(SupportLevel.APPROXIMATE, tuple(sorted(missing)), notes)

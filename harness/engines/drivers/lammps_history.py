@@ -1,7 +1,7 @@
 """The samples of a run of LAMMPS as the arrays of the wire format."""
 
 import numpy as np
-from yade_history import gaps  # plain numpy, nothing of YADE
+from history_parts import gaps
 
 
 def history(run):

@@ -1,6 +1,7 @@
 """Driver of an engine that is a Python package: ``package_driver.py module:Session`` with the request on stdin.
 
-It runs under the harness' own Python. The session's module may name an ``ENGINE_VERSION``; the session, its ``settings``.
+It runs under the harness' own Python. The session's module may name an ``ENGINE_VERSION``; the session, its ``settings`` and,
+where its forces are no means over a step, their ``FORCE_MEANING``.
 """
 
 import importlib
@@ -18,7 +19,9 @@ def main():
     request = decode_request(sys.stdin.read())
     home = importlib.import_module(module)
     try:
-        run = run_session(getattr(home, name), request.scene, request.numerics, request.watch)
+        session = getattr(home, name)
+        meaning = getattr(session, "FORCE_MEANING", "step-mean")
+        run = run_session(session, request.scene, request.numerics, request.watch, force_meaning=meaning)
         text = encode_answer(Answer(run=run, engine_version=str(getattr(home, "ENGINE_VERSION", "unknown"))))
     except (CoreError, EngineError) as error:
         text = json.dumps({"wire_version": WIRE_VERSION, "error": str(error)})

@@ -1,7 +1,7 @@
 """The samples of a run of Siconos as the arrays of the wire format."""
 
 import numpy as np
-from yade_history import gaps
+from history_parts import gaps
 
 
 def history(run):

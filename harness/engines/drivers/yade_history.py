@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from history_parts import gaps
 
 
 def history(run):
@@ -50,18 +51,6 @@ def synchronised(run, half, acceleration):
     if run.central:
         return (half + 0.5 * run.dt * acceleration) / (1.0 + run.a)
     return half + 0.5 * run.dt * (acceleration - run.xi * half)
-
-
-def gaps(run, x, radius, point, normal):
-    """Gaps of the watched pairs, shape (samples, pairs)."""
-    gaps = np.empty((len(x), len(run.pairs)))
-    for c, (i, j) in enumerate(run.pairs):
-        if j < run.n:
-            gaps[:, c] = np.linalg.norm(x[:, j] - x[:, i], axis=1) - radius[i] - radius[j]
-        else:
-            w = j - run.n
-            gaps[:, c] = ((x[:, i] - point[:, w]) * normal[:, w]).sum(axis=1) - radius[i]
-    return gaps
 
 
 def unwrapped(turn, omega, t):

@@ -5,6 +5,7 @@ It moves every disk uniformly, which is the right answer for a scene without for
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import signal
@@ -52,6 +53,12 @@ def main() -> None:
     if mode == "abort":
         print("terminate called after something", file=sys.stderr, flush=True)
         os.kill(os.getpid(), signal.SIGABRT)
+    if mode == "segfault":
+        print("about to read address 0", file=sys.stderr, flush=True)
+        ctypes.string_at(0)
+    if mode == "killed":
+        print("the machine runs out of memory", file=sys.stderr, flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
     if mode == "exit":
         print("no licence found", file=sys.stderr)
         sys.exit(7)
@@ -66,7 +73,7 @@ def main() -> None:
     request = json.load(sys.stdin)
     given = answer(request)
     if mode == "nan":
-        given["history"]["x"][2][1][0] = float("nan")
+        given["history"]["x"][2][-1][0] = float("nan")
     if mode == "gives-up":
         given = {"wire_version": 1, "error": "cannot do walls"}
     text = json.dumps(given)

@@ -13,7 +13,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
-from ninedisk.harness.engines import _rigid_package
+from ninedisk.harness.engines import _plane_geometry
 from ninedisk.harness.engines import bullet as adapter
 from ninedisk.harness.engines._rigid_package import product_factors
 from ninedisk.harness.engines.bullet import ENGINE
@@ -116,7 +116,7 @@ def test_bullet_s_own_settings_would_change_the_restitution(rigid, on_plane, mon
     scene = on_plane(rigid(restitution=1.0), v=(0.0, -1.0), height=0.0525, g=0.0)
     assert run(scene, 12, contact_erp=0.2).history.v[-1, 0, 1] > 1.05
     # Contacts from about 0.01 m on, as with Bullet's own 0.02 m.
-    monkeypatch.setattr(_rigid_package, "TOUCH_ULPS", 1e14)
+    monkeypatch.setattr(_plane_geometry, "TOUCH_ULPS", 1e14)
     assert run(scene, 12).history.v[-1, 0, 1] < 0.9
 
 

@@ -20,7 +20,8 @@ from ninedisk.harness import run_case
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.engine import EngineError, EngineNotInstalledError, SupportLevel
 from ninedisk.harness.engines import siconos
-from ninedisk.harness.engines.siconos import NOTE_PRELOAD, NOTE_RESTITUTION, NOTE_THETA, Siconos, installed_siconos
+from ninedisk.harness.engines._rigid import NOTE_PRELOAD, NOTE_RESTITUTION
+from ninedisk.harness.engines.siconos import NOTE_THETA, Siconos, installed_siconos
 from ninedisk.references.analytic.slip_to_roll import slip_to_roll
 from ninedisk.references.exact_steps.incline import coulomb_incline_theta
 

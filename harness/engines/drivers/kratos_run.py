@@ -1,0 +1,243 @@
+"""One simulation in Kratos DEM.
+
+A step of Kratos' symplectic Euler scheme takes (positions t_n, velocities v_{n-1/2}) and the walls where they are, computes the
+forces at t_n, and ends with (positions t_{n+1}, velocities v_{n+1/2}); slip is that of the displacements since t_{n-1}. The walls
+are therefore put to their places of t_n before that step. With a = xi dt/2:
+
+- lagged damping ``v+ = v- + dt (F/m - xi v-)``: an external force ``-xi m v-`` and a moment ``-xi I w-``;
+- central damping ``v+ = ((1 - a) v- + dt F/m)/(1 + a)``: the same with nodal masses and inertias times ``1 + a``, which gravity and
+  dashpots, computed with the particles' own masses, do not see;
+- start ``v_{1/2} = v_0 + dt/2 (F_0/m - xi v_0)``: the first step starts from v_0 without drag and is corrected at its end by the
+  force that it shows;
+- both forms have ``v_n = (v- + v+)/2``.
+"""
+
+import time
+
+import KratosMultiphysics as Kratos
+import numpy as np
+from kratos_files import LAW, NAME, disks_file, materials, settings, walls_file
+from KratosMultiphysics import DEMApplication as Dem
+from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStage
+
+SEARCH = 0.01
+"""Search tolerance of contacts in units of the smallest radius: neighbours are searched in every step, so it only needs to exceed
+round-off."""
+
+
+class Run:
+    """One simulation."""
+
+    law_name = LAW
+
+    def __init__(self, request):
+        scene, extra = request["scene"], request["extra"]
+        disks = scene["disks"]
+        self.n = len(disks["radius"])
+        if not self.n:
+            raise ValueError("there is no disk: Kratos needs at least one")
+        self.x0, self.v0 = (np.array(disks[key]).reshape(self.n, 2) for key in ("x", "v"))
+        self.omega0, self.radius, self.mass, self.inertia, self.rotating = (
+            np.array(disks[key]) for key in ("omega", "radius", "mass", "inertia", "rotating")
+        )
+        self.gravity, self.xi = np.array(scene["gravity"]), scene["xi"]
+        self.substeps, self.dt, self.reach = extra["substeps"], extra["contact_dt"], extra["reach"]
+        central = request["numerics"]["damping_form"] == "central"
+        self.inflate = 1.0 + 0.5 * self.xi * self.dt if central else 1.0
+        self.law, self.walls = scene["disk_disk"], scene["walls"]
+        self.path = np.load(extra["wall_path"])
+        self.pairs = [tuple(pair) for pair in request["watch"]]
+        self.samples, self.time = [], 0.0
+        middle = 0.5 * (self.x0.min(axis=0) + self.x0.max(axis=0))
+        self.along = [
+            (middle - pose[0:2]) @ (-pose[3], pose[2]) for pose in self.path[0]
+        ]  # middle of each edge, opposite the middle of the disks
+        self._build()
+
+    def _build(self):
+        density = self.mass / (np.pi * self.radius**2)
+        kinds, kind = np.unique(density, return_inverse=True)
+        files = {
+            f"{NAME}DEM.mdpa": disks_file(self.x0, self.radius, kind.reshape(-1).tolist()),
+            f"{NAME}DEM_FEM_boundary.mdpa": walls_file([self._ends(0, w) for w in range(len(self.walls))]),
+            "MaterialsDEM.json": materials(kinds.tolist(), self.law, [wall["law"] for wall in self.walls]),
+        }
+        for name, text in files.items():
+            with open(name, "w", encoding="ascii") as file:
+                file.write(text)
+        Kratos.Logger.GetDefaultOutput().SetSeverity(Kratos.Logger.Severity.WARNING)
+        text = settings(self.dt, self.gravity.tolist(), SEARCH * float(self.radius.min()))
+        self.stage = DEMAnalysisStage(Kratos.Model(), Kratos.Parameters(text))
+        self.stage.Initialize()
+        self.solver, self.part = self.stage._GetSolver(), self.stage.spheres_model_part
+        self.nodes = sorted(self.part.Nodes, key=lambda node: node.Id)
+        for properties in self.part.Properties:  # the law itself has no dashpot against walls here: see the adapter
+            for pair in properties.GetSubProperties():
+                pair[Dem.DAMPING_GAMMA] = self.law["beta"]
+        for i, node in enumerate(self.nodes):
+            node.SetSolutionStepValue(Kratos.NODAL_MASS, float(self.mass[i] * self.inflate))
+            node.SetSolutionStepValue(Dem.PARTICLE_MOMENT_OF_INERTIA, float(self.inertia[i] * self.inflate))
+        faces = self.stage.rigid_face_model_part
+        self.wall_nodes = [
+            sorted(faces.GetSubModelPart(f"wall{w}").Nodes, key=lambda node: node.Id) for w in range(len(self.walls))
+        ]
+
+    def _ends(self, row, w):
+        """End points of a wall's edge at a contact step; material points of the wall."""
+        px, py, nx, ny = self.path[row, w, 0:4]
+        point, along = np.array([px, py]), np.array([-ny, nx])
+        return [point + (self.along[w] + side * self.reach) * along for side in (-1.0, 1.0)]
+
+    def _place_walls(self, step):
+        if step > len(self.path):
+            return  # at rest, and known to Kratos as such
+        row, before = min(step, len(self.path) - 1), min(max(step - 1, 0), len(self.path) - 1)
+        for w, nodes in enumerate(self.wall_nodes):
+            for node, new, old in zip(nodes, self._ends(row, w), self._ends(before, w), strict=True):
+                node.X, node.Y = float(new[0]), float(new[1])
+                way = new - old
+                node.SetSolutionStepValue(Dem.DELTA_DISPLACEMENT, vector(way))
+                node.SetSolutionStepValue(Kratos.VELOCITY, vector(way / self.dt))
+
+    def start(self):
+        """Initial velocities."""
+        for i, node in enumerate(self.nodes):
+            node.SetSolutionStepValue(Kratos.VELOCITY, vector(self.v0[i]))
+            node.SetSolutionStepValue(Kratos.ANGULAR_VELOCITY, [0.0, 0.0, float(self.omega0[i])])
+
+    def read(self, variable):
+        """A vector variable of all disks, shape (n, 3)."""
+        return np.array([list(node.GetSolutionStepValue(variable)) for node in self.nodes])
+
+    def advance(self, sampled):
+        """All steps; returns the seconds that are not spent on samples."""
+        wanted, last = {step * self.substeps for step in sampled}, max(sampled) * self.substeps
+        spent, begin = 0.0, time.perf_counter()
+        for step in range(last + 1):
+            told = step in wanted
+            if told:
+                before = self.state()
+            self._step(step, told)
+            if step == 0:
+                self._correct_start()
+            if told:
+                spent += time.perf_counter() - begin
+                self._sample(step, *before)
+                begin = time.perf_counter()
+        return spent + time.perf_counter() - begin
+
+    def _step(self, step, told):
+        self._place_walls(step)
+        # The solver's own steps, without those of the stage around it, whose housekeeping takes ten times as long.
+        self.time = self.solver.AdvanceInTime(self.time)
+        self.part.ProcessInfo[Dem.IS_TIME_TO_PRINT] = told  # only then contact forces are kept
+        self.solver.InitializeSolutionStep()
+        if self.xi and step:
+            for i, node in enumerate(self.nodes):
+                v, w = (node.GetSolutionStepValue(name) for name in (Kratos.VELOCITY, Kratos.ANGULAR_VELOCITY))
+                drag, moment = -self.xi * self.mass[i], -self.xi * self.inertia[i]
+                node.SetSolutionStepValue(Kratos.EXTERNAL_APPLIED_FORCE, [drag * v[0], drag * v[1], 0.0])
+                node.SetSolutionStepValue(Kratos.EXTERNAL_APPLIED_MOMENT, [0.0, 0.0, moment * w[2]])
+        self.solver.SolveSolutionStep()
+        self.solver.FinalizeSolutionStep()
+
+    def _correct_start(self):
+        """From ``v_0 + dt F_0/m`` (mass as Kratos has it) to ``v_{1/2}``; the disks and their turns follow."""
+        dt, v, w = self.dt, self.read(Kratos.VELOCITY)[:, :2], self.read(Kratos.ANGULAR_VELOCITY)[:, 2]
+        half = self.v0 + 0.5 * ((v - self.v0) * self.inflate - dt * self.xi * self.v0)
+        spin = self.omega0 + 0.5 * ((w - self.omega0) * self.inflate - dt * self.xi * self.omega0)
+        for i, node in enumerate(self.nodes):
+            way, turn = dt * half[i], [0.0, 0.0, float(dt * spin[i])]
+            node.X, node.Y = (float(c) for c in self.x0[i] + way)
+            for name in (Dem.DELTA_DISPLACEMENT, Kratos.DISPLACEMENT):
+                node.SetSolutionStepValue(name, vector(way))
+            for name in (Kratos.DELTA_ROTATION, Dem.PARTICLE_ROTATION_ANGLE):
+                node.SetSolutionStepValue(name, turn)
+            node.SetSolutionStepValue(Kratos.VELOCITY, vector(half[i]))
+            node.SetSolutionStepValue(Kratos.ANGULAR_VELOCITY, [0.0, 0.0, float(spin[i])])
+
+    def state(self):
+        """Positions [m], velocities [m/s], spins [rad/s] and angles [rad] that Kratos holds."""
+        x = np.array([(node.X, node.Y) for node in self.nodes])
+        v, omega = self.read(Kratos.VELOCITY)[:, :2], self.read(Kratos.ANGULAR_VELOCITY)[:, 2]
+        return x, v, omega, self.read(Dem.PARTICLE_ROTATION_ANGLE)[:, 2]
+
+    def _sample(self, step, x, v, omega, angle):
+        """State at ``t_n``: positions and angles before the step, mean velocities, the forces that the step has computed."""
+        _, after, spun, _ = self.state()
+        pose = self.path[min(step, len(self.path) - 1)]
+        found = {**self._disk_contacts(x), **self._wall_contacts(x, pose)}
+        loads, elastic = np.zeros((len(self.walls), 2)), 0.0
+        for (_, j), (fn, fs, overlap, normal) in found.items():
+            law = self.law if j < self.n else self.walls[j - self.n]["law"]
+            elastic += 0.5 * law["kn"] * overlap**2 + (0.5 * fs**2 / law["ks"] if fs else 0.0)
+            if j >= self.n:
+                loads[j - self.n] += fn * normal - fs * np.array([-normal[1], normal[0]])
+        self.samples.append(
+            {
+                "step": step // self.substeps,
+                "x": x,
+                "v": 0.5 * (v + after) if step else self.v0,
+                "omega": 0.5 * (omega + spun) if step else self.omega0,
+                "angle": angle,
+                "forces": [found[pair][:2] if pair in found else (0.0, 0.0) for pair in self.pairs],
+                "elastic": elastic,
+                "wall_point": pose[:, 0:2],
+                "wall_normal": pose[:, 2:4],
+                "wall_force": loads,
+            }
+        )
+
+    def _disk_contacts(self, x):
+        """Touching pairs of disks: ``{(i, j): (fn, fs, overlap, normal)}``, forces as Kratos keeps them."""
+        self.solver.PrepareContactElementsForPrinting()
+        number, found = {node.Id: i for i, node in enumerate(self.nodes)}, {}
+        for element in self.stage.contact_model_part.Elements:
+            one, two = (number[node.Id] for node in element.GetNodes())
+            i, j = min(one, two), max(one, two)
+            d = x[j] - x[i]
+            distance = float(np.hypot(*d))
+            overlap = float(self.radius[i] + self.radius[j] - distance)
+            if overlap > 0.0:
+                force = np.array(list(element.GetValue(Dem.GLOBAL_CONTACT_FORCE))[:2])
+                if one > two:
+                    force = -force
+                normal = d / distance
+                found[i, j] = (float(-force @ normal), float(force @ (-normal[1], normal[0])), overlap, normal)
+        return found
+
+    def _wall_contacts(self, x, pose):
+        """Touching pairs of a disk and a wall, as `_disk_contacts`.
+
+        Kratos keeps the sum of the walls' forces on a disk. What is left of it without the springs' normal forces is made of the
+        shear forces, which two walls that are not parallel share in one way only; else they are not observed.
+        """
+        found = {}
+        total = -self.read(Dem.RIGID_ELEMENT_FORCE)[:, :2]  # on the disks
+        for i in range(self.n):
+            touching = []
+            for w in range(len(self.walls)):
+                normal = pose[w, 2:4]
+                overlap = float(self.radius[i] - (x[i] - pose[w, 0:2]) @ normal)
+                if overlap > 0.0:
+                    touching.append((w, self.walls[w]["law"]["kn"] * overlap, overlap, -normal))
+            if not touching:
+                continue
+            left = total[i] + sum(fn * normal for _, fn, _, normal in touching)
+            rough = [w for w, *_ in touching if self.walls[w]["law"]["mu"] > 0.0 and self.walls[w]["law"]["ks"] > 0.0]
+            tangents = np.array([(pose[w, 3], -pose[w, 2]) for w in rough]).reshape(-1, 2).T
+            solved, _, rank, _ = np.linalg.lstsq(tangents, left, rcond=1e-9)
+            if not np.abs(tangents @ solved - left).max() <= 1e-6 * max(fn for _, fn, _, _ in touching):
+                raise RuntimeError(
+                    f"the forces of walls on disk {i} are {total[i].tolist()} N in Kratos; those of its springs are "
+                    f"{[fn for _, fn, _, _ in touching]} N: it missed or added a contact"
+                )
+            shear = dict(zip(rough, solved if rank == len(rough) else np.full(len(rough), np.nan), strict=True))
+            for w, fn, overlap, normal in touching:
+                found[i, self.n + w] = (fn, float(shear.get(w, 0.0)), overlap, normal)
+        return found
+
+
+def vector(values):
+    """A vector of Kratos in the plane z = 0."""
+    return [float(values[0]), float(values[1]), 0.0]

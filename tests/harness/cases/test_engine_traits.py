@@ -1,0 +1,213 @@
+"""What engines say of themselves (precision, softness, dilation, scheme) decides tolerances; each is seen to fail on a defect."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from ninedisk.core.simulate import simulate
+from ninedisk.harness.cases._shared import follows_associated_rule, single, slack_time, softness
+from ninedisk.harness.cases.binary_collision import CASE as COLLISION
+from ninedisk.harness.cases.incline_block import CASE as INCLINE
+from ninedisk.harness.cases.nine_disk_compression import CASE as COMPRESSION
+from ninedisk.harness.cases.nine_disk_distortion import CASE as DISTORTION
+from ninedisk.harness.cases.sliding_dynamic import CASE as SLIDING
+from ninedisk.harness.cases.slip_to_roll import CASE as ROLLING
+from ninedisk.harness.engines.box2d import ENGINE as BOX2D
+from ninedisk.harness.engines.dart import ENGINE as DART
+from ninedisk.harness.engines.dem import ENGINE as DEM
+from ninedisk.harness.engines.drake import ENGINES as DRAKES
+from ninedisk.harness.engines.lammps import ENGINE as LAMMPS
+from ninedisk.harness.engines.mujoco import ENGINE as MUJOCO
+from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
+from ninedisk.harness.engines.siconos import ENGINE as SICONOS
+from ninedisk.harness.engines.yade import ENGINE as YADE
+from ninedisk.harness.params import resolve
+
+DRAKE, SAP, LAGGED = DRAKES
+
+
+def needs(engine):
+    return pytest.mark.skipif(not engine.info().installed, reason=f"{engine.id} is not installed")
+
+
+def found(cell):
+    return {text.split()[0] for text in cell.failures}
+
+
+def test_round_off_of_single_precision(scheme_info):
+    double = scheme_info("semi-implicit-euler", "impulse")
+    half = dataclasses.replace(double, precision="float32")
+    assert single(double, 1.0, 100) == 0.0
+    unit = float(np.spacing(np.float32(1.0)))
+    assert single(half, 1.0, 100) == 50.0 * unit
+    assert single(half, -1.0, 1) == 4.0 * unit  # eight roundings at least
+
+
+def test_softness_acts_for_a_step_or_for_the_whole_run(scheme_info):
+    unknown = scheme_info("some", "soft")
+    known = dataclasses.replace(unknown, softness=1e-3, softness_why="measured")
+    assert slack_time(known, 0.01, 2.0) == 1e-5
+    assert slack_time(unknown, 0.01, 2.0) == softness(unknown) * 2.0
+    assert softness(dataclasses.replace(known, contact="impulse")) == 0.0
+
+
+def test_who_follows_the_associated_rule(scheme_info):
+    numerics = INCLINE.build(resolve(INCLINE, {}).params).numerics
+    coulomb = numerics.replace(sliding="coulomb")
+    theta = scheme_info("theta", "cd")
+    assert follows_associated_rule(theta, numerics)
+    assert not follows_associated_rule(theta, coulomb)
+    assert not follows_associated_rule(scheme_info("some", "soft"), numerics)
+    assert follows_associated_rule(dataclasses.replace(scheme_info("some", "soft"), dilates=True), coulomb)
+
+
+@needs(BOX2D)
+@pytest.mark.parametrize("case", [COLLISION, INCLINE, ROLLING, SLIDING], ids=lambda case: case.id)
+def test_single_precision_passes_and_a_wrong_velocity_does_not(run_cell, case):
+    assert run_cell(case, BOX2D, {}).failures == []
+
+    def one_percent(history):
+        history.v[1:] *= 1.01
+
+    assert {"vx", "momentum_x"} & found(run_cell(case, BOX2D, {}, one_percent))
+
+
+@needs(DART)
+def test_a_creep_of_microns_a_second_is_seen(run_cell):
+    def creep(history):
+        history.v[:, 0, 0] += 5e-6
+        history.x[:, 0, 0] += 5e-6 * history.t
+
+    assert run_cell(INCLINE, DART, {"mu": 0.4}).failures == []
+    assert {"x", "vx", "creep_rate"} <= found(run_cell(INCLINE, DART, {"mu": 0.4}, creep))
+
+
+@needs(DART)
+def test_an_impact_that_misses_a_ten_thousandth_is_seen(run_cell):
+    def weak(history):
+        history.v[-1, :, 0] += (1e-4, -1e-4)
+
+    assert run_cell(COLLISION, DART, {}).failures == []
+    assert "restitution_effective" in found(run_cell(COLLISION, DART, {}, weak))
+
+
+@needs(MUJOCO)
+def test_friction_that_is_one_percent_off_is_seen(run_cell):
+    def slippery(history):
+        gain = 0.01 * 0.36 * 10.0 * math.cos(math.radians(20.0))
+        history.v[:, 0, 0] += gain * history.t
+        history.x[:, 0, 0] += 0.5 * gain * history.t**2
+
+    assert run_cell(INCLINE, MUJOCO, {"mu": 0.36}).failures == []
+    assert {"x", "vx", "vx_final"} <= found(run_cell(INCLINE, MUJOCO, {"mu": 0.36}, slippery))
+
+
+@needs(SAP)
+def test_a_convex_engine_has_to_dilate(run_cell):
+    def flat(history):
+        history.gap[:] = np.minimum(history.gap, 0.0)
+
+    cell = run_cell(INCLINE, SAP, {"mu": 0.36})
+    assert cell.failures == []
+    quantities = {check.quantity for check in cell.checks}
+    assert {"fn_mean", "fs_mean", "dilation_peak"} <= quantities  # forces as means
+    assert not {"fn", "fs", "dilation"} & quantities
+    assert "dilation_peak" in found(run_cell(INCLINE, SAP, {"mu": 0.36}, flat))
+    touching = run_cell(SLIDING, SAP, {"g0": 0.0})
+    assert touching.failures == []
+    assert touching.observed.scalars["du_y_1"][1] == pytest.approx(0.3 * 0.01 / (1.0 + 0.3**2), rel=2e-3)
+
+
+@needs(SAP)
+def test_means_of_forces_see_a_wrong_weight(run_cell):
+    def heavy(history):
+        history.fn[:] *= 1.05
+
+    assert "fn_mean" in found(run_cell(INCLINE, SAP, {"mu": 0.36}, heavy))
+
+
+@needs(LAGGED)
+def test_friction_that_lags_costs_the_first_step_of_a_start_without_load_only(run_cell):
+    assert run_cell(INCLINE, LAGGED, {"mu": 0.36, "preload": False}).failures == []
+
+    def two_steps(history):
+        history.v[:, 0, 0] += 0.36 * 10.0 * math.cos(math.radians(20.0)) * 0.01
+
+    assert "vx" in found(run_cell(INCLINE, LAGGED, {"mu": 0.36, "preload": False}, two_steps))
+    assert "vx" in found(run_cell(INCLINE, LAGGED, {"mu": 0.36}, two_steps))
+
+
+def test_runge_kutta_s_bound_tells_its_step_from_the_cycle(judge_history):
+    """The in-house DEM at one step a cycle is 1e-2 of the swing from the continuous solution: far beyond third order."""
+    params = {"load_case": "a1", "xi": 0.0}
+    setup = COMPRESSION.build(resolve(COMPRESSION, params).params)
+    history = simulate(setup.scene, setup.numerics, setup.watch)
+    names = found(judge_history(COMPRESSION, DRAKE.info(), params, history))
+    assert {"fn_wall_mid", "fn_disk_disk_centre"} <= names
+
+
+@needs(DRAKE)
+def test_runge_kutta_passes_and_a_fading_swing_does_not(run_cell):
+    params = {"load_case": "a1", "xi": 0.0}
+
+    def fade(history):
+        history.fn[:] += 1e-3 * (history.fn.mean(axis=0) - history.fn)
+
+    assert run_cell(COMPRESSION, DRAKE, params).failures == []
+    assert "fn_wall_mid" in found(run_cell(COMPRESSION, DRAKE, params, fade))
+
+
+@pytest.mark.parametrize("case", [INCLINE, ROLLING], ids=lambda case: case.id)
+def test_moreau_jean_s_theta_weighs_the_positions(run_cell, judge_history, case):
+    """pymunk's positions are those of theta = 0: they are no Moreau-Jean scheme's."""
+    cell = run_cell(case, PYMUNK, {})
+    against = judge_history(case, SICONOS.info(), {}, cell.history)
+    failing = {(text.split()[0], text.split()[1]) for text in against.failures}
+    assert ("x", "(exact-step):") in failing
+    assert ("vx", "(exact-step):") not in failing
+
+
+@needs(SICONOS)
+@pytest.mark.parametrize("theta", [0.5, 0.75, 1.0])
+@pytest.mark.parametrize("case", ["incline-block", "slip-to-roll"])
+def test_siconos_meets_the_exact_steps_of_its_theta(case, theta):
+    from ninedisk.harness import run_case
+
+    result = run_case(case, engine="siconos", options={"siconos.theta": theta})
+    exact = result.measurements[result.measurements.truth == "exact-step"]
+    assert len(exact)
+    assert set(exact.status) == {"pass"}
+
+
+@needs(LAMMPS)
+@pytest.mark.parametrize("phi", [15.0, 30.0])
+@pytest.mark.parametrize("ratio", [1.0, 2.0 / 3.0])
+def test_lammps_meets_the_core_with_its_own_lever_arm(run_cell, phi, ratio):
+    params = {"phi_deg": phi, "ks_over_kn": ratio, "lever_arm": "torque-overlap-disks"}
+    cell = run_cell(DISTORTION, LAMMPS, params)
+    assert cell.failures == []
+    consensus = [check for check in cell.checks if check.truth == "consensus"]
+    assert {check.quantity for check in consensus} == {"fn_up", "fs_up", "fn_right", "fs_right"}
+    assert all(check.rtol == 1e-9 for check in consensus)
+
+
+def test_another_arm_is_named_in_both_directions(judge_history):
+    def why(engine, arm):
+        cell = judge_history(DISTORTION, engine.info(), {"lever_arm": arm}, None)
+        return next(check.why for check in cell.checks if check.truth == "consensus")
+
+    assert "asks for the lever arm R, the engine has R - overlap/2:" in why(YADE, "radius")
+    assert "asks for the lever arm R - overlap/2, the engine has R or R - overlap/2 of the torque" in why(
+        LAMMPS, "overlap"
+    )
+    assert "lever arm" not in why(LAMMPS, "radius")
+
+
+def test_the_core_has_every_lever_arm():
+    from ninedisk.harness.capabilities import LEVER_ARMS
+
+    assert set(LEVER_ARMS.values()) <= DEM.info().capabilities
