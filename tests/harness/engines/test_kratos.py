@@ -279,7 +279,7 @@ def test_conventions_are_graded_honestly() -> None:
         setup = variant("nine-disk/distortion", lever_arm=arm)
         answer = Kratos().supports(setup.scene, setup.numerics)
         assert (answer.level, answer.missing) == (SupportLevel.APPROXIMATE, (capability,))
-        assert {adapter.NOTE_ARMS, adapter.NOTE_TURNING} <= set(answer.notes)
+        assert {adapter.NOTE_ARMS, adapter.NOTE_ROTATION, adapter.NOTE_TURNING} <= set(answer.notes)
     smooth = variant("nine-disk/distortion", lever_arm="overlap", wall_mu=0.0)
     assert Kratos().supports(smooth.scene, smooth.numerics).level is SupportLevel.EXACT
 
