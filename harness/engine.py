@@ -60,6 +60,8 @@ class EngineInfo:
         each step.
     turns_exactly_with : frozenset of Capability
         Lever arms with which that is exact all the same.
+    fixed_wall_shear : bool
+        Whether shear forces at a wall keep their direction in space while the wall turns.
     dilates : bool
         Whether a sliding contact opens, as the associated rule of convex contact models has it.
     friction_lags : bool
@@ -91,6 +93,7 @@ class EngineInfo:
     not_installed_because: str = ""
     turns_shear: str = "exactly"
     turns_exactly_with: frozenset[Capability] = frozenset()
+    fixed_wall_shear: bool = False
     dilates: bool = False
     friction_lags: bool = False
     softness: float | None = None

@@ -1,4 +1,4 @@
-"""Engine against engine: how far their histories of the same variant lie apart."""
+"""Engine against engine: how far their histories of the same variants lie apart."""
 
 from __future__ import annotations
 
@@ -6,40 +6,54 @@ import math
 from dataclasses import dataclass
 from itertools import combinations
 
+import numpy as np
+
 from ninedisk.reports.curves import Curve, Series, differences
 
 
 @dataclass(frozen=True)
-class PairDifference:
-    """Two engines: by quantity the largest relative difference over all variants, and the variant where it occurs."""
+class Difference:
+    """Largest relative difference of two engines over all shared histories, and the history where it occurs."""
 
-    one: str
-    two: str
-    worst: dict[str, tuple[float, str]]
-    each: tuple[tuple[str, str, float], ...]  # variant, quantity, difference: largest first
+    size: float
+    variant: str
+    quantity: str
 
 
-def engine_differences(series: Series, case: str) -> tuple[list[str], list[PairDifference]]:
-    """Quantities, and every pair of engines that share a history, the farthest apart first.
+def difference_matrix(series: Series, case: str) -> tuple[list[str], dict[tuple[str, str], Difference]]:
+    """Engines with histories of a case, the one that differs most first, and every pair that shares a history.
 
-    A difference is ``max |a - b| / max |value|`` over the common steps of one history.
+    A difference is ``max |a - b|`` over the common steps of one history, over the largest ``|truth|`` of the quantity in
+    the whole case (of the values themselves where no truth speaks): in a variant where nothing should move, round-off
+    is then no difference. Both orders of a pair are keys.
     """
+    scale = _scales(series, case)
     held: dict[tuple[str, str], dict[str, Curve]] = {}
     for (name, variant, engine, quantity), curve in series.items():
         if name == case:
             held.setdefault((variant, quantity), {})[engine] = curve
-    found: dict[tuple[str, str], list[tuple[str, str, float]]] = {}
+    worst: dict[tuple[str, str], Difference] = {}
     for (variant, quantity), engines in held.items():
         for one, two in combinations(sorted(engines), 2):
-            apart = differences(engines[one], engines[two])
-            if not math.isnan(apart):
-                found.setdefault((one, two), []).append((variant, quantity, apart))
-    pairs = []
-    for (one, two), rows in found.items():
-        worst: dict[str, tuple[float, str]] = {}
-        for variant, quantity, apart in rows:
-            if apart > worst.get(quantity, (-1.0, ""))[0]:
-                worst[quantity] = (apart, variant)
-        pairs.append(PairDifference(one, two, worst, tuple(sorted(rows, key=lambda row: -row[2]))))
-    pairs.sort(key=lambda pair: -pair.each[0][2])
-    return list(dict.fromkeys(quantity for _, quantity in held)), pairs
+            apart = differences(engines[one], engines[two], scale[quantity])
+            known = worst.get((one, two))
+            if not math.isnan(apart) and (known is None or apart > known.size):
+                worst[one, two] = worst[two, one] = Difference(apart, variant, quantity)
+    middle: dict[str, float] = {}
+    for engine in sorted({engine for engines in held.values() for engine in engines}):
+        sizes = sorted(found.size for (one, _), found in worst.items() if one == engine)
+        if sizes:
+            middle[engine] = sizes[len(sizes) // 2]
+    return sorted(middle, key=lambda engine: -middle[engine]), worst
+
+
+def _scales(series: Series, case: str) -> dict[str, float]:
+    """Largest finite ``|truth|`` of each quantity of a case; of the values where there is none, or it is zero."""
+    truth: dict[str, float] = {}
+    value: dict[str, float] = {}
+    for (name, _, _, quantity), curve in series.items():
+        if name == case:
+            truth[quantity] = max(truth.get(quantity, 0.0), curve.scale)
+            finite = np.abs(curve.value[np.isfinite(curve.value)])
+            value[quantity] = max(value.get(quantity, 0.0), float(finite.max(initial=0.0)))
+    return {quantity: truth[quantity] or value[quantity] for quantity in truth}

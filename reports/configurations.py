@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from ninedisk.reports.chains import contact_forces, ends, springs
 from ninedisk.reports.draw_scene import Configuration
 from ninedisk.reports.figures import varying
 from ninedisk.reports.panel import CaseData
 from ninedisk.reports.plans import PLANS, FigurePlan
 from ninedisk.reports.scene_view import WallView, read_scene
+from ninedisk.reports.scenes import read_frames
 from ninedisk.reports.style import Look
 from ninedisk.reports.text import decoded, parameters
 
@@ -45,32 +47,40 @@ def case_configurations(
 
 
 def _pictures(cells: list[dict[str, Any]], looks: dict[str, Look], last: int | None) -> list[Configuration]:
-    """The last stored step and the one that begins the last ``last`` steps, with every engine that has them."""
+    """The last stored step and the one that begins the last ``last`` steps, with every engine that has them.
+
+    The force chains are those of the first engine whose contacts are plain springs.
+    """
     scene = next((view for cell in cells if (view := read_scene(decoded(cell["setup"], dict)))), None)
     if scene is None:
         return []
     bodies: dict[int, list[Any]] = {}
+    chains: dict[int, tuple[str, tuple[tuple[Any, float], ...]]] = {}
     for cell in cells:
-        frames = decoded(cell["frames"], dict)
-        for k, step in enumerate(frames.get("step", ())):
-            try:
-                x = np.array(frames["x"][k], dtype=np.float64).reshape(-1, 2)
-                angle = np.array(frames["angle"][k], dtype=np.float64)
-                walls = _walls(frames, k)
-                if len(x) == len(scene.radius) == len(angle) and np.isfinite(x).all():
-                    bodies.setdefault(int(step), []).append((looks[cell["engine"]], x, angle, walls))
-            except (KeyError, IndexError, TypeError, ValueError):
-                continue
+        frames = read_frames(cell)
+        if frames is None or frames.x.shape[1] != len(scene.radius):
+            continue
+        look, held = looks[cell["engine"]], springs(decoded(cell["setup"], dict))
+        for k, step in enumerate(frames.step.astype(int).tolist()):
+            walls = _walls(frames.wall_point[k], frames.wall_angle[k])
+            bodies.setdefault(step, []).append((look, frames.x[k], frames.angle[k], walls))
+        if held is not None and not chains and len(held.walls) == frames.wall_point.shape[1]:
+            pairs, forces = contact_forces(held, frames.x, frames.wall_point, frames.wall_angle)
+            for k, step in enumerate(frames.step.astype(int).tolist()):
+                place = frames.x[k], frames.wall_point[k], frames.wall_angle[k]
+                links = tuple((ends(pair, *place), float(f)) for pair, f in zip(pairs, forces[k], strict=True))
+                chains[step] = (look.label, links)
     if not bodies:
         return []
     final = max(bodies)
     begin = min(bodies, key=lambda step: (abs(step - (final - last if last else 0)), step))
-    return [Configuration(f"cycle {step}", scene.radius, tuple(bodies[step])) for step in sorted({begin, final})]
+    return [
+        Configuration(f"cycle {step}", scene.radius, tuple(bodies[step]), *chains.get(step, ("", ())))
+        for step in sorted({begin, final})
+    ]
 
 
-def _walls(frames: dict[str, Any], k: int) -> tuple[WallView, ...]:
-    points = np.array(frames.get("wall_point") or np.empty((k + 1, 0, 2)), dtype=np.float64)[k]
-    angles = np.array(frames.get("wall_angle") or np.empty((k + 1, 0)), dtype=np.float64)[k]
+def _walls(points: Any, angles: Any) -> tuple[WallView, ...]:
     return tuple(
         WallView("", point, np.array([np.cos(angle), np.sin(angle)]))
         for point, angle in zip(points, angles, strict=True)

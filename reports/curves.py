@@ -75,18 +75,13 @@ def split_references(table: Any) -> dict[tuple[str, str, str], list[Curve]]:
     return found
 
 
-def differences(one: Curve, two: Curve) -> float:
-    """``max |one - two| / max |value|`` over the steps that both have; NaN if they share none.
-
-    The scale is the larger of the two histories' largest absolute values, whatever their order.
-    """
+def differences(one: Curve, two: Curve, scale: float) -> float:
+    """``max |one - two| / scale`` over the steps that both have; NaN if they share none, 0 without a scale."""
     _, a, b = np.intersect1d(one.step, two.step, return_indices=True)
     both = np.isfinite(one.value[a]) & np.isfinite(two.value[b])
     if not both.any():
         return float("nan")
-    x, y = one.value[a][both], two.value[b][both]
-    scale = max(float(np.abs(x).max()), float(np.abs(y).max()))
-    worst = float(np.abs(x - y).max())
+    worst = float(np.abs(one.value[a][both] - two.value[b][both]).max())
     return worst / scale if scale > 0.0 else 0.0
 
 

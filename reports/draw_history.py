@@ -97,6 +97,11 @@ def round_off(scales: Sequence[float], errors: Sequence[FloatArray]) -> float:
     return max(min(float(error.min()) for error in filled), EPS * max(float(error.max()) for error in filled))
 
 
+def error_label(y_label: str) -> str:
+    """Label of the error axis below an axis of values."""
+    return f"|error| {y_label[y_label.rfind('[') :]}" if "[" in y_label else "|error|"
+
+
 def draw_history(panel: HistoryPanel, path: Path) -> None:
     """Write the panel as SVG."""
     from matplotlib import rc_context
@@ -133,8 +138,8 @@ def _errors(axes: Any, panel: HistoryPanel, limits: tuple[float, float]) -> None
     axes.yaxis.set_major_locator(LogLocator(numticks=6))
     axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _power(value)))
-    axes.set_ylabel(f"|error| {panel.y_label[panel.y_label.rfind('[') :]}" if "[" in panel.y_label else "|error|")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: log_label(value)))
+    axes.set_ylabel(error_label(panel.y_label))
     axes.axhline(panel.floor, color=INK, linewidth=0.6, alpha=0.6, dashes=(1, 2))
     axes.text(0.01, panel.floor, "round-off", transform=axes.get_yaxis_transform(), fontsize=7, va="bottom")
     for line in panel.lines:
@@ -163,7 +168,8 @@ def _errors(axes: Any, panel: HistoryPanel, limits: tuple[float, float]) -> None
                 )
 
 
-def _power(value: float) -> str:
+def log_label(value: float) -> str:
+    """Label of a power of ten on a log axis: ``1e-9``."""
     return f"1e{round(float(np.log10(value)))}" if value > 0.0 else ""
 
 

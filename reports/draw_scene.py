@@ -17,15 +17,23 @@ FloatArray = NDArray[np.float64]
 MOST_NUMBERED = 60
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
 MOTION, GRAVITY, MARK = PALETTE[0], PALETTE[2], PALETTE[6]
+CHAIN = PALETTE[6]
+CHAIN_WIDTH = 7.0
+"""Width [pt] of the largest force of a picture; the others in proportion."""
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """Disks and walls of several engines at one sampled step."""
+    """Disks and walls of several engines at one sampled step, and the force chains of one of them.
+
+    ``chains`` are links, shape (2, 2) [m], with their normal force [N].
+    """
 
     title: str
     radius: FloatArray
     bodies: tuple[tuple[Look, FloatArray, FloatArray, tuple[WallView, ...]], ...]  # look, x (n, 2), angle (n,), walls
+    chains_of: str = ""
+    chains: tuple[tuple[FloatArray, float], ...] = ()
 
 
 def draw_sketch(scene: SceneView, path: Path) -> None:
@@ -72,6 +80,10 @@ def draw_configuration(configuration: Configuration, path: Path) -> None:
         low, high, _ = _box(every, radii, 0.07)
         figure, axes = _blank(low, high)
         axes.set_title(configuration.title)
+        most = max((force for _, force in configuration.chains), default=0.0)
+        for link, force in configuration.chains:
+            if force > 0.0:
+                axes.plot(*link.T, color=CHAIN, alpha=0.6, linewidth=CHAIN_WIDTH * force / most, zorder=1.5)
         for look, x, angle, walls in configuration.bodies:
             style = (0, tuple(look.dash)) if look.dash else "solid"
             for wall in walls:

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ninedisk.reports.compare_engines import engine_differences
+from ninedisk.reports.case_tables import case_tables, folded_rows
+from ninedisk.reports.compare_engines import difference_matrix
 from ninedisk.reports.configurations import case_configurations
-from ninedisk.reports.draw_history import HistoryPanel
+from ninedisk.reports.convergence import convergences, values_against_step
+from ninedisk.reports.draw_points import PointChart
 from ninedisk.reports.draw_scene import Configuration, numeral
 from ninedisk.reports.figures import case_figures, looks_of
+from ninedisk.reports.pack import Arrays, pack_case
 from ninedisk.reports.panel import CaseData, Panel
-from ninedisk.reports.render import Job
+from ninedisk.reports.plans import SETUP_FIGURES, FigurePlan
+from ninedisk.reports.render import Job, Picture
 from ninedisk.reports.scene_view import SceneView, read_scene
+from ninedisk.reports.scenes import moving_scenes
+from ninedisk.reports.speed import case_speed
+from ninedisk.reports.style import Look
 from ninedisk.reports.text import decoded
 
 MOST_SKETCHES = 4
 """Set-ups of one case that are drawn; those that look alike are drawn once."""
+
+DRAWN_GROUPS = 2
+"""Groups of variants of one figure of the source that are drawn as pictures; the charts show every group."""
 
 GRIDS = {1: "", 2: "two", 3: "three", 4: "four"}
 _POINTS_TO_PIXELS = 4.0 / 3.0
@@ -35,6 +46,21 @@ class Image:
     caption: str = ""
 
 
+@dataclass(frozen=True)
+class Chart:
+    """An interactive chart: its description as JSON, text alternative, the picture that stands in for it, its legend."""
+
+    spec: str
+    alt: str
+    image: Image | None
+    legend: dict[str, Look]
+
+
+def drawn_groups(plan: FigurePlan) -> int:
+    """Groups of a figure that get a picture beside their charts: more for figures of the source."""
+    return DRAWN_GROUPS if plan.number else 1
+
+
 class CaseDrawing:
     """Plans the pictures of a case (`jobs`); once they are drawn, `values` is what the page's template asks for."""
 
@@ -47,13 +73,25 @@ class CaseDrawing:
         self.panels = {
             id(shown): self._file(shown.picture, "history")
             for block in self.blocks
-            for group in block.groups
+            for group in block.groups[: drawn_groups(block.plan)]
             for shown in group.panels
         }
         self.plan, self.groups = case_configurations(case, self.looks.engines)
         self.frames = {id(picture): self._file(picture, "frame") for _, pictures in self.groups for picture in pictures}
+        self.convergences = convergences(case, self.looks.engines)
+        self.value_charts = values_against_step(case, self.looks.engines)
+        self.speed = case_speed(case, self.looks.engines)
+        charts = (
+            [c.chart for c in self.convergences] + [c for _, some in self.value_charts for c in some] + [self.speed]
+        )
+        self.points = {id(chart): self._file(chart, "points") for chart in charts if chart is not None}
+        arrays = Arrays()
+        self.moving = moving_scenes(case, arrays)
+        self.tables = case_tables(case)
+        folded = folded_rows(panel, self.tables)
+        self.numbers = pack_case(panel, case, self.looks, arrays, {"scenes": self.moving, "tables": folded})
 
-    def _file(self, picture: HistoryPanel | SceneView | Configuration, kind: str) -> Path:
+    def _file(self, picture: Picture, kind: str) -> Path:
         path = self.folder / "figures" / f"{self.case.slug}-{kind}-{len(self.jobs) + 1}.svg"
         self.jobs.append(Job(picture, path))
         return path
@@ -68,8 +106,8 @@ class CaseDrawing:
         return list(found.values())[:MOST_SKETCHES]
 
     def values(self) -> dict[str, Any]:
-        """Images, legends and difference tables for the template."""
-        quantities, pairs = engine_differences(self.panel.stored.series, self.case.id)
+        """Images, charts, legends and difference tables for the template."""
+        names, differences = difference_matrix(self.panel.stored.series, self.case.id)
         blocks = [
             {
                 "plan": block.plan,
@@ -80,7 +118,7 @@ class CaseDrawing:
                     {
                         "heading": group.heading,
                         "grid": GRIDS.get(group.columns, ""),
-                        "panels": [self._image(self.panels[id(shown)], shown.alt) for shown in group.panels],
+                        "panels": [self._chart(shown.spec, shown.alt, shown) for shown in group.panels],
                     }
                     for group in block.groups
                 ],
@@ -90,16 +128,40 @@ class CaseDrawing:
         used = {id(body[0]): body[0] for _, pictures in self.groups for p in pictures for body in p.bodies}
         return {
             "sketches": [self._sketch(scene, variant, path) for scene, variant, path in self.sketches],
+            "setup_figure": SETUP_FIGURES.get(self.case.id, ""),
             "blocks": blocks,
             "configuration_plan": self.plan,
-            "configuration_looks": list(used.values()),
+            "configuration_looks": {engine: look for engine, look in self.looks.engines.items() if id(look) in used},
             "configurations": [
-                (heading, [self._image(self.frames[id(p)], self._alt(p, heading)) for p in pictures])
+                (heading, [svg_image(self.frames[id(p)], self._alt(p, heading)) for p in pictures])
                 for heading, pictures in self.groups
             ],
-            "pairs": pairs,
-            "quantities": quantities,
+            "moving": next(
+                (name for name in self.moving if self.plan.matches(self.case.variants[name])),
+                next(iter(self.moving), None),
+            ),
+            "convergences": [
+                (c, self._chart(c.chart.spec(), c.chart.alt(), c.chart) if c.chart else None) for c in self.convergences
+            ],
+            "value_charts": [
+                (plan, [self._chart(chart.spec(), chart.alt(), chart) for chart in charts])
+                for plan, charts in self.value_charts
+            ],
+            "speed": self._chart(self.speed.spec(), self.speed.alt(), self.speed) if self.speed else None,
+            "engine_looks": {
+                engine: look
+                for engine, look in self.looks.engines.items()
+                if any(cell["engine"] == engine and cell["support"] != "no" for cell in self.case.cells)
+            },
+            "tables": self.tables,
+            "compared": names,
+            "differences": differences,
         }
+
+    def _chart(self, spec: dict[str, Any], alt: str, picture: Any) -> Chart:
+        path = self.panels.get(id(picture)) or self.points.get(id(picture))
+        legend = picture.looks if isinstance(picture, PointChart) else {}
+        return Chart(json.dumps(spec, allow_nan=False), alt, svg_image(path, alt) if path else None, legend)
 
     def _alt(self, picture: Configuration, heading: str) -> str:
         engines = ", ".join(body[0].label for body in picture.bodies)
@@ -114,12 +176,13 @@ class CaseDrawing:
         caption = f"Set-up of {variant.replace(',', ', ') or 'the case'}." + (
             f" Watched contacts: {marks}." if marks else ""
         )
-        return self._image(path, alt, caption)
+        return svg_image(path, alt, caption)
 
-    def _image(self, path: Path, alt: str, caption: str = "") -> Image:
-        """Image with the size that its SVG states, so that the page does not jump while it loads."""
-        with path.open(encoding="utf-8") as file:
-            head = file.read(600)
-        sizes = [re.search(rf'\b{name}="([0-9.]+)pt"', head) for name in ("width", "height")]
-        width, height = (round(float(size[1]) * _POINTS_TO_PIXELS) if size else 0 for size in sizes)
-        return Image(f"figures/{path.name}", alt, width, height, caption)
+
+def svg_image(path: Path, alt: str, caption: str = "") -> Image:
+    """Image with the size that its SVG states, so that the page does not jump while it loads."""
+    with path.open(encoding="utf-8") as file:
+        head = file.read(600)
+    sizes = [re.search(rf'\b{name}="([0-9.]+)pt"', head) for name in ("width", "height")]
+    width, height = (round(float(size[1]) * _POINTS_TO_PIXELS) if size else 0 for size in sizes)
+    return Image(f"figures/{path.name}", alt, width, height, caption)

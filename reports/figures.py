@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ninedisk.reports.curves import Curve
-from ninedisk.reports.draw_history import HistoryPanel, Line, error_limits, round_off, value_limits
+from ninedisk.reports.draw_history import HistoryPanel, Line, error_label, error_limits, round_off, value_limits
 from ninedisk.reports.panel import CaseData, Panel
 from ninedisk.reports.plans import GENERIC, PLANS, FigurePlan, Plotted
 from ninedisk.reports.style import Look, engine_looks, reference_looks
@@ -22,10 +22,11 @@ MOST_GENERIC = 24
 
 @dataclass(frozen=True)
 class Shown:
-    """A panel with its text alternative."""
+    """A panel with its text alternative, and what its interactive chart shows."""
 
     picture: HistoryPanel
     alt: str
+    spec: dict[str, Any]
 
 
 @dataclass
@@ -100,6 +101,15 @@ def varying(variants: Iterable[dict[str, Any]]) -> list[str]:
     return [name for name, seen in values.items() if len(seen) > 1]
 
 
+def tolerances(case: CaseData) -> dict[tuple[str, str, str, str], float]:
+    """Tolerances of histories by variant, engine, quantity and truth."""
+    return {
+        (row["variant"], row["engine"], row["quantity"], row["truth"]): row["tolerance"]
+        for row in case.measurements
+        if row["norm"] == "max"
+    }
+
+
 class _Builder:
     def __init__(self, panel: Panel, case: CaseData) -> None:
         self.case = case
@@ -109,10 +119,7 @@ class _Builder:
                 self.series.setdefault((variant, quantity), {})[engine] = curve
         self.references = {key[1:]: curves for key, curves in panel.stored.references.items() if key[0] == case.id}
         self.looks = looks_of(panel, case)
-        self.tolerance: dict[tuple[str, str, str, str], float] = {}
-        for row in case.measurements:
-            if row["norm"] == "max":
-                self.tolerance[row["variant"], row["engine"], row["quantity"], row["truth"]] = row["tolerance"]
+        self.tolerance = tolerances(case)
 
     def block(self, plan: FigurePlan, variants: dict[str, dict[str, Any]]) -> FigureBlock:
         block = FigureBlock(plan)
@@ -177,7 +184,13 @@ class _Builder:
                 error_limits=bounds,
                 floor=floor,
             )
-            shown.append(Shown(picture, _alt(picture, heading)))
+            spec = {
+                "kind": "history", "variant": name, "quantity": quantity.name, "x": plan.x, "last": plan.last,
+                "references": any(c.label for c in self.references.get((name, quantity.name), [])), "unit": unit,
+                "title": numbered, "x_label": picture.x_label, "y_label": picture.y_label,
+                "error_label": error_label(picture.y_label), "y": limits, "error": bounds, "floor": floor,
+            }  # fmt: skip
+            shown.append(Shown(picture, _alt(picture, heading), spec))
         return shown
 
     def _line(self, plan: FigurePlan, variant: str, quantity: Plotted, engine: str, whole: Curve) -> Line:

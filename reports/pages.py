@@ -13,14 +13,14 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ninedisk.reports import text, words
+from ninedisk.reports.case_tables import SHOWN
+from ninedisk.reports.drawing import Chart
+from ninedisk.reports.errata import errata, measured
 from ninedisk.reports.load import Row
-from ninedisk.reports.panel import EXPLAINED, CaseData, EngineFacts, Panel, is_rated, summarise, worst_first
-from ninedisk.reports.words import shade, symbol
+from ninedisk.reports.panel import CaseData, EngineFacts, Panel, Summary, summarise
+from ninedisk.reports.words import pair_shade, shade, symbol
 
 HERE = Path(__file__).parent
-SHOWN = 30
-"""Measurements that a case page shows before the rest is folded."""
-
 
 OPEN_GROUPS = 4
 """Groups of variants of one figure that are open; the rest is folded."""
@@ -57,12 +57,14 @@ def environment() -> Environment:
     env.filters |= {
         "error": text.error,
         "number": text.number,
+        "order": text.order,
         "ratio": text.ratio,
         "seconds": text.seconds,
         "variant": _variant,
         "unit": lambda unit: "" if unit in ("-", "1") else unit,
         "shade": shade,
         "symbol": symbol,
+        "pair_shade": pair_shade,
         "css": lambda word: re.sub(r"[^a-z-]", "", str(word)),
     }
     env.globals |= {
@@ -70,36 +72,43 @@ def environment() -> Environment:
         "support_meaning": words.SUPPORT_MEANING,
         "status_meaning": words.STATUS_MEANING,
         "shades": words.SHADES,
+        "pair_shades": words.PAIR_SHADES,
         "nothing": text.NOTHING,
     }
     return env
 
 
 def index_page(env: Environment, panel: Panel) -> str:
-    """The overview."""
+    """The overview: cases and engines with the worst error come first."""
     rows, gaps = panel.open_rows(), panel.gap_rows()
     by_cell = _by(panel.measurements, "case", "engine")
-    matrix = []
+    squares: dict[tuple[str, str], Summary | None] = {}
     for case in panel.cases.values():
         cells = _by(case.cells, "engine")
-        summaries = [
-            summarise(cells.get((engine,), []), by_cell.get((case.id, engine), [])) for engine in panel.engines
-        ]
-        worst = max((s.ratio for s in summaries if s and s.worst), default=-1.0)
-        matrix.append((worst, case, summaries))
-    matrix.sort(key=lambda item: -item[0])
+        for name in panel.engines:
+            squares[case.id, name] = summarise(cells.get((name,), []), by_cell.get((case.id, name), []))
+
+    def worst(*, case: str = "", engine: str = "") -> tuple[float, int]:
+        mine = [s for (c, e), s in squares.items() if s and (c == case or e == engine)]
+        return -max((s.ratio for s in mine if s.worst), default=-1.0), -sum(s.ran for s in mine)
+
+    engines = sorted(panel.engines.values(), key=lambda engine: worst(engine=engine.id))
+    cases = sorted(panel.cases.values(), key=lambda case: worst(case=case.id))
+    found = errata(panel)
     return env.get_template("index.html").render(
         root="",
         engines=panel.engines,
+        columns=engines,
         cases=panel.cases,
-        matrix=[(case, summaries) for _, case, summaries in matrix],
+        matrix=[(case, [squares[case.id, engine.id] for engine in engines]) for case in cases],
         open_rows=rows,
+        worst_pairs=panel.worst_of_pairs(),
         gap_rows=gaps,
         unfinished=panel.unfinished(),
         n_failed=sum(row["ratio"] > 1.0 for row in rows),
         n_rated=len(rows),
         fine=not panel.unfinished() and all(row["ratio"] <= 1.0 for row in rows),
-        contradicted=[claim for claim in _claims(panel, _all_claims(panel)) if claim["verdict"] == "contradicted"],
+        errata=found,
         n_claims=len(_all_claims(panel)),
         provenance=provenance(panel.stored.runs[0]) if panel.stored.runs else [],
         runs=[_run(run) for run in panel.stored.runs],
@@ -107,19 +116,19 @@ def index_page(env: Environment, panel: Panel) -> str:
     )
 
 
+def errata_page(env: Environment, panel: Panel) -> str:
+    """Claims of the source that are contradicted."""
+    return env.get_template("errata.html").render(root="", errata=errata(panel), measured=measured)
+
+
 def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, Any]) -> str:
     """A case; ``drawn`` holds its figures and difference tables, as `CaseDrawing.values` gives them."""
-    rows = worst_first(row for row in case.measurements if is_rated(row) and row["status"] not in EXPLAINED)
-    gaps = worst_first(row for row in case.measurements if row["status"] in EXPLAINED)
-    unrated = [row for row in case.measurements if not is_rated(row) and row["status"] not in EXPLAINED]
-    notes: dict[tuple[str, str], int] = {}
-    for row in (*rows[SHOWN:], *gaps[SHOWN:], *unrated):
-        row["note"] = notes.setdefault((row["why"], row["source"]), len(notes) + 1)
-    cells, measured = _by(case.cells, "engine"), _by(case.measurements, "engine")
+    rows = drawn["tables"].rows
+    cells, rated = _by(case.cells, "engine"), _by(case.measurements, "engine")
     summaries = [
         (panel.engines[key[0]], summary)
         for key, group in cells.items()
-        if (summary := summarise(group, measured.get(key, []))) is not None
+        if (summary := summarise(group, rated.get(key, []))) is not None
     ]
     return env.get_template("case.html").render(
         root="../",
@@ -129,10 +138,6 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
         worst=rows[0] if rows else None,
         fine=bool(rows) and rows[0]["ratio"] <= 1.0,
         summaries=sorted(summaries, key=lambda item: -item[1].ratio if item[1].worst else 1.0),
-        rows=rows,
-        gaps=gaps,
-        unrated=unrated,
-        notes=list(notes),
         shown=SHOWN,
         open_groups=OPEN_GROUPS,
         claims=_claims(panel, case.claims),
@@ -141,18 +146,20 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
     )
 
 
-def engine_page(env: Environment, panel: Panel, engine: EngineFacts) -> str:
-    """An engine."""
-    measured = _by([row for row in panel.measurements if row["engine"] == engine.id], "case", "variant")
+def engine_page(env: Environment, panel: Panel, engine: EngineFacts, speed: Chart | None) -> str:
+    """An engine; ``speed`` is its chart of accuracy against speed."""
+    rated = _by([row for row in panel.measurements if row["engine"] == engine.id], "case", "variant")
     lines, groups = [], []
     for case in panel.cases.values():
         cells = [cell for cell in case.cells if cell["engine"] == engine.id]
         if cells:
             groups.append((case, cell_groups(cells)))
         for cell in cells:
-            lines.append((case, cell, summarise([cell], measured.get((case.id, cell["variant"]), []))))
+            lines.append((case, cell, summarise([cell], rated.get((case.id, cell["variant"]), []))))
     lines.sort(key=lambda line: -line[2].ratio if line[2] and line[2].worst else 1.0)
-    return env.get_template("engine.html").render(root="../", engine=engine, lines=lines, cell_groups=groups)
+    return env.get_template("engine.html").render(
+        root="../", engine=engine, lines=lines, cell_groups=groups, speed=speed
+    )
 
 
 def cell_groups(cells: list[Row]) -> list[CellGroup]:
@@ -213,9 +220,8 @@ def _by(rows: Iterable[Row], *columns: str) -> dict[tuple[str, ...], list[Row]]:
 
 
 def _variant(name: str) -> Markup:
-    """A variant's id that may wrap after its commas, numbers cut to four digits."""
-    parts = [re.sub(r"(?<==)-?\d+\.\d{5,}$", lambda m: f"{float(m[0]):.4g}", part) for part in name.split(",")]
-    return Markup(",<wbr>").join(parts)
+    """A variant's id with short numbers and places after its commas where it may wrap."""
+    return Markup(",<wbr>").join(text.short_variant(name).split(","))
 
 
 def _plain(value: Any) -> str:

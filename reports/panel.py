@@ -15,6 +15,9 @@ from ninedisk.reports.text import Slugs, as_float, decoded
 NOT_RUN = frozenset({"error", "timeout", "unsupported", "not-installed"})
 """Statuses of cells that left no numbers."""
 
+NOT_TRIED = frozenset({"unsupported", "not-installed"})
+"""Statuses of cells that no engine was asked to run: they do not decide where other variants ran."""
+
 EXPLAINED = frozenset({"known-gap", "gap-closed"})
 """Statuses of measurements whose truth is itself known to be off; they are ranked apart."""
 
@@ -95,13 +98,15 @@ class CaseData:
 
 @dataclass(frozen=True)
 class Summary:
-    """One square of the matrix, or one line of an engine's table."""
+    """One square of the matrix, or one line of an engine's table; status and support are those of what ``ran``, if any."""
 
     status: str
     counts: tuple[tuple[str, int], ...]
     support: tuple[str, ...]
     worst: Row | None
     gaps: int
+    ran: int
+    variants: int
 
     @property
     def ratio(self) -> float:
@@ -122,6 +127,13 @@ class Panel:
         """Rated measurements, worst first, without those whose truth is known to be off."""
         return worst_first(r for r in self.measurements if is_rated(r) and r["status"] not in EXPLAINED)
 
+    def worst_of_pairs(self) -> list[Row]:
+        """The worst open row of each case and engine, worst first."""
+        first: dict[tuple[str, str], Row] = {}
+        for row in self.open_rows():
+            first.setdefault((row["case"], row["engine"]), row)
+        return list(first.values())
+
     def gap_rows(self) -> list[Row]:
         """Measurements against truths that are known to be off, worst first."""
         return worst_first(row for row in self.measurements if row["status"] in EXPLAINED)
@@ -139,13 +151,16 @@ def summarise(cells: list[Row], measurements: list[Row]) -> Summary | None:
     counted = [row for row in rated if row["status"] not in EXPLAINED]
     counts = Counter(cell["status"] for cell in cells)
     order = {status: k for k, status in enumerate(WORST_FIRST)}
-    support = {cell["support"] for cell in cells if cell["support"]}
+    tried = [cell for cell in cells if cell["status"] not in NOT_TRIED]
+    support = {cell["support"] for cell in tried or cells if cell["support"]}
     return Summary(
-        status=worst_status(counts),
+        status=worst_status(cell["status"] for cell in tried or cells),
         counts=tuple(sorted(counts.items(), key=lambda item: order.get(item[0], -1))),
         support=tuple(sorted(support, key=lambda word: SUPPORT.index(word) if word in SUPPORT else -1)),
         worst=worst_first(counted)[0] if counted else None,
         gaps=sum(row["status"] in EXPLAINED for row in measurements),
+        ran=len(tried),
+        variants=len(cells),
     )
 
 

@@ -209,6 +209,7 @@ PLANS: Mapping[str, tuple[FigurePlan, ...]] = {
                 Plotted("vx", "velocity along x"),
                 Plotted("spin", "spin"),
             ),
+            compare="dt",
             shows="A disk thrown with slip and no spin onto a plane.",
             allows="It slides until t = v0/(3 mu g) and then rolls at 2 v0/3, if the engine has the inertia of a disk.",
         ),
@@ -222,3 +223,38 @@ GENERIC = FigurePlan(
     shows="Each quantity over time, every engine overlaid.",
     allows="Where the engines part, and when: the lower axes show each engine's distance from the best truth.",
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValuePlan:
+    """A number whose value over the step size tells engines apart, and the levels that it is held against."""
+
+    quantity: str
+    label: str
+    levels: tuple[tuple[str, float], ...]
+    shows: str
+    allows: str
+
+
+VALUE_PLANS: Mapping[str, tuple[ValuePlan, ...]] = {
+    "incline-block": (
+        ValuePlan(
+            quantity="dilation",
+            label="gap/(mu v dt)",
+            levels=(("associated rule: 1", 1.0), ("Coulomb: 0", 0.0)),
+            shows="Gap of the sliding block over mu v dt, for each time step.",
+            allows="Which sliding rule an engine has: 1 for the associated rule, which opens a gap by mu times the slip "
+            "of a step, 0 for Coulomb's. Anything else is a gap that neither rule explains.",
+        ),
+    ),
+}
+"""Plans of numbers against the step size, by case id."""
+
+SETUP_FIGURES: Mapping[str, str] = {
+    "nine-disk/compression": "A.1",
+    "nine-disk/distortion": "A.1",
+    "sliding/quasistatic": "A.14",
+    "sliding/dynamic": "A.15",
+    "incline-block": "A.16",
+}
+"""Figures of the source that show a case's set-up."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.reports.draw_history import HistoryPanel, draw_history
+from ninedisk.reports.draw_points import PointChart, draw_points
 from ninedisk.reports.draw_scene import Configuration, draw_configuration, draw_sketch
 from ninedisk.reports.scene_view import SceneView
 
@@ -19,10 +20,13 @@ MOST_WORKERS = 4
 FEW = 12
 """Below this number of figures the start of the workers costs more than it saves."""
 
+Picture = HistoryPanel | SceneView | Configuration | PointChart
+
 _DRAW: dict[type, Callable[[Any, Path], None]] = {
     HistoryPanel: draw_history,
     SceneView: draw_sketch,
     Configuration: draw_configuration,
+    PointChart: draw_points,
 }
 
 
@@ -30,7 +34,7 @@ _DRAW: dict[type, Callable[[Any, Path], None]] = {
 class Job:
     """A picture and the file that it goes to."""
 
-    picture: HistoryPanel | SceneView | Configuration
+    picture: Picture
     path: Path
 
 

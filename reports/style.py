@@ -11,7 +11,10 @@ INK = "#24292f"
 SOFT = "#8a9099"
 """Colour of grids and hatches, readable on white and on black."""
 
-PALETTE = ("#1f77d0", "#e0701a", "#1a9a6a", "#c44e9a", "#8a63d2", "#a8871a", "#d64545", "#2aa7b8")
+PALETTE = (
+    "#1f77d0", "#e0701a", "#1a9a6a", "#c44e9a", "#8a63d2", "#a8871a", "#d64545", "#2aa7b8", "#9c6a3c", "#6f8f2a",
+    "#5a62c9", "#b8456b", "#3f8a8a",
+)  # fmt: skip
 DASHES = ((), (7.0, 2.5), (2.0, 2.0), (7.0, 2.0, 2.0, 2.0), (11.0, 3.0), (4.0, 1.5), (1.0, 2.5), (9.0, 2.0, 1.0, 2.0))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "p")
 REFERENCE_DASHES = {
@@ -57,7 +60,12 @@ def engine_looks(names: dict[str, str]) -> dict[str, Look]:
     many = len(PALETTE)
     return {
         engine: Look(
-            name, PALETTE[k % many], DASHES[(k + k // many) % many], 1.3, MARKERS[k % many], (k % many + 0.5) / many
+            name,
+            PALETTE[k % many],
+            DASHES[(k + k // 8) % 8],
+            1.3,
+            MARKERS[(k + k // many) % 8],
+            (k % many + 0.5) / many,
         )
         for k, (engine, name) in enumerate(names.items())
     }

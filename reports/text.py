@@ -22,17 +22,23 @@ def as_float(value: Any) -> float:
 
 
 def error(value: Any) -> str:
-    """An error or tolerance, two significant digits: ``1.2e-13``."""
-    number = as_float(value)
-    if not math.isfinite(number):
+    """An error or tolerance, two significant digits: ``1.2e-13``, ``0.25``."""
+    x = as_float(value)
+    if not math.isfinite(x):
         return NOTHING
-    return "0" if number == 0.0 else f"{number:.1e}"
+    return "0" if x == 0.0 else f"{x:.2g}" if 0.01 <= abs(x) < 99.5 else _scientific(x)
+
+
+def _scientific(x: float) -> str:
+    """Two significant digits and a bare exponent: ``4.6e5``."""
+    mantissa, exponent = f"{x:.1e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
 
 
 def number(value: Any) -> str:
     """A value, seven significant digits."""
     x = as_float(value)
-    return f"{x:.7g}" if math.isfinite(x) else NOTHING
+    return f"{x + 0.0:.7g}" if math.isfinite(x) else NOTHING
 
 
 def ratio(value: Any) -> str:
@@ -46,7 +52,18 @@ def ratio(value: Any) -> str:
         return "0"
     if x != 1.0 and f"{x:.2g}" == "1":
         return "<1" if x < 1.0 else ">1"
-    return f"{x:.2g}" if 0.01 <= x < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else f"{x:.1e}"
+    return f"{x:.2g}" if 0.01 <= x < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else _scientific(x)
+
+
+def order(value: Any) -> str:
+    """A fitted order of convergence; errors that are round-off have none."""
+    x = as_float(value)
+    return f"{round(x, 2) + 0.0:.2f}" if math.isfinite(x) else NOTHING
+
+
+def short_variant(name: str) -> str:
+    """A variant's id with its numbers cut to four digits."""
+    return re.sub(r"(?<==)-?\d+\.\d{5,}(?=,|$)", lambda m: f"{float(m[0]):.4g}", name)
 
 
 def seconds(value: Any) -> str:

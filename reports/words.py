@@ -52,3 +52,18 @@ def shade(ratio: float) -> str:
 def symbol(word: str) -> str:
     """Symbol of a status or verdict; ``‼`` for one that this version does not know."""
     return STATUS_SYMBOL.get(word) or VERDICT_SYMBOL.get(word) or "‼"
+
+
+PAIR_SHADES = (
+    ("in0", 1e-9, "differ by at most 1e-9"),
+    ("in1", 1e-4, "at most 1e-4"),
+    ("out1", 1e-2, "at most 1 %"),
+    ("out2", 0.3, "at most 30 %"),
+    ("out3", math.inf, "more"),
+)
+"""Classes of the relative difference of two engines."""
+
+
+def pair_shade(size: float) -> str:
+    """CSS class of a relative difference."""
+    return next(name for name, most, _ in PAIR_SHADES if size <= most)

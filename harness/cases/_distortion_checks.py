@@ -99,6 +99,14 @@ def _even_walls(params: Mapping[str, Any]) -> bool:
 
 def _other_arm(setup: Setup, engine: EngineInfo) -> tuple[str, float]:
     """Reason and relative size of the difference that another lever arm makes; empty and 0 where the arms agree."""
+    turning = [wall for wall in setup.scene.walls if wall.law.mu > 0.0 and any(s.angular_velocity for s in wall.motion)]
+    if engine.fixed_wall_shear and turning:
+        angle = sum(abs(segment.angular_velocity) * segment.duration for segment in turning[0].motion)
+        return (
+            "the engine keeps shear forces at walls along fixed axes: a turning wall adds fn times its rotation, up to "
+            f"{angle:.3g} fn in all",
+            angle,
+        )
     asked = setup.scene.disk_disk.lever_arm
     if LEVER_ARMS[asked] in engine.capabilities:
         return "", 0.0

@@ -84,6 +84,7 @@ class Kratos(ExternalEngine):
             capabilities=CAPABILITIES,
             not_installed_because=reason or without,
             turns_shear="to first order",
+            fixed_wall_shear=True,
         )
 
     def command(self) -> Sequence[str]:

@@ -31,7 +31,7 @@ def sibling(name: str) -> ModuleType:
     return module
 
 
-SCENES, PANEL = sibling("synthetic_scenes"), sibling("synthetic_panel")
+SCENES, PANEL, DEVTOOLS = sibling("synthetic_scenes"), sibling("synthetic_panel"), sibling("devtools")
 
 
 def write_run(
@@ -160,3 +160,13 @@ def panel_report(panel_store: Path, tmp_path_factory: pytest.TempPathFactory) ->
     from ninedisk.reports.build import build_report
 
     return build_report(panel_store, tmp_path_factory.mktemp("out") / "report").parent
+
+
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A browser tab without a network; what it asked for and complained about is empty at the start."""
+    if DEVTOOLS.CHROMIUM is None:
+        pytest.skip("chromium is not installed: apt-get install chromium")
+    pytest.importorskip("websockets", reason="the package websockets is not installed: pip install 'ninedisk[dev]'")
+    with DEVTOOLS.browser(tmp_path_factory.mktemp("profile")) as page:
+        yield page

@@ -28,6 +28,7 @@ def test_plans_cover_every_figure_of_the_source():
         for plan in case_plans:
             numbers |= {quantity.number for quantity in plan.quantities} if "–" in plan.number else {plan.number}
     assert numbers - {""} == FIGURES
+    assert set(plans.SETUP_FIGURES.values()) == {"A.1", "A.14", "A.15", "A.16"}
 
 
 def test_every_plan_says_what_is_seen_and_concluded():

@@ -9,6 +9,7 @@ import pytest
 
 from ninedisk.harness.records import STATUSES
 from ninedisk.reports import text
+from ninedisk.reports.compare_engines import difference_matrix
 from ninedisk.reports.curves import Curve, differences
 from ninedisk.reports.panel import error_ratio, summarise, worst_first, worst_status
 from ninedisk.reports.words import SHADES, STATUS_MEANING, STATUS_SYMBOL, shade
@@ -78,7 +79,7 @@ def test_shades_bound_the_ratio():
 
 def test_numbers_as_text():
     assert [text.error(x) for x in (1.23e-13, 0, None, math.nan, math.inf)] == ["1.2e-13", "0", "—", "—", "—"]
-    assert [text.ratio(x) for x in (0.5, 12345.0, 3e-9, math.inf, math.nan)] == ["0.5", "1.2e+04", "3.0e-09", "∞", "—"]
+    assert [text.ratio(x) for x in (0.5, 12345.0, 3e-9, math.inf, math.nan)] == ["0.5", "1.2e4", "3.0e-9", "∞", "—"]
     assert [text.seconds(x) for x in (2.0, 0.0123, 4e-6, math.nan)] == ["2 s", "12.3 ms", "4 µs", "—"]
     assert text.number(-math.inf) == "—"
 
@@ -109,7 +110,33 @@ def curve(step, value):
 
 def test_difference_of_two_engines_uses_common_steps_and_ignores_nan():
     one, two = curve([0, 1, 2, 3], [0.0, 4.0, np.nan, 9.0]), curve([1, 2, 3], [3.0, 5.0, -10.0])
-    assert differences(one, two) == pytest.approx(19.0 / 10.0)
-    assert differences(one, two) == differences(two, one)
-    assert math.isnan(differences(one, curve([7], [1.0])))
-    assert differences(curve([0], [0.0]), curve([0], [0.0])) == 0.0
+    assert differences(one, two, 10.0) == pytest.approx(19.0 / 10.0)
+    assert differences(one, two, 10.0) == differences(two, one, 10.0)
+    assert math.isnan(differences(one, curve([7], [1.0]), 1.0))
+    assert differences(curve([0], [0.0]), curve([0], [0.0]), 0.0) == 0.0
+
+
+def test_round_off_where_nothing_moves_is_no_difference():
+    def history(value, expected):
+        made = curve([0, 1], value)
+        return Curve(made.step, made.t, made.value, np.full(2, expected), "m", "analytic")
+
+    series = {
+        ("c", "slides", "a", "x"): history([0.0, 2.0], 2.0),
+        ("c", "slides", "b", "x"): history([0.0, 2.0], 2.0),
+        ("c", "sticks", "a", "x"): history([0.0, 1e-16], 0.0),
+        ("c", "sticks", "b", "x"): history([0.0, -1e-16], 0.0),
+        ("other", "v", "a", "x"): history([0.0, 9e9], 9e9),
+    }
+    names, found = difference_matrix(series, "c")
+    assert sorted(names) == ["a", "b"]
+    assert found["a", "b"] == found["b", "a"]
+    assert found["a", "b"].size == pytest.approx(1e-16)
+    assert found["a", "b"].variant == "sticks"
+
+
+def test_what_no_engine_was_asked_to_run_does_not_decide():
+    cells = [{"status": "pass", "support": "exact"}, {"status": "unsupported", "support": "no"}]
+    found = summarise(cells, [row()])
+    assert (found.status, found.support, found.ran, found.variants) == ("pass", ("exact",), 1, 2)
+    assert summarise(cells[1:], []).status == "unsupported"

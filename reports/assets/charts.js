@@ -1,0 +1,232 @@
+"use strict";
+/* Charts over the stored numbers: zoom by dragging, values under the pointer, everything by keyboard as well. */
+(() => {
+  const charts = new Set();
+  const style = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const decade = value => `1e${Math.round(Math.log10(value))}`;
+  const short = value => {
+    const size = Math.abs(value);
+    return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(3).replace(/\.?0+e/, "e").replace("+", "") : String(+value.toPrecision(6));
+  };
+
+  /* Decades of a log axis, at most seven of them. */
+  const decades = (u, axis, low, high) => {
+    const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9), every = Math.ceil((last - first + 1) / 7) || 1;
+    const marks = [];
+    for (let k = first; k <= last; k += every) marks.push(10 ** k);
+    return marks.length ? marks : [low];
+  };
+
+  /* Curves of a history on the union of their steps; the last `last` steps of each, counted from their beginning. */
+  function history(spec) {
+    const held = ninedisk.data.of(spec.variant, spec.quantity);
+    if (!held) return null;
+    const stored = spec.references ? held.references : [];
+    const end = Math.max(...held.curves.map(curve => curve.step.length ? curve.step[curve.step.length - 1] : 0));
+    const begin = spec.last === null ? 0 : Math.max(0, end - spec.last), rows = new Map();
+    for (const curve of [...held.curves, ...stored])
+      curve.step.forEach((step, k) => { if (step >= begin && !rows.has(step)) rows.set(step, spec.x === "cycle" ? step - begin : curve.t[k]); });
+    const steps = [...rows.keys()].sort((a, b) => a - b), place = new Map(steps.map((step, k) => [step, k]));
+    const column = (curve, read) => {
+      const made = new Array(steps.length).fill(null);
+      curve.step.forEach((step, k) => { const value = read(k); if (place.has(step) && Number.isFinite(value)) made[place.get(step)] = value; });
+      return made;
+    };
+    const series = [];
+    const add = (curve, error) => series.push({
+      key: curve.key, name: curve.look.name, colour: curve.look.colour, dash: curve.look.dash, width: curve.look.width, shape: curve.look.shape, phase: curve.look.phase,
+      y: column(curve, k => curve.value[k]), error, tolerance: curve.tolerance, line: true,
+    });
+    for (const curve of stored) add(curve, null);
+    const best = new Map(stored.length ? [] : held.curves.filter(curve => curve.truth && curve.expected.some(Number.isFinite)).map(curve => [curve.truth, curve]));
+    for (const [truth, curve] of best) {
+      const look = ninedisk.data.head.labels.find(label => label.name === `best truth (${truth})`);
+      if (look) add({ ...curve, value: curve.expected, key: `reference ${look.name}`, look, tolerance: null }, null);
+    }
+    for (const curve of held.curves) add(curve, column(curve, k => Math.abs(curve.value[k] - curve.expected[k])));
+    return { x: steps.map(step => rows.get(step)), series };
+  }
+
+  /* Points of several series on the union of their places. */
+  function points(given) {
+    const x = [...new Set(given.flatMap(s => s.x))].sort((a, b) => a - b), place = new Map(x.map((at, k) => [at, k]));
+    const column = (s, values) => {
+      const made = new Array(x.length).fill(null);
+      values.forEach((value, k) => { made[place.get(s.x[k])] = value; });
+      return made;
+    };
+    return { x, series: given.map(s => ({ ...s, y: column(s, s.y), names: column(s, s.names || []) })) };
+  }
+
+  /* A curve that speaks at scattered samples only loses its gaps, any other keeps them. */
+  const scattered = y => {
+    let held = 0, alone = 0;
+    y.forEach((value, k) => { if (value !== null) { held++; if ((y[k - 1] ?? null) === null && (y[k + 1] ?? null) === null) alone++; } });
+    return 2 * alone > held;
+  };
+
+  /* Marks of a series: at every point, or at a few places of a history, staggered so that coinciding curves stay apart. */
+  const MARKS = 7;
+  const marks = (s, history) => (u, index, first, last) => {
+    const fill = new Path2D(), y = u.data[index], x = u.data[0], shape = new Path2D(s.shape), size = devicePixelRatio * (history ? 0.9 : 1.25);
+    const at = history ? Array.from({ length: MARKS }, (_, k) => first + Math.floor((k + s.phase) / MARKS * (last - first + 1))) : x.map((_, k) => k);
+    for (const k of at) {
+      if (k < first || k > last || y[k] === null || y[k] === undefined) continue;
+      const px = u.valToPos(x[k], "x", true), py = u.valToPos(y[k], "y", true);
+      fill.addPath(shape, new DOMMatrix([size, 0, 0, size, px - 16 * size, py - 5 * size]));
+    }
+    return { stroke: null, fill, clip: null, flags: 3 };
+  };
+
+  class Chart {
+    constructor(figure) {
+      this.figure = figure;
+      this.spec = JSON.parse(figure.dataset.chart);
+      this.held = this.spec.kind === "history" ? history(this.spec) : points(this.spec.points);
+      if (!this.held || !this.held.x.length) return;
+      this.window = null;
+      this.full = [this.held.x[0], this.held.x[this.held.x.length - 1]];
+      if (this.spec.limits && this.spec.limits.x) this.full = this.spec.limits.x;
+      if (this.full[0] === this.full[1]) this.full = [this.full[0] - 1, this.full[1] + 1];
+      this.box = document.createElement("div");
+      this.box.className = "plot";
+      const title = document.createElement("div");
+      title.className = "title";
+      title.textContent = this.spec.title;
+      this.readout = document.createElement("div");
+      this.readout.className = "readout";
+      this.readout.hidden = true;
+      this.readout.setAttribute("role", "status");
+      this.box.append(title);
+      figure.append(this.box, this.readout);
+      figure.classList.add("drawn");
+      figure.tabIndex = 0;
+      figure.setAttribute("role", "group");
+      figure.setAttribute("aria-label", `${figure.dataset.alt} Arrow keys read values, plus and minus zoom, 0 shows everything.`);
+      const below = this.spec.error;
+      this.plots = [this.plot(below ? 190 : 240, this.held.series.map(s => s.y), this.spec.y, this.spec.ylog, this.spec.y_label, !below)];
+      if (below) {
+        const floor = this.spec.floor;
+        this.plots.push(this.plot(185, this.held.series.map(s => s.error && s.error.map(e => e === null ? null : Math.max(e, floor))), this.spec.error, true, this.spec.error_label, true));
+      }
+      figure.addEventListener("keydown", event => this.key(event));
+      figure.addEventListener("blur", () => { this.readout.hidden = true; });
+      new ResizeObserver(() => this.resize()).observe(this.box);
+      charts.add(this);
+    }
+
+    plot(height, columns, limits, log, label, last) {
+      const chart = this, xlog = this.spec.xlog, ink = () => style("--ink"), grid = { stroke: () => style("--line"), width: 1 };
+      const font = "11px system-ui, sans-serif";
+      const shown = this.held.series.map((s, k) => ({ ...s, y: columns[k] })).filter(s => s.y);
+      const range = (u, low, high) => {
+        if (!chart.window || low === null || !Number.isFinite(low)) return limits;
+        if (log) return [Math.max(limits[0], low / 2), high * 2];
+        const room = 0.06 * (high - low) || 0.05 * Math.abs(high) || 1e-12;
+        return [low - room, high + room];
+      };
+      const options = {
+        width: this.width(), height, legend: { show: false },
+        scales: { x: { time: false, distr: xlog ? 3 : 1, range: () => chart.window || chart.full }, y: { distr: log ? 3 : 1, range } },
+        axes: [
+          { stroke: ink, grid, ticks: grid, font, size: last ? 40 : 6, label: last ? this.spec.x_label : undefined, labelFont: font, labelSize: 14, ...(last ? {} : { values: (u, v) => v.map(() => "") }), ...(xlog ? { splits: (u, axis, low, high) => chart.held.x.length < 7 ? chart.held.x : decades(u, axis, low, high), values: (u, v) => v.map(short), filter: (u, v) => v } : {}) },
+          { stroke: ink, grid, ticks: grid, font, size: 58, label, labelFont: font, labelSize: 16, values: (u, v) => v.map(log ? decade : short), ...(log ? { splits: decades, filter: (u, v) => v } : {}) },
+        ],
+        series: [{}, ...shown.map(s => ({
+          label: s.name, show: !ninedisk.hidden.has(s.key), stroke: s.colour, width: s.width * (s.key.startsWith("reference ") ? 1 : 1.1), dash: s.dash.length ? s.dash : undefined,
+          alpha: s.key.startsWith("reference ") ? 0.6 : 1, spanGaps: !s.line || this.spec.kind !== "history" || scattered(s.y),
+          ...(s.line ? {} : { paths: () => null }), points: { show: Boolean(s.shape), fill: s.colour, width: 0, paths: marks(s, this.spec.kind === "history") },
+        }))],
+        cursor: { drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => { chart.zoom(null); return null; } } },
+        hooks: {
+          setCursor: [u => chart.point(u)],
+          setSelect: [u => { if (u.select.width > 4) chart.zoom([u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")]); u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false); }],
+          draw: log && this.spec.kind === "history" ? [u => chart.tolerances(u, shown)] : [],
+        },
+      };
+      const made = new uPlot(options, [this.held.x, ...shown.map(s => s.y)], this.box);
+      made.keys = shown.map(s => s.key);
+      made.over.addEventListener("mouseleave", () => { this.readout.hidden = true; });
+      return made;
+    }
+
+    width() { return Math.max(200, this.box.clientWidth); }
+    resize() { for (const u of this.plots || []) if (Math.abs(u.width - this.width()) > 1) u.setSize({ width: this.width(), height: u.height }); }
+    zoom(window) {
+      this.window = window;
+      for (const u of this.plots) u.setScale("x", { min: 0, max: 1 });
+    }
+    update() { for (const u of this.plots || []) u.keys.forEach((key, k) => { if (u.series[k + 1].show === ninedisk.hidden.has(key)) u.setSeries(k + 1, { show: !ninedisk.hidden.has(key) }); }); }
+    redraw() { for (const u of this.plots || []) u.redraw(false, true); }
+
+    /* Each visible engine's tolerance as a tick at the right edge. */
+    tolerances(u, shown) {
+      const { ctx, bbox } = u;
+      for (const s of shown) {
+        if (!(s.tolerance > 0) || ninedisk.hidden.has(s.key)) continue;
+        const y = Math.round(u.valToPos(s.tolerance, "y", true));
+        if (y < bbox.top || y > bbox.top + bbox.height) continue;
+        ctx.fillStyle = s.colour;
+        ctx.fillRect(bbox.left + 0.94 * bbox.width, y - 1, 0.06 * bbox.width, 2 * devicePixelRatio);
+      }
+    }
+
+    /* Exact values at the sample under the pointer, the largest error first. */
+    point(u) {
+      const k = u.cursor.idx;
+      if (k === null || k === undefined) { this.readout.hidden = true; return; }
+      this.at = k;
+      for (const other of this.plots || []) if (other !== u) other.setCursor({ left: u.cursor.left, top: -10 }, false);
+      const rows = this.held.series.filter(s => s.y && s.y[k] !== null && !s.guide && !ninedisk.hidden.has(s.key));
+      rows.sort((a, b) => (b.error ? b.error[k] ?? -1 : -2) - (a.error ? a.error[k] ?? -1 : -2));
+      const table = document.createElement("table");
+      const line = (cells, key, colour) => {
+        const row = table.insertRow();
+        if (key) row.dataset.key = key;
+        cells.forEach((text, column) => {
+          const cell = row.insertCell();
+          if (colour && column === 0) { const dot = document.createElement("i"); dot.style.background = colour; cell.append(dot); }
+          cell.append(text);
+        });
+      };
+      const unit = this.spec.unit ? ` [${this.spec.unit}]` : "";
+      line([`${this.spec.x_label} ${this.held.x[k]}`, `value${unit}`, ...(this.spec.error ? ["|error|"] : [])]);
+      const told = new Set();
+      for (const s of rows) {
+        const same = JSON.stringify([s.key, s.y[k]]); // a truth that some engines share with others by its label
+        if (told.has(same)) continue;
+        told.add(same);
+        line([s.names && s.names[k] ? `${s.name}: ${s.names[k]}` : s.name, String(s.y[k]), ...(this.spec.error ? [s.error && s.error[k] !== null ? s.error[k].toExponential(2) : ""] : [])], s.key, s.colour);
+      }
+      this.readout.replaceChildren(table);
+      this.readout.hidden = false;
+    }
+
+    key(event) {
+      const x = this.held.x, [low, high] = this.window || this.full, middle = x[this.at ?? 0];
+      const move = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (move) this.at = Math.min(x.length - 1, Math.max(0, (this.at ?? -move) + move * (event.shiftKey ? 10 : 1)));
+      else if (event.key === "Home") this.at = 0;
+      else if (event.key === "End") this.at = x.length - 1;
+      else if (event.key === "+" || event.key === "-") {
+        const half = (high - low) * (event.key === "+" ? 0.25 : 1), from = Math.max(this.full[0], middle - half), to = Math.min(this.full[1], middle + half);
+        this.zoom(from <= this.full[0] && to >= this.full[1] ? null : [from, to]);
+      } else if (event.key === "0" || event.key === "Escape") this.zoom(null);
+      else return;
+      event.preventDefault();
+      const u = this.plots[0];
+      u.setCursor({ left: u.valToPos(x[this.at ?? 0], "x"), top: u.over.clientHeight / 2 });
+    }
+  }
+
+  function start() {
+    const seen = new IntersectionObserver(entries => {
+      for (const entry of entries) if (entry.isIntersecting) { seen.unobserve(entry.target); new Chart(entry.target); }
+    }, { rootMargin: "300px" });
+    for (const figure of document.querySelectorAll("figure[data-chart]")) if (ninedisk.data || !figure.dataset.chart.startsWith('{"kind": "history"')) seen.observe(figure);
+    ninedisk.toggled.push(() => { for (const chart of charts) chart.update(); });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { for (const chart of charts) chart.redraw(); });
+  }
+  if (document.querySelector("script[data-numbers]") && "DecompressionStream" in window) ninedisk.ready.push(start);
+  else addEventListener("DOMContentLoaded", start);
+})();

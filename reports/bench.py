@@ -1,0 +1,111 @@
+"""The page of one benchmark record: charts over size and over accuracy, and every row as a table."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from ninedisk.reports import pages, text
+from ninedisk.reports.draw_points import Dots, PointChart, draw_points
+from ninedisk.reports.pages import HERE
+from ninedisk.reports.style import Look, engine_looks
+
+Row = Mapping[str, Any]
+
+SUITES = {
+    "dem": "Many disks, contact springs",
+    "cd": "Contact solvers on packings at rest",
+    "harness": "The whole verification run",
+}
+FAMILIES = ("settled", "flowing")
+"""Problems of the suite dem that come in several sizes, by the first part of their names."""
+
+
+def write_bench(record: Mapping[str, Any], path: Path) -> None:
+    """Write the page of a record, one file that holds its style sheet and its figures.
+
+    Parameters
+    ----------
+    record : mapping
+        ``run_id``, ``provenance``, ``argv``, ``versions`` and ``rows``, as the benchmark writes them.
+    path : Path
+        File to write.
+    """
+    rows: Sequence[Row] = record["rows"]
+    env = pages.environment()
+    page = env.get_template("bench.html").render(
+        record=record,
+        facts=record["provenance"],
+        suites={name: [row for row in rows if row["suite"] == name] for name in SUITES},
+        titles=SUITES,
+        figures={name: [_svg(chart) for chart in charts(rows, name)] for name in SUITES},
+        sheet=Markup((HERE / "assets" / "style.css").read_text(encoding="utf-8")),
+    )
+    path.write_text(page, encoding="utf-8")
+
+
+def charts(rows: Sequence[Row], suite: str) -> list[PointChart]:
+    """Charts of one suite: rates over size, or time over the accuracy reached; none where nothing was timed."""
+    timed = [row for row in rows if row["suite"] == suite and _finite(row["median_s"])]
+    if suite == "dem":
+        return [chart for family in FAMILIES if (chart := _scaling(timed, family)) is not None]
+    if suite != "cd":
+        return []
+    looks = engine_looks({row["engine"]: row["engine"] for row in timed})
+    return [
+        _accuracy(problem, start, chosen, looks)
+        for problem in dict.fromkeys(row["problem"] for row in timed)
+        for start in ("cold", "warm")
+        if (chosen := [row for row in timed if (row["problem"], row["start"]) == (problem, start)])
+    ]
+
+
+def _scaling(rows: Sequence[Row], family: str) -> PointChart | None:
+    chosen = [row for row in rows if row["problem"].partition("-")[0] == family and _finite(row["rate"])]
+    names = {_line(row): _line(row) for row in chosen}
+    looks = engine_looks(names)
+    dots = [
+        _dots(look, [(row["disks"], row["rate"], row["problem"]) for row in chosen if _line(row) == name])
+        for name, look in looks.items()
+    ]
+    return PointChart(f"{family}: rate over size", "disks", "particle-steps / s", tuple(dots)) if dots else None
+
+
+def _line(row: Row) -> str:
+    threads = f", {row['threads']} threads" if row["threads"] > 1 else ""
+    return f"{row['engine']}{threads}{' (short runs)' if row['problem'].endswith('-short') else ''}"
+
+
+def _accuracy(problem: str, start: str, rows: Sequence[Row], looks: Mapping[str, Look]) -> PointChart:
+    dots = [
+        _dots(
+            look,
+            [(row["median_s"], row["check_value"], f"{row['tolerance']:g}") for row in rows if row["engine"] == name],
+        )
+        for name, look in looks.items()
+        if any(row["engine"] == name for row in rows)
+    ]
+    label = "larger of residual and gap"
+    return PointChart(f"{problem}, {start}: accuracy against cost", "time [s]", label, tuple(dots))
+
+
+def _dots(look: Look, points: Sequence[tuple[float, float, str]]) -> Dots:
+    x, y, names = zip(*sorted(points), strict=True)
+    floor = tuple(max(float(value), 1e-17) for value in y)  # a logarithmic axis has no 0
+    return Dots(look.label, look, tuple(float(value) for value in x), floor, names=names)
+
+
+def _svg(chart: PointChart) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "chart.svg"
+        draw_points(chart, path)
+        return {"title": chart.title, "svg": Markup(path.read_text(encoding="utf-8")), "looks": chart.looks}
+
+
+def _finite(value: Any) -> bool:
+    return math.isfinite(text.as_float(value))
