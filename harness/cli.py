@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness import cli_history, cli_store
+from ninedisk.harness import cli_bench, cli_history, cli_store
 from ninedisk.harness.cli_store import Store
 from ninedisk.harness.cli_support import INTERRUPTED, guarded
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
+    from typing import Any
 
     from ninedisk.harness.records import Comparison, History
 
@@ -198,6 +199,13 @@ def _dashboard_folder(history: History, out: Path, progress: Callable[[str, int,
         raise UsageError(str(error)) from error
 
 
+def _bench_page(record: Mapping[str, Any], path: Path) -> None:
+    from ninedisk.reports.bench import write_bench
+
+    write_bench(record, path)
+
+
+cli_bench.register(app, _bench_page)
 cli_history.register(app, _comparison_page, _dashboard_folder)
 cli_store.register(app)
 

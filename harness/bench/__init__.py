@@ -1,0 +1,1 @@
+"""Benchmarks: the same problem on every engine that can express it, physics checked before anything is timed."""

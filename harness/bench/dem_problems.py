@@ -1,0 +1,108 @@
+"""Problems of the suite ``dem``: many disks, one contact law, walls at rest, a fixed number of steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ninedisk.core.disks import Disks
+from ninedisk.core.law import ContactLaw, LeverArm
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+from ninedisk.harness.bench.packings import packing
+
+SIZES = (100, 1_000, 10_000)
+LARGE = (100_000, 1_000_000)
+WORK, WORK_SHORT = 20_000_000, 1_000_000
+"""Particle-steps of a problem; the short ones are for engines that need seconds for as many."""
+MOST_STEPS, MOST_STEPS_FLOWING, MOST_STEPS_SHORT, FEWEST_STEPS = 20_000, 4_000, 1_000, 20
+"""Flowing runs are over before the chaos of collisions makes round-off visible, short
+runs are over before the dashpots of the few contacts that YADE has to guess show in the positions."""
+FLOWS_FROM = 1_000
+"""Disks from which there is a flowing problem: fewer are all boundary."""
+STEP = 0.1
+"""Contact step over the critical one."""
+SPEED = 20.0
+"""Of the top of the packing in the flowing problem [m/s]; the speed grows linearly with height."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemProblem:
+    """A scene, its contact step [s] and the number of steps.
+
+    Contacts start without shear force: no engine has to take over another one's history, and the packing that loses it moves,
+    so that there is something to compare.
+    """
+
+    name: str
+    scene: Scene
+    contact_dt: float
+    steps: int
+    short: bool = False
+
+    @property
+    def n(self) -> int:
+        """Number of disks."""
+        return len(self.scene.disks)
+
+    def numerics(self) -> Numerics:
+        """The whole run as one sampling interval; dashpots see the velocity of half a step before, as in all the engines."""
+        return Numerics(dt=self.contact_dt * self.steps, n_steps=1, contact_dt=self.contact_dt, damping_form="lagged")
+
+    def with_arms(self, disks: LeverArm, walls: LeverArm) -> DemProblem:
+        """The same with the lever arms of one engine."""
+        scene = self.scene
+        turned = [replace(wall, law=replace(wall.law, lever_arm=walls)) for wall in scene.walls]
+        law = replace(scene.disk_disk, lever_arm=disks)
+        return replace(self, scene=scene.replace(disk_disk=law, walls=tuple(turned)))
+
+
+def makers(
+    sizes: list[int], wanted: Callable[[str], bool], tell: Callable[[int, int], None] | None = None
+) -> dict[str, Callable[[], list[DemProblem]]]:
+    """A maker of the wanted problems of each size, by the first one's name: one size at a time is held in memory."""
+    return {
+        names[0]: partial(_of_size, n, names, tell)
+        for n in dict.fromkeys(sizes)
+        if (names := [name for name in _names(n) if wanted(name)])
+    }
+
+
+def _names(n: int) -> list[str]:
+    names = [f"settled-{n}"]
+    names += [f"settled-{n}-short"] if n <= SIZES[-1] else []
+    return [*names, *([f"flowing-{n}"] if FLOWS_FROM <= n <= SIZES[-1] else [])]
+
+
+def _of_size(n: int, names: list[str], tell: Callable[[int, int], None] | None) -> list[DemProblem]:
+    from ninedisk.core.dem.critical import critical_time_step
+
+    settled = packing(n, progress=tell)
+    scene = settled.replace(disk_disk=_law(settled), initial_shear={})
+    dt = STEP * critical_time_step(scene)
+    found = []
+    for name in names:
+        short = name.endswith("-short")
+        flows = name.startswith("flowing")
+        work = WORK_SHORT if short else WORK
+        most = MOST_STEPS_SHORT if short else MOST_STEPS_FLOWING if flows else MOST_STEPS
+        steps = min(most, max(FEWEST_STEPS, work // len(scene.disks)))
+        chosen = flowing(scene) if flows else scene
+        found.append(DemProblem(name=name, scene=chosen, contact_dt=dt, steps=steps, short=short))
+    return found
+
+
+def _law(scene: Scene) -> ContactLaw:
+    """The disks' law; a restitution would be a second, contradicting word about the damping that ``beta`` gives."""
+    return replace(scene.disk_disk, restitution=None)
+
+
+def flowing(scene: Scene) -> Scene:
+    """The packing without its right wall and sheared from the start: lists have to be built again and again."""
+    disks = scene.disks
+    v = np.column_stack([SPEED * disks.x[:, 1] / disks.x[:, 1].max(), np.zeros(len(disks))])
+    moving = Disks(x=disks.x, v=v, radius=disks.radius, mass=disks.mass)
+    return scene.replace(disks=moving, walls=tuple(wall for wall in scene.walls if wall.name != "right"))

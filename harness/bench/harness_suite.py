@@ -1,0 +1,128 @@
+"""Suite ``harness``: wall-clock time of all verification cases, with kernels cached and from an empty cache."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import ninedisk
+from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
+from ninedisk.harness.bench.records import new_row
+from ninedisk.harness.engine import EngineError, EngineTimeoutError
+from ninedisk.harness.results import Row
+
+ENGINES = ("dem", "cd", "pymunk")
+CACHE = "NUMBA_CACHE_DIR"
+CACHED, COLD = "appendix, kernels cached", "appendix, empty cache"
+PROBLEMS = (CACHED, COLD)
+COMPLETE = (0, 1)
+"""Exit codes of a run that did all it should: failed checks of an engine are findings, errors and crashes are not."""
+
+
+def run(
+    globs: Sequence[str],
+    problems: Sequence[str],
+    *,
+    repeats: int,
+    time_limit: float,
+    tell: Callable[[str, str], None],
+) -> list[Row]:
+    """Rows of the whole run of ``ninedisk run`` on `ENGINES`, one and (where the command has ``--jobs``) two jobs.
+
+    Parameters
+    ----------
+    globs : sequence of str
+        Cases; none: all.
+    problems : sequence of str
+        Some of `PROBLEMS`.
+    """
+    rows: list[Row] = []
+    jobs = (1, 2) if _has_jobs() else (1,)
+    for problem in problems:
+        if problem == CACHED:
+            tell(problem, "a first run, to fill the cache")
+            first = interleave([_contender(globs, problem, 1)], repeats=1, time_limit=time_limit)
+            if not first[_name(1)].samples:
+                rows += _rows(problem, first, jobs[:1])
+                continue
+        told: Tell = partial(tell, problem)
+        contenders = [_contender(globs, problem, count) for count in jobs]
+        rows += _rows(problem, interleave(contenders, repeats=repeats, time_limit=time_limit, tell=told), jobs)
+    return rows
+
+
+def _name(jobs: int) -> str:
+    return f"ninedisk run, {jobs} job" + ("s" if jobs > 1 else "")
+
+
+def _contender(globs: Sequence[str], problem: str, jobs: int) -> Contender:
+    return Contender(name=_name(jobs), run=partial(_run, tuple(globs), problem == COLD, jobs), cores=jobs)
+
+
+def _rows(problem: str, found: dict[str, Measured], jobs: Sequence[int]) -> list[Row]:
+    base = found[_name(jobs[0])]
+    rows = []
+    for count in jobs:
+        measured = found[_name(count)]
+        row: Row = {
+            "suite": "harness",
+            "problem": problem,
+            "engine": _name(count),
+            "engine_version": ninedisk.__version__,
+            "threads": count,
+            "settings": json.dumps({"engines": ENGINES}),
+            **timings(measured, base, _name(jobs[0])),
+        }
+        if measured.samples:
+            outcomes = {sample.facts["outcome"] for sample in (*base.samples, *measured.samples)}
+            row |= {
+                "check": f"every repeat complete, with the same outcome: {'; '.join(sorted(outcomes))}",
+                "check_value": float(len(outcomes) - 1),
+                "check_bound": 0.0,
+                "status": "pass",
+            }
+            if len(outcomes) > 1:
+                lost = dict.fromkeys(("median_s", "low_s", "high_s", "ratio", "whole_s"), float("nan"))
+                row |= lost | {"status": "fail", "reason": "the outcomes differ: nothing was timed"}
+        rows.append(new_row(**row))
+    return rows
+
+
+def _run(globs: tuple[str, ...], cold: bool, jobs: int, limit: float) -> Sample:
+    with tempfile.TemporaryDirectory(prefix="ninedisk-bench-", ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        options = [word for engine in ENGINES for word in ("--engine", engine)]
+        options += ["--jobs", str(jobs)] if jobs > 1 else []
+        command = [sys.executable, "-m", "ninedisk", "run", *globs, *options, "--store", str(folder / "store")]
+        environment = {**os.environ, CACHE: str(folder / "kernels")} if cold else dict(os.environ)
+        begin = time.perf_counter()
+        try:
+            done = subprocess.run(
+                command, capture_output=True, text=True, timeout=limit, env=environment, cwd=folder, check=False
+            )
+        except subprocess.TimeoutExpired as error:
+            raise EngineTimeoutError(f"ninedisk run was stopped at its time limit of {limit:g} s") from error
+        seconds = time.perf_counter() - begin
+    if done.returncode not in COMPLETE:
+        last = "\n".join((done.stderr.strip() or done.stdout.strip()).splitlines()[-5:])
+        raise EngineError(f"ninedisk run ended with exit code {done.returncode}: {last}")
+    counts = [line for line in done.stdout.splitlines() if line.startswith(("cells:", "checks:"))]
+    return Sample(seconds=seconds, whole=seconds, facts={"outcome": ", ".join(counts)})
+
+
+def _has_jobs() -> bool:
+    """Whether ``ninedisk run`` has the option ``--jobs``."""
+    import typer
+
+    from ninedisk.harness.cli import app
+
+    command = typer.main.get_command(app)
+    run_command = command.get_command(None, "run")  # type: ignore[attr-defined]
+    return any("--jobs" in option.opts for option in run_command.params)

@@ -1,0 +1,69 @@
+"""Settled packings, which take minutes to make, kept between runs."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from ninedisk.core import gallery
+from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.scene import Scene
+
+LARGEST_SETTLED = 10_000
+"""Disks from which a packing is made of copies of a smaller one, side by side."""
+
+
+def packing(n: int, *, aspect: float = 1.0, progress: Callable[[int, int], None] | None = None) -> Scene:
+    """A settled packing of about ``n`` disks; above `LARGEST_SETTLED` copies of one of that size.
+
+    Parameters
+    ----------
+    n : int
+        Disks, >= 1.
+    aspect : float
+        Height over width.
+    progress : callable, optional
+        Called with (steps done, at most to do) while one settles.
+
+    Returns
+    -------
+    Scene
+        At rest, with the shear forces of its contacts. It comes from the user's cache folder if it has been made before by
+        the same gallery.
+    """
+    if n > LARGEST_SETTLED:
+        return gallery.side_by_side(packing(LARGEST_SETTLED, aspect=aspect, progress=progress), n // LARGEST_SETTLED)
+    path = _folder() / f"packing-{n}-{aspect:g}-{_recipe()}.json.gz"
+    try:
+        with gzip.open(path, "rt", encoding="utf-8") as file:
+            return Scene.from_dict(json.load(file))
+    except (OSError, EOFError, ValueError, InvalidSceneError):
+        pass  # not there, or cut off: made anew
+    scene = gallery.settled_packing(n, aspect=aspect, progress=progress)
+    _keep(scene, path)
+    return scene
+
+
+def _keep(scene: Scene, path: Path) -> None:
+    half = path.with_name(f".tmp-{os.getpid()}-{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with gzip.open(half, "wt", encoding="utf-8", compresslevel=4) as file:
+            file.write(json.dumps(scene.to_dict()))
+        half.replace(path)
+    except OSError:
+        half.unlink(missing_ok=True)  # no room or no right to write: the next run settles it again
+
+
+def _folder() -> Path:
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "ninedisk" / "packings"
+
+
+def _recipe() -> str:
+    """Hash of the gallery's source: another recipe makes another packing."""
+    return hashlib.sha256(Path(gallery.__file__).read_bytes()).hexdigest()[:12]

@@ -1,0 +1,111 @@
+"""The record of a benchmark run: one JSON file with its provenance and one Parquet file with the same rows."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ninedisk.harness.errors import StoreError, UsageError
+from ninedisk.harness.results import Row, complete
+
+BENCH_VERSION = 1
+
+COLUMNS: dict[str, str] = {
+    "suite": "string",  # dem | cd | harness
+    "problem": "string",
+    "engine": "string",
+    "engine_version": "string",
+    "threads": "int64",
+    "disks": "int64",
+    "contacts": "int64",
+    "steps": "int64",
+    "start": "string",  # cold | warm | ""
+    "tolerance": "float64",  # target of a solver, NaN elsewhere
+    "status": "string",  # of STATUSES
+    "reason": "string",
+    "check": "string",  # what was checked before anything was timed
+    "check_value": "float64",
+    "check_bound": "float64",
+    "repeats": "int64",
+    "median_s": "float64",  # wall-clock seconds of the same work; NaN unless the check passed
+    "low_s": "float64",
+    "high_s": "float64",
+    "ratio": "float64",  # median over the repeats of seconds / seconds of the base engine in the same repeat
+    "base": "string",  # engine that the ratio refers to
+    "rate": "float64",
+    "rate_unit": "string",
+    "whole_s": "float64",  # median with start-up, set-up and transport
+    "bytes_per_disk": "float64",  # arrays that a run holds (in-house engine)
+    "resident_per_disk": "float64",  # growth of the process' resident memory
+    "iterations": "int64",
+    "natural_map": "float64",
+    "duality_gap": "float64",
+    "objective_error": "float64",  # relative to the best solution known
+    "settings": "string",  # JSON object
+    "samples_s": "string",  # JSON list: seconds of every repeat
+}
+"""One row per problem, engine, number of threads, start and tolerance."""
+
+STATUSES = ("pass", "fail", "not-reached", "unsupported", "not-installed", "timeout", "error")
+
+
+def new_row(**known: Any) -> Row:
+    """A row with every column; KeyError for an unknown one, ValueError for an unknown status."""
+    row = complete(known, COLUMNS)
+    if row["status"] not in STATUSES:
+        raise ValueError(f"status = {row['status']!r} is not one of {', '.join(STATUSES)}")
+    return row
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make sure that the record can be written, before hours are spent on it.
+
+    Raises
+    ------
+    UsageError
+        If the folder cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"--out {str(folder)!r} cannot be written ({error.strerror or error})") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise UsageError(f"--out {str(folder)!r} cannot be written: give another folder")
+
+
+def write_records(folder: Path, run_id: str, facts: Mapping[str, Any], rows: Sequence[Row]) -> tuple[Path, Path]:
+    """Write ``<run_id>.json`` and ``<run_id>.parquet``; each appears whole or not at all.
+
+    Raises
+    ------
+    StoreError
+        If one cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    kinds = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
+    schema = pa.schema([(name, kinds[kind]) for name, kind in COLUMNS.items()])
+    table = pa.Table.from_pylist([dict(row) for row in rows], schema=schema)
+    plain = [{key: _plain(value) for key, value in row.items()} for row in rows]
+    record = {"bench_version": BENCH_VERSION, "run_id": run_id, **facts, "rows": plain}
+    paths = folder / f"{run_id}.json", folder / f"{run_id}.parquet"
+    try:
+        for path in paths:
+            half = path.with_name(f".tmp-{path.name}")
+            if path.suffix == ".json":
+                half.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+            else:
+                pq.write_table(table, half, compression="zstd")
+            half.replace(path)
+    except OSError as error:
+        raise StoreError(f"the record {str(paths[0])!r} cannot be written ({error.strerror or error})") from error
+    return paths
+
+
+def _plain(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

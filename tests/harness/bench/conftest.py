@@ -1,0 +1,28 @@
+"""Small scenes for the benchmarks' tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ninedisk.core import gallery
+from ninedisk.harness.bench import packings
+from ninedisk.harness.bench.dem_problems import DemProblem, makers
+
+
+@pytest.fixture
+def packing_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache of packings."""
+    folder = tmp_path / "packings"
+    monkeypatch.setattr(packings, "_folder", lambda: folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def settled() -> DemProblem:
+    """60 disks, without a word about any cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ninedisk.harness.bench.dem_problems.packing", gallery.settled_packing)
+        (problem,) = makers([60], lambda name: name.endswith("-short"))["settled-60-short"]()
+    return problem

@@ -1,0 +1,182 @@
+"""Suite ``cd``: the problems are what they say, solvers are believed by their forces only."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ninedisk.core import gallery
+from ninedisk.core.cd.interior_point import InteriorPoint
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.result import SolverOptions
+from ninedisk.harness.bench import cd_problems, cd_solvers, cd_suite
+from ninedisk.harness.bench.cd_problems import lattice, resting, turned_gravity
+from ninedisk.harness.bench.cd_solvers import Solver, Task, solvers
+from ninedisk.harness.bench.measure import NotReachedError
+from ninedisk.harness.engine import EngineNotInstalledError
+from ninedisk.harness.engines._package_engine import package_version
+from ninedisk.harness.engines.siconos import SYSTEM_PYTHON, installed_siconos
+from ninedisk.harness.results import Row
+
+ROWS, COLUMNS = 4, 7
+
+
+@pytest.fixture(scope="module")
+def problem() -> ContactProblem:
+    return resting(lattice(ROWS, COLUMNS))
+
+
+@pytest.fixture(scope="module")
+def packed() -> ContactProblem:
+    return resting(gallery.settled_packing(60))
+
+
+def by_name(name: str) -> Solver:
+    return next(solver for solver in solvers() if solver.name == name)
+
+
+def task(problem: ContactProblem, folder: Path, solver: Solver, tolerance: float = 1e-8) -> Task:
+    file = folder / "problem.npz"
+    problem.save(file)
+    return Task(problem, file, solver.sliding, tolerance, None)
+
+
+def available(name: str) -> bool:
+    package = {"clarabel": "clarabel", "piqp": "piqp", "interior-point (pardiso)": "pypardiso"}.get(name)
+    if name.startswith("siconos"):
+        return installed_siconos(SYSTEM_PYTHON)[0] is not None
+    return package is None or package_version(package)[0] is not None
+
+
+def test_the_lattice_has_the_contacts_of_a_lattice(problem: ContactProblem) -> None:
+    """Within rows, between rows, with the floor, and one with a side wall in every row."""
+    m, n = ROWS, COLUMNS
+    assert problem.n_contacts == m * (n - 1) + (m - 1) * (2 * n - 1) + n + m
+    assert not problem.compliance.any()
+    assert (problem.mu == cd_problems.MU).all()
+    assert not problem.offset.any()
+
+
+def test_the_forces_of_the_solution_bear_the_weight(packed: ContactProblem) -> None:
+    """The outer contacts bear the weight, but for what falls: disks that nothing holds gain g dt in the step."""
+    result = InteriorPoint(SolverOptions(tolerance=1e-10)).solve(packed)
+    outer = packed.bodies[:, 1] < 0
+    n, r = packed.normal[outer], result.r[outer]
+    vertical = -r[:, 0] * n[:, 1] + r[:, 1] * n[:, 0]
+    falling = float((packed.mass[:, 1] * result.v[:, 1]).sum())
+    weight = -float(packed.force[:, 1].sum())
+    assert vertical.sum() == pytest.approx(weight + falling, rel=1e-12)
+    assert abs(falling) < 0.02 * weight
+    assert np.abs(result.v[:, :2]).max() <= gallery.GRAVITY * cd_problems.DT * (1.0 + 1e-9)
+
+
+def test_gravity_is_turned_and_nothing_else(problem: ContactProblem) -> None:
+    turned = turned_gravity(problem, 0.1)
+    size, before = np.hypot(*turned.force[:, :2].T), np.hypot(*problem.force[:, :2].T)
+    assert size == pytest.approx(before, rel=1e-14)
+    angle = np.arctan2(turned.force[:, 1], turned.force[:, 0]) - np.arctan2(problem.force[:, 1], problem.force[:, 0])
+    assert angle == pytest.approx(0.1, abs=1e-14)
+    assert np.array_equal(turned.normal, problem.normal)
+
+
+@pytest.mark.parametrize("name", [solver.name for solver in solvers()])
+def test_every_solver_reaches_the_target_or_is_not_there(name: str, problem: ContactProblem, tmp_path: Path) -> None:
+    solver = by_name(name)
+    if not available(name):
+        with pytest.raises(EngineNotInstalledError):
+            solver.solve(task(problem, tmp_path, solver), 30.0)
+        return
+    sample = solver.solve(task(problem, tmp_path, solver), 30.0)
+    assert sample.facts["reached"]
+    assert max(sample.facts["natural_map"], sample.facts["duality_gap"]) <= 1e-8
+    assert sample.facts["iterations"] > 0
+    if solver.sliding == "associated":
+        optimum = InteriorPoint(SolverOptions(tolerance=1e-12)).solve(problem)
+        # A relative duality gap of 1e-8 bounds the error of the objective by as much of twice its value.
+        best = problem.objective(optimum.r)
+        assert abs(sample.facts["objective"] - best) <= 2e-8 * abs(best)
+
+
+@pytest.mark.parametrize("name", ["clarabel", "piqp", "siconos nsgs, Coulomb"])
+def test_external_solvers_solve_the_problem_that_is_timed(name: str, problem: ContactProblem, tmp_path: Path) -> None:
+    """A file with another friction coefficient: the answer solves that, and the figures show it."""
+    if not available(name):
+        pytest.skip(f"{name} is not installed")
+    solver = by_name(name)
+    wrong = replace(problem, mu=0.9 * problem.mu)
+    asked = replace(task(wrong, tmp_path, solver), problem=problem)
+    with pytest.raises(NotReachedError, match="natural-map residual") as caught:
+        solver.solve(asked, 20.0)
+    assert caught.value.facts["natural_map"] > 1e-4
+
+
+@pytest.mark.parametrize("name", ["gauss-seidel", "projected-gradient", "gauss-seidel, Coulomb"])
+def test_what_is_not_reached_in_time_is_told_with_its_figures(
+    name: str, packed: ContactProblem, tmp_path: Path
+) -> None:
+    solver = by_name(name)
+    with pytest.raises(NotReachedError) as caught:
+        solver.solve(task(packed, tmp_path, solver, 1e-14), 0.05)
+    facts = caught.value.facts
+    assert set(facts) == {"iterations", "natural_map", "duality_gap", "seconds"}
+    assert facts["iterations"] > 0
+    assert 0.0 < facts["natural_map"] < 1.0
+
+
+def rows_of(problem: ContactProblem, some: list[Solver], folder: Path) -> list[Row]:
+    return cd_suite.run_problem("p", problem, some, folder, repeats=2, time_limit=20.0, tell=lambda _: None)
+
+
+def test_rows_cold_and_warm_at_every_tolerance(problem: ContactProblem, tmp_path: Path) -> None:
+    some = [by_name(name) for name in ("interior-point (qdldl)", "gauss-seidel", "gauss-seidel, Coulomb")]
+    rows = rows_of(problem, some, tmp_path)
+    assert len(rows) == 3 * 2 * len(cd_suite.TOLERANCES)
+    assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
+    assert all(row["check_value"] <= row["check_bound"] for row in rows)
+    assert all(row["ratio"] == 1.0 for row in rows if row["engine"] == row["base"])
+    assert all(row["rate_unit"] == "ns/contact/sweep" for row in rows if row["engine"].startswith("gauss"))
+
+
+def test_a_solver_that_claims_too_much_is_not_timed(problem: ContactProblem, tmp_path: Path) -> None:
+    base = by_name("interior-point (qdldl)")
+
+    def boast(asked: Task, limit: float) -> Any:
+        sample = base.solve(asked, limit)
+        # Its own word is "solved", but the forces are 1 % off.
+        result = InteriorPoint(SolverOptions(tolerance=1e-10)).solve(asked.problem)
+        return replace(sample, facts=cd_solvers.facts_of(asked, 1.01 * result.r, 3))
+
+    rows = rows_of(problem, [base, replace(base, name="boaster", solve=boast)], tmp_path)
+    bad = [row for row in rows if row["engine"] == "boaster"]
+    assert {row["status"] for row in bad} == {"fail"}
+    assert all(math.isnan(row["median_s"]) and math.isnan(row["ratio"]) for row in bad)
+
+
+def test_a_solver_that_misses_a_target_is_not_asked_for_more(problem: ContactProblem, tmp_path: Path) -> None:
+    asked: list[float] = []
+
+    def weak(one: Task, limit: float) -> Any:  # noqa: ARG001
+        asked.append(one.tolerance)
+        raise NotReachedError("weak", {"natural_map": 0.1, "duality_gap": 0.2, "iterations": 5, "seconds": 2.0})
+
+    base = by_name("interior-point (qdldl)")
+    rows = rows_of(problem, [base, replace(base, name="weak", solve=weak, sweeps=True)], tmp_path)
+    assert asked == [1e-4, 1e-4]
+    row = next(row for row in rows if row["engine"] == "weak")
+    assert (row["status"], row["natural_map"], row["duality_gap"]) == ("not-reached", 0.1, 0.2)
+    assert row["rate"] == pytest.approx(1e9 * 2.0 / 5 / problem.n_contacts)
+
+
+def test_names_and_sizes() -> None:
+    assert list(cd_problems.problems([1000, 10_000], large=True)) == [
+        "packing-1000",
+        "packing-10000",
+        "column-1000",
+        "lattice-50x200",
+        "lattice-50x2000",
+    ]
