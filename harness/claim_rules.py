@@ -159,10 +159,15 @@ def plastic_collision(cells: Cells) -> Verdict:
     return _published(cells, ("energy_final", "momentum_x_final", "vx_1_final", "vx_2_final"), kind="plastic")
 
 
+def _associated(cells: Cells) -> list[CaseResult]:
+    """Cells that are not told to slide by Coulomb's law: the source's statements on dilation are about its own rule."""
+    return [cell for cell in cells if cell.params.get("sliding", "associated") == "associated"]
+
+
 def quasistatic_dilates_once(cells: Cells) -> Verdict:
     """The first increment lifts by mu du, the later ones by nothing, to 1e-9 of the lift (round-off of the solver)."""
     worst = 0.0
-    for cell in cells:
+    for cell in _associated(cells):
         lift = cell.params["mu"] * abs(cell.params["increment"])
         gap = _series(cell, "gap")
         worst = max(worst, float(np.abs(gap[1:] - lift).max()) / lift if lift > 0.0 else 0.0)
@@ -171,22 +176,25 @@ def quasistatic_dilates_once(cells: Cells) -> Verdict:
 
 def critical_time_step(cells: Cells) -> Verdict:
     """First rise: (A.4) above dt_cr, nothing below, to 1e-9 of mu v dt; both sides are needed."""
-    worst, sides = 0.0, set()
-    for cell in cells:
+    worst, sides, lifted = 0.0, set(), False
+    for cell in _associated(cells):
         p, rise = cell.params, _scalar(cell, "du_y_1")
         reach = p["mu"] * p["speed"] * p["dt"]
         above = reach > p["g0"]
         expected = (reach - p["g0"]) / (1.0 + p["mu"] ** 2) if above else 0.0
         worst = max(worst, abs(rise - expected) / reach)
         sides.add(above)
+        lifted |= above and rise > NO_DILATION
     if len(sides) < 2:
         raise UndecidedError("it takes time steps on both sides of dt_cr")
+    if not lifted:
+        raise UndecidedError("this engine's sliding does not dilate")
     return worst <= 1e-9, f"largest difference of the first rise from (A.4) or 0, relative to mu v dt: {worst:.1e}"
 
 
 def rotations_limit_dilation(cells: Cells) -> Verdict:
     """Gap of a disk that may rotate against one that may not: 0 at the end, and never larger."""
-    pairs = [group for group in _groups(cells, "rotating") if {True, False} <= set(group)]
+    pairs = [group for group in _groups(_associated(cells), "rotating") if {True, False} <= set(group)]
     if not pairs:
         raise UndecidedError("it takes the same throw with and without rotation")
     holds, largest = True, 0.0
@@ -201,7 +209,9 @@ def rotations_limit_dilation(cells: Cells) -> Verdict:
 
 def dilation_shrinks(cells: Cells) -> Verdict:
     """At mu = 0.36 the gap grows, ends below 1 % of the distance slid, and falls in proportion to dt (within 5 %)."""
-    groups = [group for group in _groups([c for c in cells if c.params["mu"] == 0.36], "dt") if len(group) > 1]
+    groups = [
+        group for group in _groups([c for c in _associated(cells) if c.params["mu"] == 0.36], "dt") if len(group) > 1
+    ]
     if not groups:
         raise UndecidedError("it takes mu = 0.36 at two time steps at least")
     holds, share, ratios = True, 0.0, []

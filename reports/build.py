@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-
-from ninedisk.reports.errors import ReportError
 
 Progress = Callable[[str, int, int], None]
 MARKER = ".ninedisk-report"
@@ -39,64 +33,18 @@ def build_report(store: Path, out: Path, progress: Progress | None = None) -> Pa
     ReportError
         If the store is empty or unreadable, or ``out`` cannot be written.
     """
+    from ninedisk.reports.folder import fresh_folder
     from ninedisk.reports.load import load_store
     from ninedisk.reports.site import write_site
 
     tell = progress or _silent
-    store, out = Path(store), Path(out).absolute()
-    _check_target(out)
-    tell("reading runs", 0, 1)
-    stored = load_store(store)
-    tell("reading runs", 1, 1)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-    except OSError as problem:
-        raise _unwritable(out, problem) from problem
-    try:
-        fresh.chmod(0o755)
+    with fresh_folder(out, MARKER, "report") as fresh:
+        tell("reading runs", 0, 1)
+        stored = load_store(Path(store))
+        tell("reading runs", 1, 1)
         write_site(stored, fresh, tell)
-        (fresh / MARKER).write_text("This folder is replaced as a whole by the next report.\n", encoding="utf-8")
-        _replace(fresh, out)
-    except OSError as problem:
-        raise _unwritable(out, problem) from problem
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
-    return out / "index.html"
+    return Path(out).absolute() / "index.html"
 
 
 def _silent(_stage: str, _done: int, _total: int) -> None:
     """No progress is wanted."""
-
-
-def _check_target(out: Path) -> None:
-    if not out.exists():
-        return
-    if not out.is_dir():
-        raise ReportError(f"{out} is a file: name a folder for the report")
-    try:
-        foreign = not (out / MARKER).exists() and any(out.iterdir())
-    except OSError as problem:
-        raise _unwritable(out, problem) from problem
-    if foreign:
-        raise ReportError(f"{out} holds files that are no report of ninedisk: name another folder, or empty it")
-
-
-def _replace(fresh: Path, out: Path) -> None:
-    """Put ``fresh`` in the place of ``out``; the old report comes back if that fails."""
-    if not out.exists():
-        os.rename(fresh, out)
-        return
-    old = Path(tempfile.mkdtemp(prefix=f".{out.name}-old-", dir=out.parent)) / out.name
-    os.rename(out, old)
-    try:
-        os.rename(fresh, out)
-    except OSError:
-        os.rename(old, out)
-        raise
-    finally:
-        shutil.rmtree(old.parent, ignore_errors=True)
-
-
-def _unwritable(out: Path, problem: Any) -> ReportError:
-    return ReportError(f"the report cannot be written to {out} ({problem}): name a folder that you may write to")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from threading import Thread
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.contacts.lists import empty_cells, grown
-from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL, NeighbourList
+from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL
 from ninedisk.core.dem import state
 from ninedisk.core.dem.arrays import (
     ENERGIES,
@@ -24,8 +23,9 @@ from ninedisk.core.dem.arrays import (
     team_arrays,
     wall_arrays,
 )
-from ninedisk.core.dem.checkpoint import read_checkpoint, write_checkpoint
+from ninedisk.core.dem.checkpoint import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.constants import contact_step, law_row, step_constants
+from ninedisk.core.dem.crew import together
 from ninedisk.core.dem.preload import enter_preload, shear_by_pair
 from ninedisk.core.dem.rebuild_kernels import rebuild
 from ninedisk.core.dem.step_kernels import advance
@@ -205,54 +205,31 @@ class DemSession:
             raise InvalidNumericsError(
                 f"n_steps = {numerics.n_steps} is not allowed: the checkpoint has done {done // session.substeps} steps"
             )
-        session._restore(arrays)
+        # A spare list need not hold anything, but room for as many pairs.
+        session._lists = Lists(*(saved_list(arrays, name) for name in ("pairs", "wall_pairs", "pairs", "wall_pairs")))
+        session._clock[state.ROW] = restore(session._state(), arrays, int(arrays["clock"][state.ROW]))
         return session
 
     def _state(self) -> dict[str, NDArray[Any]]:
-        """Every array that the next step depends on, and the samples so far."""
-        groups: dict[str, Any] = {
-            "disks": self._disks,
-            "walls": self._walls,
-            "pairs": self._lists.disks,
-            "wall_pairs": self._lists.walls,
-        }
-        found: dict[str, NDArray[Any]] = {"clock": self._clock, "work": self._work, "stripe": self._team.stripe}
-        for name, group in groups.items():
-            found |= {f"{name}.{field}": array for field, array in group._asdict().items()}
-        return found | {f"samples.{field}": array for field, array in self._samples._asdict().items()}
-
-    def _restore(self, arrays: dict[str, NDArray[Any]]) -> None:
-        def as_list(name: str) -> NeighbourList:
-            start, other, shear = (np.array(arrays[f"{name}.{field}"]) for field in NeighbourList._fields)
-            return NeighbourList(start, other, shear)
-
-        pairs, wall_pairs = as_list("pairs"), as_list("wall_pairs")
-        # A spare need not hold anything, but room for as many pairs.
-        self._lists = Lists(pairs, wall_pairs, as_list("pairs"), as_list("wall_pairs"))
-        mine = self._state()
-        # The last step of a run is always sampled; a longer run drops that row if it is none of its own.
-        rows = np.isin(arrays["samples.at"], self._samples.at) & (
-            np.arange(len(arrays["samples.at"])) < arrays["clock"][state.ROW]
+        lists = self._lists
+        return state_arrays(
+            {"clock": self._clock, "work": self._work, "stripe": self._team.stripe},
+            {
+                "disks": self._disks,
+                "walls": self._walls,
+                "pairs": lists.disks,
+                "wall_pairs": lists.walls,
+                "samples": self._samples,
+            },
         )
-        for name, array in arrays.items():
-            if name.startswith("samples."):
-                if name not in ("samples.at", "samples.chosen", "samples.pairs"):
-                    mine[name][: rows.sum()] = array[rows]
-            elif not name.startswith(("pairs.", "wall_pairs.")):
-                mine[name][...] = array
-        self._clock[state.ROW] = rows.sum()
 
     def _advance(self, target: int) -> None:
         while True:
-            lists = self._lists
             shared = (
                 self._disks,
                 self._walls,
                 self._motion,
-                lists.disks,
-                lists.walls,
-                lists.spare,
-                lists.wall_spare,
+                *self._lists,
                 self._cells,
                 self._law,
                 self._step,
@@ -263,20 +240,12 @@ class DemSession:
                 self._widest,
                 target,
             )
-            crew = [Thread(target=advance, args=(me, self._crew, *shared)) for me in range(1, self._crew)]
-            for thread in crew:
-                thread.start()
-            code = advance(0, self._crew, *shared)
-            for thread in crew:
-                thread.join()
+            code = together(advance, self._crew, shared)
+            if code == OK and not (np.isfinite(self._disks.x).all() and np.isfinite(self._disks.v).all()):
+                code = NOT_FINITE
             if code == OK:
-                self._check_finite()
                 return
             self._mend(code)
-
-    def _check_finite(self) -> None:
-        if not (np.isfinite(self._disks.x).all() and np.isfinite(self._disks.v).all()):
-            self._mend(NOT_FINITE)
 
     def _mend(self, code: int) -> None:
         lists = self._lists
@@ -296,14 +265,10 @@ class DemSession:
 
     def _first_lists(self) -> None:
         while True:
-            lists = self._lists
             code = rebuild(
                 self._disks,
                 self._walls,
-                lists.disks,
-                lists.walls,
-                lists.spare,
-                lists.wall_spare,
+                *self._lists,
                 self._cells,
                 self._team,
                 self._step.skin,

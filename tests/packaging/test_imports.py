@@ -15,13 +15,24 @@ import pytest
 # dynamics alone, and factorisations one module of it.
 THIRD_PARTIES = (
     (r"ninedisk\.core\.cd\.factorise", {"numpy", "numba", "scipy.sparse", "qdldl", "pypardiso"}),
+    (r"ninedisk\.core\.cd\.feasibility", {"numpy", "numba", "scipy.sparse", "scipy.optimize.linprog"}),
     (r"ninedisk\.core\.cd(\..+)?", {"numpy", "numba", "scipy.sparse"}),
+    (r"ninedisk\.core\._sync", {"numpy", "numba", "llvmlite.ir"}),
     (r"ninedisk\.core(\..+)?", {"numpy", "numba"}),
 )
 # A kernel works on arrays and numbers. Besides other kernels it may use modules that lay arrays out, as long as these
 # import no more than a kernel may; the layer that checks and converts is out of reach.
 KERNELS = re.compile(r"ninedisk\.core\..*kernel[^.]*")
-KERNELS_MAY_IMPORT = {"__future__", "math", "typing", "collections.abc", "numpy", "numba", "ninedisk.core._cache"}
+KERNELS_MAY_IMPORT = {
+    "__future__",
+    "math",
+    "typing",
+    "collections.abc",
+    "numpy",
+    "numba",
+    "llvmlite.ir",
+    "ninedisk.core._cache",
+}
 PUBLIC_LAYER = {f"ninedisk.core.{name}" for name in ("scene", "numerics", "history", "errors", "simulate")}
 
 

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from ninedisk.reports import build, site
+from ninedisk.reports import folder, site
 from ninedisk.reports.build import build_report
 from ninedisk.reports.errors import ReportError
 
@@ -56,7 +56,7 @@ def test_failure_of_the_last_step_brings_the_old_report_back(tmp_path, write, sm
             raise OSError("busy")
         real(source, target)
 
-    monkeypatch.setattr(build.os, "rename", rename)
+    monkeypatch.setattr(folder.os, "rename", rename)
     with pytest.raises(ReportError, match="busy"):
         build_report(tmp_path / "store", tmp_path / "out")
     assert index.is_file()

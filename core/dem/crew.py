@@ -1,0 +1,21 @@
+"""Threads that run a kernel side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from threading import Thread
+from typing import Any
+
+
+def together(kernel: Callable[..., int], crew: int, shared: tuple[Any, ...]) -> int:
+    """Call ``kernel(me, crew, *shared)`` in ``crew`` threads, this one being ``me = 0``, and return its answer to this one.
+
+    The kernel releases the interpreter and meets its fellows at barriers, so that all of them end together.
+    """
+    others = [Thread(target=kernel, args=(me, crew, *shared)) for me in range(1, crew)]
+    for thread in others:
+        thread.start()
+    code = kernel(0, crew, *shared)
+    for thread in others:
+        thread.join()
+    return code
