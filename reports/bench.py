@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -43,6 +44,7 @@ def write_bench(record: Mapping[str, Any], path: Path) -> None:
         facts=record["provenance"],
         suites={name: [row for row in rows if row["suite"] == name] for name in SUITES},
         titles=SUITES,
+        checks={name: _checks(rows, name) for name in SUITES},
         figures={name: [_svg(chart) for chart in charts(rows, name)] for name in SUITES},
         sheet=Markup((HERE / "assets" / "style.css").read_text(encoding="utf-8")),
     )
@@ -70,7 +72,7 @@ def _scaling(rows: Sequence[Row], family: str) -> PointChart | None:
     names = {_line(row): _line(row) for row in chosen}
     looks = engine_looks(names)
     dots = [
-        _dots(look, [(row["disks"], row["rate"], row["problem"]) for row in chosen if _line(row) == name])
+        _dots(look, sorted((row["disks"], row["rate"], row["problem"]) for row in chosen if _line(row) == name))
         for name, look in looks.items()
     ]
     return PointChart(f"{family}: rate over size", "disks", "particle-steps / s", tuple(dots)) if dots else None
@@ -95,7 +97,7 @@ def _accuracy(problem: str, start: str, rows: Sequence[Row], looks: Mapping[str,
 
 
 def _dots(look: Look, points: Sequence[tuple[float, float, str]]) -> Dots:
-    x, y, names = zip(*sorted(points), strict=True)
+    x, y, names = zip(*points, strict=True)
     floor = tuple(max(float(value), 1e-17) for value in y)  # a logarithmic axis has no 0
     return Dots(look.label, look, tuple(float(value) for value in x), floor, names=names)
 
@@ -104,7 +106,19 @@ def _svg(chart: PointChart) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "chart.svg"
         draw_points(chart, path)
-        return {"title": chart.title, "svg": Markup(path.read_text(encoding="utf-8")), "looks": chart.looks}
+        # As an image, not as part of the page: the classes of one figure would restyle the next.
+        data = base64.b64encode(path.read_bytes()).decode("ascii")
+    return {"title": chart.title, "source": f"data:image/svg+xml;base64,{data}", "looks": chart.looks}
+
+
+def _checks(rows: Sequence[Row], suite: str) -> dict[str, list[str]]:
+    """Engines by the text of the check that they had to pass."""
+    found: dict[str, list[str]] = {}
+    for row in rows:
+        engines = found.setdefault(row["check"], []) if row["suite"] == suite and row["check"] else []
+        if row["engine"] not in engines:
+            engines.append(row["engine"])
+    return found
 
 
 def _finite(value: Any) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -106,11 +105,3 @@ def turned_gravity(problem: ContactProblem, angle: float = TURN) -> ContactProbl
     force[:, 0] = c * problem.force[:, 0] - s * problem.force[:, 1]
     force[:, 1] = s * problem.force[:, 0] + c * problem.force[:, 1]
     return replace(problem, force=force)
-
-
-def saved(problem: ContactProblem, folder: Path) -> Path:
-    """File with the problem, for solvers in processes of their own."""
-    path = folder / "problem.npz"
-    if not path.exists():
-        problem.save(path)
-    return path

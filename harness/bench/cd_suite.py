@@ -141,7 +141,7 @@ def _row(
     if best is not None and solver.sliding == "associated" and "objective" in facts:
         row["objective_error"] = abs(facts["objective"] - best) / abs(best)
     if solver.sweeps and facts.get("iterations"):
-        seconds = row.get("median_s", facts.get("seconds"))
+        seconds = float(row.get("median_s", facts.get("seconds", float("nan"))))
         row |= {"rate": 1e9 * seconds / facts["iterations"] / problem.n_contacts, "rate_unit": "ns/contact/sweep"}
     if not measured.samples:
         return row

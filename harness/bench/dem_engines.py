@@ -69,11 +69,12 @@ LAMMPS = Peer(
 YADE = Peer(
     id="yade",
     arms=("overlap", "overlap"),
-    bound=1e-2,
-    why="contacts that form on the way have the dashpot of two disks of mean mass",
+    bound=3e-3,
+    why="dashpots of contacts that form on the way are up to 2 % off between disks, 22 % at walls",
     short=True,
     settings={
-        "contact_law": "Law2_ScGeom_ViscElPhys_Basic, dashpots of the first contacts set pair by pair",
+        "contact_law": "Law2_ScGeom_ViscElPhys_Basic",
+        "dashpots": "of the first contacts pair by pair, of later ones by one constant for each body",
         "collider": "InsertionSortCollider, its own Verlet distance",
         "threads": "-j1",
     },
@@ -170,7 +171,7 @@ def runner(peer: Peer, engine: Engine, problem: DemProblem) -> Callable[[float],
 
 
 def _extra(peer: Peer, engine: Engine, problem: DemProblem, folder: Path) -> dict[str, Any]:
-    if peer is not LAMMPS:
+    if peer.id != LAMMPS.id:
         return {}
     one = problem.numerics()
     return {"libmpi": engine.extra(problem.scene, one, folder)["libmpi"]}  # type: ignore[attr-defined]

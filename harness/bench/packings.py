@@ -32,11 +32,12 @@ def packing(n: int, *, aspect: float = 1.0, progress: Callable[[int, int], None]
     Returns
     -------
     Scene
-        At rest, with the shear forces of its contacts. It comes from the user's cache folder if it has been made before by
-        the same gallery.
+        At rest, with the shear forces of its contacts unless it is made of copies. It comes from the user's cache folder if it
+        has been made before by the same gallery.
     """
     if n > LARGEST_SETTLED:
-        return gallery.side_by_side(packing(LARGEST_SETTLED, aspect=aspect, progress=progress), n // LARGEST_SETTLED)
+        one = packing(LARGEST_SETTLED, aspect=aspect, progress=progress).replace(initial_shear={})
+        return gallery.side_by_side(one, n // LARGEST_SETTLED)
     path = _folder() / f"packing-{n}-{aspect:g}-{_recipe()}.json.gz"
     try:
         with gzip.open(path, "rt", encoding="utf-8") as file:

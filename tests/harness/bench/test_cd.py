@@ -103,16 +103,18 @@ def test_every_solver_reaches_the_target_or_is_not_there(name: str, problem: Con
 
 
 @pytest.mark.parametrize("name", ["clarabel", "piqp", "siconos nsgs, Coulomb"])
-def test_external_solvers_solve_the_problem_that_is_timed(name: str, problem: ContactProblem, tmp_path: Path) -> None:
+def test_external_solvers_solve_the_problem_that_is_timed(name: str, packed: ContactProblem, tmp_path: Path) -> None:
     """A file with another friction coefficient: the answer solves that, and the figures show it."""
     if not available(name):
         pytest.skip(f"{name} is not installed")
     solver = by_name(name)
-    wrong = replace(problem, mu=0.9 * problem.mu)
-    asked = replace(task(wrong, tmp_path, solver), problem=problem)
+    slope = turned_gravity(packed, 0.3)
+    wrong = replace(slope, mu=0.9 * slope.mu)
+    asked = replace(task(wrong, tmp_path, solver, 1e-4), problem=slope)
     with pytest.raises(NotReachedError, match="natural-map residual") as caught:
         solver.solve(asked, 20.0)
-    assert caught.value.facts["natural_map"] > 1e-4
+    facts = caught.value.facts
+    assert max(facts["natural_map"], facts["duality_gap"]) > 1e-3
 
 
 @pytest.mark.parametrize("name", ["gauss-seidel", "projected-gradient", "gauss-seidel, Coulomb"])
@@ -121,7 +123,7 @@ def test_what_is_not_reached_in_time_is_told_with_its_figures(
 ) -> None:
     solver = by_name(name)
     with pytest.raises(NotReachedError) as caught:
-        solver.solve(task(packed, tmp_path, solver, 1e-14), 0.05)
+        solver.solve(task(packed, tmp_path, solver, 1e-14), 1e-3)
     facts = caught.value.facts
     assert set(facts) == {"iterations", "natural_map", "duality_gap", "seconds"}
     assert facts["iterations"] > 0

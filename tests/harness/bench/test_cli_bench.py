@@ -73,7 +73,7 @@ def test_a_small_run_writes_record_and_page(here: Path, packing_folder: Path) ->
     assert record["argv"][0] == "ninedisk"
     page = by_suffix[".html"].read_text()
     assert "settled-40-short" in page
-    assert "<svg" in page
+    assert "data:image/svg+xml" in page
 
 
 @pytest.mark.parametrize(("statuses", "code"), [(("pass", "not-reached"), 0), (("fail",), 1), (("fail", "error"), 3)])

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ninedisk.core import gallery
 from ninedisk.core.dem.session import DemSession
 from ninedisk.harness.bench import dem_engines, dem_suite, nine_disks
 from ninedisk.harness.bench.dem_engines import LAMMPS, PEERS, YADE, core_memory, run_core, run_peer
@@ -112,11 +113,13 @@ def test_a_missing_engine_is_said(settled: DemProblem, monkeypatch: pytest.Monke
 
 
 def test_memory_is_that_of_the_arrays(settled: DemProblem) -> None:
-    """Against the sizes of the arrays of a session, counted one by one; Python's own objects are a few kB."""
-    session = DemSession(settled.scene, settled.numerics(), particles=[0])
+    """Against the sizes of the arrays of a session, counted one by one; Python's own objects are some 16 kB."""
+    many = replace(settled, scene=gallery.side_by_side(settled.scene, 30))
+    session = DemSession(many.scene, many.numerics(), particles=[0])
     parts = (session._disks, session._walls, session._team, session._cells, *session._lists, session._samples)
     arrays = {id(array): array.nbytes for part in parts for array in part if isinstance(array, np.ndarray)}
-    assert core_memory(settled) * settled.n == pytest.approx(sum(arrays.values()), abs=12_000)
+    assert core_memory(many) * many.n == pytest.approx(sum(arrays.values()), abs=32_000)
+    assert sum(arrays.values()) > 300_000
 
 
 def test_problems_of_a_size() -> None:
