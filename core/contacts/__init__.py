@@ -1,1 +1,1 @@
-"""Contact search: cell list, neighbour lists."""
+"""Contact search: cell list, neighbour lists; contacts of NURBS outlines."""

@@ -1,1 +1,1 @@
-"""Geometry: walls and their motion."""
+"""Geometry: walls and their motion, NURBS outlines."""

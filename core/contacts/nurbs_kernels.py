@@ -1,0 +1,214 @@
+"""Kernels of the intersection-based contact of two NURBS outlines.
+
+Two outlines that intersect in two points have a contact: its point is the middle of the chord between them, its normal is at
+right angles to the chord, from the first body to the second, and its overlap is the extent of the common area along the
+normal, from the extreme point of the second outline to that of the first. On disks this is ``R1 + R2 - d``. Outlines that
+are not convex can have several.
+"""
+
+from __future__ import annotations
+
+from ninedisk.core._cache import inline_kernel, kernel
+from ninedisk.core.contacts.nurbs_convex_kernels import APART, LENS, UNSURE, convex_lens
+from ninedisk.core.contacts.nurbs_lens_kernels import chord, extent_along, extreme_near, normal_of
+from ninedisk.core.contacts.nurbs_roots_kernels import crossings
+from ninedisk.core.contacts.nurbs_state import CROSSED, ENCLOSED, FULL, ContactRows, FloatArray, IntArray, Workspace
+from ninedisk.core.contacts.nurbs_wall_kernels import line_crossings
+from ninedisk.core.geometry.nurbs_kernels import Pose, ShapeTable, point_at
+
+
+@inline_kernel
+def holds(table: ShapeTable, shape: int, x: float, y: float, work: Workspace) -> bool:
+    """Whether a point, in the shape's frame and not on its outline, lies inside: crossings of the ray along +x are odd."""
+    n = line_crossings(table, shape, 0.0, 1.0, y, work)
+    still = Pose(1.0, 0.0, 0.0, 0.0)
+    odd = False
+    for k in range(max(n, 0)):
+        px, _ = point_at(table, shape, int(work.root[k, 0]), work.root[k, 1], still)
+        if px > x:
+            odd = not odd
+    return odd
+
+
+@inline_kernel
+def one_holds_other(table: ShapeTable, a: int, b: int, pose: Pose, work: Workspace) -> bool:
+    """Whether one of two outlines that do not intersect lies inside the other."""
+    inner, outer, c, s, x, y = b, a, pose.c, pose.s, pose.x, pose.y
+    for _ in range(2):
+        px, py = point_at(table, inner, 0, 0.0, Pose(c, s, x, y))
+        if px * px + py * py <= table.radius[outer] * table.radius[outer] and holds(table, outer, px, py, work):
+            return True
+        inner, outer, s = a, b, -s
+        x, y = -(c * pose.x - s * pose.y), -(s * pose.x + c * pose.y)
+    return False
+
+
+@inline_kernel
+def measured(
+    table: ShapeTable,
+    a: int,
+    at: Pose,
+    b: int,
+    pose: Pose,
+    root: FloatArray,
+    k: int,
+    m: int,
+    out: ContactRows,
+    row: int,
+) -> tuple[float, float]:
+    """Write all but the overlap of the contact between intersections ``k`` (entering) and ``m``; its normal, in ``a``'s frame."""
+    i0, u0, j0, v0 = int(root[k, 0]), root[k, 1], int(root[k, 2]), root[k, 3]
+    i1, u1, j1, v1 = int(root[m, 0]), root[m, 1], int(root[m, 2]), root[m, 3]
+    dx, dy, x, y = chord(table, a, b, pose, i0, u0, j0, v0, i1, u1, j1, v1)
+    length, nx, ny = normal_of(dx, dy)
+    out.point[row, 0], out.point[row, 1] = at.c * x - at.s * y + at.x, at.s * x + at.c * y + at.y
+    out.normal[row, 0], out.normal[row, 1] = at.c * nx - at.s * ny, at.s * nx + at.c * ny
+    out.chord[row] = length
+    out.place[row, 0], out.place[row, 1] = i0 + u0 + 0.5, j0 + v0 + 0.5
+    out.place[row, 2], out.place[row, 3] = i1 + u1 + 0.5, j1 + v1 + 0.5
+    return nx, ny
+
+
+@inline_kernel
+def lens_extent(
+    table: ShapeTable, a: int, b: int, pose: Pose, root: FloatArray, k: int, m: int, nx: float, ny: float
+) -> float:
+    """Extent [m] of the common area between intersections ``k`` and ``m`` along the normal, from both its arcs."""
+    shape, first, last, column, way = a, k, m, 0, 1.0
+    side = Pose(1.0, 0.0, 0.0, 0.0)
+    extent = 0.0
+    for _ in range(2):
+        i0, u0 = int(root[first, column]), root[first, column + 1]
+        i1, u1 = int(root[last, column]), root[last, column + 1]
+        extent += extent_along(table, shape, side, i0, u0, i1, u1, way * nx, way * ny)
+        shape, first, last, column, way, side = b, m, k, 2, -1.0, pose
+    return extent
+
+
+@inline_kernel
+def convex_extent(
+    table: ShapeTable, a: int, b: int, pose: Pose, i: int, u: float, j: int, v: float, nx: float, ny: float
+) -> float:
+    """`lens_extent` of strictly convex outlines whose extreme points are near (i, u) and (j, v)."""
+    top_x, top_y = extreme_near(table, a, Pose(1.0, 0.0, 0.0, 0.0), i, u, nx, ny)
+    low_x, low_y = extreme_near(table, b, pose, j, v, nx, ny)
+    return nx * (top_x - low_x) + ny * (top_y - low_y)
+
+
+@inline_kernel
+def closes(n: int, k: int, m: int, ring: int, root: FloatArray) -> bool:
+    """Whether the second outline runs from intersection ``m`` straight back to ``k``: the common area has two corners."""
+    start = root[m, 2] + root[m, 3]
+    length = (root[k, 2] + root[k, 3] - start) % ring
+    for other in range(n):  # noqa: SIM110 - a generator expression would need memory
+        if other not in (k, m) and (root[other, 2] + root[other, 3] - start) % ring < length:
+            return False
+    return True
+
+
+@inline_kernel
+def placed_contacts(
+    table: ShapeTable, a: int, at: Pose, b: int, pose: Pose, work: Workspace, out: ContactRows, row: int
+) -> int:
+    """`pair_contacts` with the second shape's pose relative to the first's, wherever the bounding circles overlap."""
+    n, kind, i, u, j, v = 0, UNSURE, 0, 0.0, 0, 0.0
+    one_centre = pose.x == 0.0 and pose.y == 0.0  # there is no line of centres to begin with
+    if table.smallest_radius[a] > 0.0 and table.smallest_radius[b] > 0.0 and not one_centre:
+        kind, i, u, j, v = convex_lens(table, a, b, pose, work)
+        if kind == APART:
+            return 0
+        n = 2
+    if kind == UNSURE:
+        n = crossings(table, a, b, pose, work)
+        if n < 0:
+            return n
+        if n == 0:
+            return ENCLOSED if one_holds_other(table, a, b, pose, work) else 0
+        ring = table.first_span[b + 1] - table.first_span[b]
+        for k in range(n):
+            if work.root[k, 4] > 0.0 and not closes(n, k, k + 1 if k + 1 < n else 0, ring, work.root):
+                return CROSSED
+    if row + n // 2 > out.overlap.shape[0]:
+        return FULL
+    done = 0
+    for k in range(n):
+        if work.root[k, 4] < 0.0:
+            continue
+        m = k + 1 if k + 1 < n else 0
+        nx, ny = measured(table, a, at, b, pose, work.root, k, m, out, row + done)
+        if kind == LENS:
+            out.overlap[row + done] = convex_extent(table, a, b, pose, i, u, j, v, nx, ny)
+        else:
+            out.overlap[row + done] = lens_extent(table, a, b, pose, work.root, k, m, nx, ny)
+        done += 1
+    return done
+
+
+@inline_kernel
+def pair_contacts(
+    table: ShapeTable, a: int, at: Pose, b: int, other: Pose, work: Workspace, out: ContactRows, row: int
+) -> int:
+    """Contacts of shape ``a`` placed by ``at`` with shape ``b`` placed by ``other``, written to ``out`` from ``row`` on.
+
+    Computed in the frame of ``a``, into which the difference of the two positions is turned: far from the scene's origin
+    nothing is lost.
+
+    Returns
+    -------
+    int
+        Number of contacts, or `ENCLOSED`, `CROSSED`, `UNDECIDED` or `FULL`.
+    """
+    x, y = other.x - at.x, other.y - at.y
+    reach = table.radius[a] + table.radius[b]
+    if not x * x + y * y < reach * reach:  # positions that are no numbers are nobody's contact
+        return 0
+    pose = Pose(
+        at.c * other.c + at.s * other.s, at.c * other.s - at.s * other.c, at.c * x + at.s * y, at.c * y - at.s * x
+    )
+    return placed_contacts(table, a, at, b, pose, work, out, row)
+
+
+@kernel
+def contacts_of_pairs(
+    table: ShapeTable,
+    shape: IntArray,
+    x: FloatArray,
+    turn: FloatArray,
+    pairs: IntArray,
+    work: Workspace,
+    count: IntArray,
+    out: ContactRows,
+) -> int:
+    """Contacts of many pairs, one after the other in ``out``.
+
+    Parameters
+    ----------
+    table : ShapeTable
+    shape : ndarray of int64, shape (n,)
+        Shape of each grain.
+    x : ndarray, shape (n, 2)
+        Positions of the frames' origins [m].
+    turn : ndarray, shape (n, 2)
+        Cosine and sine of the rotations.
+    pairs : ndarray of int64, shape (k, 2)
+    work : Workspace
+    count : ndarray of int64, shape (k,)
+        Out: what `pair_contacts` returns for each pair.
+    out : ContactRows
+        Out: the contacts, in the order of the pairs.
+
+    Returns
+    -------
+    int
+        Number of contacts.
+    """
+    row = 0
+    for k in range(pairs.shape[0]):
+        i, j = pairs[k, 0], pairs[k, 1]
+        at = Pose(turn[i, 0], turn[i, 1], x[i, 0], x[i, 1])
+        other = Pose(turn[j, 0], turn[j, 1], x[j, 0], x[j, 1])
+        found = pair_contacts(table, shape[i], at, shape[j], other, work, out, row)
+        count[k] = found
+        if found > 0:
+            row += found
+    return row

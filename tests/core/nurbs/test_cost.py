@@ -1,0 +1,108 @@
+"""What a NURBS contact costs beside a disk's, and grains of 20 control points; best of interleaved runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numba
+import numpy as np
+import pytest
+from nurbs_shapes_of_tests import outline, periodic, ring
+
+from ninedisk.core import ContactLaw, Disks, Scene
+from ninedisk.core.contacts.lists import empty_list
+from ninedisk.core.contacts.nurbs import NurbsGrains
+from ninedisk.core.contacts.nurbs_kernels import contacts_of_pairs
+from ninedisk.core.contacts.nurbs_state import contact_rows, workspace
+from ninedisk.core.dem.arrays import disk_arrays
+from ninedisk.core.dem.constants import law_row
+from ninedisk.core.dem.force_kernels import disk_disk_forces
+from ninedisk.core.geometry.nurbs import NurbsCurve
+from ninedisk.core.geometry.nurbs_mass import centred
+from ninedisk.core.geometry.nurbs_shapes import disk, fitted
+
+pytestmark = [
+    pytest.mark.timing,
+    pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled"),
+]
+
+
+def best(*runs: Callable[[], object], times: int = 15) -> list[float]:
+    """Shortest time [s] of each run; the runs take turns, so that the machine's moods meet all of them."""
+    for run in runs:
+        run()
+    least = [np.inf] * len(runs)
+    for _ in range(times):
+        for k, run in enumerate(runs):
+            begin = perf_counter()
+            run()
+            least[k] = min(least[k], perf_counter() - begin)
+    return least
+
+
+def nurbs_run(
+    curves: list[NurbsCurve], shape: np.ndarray, x: np.ndarray, turn: np.ndarray, pairs: np.ndarray
+) -> Callable[[], int]:
+    grains = NurbsGrains(curves, shape)
+    work, count, out = workspace(grains.table), np.zeros(len(pairs), dtype=np.int64), contact_rows(3 * len(pairs))
+    placed = np.column_stack([np.cos(turn), np.sin(turn)])
+    return lambda: contacts_of_pairs(grains.table, grains.shape, x, placed, pairs, work, count, out)
+
+
+def test_contact_of_disks_against_the_disk_kernel(record_property: Callable[[str, object], None]) -> None:
+    """At most 30 times the kernel that the DEM runs for a pair in contact, shear force included."""
+    n = 2_000
+    rng = np.random.default_rng(1)
+    radii = np.linspace(0.8, 1.2, 8)
+    shape = rng.integers(0, 8, 2 * n)
+    way, overlap = rng.uniform(-np.pi, np.pi, n), 10.0 ** rng.uniform(-4.0, -1.5, n)
+    x = np.zeros((2 * n, 2))
+    x[0::2] = 10.0 * rng.uniform(0.0, 1.0, (n, 2))
+    reach = radii[shape[0::2]] + radii[shape[1::2]] - overlap
+    x[1::2] = x[0::2] + reach[:, None] * np.column_stack([np.cos(way), np.sin(way)])
+    law = ContactLaw(kn=1e6, ks=8e5, mu=0.3)
+    disks = disk_arrays(Scene(disks=Disks(x=x, radius=radii[shape], mass=1.0), disk_disk=law))
+    pairs = empty_list(2 * n, n)
+    pairs.start[0::2], pairs.start[1::2] = np.arange(n + 1), np.arange(1, n + 1)
+    pairs.other[:] = np.arange(1, 2 * n, 2)
+    row = np.array(law_row(law))
+    run = nurbs_run(
+        [disk(float(r)) for r in radii], shape, x, rng.uniform(-3.0, 3.0, 2 * n), np.arange(2 * n).reshape(-1, 2)
+    )
+    assert run() == n
+    disk_time, nurbs_time = best(lambda: disk_disk_forces(disks, pairs, row, 1e-6, 0, 2 * n), run)
+    assert np.all(np.any(disks.force != 0.0, axis=1))
+    record_property("ns a pair, disk and NURBS", (disk_time / n * 1e9, nurbs_time / n * 1e9))
+    print(
+        f"disk {disk_time / n * 1e9:.1f} ns a pair, NURBS {nurbs_time / n * 1e9:.0f} ns, {nurbs_time / disk_time:.1f} times"
+    )
+    assert nurbs_time <= 30.0 * disk_time
+
+
+@pytest.mark.parametrize("kind", ["convex", "wavy"])
+def test_a_thousand_grains_of_20_control_points(kind: str, record_property: Callable[[str, object], None]) -> None:
+    """Two neighbours a grain in a square lattice, all near or in contact: contacts for over 100,000 grains a second."""
+    if kind == "convex":
+        curves = [fitted(outline(lambda a, e=e: 1.0 + e * np.cos(2.0 * a)), 20).curve for e in (0.02, 0.04, 0.06, 0.08)]
+    else:
+        curves = [periodic(ring(20, seed, spread=0.06), 3) for seed in range(4)]
+    curves = [centred(curve) for curve in curves]
+    rng = np.random.default_rng(2)
+    side = 32
+    shape = rng.integers(0, 4, side * side)
+    gx, gy = (grid.ravel() for grid in np.meshgrid(np.arange(side), np.arange(side)))
+    x = 1.97 * np.column_stack([gx, gy]) + rng.uniform(-0.03, 0.03, (side * side, 2))
+    here = np.arange(side * side)
+    right, up = here[gx < side - 1], here[gy < side - 1]
+    pairs = np.concatenate([np.column_stack([right, right + 1]), np.column_stack([up, up + side])])
+    run = nurbs_run(curves, shape, x, rng.uniform(-np.pi, np.pi, side * side), pairs)
+    contacts = run()
+    assert contacts > 0.3 * len(pairs)
+    (seconds,) = best(run)
+    rate = side * side / seconds
+    record_property("grains a second", rate)
+    print(
+        f"{kind}: {contacts} contacts in {len(pairs)} pairs, {seconds / len(pairs) * 1e9:.0f} ns a pair, {rate:.0f} grains/s"
+    )
+    assert rate > 100_000
