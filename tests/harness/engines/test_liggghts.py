@@ -184,7 +184,7 @@ def test_run_stopped_half_way_is_a_timeout(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     setup, engine = variant("nine-disk/compression"), Liggghts()
     engine.time_limit = 2.5
-    numerics = setup.numerics.replace(n_steps=100_000, sample_every=100_000)
+    numerics = setup.numerics.replace(n_steps=20_000_000, sample_every=20_000_000)
     with pytest.raises(EngineTimeoutError, match=r"was stopped at its time limit of 2.5 s"):
         engine.run(setup.scene.replace(xi=0.0), numerics, [])
     assert list(tmp_path.iterdir()) == []
