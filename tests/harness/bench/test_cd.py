@@ -126,8 +126,9 @@ def test_what_is_not_reached_in_time_is_told_with_its_figures(
         solver.solve(task(packed, tmp_path, solver, 1e-14), 1e-3)
     facts = caught.value.facts
     assert set(facts) == {"iterations", "natural_map", "duality_gap", "seconds"}
-    assert facts["iterations"] > 0
-    assert 0.0 < facts["natural_map"] < 1.0
+    # A busy machine may take the whole millisecond away: no force at all is a natural map of 1.
+    assert facts["iterations"] >= 0
+    assert 0.0 < facts["natural_map"] <= 1.0
 
 
 def rows_of(problem: ContactProblem, some: list[Solver], folder: Path) -> list[Row]:
