@@ -24,6 +24,10 @@ by side. Without Numba's runtime (``_nrt=False``) there is no reference counting
 atomic counts for each array at each call were four fifths of a step of nine disks. It also makes an allocation in a kernel a
 compilation error, which is the rule here anyway. ``forceinline`` spares the copies of those tuples."""
 
+FUSED: dict[str, Any] = {"fastmath": {"contract"}}
+"""Further option of kernels that are bound by arithmetic: a product and the sum that it goes into are rounded once where the
+processor can. Nothing is reordered; the result is as good, its last bits are those of this kind of processor."""
+
 
 def source_hash(root: Path) -> str:
     """Hash of every Python source below ``root`` (relative name and content), 16 hex digits."""
@@ -57,11 +61,20 @@ def cache_folder() -> str:
 
 def kernel(function: Function) -> Function:
     """Compile ``function`` with `OPTIONS` and keep the machine code in `cache_folder`; it must not allocate."""
+    return _kept(function, OPTIONS)
+
+
+def fused_kernel(function: Function) -> Function:
+    """Like `kernel`, with `FUSED` arithmetic in the function's own lines (not in those of the kernels that it calls)."""
+    return _kept(function, OPTIONS | FUSED)
+
+
+def _kept(function: Function, options: dict[str, Any]) -> Function:
     settings: Any = numba.config
     before = settings.CACHE_DIR
     settings.CACHE_DIR = cache_folder()
     try:
-        compiled: Any = numba.njit(cache=True, **OPTIONS)(function)
+        compiled: Any = numba.njit(cache=True, **options)(function)
     finally:
         settings.CACHE_DIR = before
     return cast(Function, compiled)

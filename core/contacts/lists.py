@@ -6,8 +6,8 @@ import numpy as np
 
 from ninedisk.core.contacts.search_kernels import Cells, NeighbourList
 
-PAIRS_PER_DISK = 2.5
-"""First guess of listed pairs a disk: a settled polydisperse packing has 2.3 with a skin of a tenth of a diameter."""
+PAIRS_PER_DISK = 2.1
+"""First guess of listed pairs a disk: a settled polydisperse packing has 2.0 with the first skin."""
 
 
 def empty_list(rows: int, capacity: int) -> NeighbourList:

@@ -11,7 +11,8 @@ from ninedisk.core._sync import PAD
 from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_list
 from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.constants import law_row
-from ninedisk.core.dem.state import DiskArrays, Samples, Team, WallArrays
+from ninedisk.core.dem.force_kernels import find_damping
+from ninedisk.core.dem.state import BETA, DiskArrays, Samples, Team, Views, WallArrays
 from ninedisk.core.geometry.motion import wall_poses
 from ninedisk.core.geometry.motion_kernels import WallMotion
 from ninedisk.core.scene import Scene
@@ -21,7 +22,7 @@ SORT_FROM = 2_000
 order of its disks stays the scene's."""
 
 STRIPES = 64
-"""Stripes of a sorted run, whatever the number of threads: even ones give 8 pieces of work to each of 4 threads."""
+"""Most stripes of a sorted run, whatever the number of threads."""
 
 ENERGIES = ("translation", "rotation", "elastic_normal", "elastic_shear", "gravity")
 
@@ -35,10 +36,10 @@ class Lists(NamedTuple):
     wall_spare: NeighbourList
 
 
-def disk_arrays(scene: Scene) -> DiskArrays:
-    """State of the disks at time 0, in the scene's order."""
+def disk_arrays(scene: Scene, lagged: bool) -> DiskArrays:
+    """State of the disks at time 0, in the scene's order; ``lagged``: dashpots see the velocity of half a step before."""
     disks, n = scene.disks, len(scene.disks)
-    damped = any(law.beta > 0.0 for law in (scene.disk_disk, *(wall.law for wall in scene.walls)))
+    damped = not lagged and any(law.beta > 0.0 for law in (scene.disk_disk, *(wall.law for wall in scene.walls)))
     return DiskArrays(
         x=disks.x.copy(),
         v=disks.v.copy(),
@@ -55,6 +56,14 @@ def disk_arrays(scene: Scene) -> DiskArrays:
         place=np.arange(n, dtype=np.uint32),
         listed=np.arange(n, dtype=np.uint32),
     )
+
+
+def disk_views(disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64]) -> Views:
+    """Views of the disks, and the dashpots of the listed pairs."""
+    seen = disks.v_now if len(disks.v_now) else disks.v
+    damping = np.zeros(len(pairs.other) if law[BETA] > 0.0 else 0)
+    find_damping(disks, pairs, law, damping)
+    return Views(disks.x.reshape(-1), disks.v.reshape(-1), seen.reshape(-1), disks.force.reshape(-1), damping)
 
 
 def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
@@ -76,6 +85,7 @@ def team_arrays(stripes: int, threads: int) -> Team:
     """Shared arrays of the threads; the stripes are set by the first rebuild."""
     return Team(
         stripe=np.zeros(stripes + 1, dtype=np.int64),
+        border=np.zeros(stripes, dtype=np.int64),
         flags=np.zeros(threads * PAD, dtype=np.int64),
         far=np.zeros(threads * PAD),
         code=np.zeros(1, dtype=np.int64),

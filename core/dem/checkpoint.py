@@ -17,7 +17,7 @@ from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 
-FORMAT = 1
+FORMAT = 2
 
 
 def write_checkpoint(

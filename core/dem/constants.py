@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ninedisk.core.dem.critical import critical_time_step
-from ninedisk.core.dem.state import StepConstants
+from ninedisk.core.dem.state import Kick, StepConstants
 from ninedisk.core.errors import UnstableTimeStepError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
@@ -13,8 +13,8 @@ from ninedisk.core.scene import ContactLaw, Scene
 SAFETY = 0.1
 """Fraction of the critical step that ``contact_dt = None`` stands for."""
 
-SKIN = 0.2
-"""Skin of the lists as a fraction of the mean radius."""
+FIRST_SKIN, LEAST_SKIN, MOST_SKIN = 0.05, 0.02, 0.4
+"""Skin of the first lists and limits of later ones as fractions of the mean radius."""
 
 
 def contact_step(scene: Scene, numerics: Numerics) -> tuple[float, float]:
@@ -47,17 +47,21 @@ def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) 
     """Scalars of the scheme for contact step ``dt`` [s]; ``in_order``: disks are kept in the order of the cells."""
     a = 0.5 * scene.xi * dt
     central = numerics.damping_form == "central"
-    beta = max([scene.disk_disk.beta, *(wall.law.beta for wall in scene.walls)])
+    shared = {"dt": dt, "gravity_x": scene.gravity[0], "gravity_y": scene.gravity[1]}
+    radius = float(scene.disks.radius.mean())
     return StepConstants(
-        dt=dt,
-        keep=(1.0 - a) / (1.0 + a) if central else 1.0 - 2.0 * a,
-        gain=dt / (1.0 + a) if central else dt,
-        keep0=1.0 - a,
-        gain0=0.5 * dt,
-        gravity_x=scene.gravity[0],
-        gravity_y=scene.gravity[1],
-        skin=SKIN * float(scene.disks.radius.mean()),
-        damped=beta > 0.0,
+        # Half the kick is still missing at t_n, or all of it after the half kick.
+        first=Kick(keep=1.0 - a, gain=0.5 * dt, ahead=1.0, **shared),
+        kick=Kick(
+            keep=(1.0 - a) / (1.0 + a) if central else 1.0 - 2.0 * a,
+            gain=dt / (1.0 + a) if central else dt,
+            ahead=0.5,
+            **shared,
+        ),
+        radius=radius,
+        first_skin=FIRST_SKIN * radius,
+        least_skin=LEAST_SKIN * radius,
+        most_skin=MOST_SKIN * radius,
         lagged=not central,
         sorted=in_order,
     )

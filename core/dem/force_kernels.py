@@ -13,33 +13,26 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import inline_kernel, kernel
+from ninedisk.core._cache import fused_kernel, inline_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
-from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_OVERLAP, TORQUE_OVERLAP, WALL_MID, DiskArrays, WallArrays
+from ninedisk.core.dem.state import (
+    BETA,
+    KN,
+    KS,
+    MU,
+    SLIP_OVERLAP,
+    TORQUE_OVERLAP,
+    WALL_MID,
+    DiskArrays,
+    Views,
+    WallArrays,
+)
 
 
 @inline_kernel
-def normal_force(overlap: float, rate: float, kn: float, beta: float, inv_m_eff: float) -> float:
-    """Normal force [N] ``max(kn overlap + c rate, 0)`` with ``c = 2 beta sqrt(m_eff kn)``.
-
-    Parameters
-    ----------
-    overlap : float
-        [m], > 0.
-    rate : float
-        Time derivative of the overlap [m/s].
-    kn : float
-        [N/m].
-    beta : float
-        Contact damping ratio [-].
-    inv_m_eff : float
-        ``1/m_i + 1/m_j`` [1/kg].
-    """
-    force = kn * overlap
-    if beta > 0.0:
-        force += 2.0 * beta * sqrt(kn / inv_m_eff) * rate
-        force = max(force, 0.0)
-    return force
+def dashpot(kn: float, beta: float, inv_m_eff: float) -> float:
+    """Coefficient of the contact dashpot [N s/m] ``2 beta sqrt(m_eff kn)``, from ``inv_m_eff = 1/m_i + 1/m_j`` [1/kg]."""
+    return 2.0 * beta * sqrt(kn / inv_m_eff)
 
 
 @inline_kernel
@@ -66,14 +59,34 @@ def first_from(pairs: NeighbourList, low: int, high: int, disk: int) -> int:
 
 
 @kernel
+def find_damping(
+    disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], damping: NDArray[np.float64]
+) -> None:
+    """Dashpot coefficient [N s/m] of each listed pair, into ``damping``; nothing where it is empty."""
+    if damping.shape[0] == 0:
+        return
+    for i in range(disks.x.shape[0]):
+        for k in range(pairs.start[i], pairs.start[i + 1]):
+            damping[k] = dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[pairs.other[k]])
+
+
+@fused_kernel
 def disk_disk_forces(
-    disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], slip_dt: float, begin: int, end: int
+    disks: DiskArrays,
+    views: Views,
+    pairs: NeighbourList,
+    law: NDArray[np.float64],
+    slip_dt: float,
+    begin: int,
+    end: int,
 ) -> None:
     """Add the forces of the disk-disk contacts in some rows to ``disks.force`` and ``disks.torque``; update shear forces.
 
     Parameters
     ----------
     disks : DiskArrays
+    views : Views
+        The same disks.
     pairs : NeighbourList
         Rows are the disks with the smaller number.
     law : ndarray, shape (7,)
@@ -83,48 +96,51 @@ def disk_disk_forces(
     begin, end : int
         Rows of the list.
     """
-    x, v, radius, omega = disks.x, disks.v, disks.radius, disks.omega
-    kn, ks, mu, beta = law[KN], law[KS], law[MU], law[BETA]
+    x, v, seen, force, damping = views.x, views.v, views.seen, views.force, views.damping
+    radius, omega, torques = disks.radius, disks.omega, disks.torque
+    start, other, shear = pairs.start, pairs.other, pairs.shear
+    kn, ks, mu = law[KN], law[KS], law[MU]
     half, half_slip = 0.5 * law[TORQUE_OVERLAP], 0.5 * law[SLIP_OVERLAP]
-    rough = mu > 0.0 and ks > 0.0
-    for i in range(begin, end):
-        first, last = pairs.start[i], pairs.start[i + 1]
-        if first == last:
-            continue
-        xi, yi, ri = x[i, 0], x[i, 1], radius[i]
-        vxi, vyi, wi = v[i, 0], v[i, 1], omega[i]
+    rough, damped = mu > 0.0 and ks > 0.0, damping.shape[0] > 0
+    one = np.uint64(1)
+    for i in range(np.uint64(begin), np.uint64(end)):
+        ix, iy = i + i, i + i + one
+        xi, yi, ri = x[ix], x[iy], radius[i]
+        vxi, vyi, wi = v[ix], v[iy], omega[i]
         fx, fy, torque = 0.0, 0.0, 0.0
-        for k in range(first, last):
-            j = pairs.other[k]
-            dx, dy, reach = x[j, 0] - xi, x[j, 1] - yi, ri + radius[j]
+        for k in range(np.uint64(start[i]), np.uint64(start[i + one])):
+            j = np.uint64(other[k])
+            jx, jy = j + j, j + j + one
+            dx, dy, reach = x[jx] - xi, x[jy] - yi, ri + radius[j]
             d2 = dx * dx + dy * dy
             if d2 >= reach * reach:
-                pairs.shear[k] = 0.0
+                shear[k] = 0.0
                 continue
             d = sqrt(d2)
-            nx, ny, overlap = dx / d, dy / d, reach - d
-            rate = 0.0
-            if beta > 0.0:
-                rate = (disks.v_now[i, 0] - disks.v_now[j, 0]) * nx + (disks.v_now[i, 1] - disks.v_now[j, 1]) * ny
-            fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i] + disks.inv_mass[j])
+            overlap, inv_d = reach - d, 1.0 / d
+            nx, ny = dx * inv_d, dy * inv_d
+            fn = kn * overlap
+            if damped:
+                rate = (seen[ix] - seen[jx]) * nx + (seen[iy] - seen[jy]) * ny
+                fn = max(fn + damping[k] * rate, 0.0)
             gx, gy = -fn * nx, -fn * ny
             if rough:
                 ai, aj = ri - half * overlap, radius[j] - half * overlap
-                vt = (v[j, 0] - vxi) * ny + (vyi - v[j, 1]) * nx
+                vt = (v[jx] - vxi) * ny + (vyi - v[jy]) * nx
                 vt += (ri - half_slip * overlap) * wi + (radius[j] - half_slip * overlap) * omega[j]
-                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)
-                pairs.shear[k] = fs
+                fs = shear_force(shear[k], vt * slip_dt, ks, mu * fn)
+                shear[k] = fs
                 gx -= fs * ny
                 gy += fs * nx
                 torque += ai * fs
-                disks.torque[j] += aj * fs
+                torques[j] += aj * fs
             fx += gx
             fy += gy
-            disks.force[j, 0] -= gx
-            disks.force[j, 1] -= gy
-        disks.force[i, 0] += fx
-        disks.force[i, 1] += fy
-        disks.torque[i] += torque
+            force[jx] -= gx
+            force[jy] -= gy
+        force[ix] += fx
+        force[iy] += fy
+        torques[i] += torque
 
 
 @kernel
@@ -138,6 +154,7 @@ def disk_wall_forces(
     the wall's. The wall's velocity at a point ``q`` is ``v_pivot + spin x (q - pivot)``, with ``q`` the foot of the disk's
     centre on the surface or the middle of the overlap; the reaction acts at the foot.
     """
+    seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
     for w in range(walls.now.shape[0]):
         kn, ks, mu, beta = walls.law[w, KN], walls.law[w, KS], walls.law[w, MU], walls.law[w, BETA]
         half, depth = 0.5 * walls.law[w, TORQUE_OVERLAP], 0.5 * walls.law[w, WALL_MID]
@@ -160,10 +177,10 @@ def disk_wall_forces(
             foot_x, foot_y = disks.x[i, 0] - height * ux, disks.x[i, 1] - height * uy
             qx, qy = foot_x - depth * overlap * ux - cx, foot_y - depth * overlap * uy - cy
             wall_vx, wall_vy = vx - spin * qy, vy + spin * qx
-            rate = 0.0
+            fn = kn * overlap
             if beta > 0.0:
-                rate = (rate_x - spin * qy - disks.v_now[i, 0]) * ux + (rate_y + spin * qx - disks.v_now[i, 1]) * uy
-            fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i])
+                rate = (rate_x - spin * qy - seen[i, 0]) * ux + (rate_y + spin * qx - seen[i, 1]) * uy
+                fn = max(fn + dashpot(kn, beta, disks.inv_mass[i]) * rate, 0.0)
             gx, gy = fn * ux, fn * uy
             if rough:
                 arm = disks.radius[i] - half * overlap

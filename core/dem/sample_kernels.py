@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
-from ninedisk.core.dem.force_kernels import normal_force
+from ninedisk.core.dem.force_kernels import dashpot
 from ninedisk.core.dem.state import BETA, KN, KS, DiskArrays, Samples, StepConstants, WallArrays
 
 
@@ -18,7 +18,7 @@ def synchronised(value: float, acceleration: float, step: StepConstants, start: 
     """Velocity at ``t_n`` [m/s or rad/s]: the mean of ``v_{n-1/2}`` and ``v_{n+1/2}``; at the start the value itself."""
     if start:
         return value
-    return 0.5 * (value + step.keep * value + step.gain * acceleration)
+    return 0.5 * (value + step.kick.keep * value + step.kick.gain * acceleration)
 
 
 @inline_kernel
@@ -40,10 +40,11 @@ def watched_disk_pair(
     gap = d - (disks.radius[i] + disks.radius[j])
     if gap >= 0.0:
         return gap, 0.0, 0.0
-    rate = 0.0
+    fn = -gap * law[KN]
     if law[BETA] > 0.0:
-        rate = ((disks.v_now[i, 0] - disks.v_now[j, 0]) * dx + (disks.v_now[i, 1] - disks.v_now[j, 1]) * dy) / d
-    fn = normal_force(-gap, rate, law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j])
+        seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
+        rate = ((seen[i, 0] - seen[j, 0]) * dx + (seen[i, 1] - seen[j, 1]) * dy) / d
+        fn = max(fn + dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j]) * rate, 0.0)
     return gap, fn, listed_shear(pairs, min(i, j), max(i, j))
 
 
@@ -57,14 +58,16 @@ def watched_wall_pair(
     gap = height - disks.radius[i]
     if gap >= 0.0:
         return gap, 0.0, 0.0
-    rate = 0.0
-    if walls.law[w, BETA] > 0.0:
+    kn, beta = walls.law[w, KN], walls.law[w, BETA]
+    fn = -gap * kn
+    if beta > 0.0:
+        seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
         # The wall's normal velocity at the foot: v_pivot.u + spin (u x q) with q from the pivot to the foot.
         qx = disks.x[i, 0] - height * ux - walls.now[w, 4]
         qy = disks.x[i, 1] - height * uy - walls.now[w, 5]
         rate = walls.now[w, 9] * ux + walls.now[w, 10] * uy + walls.now[w, 8] * (qx * uy - qy * ux)
-        rate -= disks.v_now[i, 0] * ux + disks.v_now[i, 1] * uy
-    fn = normal_force(-gap, rate, walls.law[w, KN], walls.law[w, BETA], disks.inv_mass[i])
+        rate -= seen[i, 0] * ux + seen[i, 1] * uy
+        fn = max(fn + dashpot(kn, beta, disks.inv_mass[i]) * rate, 0.0)
     return gap, fn, listed_shear(pairs, w, i)
 
 
@@ -116,19 +119,19 @@ def record(
     """Write row ``row`` of ``samples`` from the state at ``t_n`` with its forces; ``start`` is True at n = 0."""
     translation, rotation, gravity = 0.0, 0.0, 0.0
     for i in range(disks.x.shape[0]):
-        ax = disks.force[i, 0] * disks.inv_mass[i] + step.gravity_x
-        ay = disks.force[i, 1] * disks.inv_mass[i] + step.gravity_y
+        ax = disks.force[i, 0] * disks.inv_mass[i] + step.kick.gravity_x
+        ay = disks.force[i, 1] * disks.inv_mass[i] + step.kick.gravity_y
         vx, vy = synchronised(disks.v[i, 0], ax, step, start), synchronised(disks.v[i, 1], ay, step, start)
         mass = 1.0 / disks.inv_mass[i]
         translation += 0.5 * mass * (vx * vx + vy * vy)
-        gravity -= mass * (step.gravity_x * disks.x[i, 0] + step.gravity_y * disks.x[i, 1])
+        gravity -= mass * (step.kick.gravity_x * disks.x[i, 0] + step.kick.gravity_y * disks.x[i, 1])
         if disks.inv_inertia[i] > 0.0:
             spin = synchronised(disks.omega[i], disks.torque[i] * disks.inv_inertia[i], step, start)
             rotation += 0.5 * spin * spin / disks.inv_inertia[i]
     for c in range(samples.chosen.shape[0]):
         i = disks.place[samples.chosen[c]]
-        ax = disks.force[i, 0] * disks.inv_mass[i] + step.gravity_x
-        ay = disks.force[i, 1] * disks.inv_mass[i] + step.gravity_y
+        ax = disks.force[i, 0] * disks.inv_mass[i] + step.kick.gravity_x
+        ay = disks.force[i, 1] * disks.inv_mass[i] + step.kick.gravity_y
         samples.x[row, c, 0], samples.x[row, c, 1] = disks.x[i, 0], disks.x[i, 1]
         samples.v[row, c, 0] = synchronised(disks.v[i, 0], ax, step, start)
         samples.v[row, c, 1] = synchronised(disks.v[i, 1], ay, step, start)

@@ -18,6 +18,7 @@ from ninedisk.core.dem.arrays import (
     STRIPES,
     Lists,
     disk_arrays,
+    disk_views,
     first_lists,
     sample_arrays,
     team_arrays,
@@ -102,18 +103,20 @@ class DemSession:
         in_order = n >= SORT_FROM
         stripes = STRIPES if in_order else 1
         self._crew = threads if in_order else 1
-        self._disks = disk_arrays(scene)
+        self._step = step_constants(scene, numerics, self.contact_dt, in_order)
+        self._disks = disk_arrays(scene, self._step.lagged)
         self._motion = compile_motion(scene.walls)
         self._walls = wall_arrays(scene, self._motion, stripes)
         self._team = team_arrays(stripes, self._crew)
         self._lists = first_lists(n, m)
         self._cells = empty_cells(n)
         self._law = np.array(law_row(scene.disk_disk))
-        self._step = step_constants(scene, numerics, self.contact_dt, in_order)
+        self._skin = np.array([self._step.first_skin])
         self._widest = float(scene.disks.radius.max())
-        self._clock: NDArray[np.int64] = np.array([0, 1, 0, 0], dtype=np.int64)
+        self._clock: NDArray[np.int64] = np.array([0, 1, 0, 0, 0], dtype=np.int64)
         self._work = np.zeros(1)
         self._first_lists()
+        self._views = disk_views(self._disks, self._lists.disks, self._law)
         enter_preload(scene, self._disks, self._lists.disks, self._lists.walls)
         pairs = np.array(self.pairs, dtype=np.int64).reshape(len(self.pairs), 2)
         self._samples = sample_arrays(numerics.sampled_steps() * self.substeps, self.chosen, pairs, m)
@@ -208,12 +211,19 @@ class DemSession:
         # A spare list need not hold anything, but room for as many pairs.
         session._lists = Lists(*(saved_list(arrays, name) for name in ("pairs", "wall_pairs", "pairs", "wall_pairs")))
         session._clock[state.ROW] = restore(session._state(), arrays, int(arrays["clock"][state.ROW]))
+        session._views = disk_views(session._disks, session._lists.disks, session._law)
         return session
 
     def _state(self) -> dict[str, NDArray[Any]]:
         lists = self._lists
         return state_arrays(
-            {"clock": self._clock, "work": self._work, "stripe": self._team.stripe},
+            {
+                "clock": self._clock,
+                "work": self._work,
+                "skin": self._skin,
+                "stripe": self._team.stripe,
+                "border": self._team.border,
+            },
             {
                 "disks": self._disks,
                 "walls": self._walls,
@@ -227,6 +237,7 @@ class DemSession:
         while True:
             shared = (
                 self._disks,
+                self._views,
                 self._walls,
                 self._motion,
                 *self._lists,
@@ -237,6 +248,7 @@ class DemSession:
                 self._team,
                 self._clock,
                 self._work,
+                self._skin,
                 self._widest,
                 target,
             )
@@ -251,6 +263,7 @@ class DemSession:
         lists = self._lists
         if code == PAIRS_FULL:
             self._lists = lists._replace(disks=grown(lists.disks), spare=grown(lists.spare))
+            self._views = disk_views(self._disks, self._lists.disks, self._law)
         elif code == WALL_PAIRS_FULL:
             self._lists = lists._replace(walls=grown(lists.walls), wall_spare=grown(lists.wall_spare))
         else:
@@ -271,7 +284,7 @@ class DemSession:
                 *self._lists,
                 self._cells,
                 self._team,
-                self._step.skin,
+                float(self._skin[0]),
                 self._widest,
                 self._step.sorted,
             )

@@ -13,9 +13,9 @@ KN, KS, MU, BETA, TORQUE_OVERLAP, SLIP_OVERLAP, WALL_MID = range(7)
 """Columns of a law row: kn [N/m], ks [N/m], mu, beta, lever arm R - overlap/2 (1) or R (0) of the torque and of the slip, wall
 velocity at mid-overlap (1) or on the surface (0)."""
 
-STEP, PENDING, ROW, REBUILDS = range(4)
+STEP, PENDING, ROW, REBUILDS, BUILT = range(5)
 """Entries of the clock: contact steps done; 1 if forces at this step are still to be found; next sample row; list
-rebuilds so far."""
+rebuilds so far; step of the last one."""
 
 
 class DiskArrays(NamedTuple):
@@ -31,7 +31,7 @@ class DiskArrays(NamedTuple):
         rotate
     force : shape (n, 2), contact forces at ``t_n`` [N]; scratch during a rebuild
     torque : shape (n,), contact torques at ``t_n`` [N m]; scratch during a rebuild
-    v_now : shape (n, 2), velocity that contact dashpots see [m/s]; shape (0, 2) where there is none
+    v_now : shape (n, 2), velocity that contact dashpots see [m/s]; shape (0, 2) where there is none, or where it is ``v``
     moved : ndarray of float32, shape (n, 2), displacement since the last rebuild of the lists [m]
     name : ndarray of uint32, shape (n,), number that the scene gives to the disk in this row
     place : ndarray of uint32, shape (n,), row of the scene's disk
@@ -52,6 +52,27 @@ class DiskArrays(NamedTuple):
     name: NDArray[np.uint32]
     place: NDArray[np.uint32]
     listed: NDArray[np.uint32]
+
+
+class Views(NamedTuple):
+    """What the force kernel reads of the disks as plain vectors, and a constant of each listed pair; n disks.
+
+    Arrays of one dimension and unsigned indices spare the address arithmetic of rows, strides and negative indices, a third of the
+    kernel's instructions.
+
+    Attributes
+    ----------
+    x, v, seen, force : shape (2 n,)
+        The memory of ``DiskArrays.x``, ``v``, the velocities that dashpots see (``v_now`` or ``v``) and ``force``.
+    damping : shape (capacity of the list,) or (0,)
+        Dashpot coefficient of each listed disk-disk pair [N s/m]; empty where the law has none.
+    """
+
+    x: FloatArray
+    v: FloatArray
+    seen: FloatArray
+    force: FloatArray
+    damping: FloatArray
 
 
 class WallArrays(NamedTuple):
@@ -91,6 +112,8 @@ class Team(NamedTuple):
     ----------
     stripe : ndarray of int64, shape (s + 1,)
         First row of each stripe; unused stripes are empty.
+    border : ndarray of int64, shape (s,)
+        First row of each stripe whose disk no pair of the stripe before touches.
     flags : ndarray of int64, shape (t * PAD,)
         Barrier, see `ninedisk.core._sync`.
     far : ndarray, shape (t * PAD,)
@@ -100,9 +123,33 @@ class Team(NamedTuple):
     """
 
     stripe: NDArray[np.int64]
+    border: NDArray[np.int64]
     flags: NDArray[np.int64]
     far: FloatArray
     code: NDArray[np.int64]
+
+
+class Kick(NamedTuple):
+    """Scalars of a kick and drift: ``v+ = keep v- + gain (F/m + g)``, ``x+ = x + dt v+``.
+
+    Attributes
+    ----------
+    keep, gain : float
+        [-] and [s].
+    ahead : float
+        ``v_n`` that dashpots see is extrapolated from ``v_{n-1/2}`` by this part of the last change of velocity.
+    dt : float
+        Contact step [s].
+    gravity_x, gravity_y : float
+        [m/s^2].
+    """
+
+    keep: float
+    gain: float
+    ahead: float
+    dt: float
+    gravity_x: float
+    gravity_y: float
 
 
 class StepConstants(NamedTuple):
@@ -110,31 +157,24 @@ class StepConstants(NamedTuple):
 
     Attributes
     ----------
-    dt : float
-        Contact step [s].
-    keep, gain : float
-        ``v+ = keep v- + gain (F/m + g)``, [-] and [s].
-    keep0, gain0 : float
-        The same for the half kick from ``t_0`` to ``t_{1/2}``.
-    gravity_x, gravity_y : float
-        [m/s^2].
-    skin : float
-        Skin of the lists [m].
-    damped, lagged : bool
-        Whether a law has a dashpot; whether dashpots see ``v_{n-1/2}`` instead of ``v_n``.
+    first, kick : Kick
+        The half kick from ``t_0`` to ``t_{1/2}``, and all later ones.
+    radius : float
+        Mean radius [m].
+    first_skin, least_skin, most_skin : float
+        Skin of the first neighbour lists and limits of later ones [m].
+    lagged : bool
+        Whether dashpots see ``v_{n-1/2}`` instead of ``v_n``.
     sorted : bool
         Whether disks are kept in the order of the cells.
     """
 
-    dt: float
-    keep: float
-    gain: float
-    keep0: float
-    gain0: float
-    gravity_x: float
-    gravity_y: float
-    skin: float
-    damped: bool
+    first: Kick
+    kick: Kick
+    radius: float
+    first_skin: float
+    least_skin: float
+    most_skin: float
     lagged: bool
     sorted: bool
 

@@ -1,8 +1,6 @@
-"""Kernels of the central-difference step and of the loop over steps.
+"""Kernels of the loop over central-difference steps.
 
 One cycle: positions of disks and walls at ``t_n``, forces at ``t_n``, velocities at ``t_{n+1/2}``, positions at ``t_{n+1}``.
-Global damping ``m a + xi m v = F`` in the central form is ``v+ = ((1 - a) v- + dt F/m)/(1 + a)`` with ``a = xi dt/2``; in the
-lagged form ``v+ = v- + dt (F/m - xi v-)``. The start is synchronised: ``v_{1/2} = v_0 + dt (F_0/m - xi v_0)/2``.
 """
 
 from __future__ import annotations
@@ -15,59 +13,31 @@ from numpy.typing import NDArray
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core._sync import PAD, wait_for_all
 from ninedisk.core.contacts.search_kernels import OK, Cells, NeighbourList
-from ninedisk.core.dem.force_kernels import disk_disk_forces, disk_wall_forces
-from ninedisk.core.dem.rebuild_kernels import rebuild
+from ninedisk.core.dem.force_kernels import disk_disk_forces, disk_wall_forces, find_damping
+from ninedisk.core.dem.kick_kernels import farther, kick_and_drift
+from ninedisk.core.dem.rebuild_kernels import next_skin, rebuild
 from ninedisk.core.dem.sample_kernels import record
-from ninedisk.core.dem.state import PENDING, REBUILDS, ROW, STEP, DiskArrays, Samples, StepConstants, Team, WallArrays
+from ninedisk.core.dem.state import (
+    BUILT,
+    PENDING,
+    REBUILDS,
+    ROW,
+    STEP,
+    DiskArrays,
+    Kick,
+    Samples,
+    StepConstants,
+    Team,
+    Views,
+    WallArrays,
+)
 from ninedisk.core.geometry.motion_kernels import WallMotion, place_walls
+
+BLOCK = 128
+"""Disks whose forces are found before they are kicked."""
 
 SURE = 1.001
 """Displacements since a rebuild are summed in single precision: ten thousand roundings of 6e-8 each stay below a thousandth."""
-
-
-@kernel
-def kick_and_drift(disks: DiskArrays, step: StepConstants, first: bool, begin: int, end: int) -> float:
-    """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the disks ``begin .. end-1``; clears their forces.
-
-    Parameters
-    ----------
-    disks : DiskArrays
-    step : StepConstants
-    first : bool
-        True for the half kick from ``t_0``.
-    begin, end : int
-
-    Returns
-    -------
-    float
-        Largest squared displacement since the last rebuild [m^2]; NaN if any is NaN.
-    """
-    keep, gain = (step.keep0, step.gain0) if first else (step.keep, step.gain)
-    # v_n is extrapolated from v_{n-1/2} with the acceleration before: half the kick, or all of it after the half kick.
-    ahead = 0.0 if step.lagged else (1.0 if first else 0.5)
-    far = 0.0
-    for i in range(begin, end):
-        vx = keep * disks.v[i, 0] + gain * (disks.force[i, 0] * disks.inv_mass[i] + step.gravity_x)
-        vy = keep * disks.v[i, 1] + gain * (disks.force[i, 1] * disks.inv_mass[i] + step.gravity_y)
-        if step.damped:
-            disks.v_now[i, 0] = vx + ahead * (vx - disks.v[i, 0])
-            disks.v_now[i, 1] = vy + ahead * (vy - disks.v[i, 1])
-        disks.v[i, 0], disks.v[i, 1] = vx, vy
-        dx, dy = step.dt * vx, step.dt * vy
-        disks.x[i, 0] += dx
-        disks.x[i, 1] += dy
-        if disks.inv_inertia[i] > 0.0:
-            disks.omega[i] = keep * disks.omega[i] + gain * (disks.torque[i] * disks.inv_inertia[i])
-        disks.angle[i] += step.dt * disks.omega[i]
-        disks.force[i, 0], disks.force[i, 1], disks.torque[i] = 0.0, 0.0, 0.0
-        mx, my = np.float32(disks.moved[i, 0] + dx), np.float32(disks.moved[i, 1] + dy)
-        disks.moved[i, 0], disks.moved[i, 1] = mx, my
-        d2 = float(mx * mx + my * my)
-        if not d2 <= far:
-            far = d2
-            if not far >= 0.0:
-                break
-    return far
 
 
 @inline_kernel
@@ -91,21 +61,51 @@ def wall_drift(walls: WallArrays, skin: float) -> float:
 @inline_kernel
 def stripe_forces(
     disks: DiskArrays,
+    views: Views,
     walls: WallArrays,
     pairs: NeighbourList,
     wall_pairs: NeighbourList,
     law: NDArray[np.float64],
     slip_dt: float,
-    stripe: NDArray[np.int64],
+    kick: Kick,
+    moves_on: bool,
+    team: Team,
     parity: int,
     me: int,
     crew: int,
-) -> None:
-    """Forces of every ``crew``-th even (parity 0) or odd (1) stripe, beginning with thread ``me``'s first."""
+) -> float:
+    """Forces of every ``crew``-th even (parity 0) or odd (1) stripe, beginning with thread ``me``'s first.
+
+    Disks that are in order and have been a row of the list have all their forces, and no later row reads them. So, if the step
+    ``moves_on``, they are kicked block by block, while they are in the fast caches: all in odd stripes, whose even neighbours are
+    done; in even ones all but those of the border, which the odd stripe before still touches.
+
+    Returns
+    -------
+    float
+        Largest squared displacement of the kicked disks since the last rebuild [m^2]; NaN if any is NaN.
+    """
+    stripe = team.stripe
+    far = 0.0
     for s in range(parity + 2 * me, stripe.shape[0] - 1, 2 * crew):
-        begin, end = stripe[s], stripe[s + 1]
-        disk_disk_forces(disks, pairs, law, slip_dt, begin, end)
-        disk_wall_forces(disks, walls, wall_pairs, slip_dt, begin, end, s)
+        end = stripe[s + 1]
+        kicked_from = team.border[s] if parity == 0 else stripe[s]
+        disk_wall_forces(disks, walls, wall_pairs, slip_dt, stripe[s], end, s)
+        for low in range(stripe[s], end, BLOCK):
+            high = min(low + BLOCK, end)
+            disk_disk_forces(disks, views, pairs, law, slip_dt, low, high)
+            if moves_on:
+                far = farther(far, kick_and_drift(disks, views, kick, max(low, kicked_from), high))
+    return far
+
+
+@inline_kernel
+def kick_borders(disks: DiskArrays, views: Views, kick: Kick, team: Team, me: int, crew: int) -> float:
+    """Kick of the borders of the even stripes of thread ``me``; returns what `kick_and_drift` does."""
+    far = 0.0
+    for s in range(2 * me, team.stripe.shape[0] - 1, 2 * crew):
+        far = farther(far, kick_and_drift(disks, views, kick, team.stripe[s], team.border[s]))
+    return far
 
 
 @inline_kernel
@@ -139,6 +139,7 @@ def advance(
     me: int,
     crew: int,
     disks: DiskArrays,
+    views: Views,
     walls: WallArrays,
     motion: WallMotion,
     pairs: NeighbourList,
@@ -152,6 +153,7 @@ def advance(
     team: Team,
     clock: NDArray[np.int64],
     work: NDArray[np.float64],
+    skin: NDArray[np.float64],
     widest: float,
     target: int,
 ) -> int:
@@ -164,14 +166,16 @@ def advance(
     ----------
     me, crew : int
         This thread's number and the number of threads.
-    disks, walls, motion, pairs, wall_pairs, law, step, samples, team
+    disks, views, walls, motion, pairs, wall_pairs, law, step, samples, team
         See their classes; ``law`` is the disk-disk law row, shape (7,).
     spare, wall_spare, cells
         Work arrays of the rebuild.
-    clock : ndarray of int64, shape (4,)
+    clock : ndarray of int64, shape (5,)
         See `ninedisk.core.dem.state`; in and out.
     work : ndarray, shape (1,)
         Work of the walls so far [J]; in and out.
+    skin : ndarray, shape (1,)
+        Skin of the lists in use [m]; in and out.
     widest : float
         Largest radius [m].
     target : int
@@ -182,40 +186,58 @@ def advance(
         OK when ``target`` is reached. Otherwise a code of `search_kernels`, with ``clock[PENDING]`` = 1: the caller mends the
         cause (grows a list) and calls again.
     """
-    skin, n, row = step.skin, clock[STEP], clock[ROW]
+    n, row = clock[STEP], clock[ROW]
     stale = clock[PENDING] == 1
+    moved_on = False
+    far = 0.0
     wait_for_all(team.flags, me, crew)
     while n < target or stale:
         if not stale:
-            count = disks.x.shape[0]
-            far = kick_and_drift(disks, step, n == 0, count * me // crew, count * (me + 1) // crew)
+            if not moved_on:
+                count = disks.x.shape[0]
+                kick = step.first if n == 0 else step.kick
+                far = kick_and_drift(disks, views, kick, count * me // crew, count * (me + 1) // crew)
             team.far[me * PAD] = far
             n += 1
             if me == 0:
                 clock[STEP], clock[PENDING] = n, 1
-                t, t_half = n * step.dt, (n - 0.5) * step.dt
+                t, t_half = n * step.kick.dt, (n - 0.5) * step.kick.dt
                 place_walls(motion, t, t_half, t_half if step.lagged else t, walls.now)
             wait_for_all(team.flags, me, crew)
             for other in range(crew):
-                if not team.far[other * PAD] <= far:
-                    far = team.far[other * PAD]
-            limit = min(0.5 * skin, skin - wall_drift(walls, skin))
+                far = farther(far, team.far[other * PAD])
+            limit = min(0.5 * skin[0], skin[0] - wall_drift(walls, skin[0]))
             stale = not (limit > 0.0 and SURE * far < limit * limit)
         if stale:
+            wait_for_all(team.flags, me, crew)
             if me == 0:
+                wider = next_skin(skin[0], n - clock[BUILT], step)
                 team.code[0] = rebuild(
-                    disks, walls, pairs, wall_pairs, spare, wall_spare, cells, team, skin, widest, step.sorted
+                    disks, walls, pairs, wall_pairs, spare, wall_spare, cells, team, wider, widest, step.sorted
                 )
-                clock[REBUILDS] += 1 if team.code[0] == OK else 0
+                if team.code[0] == OK:
+                    find_damping(disks, pairs, law, views.damping)
+                    skin[0], clock[BUILT] = wider, n
+                    clock[REBUILDS] += 1
             wait_for_all(team.flags, me, crew)
             if team.code[0] != OK:
                 return int(team.code[0])
-        slip_dt = step.dt if n > 0 else 0.0
-        stripe_forces(disks, walls, pairs, wall_pairs, law, slip_dt, team.stripe, 0, me, crew)
-        wait_for_all(team.flags, me, crew)
-        stripe_forces(disks, walls, pairs, wall_pairs, law, slip_dt, team.stripe, 1, me, crew)
-        wait_for_all(team.flags, me, crew)
+        stale = False
+        slip_dt = step.kick.dt if n > 0 else 0.0
         sampled = row < samples.at.shape[0] and samples.at[row] == n
+        # Samples and the end of the run need the forces at this step, which a kick clears.
+        moved_on = 0 < n < target and not sampled
+        far = stripe_forces(
+            disks, views, walls, pairs, wall_pairs, law, slip_dt, step.kick, moved_on, team, 0, me, crew
+        )
+        wait_for_all(team.flags, me, crew)
+        far = farther(
+            far,
+            stripe_forces(disks, views, walls, pairs, wall_pairs, law, slip_dt, step.kick, moved_on, team, 1, me, crew),
+        )
+        wait_for_all(team.flags, me, crew)
+        if moved_on:
+            far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))
         if me == 0:
             gather_loads(walls)
             work[0] += wall_work_of_step(walls, slip_dt)
@@ -226,6 +248,5 @@ def advance(
         if sampled:
             row += 1
             wait_for_all(team.flags, me, crew)
-        stale = False
     wait_for_all(team.flags, me, crew)
     return OK

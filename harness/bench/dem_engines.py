@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import ninedisk
 from ninedisk.core.law import LeverArm
 from ninedisk.core.scene import ContactLaw
-from ninedisk.harness.bench.dem_problems import DemProblem
+from ninedisk.harness.bench.dem_problems import SKIN, SKIN_FLOWING, DemProblem
 from ninedisk.harness.bench.measure import Sample
 from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError
 from ninedisk.harness.isolation import run_isolated
@@ -62,7 +62,7 @@ LAMMPS = Peer(
     settings={
         "pair_style": "granular: hooke, linear_history, coeff_restitution with e(beta), limit_damping",
         "neigh_modify": "delay 0 every 1 check yes",
-        "skin / mean radius": 0.2,
+        "skin / mean radius": f"{SKIN:g}, flowing {SKIN_FLOWING:g}",
         "threads": 1,
     },
 )
@@ -144,7 +144,7 @@ def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float) -> S
             "gravity": scene.gravity,
             "dt": problem.contact_dt,
             "steps": problem.steps,
-            "skin": 0.2 * float(disks.radius.mean()),
+            "skin": problem.skin,
             **_extra(peer, engine, problem, folder),
         }
         command = [*engine.command()[:-1], str(DRIVERS / f"{peer.id}_bench.py")]  # type: ignore[attr-defined]

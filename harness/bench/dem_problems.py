@@ -25,13 +25,15 @@ FLOWS_FROM = 1_000
 """Disks from which there is a flowing problem: fewer are all boundary."""
 STEP = 0.1
 """Contact step over the critical one."""
+SKIN, SKIN_FLOWING = 0.05, 0.2
+"""Skin over the mean radius for peers, which keep one: the smaller the better where nothing moves. Ours adapts its own."""
 SPEED = 20.0
 """Of the top of the packing in the flowing problem [m/s]; the speed grows linearly with height."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DemProblem:
-    """A scene, its contact step [s] and the number of steps.
+    """A scene, its contact step [s], the number of steps and the skin of neighbour lists [m].
 
     Contacts start without shear force: no engine has to take over another one's history, and the packing that loses it moves,
     so that there is something to compare.
@@ -41,6 +43,7 @@ class DemProblem:
     scene: Scene
     contact_dt: float
     steps: int
+    skin: float
     short: bool = False
 
     @property
@@ -91,7 +94,8 @@ def _of_size(n: int, names: list[str], tell: Callable[[int, int], None] | None) 
         most = MOST_STEPS_SHORT if short else MOST_STEPS_FLOWING if flows else MOST_STEPS
         steps = min(most, max(FEWEST_STEPS, work // len(scene.disks)))
         chosen = flowing(scene) if flows else scene
-        found.append(DemProblem(name=name, scene=chosen, contact_dt=dt, steps=steps, short=short))
+        skin = (SKIN_FLOWING if flows else SKIN) * float(scene.disks.radius.mean())
+        found.append(DemProblem(name=name, scene=chosen, contact_dt=dt, steps=steps, skin=skin, short=short))
     return found
 
 

@@ -50,6 +50,7 @@ class DemEngine:
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the scene on `ninedisk.core.dem.session.DemSession`."""
+        from ninedisk.core.dem.constants import FIRST_SKIN, LEAST_SKIN, MOST_SKIN
         from ninedisk.core.dem.session import DemSession
 
         begin = time.perf_counter()
@@ -66,7 +67,7 @@ class DemEngine:
             "critical step of the initial state [s]": session.critical_dt,
             "damping_form": numerics.damping_form,
             "lever_arm": scene.disk_disk.lever_arm,
-            "skin / mean radius": 0.2,
+            "skin / mean radius": f"{LEAST_SKIN:g} to {MOST_SKIN:g}, adapted at each rebuild, first {FIRST_SKIN:g}",
         }
         return EngineRun(
             history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=settings

@@ -208,7 +208,8 @@ def test_shear_history_survives_rebuilds(monkeypatch: pytest.MonkeyPatch) -> Non
     scene, how = settled_with_shear(), numerics(1e-3, 80)
     histories, rebuilds = [], []
     for skin in (1e-6, 0.05, 0.4, 3.0):
-        monkeypatch.setattr(constants, "SKIN", skin)
+        for name in ("FIRST_SKIN", "LEAST_SKIN", "MOST_SKIN"):
+            monkeypatch.setattr(constants, name, skin)
         session = DemSession(scene, how, [(i, j) for i in range(36) for j in range(i + 1, 38)])
         histories.append(session.run())
         rebuilds.append(int(session._clock[REBUILDS]))
