@@ -21,6 +21,7 @@ Row = Mapping[str, Any]
 SUITES = {
     "dem": "Many disks, contact springs",
     "cd": "Contact solvers on packings at rest",
+    "flow": "Rigid disks in motion: time per simulated second beside the penetration",
     "harness": "The whole verification run",
 }
 FAMILIES = ("settled", "flowing")
@@ -56,6 +57,11 @@ def charts(rows: Sequence[Row], suite: str) -> list[PointChart]:
     timed = [row for row in rows if row["suite"] == suite and _finite(row["median_s"])]
     if suite == "dem":
         return [chart for family in FAMILIES if (chart := _scaling(timed, family)) is not None]
+    if suite == "flow":
+        return [
+            _penetration(problem, [row for row in timed if row["problem"] == problem])
+            for problem in dict.fromkeys(row["problem"] for row in timed)
+        ]
     if suite != "cd":
         return []
     looks = engine_looks({row["engine"]: row["engine"] for row in timed})
@@ -94,6 +100,25 @@ def _accuracy(problem: str, start: str, rows: Sequence[Row], looks: Mapping[str,
     ]
     label = "larger of residual and gap"
     return PointChart(f"{problem}, {start}: accuracy against cost", "time [s]", label, tuple(dots))
+
+
+def _penetration(problem: str, rows: Sequence[Row]) -> PointChart:
+    families = {name: name for name in (row["engine"].partition(",")[0] for row in rows)}
+    looks = engine_looks(families)
+    dots = [
+        _dots(
+            look,
+            sorted(
+                (row["rate"], row["penetration"], row["engine"])
+                for row in rows
+                if row["engine"].partition(",")[0] == name
+            ),
+        )
+        for name, look in looks.items()
+    ]
+    return PointChart(
+        f"{problem}: penetration against cost", "s / simulated s", "overlap per disk / radii", tuple(dots)
+    )
 
 
 def _dots(look: Look, points: Sequence[tuple[float, float, str]]) -> Dots:

@@ -58,11 +58,14 @@ def disk_arrays(scene: Scene, lagged: bool) -> DiskArrays:
     )
 
 
-def disk_views(disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64]) -> Views:
-    """Views of the disks, and the dashpots of the listed pairs."""
+def disk_views(disks: DiskArrays, lists: Lists, law: NDArray[np.float64]) -> Views:
+    """Views of the disks, and the dashpots of the listed pairs.
+
+    These stay where a rebuild puts the shear forces of the new list until it copies them: it finds the dashpots anew afterwards.
+    """
     seen = disks.v_now if len(disks.v_now) else disks.v
-    damping = np.zeros(len(pairs.other) if law[BETA] > 0.0 else 0)
-    find_damping(disks, pairs, law, damping)
+    damping = lists.spare.shear if law[BETA] > 0.0 else np.zeros(0)
+    find_damping(disks, lists.disks, law, damping)
     return Views(disks.x.reshape(-1), disks.v.reshape(-1), seen.reshape(-1), disks.force.reshape(-1), damping)
 
 

@@ -116,7 +116,7 @@ class DemSession:
         self._clock: NDArray[np.int64] = np.array([0, 1, 0, 0, 0], dtype=np.int64)
         self._work = np.zeros(1)
         self._first_lists()
-        self._views = disk_views(self._disks, self._lists.disks, self._law)
+        self._views = disk_views(self._disks, self._lists, self._law)
         enter_preload(scene, self._disks, self._lists.disks, self._lists.walls)
         pairs = np.array(self.pairs, dtype=np.int64).reshape(len(self.pairs), 2)
         self._samples = sample_arrays(numerics.sampled_steps() * self.substeps, self.chosen, pairs, m)
@@ -211,7 +211,7 @@ class DemSession:
         # A spare list need not hold anything, but room for as many pairs.
         session._lists = Lists(*(saved_list(arrays, name) for name in ("pairs", "wall_pairs", "pairs", "wall_pairs")))
         session._clock[state.ROW] = restore(session._state(), arrays, int(arrays["clock"][state.ROW]))
-        session._views = disk_views(session._disks, session._lists.disks, session._law)
+        session._views = disk_views(session._disks, session._lists, session._law)
         return session
 
     def _state(self) -> dict[str, NDArray[Any]]:
@@ -263,7 +263,7 @@ class DemSession:
         lists = self._lists
         if code == PAIRS_FULL:
             self._lists = lists._replace(disks=grown(lists.disks), spare=grown(lists.spare))
-            self._views = disk_views(self._disks, self._lists.disks, self._law)
+            self._views = disk_views(self._disks, self._lists, self._law)
         elif code == WALL_PAIRS_FULL:
             self._lists = lists._replace(walls=grown(lists.walls), wall_spare=grown(lists.wall_spare))
         else:

@@ -44,6 +44,10 @@ class NotReachedError(EngineError):
         self.facts = dict(facts)
 
 
+class UnsupportedProblemError(EngineError):
+    """An engine that cannot express the problem; the message names what it lacks."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Contender:
     """An engine on a problem; ``run(limit)`` does one repeat and is stopped after ``limit`` seconds where it can be."""
@@ -140,6 +144,7 @@ def status_of(error: Exception) -> str:
         (EngineNotInstalledError, "not-installed"),
         (EngineTimeoutError, "timeout"),
         (NotReachedError, "not-reached"),
+        (UnsupportedProblemError, "unsupported"),
     )
     return next((status for kind, status in kinds if isinstance(error, kind)), "error")
 

@@ -38,13 +38,18 @@ def packing(n: int, *, aspect: float = 1.0, progress: Callable[[int, int], None]
     if n > LARGEST_SETTLED:
         one = packing(LARGEST_SETTLED, aspect=aspect, progress=progress).replace(initial_shear={})
         return gallery.side_by_side(one, n // LARGEST_SETTLED)
-    path = _folder() / f"packing-{n}-{aspect:g}-{_recipe()}.json.gz"
+    return kept(f"packing-{n}-{aspect:g}", lambda: gallery.settled_packing(n, aspect=aspect, progress=progress))
+
+
+def kept(name: str, make: Callable[[], Scene]) -> Scene:
+    """A scene that takes long to make: from the user's cache folder if the same gallery has made it before."""
+    path = _folder() / f"{name}-{_recipe()}.json.gz"
     try:
         with gzip.open(path, "rt", encoding="utf-8") as file:
             return Scene.from_dict(json.load(file))
     except (OSError, EOFError, ValueError, InvalidSceneError):
         pass  # not there, or cut off: made anew
-    scene = gallery.settled_packing(n, aspect=aspect, progress=progress)
+    scene = make()
     _keep(scene, path)
     return scene
 

@@ -34,7 +34,7 @@ class Request:
 
 def run_suites(request: Request, tell: Tell) -> list[Row]:
     """Rows of all suites of the request."""
-    runs = {"dem": _dem, "cd": _cd, "harness": _harness}
+    runs = {"dem": _dem, "cd": _cd, "flow": _flow, "harness": _harness}
     return [row for suite in request.suites for row in runs[suite](request, tell)]
 
 
@@ -82,6 +82,25 @@ def _cd(request: Request, tell: Tell) -> list[Row]:
     return cd_suite.run(
         {name: makers[name] for name in names},
         [each for each in cd_solvers.solvers() if each.name in bases or request.engine_wanted(each.name)],
+        repeats=request.repeats,
+        time_limit=request.time_limit,
+        tell=place,
+    )
+
+
+def _flow(request: Request, tell: Tell) -> list[Row]:
+    from ninedisk.harness.bench import flow_problems, flow_suite
+    from ninedisk.harness.registry import engine_table, get_engine
+
+    sizes = _sizes(request, flow_problems.SIZES, flow_problems.LARGE)
+    names = [name for name in flow_problems.problems(sizes) if request.problem_wanted(name)]
+    place = _Place(tell, names)
+    makers = flow_problems.problems(sizes, place.settling)
+    chosen = flow_suite.entries(request.engine_wanted)
+    return flow_suite.run(
+        {name: makers[name] for name in names},
+        chosen,
+        {name: get_engine(name) for name in engine_table() if name in {each.engine for each in chosen}},
         repeats=request.repeats,
         time_limit=request.time_limit,
         tell=place,

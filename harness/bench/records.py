@@ -12,10 +12,10 @@ from typing import Any
 from ninedisk.harness.errors import StoreError, UsageError
 from ninedisk.harness.results import Row, complete
 
-BENCH_VERSION = 1
+BENCH_VERSION = 2
 
 COLUMNS: dict[str, str] = {
-    "suite": "string",  # dem | cd | harness
+    "suite": "string",  # dem | cd | flow | harness
     "problem": "string",
     "engine": "string",
     "engine_version": "string",
@@ -45,6 +45,8 @@ COLUMNS: dict[str, str] = {
     "natural_map": "float64",
     "duality_gap": "float64",
     "objective_error": "float64",  # relative to the best solution known
+    "penetration": "float64",  # overlaps over the sum of radii, summed over the contacts, per disk, mean of the samples
+    "deepest": "float64",  # largest overlap over the sum of radii
     "settings": "string",  # JSON object
     "samples_s": "string",  # JSON list: seconds of every repeat
 }

@@ -39,7 +39,7 @@ def test_help_teaches() -> None:
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("speed",), "there is no suite 'speed': use dem, cd, harness"),
+        (("speed",), "there is no suite 'speed': use dem, cd, flow, harness"),
         (("dem", "--time-limit", "0"), "--time-limit 0"),
         (("dem", "--time-limit", "nan"), "--time-limit nan"),
         (("dem", "--out", "file"), "--out"),

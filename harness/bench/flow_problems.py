@@ -1,0 +1,130 @@
+"""Problems of the suite ``flow``: many rigid frictional disks in motion, from states without overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core import gallery
+from ninedisk.core.contacts.finder import PairFinder
+from ninedisk.core.geometry.motion import compile_motion, wall_poses
+from ninedisk.core.law import ContactLaw
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene, Wall
+from ninedisk.harness.bench.packings import kept, packing
+
+FloatArray = NDArray[np.float64]
+Tell = Callable[[int, int], None]
+
+SIZES, LARGE = (1_000,), (10_000,)
+STEP, STEPS = 5e-3, 40
+"""Step [s] and number of steps; at 10 m/s a disk moves by a tenth of its radius in a step."""
+LEAD = 10.0
+"""Time that a drum turns before the measurement [s]: half a turn, the disks lie in a slope and flow down it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlowProblem:
+    """A scene of rigid disks and how long it is followed."""
+
+    name: str
+    scene: Scene
+    dt: float = STEP
+    steps: int = STEPS
+
+    @property
+    def n(self) -> int:
+        """Number of disks."""
+        return len(self.scene.disks)
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time [s]."""
+        return self.dt * self.steps
+
+    def numerics(self) -> Numerics:
+        """Sampled four times on the way."""
+        return Numerics(dt=self.dt, n_steps=self.steps, sample_every=self.steps // 4)
+
+    def with_stiffness(self, kn: float) -> Scene:
+        """The scene with springs of this stiffness [N/m] in all contacts, damped almost to no rebound."""
+
+        def law(old: ContactLaw) -> ContactLaw:
+            return replace(old, kn=kn, ks=0.5 * kn, beta=0.7)
+
+        walls = tuple(replace(wall, law=law(wall.law)) for wall in self.scene.walls)
+        return self.scene.replace(disk_disk=law(self.scene.disk_disk), walls=walls)
+
+
+def problems(sizes: list[int], tell: Tell | None = None) -> dict[str, Callable[[], FlowProblem]]:
+    """Makers of the problems by name."""
+    made: dict[str, Callable[[], FlowProblem]] = {}
+    for n in sizes:
+        made[f"drum-{n}"] = lambda n=n: FlowProblem(name=f"drum-{n}", scene=apart(turning_drum(n, tell)))  # type: ignore[misc]
+        made[f"collapse-{n}"] = lambda n=n: FlowProblem(  # type: ignore[misc]
+            name=f"collapse-{n}", scene=apart(gallery.collapse(packing(n, progress=tell)))
+        )
+    return made
+
+
+def turning_drum(n: int, tell: Tell | None = None) -> Scene:
+    """A drum of ``n`` disks after `LEAD` seconds on the in-house DEM, with the velocities of that time."""
+    return kept(f"drum-{n}-{LEAD:g}", lambda: _turned(gallery.drum(n), tell))
+
+
+def _turned(scene: Scene, tell: Tell | None) -> Scene:
+    from ninedisk.core.dem.critical import critical_time_step
+    from ninedisk.core.dem.session import DemSession
+
+    steps = int(np.ceil(LEAD / (0.2 * critical_time_step(scene))))
+    dt = LEAD / steps
+    numerics = Numerics(dt=dt, n_steps=steps, contact_dt=dt, sample_every=steps)
+    history = DemSession(scene, numerics).run(tell)
+    disks = replace(scene.disks, x=history.x[-1], v=history.v[-1], omega=history.omega[-1])
+    return scene.replace(disks=disks, walls=tuple(_wall_at(wall, LEAD) for wall in scene.walls))
+
+
+def _wall_at(wall: Wall, time: float) -> Wall:
+    """A wall of endless motion as it is at a time [s]."""
+    pose = wall_poses(compile_motion((wall,)), time)[0]
+    return replace(wall, point=(pose[0], pose[1]), normal=(pose[2], pose[3]))
+
+
+def apart(scene: Scene) -> Scene:
+    """The scene with rigid contacts and all radii scaled down so far that nothing overlaps; masses stay.
+
+    Rigid engines would take the overlaps of springs for errors to be mended, each in its own way.
+    """
+
+    def rigid(law: ContactLaw) -> ContactLaw:
+        return replace(law, beta=0.0, restitution=0.0, regularised=True)
+
+    radius = scene.disks.radius
+    deepest = max(0.0, float(-relative_gaps(scene, scene.disks.x, 0.0).min(initial=0.0)))
+    disks = replace(scene.disks, radius=radius * (1.0 - 1.001 * deepest))
+    walls = tuple(replace(wall, law=rigid(wall.law)) for wall in scene.walls)
+    return scene.replace(disks=disks, walls=walls, disk_disk=rigid(scene.disk_disk), initial_shear={})
+
+
+def relative_gaps(scene: Scene, x: FloatArray, time: float) -> FloatArray:
+    """Gaps of all pairs that touch or overlap, over the sum of the two radii (a wall has none), shape (k,).
+
+    Parameters
+    ----------
+    scene : Scene
+    x : ndarray, shape (n, 2)
+        Centres [m] at ``time`` [s].
+    """
+    radius, n = scene.disks.radius, len(scene.disks)
+    poses = wall_poses(compile_motion(scene.walls), time)
+    pairs = PairFinder(radius, len(scene.walls)).within(np.ascontiguousarray(x), poses, 1e-12 * float(radius.min()))
+    i, j = pairs[pairs[:, 1] < n].T
+    apart_by = np.hypot(*(x[j] - x[i]).T)
+    reach = radius[i] + radius[j]
+    k, w = pairs[pairs[:, 1] >= n].T
+    wall = poses[w - n]
+    height = ((x[k] - wall[:, 0:2]) * wall[:, 2:4]).sum(axis=1)
+    return np.concatenate([apart_by / reach - 1.0, height / radius[k] - 1.0])

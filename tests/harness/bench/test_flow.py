@@ -1,0 +1,85 @@
+"""The suite ``flow``: overlaps are measured as they are, other flows are not timed, what is not expressed is said."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ninedisk.core import gallery
+from ninedisk.core.history import Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Disks, Scene
+from ninedisk.harness.bench import flow_suite
+from ninedisk.harness.bench.flow_problems import FlowProblem, apart, relative_gaps
+from ninedisk.harness.engine import EngineInfo, EngineRun, Support
+from ninedisk.harness.registry import get_engine
+
+
+@pytest.fixture(scope="module")
+def problem() -> FlowProblem:
+    """Disks that fall against each other and the sides of a drum."""
+    scene = gallery.drum(40, turns_per_second=0.5)
+    v = np.random.default_rng(1).normal(0.0, 3.0, (40, 2))
+    disks = Disks(x=scene.disks.x, v=v, radius=scene.disks.radius, mass=scene.disks.mass)
+    return FlowProblem(name="drum-40", scene=apart(scene.replace(disks=disks)), steps=16)
+
+
+class Drifting:
+    """The DEM on a scene whose gravity is turned: other physics."""
+
+    id = "dem"
+
+    def info(self) -> EngineInfo:
+        return get_engine("dem").info()
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        return get_engine("dem").supports(scene, numerics)
+
+    def run(self, scene: Scene, numerics: Numerics, watch: tuple[Pair, ...]) -> EngineRun:
+        return get_engine("dem").run(scene.replace(gravity=(500.0, 0.0)), numerics, watch)
+
+
+def test_gaps_of_a_scene_in_closed_form() -> None:
+    scene = gallery.drum(3, sides=4)
+    law = scene.disk_disk
+    x = np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 5.0]])
+    disks = Disks(x=x, radius=[1.0, 1.0, 0.1], mass=1.0)
+    wall = scene.walls[0]
+    turned = scene.replace(disks=disks, walls=(), disk_disk=law)
+    assert relative_gaps(turned, x, 0.0) == pytest.approx([-0.25], abs=1e-15)
+    near = np.array([[wall.point[0] - 0.5, 0.0], [-9.0, 0.0], [-9.0, -5.0]])
+    walled = turned.replace(walls=(wall,), disks=Disks(x=near, radius=[1.0, 1.0, 0.1], mass=1.0))
+    assert relative_gaps(walled, near, 0.0) == pytest.approx([-0.5], abs=1e-12)
+    assert -relative_gaps(apart(walled), near, 0.0).min(initial=0.0) == 0.0
+    # A quarter of a turn later the wall stands above: the disk at its old place is far from it.
+    quarter = 0.25 / (wall.motion[0].angular_velocity / (2.0 * math.pi))
+    assert len(relative_gaps(walled, near, quarter)) == 0
+
+
+def test_rows_of_ours_and_of_another_flow(problem: FlowProblem) -> None:
+    chosen = [each for each in flow_suite.entries(lambda _: False) if each.name in (flow_suite.BASE, "dem, kn x 1")]
+    engines = {"cd": get_engine("cd"), "dem": get_engine("dem")}
+    rows = flow_suite.run_problem(problem, chosen, engines, repeats=1, time_limit=60.0, tell=lambda _: None)
+    ours, springs = rows
+    assert [row["status"] for row in rows] == ["pass", "pass"]
+    assert ours["penetration"] < 1e-5 < springs["penetration"], "springs overlap, rigid contacts hardly"
+    assert 0.0 <= ours["natural_map"] <= flow_suite.TOLERANCE
+    assert ours["rate"] == pytest.approx(ours["median_s"] / problem.seconds)
+
+    other = flow_suite.run_problem(
+        problem, chosen, engines | {"dem": Drifting()}, repeats=1, time_limit=60.0, tell=lambda _: None
+    )[1]
+    assert other["status"] == "fail"
+    assert not math.isfinite(other["median_s"])
+    assert "another flow" in other["reason"]
+
+
+def test_what_an_engine_lacks_is_said(problem: FlowProblem) -> None:
+    chosen = [flow_suite.entries(lambda _: False)[0]]
+    chosen += [each for each in flow_suite.entries(lambda name: name == "mujoco") if each.engine == "mujoco"]
+    engines = {"cd": get_engine("cd"), "mujoco": get_engine("mujoco")}
+    row = flow_suite.run_problem(problem, chosen, engines, repeats=1, time_limit=60.0, tell=lambda _: None)[1]
+    assert row["status"] in ("unsupported", "not-installed")
+    assert row["reason"]
