@@ -30,6 +30,7 @@ BUILTIN_CASES: dict[str, str] = {
     "chain/newton-cradle": "ninedisk.harness.cases.newton_cradle:CASE",
     "impact/bouncing-disk": "ninedisk.harness.cases.bouncing_disk:CASE",
     "impact/oblique": "ninedisk.harness.cases.oblique_impact:CASE",
+    "gas/elastic": "ninedisk.harness.cases.gas:CASE",
     "spinning-disk": "ninedisk.harness.cases.spinning_disk:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
