@@ -73,6 +73,12 @@ class EngineInfo:
         Where that figure comes from.
     keeps_kn : bool
         Of engines whose contacts are soft: whether a load at rest overlaps by load/kn, kn the scene's.
+    impact_as_springs : bool
+        Of engines whose contacts are soft: whether an impact is a spring's motion over several of the engine's own steps, so that
+        contacts that are hit at one time share the impact as springs do.
+    normal_turns_in_impact : bool
+        Whether restitution takes the approach along the line of centres at the begin of a step, and the impulse acts along that at
+        its end: e = 1 then gains energy, first order in the step.
     options : mapping from str to Option
         Settings that ``Numerics.options`` may hold as ``<id>.<name>``.
     out_of_scope : mapping from Capability to str
@@ -99,6 +105,8 @@ class EngineInfo:
     softness: float | None = None
     softness_why: str = ""
     keeps_kn: bool = False
+    impact_as_springs: bool = False
+    normal_turns_in_impact: bool = False
     options: Mapping[str, Option] = field(default_factory=dict)
     out_of_scope: Mapping[Capability, str] = field(default_factory=dict)
 

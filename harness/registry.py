@@ -27,6 +27,11 @@ BUILTIN_CASES: dict[str, str] = {
     "sliding/quasistatic": "ninedisk.harness.cases.sliding_quasistatic:CASE",
     "sliding/dynamic": "ninedisk.harness.cases.sliding_dynamic:CASE",
     "slip-to-roll": "ninedisk.harness.cases.slip_to_roll:CASE",
+    "chain/newton-cradle": "ninedisk.harness.cases.newton_cradle:CASE",
+    "impact/bouncing-disk": "ninedisk.harness.cases.bouncing_disk:CASE",
+    "impact/oblique": "ninedisk.harness.cases.oblique_impact:CASE",
+    "gas/elastic": "ninedisk.harness.cases.gas:CASE",
+    "spinning-disk": "ninedisk.harness.cases.spinning_disk:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem:ENGINE",

@@ -214,6 +214,20 @@ PLANS: Mapping[str, tuple[FigurePlan, ...]] = {
             allows="It slides until t = v0/(3 mu g) and then rolls at 2 v0/3, if the engine has the inertia of a disk.",
         ),
     ),
+    "spinning-disk": (
+        FigurePlan(
+            number="",
+            title="From spinning to rolling",
+            quantities=(
+                Plotted("vx", "velocity along x"),
+                Plotted("spin", "spin"),
+                Plotted("energy", "kinetic energy"),
+            ),
+            compare="dt",
+            shows="A disk put on a plane with a spin and no velocity; friction drives it.",
+            allows="It rolls at R omega0/3 from t = R omega0/(3 mu g) on and has lost two thirds of its energy, whatever mu.",
+        ),
+    ),
 }
 """Plans by case id; a case without a plan, and variants that no plan takes, get `GENERIC`."""
 

@@ -62,8 +62,13 @@ def knobs(params: Mapping[str, Any]) -> Knobs:
     else:
         target = KINDS[params["kind"]]
     if beta is None:
-        beta = min(beta_of_restitution(target), PLASTIC_BETA) if target > 0.0 else PLASTIC_BETA
+        beta = beta_for(target)
     return Knobs(restitution=target, beta=beta, theta=1.0 / (1.0 + target) if theta is None else theta)
+
+
+def beta_for(restitution: float) -> float:
+    """Damping ratio that a case gives to springs for a coefficient of restitution: at most `PLASTIC_BETA`."""
+    return min(beta_of_restitution(restitution), PLASTIC_BETA) if restitution > 0.0 else PLASTIC_BETA
 
 
 def impact_checks(params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:

@@ -92,6 +92,7 @@ class MuJoCoEngine(RigidPackageEngine):
             contact="soft",
             softness=1.0 / OPTIONS["substeps"].default,
             softness_why="a contact takes its load up within one of MuJoCo's own steps in dt",
+            impact_as_springs=True,
             options=OPTIONS,
             out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), OWN_SOFTNESS),
             licence="Apache-2.0",

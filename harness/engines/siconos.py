@@ -106,6 +106,7 @@ class Siconos(ExternalEngine):
             version=version,
             scheme="moreau-jean",
             contact="impulse",
+            normal_turns_in_impact=True,
             options=OPTIONS,
             licence="Apache-2.0",
             how_it_runs="subprocess of the system's Python, scene and history as JSON",

@@ -115,7 +115,7 @@ def contact_history(
     if not np.all(np.isfinite(times) & (times >= 0.0)):
         raise ValueError(f"t = {t!r} is not allowed: every time must be finite and >= 0")
     omega = math.sqrt(kn / m_eff)
-    overlap, rate = _free_contact(np.minimum(times, end), omega, beta)
+    overlap, rate = free_contact(np.minimum(times, end), omega, beta)
     leave = restitution_of_beta(beta)
     touching = times < end
     delta = speed * np.where(touching, overlap, overlap - leave * (times - end))
@@ -124,8 +124,8 @@ def contact_history(
     return delta, velocity, fn
 
 
-def _free_contact(t: FloatArray, omega: float, beta: float) -> tuple[FloatArray, FloatArray]:
-    """Overlap and rate for unit approach velocity while the force acts."""
+def free_contact(t: FloatArray, omega: float, beta: float) -> tuple[FloatArray, FloatArray]:
+    """Overlap [s] and rate [-] at times ``t`` [s] for unit approach velocity while the force acts; omega [rad/s], beta >= 0."""
     square = (1.0 - beta) * (1.0 + beta)
     if square > 0.0:
         wd = omega * math.sqrt(square)

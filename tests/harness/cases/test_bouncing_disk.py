@@ -1,0 +1,142 @@
+"""Bouncing disk: verdicts on engines, order of the errors, defects that must be seen."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ninedisk.harness.case import ParameterError
+from ninedisk.harness.cases.bouncing_disk import CASE
+from ninedisk.harness.engines.cd import ENGINE as CD
+from ninedisk.harness.engines.dem import ENGINE as DEM
+from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
+from ninedisk.harness.params import resolve
+
+MATRIX = CASE.matrix()
+
+
+def seen(cell):
+    return {text.split()[0] for text in cell.failures}
+
+
+@pytest.mark.parametrize("engine", [PYMUNK, DEM, CD], ids=lambda engine: engine.id)
+@pytest.mark.parametrize("params", MATRIX, ids=lambda params: resolve(CASE, params).id)
+def test_the_matrix_passes(run_cell, engine, params):
+    cell = run_cell(CASE, engine, params)
+    assert cell.failures == []
+    assert cell.checks
+
+
+@pytest.mark.parametrize(
+    "params", [{"restitution": 0.8, "height": 0.3}, {"restitution": 0.3, "bounces": 2}, {"restitution": 0.95, "g": 5.0}]
+)
+def test_other_drops_pass(run_cell, params):
+    for engine in (PYMUNK, DEM):
+        assert run_cell(CASE, engine, params).failures == []
+    for impact in ("theta", "newton"):
+        assert run_cell(CASE, CD, {**params, "impact": impact, "dt": 8e-3}).failures == []
+
+
+def errors(run_cell, engine, name, steps, heights):
+    """Mean error of a number over drops from several heights, for each step."""
+    means = []
+    for step in steps:
+        found = []
+        for height in heights:
+            cell = run_cell(CASE, engine, {"height": height, **step})
+            assert cell.failures == []
+            check = next(c for c in cell.checks if c.quantity == name)
+            found.append(abs(cell.observed.scalars[name][1] - check.expected))
+        means.append(float(np.mean(found)))
+    return means
+
+
+HEIGHTS = 0.4 + np.array([0.0, 0.0077, 0.0151, 0.0239, 0.0331, 0.0423])
+
+
+@pytest.mark.parametrize("name", ["apex_time_2", "apex_2"])
+def test_rigid_bounces_are_first_order(run_cell, name):
+    means = errors(run_cell, PYMUNK, name, [{"dt": 2e-3}, {"dt": 2.5e-4}], HEIGHTS)
+    assert 0.7 < np.log2(means[0] / means[1]) / 3.0 < 1.4
+
+
+def test_damped_springs_are_first_order_and_elastic_ones_second(run_cell):
+    for e, low, high in ((0.5, 0.6, 1.4), (1.0, 1.4, 2.5)):
+        steps = [{"restitution": e, "contact_dt": dt, "bounces": 1} for dt in (2e-4, 2.5e-5)]
+        means = errors(run_cell, DEM, "apex_1", steps, np.linspace(0.4, 0.45, 12))
+        assert low < np.log2(means[0] / means[1]) / 3.0 < high
+
+
+def test_contact_dynamics_is_followed_until_rounding_has_grown(run_cell):
+    params = {"restitution": 1.0}
+    cell = run_cell(CASE, CD, params)
+    spoken = {c.quantity: np.isfinite(c.expected).mean() for c in cell.checks}
+    assert all(0.4 < part < 0.9 for part in spoken.values())
+    late = run_cell(CASE, CD, params, lambda h: h.v[160:].__imul__(1 + 1e-6))
+    assert "vy" in seen(late)
+
+
+class _Wrong:
+    """pymunk with another restitution or gravity than the scene's."""
+
+    id = "wrong"
+    info = staticmethod(PYMUNK.info)
+
+    def __init__(self, restitution=None, gravity=None):
+        self.restitution, self.gravity = restitution, gravity
+
+    def run(self, scene, numerics, watch):
+        wall = scene.walls[0]
+        if self.restitution is not None:
+            law = dataclasses.replace(wall.law, restitution=self.restitution)
+            scene = scene.replace(walls=(dataclasses.replace(wall, law=law),))
+        if self.gravity is not None:
+            scene = scene.replace(gravity=self.gravity)
+        return PYMUNK.run(scene, numerics, watch)
+
+
+def test_wrong_laws_are_seen(run_cell):
+    assert {"apex_1", "apex_time_2", "gap"} <= seen(run_cell(CASE, _Wrong(restitution=0.53), {"dt": 1e-3}))
+    assert {"apex_time_1", "energy"} <= seen(run_cell(CASE, _Wrong(gravity=(0.0, -9.81)), {"dt": 5e-4}))
+    gains = run_cell(CASE, _Wrong(restitution=0.99), {"restitution": 1.0, "dt": 5e-4})
+    assert {"apex_1", "apex_3", "energy"} <= seen(gains)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "quantities"),
+    [
+        (lambda h: h.gap.__iadd__(0.05), {"gap_final", "apex_1", "gap"}),
+        (lambda h: h.v.__imul__(1.4), {"vy", "energy"}),
+        (lambda h: h.gap.__setitem__((-1, 0), np.nan), {"gap_final", "rest_time"}),
+        (lambda h: h.v.__setitem__((..., 1), -1.0), {"apex_1", "apex_time_3", "vy"}),
+    ],
+    ids=["gap", "speed", "missing", "no-flight"],
+)
+def test_defects_are_seen(run_cell, spoil, quantities):
+    assert quantities <= seen(run_cell(CASE, PYMUNK, {}, spoil))
+
+
+def test_an_exact_drop_sees_a_defect_of_the_dem(run_cell):
+    def higher(history):
+        history.gap[history.t > 0.32] *= 1.01
+
+    cell = run_cell(CASE, DEM, {"restitution": 1.0}, higher)
+    assert {"apex_1", "gap"} <= seen(cell)
+
+
+def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
+    for engine in (PYMUNK, DEM, CD):
+        for params in MATRIX[:3]:
+            names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, engine, {**params, "dt": 8e-3}).checks]
+            blank = judge_history(CASE, engine.info(), {**params, "dt": 8e-3}, None)
+            assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
+            assert len(blank.failures) == len(names)
+
+
+def test_impossible_variants_are_refused():
+    with pytest.raises(ParameterError, match="kn = 20 N/m"):
+        CASE.build(resolve(CASE, {"kn": 20}).params)
+    with pytest.raises(ParameterError, match="duration"):
+        CASE.build(resolve(CASE, {"duration": 0.2}).params)

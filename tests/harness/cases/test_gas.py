@@ -1,0 +1,132 @@
+"""Gas of elastic disks: verdicts on engines, collisions counted, drift against the step, defects that must be seen."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ninedisk.harness.case import ParameterError
+from ninedisk.harness.cases._gas_bounds import expected_collisions
+from ninedisk.harness.cases.gas import CASE
+from ninedisk.harness.engines.cd import ENGINE as CD
+from ninedisk.harness.engines.dem import ENGINE as DEM
+from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
+from ninedisk.harness.engines.siconos import ENGINE as SICONOS
+from ninedisk.harness.params import resolve
+
+
+def seen(cell):
+    return {text.split()[0] for text in cell.failures}
+
+
+@pytest.mark.parametrize(
+    ("engine", "params"), [(PYMUNK, {}), (DEM, {}), (DEM, {"phase": 0.05}), (CD, {"duration": 1.0})]
+)
+def test_the_matrix_passes(run_cell, engine, params):
+    cell = run_cell(CASE, engine, params)
+    assert cell.failures == []
+    assert cell.checks
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_other_gases_pass(run_cell, seed):
+    for engine in (PYMUNK, DEM):
+        assert run_cell(CASE, engine, {"seed": seed, "rows": 4, "spacing": 3.5, "duration": 2.0}).failures == []
+
+
+def test_as_many_collisions_as_kinetic_theory_says(run_cell):
+    params = {"dt": 2.5e-3}
+    cell = run_cell(CASE, PYMUNK, params)
+    v = cell.history.v
+    struck = np.abs(np.diff(v, axis=0)).max(axis=2) > 1e-9
+    hits = expected_collisions(cell.params, cell.setup)
+    assert struck.sum() == pytest.approx(2.0 * hits.pairs + hits.walls, rel=0.3)
+
+
+def test_the_springs_drift_falls_with_the_square_of_the_phase(run_cell):
+    drifts = [
+        np.mean(
+            [
+                abs(run_cell(CASE, DEM, {"phase": p, "seed": s}).observed.scalars["energy_final"][1] - 1.0)
+                for s in range(6)
+            ]
+        )
+        for p in (0.2, 0.025)
+    ]
+    assert 1.4 < np.log2(drifts[0] / drifts[1]) / 3.0 < 2.6
+
+
+def test_newton_s_law_in_contact_dynamics_has_a_gap_that_is_named(run_cell):
+    params = {"impact": "newton", "duration": 1.2}
+    cell = run_cell(CASE, CD, params)
+    assert {text.split(":")[1].split()[0] for text in cell.failures} == {"known-gap"}
+    assert seen(cell) == {"kinetic", "kinetic_final"}
+    before = cell.observed.series["kinetic"][1][:212]
+    assert np.abs(before - 1.0).max() < 1e-11  # kept until a wall throws a disk into another within a step
+
+
+@pytest.mark.skipif(not SICONOS.info().installed, reason="siconos is not installed")
+def test_siconos_gains_energy_first_order_in_the_step(run_cell, judge_history):
+    gains = []
+    for dt in (5e-3, 1.25e-3):
+        cell = run_cell(CASE, SICONOS, {"dt": dt, "duration": 2.0})
+        assert cell.failures == []
+        gains.append(cell.observed.scalars["kinetic_final"][1] - 1.0)
+    assert 0.5 < np.log2(gains[0] / gains[1]) / 2.0 < 1.6
+    other = dataclasses.replace(SICONOS.info(), normal_turns_in_impact=False)
+    assert "kinetic" in seen(judge_history(CASE, other, {"dt": 1.25e-3, "duration": 2.0}, cell.history))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "quantities"),
+    [
+        (lambda h: h.v.__imul__(np.exp(-1e-9 * h.t)[:, None, None]), {"kinetic", "kinetic_final", "momentum_jump"}),
+        (lambda h: h.v[::7, 4].__iadd__(1e-9), {"momentum_jump"}),
+        (lambda h: h.x.__iadd__(0.2), {"outside"}),
+        (lambda h: h.omega.__iadd__(1e-9), {"spin"}),
+        (lambda h: h.v.__setitem__((300, 4, 0), np.nan), {"kinetic", "momentum_jump", "angular_jump"}),
+    ],
+    ids=["drag", "kick", "escape", "spin", "missing"],
+)
+def test_defects_are_seen(run_cell, spoil, quantities):
+    assert quantities <= seen(run_cell(CASE, PYMUNK, {}, spoil))
+
+
+def test_a_restitution_that_is_not_quite_one_is_seen(run_cell):
+    class Lossy:
+        id = "lossy"
+        info = staticmethod(PYMUNK.info)
+
+        def run(self, scene, numerics, watch):
+            law = dataclasses.replace(scene.disk_disk, restitution=1.0 - 1e-9)
+            return PYMUNK.run(scene.replace(disk_disk=law), numerics, watch)
+
+    assert {"kinetic", "kinetic_final"} <= seen(run_cell(CASE, Lossy(), {}))
+
+
+def test_a_dashpot_is_seen(run_cell):
+    class Damped:
+        id = "damped"
+        info = staticmethod(DEM.info)
+
+        def run(self, scene, numerics, watch):
+            return DEM.run(scene.replace(disk_disk=dataclasses.replace(scene.disk_disk, beta=1e-3)), numerics, watch)
+
+    assert {"energy", "energy_final"} <= seen(run_cell(CASE, Damped(), {"phase": 0.05}))
+
+
+def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
+    for engine, params in ((PYMUNK, {}), (DEM, {}), (CD, {"duration": 0.2})):
+        names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, engine, params).checks]
+        blank = judge_history(CASE, engine.info(), params, None)
+        assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
+        assert len(blank.failures) == len(names)
+
+
+def test_impossible_variants_are_refused():
+    with pytest.raises(ParameterError, match="kn = 1000 N/m"):
+        CASE.build(resolve(CASE, {"kn": 1000}).params)
+    with pytest.raises(ParameterError, match=r"dt = 0\.1 s"):
+        CASE.build(resolve(CASE, {"dt": 0.1}).params)

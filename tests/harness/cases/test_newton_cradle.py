@@ -1,0 +1,101 @@
+"""Row of disks: verdicts on engines, laws that differ, order of the springs' error, defects that must be seen."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ninedisk.harness.case import ParameterError
+from ninedisk.harness.cases.newton_cradle import CASE
+from ninedisk.harness.engines.cd import ENGINE as CD
+from ninedisk.harness.engines.dem import ENGINE as DEM
+from ninedisk.harness.engines.mujoco import ENGINE as MUJOCO
+from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
+from ninedisk.harness.params import resolve
+
+MATRIX = CASE.matrix()
+
+
+def seen(cell):
+    return {text.split()[0] for text in cell.failures}
+
+
+@pytest.mark.parametrize("engine", [PYMUNK, DEM, CD], ids=lambda engine: engine.id)
+@pytest.mark.parametrize("params", MATRIX, ids=lambda params: resolve(CASE, params).id)
+def test_the_matrix_passes(run_cell, engine, params):
+    cell = run_cell(CASE, engine, params)
+    assert cell.failures == []
+    assert cell.checks
+
+
+@pytest.mark.parametrize("params", [{"n": 2}, {"n": 4, "gap": 0.01}, {"gap": 0.0, "restitution": 0.4}, {"gap": 1e-3}])
+def test_other_rows_pass(run_cell, params):
+    engines = (DEM, CD) if params.get("gap") == 1e-3 else (PYMUNK, DEM, CD)
+    for engine in engines:
+        assert run_cell(CASE, engine, params).failures == []
+
+
+def test_one_row_three_laws(run_cell):
+    touching = {"n": 3, "gap": 0.0}
+    springs, newton = (run_cell(CASE, engine, touching).history.v[-1, :, 0] for engine in (DEM, PYMUNK))
+    np.testing.assert_allclose(springs, [-0.1303, 0.1502, 0.9800], atol=2e-4)
+    np.testing.assert_allclose(newton, [-1 / 3, 2 / 3, 2 / 3], atol=1e-12)
+    apart = [run_cell(CASE, engine, {}).history.v[-1, :, 0] for engine in (DEM, PYMUNK)]
+    np.testing.assert_allclose(apart, [[0.0, 0.0, 1.0]] * 2, atol=2e-4)
+
+
+def test_each_law_fails_on_the_other_s_engine(run_cell, judge_history):
+    touching = {"n": 3, "gap": 0.0}
+    for ran, judged in ((DEM, PYMUNK), (PYMUNK, DEM)):
+        cell = judge_history(CASE, judged.info(), touching, run_cell(CASE, ran, touching).history)
+        assert {"vx_1", "vx_2", "vx_3", "handed_on"} <= seen(cell)
+        assert "momentum_x" not in seen(cell)
+
+
+@pytest.mark.skipif(not MUJOCO.info().installed, reason="mujoco is not installed")
+def test_mujoco_s_impacts_are_those_of_springs(run_cell, judge_history):
+    touching = {"n": 3, "gap": 0.0}
+    cell = run_cell(CASE, MUJOCO, touching)
+    assert cell.failures == []
+    other = dataclasses.replace(MUJOCO.info(), impact_as_springs=False)
+    assert "handed_on" in seen(judge_history(CASE, other, touching, cell.history))
+
+
+def test_the_springs_error_is_second_order(run_cell):
+    errors = []
+    for contact_dt in (4e-5, 1e-5):
+        cell = run_cell(CASE, DEM, {"n": 5, "gap": 0.0, "contact_dt": contact_dt})
+        assert cell.failures == []
+        check = next(c for c in cell.checks if c.quantity == "vx_4_final")
+        errors.append(abs(cell.observed.scalars["vx_4_final"][1] - check.expected))
+    assert 1.5 < np.log2(errors[0] / errors[1]) / 2.0 < 2.5
+
+
+@pytest.mark.parametrize(
+    ("spoil", "quantities"),
+    [
+        (lambda h: h.v.__setitem__((-1, 2, 0), 1.0 - 1e-9), {"vx_3_final", "momentum_x", "handed_on"}),
+        (lambda h: h.v.__setitem__((slice(-4, None), slice(None), 0), h.v[-4:, ::-1, 0]), {"vx_1", "vx_3"}),
+        (lambda h: h.v.__setitem__((3, 0, 1), 1e-9), {"speed_across"}),
+        (lambda h: h.v.__setitem__((-1, 0, 0), np.nan), {"vx_1_final", "energy"}),
+    ],
+    ids=["loss", "swapped", "sideways", "missing"],
+)
+def test_defects_are_seen(run_cell, spoil, quantities):
+    assert quantities <= seen(run_cell(CASE, PYMUNK, {}, spoil))
+
+
+def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
+    for engine in (PYMUNK, DEM, CD):
+        for params in MATRIX[:3]:
+            names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, engine, params).checks]
+            blank = judge_history(CASE, engine.info(), params, None)
+            assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
+            assert len(blank.failures) == len(names)
+
+
+def test_a_run_that_ends_before_the_last_collision_is_refused():
+    with pytest.raises(ParameterError, match="duration"):
+        CASE.build(resolve(CASE, {"duration": 0.03}).params)

@@ -1,0 +1,102 @@
+"""Spinning disk: verdicts on engines, the carried-over exact steps, defects that must be seen."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ninedisk.harness.case import ParameterError
+from ninedisk.harness.cases.spinning_disk import CASE
+from ninedisk.harness.engines.cd import ENGINE as CD
+from ninedisk.harness.engines.dem import ENGINE as DEM
+from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
+from ninedisk.harness.params import resolve
+
+MATRIX = CASE.matrix()
+
+
+def seen(cell):
+    return {text.split()[0] for text in cell.failures}
+
+
+@pytest.mark.parametrize("engine", [PYMUNK, DEM, CD], ids=lambda engine: engine.id)
+@pytest.mark.parametrize("params", MATRIX, ids=lambda params: resolve(CASE, params).id)
+def test_the_matrix_passes(run_cell, engine, params):
+    cell = run_cell(CASE, engine, params)
+    assert cell.failures == []
+    assert cell.checks
+
+
+def test_pymunk_rolls_at_a_third_and_keeps_a_third_of_the_energy(run_cell):
+    values = run_cell(CASE, PYMUNK, {}).observed.scalars
+    assert values["vx_final"][1] == pytest.approx(1 / 3, abs=1e-12)
+    assert values["spin_final"][1] == pytest.approx(1 / 3, abs=1e-12)
+    assert values["energy_kept"][1] == pytest.approx(1 / 3, abs=1e-12)
+
+
+@pytest.mark.parametrize(("engine", "params"), [(PYMUNK, {}), (CD, {}), (CD, {"sliding": "coulomb"})])
+def test_exact_steps_bind_their_schemes(run_cell, engine, params):
+    cell = run_cell(CASE, engine, params)
+    exact = {check.quantity for check in cell.checks if check.truth == "exact-step"}
+    assert {"x", "vx", "spin"} <= exact
+    assert ("gap" in exact) == (engine is CD and not params)
+
+    def late(history):
+        history.v[1:, 0, 0] += 3e-9
+
+    assert "vx" in seen(run_cell(CASE, engine, params, late))
+
+
+def test_the_positions_of_another_scheme_are_seen(run_cell, judge_history):
+    history = run_cell(CASE, PYMUNK, {}).history
+    other = dataclasses.replace(PYMUNK.info(), scheme="semi-implicit-euler")
+    cell = judge_history(CASE, other, {}, history)
+    assert any(text.startswith("x (exact-step)") for text in cell.failures)
+    assert not any(text.startswith("vx (exact-step)") for text in cell.failures)
+
+
+def test_the_springs_overshoot_fills_its_tolerance(run_cell):
+    for params in ({}, {"kn": 1e6}):
+        assert 0.9 < run_cell(CASE, DEM, params).margin("vx", "analytic") <= 1.0
+
+
+def test_a_sphere_s_inertia_is_seen(run_cell):
+    class Sphere:
+        id = "sphere"
+        info = staticmethod(PYMUNK.info)
+
+        def run(self, scene, numerics, watch):
+            disks = dataclasses.replace(scene.disks, inertia=0.8 * scene.disks.inertia)
+            return PYMUNK.run(scene.replace(disks=disks), numerics, watch)
+
+    assert {"vx_final", "spin_final", "energy_kept", "slip_end"} <= seen(run_cell(CASE, Sphere(), {}))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "quantities"),
+    [
+        (lambda h: h.omega.__imul__(-1.0), {"spin", "spin_final", "slip_end"}),
+        (lambda h: h.v.__imul__(1 + 1e-9), {"vx", "vx_final"}),
+        (lambda h: h.omega.__imul__(0.99), {"spin_final", "slip_final", "energy"}),
+        (lambda h: h.gap.__iadd__(1e-11), {"gap"}),
+        (lambda h: h.omega.__setitem__((..., 0), np.nan), {"spin", "slip_end", "energy_kept"}),
+    ],
+    ids=["sense", "speed", "spin", "gap", "missing"],
+)
+def test_defects_are_seen(run_cell, spoil, quantities):
+    assert quantities <= seen(run_cell(CASE, PYMUNK, {}, spoil))
+
+
+def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
+    for params in MATRIX:
+        names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, PYMUNK, params).checks]
+        blank = judge_history(CASE, PYMUNK.info(), params, None)
+        assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
+        assert len(blank.failures) == len(names)
+
+
+def test_a_plane_too_soft_to_carry_the_disk_is_refused():
+    with pytest.raises(ParameterError, match="kn = 20 N/m"):
+        CASE.build(resolve(CASE, {"kn": 20}).params)
