@@ -27,6 +27,7 @@ BUILTIN_CASES: dict[str, str] = {
     "sliding/quasistatic": "ninedisk.harness.cases.sliding_quasistatic:CASE",
     "sliding/dynamic": "ninedisk.harness.cases.sliding_dynamic:CASE",
     "slip-to-roll": "ninedisk.harness.cases.slip_to_roll:CASE",
+    "rolling/incline-disk": "ninedisk.harness.cases.rolling_incline:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem:ENGINE",
