@@ -28,6 +28,7 @@ BUILTIN_CASES: dict[str, str] = {
     "sliding/dynamic": "ninedisk.harness.cases.sliding_dynamic:CASE",
     "slip-to-roll": "ninedisk.harness.cases.slip_to_roll:CASE",
     "rolling/incline-disk": "ninedisk.harness.cases.rolling_incline:CASE",
+    "static/stack": "ninedisk.harness.cases.static_stack:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem:ENGINE",

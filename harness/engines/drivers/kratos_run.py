@@ -170,7 +170,7 @@ class Run:
         loads, elastic = np.zeros((len(self.walls), 2)), 0.0
         for (_, j), (fn, fs, overlap, normal) in found.items():
             law = self.law if j < self.n else self.walls[j - self.n]["law"]
-            elastic += 0.5 * law["kn"] * overlap**2 + (0.5 * fs**2 / law["ks"] if fs else 0.0)
+            elastic += 0.5 * law["kn"] * overlap**2 + (0.5 * fs**2 / law["ks"] if law["ks"] else 0.0)
             if j >= self.n:
                 loads[j - self.n] += fn * normal - fs * np.array([-normal[1], normal[0]])
         self.samples.append(

@@ -257,7 +257,7 @@ class Run:
             if j >= self.n:
                 law, normal = self.walls[j - self.n]["law"], -pose[j - self.n, 2:4]
                 loads[j - self.n] += fn * normal - fs * np.array([-normal[1], normal[0]])
-            elastic += 0.5 * law["kn"] * overlap**2 + (0.5 * fs**2 / law["ks"] if fs else 0.0)
+            elastic += 0.5 * law["kn"] * overlap**2 + (0.5 * fs**2 / law["ks"] if law["ks"] else 0.0)
         self.samples.append(
             {
                 "step": step,
