@@ -29,6 +29,7 @@ BUILTIN_CASES: dict[str, str] = {
     "slip-to-roll": "ninedisk.harness.cases.slip_to_roll:CASE",
     "rolling/incline-disk": "ninedisk.harness.cases.rolling_incline:CASE",
     "static/stack": "ninedisk.harness.cases.static_stack:CASE",
+    "row/pushed": "ninedisk.harness.cases.row_pushed:CASE",
     "invariance/units": "ninedisk.harness.cases.invariance:CASES",
     "invariance/rotation": "ninedisk.harness.cases.invariance:CASES",
     "invariance/galilei": "ninedisk.harness.cases.invariance:CASES",

@@ -188,7 +188,7 @@ def _analytic_checks(
     t_wall, xi = load.load_cycles * load.dt, params["xi"]
     omega = row_frequency(kn=load.kn, mass=MASS)
     steady = steady_force(kn=load.kn, v_wall=load.v_wall, t_wall=t_wall)
-    step = _step_error(params, setup, engine, omega)
+    step = step_error(params, setup, engine, omega)
     swing = load.kn * load.v_wall / omega
     fade = np.exp(-0.5 * xi * observed.t)
     error = swing * float(((step.drift * omega * observed.t + step.offset) * fade).max()) + ROUND_OFF * steady
@@ -236,7 +236,7 @@ def _analytic_checks(
     return found
 
 
-class _StepError(NamedTuple):
+class StepError(NamedTuple):
     """What a scheme's step does to an oscillation of unit amplitude: error that grows by ``drift`` per radian, and ``offset``.
 
     ``amplitude`` is the error of the amplitude alone; ``fades``: it is the amplitude that drifts, as long as the run lasts.
@@ -249,7 +249,7 @@ class _StepError(NamedTuple):
     why: str
 
 
-def _step_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, omega: float) -> _StepError:
+def step_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, omega: float) -> StepError:
     """Of the oscillator of angular frequency ``omega`` [rad/s] under the engine's scheme.
 
     Central differences run fast by ``(omega dt)^2/24``, and their amplitude is off by the square itself. Third-order
@@ -259,7 +259,7 @@ def _step_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, ome
     h = omega * setup.numerics.dt / params["substeps"]
     if engine.scheme == "runge-kutta-3":
         h = min(h, float(engine.option("phase", setup.numerics)))
-        return _StepError(h**3 / 24.0, 0.0, 0.0, True, f"third order, omega h <= {h:.3g}")
+        return StepError(h**3 / 24.0, 0.0, 0.0, True, f"third order, omega h <= {h:.3g}")
     if engine.scheme == "central-difference" and params["damping_form"] == "central":
-        return _StepError(h**2 / 24.0, h**2, h**2, False, f"second order, omega dt = {h:.3g}")
-    return _StepError(h / 2.0, h, h**2, False, f"first order, omega dt = {h:.3g}")
+        return StepError(h**2 / 24.0, h**2, h**2, False, f"second order, omega dt = {h:.3g}")
+    return StepError(h / 2.0, h, h**2, False, f"first order, omega dt = {h:.3g}")
