@@ -33,6 +33,7 @@ BUILTIN_CASES: dict[str, str] = {
     "invariance/units": "ninedisk.harness.cases.invariance:CASES",
     "invariance/rotation": "ninedisk.harness.cases.invariance:CASES",
     "invariance/galilei": "ninedisk.harness.cases.invariance:CASES",
+    "invariance/objectivity": "ninedisk.harness.cases.rotating_box:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem:ENGINE",
