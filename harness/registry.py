@@ -30,6 +30,7 @@ BUILTIN_CASES: dict[str, str] = {
     "rolling/incline-disk": "ninedisk.harness.cases.rolling_incline:CASE",
     "static/stack": "ninedisk.harness.cases.static_stack:CASE",
     "row/pushed": "ninedisk.harness.cases.row_pushed:CASE",
+    "strength/hexagonal": "ninedisk.harness.cases.strength_hexagonal:CASE",
     "invariance/units": "ninedisk.harness.cases.invariance:CASES",
     "invariance/rotation": "ninedisk.harness.cases.invariance:CASES",
     "invariance/galilei": "ninedisk.harness.cases.invariance:CASES",
