@@ -32,6 +32,14 @@ BUILTIN_CASES: dict[str, str] = {
     "impact/oblique": "ninedisk.harness.cases.oblique_impact:CASE",
     "gas/elastic": "ninedisk.harness.cases.gas:CASE",
     "spinning-disk": "ninedisk.harness.cases.spinning_disk:CASE",
+    "rolling/incline-disk": "ninedisk.harness.cases.rolling_incline:CASE",
+    "static/stack": "ninedisk.harness.cases.static_stack:CASE",
+    "row/pushed": "ninedisk.harness.cases.row_pushed:CASE",
+    "strength/hexagonal": "ninedisk.harness.cases.strength_hexagonal:CASE",
+    "invariance/units": "ninedisk.harness.cases.invariance:CASES",
+    "invariance/rotation": "ninedisk.harness.cases.invariance:CASES",
+    "invariance/galilei": "ninedisk.harness.cases.invariance:CASES",
+    "invariance/objectivity": "ninedisk.harness.cases.rotating_box:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem:ENGINE",

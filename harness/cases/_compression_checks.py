@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,9 @@ from ninedisk.references.analytic.compression import (
 from ninedisk.references.exact_steps.cd_row import smooth_row_cd
 from ninedisk.references.exact_steps.compression import smooth_row
 
+Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Forces [N] of a half row after each cycle: disk-disk, wall."""
+
 HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
 ROUND_OFF = 1e-9
 """Of the largest value: the forces are kn times differences of positions near 300 m, so one unit in the last place of a position
@@ -41,11 +44,10 @@ def compression_checks(
         found += _static_checks(params, observed, load)
     elif smooth:
         if engine.scheme == "central-difference":
-            found += _exact_checks(
-                observed, load, exact_rows(params, load, int(observed.step[-1])), "central differences"
-            )
+            rows = _rows(params, load, int(observed.step[-1]), smooth_row, form=params["damping_form"])
+            found += _exact_checks(observed, load, rows, "central differences")
         elif engine.scheme == "theta":
-            rows = theta_rows(params, load, int(observed.step[-1]))
+            rows = _rows(params, load, int(observed.step[-1]), smooth_row_cd, theta=params["theta"])
             found += _exact_checks(
                 observed, load, rows, f"the theta scheme, theta = {params['theta']:g}, elastic contacts"
             )
@@ -60,6 +62,8 @@ def compression_checks(
             scalars=[f"{name}_settled" for name in HISTORIES],
             first_order_rtol=0.5 * row_frequency(kn=load.kn, mass=MASS) * load.dt,
         )
+    if params["xi"] > 0.0:
+        found += _row_sum_checks(setup, load)
     found.append(
         Check(
             quantity="symmetry_error",
@@ -100,10 +104,12 @@ def peaks(
     }
 
 
-def exact_rows(params: Mapping[str, Any], load: LoadCase, n_steps: int) -> tuple[NDArray[np.float64], ...]:
-    """Exact time-discrete forces (disk-disk, wall) after cycles 0..n_steps [N]."""
+def _rows(
+    params: Mapping[str, Any], load: LoadCase, n_steps: int, solution: Callable[..., Rows], **setting: Any
+) -> Rows:
+    """Exact time-discrete forces after cycles 0..n_steps, from the solution of the engine's scheme."""
     k = params["substeps"]
-    rows = smooth_row(
+    disk_disk, wall = solution(
         kn=load.kn,
         mass=MASS,
         xi=params["xi"],
@@ -111,25 +117,36 @@ def exact_rows(params: Mapping[str, Any], load: LoadCase, n_steps: int) -> tuple
         n_load=load.load_cycles * k,
         v_wall=load.v_wall,
         n_steps=n_steps * k,
-        form=params["damping_form"],
+        **setting,
     )
-    return tuple(row[::k] for row in rows)
+    return disk_disk[::k], wall[::k]
 
 
-def theta_rows(params: Mapping[str, Any], load: LoadCase, n_steps: int) -> tuple[NDArray[np.float64], ...]:
-    """Exact forces (disk-disk, wall) of contact dynamics with elastic contacts after cycles 0..n_steps [N]."""
-    k = params["substeps"]
-    rows = smooth_row_cd(
-        kn=load.kn,
-        mass=MASS,
-        xi=params["xi"],
-        dt=load.dt / k,
-        n_load=load.load_cycles * k,
-        v_wall=load.v_wall,
-        n_steps=n_steps * k,
-        theta=params["theta"],
-    )
-    return tuple(row[::k] for row in rows)
+def row_sums(scalars: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, float]]:
+    """Settled forces of a half row's two contacts together: centre row, edge row."""
+    pairs = {"centre": ("fn_disk_disk_centre", "fn_wall_mid"), "edge": ("fn_disk_disk_edge", "fn_wall_corner")}
+    return {
+        f"row_sum_{row}": ("N", sum(scalars[f"{name}_settled"][1] for name in names)) for row, names in pairs.items()
+    }
+
+
+def _row_sum_checks(setup: Setup, load: LoadCase) -> list[Check]:
+    """A half row bears ``kn w``, w the way of its wall, however wall friction shares it among the contacts.
+
+    The middle disk of each row keeps its x by symmetry, so that the wall's way w is what the two contacts between it and the wall
+    are closed by along x: the sum of their overlaps where both lie along x, as they do in the centre row. In the edge row friction
+    lets the middle disk and the corner disk move differently along y, by ``w/2`` at most as either lies between its neighbours;
+    a contact tilted by ``dy`` over the distance 2R has an overlap that is smaller by ``dy^2/(4R)``.
+    """
+    way = load.v_wall * load.dt * min(setup.numerics.n_steps, load.load_cycles)
+    tilt = load.kn * (0.5 * way) ** 2 / (4.0 * RADIUS)
+    common = {"norm": "scalar", "truth": "analytic", "expected": load.kn * way, "rtol": ROUND_OFF}
+    common["source"] = "the two contacts of a half row are closed by their wall's way: kn v T"
+    why = "round-off of positions near 300 m (see ROUND_OFF)"
+    return [
+        Check(quantity="row_sum_centre", why=why, **common),  # type: ignore[arg-type]
+        Check(quantity="row_sum_edge", atol=tilt, why=f"{why}; tilt of the contact by w/2 over 2R", **common),  # type: ignore[arg-type]
+    ]
 
 
 def _static_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase) -> list[Check]:
@@ -148,9 +165,7 @@ def _static_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase
     return found
 
 
-def _exact_checks(
-    observed: Observed, load: LoadCase, rows: tuple[NDArray[np.float64], ...], scheme: str
-) -> list[Check]:
+def _exact_checks(observed: Observed, load: LoadCase, rows: Rows, scheme: str) -> list[Check]:
     disk_disk, wall = rows
     source = f"exact recurrence of the smooth row under {scheme}"
     found = []
@@ -173,7 +188,7 @@ def _analytic_checks(
     t_wall, xi = load.load_cycles * load.dt, params["xi"]
     omega = row_frequency(kn=load.kn, mass=MASS)
     steady = steady_force(kn=load.kn, v_wall=load.v_wall, t_wall=t_wall)
-    step = _step_error(params, setup, engine, omega)
+    step = step_error(params, setup, engine, omega)
     swing = load.kn * load.v_wall / omega
     fade = np.exp(-0.5 * xi * observed.t)
     error = swing * float(((step.drift * omega * observed.t + step.offset) * fade).max()) + ROUND_OFF * steady
@@ -221,7 +236,7 @@ def _analytic_checks(
     return found
 
 
-class _StepError(NamedTuple):
+class StepError(NamedTuple):
     """What a scheme's step does to an oscillation of unit amplitude: error that grows by ``drift`` per radian, and ``offset``.
 
     ``amplitude`` is the error of the amplitude alone; ``fades``: it is the amplitude that drifts, as long as the run lasts.
@@ -234,7 +249,7 @@ class _StepError(NamedTuple):
     why: str
 
 
-def _step_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, omega: float) -> _StepError:
+def step_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, omega: float) -> StepError:
     """Of the oscillator of angular frequency ``omega`` [rad/s] under the engine's scheme.
 
     Central differences run fast by ``(omega dt)^2/24``, and their amplitude is off by the square itself. Third-order
@@ -244,7 +259,7 @@ def _step_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, ome
     h = omega * setup.numerics.dt / params["substeps"]
     if engine.scheme == "runge-kutta-3":
         h = min(h, float(engine.option("phase", setup.numerics)))
-        return _StepError(h**3 / 24.0, 0.0, 0.0, True, f"third order, omega h <= {h:.3g}")
+        return StepError(h**3 / 24.0, 0.0, 0.0, True, f"third order, omega h <= {h:.3g}")
     if engine.scheme == "central-difference" and params["damping_form"] == "central":
-        return _StepError(h**2 / 24.0, h**2, h**2, False, f"second order, omega dt = {h:.3g}")
-    return _StepError(h / 2.0, h, h**2, False, f"first order, omega dt = {h:.3g}")
+        return StepError(h**2 / 24.0, h**2, h**2, False, f"second order, omega dt = {h:.3g}")
+    return StepError(h / 2.0, h, h**2, False, f"first order, omega dt = {h:.3g}")

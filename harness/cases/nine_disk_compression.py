@@ -13,7 +13,7 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import WallSegment
 from ninedisk.harness.case import Check, Observed, Parameter, Setup, Value
-from ninedisk.harness.cases._compression_checks import HISTORIES, compression_checks, peaks
+from ninedisk.harness.cases._compression_checks import HISTORIES, compression_checks, peaks, row_sums
 from ninedisk.harness.cases._nine_disks import (
     CENTRE,
     DAMPING_FORM,
@@ -107,7 +107,7 @@ class Compression:
         return Setup(scene=scene, numerics=numerics, watch=WATCH, labels=dict(zip(HISTORIES, WATCH, strict=True)))
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
-        """Force histories over cycles 0..cycles; settled values, peaks, amplitudes, symmetry."""
+        """Force histories over cycles 0..cycles; settled values and their sums by row, peaks, amplitudes, symmetry."""
         load = LOAD_CASES[params["load_case"]]
         shown = history.step <= params["cycles"]
         step, t = history.step[shown], history.t[shown]
@@ -117,6 +117,7 @@ class Compression:
             series[name] = ("N", force[shown])
             scalars[f"{name}_settled"] = ("N", float(force[-1]) if params["xi"] > 0.0 else math.nan)
             scalars |= peaks(name, step, force[shown], load.load_cycles)
+        scalars |= row_sums(scalars)
         middle = 0.5 * (history.x + history.x[:, ::-1, :]) - history.x[:, CENTRE : CENTRE + 1, :]
         scalars["symmetry_error"] = ("m", float(np.abs(middle).max()))
         return Observed(step=step, t=t, series=series, scalars=scalars)

@@ -9,6 +9,9 @@
   and takes a fall's speed away ahead of the impact; here it is some units of round-off, so that bodies which touch are
   in contact whatever the rounding of their coordinates. Between spheres contacts begin with an overlap: radii are
   larger by half that length.
+- Bullet has lengths compiled into it and asks for moving bodies between 0.05 and 10 units across: its spheres of 5e5 never touch
+  a plane, rolling ones of 5e-4 lose it for single steps. It is given lengths in a unit that makes the mean radius about 1, a
+  power of two, so that the change of units rounds nothing.
 - The solver does all its iterations (`solverResidualThreshold` 0).
 - Before each step a wall gets its exact pose and the velocity that takes it to the next.
 """
@@ -45,12 +48,14 @@ class BulletSession:
         options = read_options("bullet", OPTIONS, numerics)
         self.scene, self.dt, self.done = scene, numerics.dt, 0
         touch = touch_length(scene, numerics, "Bullet")
+        radii = scene.disks.radius
+        self.unit = 2.0 ** -round(math.log2(float(radii.mean()))) if len(radii) else 1.0
         self.inflate = 0.5 * touch if len(scene.disks) > 1 else 0.0
         parameters = {
             "numSolverIterations": options["bullet.iterations"],
             "solverResidualThreshold": 0.0,
             "contactERP": options["bullet.contact_erp"],
-            "contactBreakingThreshold": touch,
+            "contactBreakingThreshold": touch * self.unit,
             "contactSlop": 0.0,
             "restitutionVelocityThreshold": 0.0,
             "enableConeFriction": 1,
@@ -59,6 +64,7 @@ class BulletSession:
         self.settings: dict[str, Any] = {
             **options,
             **{f"bullet.{name}": value for name, value in parameters.items()},
+            "bullet.lengths_per_metre": self.unit,
             "bullet.linearDamping": 0.0,
             "bullet.angularDamping": 0.0,
             "bullet.useMaximalCoordinates": False,
@@ -67,7 +73,7 @@ class BulletSession:
         }
         self.world = BulletClient(connection_mode=pybullet.DIRECT)
         self.world.setTimeStep(self.dt)
-        self.world.setGravity(*scene.gravity, 0.0)
+        self.world.setGravity(*(self.unit * component for component in scene.gravity), 0.0)
         self.world.setPhysicsEngineParameter(**parameters)
         law, walls = scene.disk_disk, [wall.law for wall in scene.walls]
         alone = len(scene.disks) < 2
@@ -97,7 +103,8 @@ class BulletSession:
         for i, body in enumerate(self.disks):
             position, _ = self.world.getBasePositionAndOrientation(body)
             velocity, spin = self.world.getBaseVelocity(body)
-            history.x[row, i], history.v[row, i], history.omega[row, i] = position[:2], velocity[:2], spin[2]
+            history.x[row, i], history.v[row, i] = np.array([position[:2], velocity[:2]]) / self.unit
+            history.omega[row, i] = spin[2]
         history.angle[row] = self.angle
         finite_state("Bullet", self.done, history.x[row], history.v[row], history.omega[row])
         impulses = self._impulses() if self.done else None
@@ -110,7 +117,9 @@ class BulletSession:
             one, two = self.number[contact[1]], self.number[contact[2]]
             # Bullet's normal points from its second body to its first; its forces act on the first.
             parts = ((contact[9], contact[7]), (contact[10], contact[11]), (contact[12], contact[13]))
-            on_first = sum((size * np.array(direction[:2]) for size, direction in parts), np.zeros(2)) * self.dt
+            on_first = sum((size * np.array(direction[:2]) for size, direction in parts), np.zeros(2)) * (
+                self.dt / self.unit
+            )
             pair = (min(one, two), max(one, two))
             found[pair] = found.get(pair, np.zeros(2)) + (on_first if one < two else -on_first)
         return found
@@ -128,16 +137,18 @@ class BulletSession:
         for k, body in enumerate(self.walls):
             half = 0.5 * turn(self.scene.walls[k].normal, facing[k])
             self.world.resetBasePositionAndOrientation(
-                body, [*here[k], 0.0], [0.0, 0.0, math.sin(half), math.cos(half)]
+                body, [*(here[k] * self.unit), 0.0], [0.0, 0.0, math.sin(half), math.cos(half)]
             )
             rate = turn(facing[k], to_face[k]) / self.dt
-            self.world.resetBaseVelocity(body, [*((there[k] - here[k]) / self.dt), 0.0], [0.0, 0.0, rate])
+            self.world.resetBaseVelocity(body, [*((there[k] - here[k]) * (self.unit / self.dt)), 0.0], [0.0, 0.0, rate])
 
     def _disk(self, i: int, friction: float, restitution: float) -> int:
         disks = self.scene.disks
-        shape = self.world.createCollisionShape(pybullet.GEOM_SPHERE, radius=float(disks.radius[i]) + self.inflate)
-        body: int = self.world.createMultiBody(float(disks.mass[i]), shape, basePosition=[*disks.x[i].tolist(), 0.0])
-        inertia = float(disks.inertia[i]) if disks.rotating[i] else 0.0
+        radius = self.unit * (float(disks.radius[i]) + self.inflate)
+        shape = self.world.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
+        place = [*(self.unit * disks.x[i]).tolist(), 0.0]
+        body: int = self.world.createMultiBody(float(disks.mass[i]), shape, basePosition=place)
+        inertia = self.unit**2 * float(disks.inertia[i]) if disks.rotating[i] else 0.0
         self.world.changeDynamics(
             body,
             -1,
@@ -150,13 +161,13 @@ class BulletSession:
             angularDamping=0.0,
             maxJointVelocity=_UNLIMITED,
         )
-        self.world.resetBaseVelocity(body, [*disks.v[i].tolist(), 0.0], [0.0, 0.0, float(disks.omega[i])])
+        self.world.resetBaseVelocity(body, [*(self.unit * disks.v[i]).tolist(), 0.0], [0.0, 0.0, float(disks.omega[i])])
         return body
 
     def _wall(self, k: int, friction: float, restitution: float) -> int:
         wall = self.scene.walls[k]
         shape = self.world.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=[*wall.normal, 0.0])
-        body: int = self.world.createMultiBody(0.0, shape, basePosition=[*wall.point, 0.0])
+        body: int = self.world.createMultiBody(0.0, shape, basePosition=[*(self.unit * c for c in wall.point), 0.0])
         self.world.changeDynamics(
             body, -1, lateralFriction=friction, restitution=restitution, rollingFriction=0.0, spinningFriction=0.0
         )

@@ -52,6 +52,9 @@ class PymunkSession:
         self.space.iterations = options["pymunk.iterations"]
         self.space.collision_bias = options["pymunk.collision_bias"]
         self.space.collision_slop = self.touch
+        # Chipmunk keeps the impulses of a contact that opened, and adds those of the next touch to them: reported forces, and the
+        # cone that bounds friction, would grow with every hop. A contact that opens is forgotten after that very step.
+        self.space.collision_persistence = 1
         self.settings: dict[str, Any] = {
             **options,
             "pymunk.collision_slop": self.touch,

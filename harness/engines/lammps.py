@@ -17,6 +17,7 @@ from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
 from ninedisk.harness.capabilities import LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines._package_engine import package_version
+from ninedisk.harness.engines._plane_geometry import contact_frame
 from ninedisk.harness.engines._spring import contact_steps, laws_in_use
 from ninedisk.harness.external import ExternalEngine
 
@@ -44,6 +45,7 @@ NOTE_WALL_MEAN = "friction and dashpots see a wall's mean velocity over the step
 NOTE_WALL_START = "dashpots see walls at rest at time 0, and their velocity from the first step on"
 NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; never tension (limit_damping)"
 NOTE_KINDS = f"wall dashpots for at most {KINDS} kinds of disks: each needs a group, and LAMMPS has 32 groups"
+NOTE_PRELOAD = "preload comes from velocities that stretch all shear springs at once: contacts that form a loop cannot have any forces"
 NOTE_INERTIA = "fix nve/sphere disc knows uniform disks only, I = m R^2/2"
 
 
@@ -112,6 +114,9 @@ class Lammps(ExternalEngine):
         if any(wall.law.beta > 0.0 for wall in scene.walls) and _kinds(scene) > KINDS:
             missing.add(Capability.CONTACT_DAMPING)
             notes += (NOTE_KINDS,)
+        if not _can_be_stretched(scene):
+            missing.add(Capability.PRELOAD)
+            notes += (NOTE_PRELOAD,)
         if _asks_for_radius(scene) and not classic_pairs(scene):
             missing.add(Capability.LEVER_ARM_RADIUS)
         if any(_rough(wall.law) and wall.law.lever_arm == "torque-overlap" for wall in scene.walls):
@@ -171,6 +176,31 @@ def _asks_for_radius(scene: Scene) -> bool:
 
 def _rough(law: ContactLaw) -> bool:
     return law.mu > 0.0 and law.ks > 0.0
+
+
+def _can_be_stretched(scene: Scene) -> bool:
+    """Whether some motion of the disks has the slips that the preload asks for, as the driver makes it."""
+    if not any(scene.initial_shear.values()):
+        return True
+    n, rows, values = len(scene.disks), [], []
+    point, normal = (np.array([getattr(w, key) for w in scene.walls]).reshape(-1, 2) for key in ("point", "normal"))
+    for i in range(n):
+        for j in range(i + 1, scene.n_bodies):
+            facing, gap = contact_frame(scene, scene.disks.x, point, normal, i, j)
+            law = scene.law((i, j))
+            if gap >= 0.0 or not _rough(law):
+                continue
+            slip = np.zeros((n, 3))
+            for body, sign in ((i, 1.0), (j, -1.0)):
+                if body < n:
+                    slip[body] = (-sign * facing[1], sign * facing[0], scene.disks.radius[body])
+            rows.append(slip.ravel())
+            values.append(scene.initial_shear.get((i, j), 0.0) / law.ks)
+    if not rows:
+        return True
+    matrix, asked = np.array(rows), np.array(values)
+    left = matrix @ np.linalg.lstsq(matrix, asked, rcond=None)[0] - asked
+    return bool(np.abs(left).max() <= 1e-9 * np.abs(asked).max())
 
 
 def _kinds(scene: Scene) -> int:

@@ -20,7 +20,7 @@ from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support
 from ninedisk.harness.engines._options import Option, read_options
-from ninedisk.harness.engines._plane_geometry import touch_length
+from ninedisk.harness.engines._plane_geometry import path, touch_length
 from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.wall_path import wall_path
@@ -92,6 +92,16 @@ def installed_siconos(program: str) -> tuple[str | None, str]:
     return version, ""
 
 
+def activation_threshold(scene: Scene, numerics: Numerics) -> float:
+    """Gap [m] below which a contact is closed: round-off of coordinates, and what the contact solver leaves over the whole run.
+
+    A step passes with ten times the solver's tolerance of the velocities that it prevents. Nothing takes such a velocity back
+    from the positions: a stack whose gap had grown beyond round-off by it would lose the contact for a step, and fall.
+    """
+    tolerance = float(read_options(Siconos.id, OPTIONS, numerics)[f"{Siconos.id}.tolerance"])
+    return touch_length(scene, numerics, Siconos.id) + 10.0 * tolerance * path(scene, numerics)
+
+
 class Siconos(ExternalEngine):
     """Siconos' kernel: Coulomb friction and Newton's impact law at velocity level."""
 
@@ -139,7 +149,7 @@ class Siconos(ExternalEngine):
         return {
             "options": read_options(self.id, OPTIONS, numerics),
             "wall_path": str(path),
-            "threshold": touch_length(scene, numerics, self.id),
+            "threshold": activation_threshold(scene, numerics),
         }
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
@@ -158,7 +168,7 @@ class Siconos(ExternalEngine):
             "sliding": "coulomb",
             "impact": "newton",
             "activation": "gap + dt/2 rate <= threshold",
-            "activation_threshold": touch_length(scene, numerics, self.id),
+            "activation_threshold": activation_threshold(scene, numerics),
             "normal_of_two_disks": "at the predicted end of the step, x + dt v; for restitution, at its beginning",
             "threads": 1,
         }

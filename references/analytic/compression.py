@@ -127,12 +127,12 @@ def continuous_row(
         raise ValueError(f"t = {t!r} is not allowed: every time must be finite and >= 0")
     omega = row_frequency(kn=kn, mass=mass)
     hold = np.maximum(times - t_wall, 0.0)
-    x = v_wall / 2.0 * (_ramp_response(times, omega, xi) - _ramp_response(hold, omega, xi))
+    x = v_wall / 2.0 * (ramp_response(times, omega, xi) - ramp_response(hold, omega, xi))
     wall = v_wall * np.minimum(times, t_wall)
     return kn * x, kn * (wall - x)
 
 
-def _ramp_response(t: FloatArray, omega: float, xi: float) -> FloatArray:
+def ramp_response(t: FloatArray, omega: float, xi: float) -> FloatArray:
     """Response [s] of ``x'' + xi x' + omega^2 x = omega^2 t`` from rest at 0."""
     half = xi / 2.0
     square = omega**2 - half**2

@@ -41,8 +41,9 @@ def associated_rolling(
     dt: float,
     n_steps: int,
     gap_0: float = 0.0,
+    pull: float = 0.0,
 ) -> RollingSteps:
-    """Disk thrown along a plane without spin.
+    """Disk thrown along a plane without spin, or pulled along it from rest.
 
     A step has one contact, so that its program is solved by cases. With the free displacements ``dx, dy`` and the free slip
     ``s`` of the lowest point, the forces in units of displacement ``P = p dt^2/m``, ``Q = q dt^2/m``, and ``k = I/(m R^2)``,
@@ -64,13 +65,15 @@ def associated_rolling(
     inertia_ratio : float
         ``I/(m R^2)``, > 0; ``inf`` for a disk that cannot turn.
     speed : float
-        Velocity along the plane at the start [m/s], > 0.
+        Velocity along the plane at the start [m/s], >= 0.
     dt : float
         Time step [s], > 0.
     n_steps : int
         Number of steps.
     gap_0 : float
         Gap at the start [m], >= 0.
+    pull : float
+        Acceleration along the plane by gravity [m/s^2], >= 0; ``g`` is then the part normal to it.
 
     Returns
     -------
@@ -86,8 +89,8 @@ def associated_rolling(
     Source: (A.6) of Lim's thesis, appendix A.3.3, in the time-discrete form of (A.1); solved here. As printed, (A.6) has
     the normal force's torque in its tangential row; for a disk it is zero.
     """
-    positive(mass=mass, radius=radius, speed=speed, dt=dt)
-    not_negative(mu=mu, g=g, gap_0=gap_0)
+    positive(mass=mass, radius=radius, dt=dt)
+    not_negative(mu=mu, g=g, gap_0=gap_0, speed=speed, pull=pull)
     count(n_steps=n_steps)
     if not inertia_ratio > 0.0:
         raise ValueError(f"inertia_ratio = {inertia_ratio!r} is not allowed: it must be > 0, or inf")
@@ -97,7 +100,7 @@ def associated_rolling(
     x, vx, gap, vy, spin = ext(0), ext(speed), ext(gap_0), ext(0), ext(0)
     rows[0] = (x, vx, gap, vy, spin, vx, np.nan, np.nan)
     for n in range(1, n_steps + 1):
-        dx, opened = vx * step, gap + vy * step - ext(g) * step**2
+        dx, opened = (vx + ext(pull) * step) * step, gap + vy * step - ext(g) * step**2
         slip = dx - ext(radius) * spin * step
         normal, shear = _forces(opened, slip, friction, turn)
         dx, dy = dx - shear, opened - gap + normal

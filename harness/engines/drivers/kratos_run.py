@@ -227,7 +227,9 @@ class Run:
             rough = [w for w, *_ in touching if self.walls[w]["law"]["mu"] > 0.0 and self.walls[w]["law"]["ks"] > 0.0]
             tangents = np.array([(pose[w, 3], -pose[w, 2]) for w in rough]).reshape(-1, 2).T
             solved, _, rank, _ = np.linalg.lstsq(tangents, left, rcond=1e-9)
-            if not np.abs(tangents @ solved - left).max() <= 1e-6 * max(fn for _, fn, _, _ in touching):
+            # An overlap is known to some units of round-off of the coordinates: disks that just touch have no force beyond it.
+            unsure = 16.0 * float(np.spacing(np.abs(x).max())) * max(wall["law"]["kn"] for wall in self.walls)
+            if not np.abs(tangents @ solved - left).max() <= 1e-6 * max(fn for _, fn, _, _ in touching) + unsure:
                 raise RuntimeError(
                     f"the forces of walls on disk {i} are {total[i].tolist()} N in Kratos; those of its springs are "
                     f"{[fn for _, fn, _, _ in touching]} N: it missed or added a contact"

@@ -64,7 +64,9 @@ class Run:
         rows = np.column_stack([self.mass, self.inertia, self.rotating])
         self.kinds, kind = np.unique(rows, axis=0, return_inverse=True)
         kind = kind.reshape(-1)
-        low, high = self.x0.min(axis=0) - self.radius.max(), self.x0.max(axis=0) + self.radius.max()
+        largest = self.radius.max()
+        low, high = self.x0.min(axis=0) - largest, self.x0.max(axis=0) + largest
+        bounds = " ".join(f"{number(a)} {number(b)}" for a, b in zip((*low, -largest), (*high, largest), strict=True))
         self.do(
             "units lj",
             "atom_style sphere",
@@ -73,7 +75,7 @@ class Run:
             "boundary m m p",
             "newton off",
             "comm_modify vel yes",
-            f"region box block {number(low[0])} {number(high[0])} {number(low[1])} {number(high[1])} -0.5 0.5 units box",
+            f"region box block {bounds} units box",  # as deep as the disks: a depth far below the cutoff is refused
             f"create_box {len(self.kinds)} box",
             f"neighbor {number(0.3 * self.radius.mean())} bin",
             "neigh_modify delay 0 every 1 check yes",

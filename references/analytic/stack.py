@@ -1,0 +1,92 @@
+"""Disks at rest under gravity: a column, and three disks between smooth walls, rigid or on linear springs."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.references._validate import count, positive
+
+FloatArray = NDArray[np.float64]
+
+
+class PyramidForces(NamedTuple):
+    """Normal forces [N] of a disk that rests on two: ``side`` at each of them, ``wall`` and ``floor`` below either, and
+    ``angle`` [rad] of the lines of centres to the vertical."""
+
+    side: float
+    wall: float
+    floor: float
+    angle: float
+
+
+def column_forces(*, n: int, weight: float) -> FloatArray:
+    """Contact forces of a column of equal disks [N], from the floor up: contact k bears the ``n - k`` disks above it.
+
+    Parameters
+    ----------
+    n : int
+        Number of disks.
+    weight : float
+        Weight of each [N], > 0.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    count(n=n)
+    positive(weight=weight)
+    return weight * np.arange(n, 0, -1, dtype=np.float64)
+
+
+def pyramid_forces(*, weight: float, chord: float, half_width: float, kn: float = math.inf) -> PyramidForces:
+    """Forces of a disk on top of two others that do not touch each other, held by smooth walls and a smooth floor.
+
+    With the lines of centres at ``angle`` to the vertical the top disk asks for ``2 side cos(angle) = weight``, a lower one for
+    ``wall = side sin(angle)`` and ``floor = weight + weight/2``: statically determinate. On springs the walls give way by ``wall/kn``
+    and the chord is shorter by ``side/kn``, so that ``sin(angle) = (half_width + wall/kn)/(chord - side/kn)``, which is iterated
+    to the last bit (its contraction is about ``weight/(kn chord)``).
+
+    Parameters
+    ----------
+    weight : float
+        Weight of each disk [N], > 0.
+    chord : float
+        Distance of the centres in touch [m], ``2 R``.
+    half_width : float
+        Horizontal distance of the centres where all touch without force [m], below ``chord``.
+    kn : float
+        Stiffness of every contact [N/m], > 0; ``inf`` for rigid disks.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or the springs are so soft that the top disk falls through.
+
+    Notes
+    -----
+    Source: equilibrium of three forces; derived here.
+    """
+    positive(weight=weight, chord=chord, half_width=half_width)
+    if not kn > 0.0:
+        raise ValueError(f"kn = {kn!r} is not allowed: it must be > 0, or inf")
+    angle = _angle(half_width, chord, kn)
+    for _ in range(100):
+        side = 0.5 * weight / math.cos(angle)
+        wall = 0.5 * weight * math.tan(angle)
+        before, angle = angle, _angle(half_width + wall / kn, chord - side / kn, kn)
+        if abs(angle - before) <= 1e-16:
+            break
+    return PyramidForces(0.5 * weight / math.cos(angle), 0.5 * weight * math.tan(angle), 1.5 * weight, angle)
+
+
+def _angle(opposite: float, chord: float, kn: float) -> float:
+    if not 0.0 < opposite < chord:
+        raise ValueError(
+            f"half_width = {opposite!r} m is not allowed with kn = {kn:g} N/m: the top disk falls through, it must be below "
+            f"the chord, {chord!r} m"
+        )
+    return math.asin(opposite / chord)
