@@ -102,3 +102,8 @@ class ContactLaw:
             raise InvalidSceneError(f"contact = {self.contact!r} is unknown: use one of {', '.join(CONTACTS)}")
         if not isinstance(self.regularised, bool):
             raise InvalidSceneError(f"regularised = {self.regularised!r} is not allowed: it must be true or false")
+
+    @property
+    def shear_stiffness(self) -> float:
+        """``ks`` [N/m], or 0 where no friction lets the shear spring act."""
+        return self.ks if self.mu > 0.0 else 0.0

@@ -16,9 +16,23 @@ from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core._sync import PAD, wait_for_all
 from ninedisk.core.contacts.search_kernels import OK, Cells, NeighbourList
 from ninedisk.core.dem.force_kernels import disk_disk_forces, disk_wall_forces
+from ninedisk.core.dem.grain_kernels import grain_forces
+from ninedisk.core.dem.grain_sample_kernels import record_contacts
+from ninedisk.core.dem.grain_state import CODE, Outlines
 from ninedisk.core.dem.rebuild_kernels import rebuild
 from ninedisk.core.dem.sample_kernels import record
-from ninedisk.core.dem.state import PENDING, REBUILDS, ROW, STEP, DiskArrays, Samples, StepConstants, Team, WallArrays
+from ninedisk.core.dem.state import (
+    GRAINS_STOPPED,
+    PENDING,
+    REBUILDS,
+    ROW,
+    STEP,
+    DiskArrays,
+    Samples,
+    StepConstants,
+    Team,
+    WallArrays,
+)
 from ninedisk.core.geometry.motion_kernels import WallMotion, place_walls
 
 SURE = 1.001
@@ -150,6 +164,7 @@ def advance(
     step: StepConstants,
     samples: Samples,
     team: Team,
+    outlines: Outlines | None,
     clock: NDArray[np.int64],
     work: NDArray[np.float64],
     widest: float,
@@ -168,6 +183,8 @@ def advance(
         See their classes; ``law`` is the disk-disk law row, shape (7,).
     spare, wall_spare, cells
         Work arrays of the rebuild.
+    outlines : Outlines or None
+        None, for which the compiler leaves out whatever concerns outlines, if all bodies are disks with the disks' law.
     clock : ndarray of int64, shape (4,)
         See `ninedisk.core.dem.state`; in and out.
     work : ndarray, shape (1,)
@@ -179,8 +196,8 @@ def advance(
     Returns
     -------
     int
-        OK when ``target`` is reached. Otherwise a code of `search_kernels`, with ``clock[PENDING]`` = 1: the caller mends the
-        cause (grows a list) and calls again.
+        OK when ``target`` is reached. Otherwise a code of `search_kernels`, or `GRAINS_STOPPED`, with ``clock[PENDING]`` = 1: the caller
+        mends the cause (grows a list) and calls again.
     """
     skin, n, row = step.skin, clock[STEP], clock[ROW]
     stale = clock[PENDING] == 1
@@ -211,10 +228,17 @@ def advance(
             if team.code[0] != OK:
                 return int(team.code[0])
         slip_dt = step.dt if n > 0 else 0.0
-        stripe_forces(disks, walls, pairs, wall_pairs, law, slip_dt, team.stripe, 0, me, crew)
-        wait_for_all(team.flags, me, crew)
-        stripe_forces(disks, walls, pairs, wall_pairs, law, slip_dt, team.stripe, 1, me, crew)
-        wait_for_all(team.flags, me, crew)
+        if outlines is None:
+            stripe_forces(disks, walls, pairs, wall_pairs, law, slip_dt, team.stripe, 0, me, crew)
+            wait_for_all(team.flags, me, crew)
+            stripe_forces(disks, walls, pairs, wall_pairs, law, slip_dt, team.stripe, 1, me, crew)
+            wait_for_all(team.flags, me, crew)
+        else:
+            if me == 0:
+                grain_forces(disks, walls, pairs, wall_pairs, law, outlines, step, n, slip_dt)
+            wait_for_all(team.flags, me, crew)
+            if outlines.memory.mark[CODE] != 0:
+                return GRAINS_STOPPED
         sampled = row < samples.at.shape[0] and samples.at[row] == n
         if me == 0:
             gather_loads(walls)
@@ -222,6 +246,8 @@ def advance(
             clock[PENDING] = 0
             if sampled:
                 record(disks, walls, pairs, wall_pairs, law, step, samples, row, n == 0, work[0])
+                if outlines is not None:
+                    record_contacts(disks, walls, law, outlines, samples, row)
                 clock[ROW] = row + 1
         if sampled:
             row += 1
