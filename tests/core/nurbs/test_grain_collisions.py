@@ -6,6 +6,7 @@ differ, by an amount that belongs to the law and not to the step. The area law h
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import pytest
 from scenes import numerics, orders, run
@@ -104,6 +105,7 @@ def test_kn_is_the_stiffness_of_disks_under_the_area_law() -> None:
     assert abs(ratio[-1]) <= 1e-4
 
 
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="300,000 steps of a grain")
 def test_a_box_of_elastic_ellipses() -> None:
     """30 smooth elastic ellipses between four walls: the area law's energy stays, 1e-3 at this step; the chord's wanders off."""
     drift = {}
