@@ -1,4 +1,4 @@
-"""Rigid disks."""
+"""Rigid disks, and grains of other outlines."""
 
 from __future__ import annotations
 
@@ -9,20 +9,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from ninedisk.core._validate import FloatArray, finite, numbers
 from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.outlines import outline_numbers
 
 
 @dataclass(frozen=True, kw_only=True)
 class Disks:
-    """Rigid disks as a structure of arrays (copied and made read-only).
+    """Rigid disks and grains as a structure of arrays (copied and made read-only).
 
     Parameters
     ----------
     x : array_like, shape (n, 2)
-        Centres [m].
+        Centres [m]; of a grain with an outline, its centroid.
     radius, mass : array_like, shape (n,) or scalar
-        Radii [m] and masses [kg], > 0.
+        Radii [m] and masses [kg], > 0. The radius of a grain with an outline is that of a circle about its centroid that encloses it:
+        the contact search uses it, contacts do not.
     inertia : array_like, shape (n,), scalar or None
-        Moments of inertia [kg m^2], > 0; None means uniform disks, ``m R^2 / 2``.
+        Moments of inertia [kg m^2], > 0; None means uniform disks, ``m R^2 / 2``, and is refused if a grain has an outline
+        (`ninedisk.core.geometry.nurbs_grain.uniform_grain` gives the values of a uniform one).
     v : array_like, shape (n, 2), optional
         Velocities [m/s] at time 0.
     omega : array_like, shape (n,), optional
@@ -31,6 +34,10 @@ class Disks:
         False: the disk keeps its spin whatever torque acts (a block in the shape of a disk).
     held : array_like of bool, shape (n, 2) or scalar
         True: the disk keeps this component of its velocity whatever force acts (a prescribed motion).
+    outline : array_like of int, shape (n,) or scalar
+        Which of `Scene.outlines` is the boundary of the grain; -1: it is a disk.
+    angle : array_like, shape (n,) or scalar
+        Angles [rad] of the outlines at time 0, counter-clockwise positive: at 0 the body's frame has the scene's axes.
 
     Raises
     ------
@@ -46,6 +53,8 @@ class Disks:
     omega: FloatArray = None  # type: ignore[assignment]
     rotating: NDArray[np.bool_] = True  # type: ignore[assignment]
     held: NDArray[np.bool_] = False  # type: ignore[assignment]
+    outline: NDArray[np.int64] = -1  # type: ignore[assignment]
+    angle: FloatArray = 0.0  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         x = _pairs("disks.x", self.x)
@@ -58,6 +67,12 @@ class Disks:
             array = numbers(f"disks.{name}", given)
             return finite(f"disks.{name}", np.full(n, array) if array.ndim == 0 else array, (n,))
 
+        outline = outline_numbers(self.outline, n)
+        if self.inertia is None and np.any(outline >= 0):
+            raise InvalidSceneError(
+                f"disks.inertia is missing and grain {int(np.argmax(outline >= 0))} has an outline: give the moments of inertia "
+                "(ninedisk.core.geometry.nurbs_grain.uniform_grain gives that of a uniform grain)"
+            )
         radius, mass = column("radius", self.radius), column("mass", self.mass)
         inertia = column("inertia", self.inertia, 0.5 * mass * radius**2)
         for name, array in (("radius", radius), ("mass", mass), ("inertia", inertia)):
@@ -76,6 +91,10 @@ class Disks:
         object.__setattr__(self, "inertia", inertia)
         object.__setattr__(self, "rotating", rotating)
         object.__setattr__(self, "held", held)
+        object.__setattr__(self, "outline", outline)
+        angle = column("angle", self.angle) + 0.0  # -0.0 becomes 0.0, which the JSON form leaves out
+        angle.setflags(write=False)
+        object.__setattr__(self, "angle", angle)
 
     def __len__(self) -> int:
         return int(self.x.shape[0])

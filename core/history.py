@@ -28,11 +28,13 @@ class History:
     x, v : ndarray, shape (s, n, 2)
         Centres [m] and velocities [m/s], both at ``t``.
     angle, omega : ndarray, shape (s, n)
-        Rotations [rad] since time 0 and spins [rad/s].
+        Rotations [rad] since time 0 and spins [rad/s]; the angle of an outline is ``Disks.angle`` more.
     pairs : tuple of pairs
         The watched contacts, as body numbers.
     gap, fn, fs : ndarray, shape (s, c)
-        Gap [m], normal and shear contact force [N] of the watched pairs (sign conventions of `ninedisk.core.scene`).
+        Gap [m], normal and shear contact force [N] of the watched pairs (sign conventions of `ninedisk.core.scene`). Bodies with
+        outlines can touch at several places: the gap is then the smallest one, ``fn`` and ``fs`` are sums over the contacts, each of
+        which has its own normal and tangent.
     force_meaning : {"instantaneous", "step-mean"}
         Whether ``fn, fs`` are forces at ``t`` or impulses of the step that ends at ``t`` divided by its length.
     wall_point : ndarray, shape (s, m, 2)

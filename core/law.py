@@ -10,14 +10,25 @@ from ninedisk.core.errors import InvalidSceneError
 
 LeverArm = Literal["radius", "overlap", "torque-overlap"]
 WallVelocityAt = Literal["surface", "mid-overlap"]
+Contact = Literal["chord", "area"]
 
 LEVER_ARMS: tuple[LeverArm, ...] = ("radius", "overlap", "torque-overlap")
 WALL_VELOCITY_AT: tuple[WallVelocityAt, ...] = ("surface", "mid-overlap")
+CONTACTS: tuple[Contact, ...] = ("chord", "area")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ContactLaw:
     """Linear contact: normal spring, incremental shear spring, Coulomb cap, dashpot, impact law.
+
+    On disks the overlap is ``R_i + R_j - d``. On outlines a contact is a chord: between the two points where the outlines intersect,
+    with the normal at right angles to it; the overlap is the extent of the common area along the normal, and normal forces act in
+    the chord's middle M. That is the disk's overlap and normal where both outlines are circles.
+
+    Where the lever arm is measured follows from the disk's in the same way: the point of application lies on the line through M along
+    the normal, for "radius" where the extreme point of each body's own outline along the normal is (on a disk, R from the centre),
+    for "overlap" in the middle between the two (on a disk, R - overlap/2), which is M where both curve alike. Shear forces act and slip
+    is measured there; the arm of a normal force, the distance of M from the body's centre along the tangent, is 0 on a disk.
 
     Parameters
     ----------
@@ -33,11 +44,24 @@ class ContactLaw:
         Coefficient of restitution [-] in [0, 1] for engines that have an impact law.
         None: the scene prescribes none.
     lever_arm : {"radius", "overlap", "torque-overlap"}
-        Arm of the shear torque and of the slip by rotation: R (Cundall & Strack 1979), R - overlap/2, or R - overlap/2 for the
-        torque and R for the slip (LAMMPS ``pair_style granular``).
+        Arm of the shear torque and of the slip by rotation (see above for outlines): R (Cundall & Strack 1979), R - overlap/2, or
+        R - overlap/2 for the torque and R for the slip (LAMMPS ``pair_style granular``).
     wall_velocity_at : {"surface", "mid-overlap"}
         Point at which a wall's velocity enters the slip: on the wall's surface or in the middle
         of the overlap (no effect on disk-disk contacts, nor on walls that do not rotate).
+    contact : {"chord", "area"}
+        Normal force of outlines: ``kn`` times the overlap ("chord"), which away from circles has no potential, or the gradient of an
+        energy of the common area ("area"). Its derivation, with A the common area of a contact and c its chord:
+
+        Moving body i by dx sweeps ``dA = dx . (integral of the outward normal along i's arc)``, and that integral is the chord turned
+        clockwise, ``c n``. Turning it by da about its centre sweeps ``dA = da (integral of r x normal)``, which is
+        ``-(|r_1|^2 - |r_0|^2)/2 = -c (r_M . t)`` with r from the centre to the chord's ends and its middle M. The gradient
+        of an energy U(A) is therefore ``-U'(A) c n`` on body i, acting in M, and the opposite on body j: the chord's force with
+        ``fn = U'(A) c``, so momentum and angular momentum are kept as well.
+
+        Circles that overlap little have ``A = (4/3) sqrt(2 R_e) overlap^(3/2)`` with ``1/R_e = 1/R_i + 1/R_j``. The energy
+        is ``U = (kn/2) (9 A^2/(32 R_e))^(2/3)``, which makes ``fn = kn overlap (1 + O(overlap/R))`` on them: kn is the normal stiffness
+        of disks. R of an outline is the radius of the disk of the same area, and a wall has 1/R = 0.
     regularised : bool
         True if ``kn, ks, beta`` only regularise a contact that is meant to be rigid, so that an
         engine with rigid contacts and an impact law expresses the same physics.
@@ -55,6 +79,7 @@ class ContactLaw:
     restitution: float | None = None
     lever_arm: LeverArm = "radius"
     wall_velocity_at: WallVelocityAt = "surface"
+    contact: Contact = "chord"
     regularised: bool = False
 
     def __post_init__(self) -> None:
@@ -73,5 +98,12 @@ class ContactLaw:
             raise InvalidSceneError(
                 f"wall_velocity_at = {self.wall_velocity_at!r} is unknown: use one of {', '.join(WALL_VELOCITY_AT)}"
             )
+        if self.contact not in CONTACTS:
+            raise InvalidSceneError(f"contact = {self.contact!r} is unknown: use one of {', '.join(CONTACTS)}")
         if not isinstance(self.regularised, bool):
             raise InvalidSceneError(f"regularised = {self.regularised!r} is not allowed: it must be true or false")
+
+    @property
+    def shear_stiffness(self) -> float:
+        """``ks`` [N/m], or 0 where no friction lets the shear spring act."""
+        return self.ks if self.mu > 0.0 else 0.0

@@ -22,6 +22,7 @@ from ninedisk.core.contacts.nurbs_state import (
 from ninedisk.core.contacts.nurbs_wall_kernels import contacts_with_wall
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.nurbs import NurbsCurve, powers
+from ninedisk.core.geometry.nurbs_kernels import ShapeTable
 from ninedisk.core.geometry.nurbs_table import shape_table
 
 REASONS = {
@@ -53,6 +54,13 @@ class NurbsGrains:
             raise InvalidSceneError(f"shape must be one number in 0 .. {len(curves) - 1} for each grain, not {shape!r}")
         self.table = shape_table([powers(curve.spans) for curve in curves])
         self._work = workspace(self.table)
+
+    @classmethod
+    def of_table(cls, table: ShapeTable, shape: IntArray) -> NurbsGrains:
+        """Grains whose shapes are rows of a table."""
+        grains = cls.__new__(cls)
+        grains.table, grains.shape, grains._work = table, shape, workspace(table)
+        return grains
 
     def pair_contacts(self, x: ArrayLike, angle: ArrayLike, pairs: ArrayLike) -> tuple[IntArray, ContactRows]:
         """Contacts of pairs.

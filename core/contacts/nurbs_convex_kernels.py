@@ -12,6 +12,7 @@ from __future__ import annotations
 from math import sqrt
 
 from ninedisk.core._cache import inline_kernel
+from ninedisk.core.contacts.nurbs_roots_kernels import ROUNDING
 from ninedisk.core.contacts.nurbs_state import FloatArray, Workspace
 from ninedisk.core.geometry.nurbs_kernels import Pose, ShapeTable, bend_at, extreme_guess, tangent_at, walked
 
@@ -86,7 +87,7 @@ def convex_lens(table: ShapeTable, a: int, b: int, pose: Pose, work: Workspace) 
     depth = ((x - px) * dy - (y - py) * dx) / speed_a
     if dx * ex + dy * ey >= 0.0 or depth > min(table.smallest_radius[a], table.smallest_radius[b]):
         return UNSURE, i, u, j, v
-    if depth <= 0.0:
+    if depth <= ROUNDING * (table.radius[a] + table.radius[b]):
         return APART, i, u, j, v
     curvature = (dx * hy - dy * hx) / (aa * speed_a) + (ex * ky - ey * kx) / (bb * speed_b)
     half = sqrt(2.0 * depth / curvature)

@@ -55,8 +55,14 @@ def measured(
     m: int,
     out: ContactRows,
     row: int,
-) -> tuple[float, float]:
-    """Write all but the overlap of the contact between intersections ``k`` (entering) and ``m``; its normal, in ``a``'s frame."""
+) -> tuple[float, float, float]:
+    """Write all but the extents of the contact between intersections ``k`` (entering) and ``m``.
+
+    Returns
+    -------
+    tuple of float
+        In the frame of ``a``: its normal, and the chord's coordinate along the normal [m].
+    """
     i0, u0, j0, v0 = int(root[k, 0]), root[k, 1], int(root[k, 2]), root[k, 3]
     i1, u1, j1, v1 = int(root[m, 0]), root[m, 1], int(root[m, 2]), root[m, 3]
     dx, dy, x, y = chord(table, a, b, pose, i0, u0, j0, v0, i1, u1, j1, v1)
@@ -66,33 +72,34 @@ def measured(
     out.chord[row] = length
     out.place[row, 0], out.place[row, 1] = i0 + u0 + 0.5, j0 + v0 + 0.5
     out.place[row, 2], out.place[row, 3] = i1 + u1 + 0.5, j1 + v1 + 0.5
-    return nx, ny
+    return nx, ny, nx * x + ny * y
 
 
 @inline_kernel
 def lens_extent(
     table: ShapeTable, a: int, b: int, pose: Pose, root: FloatArray, k: int, m: int, nx: float, ny: float
-) -> float:
-    """Extent [m] of the common area between intersections ``k`` and ``m`` along the normal, from both its arcs."""
+) -> tuple[float, float]:
+    """Upper end of the common area between intersections ``k`` and ``m`` along the normal, and its extent, from both its arcs [m]."""
     shape, first, last, column, way = a, k, m, 0, 1.0
     side = Pose(1.0, 0.0, 0.0, 0.0)
-    extent = 0.0
+    top, extent = 0.0, 0.0
     for _ in range(2):
+        top = extent
         i0, u0 = int(root[first, column]), root[first, column + 1]
         i1, u1 = int(root[last, column]), root[last, column + 1]
         extent += extent_along(table, shape, side, i0, u0, i1, u1, way * nx, way * ny)
         shape, first, last, column, way, side = b, m, k, 2, -1.0, pose
-    return extent
+    return top, extent
 
 
 @inline_kernel
 def convex_extent(
     table: ShapeTable, a: int, b: int, pose: Pose, i: int, u: float, j: int, v: float, nx: float, ny: float
-) -> float:
+) -> tuple[float, float]:
     """`lens_extent` of strictly convex outlines whose extreme points are near (i, u) and (j, v)."""
     top_x, top_y = extreme_near(table, a, Pose(1.0, 0.0, 0.0, 0.0), i, u, nx, ny)
     low_x, low_y = extreme_near(table, b, pose, j, v, nx, ny)
-    return nx * (top_x - low_x) + ny * (top_y - low_y)
+    return nx * top_x + ny * top_y, nx * (top_x - low_x) + ny * (top_y - low_y)
 
 
 @inline_kernel
@@ -135,11 +142,12 @@ def placed_contacts(
         if work.root[k, 4] < 0.0:
             continue
         m = k + 1 if k + 1 < n else 0
-        nx, ny = measured(table, a, at, b, pose, work.root, k, m, out, row + done)
+        nx, ny, level = measured(table, a, at, b, pose, work.root, k, m, out, row + done)
         if kind == LENS:
-            out.overlap[row + done] = convex_extent(table, a, b, pose, i, u, j, v, nx, ny)
+            top, extent = convex_extent(table, a, b, pose, i, u, j, v, nx, ny)
         else:
-            out.overlap[row + done] = lens_extent(table, a, b, pose, work.root, k, m, nx, ny)
+            top, extent = lens_extent(table, a, b, pose, work.root, k, m, nx, ny)
+        out.overlap[row + done], out.beyond[row + done] = extent, top - level
         done += 1
     return done
 

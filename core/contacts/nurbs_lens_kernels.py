@@ -96,14 +96,21 @@ def extent_on(
 
 
 @inline_kernel
+def piece_from(table: ShapeTable, shape: int, i: int, u: float) -> int:
+    """The piece on which an outline goes on from (i, u)."""
+    k, last = table.first_piece[shape], table.first_piece[shape + 1] - 1
+    while k < last and (table.piece_span[k] < i or (table.piece_span[k] == i and table.piece_range[k, 1] <= u)):
+        k += 1
+    return int(k)
+
+
+@inline_kernel
 def extent_along(
     table: ShapeTable, shape: int, pose: Pose, i0: int, u0: float, i1: int, u1: float, nx: float, ny: float
 ) -> float:
     """Largest coordinate along (nx, ny) [m] of the arc that runs forward from (i0, u0) to (i1, u1), piece by piece."""
     first, last = table.first_piece[shape], table.first_piece[shape + 1] - 1
-    k = first
-    while k < last and (table.piece_span[k] < i0 or (table.piece_span[k] == i0 and table.piece_range[k, 1] <= u0)):
-        k += 1
+    k = piece_from(table, shape, i0, u0)
     best = -1e300
     low = u0
     whole_turn = i1 < i0 or (i1 == i0 and u1 < u0)

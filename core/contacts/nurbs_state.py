@@ -57,6 +57,9 @@ class ContactRows(NamedTuple):
         Unit vector at right angles to the chord, from the first body to the second.
     overlap : ndarray, shape (k,)
         Extent of the common area along the normal [m].
+    beyond : ndarray, shape (k,)
+        How far the first body's outline reaches beyond the chord along the normal [m]; the second one's reaches the rest of the overlap
+        to the other side. A wall's surface is the chord's line.
     chord : ndarray, shape (k,)
         Length of the chord [m].
     place : ndarray, shape (k, 4)
@@ -67,6 +70,7 @@ class ContactRows(NamedTuple):
     point: FloatArray
     normal: FloatArray
     overlap: FloatArray
+    beyond: FloatArray
     chord: FloatArray
     place: FloatArray
 
@@ -86,5 +90,10 @@ def workspace(table: ShapeTable) -> Workspace:
 def contact_rows(k: int) -> ContactRows:
     """Room for ``k`` contacts."""
     return ContactRows(
-        point=np.zeros((k, 2)), normal=np.zeros((k, 2)), overlap=np.zeros(k), chord=np.zeros(k), place=np.zeros((k, 4))
+        point=np.zeros((k, 2)),
+        normal=np.zeros((k, 2)),
+        overlap=np.zeros(k),
+        beyond=np.zeros(k),
+        chord=np.zeros(k),
+        place=np.zeros((k, 4)),
     )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import sqrt
 
 from ninedisk.core._cache import inline_kernel, kernel
-from ninedisk.core.contacts.nurbs_lens_kernels import extent_along
-from ninedisk.core.contacts.nurbs_roots_kernels import CONTRACTION, MOST_BOXES, ROUNDING, TOUCHING, tidy
+from ninedisk.core.contacts.nurbs_lens_kernels import extent_along, extent_on
+from ninedisk.core.contacts.nurbs_roots_kernels import CONTRACTION, MOST_BOXES, ROUNDING, TOUCHING, known, tidy
 from ninedisk.core.contacts.nurbs_state import (
     ENCLOSED,
     FULL,
@@ -58,7 +58,7 @@ def line_crossings(table: ShapeTable, shape: int, nx: float, ny: float, height: 
             continue
         i, bend = table.piece_span[k], table.piece_bend[k]
         box[0, 0], box[0, 1] = table.piece_range[k, 0], table.piece_range[k, 1]
-        waiting = 1
+        waiting, before = 1, n
         while waiting > 0:
             waiting -= 1
             boxes += 1
@@ -71,12 +71,14 @@ def line_crossings(table: ShapeTable, shape: int, nx: float, ny: float, height: 
             if 4.0 * rest <= CONTRACTION * abs(slope) * 2.0 * half and slope != 0.0:
                 slack = 1e-6 * half + 100.0 * noise / abs(slope)
                 found, u, slope = solve_range(table, shape, i, u, nx, ny, height, half, slack)
-                if found:
+                way = 1.0 if slope < 0.0 else -1.0
+                # Where the outline is parallel to the wall, rounding lets many boxes find the same intersection.
+                if found and not known(work.root, before, n, u, way, 3.0 * slack):
                     if n >= MOST_ROOTS:
                         return UNDECIDED
                     root = work.root
                     root[n, 0], root[n, 1], root[n, 2], root[n, 3] = i, u, 0.0, 0.0
-                    root[n, 4] = 1.0 if slope < 0.0 else -1.0
+                    root[n, 4] = way
                     n += 1
                 continue
             if 2.0 * half * sqrt(dx * dx + dy * dy) < smallest:
@@ -86,6 +88,19 @@ def line_crossings(table: ShapeTable, shape: int, nx: float, ny: float, height: 
             box[waiting, 0], box[waiting, 1], box[waiting + 1, 0], box[waiting + 1, 1] = low, u, u, high
             waiting += 2
     return tidy(n, table.first_span[shape + 1] - table.first_span[shape], work.root)
+
+
+@inline_kernel
+def deepest_below(table: ShapeTable, shape: int, nx: float, ny: float, height: float) -> float:
+    """How far an outline, in its own frame, reaches beyond the line ``n . q = height`` [m]; -1 if its pieces' circles do not."""
+    still = Pose(1.0, 0.0, 0.0, 0.0)
+    best = -1.0
+    for k in range(table.first_piece[shape], table.first_piece[shape + 1]):
+        off = nx * table.piece_circle[k, 0] + ny * table.piece_circle[k, 1] - height
+        if off < table.piece_circle[k, 2] and table.piece_circle[k, 2] - off > best:
+            low, high = table.piece_range[k, 0], table.piece_range[k, 1]
+            best = max(best, extent_on(table, shape, still, table.piece_span[k], low, high, -nx, -ny) + height)
+    return best
 
 
 @inline_kernel
@@ -115,6 +130,8 @@ def wall_contacts(
     if not height > -table.radius[shape]:
         return 0
     mx, my = at.c * nx + at.s * ny, at.c * ny - at.s * nx
+    if deepest_below(table, shape, mx, my, height) <= 2.0 * ROUNDING * (table.radius[shape] + abs(height)):
+        return 0  # it touches, if anything
     n = line_crossings(table, shape, mx, my, height, work)
     if n < 0:
         return n
@@ -147,7 +164,7 @@ def wall_contacts(
         depth = extent_along(table, shape, still, i0, u0, i1, u1, -mx, -my) + height
         out.point[r, 0], out.point[r, 1] = at.c * x - at.s * y + at.x, at.s * x + at.c * y + at.y
         out.normal[r, 0], out.normal[r, 1] = -nx, -ny
-        out.overlap[r], out.chord[r] = depth, abs(along)
+        out.overlap[r], out.beyond[r], out.chord[r] = depth, depth, abs(along)
         out.place[r, 0], out.place[r, 1] = i0 + u0 + 0.5, float("nan")
         out.place[r, 2], out.place[r, 3] = i1 + u1 + 0.5, float("nan")
         done += 1

@@ -6,10 +6,12 @@ import numpy as np
 
 from ninedisk.core.contacts.finder import PairFinder
 from ninedisk.core.dem.critical_kernels import largest_eigenvalue
+from ninedisk.core.dem.grain_arrays import needs_outlines
+from ninedisk.core.dem.grain_network import grain_network, normal_arms, stiffening
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import DampingForm
-from ninedisk.core.scene import ContactLaw, FloatArray, Scene
+from ninedisk.core.scene import FloatArray, Scene
 
 NEAR = 1e-3
 """Pairs with a gap below this fraction of the smaller radius count as contacts of the network."""
@@ -28,6 +30,10 @@ def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -
     characteristic polynomial; lagged global damping adds ``xi/(2 omega)`` to ``zeta``, the central form leaves the limit as it is.
     Every spring, those of the shear included, is taken to have the largest of all damping times ``c/kn``. Contacts that form later
     stiffen the network: stay well below.
+
+    Grains with outlines have the springs of their contacts at time 0, with the arms of the normal forces. A single contact is bounded by
+    the largest arms that the outline allows, normal and shear spring together. The law of the common area is stiffer than ``kn`` where
+    outlines are flatter than the disk of the same area (`ninedisk.core.dem.grain_network.stiffening`).
 
     Parameters
     ----------
@@ -52,20 +58,20 @@ def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -
     return float(2.0 / omega / (np.sqrt(1.0 + z * z) + z))
 
 
-def _shear_stiffness(law: ContactLaw) -> float:
-    return law.ks if law.mu > 0.0 else 0.0
-
-
 def _single_contact_square(scene: Scene) -> float:
     """Largest ``omega^2`` [1/s^2] of one contact on its own."""
     disks = scene.disks
     inv_mass = 1.0 / disks.mass
-    turn = np.where(disks.rotating, disks.radius**2 / disks.inertia, 0.0)
+    turn = np.where(disks.rotating, 1.0 / disks.inertia, 0.0)
+    aside = normal_arms(scene)
     worst = 0.0
     for law, other in [(scene.disk_disk, True)] * (len(disks) > 1) + [(wall.law, False) for wall in scene.walls]:
-        for stiffness, mobility in ((law.kn, inv_mass), (_shear_stiffness(law), inv_mass + turn)):
-            two = np.sort(mobility)[::-1][: 2 if other else 1]
-            worst = max(worst, stiffness * float(two.sum()))
+        normal = law.kn * stiffening(scene, law) * (inv_mass + aside**2 * turn)
+        shear = law.shear_stiffness * (inv_mass + disks.radius**2 * turn)
+        # On a disk the two springs move different coordinates; an arm of the normal force couples them.
+        for square in (normal, shear, np.where(aside > 0.0, normal + shear, 0.0)):
+            two = np.sort(square)[::-1][: 2 if other else 1]
+            worst = max(worst, float(two.sum()))
     return worst
 
 
@@ -84,6 +90,8 @@ def _network_square(scene: Scene) -> float:
 
 def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
     """Springs and bodies of all pairs with a gap up to ``reach`` [m] at time 0, as `apply_stiffness` reads them."""
+    if needs_outlines(scene):
+        return grain_network(scene, reach)
     disks = scene.disks
     first, second = PairFinder(disks.radius, 0).within(disks.x, np.empty((0, 11)), reach).T
     d = disks.x[second] - disks.x[first]
@@ -98,14 +106,24 @@ def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[
     law = scene.disk_disk
     ones = np.ones(len(first))
     springs = [
-        np.column_stack([n, law.kn * ones, _shear_stiffness(law) * ones, disks.radius[first], disks.radius[second]])
+        np.column_stack(
+            [
+                n,
+                law.kn * ones,
+                law.shear_stiffness * ones,
+                disks.radius[first],
+                disks.radius[second],
+                0.0 * ones,
+                0.0 * ones,
+            ]
+        )
     ]
     bodies = [np.column_stack([first, second])]
     poses = wall_poses(compile_motion(scene.walls), 0.0)
     for wall, pose in zip(scene.walls, poses, strict=True):
         height = (disks.x - pose[0:2]) @ pose[2:4]
         near = np.flatnonzero(height - disks.radius <= reach)
-        row = [-pose[2], -pose[3], wall.law.kn, _shear_stiffness(wall.law)]
-        springs.append(np.column_stack([np.tile(row, (len(near), 1)), disks.radius[near], np.zeros(len(near))]))
+        row = [-pose[2], -pose[3], wall.law.kn, wall.law.shear_stiffness]
+        springs.append(np.column_stack([np.tile(row, (len(near), 1)), disks.radius[near], np.zeros((len(near), 3))]))
         bodies.append(np.column_stack([near, np.full(len(near), -1)]))
     return np.vstack(springs), np.vstack(bodies).astype(np.int64)

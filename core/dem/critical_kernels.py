@@ -22,8 +22,9 @@ def apply_stiffness(
 
     Parameters
     ----------
-    springs : ndarray, shape (c, 6)
-        Normal x, y from the first to the second body, kn, ks [N/m], lever arms [m] of both.
+    springs : ndarray, shape (c, 8)
+        Normal x, y from the first to the second body, kn, ks [N/m], lever arms [m] of the shear force about both bodies, and of the
+        normal force (0 on disks; signs as in `grain_kernels`).
     bodies : ndarray of int64, shape (c, 2)
         Disks of each contact; the second is -1 for a wall.
     root : ndarray, shape (n, 3)
@@ -35,29 +36,26 @@ def apply_stiffness(
             out[i, d] = 0.0
     for c in range(springs.shape[0]):
         i, j = bodies[c, 0], bodies[c, 1]
-        nx, ny, kn, ks, ai, aj = (
-            springs[c, 0],
-            springs[c, 1],
-            springs[c, 2],
-            springs[c, 3],
-            springs[c, 4],
-            springs[c, 5],
-        )
-        ux, uy, slip = u[i, 0] * root[i, 0], u[i, 1] * root[i, 1], u[i, 2] * root[i, 2] * ai
+        nx, ny, kn, ks = springs[c, 0], springs[c, 1], springs[c, 2], springs[c, 3]
+        ai, aj, bi, bj = springs[c, 4], springs[c, 5], springs[c, 6], springs[c, 7]
+        ux, uy, turn = u[i, 0] * root[i, 0], u[i, 1] * root[i, 1], u[i, 2] * root[i, 2]
+        slip, closing = turn * ai, -turn * bi
         if j >= 0:
             ux -= u[j, 0] * root[j, 0]
             uy -= u[j, 1] * root[j, 1]
-            slip += u[j, 2] * root[j, 2] * aj
-        normal = kn * (ux * nx + uy * ny)
+            turn = u[j, 2] * root[j, 2]
+            slip += turn * aj
+            closing += turn * bj
+        normal = kn * (ux * nx + uy * ny + closing)
         shear = ks * (-ux * ny + uy * nx + slip)
         fx, fy = normal * nx - shear * ny, normal * ny + shear * nx
         out[i, 0] += root[i, 0] * fx
         out[i, 1] += root[i, 1] * fy
-        out[i, 2] += root[i, 2] * ai * shear
+        out[i, 2] += root[i, 2] * (ai * shear - bi * normal)
         if j >= 0:
             out[j, 0] -= root[j, 0] * fx
             out[j, 1] -= root[j, 1] * fy
-            out[j, 2] += root[j, 2] * aj * shear
+            out[j, 2] += root[j, 2] * (aj * shear + bj * normal)
 
 
 @kernel

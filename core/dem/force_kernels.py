@@ -36,6 +36,29 @@ def dashpot(kn: float, beta: float, inv_m_eff: float) -> float:
 
 
 @inline_kernel
+def normal_force(overlap: float, rate: float, kn: float, beta: float, inv_m_eff: float) -> float:
+    """Normal force [N] ``max(kn overlap + c rate, 0)`` with the dashpot ``c``.
+
+    Parameters
+    ----------
+    overlap : float
+        [m], > 0.
+    rate : float
+        Time derivative of the overlap [m/s].
+    kn : float
+        [N/m].
+    beta : float
+        Contact damping ratio [-].
+    inv_m_eff : float
+        ``1/m_i + 1/m_j`` [1/kg].
+    """
+    force = kn * overlap
+    if beta > 0.0:
+        force = max(force + dashpot(kn, beta, inv_m_eff) * rate, 0.0)
+    return force
+
+
+@inline_kernel
 def shear_force(before: float, slip: float, ks: float, cap: float) -> float:
     """Shear force [N] after the slip increment [m], clipped to ``cap = mu fn`` with its sign kept."""
     force = before - ks * slip
@@ -177,10 +200,8 @@ def disk_wall_forces(
             foot_x, foot_y = disks.x[i, 0] - height * ux, disks.x[i, 1] - height * uy
             qx, qy = foot_x - depth * overlap * ux - cx, foot_y - depth * overlap * uy - cy
             wall_vx, wall_vy = vx - spin * qy, vy + spin * qx
-            fn = kn * overlap
-            if beta > 0.0:
-                rate = (rate_x - spin * qy - seen[i, 0]) * ux + (rate_y + spin * qx - seen[i, 1]) * uy
-                fn = max(fn + dashpot(kn, beta, disks.inv_mass[i]) * rate, 0.0)
+            rate = (rate_x - spin * qy - seen[i, 0]) * ux + (rate_y + spin * qx - seen[i, 1]) * uy
+            fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i])
             gx, gy = fn * ux, fn * uy
             if rough:
                 arm = disks.radius[i] - half * overlap

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ninedisk.core.contacts.nurbs import NurbsGrains
 from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.dem.grain_state import COUNT, Outlines
 from ninedisk.core.dem.state import DiskArrays
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.history import Pair
@@ -29,6 +31,47 @@ def enter_preload(scene: Scene, disks: DiskArrays, pairs: NeighbourList, wall_pa
             _enter(wall_pairs, j - n, row, force)
 
 
+def enter_grain_preload(scene: Scene, outlines: Outlines) -> None:
+    """Write the scene's initial shear forces into the empty memory of the outlines' contacts.
+
+    Raises
+    ------
+    InvalidSceneError
+        If a pair does not touch, or at several places, or its contact is smooth.
+    """
+    grains = NurbsGrains.of_table(outlines.table, outlines.shape)
+    x, angle, n, memory = scene.disks.x, scene.disks.angle, len(scene.disks), outlines.memory
+    spans = np.diff(outlines.table.first_span)[outlines.shape]
+    for (i, j), force in scene.initial_shear.items():
+        check_rough(scene, i, j, force)
+        if j < n:
+            _, rows = grains.pair_contacts(x, angle, [(i, j)])
+            places = rows.place
+        else:
+            wall = scene.walls[j - n]
+            touching, rows = grains.wall_contacts(x, angle, wall.point, wall.normal)
+            places = rows.place[touching == i]
+        if len(places) != 1:
+            touch = "do not touch" if len(places) == 0 else f"touch at {len(places)} places"
+            raise InvalidSceneError(
+                f"the initial shear force {force:g} N belongs to {scene.body_name(i)} and {scene.body_name(j)}, which {touch}: give "
+                "them one contact or drop the entry"
+            )
+        # As `arcs_of` in `grain_memory_kernels` has them.
+        start, other_end, end, other_start = places[0]
+        arc = [*_arc(start, end, spans[i]), *(_arc(other_start, other_end, spans[j]) if j < n else (0.0, 0.0))]
+        row = int(memory.mark[COUNT])
+        memory.contact[0, row] = [force, 0.0, 0.0, 0.0, *arc]
+        memory.body[0, row] = i, j, memory.head[0, i]
+        memory.head[0, i], memory.mark[COUNT] = row, row + 1
+
+
+def _arc(start: float, end: float, ring: int) -> tuple[float, float]:
+    """Middle and length of the arc that runs forward between two places on an outline of ``ring`` spans."""
+    length = (end - start) % ring
+    return (start + 0.5 * length) % ring, length
+
+
 def check_preload(scene: Scene, i: int, j: int, force: float) -> None:
     """Raise `InvalidSceneError` unless disk i and body j touch and their contact is rough."""
     x, n = scene.disks.x, len(scene.disks)
@@ -43,6 +86,12 @@ def check_preload(scene: Scene, i: int, j: int, force: float) -> None:
             f"the initial shear force {force:g} N belongs to {names}, which do not touch (gap {gap:g} m): give them an "
             f"overlap or drop the entry"
         )
+    check_rough(scene, i, j, force)
+
+
+def check_rough(scene: Scene, i: int, j: int, force: float) -> None:
+    """Raise `InvalidSceneError` if the contact of disk i and body j is smooth and the force is not 0."""
+    names = f"{scene.body_name(i)} and {scene.body_name(j)}"
     law = scene.law((i, j))
     if force != 0.0 and (law.mu == 0.0 or law.ks == 0.0):
         raise InvalidSceneError(

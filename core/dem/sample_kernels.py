@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
-from ninedisk.core.dem.force_kernels import dashpot
+from ninedisk.core.dem.force_kernels import normal_force
 from ninedisk.core.dem.state import BETA, KN, KS, DiskArrays, Samples, StepConstants, WallArrays
 
 
@@ -40,11 +40,9 @@ def watched_disk_pair(
     gap = d - (disks.radius[i] + disks.radius[j])
     if gap >= 0.0:
         return gap, 0.0, 0.0
-    fn = -gap * law[KN]
-    if law[BETA] > 0.0:
-        seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
-        rate = ((seen[i, 0] - seen[j, 0]) * dx + (seen[i, 1] - seen[j, 1]) * dy) / d
-        fn = max(fn + dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j]) * rate, 0.0)
+    seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
+    rate = ((seen[i, 0] - seen[j, 0]) * dx + (seen[i, 1] - seen[j, 1]) * dy) / d
+    fn = normal_force(-gap, rate, law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j])
     return gap, fn, listed_shear(pairs, min(i, j), max(i, j))
 
 
@@ -58,16 +56,13 @@ def watched_wall_pair(
     gap = height - disks.radius[i]
     if gap >= 0.0:
         return gap, 0.0, 0.0
-    kn, beta = walls.law[w, KN], walls.law[w, BETA]
-    fn = -gap * kn
-    if beta > 0.0:
-        seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
-        # The wall's normal velocity at the foot: v_pivot.u + spin (u x q) with q from the pivot to the foot.
-        qx = disks.x[i, 0] - height * ux - walls.now[w, 4]
-        qy = disks.x[i, 1] - height * uy - walls.now[w, 5]
-        rate = walls.now[w, 9] * ux + walls.now[w, 10] * uy + walls.now[w, 8] * (qx * uy - qy * ux)
-        rate -= seen[i, 0] * ux + seen[i, 1] * uy
-        fn = max(fn + dashpot(kn, beta, disks.inv_mass[i]) * rate, 0.0)
+    # The wall's normal velocity at the foot: v_pivot.u + spin (u x q) with q from the pivot to the foot.
+    qx = disks.x[i, 0] - height * ux - walls.now[w, 4]
+    qy = disks.x[i, 1] - height * uy - walls.now[w, 5]
+    seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
+    rate = walls.now[w, 9] * ux + walls.now[w, 10] * uy + walls.now[w, 8] * (qx * uy - qy * ux)
+    rate -= seen[i, 0] * ux + seen[i, 1] * uy
+    fn = normal_force(-gap, rate, walls.law[w, KN], walls.law[w, BETA], disks.inv_mass[i])
     return gap, fn, listed_shear(pairs, w, i)
 
 

@@ -13,7 +13,6 @@ from ninedisk.core.contacts.lists import empty_cells, grown
 from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL
 from ninedisk.core.dem import state
 from ninedisk.core.dem.arrays import (
-    ENERGIES,
     SORT_FROM,
     STRIPES,
     Lists,
@@ -27,7 +26,9 @@ from ninedisk.core.dem.arrays import (
 from ninedisk.core.dem.checkpoint import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.constants import contact_step, law_row, step_constants
 from ninedisk.core.dem.crew import together
-from ninedisk.core.dem.preload import enter_preload, shear_by_pair
+from ninedisk.core.dem.grains import first_outlines, mended, restored, shear_of_grains
+from ninedisk.core.dem.outcome import history_of
+from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
 from ninedisk.core.dem.rebuild_kernels import rebuild
 from ninedisk.core.dem.step_kernels import advance
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError
@@ -115,9 +116,13 @@ class DemSession:
         self._widest = float(scene.disks.radius.max())
         self._clock: NDArray[np.int64] = np.array([0, 1, 0, 0, 0], dtype=np.int64)
         self._work = np.zeros(1)
+        self._outlines = first_outlines(scene)
         self._first_lists()
         self._views = disk_views(self._disks, self._lists, self._law)
-        enter_preload(scene, self._disks, self._lists.disks, self._lists.walls)
+        if self._outlines is None:
+            enter_preload(scene, self._disks, self._lists.disks, self._lists.walls)
+        else:
+            enter_grain_preload(scene, self._outlines)
         pairs = np.array(self.pairs, dtype=np.int64).reshape(len(self.pairs), 2)
         self._samples = sample_arrays(numerics.sampled_steps() * self.substeps, self.chosen, pairs, m)
 
@@ -162,6 +167,8 @@ class DemSession:
 
     def shear_forces(self) -> dict[Pair, float]:
         """Shear forces ``fs`` [N] of all closed contacts that carry one, by body numbers: a scene's ``initial_shear``."""
+        if self._outlines is not None:
+            return shear_of_grains(self._outlines)
         return shear_by_pair(self._disks, self._lists.disks, self._lists.walls)
 
     def warm_up(self) -> None:
@@ -210,6 +217,7 @@ class DemSession:
             )
         # A spare list need not hold anything, but room for as many pairs.
         session._lists = Lists(*(saved_list(arrays, name) for name in ("pairs", "wall_pairs", "pairs", "wall_pairs")))
+        session._outlines = restored(session._outlines, arrays)
         session._clock[state.ROW] = restore(session._state(), arrays, int(arrays["clock"][state.ROW]))
         session._views = disk_views(session._disks, session._lists, session._law)
         return session
@@ -230,7 +238,8 @@ class DemSession:
                 "pairs": lists.disks,
                 "wall_pairs": lists.walls,
                 "samples": self._samples,
-            },
+            }
+            | ({} if self._outlines is None else {"grains": self._outlines.memory}),
         )
 
     def _advance(self, target: int) -> None:
@@ -246,6 +255,7 @@ class DemSession:
                 self._step,
                 self._samples,
                 self._team,
+                self._outlines,
                 self._clock,
                 self._work,
                 self._skin,
@@ -266,6 +276,8 @@ class DemSession:
             self._views = disk_views(self._disks, self._lists, self._law)
         elif code == WALL_PAIRS_FULL:
             self._lists = lists._replace(walls=grown(lists.walls), wall_spare=grown(lists.wall_spare))
+        elif code == state.GRAINS_STOPPED and self._outlines is not None:
+            self._outlines = mended(self._outlines, self.scene, int(self._clock[state.STEP]), self.contact_dt)
         else:
             bad = np.flatnonzero(~np.isfinite(self._disks.x).all(axis=1))
             step = int(self._clock[state.STEP])
@@ -295,19 +307,4 @@ class DemSession:
     def history(self) -> History:
         """What has been sampled so far."""
         rows = int(self._clock[state.ROW])
-        data: dict[str, Any] = {name: array[:rows] for name, array in self._samples._asdict().items()}
-        energy = {name: data["energy"][:, k] for k, name in enumerate(ENERGIES)}
-        energy["kinetic"] = energy["translation"] + energy["rotation"]
-        energy["elastic"] = energy["elastic_normal"] + energy["elastic_shear"]
-        energy["wall_work"] = data["wall_work"]
-        # Times are products of the step number and the contact step, as the kernels form them.
-        fields = ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force")
-        return History(
-            step=data["at"] // self.substeps,
-            t=data["at"] * self.contact_dt,
-            pairs=self.pairs,
-            particles=tuple(int(i) for i in self.chosen),
-            force_meaning="instantaneous",
-            energy=energy,
-            **{name: data[name] for name in fields},
-        )
+        return history_of(self._samples, rows, self.substeps, self.contact_dt, self.pairs)

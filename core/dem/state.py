@@ -17,6 +17,9 @@ STEP, PENDING, ROW, REBUILDS, BUILT = range(5)
 """Entries of the clock: contact steps done; 1 if forces at this step are still to be found; next sample row; list
 rebuilds so far; step of the last one."""
 
+GRAINS_STOPPED = 4
+"""What `advance` returns, beside the codes of `search_kernels`, if the memory of the outlines' contacts says why a step stopped."""
+
 
 class DiskArrays(NamedTuple):
     """State of n disks at ``t_n``: positions at ``t_n``, velocities at ``t_{n-1/2}`` (at n = 0: ``t_0``).

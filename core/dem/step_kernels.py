@@ -14,11 +14,15 @@ from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core._sync import PAD, wait_for_all
 from ninedisk.core.contacts.search_kernels import OK, Cells, NeighbourList
 from ninedisk.core.dem.force_kernels import disk_disk_forces, disk_wall_forces, find_damping
+from ninedisk.core.dem.grain_kernels import grain_forces
+from ninedisk.core.dem.grain_sample_kernels import record_contacts
+from ninedisk.core.dem.grain_state import CODE, Outlines
 from ninedisk.core.dem.kick_kernels import farther, kick_and_drift
 from ninedisk.core.dem.rebuild_kernels import next_skin, rebuild
 from ninedisk.core.dem.sample_kernels import record
 from ninedisk.core.dem.state import (
     BUILT,
+    GRAINS_STOPPED,
     PENDING,
     REBUILDS,
     ROW,
@@ -151,6 +155,7 @@ def advance(
     step: StepConstants,
     samples: Samples,
     team: Team,
+    outlines: Outlines | None,
     clock: NDArray[np.int64],
     work: NDArray[np.float64],
     skin: NDArray[np.float64],
@@ -170,6 +175,8 @@ def advance(
         See their classes; ``law`` is the disk-disk law row, shape (7,).
     spare, wall_spare, cells
         Work arrays of the rebuild.
+    outlines : Outlines or None
+        None, for which the compiler leaves out whatever concerns outlines, if all bodies are disks with the disks' law.
     clock : ndarray of int64, shape (5,)
         See `ninedisk.core.dem.state`; in and out.
     work : ndarray, shape (1,)
@@ -183,8 +190,8 @@ def advance(
     Returns
     -------
     int
-        OK when ``target`` is reached. Otherwise a code of `search_kernels`, with ``clock[PENDING]`` = 1: the caller mends the
-        cause (grows a list) and calls again.
+        OK when ``target`` is reached. Otherwise a code of `search_kernels`, or `GRAINS_STOPPED`, with ``clock[PENDING]`` = 1: the caller
+        mends the cause (grows a list) and calls again.
     """
     n, row = clock[STEP], clock[ROW]
     stale = clock[PENDING] == 1
@@ -225,25 +232,37 @@ def advance(
         stale = False
         slip_dt = step.kick.dt if n > 0 else 0.0
         sampled = row < samples.at.shape[0] and samples.at[row] == n
-        # Samples and the end of the run need the forces at this step, which a kick clears.
-        moved_on = 0 < n < target and not sampled
-        far = stripe_forces(
-            disks, views, walls, pairs, wall_pairs, law, slip_dt, step.kick, moved_on, team, 0, me, crew
-        )
-        wait_for_all(team.flags, me, crew)
-        far = farther(
-            far,
-            stripe_forces(disks, views, walls, pairs, wall_pairs, law, slip_dt, step.kick, moved_on, team, 1, me, crew),
-        )
-        wait_for_all(team.flags, me, crew)
-        if moved_on:
-            far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))
+        moved_on = False
+        if outlines is None:
+            # Samples and the end of the run need the forces at this step, which a kick clears.
+            moved_on = 0 < n < target and not sampled
+            far = stripe_forces(
+                disks, views, walls, pairs, wall_pairs, law, slip_dt, step.kick, moved_on, team, 0, me, crew
+            )
+            wait_for_all(team.flags, me, crew)
+            far = farther(
+                far,
+                stripe_forces(
+                    disks, views, walls, pairs, wall_pairs, law, slip_dt, step.kick, moved_on, team, 1, me, crew
+                ),
+            )
+            wait_for_all(team.flags, me, crew)
+            if moved_on:
+                far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))
+        else:
+            if me == 0:
+                grain_forces(disks, walls, pairs, wall_pairs, law, outlines, step, n, slip_dt)
+            wait_for_all(team.flags, me, crew)
+            if outlines.memory.mark[CODE] != 0:
+                return GRAINS_STOPPED
         if me == 0:
             gather_loads(walls)
             work[0] += wall_work_of_step(walls, slip_dt)
             clock[PENDING] = 0
             if sampled:
                 record(disks, walls, pairs, wall_pairs, law, step, samples, row, n == 0, work[0])
+                if outlines is not None:
+                    record_contacts(disks, walls, law, outlines, samples, row)
                 clock[ROW] = row + 1
         if sampled:
             row += 1

@@ -126,6 +126,43 @@ def shape_table(shapes: Sequence[FloatArray]) -> ShapeTable:
     )
 
 
+def table_of_circles(unit: ShapeTable, radii: FloatArray) -> ShapeTable:
+    """Circles of several radii [m] from the table of the circle of radius 1."""
+    m, spans, pieces = len(radii), len(unit.coef), len(unit.piece_span)
+    coef = np.tile(unit.coef, (m, 1, 1))
+    coef[:, :, :2] *= np.repeat(radii, spans)[:, None, None]
+    each = np.repeat(radii, pieces)
+    return ShapeTable(
+        degree=np.tile(unit.degree, m),
+        first_span=spans * np.arange(m + 1, dtype=np.int64),
+        first_piece=pieces * np.arange(m + 1, dtype=np.int64),
+        coef=coef,
+        piece_span=np.tile(unit.piece_span, m),
+        piece_range=np.tile(unit.piece_range, (m, 1)),
+        piece_circle=np.tile(unit.piece_circle, (m, 1)) * each[:, None],
+        piece_bend=np.tile(unit.piece_bend, m) * each,
+        radius=unit.radius * radii,
+        smallest_radius=unit.smallest_radius * radii,
+        extreme=np.tile(unit.extreme, (m, 1)),
+    )
+
+
+def tables_together(tables: Sequence[ShapeTable]) -> ShapeTable:
+    """One table of the shapes of several, in their order."""
+    most = max(table.coef.shape[1] for table in tables)
+    joined = {name: np.concatenate([getattr(table, name) for table in tables]) for name in ShapeTable._fields[4:]}
+    counts = {
+        name: np.concatenate([np.diff(getattr(table, name)) for table in tables])
+        for name in ("first_span", "first_piece")
+    }
+    return ShapeTable(
+        degree=np.concatenate([table.degree for table in tables]),
+        **{name: np.concatenate([[0], np.cumsum(count)]) for name, count in counts.items()},
+        coef=np.concatenate([np.pad(t.coef, ((0, 0), (0, most - t.coef.shape[1]), (0, 0))) for t in tables]),
+        **joined,
+    )
+
+
 def outline_points(polys: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Points, first and second derivatives by ``u`` [m] at the same ``u`` of every span, each of shape (spans, len(u), 2)."""
     value, slope, twice = (_many(c, u) for c in (polys, _derivative(polys), _derivative(_derivative(polys))))

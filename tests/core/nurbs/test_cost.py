@@ -15,7 +15,7 @@ from ninedisk.core.contacts.lists import empty_list
 from ninedisk.core.contacts.nurbs import NurbsGrains
 from ninedisk.core.contacts.nurbs_kernels import contacts_of_pairs
 from ninedisk.core.contacts.nurbs_state import contact_rows, workspace
-from ninedisk.core.dem.arrays import disk_arrays
+from ninedisk.core.dem.arrays import Lists, disk_arrays, disk_views
 from ninedisk.core.dem.constants import law_row
 from ninedisk.core.dem.force_kernels import disk_disk_forces
 from ninedisk.core.geometry.nurbs import NurbsCurve
@@ -62,16 +62,17 @@ def test_contact_of_disks_against_the_disk_kernel(record_property: Callable[[str
     reach = radii[shape[0::2]] + radii[shape[1::2]] - overlap
     x[1::2] = x[0::2] + reach[:, None] * np.column_stack([np.cos(way), np.sin(way)])
     law = ContactLaw(kn=1e6, ks=8e5, mu=0.3)
-    disks = disk_arrays(Scene(disks=Disks(x=x, radius=radii[shape], mass=1.0), disk_disk=law))
+    disks = disk_arrays(Scene(disks=Disks(x=x, radius=radii[shape], mass=1.0), disk_disk=law), lagged=False)
     pairs = empty_list(2 * n, n)
     pairs.start[0::2], pairs.start[1::2] = np.arange(n + 1), np.arange(1, n + 1)
     pairs.other[:] = np.arange(1, 2 * n, 2)
     row = np.array(law_row(law))
+    views = disk_views(disks, Lists(pairs, empty_list(0, 0), empty_list(2 * n, n), empty_list(0, 0)), row)
     run = nurbs_run(
         [disk(float(r)) for r in radii], shape, x, rng.uniform(-3.0, 3.0, 2 * n), np.arange(2 * n).reshape(-1, 2)
     )
     assert run() == n
-    disk_time, nurbs_time = best(lambda: disk_disk_forces(disks, pairs, row, 1e-6, 0, 2 * n), run)
+    disk_time, nurbs_time = best(lambda: disk_disk_forces(disks, views, pairs, row, 1e-6, 0, 2 * n), run)
     assert np.all(np.any(disks.force != 0.0, axis=1))
     record_property("ns a pair, disk and NURBS", (disk_time / n * 1e9, nurbs_time / n * 1e9))
     print(

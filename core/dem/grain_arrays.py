@@ -1,0 +1,77 @@
+"""Allocation of what a DEM run of bodies with outlines needs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ninedisk.core._validate import FloatArray
+from ninedisk.core.contacts.nurbs_state import MOST_ROOTS, contact_rows, workspace
+from ninedisk.core.dem.grain_state import Memory, Outlines
+from ninedisk.core.geometry.nurbs import NurbsCurve, powers
+from ninedisk.core.geometry.nurbs_mass import area_moments
+from ninedisk.core.geometry.nurbs_shapes import disk
+from ninedisk.core.geometry.nurbs_table import shape_table, table_of_circles, tables_together
+from ninedisk.core.scene import Scene
+
+CONTACTS_PER_BODY = 3
+"""First guess of contacts a body: a packing of convex grains has 2, each shared by two."""
+
+
+def needs_outlines(scene: Scene) -> bool:
+    """Whether contacts are those of outlines: a body has one, or a law is that of the common area."""
+    laws = [scene.disk_disk, *(wall.law for wall in scene.walls)]
+    return bool(np.any(scene.disks.outline >= 0)) or any(law.contact == "area" for law in laws)
+
+
+def outline_arrays(scene: Scene) -> Outlines:
+    """Outlines of all bodies, disks being given exact circles, and an empty memory."""
+    disks, n = scene.disks, len(scene.disks)
+    is_disk = disks.outline < 0
+    radii, circle = np.unique(disks.radius[is_disk], return_inverse=True)
+    tables = [shape_table([powers(curve.spans) for curve in scene.outlines])] if scene.outlines else []
+    tables += [table_of_circles(disk(1.0).table, radii)] if len(radii) else []
+    table = tables_together(tables)
+    shape = disks.outline.copy()
+    shape[is_disk] = len(scene.outlines) + circle
+    laws = [scene.disk_disk, *(wall.law for wall in scene.walls)]
+    return Outlines(
+        table=table,
+        shape=shape,
+        round=is_disk,
+        angle=disks.angle.copy(),
+        size=np.concatenate([equal_radii(scene.outlines), radii])[shape],
+        area=np.array([law.contact == "area" for law in laws]),
+        turn=np.zeros((n, 2)),
+        spin=np.zeros(n),
+        carried=np.zeros(MOST_ROOTS // 2),
+        arc=np.zeros((MOST_ROOTS // 2, 4)),
+        work=workspace(table),
+        found=contact_rows(MOST_ROOTS // 2),
+        memory=empty_memory(disks.omega, CONTACTS_PER_BODY * n + len(scene.initial_shear) + 16),
+    )
+
+
+def equal_radii(outlines: tuple[NurbsCurve, ...]) -> FloatArray:
+    """Radii of the disks of the same area as each outline [m]."""
+    return np.array([np.sqrt(area_moments(curve).area / np.pi) for curve in outlines])
+
+
+def empty_memory(spin: FloatArray, room: int) -> Memory:
+    """A memory without contacts, with room for ``room`` of them; ``spin`` [rad/s] at time 0."""
+    n = len(spin)
+    return Memory(
+        contact=np.zeros((2, room, 8)),
+        body=np.zeros((2, room, 3), dtype=np.int64),
+        head=np.full((2, n), -1, dtype=np.int64),
+        mark=np.zeros(6, dtype=np.int64),
+        spin=spin.copy(),
+    )
+
+
+def larger_memory(memory: Memory) -> Memory:
+    """Copy of a memory with one and a half times its room."""
+    room = memory.contact.shape[1]
+    larger = empty_memory(memory.spin, room + room // 2 + 16)
+    larger.contact[:, :room], larger.body[:, :room] = memory.contact, memory.body
+    larger.head[:], larger.mark[:] = memory.head, memory.mark
+    return larger

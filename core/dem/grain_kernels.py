@@ -1,0 +1,294 @@
+"""Kernels of the contact forces of bodies with outlines, in the place of those of `force_kernels`.
+
+With M the middle of the chord, ``r = M - x_i`` and ``t = (-n_y, n_x)``, the arms of a contact about body i are ``b_i = r.t`` of the normal
+and ``a_i = r.n + e_i`` of the shear force, where e_i moves the point of application along the normal to the extreme point of i's
+outline ("radius") or to the middle of the overlap ("overlap"); about body j, with ``r = M - x_j``, they are ``b_j = r.t`` and
+``a_j = -r.n + e_j``. Force and torque on i are ``-fn n + fs t`` and ``fn b_i + fs a_i``, those on j ``fn n - fs t`` and
+``-fn b_j + fs a_j``. The slip is ``(v_i - v_j).t + a_i omega_i + a_j omega_j``, the overlap grows by ``(v_i - v_j).n - b_i omega_i +
+b_j omega_j``. On disks b = 0 and a = R or R - overlap/2: what `force_kernels` has.
+
+One thread does all of it: bodies are visited in the order of the lists, and each contact is computed from the body with the smaller
+number, so that neither the lists nor the number of threads change a bit of it.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core._cache import inline_kernel, kernel
+from ninedisk.core.contacts.nurbs_area_kernels import segment_area
+from ninedisk.core.contacts.nurbs_kernels import pair_contacts
+from ninedisk.core.contacts.nurbs_wall_kernels import wall_contacts
+from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.dem.force_kernels import normal_force, shear_force
+from ninedisk.core.dem.grain_memory_kernels import arcs_of, inherit, remember
+from ninedisk.core.dem.grain_state import CODE, COUNT, FIRST, ROOM, SECOND, SIDE, Outlines
+from ninedisk.core.dem.state import (
+    BETA,
+    KN,
+    KS,
+    MU,
+    SLIP_OVERLAP,
+    TORQUE_OVERLAP,
+    WALL_MID,
+    DiskArrays,
+    StepConstants,
+    WallArrays,
+)
+from ninedisk.core.geometry.nurbs_kernels import Pose
+
+
+@inline_kernel
+def circle_contact(dx: float, dy: float, ra: float, rb: float, outlines: Outlines) -> int:
+    """Contact of two disks by themselves, the second at (dx, dy) from the first, to row 0 of ``outlines.found``; 0 or 1."""
+    d = sqrt(dx * dx + dy * dy)
+    nx, ny = dx / d, dy / d
+    height = 0.5 * (d + (ra - rb) * (ra + rb) / d)
+    found = outlines.found
+    found.point[0, 0], found.point[0, 1], found.normal[0, 0], found.normal[0, 1] = height * nx, height * ny, nx, ny
+    found.overlap[0], found.beyond[0] = ra + rb - d, ra - height
+    return 1
+
+
+@inline_kernel
+def pair_found(outlines: Outlines, a: int, b: int, dx: float, dy: float, ra: float, rb: float) -> int:
+    """Contacts of bodies a and b, the second one at (dx, dy) from the first, to ``outlines.found``; their number or a code."""
+    if outlines.round[a] and outlines.round[b] and not outlines.area[0]:
+        return circle_contact(dx, dy, ra, rb, outlines)
+    turn = outlines.turn
+    at, other = Pose(turn[a, 0], turn[a, 1], 0.0, 0.0), Pose(turn[b, 0], turn[b, 1], dx, dy)
+    return pair_contacts(
+        outlines.table, outlines.shape[a], at, outlines.shape[b], other, outlines.work, outlines.found, 0
+    )
+
+
+@inline_kernel
+def wall_found(
+    outlines: Outlines, a: int, px: float, py: float, ux: float, uy: float, radius: float, area: bool
+) -> int:
+    """Contacts of body a with a wall through (px, py), measured from the body, to ``outlines.found``; their number or a code."""
+    if outlines.round[a] and not area:
+        height, found = -(px * ux + py * uy), outlines.found
+        found.point[0, 0], found.point[0, 1], found.normal[0, 0], found.normal[0, 1] = (
+            -height * ux,
+            -height * uy,
+            -ux,
+            -uy,
+        )
+        found.overlap[0], found.beyond[0] = radius - height, radius - height
+        return 1
+    at = Pose(outlines.turn[a, 0], outlines.turn[a, 1], 0.0, 0.0)
+    return wall_contacts(outlines.table, outlines.shape[a], at, px, py, ux, uy, outlines.work, outlines.found, 0)
+
+
+@inline_kernel
+def spring(outlines: Outlines, m: int, a: int, b: int, kn: float, area: bool) -> tuple[float, float]:
+    """Overlap that makes the elastic force ``kn`` times it [m], and that force's energy [J] (see `ContactLaw.contact`); b < 0: a wall."""
+    found = outlines.found
+    if not area:
+        return found.overlap[m], 0.5 * kn * found.overlap[m] * found.overlap[m]
+    place = found.place
+    common = segment_area(outlines.table, outlines.shape[a], place[m, 0], place[m, 2])
+    curvature = 1.0 / outlines.size[a]
+    if b >= 0:
+        common += segment_area(outlines.table, outlines.shape[b], place[m, 3], place[m, 1])
+        curvature += 1.0 / outlines.size[b]
+    # U = kn f^2/2 with f = (9 A^2/(32 R_e))^(1/3), so that U' = kn f (2/3) f/A.
+    scaled = (9.0 / 32.0 * common * common * curvature) ** (1.0 / 3.0)
+    return 2.0 / 3.0 * scaled * scaled / common * found.chord[m], 0.5 * kn * scaled * scaled
+
+
+@inline_kernel
+def begin_pass(disks: DiskArrays, outlines: Outlines, step: StepConstants, n: int) -> None:
+    """Present angles; spins that dashpots see, extrapolated to ``t_n`` as `kick_and_drift` does velocities; an empty side."""
+    ahead = 0.0 if step.lagged else (1.0 if n == 1 else 0.5)
+    memory = outlines.memory
+    new = 1 - memory.mark[SIDE]
+    memory.mark[COUNT + new], memory.mark[CODE] = 0, 0
+    for i in range(disks.x.shape[0]):
+        k = disks.name[i]
+        memory.head[new, k] = -1
+        outlines.spin[k] = disks.omega[i] + ahead * (disks.omega[i] - memory.spin[k])
+        angle = outlines.angle[k] + disks.angle[i]
+        outlines.turn[k, 0], outlines.turn[k, 1] = cos(angle), sin(angle)
+
+
+@inline_kernel
+def ring_of(outlines: Outlines, body: int) -> float:
+    """Number of spans of a body's outline."""
+    shape = outlines.shape[body]
+    return float(outlines.table.first_span[shape + 1] - outlines.table.first_span[shape])
+
+
+@inline_kernel
+def convex(outlines: Outlines, body: int) -> bool:
+    """Whether a body is strictly convex."""
+    return bool(outlines.table.smallest_radius[outlines.shape[body]] > 0.0)
+
+
+@inline_kernel
+def stopped(outlines: Outlines, code: int, a: int, b: int) -> bool:
+    """Note why the pass stops, at which bodies; False."""
+    mark = outlines.memory.mark
+    mark[CODE], mark[FIRST], mark[SECOND] = code, a, b
+    return False
+
+
+@inline_kernel
+def pair_forces(
+    disks: DiskArrays,
+    outlines: Outlines,
+    law: NDArray[np.float64],
+    slip_dt: float,
+    i: int,
+    j: int,
+) -> bool:
+    """Add the forces of all contacts of the bodies in rows i and j, the first having the smaller number; False if stopped."""
+    dx, dy = disks.x[j, 0] - disks.x[i, 0], disks.x[j, 1] - disks.x[i, 1]
+    reach = disks.radius[i] + disks.radius[j]
+    if dx * dx + dy * dy >= reach * reach:
+        return True
+    a, b = int(disks.name[i]), int(disks.name[j])
+    count = pair_found(outlines, a, b, dx, dy, disks.radius[i], disks.radius[j])
+    if count < 0:
+        return stopped(outlines, count, a, b)
+    if count == 0:
+        return True
+    ring_a, ring_b = ring_of(outlines, a), ring_of(outlines, b)
+    arcs_of(outlines, count, ring_a, ring_b)
+    inherit(outlines, a, b, count, ring_a, ring_b, convex(outlines, a) and convex(outlines, b))
+    seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
+    kn, ks, mu, beta = law[KN], law[KS], law[MU], law[BETA]
+    found = outlines.found
+    for m in range(count):
+        nx, ny, overlap = found.normal[m, 0], found.normal[m, 1], found.overlap[m]
+        rx, ry = found.point[m, 0], found.point[m, 1]
+        arm_a, arm_b = rx * nx + ry * ny + found.beyond[m], (dx - rx) * nx + (dy - ry) * ny + overlap - found.beyond[m]
+        side_a, side_b = ry * nx - rx * ny, (ry - dy) * nx - (rx - dx) * ny
+        rate = 0.0
+        if beta > 0.0:
+            rate = (seen[i, 0] - seen[j, 0]) * nx + (seen[i, 1] - seen[j, 1]) * ny
+            rate += side_b * outlines.spin[b] - side_a * outlines.spin[a]
+        stretch, energy = spring(outlines, m, a, b, kn, outlines.area[0])
+        fn = normal_force(stretch, rate, kn, beta, disks.inv_mass[i] + disks.inv_mass[j])
+        fs = 0.0
+        if mu > 0.0 and ks > 0.0:
+            back = 0.5 * law[SLIP_OVERLAP] * overlap
+            vt = (disks.v[j, 0] - disks.v[i, 0]) * ny + (disks.v[i, 1] - disks.v[j, 1]) * nx
+            vt += (arm_a - back) * disks.omega[i] + (arm_b - back) * disks.omega[j]
+            fs = shear_force(outlines.carried[m], vt * slip_dt, ks, mu * fn)
+        back = 0.5 * law[TORQUE_OVERLAP] * overlap
+        gx, gy = -fn * nx - fs * ny, -fn * ny + fs * nx
+        disks.force[i, 0] += gx
+        disks.force[i, 1] += gy
+        disks.force[j, 0] -= gx
+        disks.force[j, 1] -= gy
+        disks.torque[i] += fn * side_a + fs * (arm_a - back)
+        disks.torque[j] += fs * (arm_b - back) - fn * side_b
+        if not remember(outlines, a, b, m, fs, fn, energy):
+            return stopped(outlines, ROOM, a, b)
+    return True
+
+
+@inline_kernel
+def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_dt: float, i: int, w: int) -> bool:
+    """Add the forces of all contacts of the body in row i with wall w and its load; False if stopped.
+
+    The wall's velocity enters the slip at M, which is on its surface, or half an overlap deeper; the reaction acts in M.
+    """
+    ux, uy = walls.now[w, 2], walls.now[w, 3]
+    px, py = walls.now[w, 0] - disks.x[i, 0], walls.now[w, 1] - disks.x[i, 1]
+    if disks.radius[i] + px * ux + py * uy <= 0.0:
+        return True
+    a, b = int(disks.name[i]), disks.x.shape[0] + w
+    count = wall_found(outlines, a, px, py, ux, uy, disks.radius[i], outlines.area[1 + w])
+    if count < 0:
+        return stopped(outlines, count, a, b)
+    ring = ring_of(outlines, a)
+    arcs_of(outlines, count, ring, 0.0)
+    inherit(outlines, a, b, count, ring, 0.0, convex(outlines, a))
+    seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
+    kn, ks, mu, beta = walls.law[w, KN], walls.law[w, KS], walls.law[w, MU], walls.law[w, BETA]
+    cx, cy, spin = walls.now[w, 4] - disks.x[i, 0], walls.now[w, 5] - disks.x[i, 1], walls.now[w, 8]
+    found, load = outlines.found, walls.share
+    for m in range(count):
+        overlap = found.overlap[m]
+        rx, ry = found.point[m, 0], found.point[m, 1]
+        arm, side = found.beyond[m] - rx * ux - ry * uy, rx * uy - ry * ux
+        deep = 0.5 * walls.law[w, WALL_MID] * overlap
+        qx, qy = rx - deep * ux - cx, ry - deep * uy - cy
+        rate = 0.0
+        if beta > 0.0:
+            rate = (walls.now[w, 9] - spin * qy - seen[i, 0]) * ux
+            rate += (walls.now[w, 10] + spin * qx - seen[i, 1]) * uy - side * outlines.spin[a]
+        stretch, energy = spring(outlines, m, a, -1, kn, outlines.area[1 + w])
+        fn = normal_force(stretch, rate, kn, beta, disks.inv_mass[i])
+        fs = 0.0
+        if mu > 0.0 and ks > 0.0:
+            vt = (disks.v[i, 0] - walls.now[w, 6] + spin * qy) * uy - (disks.v[i, 1] - walls.now[w, 7] - spin * qx) * ux
+            vt += (arm - 0.5 * walls.law[w, SLIP_OVERLAP] * overlap) * disks.omega[i]
+            fs = shear_force(outlines.carried[m], vt * slip_dt, ks, mu * fn)
+        gx, gy = fn * ux + fs * uy, fn * uy - fs * ux
+        disks.force[i, 0] += gx
+        disks.force[i, 1] += gy
+        disks.torque[i] += fn * side + fs * (arm - 0.5 * walls.law[w, TORQUE_OVERLAP] * overlap)
+        load[0, w, 0] -= gx
+        load[0, w, 1] -= gy
+        load[0, w, 2] -= (rx + disks.x[i, 0]) * gy - (ry + disks.x[i, 1]) * gx
+        if not remember(outlines, a, b, m, fs, fn, energy):
+            return stopped(outlines, ROOM, a, b)
+    return True
+
+
+@kernel
+def grain_forces(
+    disks: DiskArrays,
+    walls: WallArrays,
+    pairs: NeighbourList,
+    wall_pairs: NeighbourList,
+    law: NDArray[np.float64],
+    outlines: Outlines,
+    step: StepConstants,
+    n: int,
+    slip_dt: float,
+) -> bool:
+    """Add all contact forces of step ``n`` to ``disks`` and ``walls.share``; pass shear forces on to this step's side of the memory.
+
+    Parameters
+    ----------
+    disks, walls, pairs, wall_pairs, outlines, step
+        See their classes; the forces must be zero. The lists' own shear forces are not used.
+    law : ndarray, shape (7,)
+        Disk-disk law row.
+    n : int
+        Contact step.
+    slip_dt : float
+        Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0.
+
+    Returns
+    -------
+    bool
+        False if a contact could not be computed or there was no room for it: ``memory.mark`` says which, and what the memory holds is
+        still the step before.
+    """
+    begin_pass(disks, outlines, step, n)
+    for i in range(disks.x.shape[0]):
+        for k in range(pairs.start[i], pairs.start[i + 1]):
+            j = int(pairs.other[k])
+            first, second = (i, j) if disks.name[i] < disks.name[j] else (j, i)
+            if not pair_forces(disks, outlines, law, slip_dt, first, second):
+                return False
+    for w in range(walls.now.shape[0]):
+        for c in range(3):
+            walls.share[0, w, c] = 0.0
+        for k in range(wall_pairs.start[w], wall_pairs.start[w + 1]):
+            if not wall_forces(disks, walls, outlines, slip_dt, int(wall_pairs.other[k]), w):
+                return False
+    memory = outlines.memory
+    memory.mark[SIDE] = 1 - memory.mark[SIDE]
+    for i in range(disks.x.shape[0]):
+        memory.spin[disks.name[i]] = disks.omega[i]
+    return True

@@ -1,0 +1,212 @@
+"""Grains in the DEM: at rest, on an incline, over rebuilds and restarts; what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from nurbs_shapes_of_tests import peanut, periodic, ring
+from scenes import numerics, run
+
+from ninedisk.core import ContactLaw, Disks, InvalidSceneError, NonFiniteStateError, Scene, Wall
+from ninedisk.core.dem import session as session_module
+from ninedisk.core.dem.critical import critical_time_step
+from ninedisk.core.dem.session import DemSession
+from ninedisk.core.dem.state import REBUILDS
+from ninedisk.core.geometry.nurbs_grain import UniformGrain, uniform_grain
+from ninedisk.core.geometry.nurbs_shapes import disk, ellipse
+
+LAW = ContactLaw(kn=2e4, ks=1e4, mu=0.6, beta=0.3, lever_arm="overlap")
+PEANUT, ELLIPSE = uniform_grain(peanut(), 1.0), uniform_grain(ellipse(1.2, 0.8), 1.0)
+
+
+def grains(kinds: list[UniformGrain], x: object, **more: object) -> dict[str, object]:
+    """Disks and outlines of a scene in which every grain has an outline of its own."""
+    disks = Disks(
+        x=x,  # type: ignore[arg-type]
+        radius=[kind.radius for kind in kinds],
+        mass=[kind.mass for kind in kinds],
+        inertia=[kind.inertia for kind in kinds],
+        outline=np.arange(len(kinds)),
+        **more,  # type: ignore[arg-type]
+    )
+    return {"disks": disks, "outlines": tuple(kind.outline for kind in kinds)}
+
+
+def on_incline(kind: UniformGrain, slope: float, height: float, law: ContactLaw = LAW, **more: object) -> Scene:
+    """A grain at ``height`` above a floor in gravity that is turned by ``slope`` [rad]."""
+    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
+    gravity = (9.81 * np.sin(slope), -9.81 * np.cos(slope))
+    return Scene(**grains([kind], [(0.0, height)], **more), disk_disk=law, walls=(floor,), gravity=gravity)  # type: ignore[arg-type]
+
+
+def test_a_dented_grain_settles_on_two_contacts_and_stays() -> None:
+    """On a slope below friction: after settling it keeps its place, weight and slope being carried by both contacts."""
+    slope = 0.25
+    scene = on_incline(PEANUT, slope, 0.78, angle=0.05)
+    history = run(scene, numerics(5e-4, 12_000, sample_every=1000), [(0, 1)])
+    weight = PEANUT.mass * 9.81
+    assert history.fn[-1, 0] == pytest.approx(weight * np.cos(slope), rel=1e-6)
+    assert abs(history.fs[-1, 0]) == pytest.approx(weight * np.sin(slope), rel=1e-6)
+    still = np.abs(history.x[-4:] - history.x[-1]).max()
+    assert still <= 1e-6
+    assert np.abs(history.v[-1]).max() <= 1e-6
+    session = DemSession(scene, numerics(5e-4, 12_000))
+    session.advance(12_000)
+    assert session._outlines is not None
+    assert session._outlines.memory.mark[1 + session._outlines.memory.mark[0]] == 2
+
+
+def test_angular_grains_roll_less_than_disks() -> None:
+    """Down the same slope a disk turns on and on; an ellipse and a dented grain rock and stay."""
+    turned = {}
+    for name, kind, height in (
+        ("disk", uniform_grain(disk(1.0), 1.0), 1.0),
+        ("ellipse", ELLIPSE, 0.8),
+        ("peanut", PEANUT, 0.75),
+    ):
+        history = run(on_incline(kind, 0.12, height), numerics(1e-3, 4000, sample_every=500), [(0, 1)])
+        turned[name] = float(np.abs(history.angle[-1, 0]))
+    assert turned["disk"] > 4.0
+    assert turned["ellipse"] < 1.0
+    assert turned["peanut"] < 0.1
+
+
+def heap(side: int, **more: object) -> Scene:
+    """Dented grains, ellipses and disks falling onto a floor between walls, shuffled, fast: rebuilds, rolling, several contacts."""
+    rng = np.random.default_rng(8)
+    x = rng.permutation(np.array([(2.7 * i, 2.7 * j + 1.4) for i in range(side) for j in range(side)]))
+    n = len(x)
+    kinds = [PEANUT, ELLIPSE]
+    outline = rng.integers(-1, 2, n)
+    disks = Disks(
+        x=x,
+        v=rng.normal(0.0, 4.0, (n, 2)),
+        omega=rng.normal(0.0, 3.0, n),
+        radius=np.where(outline < 0, 1.0, np.array([k.radius for k in kinds])[outline]),
+        mass=3.0,
+        inertia=1.5,
+        outline=outline,
+        angle=rng.uniform(-3.0, 3.0, n),
+    )
+    law = replace(LAW, beta=0.05)
+    walls = [
+        Wall(name="floor", point=(0.0, 0.0), normal=(0.05, 1.0), law=law),
+        Wall(name="left", point=(-1.5, 0.0), normal=(1.0, 0.0), law=law),
+        Wall(name="right", point=(2.7 * side - 1.0, 0.0), normal=(-1.0, 0.0), law=law),
+    ]
+    outlines = tuple(kind.outline for kind in kinds)
+    return Scene(disks=disks, disk_disk=law, walls=walls, gravity=(0.0, -9.81), outlines=outlines, **more)  # type: ignore[arg-type]
+
+
+def bits(session: DemSession) -> bytes:
+    history = session.run()
+    return b"".join(
+        getattr(history, name).tobytes() for name in ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_force")
+    )
+
+
+def test_rebuilds_threads_and_restarts_change_no_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Disks kept in the order of the cells, one thread or two, stopped and gone on with."""
+    scene, how, watch = heap(7), numerics(4e-4, 400, sample_every=50), [(0, 1), (3, 49), (5, 9)]
+    monkeypatch.setattr(session_module, "SORT_FROM", 10)
+    whole = DemSession(scene, how, watch)
+    reference = bits(whole)
+    assert whole._clock[REBUILDS] > 5
+    assert np.any(whole._disks.name != np.arange(49))
+    assert len(whole.shear_forces()) >= 4
+    assert bits(DemSession(scene, how, watch, threads=2)) == reference
+    part = DemSession(scene, how, watch)
+    part.advance(211)
+    part.save(tmp_path / "grains.npz")
+    assert bits(DemSession.load(tmp_path / "grains.npz", threads=2)) == reference
+
+
+def test_the_memory_of_contacts_grows() -> None:
+    """Begun without room for a single contact, the run is the same."""
+    scene, how = heap(4), numerics(4e-4, 300, sample_every=50)
+    reference = bits(DemSession(scene, how))
+    small = DemSession(scene, how)
+    assert small._outlines is not None
+    memory = small._outlines.memory
+    less = memory._replace(contact=memory.contact[:, :0].copy(), body=memory.body[:, :0].copy())
+    small._outlines = small._outlines._replace(memory=less)
+    assert bits(small) == reference
+
+
+def test_preload_and_its_refusals() -> None:
+    law = replace(LAW, beta=0.0)
+    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
+    two = Scene(**grains([PEANUT], [(0.0, 0.72)]), disk_disk=law, walls=(floor,))  # type: ignore[arg-type]
+    one = Scene(**grains([ELLIPSE], [(0.0, 0.79)]), disk_disk=law, walls=(floor,))  # type: ignore[arg-type]
+    history = run(one.replace(initial_shear={(0, 1): 2.5}), numerics(1e-6, 1))
+    assert history.fs[0, 0] == 2.5
+    with pytest.raises(InvalidSceneError, match="disk 0 and wall 'floor', which touch at 2 places"):
+        run(two.replace(initial_shear={(0, 1): 2.5}), numerics(1e-6, 1))
+    up = one.replace(disks=replace(one.disks, x=[(0.0, 0.81)]), initial_shear={(0, 1): 2.5})
+    with pytest.raises(InvalidSceneError, match="which do not touch"):
+        run(up, numerics(1e-6, 1))
+
+
+def test_gaps_of_open_pairs() -> None:
+    """Distances of outlines by dense sampling, of strictly convex and of dented ones; a wall's is the lowest point's height."""
+    wavy = uniform_grain(periodic(ring(12, 5), 3), 1.0)
+    kinds = [ELLIPSE, wavy, PEANUT, uniform_grain(ellipse(0.9, 0.3), 1.0)]
+    x, angle = np.array([(0.0, 0.0), (2.6, 0.4), (-0.3, 2.4), (4.3, 1.2)]), np.array([0.3, 1.0, -0.4, 2.0])
+    floor = Wall(name="floor", point=(0.0, -1.5), normal=(0.1, 1.0), law=LAW)
+    scene = Scene(**grains(kinds, x, angle=angle), disk_disk=LAW, walls=(floor,))  # type: ignore[arg-type]
+    history = run(scene, numerics(1e-9, 1))
+    for (i, j), gap in zip(history.pairs, history.gap[0], strict=True):
+        ends = []
+        for body in (i, j):
+            if body < 4:
+                curve = kinds[body].outline
+                p = curve.evaluate(np.linspace(curve.breaks[0], curve.breaks[-1], 3001))
+                c, s = np.cos(angle[body]), np.sin(angle[body])
+                ends.append(p @ np.array([[c, s], [-s, c]]) + x[body])
+        if j < 4:
+            dense = min(float(np.hypot(*(ends[1] - p).T).min()) for p in ends[0])
+        else:
+            dense = float(((ends[0] - floor.point) @ floor.normal).min())
+        assert gap > 0.0
+        assert -1e-14 <= dense - gap <= 1e-5  # the sampling's error: (step)^2/(8 R) and step^2/(2 gap)
+
+
+def test_the_critical_step_of_grains() -> None:
+    """An ellipse standing upright on a spring, alone: 2/omega with the arms that its outline allows; below it stays bounded, above it does
+    not."""
+    law = ContactLaw(kn=1e4)
+    scene = on_incline(ELLIPSE, 0.0, 0.79, law)
+    limit = critical_time_step(scene)
+    arm = 1.2 - 0.8  # largest distance of an ellipse's normal from its centre
+    assert limit == pytest.approx(2.0 / np.sqrt(law.kn * (1.0 / ELLIPSE.mass + arm**2 / ELLIPSE.inertia)), rel=0.01)
+    assert limit <= 2.0 * np.sqrt(ELLIPSE.mass / law.kn)
+    area = critical_time_step(on_incline(ELLIPSE, 0.0, 0.79, replace(law, contact="area")))
+    flattest = 1.2**2 / 0.8 / np.sqrt(1.2 * 0.8)
+    assert area == pytest.approx(limit / flattest ** (1.0 / 3.0), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("x", "message"),
+    [
+        ([(0.0, 0.0), (0.1, 0.0)], "grain 0, near grain 1, lies wholly inside"),
+        ([(0.0, 0.0), (0.0, 0.0)], "the centres of grains 0 and 1 coincide"),
+    ],
+)
+def test_grains_that_no_chord_parts_at_the_start(x: list[tuple[float, float]], message: str) -> None:
+    kinds = [uniform_grain(ellipse(2.0, 1.0), 1.0), uniform_grain(ellipse(0.4, 0.3), 1.0)]
+    with pytest.raises(InvalidSceneError, match=message):
+        run(Scene(**grains(kinds, x), disk_disk=LAW), numerics(1e-4, 1))  # type: ignore[arg-type]
+
+
+def test_grains_that_run_through_each_other() -> None:
+    kinds = [uniform_grain(ellipse(2.0, 1.0), 1.0), uniform_grain(ellipse(0.4, 0.3), 1.0)]
+    scene = Scene(
+        **grains(kinds, [(0.0, 0.0), (4.0, 0.0)], v=[(0.0, 0.0), (-40.0, 0.0)]), disk_disk=replace(LAW, kn=1.0)
+    )  # type: ignore[arg-type]
+    with pytest.raises(
+        NonFiniteStateError, match=r"disk 0, near disk 1, lies wholly inside .*contact step \d+, t = .*raise kn"
+    ):
+        run(scene, numerics(1e-3, 200))
