@@ -66,8 +66,9 @@ def _single_contact_square(scene: Scene) -> float:
     aside = normal_arms(scene)
     worst = 0.0
     for law, other in [(scene.disk_disk, True)] * (len(disks) > 1) + [(wall.law, False) for wall in scene.walls]:
-        normal = law.kn * stiffening(scene, law) * (inv_mass + aside**2 * turn)
-        shear = law.shear_stiffness * (inv_mass + disks.radius**2 * turn)
+        with np.errstate(over="ignore"):  # an infinite one leaves no step
+            normal = law.kn * stiffening(scene, law) * (inv_mass + aside**2 * turn)
+            shear = law.shear_stiffness * (inv_mass + disks.radius**2 * turn)
         # On a disk the two springs move different coordinates; an arm of the normal force couples them.
         for square in (normal, shear, np.where(aside > 0.0, normal + shear, 0.0)):
             two = np.sort(square)[::-1][: 2 if other else 1]

@@ -56,7 +56,7 @@ class DemSession:
     particles : sequence of int or None
         Disks whose motion is recorded; None: all.
     threads : int
-        Threads that share the work, 1..64; the results are the same to the last bit. Small scenes use one.
+        Threads that share the work, 1..64; the results are the same to the last bit. Small scenes use one, contacts of outlines too.
 
     Attributes
     ----------

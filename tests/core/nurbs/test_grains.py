@@ -210,3 +210,25 @@ def test_grains_that_run_through_each_other() -> None:
         NonFiniteStateError, match=r"disk 0, near disk 1, lies wholly inside .*contact step \d+, t = .*raise kn"
     ):
         run(scene, numerics(1e-3, 200))
+
+
+def test_contacts_that_merge_and_divide_keep_their_shear_force() -> None:
+    """A dented grain pressed on a floor until the dent touches, and let go: two contacts, one, two again, with no jump of the force."""
+    law = ContactLaw(kn=2e3, ks=1e3, mu=10.0, lever_arm="overlap")
+    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
+    scene = Scene(**grains([PEANUT], [(0.0, 0.735)], v=[(0.3, -1.5)]), disk_disk=law, walls=(floor,))  # type: ignore[arg-type]
+    session = DemSession(scene, numerics(1e-4, 1500))
+    count, force = [], []
+    for _ in range(1500):
+        session.advance(1)
+        assert session._outlines is not None
+        mark = session._outlines.memory.mark
+        count.append(int(mark[1 + mark[0]]))
+        force.append(session.shear_forces().get((0, 1), 0.0))
+    # They close together, merge, divide; on the way up one opens before the other.
+    merged, divided = np.flatnonzero(np.diff(count))[:2]
+    assert [count[0], count[merged + 1], count[divided + 1]] == [2, 1, 2]
+    for turn in (merged, divided):
+        assert abs(force[turn]) > 5.0
+        # A step slips by 0.03 mm at most: 0.06 N for two contacts.
+        assert abs(force[turn + 1] - force[turn]) <= 0.06
