@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import IO
 
 from ninedisk.harness.engine import EngineError, EngineTimeoutError
+from ninedisk.harness.text import printable
 
 DEFAULT_TIME_LIMIT = 120.0
 TIME_LIMIT_VARIABLE = "NINEDISK_TIME_LIMIT"
@@ -44,7 +45,7 @@ class Finished:
     def last_lines(self, count: int = LAST_LINES) -> str:
         """Last non-empty lines of standard error, or of standard output where standard error is empty."""
         lines = [line for line in (self.stderr.strip() or self.stdout.strip()).splitlines() if line.strip()]
-        return "\n".join(lines[-count:])
+        return "\n".join(printable(line) for line in lines[-count:])
 
 
 def time_limit_from_environment(default: float = DEFAULT_TIME_LIMIT) -> float:
