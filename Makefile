@@ -51,6 +51,8 @@ test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time,
 
 engines: $(INSTALLED) ## Install all external engines that this machine can have (about 1.5 GB; Debian's need root or sudo)
 	@bash tools/install_engines.sh "$(PY)" "$(DEBIAN_ENGINES)" "$(PYTHON_ENGINES)"
+	@if command -v npm >/dev/null; then npm install --no-audit --no-fund --prefix docs/examples/planck; \
+	  else echo "Left out: Planck.js, the example of an engine in JavaScript; it needs node and npm"; fi
 	@$(PY) -m ninedisk list engines
 
 lint: $(DEVELOPED) ## Check style and format
@@ -72,7 +74,7 @@ wheel: $(DEVELOPED) ## Build dist/*.tar.gz and, from it, dist/*.whl; check that 
 dev: $(DEVELOPED) ## Make the environment of developers, .venv, and nothing else
 
 clean: ## Remove all that these targets made, apart from the results and the report
-	rm -rf $(VENV) build dist ninedisk.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build dist docs/examples/planck/node_modules ninedisk.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find $(SOURCES) tests tools -name __pycache__ -prune -exec rm -rf {} +
 
 $(PY):
