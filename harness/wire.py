@@ -45,7 +45,15 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.engine import EngineError, EngineRun, EngineUnsupportedError, Timings
 from ninedisk.harness.text import printable
-from ninedisk.harness.wire_fields import WireError, expect_keys, float_array, number, step_array, text_field
+from ninedisk.harness.wire_fields import (
+    WireError,
+    expect_keys,
+    float_array,
+    number,
+    settings_field,
+    step_array,
+    text_field,
+)
 from ninedisk.harness.wire_files import HISTORY_FILE_KEYS, read_history_file
 from ninedisk.harness.wire_text import WIRE_VERSION, parse_message
 
@@ -180,14 +188,12 @@ def decode_answer(
         expect_keys(data, ("wire_version", "unsupported"), "answer")
         raise EngineUnsupportedError(text_field(data["unsupported"], "unsupported"))
     expect_keys(data, ANSWER_KEYS, "answer")
-    if not isinstance(data["settings"], Mapping):
-        raise WireError(f"settings must be an object, not {data['settings']!r:.80}")
     timings = data["timings"]
     expect_keys(timings, TIMING_KEYS, "timings")
     run = EngineRun(
         history=_history(data["history"], scene, numerics, tuple((int(i), int(j)) for i, j in watch), folder),
         timings=Timings(**{key: number(timings[key], f"timings.{key}", low=0.0) for key in TIMING_KEYS}),
-        settings=dict(data["settings"]),
+        settings=settings_field(data["settings"]),
     )
     return Answer(run=run, engine_version=text_field(data["engine_version"], "engine_version"))
 

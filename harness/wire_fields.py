@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from ninedisk.harness.engine import EngineError
 from ninedisk.harness.text import printable
 
+SETTINGS_DEPTH = 8
+"""Levels of lists and objects within settings: more than any table needs."""
+
 
 class WireError(EngineError):
     """A message does not keep to the wire format; the text names the key and what was expected there."""
@@ -43,6 +46,29 @@ def text_field(value: Any, name: str) -> str:
     if not isinstance(value, str):
         raise WireError(f"{name} must be a string, not {value!r:.80}")
     return printable(value)
+
+
+def settings_field(value: Any) -> dict[str, Any]:
+    """An object of settings as it can be stored and shown: texts printable, numbers beyond doubles and 64 bits as text."""
+    if not isinstance(value, Mapping):
+        raise WireError(f"settings must be an object, not {value!r:.80}")
+    return {printable(str(key)): _storable(entry, SETTINGS_DEPTH) for key, entry in value.items()}
+
+
+def _storable(value: Any, depth: int) -> Any:
+    if depth == 0:
+        raise WireError(f"settings are nested more than {SETTINGS_DEPTH} deep: write them flat, or as text")
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, Mapping):
+        return {printable(str(key)): _storable(entry, depth - 1) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_storable(entry, depth - 1) for entry in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    if isinstance(value, int) and abs(value) >= 1 << 63:
+        return f"{value:.17e}" if abs(value) < 10**300 else "beyond a double"
+    return value
 
 
 def step_array(value: Any, expected: NDArray[np.int64]) -> NDArray[np.int64]:

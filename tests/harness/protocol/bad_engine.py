@@ -82,6 +82,8 @@ def break_answer(mode: str, given: dict[str, Any], folder: Path) -> dict[str, An
         given["wire_version"] = 2
     if mode == "escape":
         given["engine_version"] = "\x1b[2J\ud800"
+    if mode == "odd-settings":
+        given["settings"] = {"a": float("nan"), "b": "\ud800\x1b[2J", "c": [[1], {"d": None}], "\ud800": 10**400}
     if mode == "gives-up":
         return {"wire_version": 1, "error": "cannot do \x1b[2J walls"}
     if mode == "unsupported":
@@ -144,6 +146,9 @@ def main() -> None:
     if mode == "killed":
         print("the machine runs out of memory", file=sys.stderr, flush=True)
         os.kill(os.getpid(), signal.SIGKILL)
+    if mode == "loud":
+        print("\n".join(f"frame {k}: {'z' * 500}" for k in range(50)), "no licence found", sep="\n", file=sys.stderr)
+        sys.exit(3)
     if mode == "exit":
         print("no licence found", file=sys.stderr)
         sys.exit(3)

@@ -76,6 +76,7 @@ def test_other_ways_to_answer(mode: str) -> None:
         ("version", "wire_version of the answer is 2; this harness speaks version 1"),
         ("gives-up", "the engine gave up: cannot do  .2J walls"),
         ("exit", "ended with status 3 .*no licence found"),
+        ("loud", "^python.* ended with status 3 .*frame 40: z+ .*no licence found$"),
         ("killed", "ended by SIGKILL .*the machine runs out of memory"),
         ("flood", "more than 64 MiB on standard output: write the answer into the request's answer_file"),
         ("npz-nowhere", "expected a file in the folder of the request's answer_file"),
@@ -108,6 +109,14 @@ def test_late_engines_are_stopped(mode: str, monkeypatch: pytest.MonkeyPatch) ->
     result = run_case("binary-collision", engine=engine)
     assert result.status == "timeout"
     assert "time limit of 0.5 s (set NINEDISK_TIME_LIMIT to allow more)" in result.reason
+
+
+def test_odd_settings_do_not_spoil_the_store(tmp_path: Path) -> None:
+    """What cannot be written as text or as a number is stored so that pages can be made of it."""
+    result = run("odd-settings")
+    settings = json.loads(str(result.cell["settings"]))
+    assert (settings["a"], settings["b"], settings["c"]) == ("nan", "  [2J", [[1], {"d": None}])
+    (tmp_path / "page").write_text(str(result.cell["settings"]), encoding="utf-8")
 
 
 def test_an_engine_may_refuse_a_scene() -> None:
