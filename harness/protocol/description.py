@@ -18,6 +18,8 @@ from ninedisk.harness.wire_text import parse_message
 SCHEME_OPTIONS = {"moreau-jean": "theta", "runge-kutta-3": "phase"}
 """Schemes whose truths read an option of the engine."""
 
+NOTE_SOFT = "contacts are soft in a way of the engine's own"
+
 _TRAITS = (
     "turns_shear",
     "fixed_wall_shear",
@@ -85,7 +87,8 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
         options=options,
         **traits,
     )
-    return Description(info, tuple(printable(text) for text in data.get("approximations", ())))
+    near = tuple(printable(text) for text in data.get("approximations", ()))
+    return Description(info, near or (NOTE_SOFT,) if info.contact == "soft" else near)
 
 
 def _option(name: str, given: Mapping[str, Any]) -> Option:

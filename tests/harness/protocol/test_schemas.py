@@ -23,7 +23,7 @@ from ninedisk.harness.engine import EngineError, EngineInfo
 from ninedisk.harness.engines._options import Option
 from ninedisk.harness.errors import UsageError
 from ninedisk.harness.params import resolve
-from ninedisk.harness.protocol.description import read_description, wire_name
+from ninedisk.harness.protocol.description import NOTE_SOFT, read_description, wire_name
 from ninedisk.harness.protocol.example import example_request
 from ninedisk.harness.protocol.schemas import NAMES, fault, schema_text, validator, write_schemas
 from ninedisk.harness.registry import case_table, get_case
@@ -98,6 +98,9 @@ def test_requests_of_every_case_keep_to_the_schema(case_id: str) -> None:
         setup = case.build(resolve(case, row).params)
         request = Request(scene=setup.scene, numerics=setup.numerics, watch=setup.watch, answer_file="answer.json")
         assert fault("request", json.loads(encode_request(request))) is None
+    shown = json.loads(example_request(case_id, {}))
+    assert fault("request", shown) is None
+    assert shown["numerics"]["contact_dt"] > 0.0
 
 
 def places(data: Any) -> Iterator[tuple[Callable[[], Any], Callable[[Any], None]]]:
@@ -189,6 +192,8 @@ def test_a_description_is_read_as_its_schema_says() -> None:
     assert found.info.softness == 0.5
     assert found.info.capabilities == {Capability.GRAVITY}
     assert found.approximations == ("soft",)
+    del told["approximations"]
+    assert read_description(json.dumps(told), how_it_runs="x").approximations == (NOTE_SOFT,)
     for key in ABOUT:
         with pytest.raises(EngineError, match=key):
             read_description(json.dumps({k: v for k, v in ABOUT.items() if k != key}), how_it_runs="x")
