@@ -16,7 +16,15 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability, capabilities_needed
-from ninedisk.harness.engine import EngineError, EngineInfo, EngineRun, EngineTimeoutError, Support, SupportLevel
+from ninedisk.harness.engine import (
+    EngineError,
+    EngineInfo,
+    EngineRun,
+    EngineTimeoutError,
+    EngineUnsupportedError,
+    Support,
+    SupportLevel,
+)
 from ninedisk.harness.engines._options import read_options
 from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 from ninedisk.harness.engines._spring import contact_steps, laws_in_use
@@ -113,6 +121,10 @@ class CommandEngine(ExternalEngine):
             run = super().run(scene, numerics, watch)
         except WireError as error:
             raise WireError(f"{error}; see: ninedisk schema answer") from error
+        except (EngineTimeoutError, EngineUnsupportedError):
+            raise
+        except EngineError as error:
+            raise EngineError(f"{error}\nto see it by hand: ninedisk request CASE | {self.command_line} run") from error
         return EngineRun(
             history=run.history, timings=run.timings, settings={**run.settings, "engine_command": self.command_line}
         )

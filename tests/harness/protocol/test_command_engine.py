@@ -76,7 +76,10 @@ def test_other_ways_to_answer(mode: str) -> None:
         ("version", "wire_version of the answer is 2; this harness speaks version 1"),
         ("gives-up", "the engine gave up: cannot do  .2J walls"),
         ("exit", "ended with status 3 .*no licence found"),
-        ("loud", "^python.* ended with status 3 .*frame 40: z+ .*no licence found$"),
+        (
+            "loud",
+            "^python.* ended with status 3 .*frame 42: z+ .*no licence found\nto see it by hand: ninedisk request CASE",
+        ),
         ("killed", "ended by SIGKILL .*the machine runs out of memory"),
         ("flood", "more than 64 MiB on standard output: write the answer into the request's answer_file"),
         ("npz-nowhere", "expected a file in the folder of the request's answer_file"),

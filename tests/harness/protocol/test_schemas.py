@@ -84,7 +84,9 @@ def test_choices_are_those_of_the_code() -> None:
     for name, literal in literals.items():
         assert numerics[name]["enum"] == list(get_args(literal))
     about = SCHEMAS["describe"]["properties"]
-    assert about["capabilities"]["items"]["enum"] == [wire_name(capability) for capability in Capability]
+    one = about["capabilities"]["items"]
+    assert one["enum"] == [wire_name(capability) for capability in Capability]
+    assert one["description"] == "; ".join(f"{wire_name(each)}: {each}" for each in Capability) + "."
     assert "softness_why" in about
     assert set(about) - names(EngineInfo) == {"wire_version", "approximations"}
     number, word = about["options"]["additionalProperties"]["oneOf"]
