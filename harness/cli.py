@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness import cli_bench, cli_history, cli_store
+from ninedisk.harness import cli_bench, cli_history, cli_protocol, cli_store
+from ninedisk.harness.cli_protocol import Commands
 from ninedisk.harness.cli_store import Store
 from ninedisk.harness.cli_support import INTERRUPTED, guarded
 
@@ -73,6 +74,7 @@ def list_engines(
         str | None,
         typer.Argument(metavar="[ENGINE]", help="Show one engine: what it can express and lacks, and its options."),
     ] = None,
+    engine_cmd: Commands = None,
 ) -> None:
     """List the engines (installed or not, version, licence, how they run, what they express, how to install them), or one of them
     with everything that --option can change.
@@ -81,10 +83,16 @@ def list_engines(
     Examples:
       ninedisk list engines
       ninedisk list engines siconos
+      ninedisk list engines --engine-cmd 'node my-engine.mjs'
     """
-    from ninedisk.harness.cli_list import show_engine, show_engines
+    from ninedisk.harness.cli_list import show_described, show_engine, show_engines
 
-    show_engines() if engine is None else show_engine(engine)
+    if engine_cmd:
+        show_described(engine_cmd)
+    elif engine is None:
+        show_engines()
+    else:
+        show_engine(engine)
 
 
 @app.command("run", short_help="Run cases on engines and judge the results.")
@@ -98,7 +106,10 @@ def run(
         list[str] | None,
         typer.Option("--engine", "-e", metavar="ID", help="Engine to run; repeat for several. None: all engines."),
     ] = None,
-    all_engines: Annotated[bool, typer.Option("--all-engines", help="All engines (the default, said aloud).")] = False,
+    engine_cmd: Commands = None,
+    all_engines: Annotated[
+        bool, typer.Option("--all-engines", help="All known engines (the default without --engine and --engine-cmd).")
+    ] = False,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -131,6 +142,7 @@ def run(
       ninedisk run 'nine-disk/*' -e dem -e yade --set phi_deg=20
       ninedisk run incline-block -e pymunk --set 'dt=5 ms' --set mu=0.36 --json rows.json
       ninedisk run slip-to-roll -e siconos --option siconos.theta=1
+      ninedisk run binary-collision --engine-cmd 'node my-engine.mjs' --engine dem
 
     \b
     Exit codes:
@@ -153,6 +165,8 @@ def run(
         store=store,
         json_file=json_file,
         published=published,
+        commands=engine_cmd or [],
+        all_engines=all_engines,
     )
     raise typer.Exit(code)
 
@@ -206,6 +220,7 @@ def _bench_page(record: Mapping[str, Any], path: Path) -> None:
 
 
 cli_bench.register(app, _bench_page)
+cli_protocol.register(app)
 cli_history.register(app, _comparison_page, _dashboard_folder)
 cli_store.register(app)
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.cli_tables import console, table
-from ninedisk.harness.engine import Engine, EngineInfo
+from ninedisk.harness.engine import Engine, EngineError, EngineInfo
+from ninedisk.harness.errors import UsageError
 from ninedisk.harness.params import allowed, format_value
+from ninedisk.harness.protocol.command import CommandEngine
 from ninedisk.harness.registry import BrokenEntryError, case_table, engine_table, get_case, get_engine
 
 if TYPE_CHECKING:
@@ -101,7 +103,26 @@ def _engine_row(shown: Table, missing: list[str], engine: Engine) -> None:
 
 def show_engine(engine_id: str) -> None:
     """One engine: facts, what it can express, what it lacks and where its documentation says so, its options."""
-    info = get_engine(engine_id).info()
+    _show_info(get_engine(engine_id).info())
+
+
+def show_described(commands: Sequence[str]) -> None:
+    """Engines that are commands, as they describe themselves.
+
+    Raises
+    ------
+    UsageError
+        If one cannot be started, or its description is broken.
+    """
+    for line in commands:
+        try:
+            info = CommandEngine(line).info()
+        except EngineError as error:
+            raise UsageError(str(error)) from error
+        _show_info(info)
+
+
+def _show_info(info: EngineInfo) -> None:
     state = f"version {info.version}" if info.installed else f"not installed: {info.not_installed_because}"
     lines = [
         f"{info.id}: {info.name}, {state}",

@@ -16,9 +16,10 @@ from ninedisk.harness.cli_summary import show_summary
 from ninedisk.harness.cli_support import FAILURE, CellProgress, fail
 from ninedisk.harness.errors import StoreError, UsageError
 from ninedisk.harness.plan import plan_matrix
+from ninedisk.harness.protocol.given import engines_given
 from ninedisk.harness.provenance import command_line, provenance
 from ninedisk.harness.published import check_folder
-from ninedisk.harness.registry import engine_table, match_cases
+from ninedisk.harness.registry import match_cases
 from ninedisk.harness.results import CaseResult
 from ninedisk.harness.runner import run_cells
 from ninedisk.harness.store import new_run_id, prepare_store, write_run
@@ -35,6 +36,8 @@ def execute(
     store: Path,
     json_file: Path | None,
     published: Path | None,
+    commands: Sequence[str] = (),
+    all_engines: bool = False,
 ) -> int:
     """Run, store, print; the exit code of the command.
 
@@ -47,7 +50,7 @@ def execute(
     """
     cells = plan_matrix(
         match_cases(globs),
-        list(dict.fromkeys(engines)) or list(engine_table()),
+        engines_given(engines, commands, everything=all_engines),
         parse_settings(settings),
         parse_settings(options, flag="--option", example="siconos.theta=1"),
     )

@@ -150,6 +150,10 @@ class EngineNotInstalledError(EngineError):
     """The engine is not on this machine; the message says how to install it."""
 
 
+class EngineUnsupportedError(EngineError):
+    """The engine found, once it had the scene, that it cannot express it; the message says why."""
+
+
 @runtime_checkable
 class Engine(Protocol):
     """What the harness asks of an engine."""

@@ -22,7 +22,7 @@ from ninedisk.harness.engine import (
     SupportLevel,
     Timings,
 )
-from ninedisk.harness.isolation import run_isolated
+from ninedisk.harness.isolation import KEEP_BYTES, Finished, run_isolated
 from ninedisk.harness.wire import Request, decode_answer, encode_request
 
 
@@ -31,10 +31,12 @@ class ExternalEngine(ABC):
 
     Each run has a temporary folder of its own, which is its working directory and ``TMPDIR`` and is removed at the end.
     Everything else is optional: `supports` (by default: every capability that is needed is among those of `info`),
-    `extra` (additions to the request), `environment` and `time_limit`.
+    `extra` (additions to the request), `environment`, `working_folder`, `answer_text` and `time_limit`.
     """
 
     id: str = ""
+    keep_output: int = KEEP_BYTES
+    """Bytes of the end of each output stream that are kept."""
     time_limit: float | None = None
     """Seconds; None: the environment variable ``NINEDISK_TIME_LIMIT``, or 120."""
 
@@ -58,6 +60,20 @@ class ExternalEngine(ABC):
     def environment(self, folder: Path) -> Mapping[str, str]:
         """Environment of the process."""
         return {**os.environ, "TMPDIR": str(folder)}
+
+    def working_folder(self, folder: Path) -> Path:
+        """Folder in which the command runs; ``folder`` is the run's own."""
+        return folder
+
+    def answer_text(self, finished: Finished, answer_file: Path) -> str:
+        """The answer of a command that has ended well; raises `EngineError` where there is none."""
+        try:
+            return answer_file.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            said = finished.last_lines() or "(it printed nothing)"
+            raise EngineError(
+                f"{self.info().name} ended without a readable answer file ({error}); its last output:\n{said}"
+            ) from error
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the engine in a process of its own.
@@ -89,17 +105,12 @@ class ExternalEngine(ABC):
                 self.command(),
                 stdin=encode_request(request),
                 time_limit=self.time_limit,
-                cwd=folder,
+                cwd=self.working_folder(folder),
                 env=self.environment(folder),
+                keep=self.keep_output,
             )
-            try:
-                text = answer_file.read_text(encoding="utf-8")
-            except (OSError, UnicodeDecodeError) as error:
-                said = finished.last_lines() or "(it printed nothing)"
-                raise EngineError(
-                    f"{info.name} ended without a readable answer file ({error}); its last output:\n{said}"
-                ) from error
-        answer = decode_answer(text, scene=scene, numerics=numerics, watch=pairs)
+            text = self.answer_text(finished, answer_file)
+            answer = decode_answer(text, scene=scene, numerics=numerics, watch=pairs, folder=folder)
         timings = answer.run.timings
         setup = max(0.0, finished.seconds - timings.warm_up - timings.advance)
         return EngineRun(

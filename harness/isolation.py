@@ -19,11 +19,13 @@ from pathlib import Path
 from typing import IO
 
 from ninedisk.harness.engine import EngineError, EngineTimeoutError
+from ninedisk.harness.text import printable
 
 DEFAULT_TIME_LIMIT = 120.0
 TIME_LIMIT_VARIABLE = "NINEDISK_TIME_LIMIT"
 KEEP_BYTES = 1 << 16
 LAST_LINES = 12
+LINE_LENGTH = 150
 _CHUNK = 1 << 16
 _GRACE = 1.0  # a process that left the group may hold a pipe open: wait no longer than this for its end [s]
 
@@ -42,9 +44,11 @@ class Finished:
     seconds: float
 
     def last_lines(self, count: int = LAST_LINES) -> str:
-        """Last non-empty lines of standard error, or of standard output where standard error is empty."""
+        """Last non-empty lines of standard error, or of standard output where standard error is empty; long ones are cut."""
         lines = [line for line in (self.stderr.strip() or self.stdout.strip()).splitlines() if line.strip()]
-        return "\n".join(lines[-count:])
+        return "\n".join(
+            printable(line if len(line) <= LINE_LENGTH else line[:LINE_LENGTH] + " ...") for line in lines[-count:]
+        )
 
 
 def time_limit_from_environment(default: float = DEFAULT_TIME_LIMIT) -> float:

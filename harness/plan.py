@@ -8,7 +8,7 @@ from typing import Any
 
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.case import Case, ParameterError, Setup, Variant
-from ninedisk.harness.engine import Engine
+from ninedisk.harness.engine import Engine, EngineError
 from ninedisk.harness.errors import UsageError, close_matches
 from ninedisk.harness.params import format_value, resolve
 from ninedisk.harness.registry import BrokenEntryError, get_case, get_engine
@@ -37,7 +37,7 @@ class Cell:
 
 def plan_matrix(
     case_ids: Sequence[str],
-    engine_ids: Sequence[str],
+    engine_ids: Sequence[str | Engine],
     overrides: Mapping[str, Any],
     options: Mapping[str, Any] | None = None,
 ) -> list[Cell]:
@@ -45,7 +45,7 @@ def plan_matrix(
 
     An override replaces the matrix values of its parameter; variants that become equal are run once. An option
     ``ENGINE.NAME`` is a setting of that engine alone; where it differs from the engine's default it is part of the cells'
-    variant ids, so that their results are not taken for those of the default.
+    variant ids, so that their results are not taken for those of the default. An engine may be given itself in place of its id.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def plan_matrix(
     """
     cases = [get_case(case_id) for case_id in case_ids]
     _refuse_unknown(cases, overrides)
-    engines = [(engine_id, _engine(engine_id)) for engine_id in engine_ids]
+    engines = [(each, _engine(each)) if isinstance(each, str) else (each.id, each) for each in engine_ids]
     chosen = check_options(dict(engines), options or {})
     cells = []
     for case in cases:
@@ -103,7 +103,10 @@ def check_options(engines: Mapping[str, Engine | Exception], options: Mapping[st
             raise UsageError(f"the option {full!r} belongs to an engine that is not run: add --engine {engine_id}")
         if isinstance(engine, Exception):
             raise UsageError(f"the option {full!r} cannot be checked: {engine}") from engine
-        known = engine.info().options
+        try:
+            known = engine.info().options
+        except EngineError as error:
+            raise UsageError(f"the option {full!r} cannot be checked: {error}") from error
         if name not in known:
             names = ", ".join(f"{engine_id}.{each}" for each in known) or "none"
             raise UsageError(

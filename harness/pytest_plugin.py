@@ -18,7 +18,8 @@ import pytest
 from ninedisk.harness.dry_run import check_ids, dry_checks
 from ninedisk.harness.engine import SupportLevel
 from ninedisk.harness.plan import Cell, plan_matrix
-from ninedisk.harness.registry import engine_table, match_cases
+from ninedisk.harness.protocol.given import engines_given
+from ninedisk.harness.registry import match_cases
 from ninedisk.harness.results import CaseResult, Row
 from ninedisk.harness.runner import last_lines, run_cell
 
@@ -32,9 +33,12 @@ _RESULTS = pytest.StashKey[Results]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """``--engine ID`` and ``--case GLOB``, both repeatable; none means all."""
+    """``--engine ID``, ``--engine-cmd COMMAND`` and ``--case GLOB``, all repeatable; none means all."""
     group = parser.getgroup("ninedisk", "verification of granular engines")
     group.addoption("--engine", action="append", default=[], metavar="ID", help="engine to verify; repeat for several")
+    group.addoption(
+        "--engine-cmd", action="append", default=[], metavar="COMMAND", help="engine by its command; repeat for several"
+    )
     group.addoption("--case", action="append", default=[], metavar="GLOB", help="cases to run; repeat for several")
 
 
@@ -51,9 +55,10 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 def _parameters(config: pytest.Config) -> Iterator[object]:
     if _CELLS not in config.stash:
-        engines, cases = config.getoption("--engine"), config.getoption("--case")
+        cases = config.getoption("--case")
         try:
-            planned = plan_matrix(match_cases(cases), engines or list(engine_table()), {})
+            engines = engines_given(config.getoption("--engine"), config.getoption("--engine-cmd"))
+            planned = plan_matrix(match_cases(cases), engines, {})
         except ValueError as error:
             raise pytest.UsageError(str(error)) from error
         config.stash[_CELLS] = [(cell, [*_collect(cell), CELL]) for cell in planned]

@@ -17,6 +17,7 @@ from ninedisk.harness.engine import (
     EngineNotInstalledError,
     EngineRun,
     EngineTimeoutError,
+    EngineUnsupportedError,
     Support,
     SupportLevel,
 )
@@ -36,6 +37,7 @@ USERS_MISTAKES = (InvalidSceneError, InvalidNumericsError, UnstableTimeStepError
 """Errors of an engine's run that come from the parameters, not from the engine."""
 
 _KEPT_LINES = 12
+_KEPT_LENGTH = 2000
 
 
 def run_case(
@@ -85,7 +87,7 @@ def run_case(
 
 def run_matrix(
     case_ids: Sequence[str],
-    engine_ids: Sequence[str],
+    engine_ids: Sequence[str | Engine],
     overrides: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
     *,
@@ -142,6 +144,8 @@ def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes:
         return _measure(cell, setup, info, run, head, published)
     except EngineNotInstalledError as error:
         return _without_measurements(cell, head, "not-installed", last_lines(error))
+    except EngineUnsupportedError as error:
+        return _without_measurements(cell, head, "unsupported", last_lines(error))
     except EngineTimeoutError as error:
         return _without_measurements(cell, head, "timeout", last_lines(error))
     except Exception as error:
@@ -169,13 +173,18 @@ def all_checks(cell: Cell, setup: Setup, observed: Any, info: EngineInfo, publis
 
 
 def last_lines(error: BaseException) -> str:
-    """Message of an error, its last lines only; with its kind and place where it is none of ours."""
+    """Message of an error, its first line and its last ones; with its kind and place where it is none of ours."""
     message = str(error).strip()
     if not isinstance(error, CoreError | EngineError | ValueError) or not message:
         frame = traceback.extract_tb(error.__traceback__)[-1:]
         where = f" at {Path(frame[0].filename).name}:{frame[0].lineno}" if frame else ""
         message = f"{type(error).__name__}{where}: {message}"
-    return "\n".join(message.splitlines()[-_KEPT_LINES:])[-2000:]
+    lines = message.splitlines()
+    if len(lines) > _KEPT_LINES:
+        lines = [lines[0], *lines[1 - _KEPT_LINES :]]
+    text = "\n".join(lines)
+    # What went wrong stands at the beginning, what the engine said last at the end.
+    return text if len(text) <= _KEPT_LENGTH else f"{text[: _KEPT_LENGTH // 2]} ... {text[-_KEPT_LENGTH // 2 :]}"
 
 
 def _measure(

@@ -19,8 +19,12 @@ Answer (one JSON object in ``answer_file``)
     ``wire_version``, ``engine_version`` (a string), ``timings`` (``setup, warm_up, advance`` in seconds), ``settings``
     (an object) and ``history``: the fields of `ninedisk.core.history.History` as nested lists (without ``pairs``, which
     are the request's). A number that the engine cannot observe is ``null``, and so is an array none of whose numbers it
-    can observe; steps, times, positions and velocities must always be numbers. An engine that gives up
-    answers ``{"wire_version": 1, "error": "what went wrong"}`` instead.
+    can observe; steps, times, positions and velocities must always be numbers. For large histories ``history`` is
+    ``{"file": NAME, "force_meaning": ...}``, NAME an NPZ file in the folder of ``answer_file``, see
+    `ninedisk.harness.wire_files`. An engine that gives up answers ``{"wire_version": 1, "error": "what went wrong"}``
+    instead, one that finds that it cannot express the scene ``{"wire_version": 1, "unsupported": "why"}``.
+
+The same in JSON Schema: ``ninedisk schema --all --out DIR``.
 
 Floats are written with the shortest digits that give the same double back, so that nothing is lost on the way.
 """
@@ -30,6 +34,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,10 +43,20 @@ from numpy.typing import NDArray
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engine import EngineError, EngineRun, Timings
-from ninedisk.harness.wire_fields import WireError, expect_keys, float_array, number, step_array
+from ninedisk.harness.engine import EngineError, EngineRun, EngineUnsupportedError, Timings
+from ninedisk.harness.text import printable
+from ninedisk.harness.wire_fields import (
+    WireError,
+    expect_keys,
+    float_array,
+    number,
+    settings_field,
+    step_array,
+    text_field,
+)
+from ninedisk.harness.wire_files import HISTORY_FILE_KEYS, read_history_file
+from ninedisk.harness.wire_text import WIRE_VERSION, parse_message
 
-WIRE_VERSION = 1
 ANSWER_KEYS = ("wire_version", "engine_version", "timings", "settings", "history")
 TIMING_KEYS = ("setup", "warm_up", "advance")
 MEANINGS = ("instantaneous", "step-mean")
@@ -103,17 +118,23 @@ def decode_request(text: str) -> Request:
     CoreError
         If the scene or its numerics are not allowed.
     """
-    data = _parse(text, "request")
+    data = parse_message(text, "request")
     expect_keys(
         data, ("wire_version", "scene", "numerics", "watch", "sampled_steps", "answer_file", "extra"), "request"
     )
     scene, numerics = Scene.from_dict(data["scene"]), Numerics.from_dict(data["numerics"])
+    if not isinstance(data["watch"], list) or not all(isinstance(pair, list) for pair in data["watch"]):
+        raise WireError(f"watch is {data['watch']!r:.80}; expected a list of pairs")
+    if data["sampled_steps"] != numerics.sampled_steps().tolist():
+        raise WireError(f"sampled_steps are {data['sampled_steps']!r:.80}; expected those that the numerics ask for")
+    if not isinstance(data["answer_file"], str) or not isinstance(data["extra"], dict):
+        raise WireError("answer_file must be a string, and extra an object")
     return Request(
         scene=scene,
         numerics=numerics,
         watch=tuple(scene.check_pair(pair) for pair in data["watch"]),
-        answer_file=str(data["answer_file"]),
-        extra=dict(data["extra"]),
+        answer_file=data["answer_file"],
+        extra=data["extra"],
     )
 
 
@@ -138,36 +159,51 @@ def encode_answer(answer: Answer) -> str:
     )
 
 
-def decode_answer(text: str, *, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> Answer:
+def decode_answer(
+    text: str, *, scene: Scene, numerics: Numerics, watch: Sequence[Pair], folder: Path | None = None
+) -> Answer:
     """Check an answer against its request and turn it into an `EngineRun`.
+
+    Parameters
+    ----------
+    text : str
+    scene, numerics, watch
+        Of the request.
+    folder : Path, optional
+        Where the engine may have left a file with its history; None: nowhere.
 
     Raises
     ------
     WireError
         Naming the key at fault and what was expected there.
+    EngineUnsupportedError
+        If the engine answered that it cannot express the scene.
     EngineError
         If the engine answered with an error of its own, or its state stopped being finite (with the step).
     """
-    data = _parse(text, "answer")
+    data = parse_message(text, "answer")
     if "error" in data:
-        raise EngineError(f"the engine gave up: {data['error']}")
+        raise EngineError(f"the engine gave up: {printable(str(data['error']))}")
+    if "unsupported" in data:
+        expect_keys(data, ("wire_version", "unsupported"), "answer")
+        raise EngineUnsupportedError(text_field(data["unsupported"], "unsupported"))
     expect_keys(data, ANSWER_KEYS, "answer")
-    if not isinstance(data["engine_version"], str):
-        raise WireError(f"engine_version must be a string, not {data['engine_version']!r}")
-    if not isinstance(data["settings"], Mapping):
-        raise WireError(f"settings must be an object, not {data['settings']!r:.80}")
     timings = data["timings"]
     expect_keys(timings, TIMING_KEYS, "timings")
     run = EngineRun(
-        history=_history(data["history"], scene, numerics, tuple((int(i), int(j)) for i, j in watch)),
+        history=_history(data["history"], scene, numerics, tuple((int(i), int(j)) for i, j in watch), folder),
         timings=Timings(**{key: number(timings[key], f"timings.{key}", low=0.0) for key in TIMING_KEYS}),
-        settings=dict(data["settings"]),
+        settings=settings_field(data["settings"]),
     )
-    return Answer(run=run, engine_version=data["engine_version"])
+    return Answer(run=run, engine_version=text_field(data["engine_version"], "engine_version"))
 
 
-def _history(data: Any, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> History:
+def _history(data: Any, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...], folder: Path | None) -> History:
     shapes = _shapes(len(scene.disks), len(scene.walls), len(pairs))
+    if isinstance(data, Mapping) and "file" in data:
+        expect_keys(data, HISTORY_FILE_KEYS, "history")
+        found = read_history_file(data["file"], folder, shapes)
+        data = {**found, "force_meaning": data["force_meaning"]}
     expect_keys(data, ("step", *shapes, "force_meaning", "energy"), "history")
     steps = step_array(data["step"], numerics.sampled_steps())
     arrays = {name: float_array(data[name], f"history.{name}", (len(steps), *shape)) for name, shape in shapes.items()}
@@ -238,21 +274,3 @@ def _lists(array: NDArray[np.float64]) -> Any:
     entries = array.astype(object)
     entries[missing] = None
     return entries.tolist()
-
-
-def _parse(text: str, what: str) -> dict[str, Any]:
-    if not text.strip():
-        raise WireError(f"the {what} is empty; expected one JSON object")
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise WireError(
-            f"the {what} is not JSON, or was cut off ({error}); it has {len(text)} characters, begins with "
-            f"{text[:60]!r} and ends with {text[-60:]!r}"
-        ) from error
-    if not isinstance(data, dict):
-        raise WireError(f"the {what} must be a JSON object, not {type(data).__name__}")
-    version = data.get("wire_version")
-    if version != WIRE_VERSION or isinstance(version, bool):
-        raise WireError(f"wire_version of the {what} is {version!r}; this harness speaks version {WIRE_VERSION}")
-    return data

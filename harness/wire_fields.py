@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
+from types import NoneType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.harness.engine import EngineError
+from ninedisk.harness.text import printable
+
+SETTINGS_DEPTH = 8
+"""Levels of lists and objects within settings: more than any table needs."""
 
 
 class WireError(EngineError):
@@ -29,28 +36,61 @@ def expect_keys(data: Any, keys: Sequence[str], where: str) -> None:
 
 def number(value: Any, name: str, *, low: float) -> float:
     """A finite number not below ``low``."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value) or value < low:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= sys.float_info.max:
         raise WireError(f"{name} is {value!r}; expected a finite number >= {low:g}")
     return float(value)
 
 
+def text_field(value: Any, name: str) -> str:
+    """A string, without control characters and halves of characters, which no terminal and no file can show."""
+    if not isinstance(value, str):
+        raise WireError(f"{name} must be a string, not {value!r:.80}")
+    return printable(value)
+
+
+def settings_field(value: Any) -> dict[str, Any]:
+    """An object of settings as it can be stored and shown: texts printable, numbers beyond doubles and 64 bits as text."""
+    if not isinstance(value, Mapping):
+        raise WireError(f"settings must be an object, not {value!r:.80}")
+    return {printable(str(key)): _storable(entry, SETTINGS_DEPTH) for key, entry in value.items()}
+
+
+def _storable(value: Any, depth: int) -> Any:
+    if depth == 0:
+        raise WireError(f"settings are nested more than {SETTINGS_DEPTH} deep: write them flat, or as text")
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, Mapping):
+        return {printable(str(key)): _storable(entry, depth - 1) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_storable(entry, depth - 1) for entry in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    if isinstance(value, int) and abs(value) >= 1 << 63:
+        return f"{value:.17e}" if abs(value) < 10**300 else "beyond a double"
+    return value
+
+
 def step_array(value: Any, expected: NDArray[np.int64]) -> NDArray[np.int64]:
     """The sampled steps, which must be those of the request."""
+    if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "iu":
+        value = value.tolist()
     if not isinstance(value, list) or any(isinstance(step, bool) or not isinstance(step, int) for step in value):
         raise WireError(f"history.step is {value!r:.80}; expected a list of whole numbers")
     if len(value) != len(expected):
         raise WireError(
             f"history.step has {len(value)} steps; expected the {len(expected)} sampled steps of the request"
         )
-    steps = np.array(value, dtype=np.int64)
-    if (steps != expected).any():
-        row = int(np.argmax(steps != expected))
-        raise WireError(f"history.step[{row}] is {steps[row]}; expected the sampled step {expected[row]}")
-    return steps
+    for row, (step, wanted) in enumerate(zip(value, expected.tolist(), strict=True)):
+        if step != wanted:
+            raise WireError(f"history.step[{row}] is {step}; expected the sampled step {wanted}")
+    return np.array(value, dtype=np.int64)
 
 
 def float_array(value: Any, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Nested lists of numbers, null meaning NaN, as an array of this shape; null alone is an array of NaN.
+
+    An array, as a file has it, is checked likewise.
 
     Raises
     ------
@@ -59,7 +99,7 @@ def float_array(value: Any, name: str, shape: tuple[int, ...]) -> NDArray[np.flo
     """
     if value is None:
         return np.full(shape, np.nan)
-    if not isinstance(value, list):
+    if not isinstance(value, list | np.ndarray):
         raise WireError(f"{name} is {value!r:.80}; expected nested lists of numbers of shape {shape}")
     try:
         raw = np.array(value)
@@ -69,8 +109,20 @@ def float_array(value: Any, name: str, shape: tuple[int, ...]) -> NDArray[np.flo
         return np.empty(shape)
     if raw.shape != shape:
         raise WireError(f"{name} has shape {raw.shape}; expected {shape}")
-    if raw.dtype.kind not in "iuf":
-        for entry in np.array(value, dtype=object).flat:
-            if entry is not None and (isinstance(entry, bool) or not isinstance(entry, int | float)):
-                raise WireError(f"{name} holds {entry!r:.80}; expected numbers, or null for what was not observed")
-    return np.array(value, dtype=np.float64)
+    kinds = {type(entry) for entry in _entries(value, len(shape))}
+    if not kinds <= {int, float, NoneType}:
+        odd = next(entry for entry in _entries(value, len(shape)) if type(entry) not in (int, float, NoneType))
+        raise WireError(f"{name} holds {odd!r:.80}; expected numbers, or null for what was not observed")
+    try:
+        return np.array(value, dtype=np.float64)
+    except OverflowError:
+        raise WireError(f"{name} holds a whole number beyond the range of a double") from None
+
+
+def _entries(value: Any, depth: int) -> Iterable[Any]:
+    """Entries of regular nested lists, as Python objects: NumPy would take true for 1 beside numbers."""
+    if isinstance(value, np.ndarray):
+        return [] if value.dtype.kind in "iuf" else value.astype(object).flat
+    for _ in range(depth - 1):
+        value = chain.from_iterable(value)
+    return value  # type: ignore[no-any-return]

@@ -33,11 +33,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--store", default="results", help="folder of the results, kept from run to run")
     parser.add_argument("--out", default="report", help="folder of the page")
+    parser.add_argument("--engine-cmd", action="append", default=[], help="an engine by its command, beside all others")
     options = parser.parse_args()
 
     with tempfile.TemporaryDirectory() as folder:
         rows = Path(folder) / "measurements.json"
-        run = ninedisk("run", "--store", options.store, "--json", str(rows))
+        more = [word for command in options.engine_cmd for word in ("--engine-cmd", command)]
+        run = ninedisk("run", "--all-engines", *more, "--store", options.store, "--json", str(rows))
         counts = summary(rows)
     page = ninedisk("report", "--store", options.store, "--out", options.out)
 

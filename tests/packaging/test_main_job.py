@@ -64,3 +64,11 @@ def test_exit_status(
 
 def test_a_run_without_rows_is_said_to_be_one(job: ModuleType, tmp_path: Path) -> None:
     assert job.summary(tmp_path / "absent.json") == "no measurements"
+
+
+def test_engines_by_their_commands_join_all_others(job: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+    monkeypatch.setattr(job, "ninedisk", lambda *arguments: calls.append(arguments) or 0)
+    monkeypatch.setattr(sys, "argv", ["main_job.py", "--engine-cmd", "node a.mjs", "--engine-cmd", "./b c"])
+    assert job.main() == 0
+    assert calls[0][:6] == ("run", "--all-engines", "--engine-cmd", "node a.mjs", "--engine-cmd", "./b c")

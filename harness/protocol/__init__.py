@@ -1,0 +1,1 @@
+"""The wire protocol for engines of any language: its schemas, and the adapter of an engine that is a command."""

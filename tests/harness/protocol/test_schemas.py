@@ -1,0 +1,209 @@
+"""The published schemas are those of the real data: same keys, same choices, same bounds, and what they admit is read."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from ninedisk.core.errors import CoreError
+from ninedisk.core.history import History
+from ninedisk.core.law import LEVER_ARMS, WALL_VELOCITY_AT, ContactLaw
+from ninedisk.core.numerics import DampingForm, Impact, Numerics, Regime, Sliding
+from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
+from ninedisk.harness.capabilities import Capability
+from ninedisk.harness.engine import EngineError, EngineInfo
+from ninedisk.harness.engines._options import Option
+from ninedisk.harness.errors import UsageError
+from ninedisk.harness.params import resolve
+from ninedisk.harness.protocol.description import NOTE_SOFT, read_description, wire_name
+from ninedisk.harness.protocol.example import example_request
+from ninedisk.harness.protocol.schemas import NAMES, fault, schema_text, validator, write_schemas
+from ninedisk.harness.registry import case_table, get_case
+from ninedisk.harness.wire import (
+    ANSWER_KEYS,
+    TIMING_KEYS,
+    WIRE_VERSION,
+    Request,
+    decode_answer,
+    decode_request,
+    encode_request,
+)
+
+SCHEMAS = {name: json.loads(schema_text(name)) for name in NAMES}
+SCENE = SCHEMAS["scene"]["$defs"]
+REQUEST_JUNK: tuple[Any, ...] = (None, True, -1, -0.5, 0, "x", [], {}, [[1.0]])
+JUNK: tuple[Any, ...] = (*REQUEST_JUNK, float("inf"), 2**70)
+TOGETHER = "it must have shape|one for|m behind wall|the first body is a disk|zero normal|that the numerics ask for"
+ABOUT = {"wire_version": 1, "id": "mine", "version": "1", "contact": "spring", "scheme": "none", "capabilities": []}
+
+
+def names(record: type) -> set[str]:
+    return {each.name for each in fields(record)}
+
+
+def keys(schema: Mapping[str, Any]) -> set[str]:
+    assert schema["additionalProperties"] is False
+    assert set(schema["required"]) == set(schema["properties"])
+    return set(schema["properties"])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_they_are_schemas_of_this_wire_version(name: str) -> None:
+    Draft202012Validator.check_schema(SCHEMAS[name])
+    assert SCHEMAS[name]["$id"] == f"urn:ninedisk:wire:{WIRE_VERSION}:{name}"
+
+
+def test_keys_are_the_fields_of_the_dataclasses() -> None:
+    assert keys(SCHEMAS["scene"]) == names(Scene)
+    assert keys(SCENE["disks"]) == names(Disks)
+    assert keys(SCENE["law"]) == names(ContactLaw)
+    assert keys(SCENE["wall"]) == names(Wall)
+    assert keys(SCENE["segment"]) == names(WallSegment)
+    assert keys(SCHEMAS["numerics"]) == names(Numerics)
+    assert keys(SCHEMAS["request"]) == names(Request) | {"wire_version", "sampled_steps"}
+    # Pairs are the request's, and outside engines report every disk.
+    assert keys(SCHEMAS["history"]) == names(History) - {"pairs", "particles"}
+    finished = SCHEMAS["answer"]["oneOf"][0]
+    assert keys(finished) == set(ANSWER_KEYS)
+    assert keys(finished["properties"]["timings"]) == set(TIMING_KEYS)
+
+
+def test_choices_are_those_of_the_code() -> None:
+    law, numerics = SCENE["law"]["properties"], SCHEMAS["numerics"]["properties"]
+    assert law["lever_arm"]["enum"] == list(LEVER_ARMS)
+    assert law["wall_velocity_at"]["enum"] == list(WALL_VELOCITY_AT)
+    literals = {"damping_form": DampingForm, "impact": Impact, "sliding": Sliding, "regime": Regime}
+    for name, literal in literals.items():
+        assert numerics[name]["enum"] == list(get_args(literal))
+    about = SCHEMAS["describe"]["properties"]
+    one = about["capabilities"]["items"]
+    assert one["enum"] == [wire_name(capability) for capability in Capability]
+    assert one["description"] == "; ".join(f"{wire_name(each)}: {each}" for each in Capability) + "."
+    assert "softness_why" in about
+    assert set(about) - names(EngineInfo) == {"wire_version", "approximations"}
+    number, word = about["options"]["additionalProperties"]["oneOf"]
+    assert set(number["properties"]) | set(word["properties"]) == names(Option)
+
+
+@pytest.mark.parametrize("case_id", list(case_table()))
+def test_requests_of_every_case_keep_to_the_schema(case_id: str) -> None:
+    case = get_case(case_id)
+    for row in case.matrix():
+        setup = case.build(resolve(case, row).params)
+        request = Request(scene=setup.scene, numerics=setup.numerics, watch=setup.watch, answer_file="answer.json")
+        assert fault("request", json.loads(encode_request(request))) is None
+    shown = json.loads(example_request(case_id, {}))
+    assert fault("request", shown) is None
+    assert shown["numerics"]["contact_dt"] > 0.0
+
+
+def places(data: Any) -> Iterator[tuple[Callable[[], Any], Callable[[Any], None]]]:
+    """Getter and setter of every entry of nested data; of a list, the first entry stands for all."""
+    entries: Any = list(data) if isinstance(data, dict) else range(min(1, len(data)))
+    for key in entries:
+        yield (lambda key=key: data[key]), (lambda value, key=key: data.__setitem__(key, value))
+        if isinstance(data[key], dict | list):
+            yield from places(data[key])
+
+
+def moved_request() -> dict[str, Any]:
+    """A small request in which every part of a scene occurs."""
+    request: dict[str, Any] = json.loads(example_request("nine-disk/compression", {"cycles": "2", "xi": "0"}))
+    request["scene"]["walls"][0]["motion"][0]["pivot"] = [0.0, 0.0]
+    disks = request["scene"]["disks"]
+    request["scene"]["disks"] = {key: values[:2] for key, values in disks.items()}
+    request["scene"]["walls"] = request["scene"]["walls"][:1]
+    request["watch"] = [[0, 1]]
+    request["scene"]["initial_shear"] = [[0, 1, 0.5]]
+    return request
+
+
+def test_what_the_schema_admits_the_code_reads() -> None:
+    """Every single entry of a request, replaced by junk: what the code refuses, the schema refuses.
+
+    The code alone knows how parts belong together: lengths of arrays, walls that overlap, bodies that exist, steps that divide.
+    """
+    request = moved_request()
+    assert fault("request", request) is None
+    valid = validator("request").is_valid
+    tried, admitted = 0, []
+    for get, put in places(request):
+        good = get()
+        for junk in REQUEST_JUNK:
+            put(junk)
+            try:
+                decode_request(json.dumps(request))
+            except (CoreError, EngineError) as error:
+                if valid(request):
+                    admitted.append(str(error))
+            tried += 1
+        put(good)
+    assert tried > 400
+    unexpected = [text for text in admitted if not re.search(TOGETHER, text)]
+    assert unexpected == [], "\n".join(unexpected)
+    assert admitted
+
+
+def test_no_answer_breaks_the_reader() -> None:
+    """Every entry of an answer, replaced by junk or left out, is read or refused in words, whatever it is."""
+    request = decode_request(json.dumps(moved_request()))
+    steps, n, m, c = [0, 1, 2], 2, 1, 1
+    rows = {"angle": n, "omega": n, "gap": c, "fn": c, "fs": c, "wall_angle": m}
+    history: dict[str, Any] = {name: [[0.0] * size for _ in steps] for name, size in rows.items()}
+    history |= {name: [[[0.0, 0.0]] * n for _ in steps] for name in ("x", "v")}
+    history |= {name: [[[0.0, 0.0]] * m for _ in steps] for name in ("wall_point", "wall_force")}
+    history |= {"step": steps, "t": [step * request.numerics.dt for step in steps], "force_meaning": "instantaneous"}
+    history["energy"] = {"kinetic": [0.0, None, 0.0]}
+    answer = {
+        "wire_version": 1, "engine_version": "1", "settings": {"a": 1}, "history": history,
+        "timings": {"setup": 0.0, "warm_up": 0.0, "advance": 0.0},
+    }  # fmt: skip
+    assert fault("answer", answer) is None
+
+    def read() -> bool:
+        try:
+            decode_answer(json.dumps(answer), scene=request.scene, numerics=request.numerics, watch=request.watch)
+        except EngineError:
+            return False
+        return True
+
+    assert read()
+    outcomes = set()
+    for get, put in places(answer):
+        good = copy.deepcopy(get())
+        for junk in JUNK:
+            put(junk)
+            outcomes.add(accepted := read())
+            finite = "Infinity" not in json.dumps(answer) and "NaN" not in json.dumps(answer)
+            assert not accepted or not finite or fault("answer", answer) is None, (good, junk)
+        put(good)
+    assert outcomes == {True, False}
+
+
+def test_a_description_is_read_as_its_schema_says() -> None:
+    told = {**ABOUT, "contact": "soft", "softness": 0.5, "capabilities": ["gravity"], "approximations": ["soft"]}
+    found = read_description(json.dumps(told), how_it_runs="x")
+    assert found.info.softness == 0.5
+    assert found.info.capabilities == {Capability.GRAVITY}
+    assert found.approximations == ("soft",)
+    del told["approximations"]
+    assert read_description(json.dumps(told), how_it_runs="x").approximations == (NOTE_SOFT,)
+    for key in ABOUT:
+        with pytest.raises(EngineError, match=key):
+            read_description(json.dumps({k: v for k, v in ABOUT.items() if k != key}), how_it_runs="x")
+
+
+def test_they_are_written_whole(tmp_path: Path) -> None:
+    written = write_schemas(NAMES, tmp_path / "new" / "folder")
+    assert [json.loads(path.read_text())["$id"] for path in written] == [SCHEMAS[name]["$id"] for name in NAMES]
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="cannot be written"):
+        write_schemas(NAMES, tmp_path / "file")
