@@ -9,23 +9,23 @@ from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.cli_tables import console, table
 from ninedisk.harness.engine import Engine, EngineInfo
 from ninedisk.harness.params import allowed, format_value
-from ninedisk.harness.registry import BrokenEntryError, case_table, engine_table, get_case, get_engine
+from ninedisk.harness.registry import case_table, engine_table, get_case, get_engine, problems
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 
 def show_cases() -> None:
-    """Every case with its title, source and number of variants."""
-    shown = table("case", "what it is", "source", "variants")
-    for case_id in case_table():
+    """Every case with its title, source, number of variants and the package it comes from."""
+    shown = table("case", "what it is", "source", "variants", "from")
+    for case_id, entry in case_table().items():
         try:
             case = get_case(case_id)
-        except BrokenEntryError as error:
-            shown.add_row(case_id, f"broken: {error}", "", "")
-            continue
-        shown.add_row(case_id, case.title, case.source, str(len(case.matrix())))
+            shown.add_row(case_id, case.title, case.source, str(len(case.matrix())), entry.origin)
+        except Exception as error:  # an outsider's case must not hide the others
+            shown.add_row(case_id, f"broken: {error}", "", "", entry.origin)
     console().print(shown)
+    _show_problems()
     console().print("Parameters of one case: ninedisk list cases CASE", markup=False, highlight=False)
 
 
@@ -76,25 +76,34 @@ WORDS: Mapping[Capability, str] = {
 
 def show_engines() -> None:
     """Every engine: whether it is installed, its version and licence, how it runs, what it expresses, what installs it."""
-    shown = table("engine", "name", "version", "licence", "how it runs", "contacts", "expresses", "install")
+    shown = table("engine", "name", "version", "licence", "how it runs", "contacts", "expresses", "install", "from")
     missing: list[str] = []
-    for engine_id in engine_table():
+    for engine_id, entry in engine_table().items():
         try:
-            _engine_row(shown, missing, get_engine(engine_id))
+            _engine_row(shown, missing, get_engine(engine_id), entry.origin)
         except Exception as error:  # an outsider's adapter must not hide the others
-            shown.add_row(engine_id, f"broken: {error}", "", "", "", "", "", "")
+            shown.add_row(engine_id, f"broken: {error}", "", "", "", "", "", "", entry.origin)
     out = console()
     out.print(shown)
     for line in missing:
         out.print(line, markup=False, highlight=False)
+    _show_problems()
     out.print("One engine with its options: ninedisk list engines ENGINE", markup=False, highlight=False)
 
 
-def _engine_row(shown: Table, missing: list[str], engine: Engine) -> None:
+def _show_problems() -> None:
+    """What installed packages announce wrongly, on standard error: the list itself is complete without it."""
+    import typer
+
+    for problem in problems():
+        typer.echo(f"warning: {problem}", err=True)
+
+
+def _engine_row(shown: Table, missing: list[str], engine: Engine, origin: str) -> None:
     info = engine.info()
     version = info.version if info.version is not None else "not installed"
     has = ", ".join(dict.fromkeys(WORDS[capability] for capability in Capability if capability in info.capabilities))
-    shown.add_row(info.id, info.name, version, info.licence, info.how_it_runs, info.contact, has, info.install)
+    shown.add_row(info.id, info.name, version, info.licence, info.how_it_runs, info.contact, has, info.install, origin)
     if not info.installed and info.not_installed_because:
         missing.append(f"{info.id}: {info.not_installed_because}")
 
