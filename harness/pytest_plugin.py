@@ -50,10 +50,34 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The markers: tiers, and that by which pytest-xdist keeps a cell's tests together."""
+    """The markers: tiers, and that by which pytest-xdist keeps a cell's tests together.
+
+    Raises
+    ------
+    pytest.UsageError
+        If an option of the suite names what does not exist, before anything is collected.
+    """
     config.addinivalue_line("markers", "xdist_group(name): tests that run in the same process under --dist loadgroup")
     for tier in TIERS:
         config.addinivalue_line("markers", f"{tier}: tier of ninedisk's suite, see ninedisk.harness.suite.tiers")
+
+    if any(config.getoption(f"ninedisk_{name}") for name in ("case", "engine", "known_gaps")):
+        _check_options(config)
+
+
+def _check_options(config: pytest.Config) -> None:
+    from ninedisk.harness.errors import UsageError
+    from ninedisk.harness.registry import check_engine_ids, match_cases
+    from ninedisk.harness.suite.gaps import read_gaps
+
+    gaps = config.getoption("ninedisk_known_gaps")
+    try:
+        check_engine_ids(config.getoption("ninedisk_engine"))
+        match_cases(config.getoption("ninedisk_case"))
+        if gaps is not None:
+            read_gaps(gaps)
+    except UsageError as error:
+        raise pytest.UsageError(str(error)) from error
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

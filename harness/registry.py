@@ -174,11 +174,21 @@ def engines_that_load(wanted: Callable[[str], bool]) -> dict[str, Engine]:
     return found
 
 
-def _load(name: str, table: Mapping[str, Registered], kind: str) -> Any:
+def check_engine_ids(ids: Iterable[str]) -> None:
+    """Refuse ids of engines that do not exist, without loading any; raises `UnknownIdError`."""
+    for name in ids:
+        _check_id(name, engine_table(), "engine")
+
+
+def _check_id(name: str, table: Mapping[str, Registered], kind: str) -> None:
     if name not in table:
         raise UnknownIdError(
             f"there is no {kind} {name!r}.{close_matches(name, table)} Known {kind}s: {', '.join(table)}"
         )
+
+
+def _load(name: str, table: Mapping[str, Registered], kind: str) -> Any:
+    _check_id(name, table, kind)
     entry = table[name]
     if entry.problem:
         raise BrokenEntryError(f"the {kind} {name!r} is not clear: {entry.problem}")

@@ -10,7 +10,6 @@ import pytest
 
 from ninedisk.harness.dry_run import check_ids, dry_checks
 from ninedisk.harness.engine import SupportLevel
-from ninedisk.harness.errors import UsageError
 from ninedisk.harness.plan import Cell, plan_matrix
 from ninedisk.harness.registry import engine_table, match_cases
 from ninedisk.harness.results import CaseResult, Row
@@ -56,14 +55,11 @@ def make_plan(cases: Sequence[str], engines: Sequence[str], gaps: Path | None, s
 
     Raises
     ------
-    pytest.UsageError
+    UsageError
         Unknown ids, or a file of gaps that cannot be read.
     """
-    try:
-        known = read_gaps(gaps) if gaps is not None else ()
-        planned = plan_matrix(match_cases(cases), list(dict.fromkeys(engines)) or list(engine_table()), {})
-    except UsageError as error:
-        raise pytest.UsageError(str(error)) from error
+    known = read_gaps(gaps) if gaps is not None else ()
+    planned = plan_matrix(match_cases(cases), list(dict.fromkeys(engines)) or list(engine_table()), {})
     stored = open_store(store) if store is not None else StoredCells("")
     return Plan([(cell, _collect(cell)) for cell in planned], known, stored)
 

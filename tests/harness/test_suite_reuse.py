@@ -144,3 +144,11 @@ def test_a_changed_source_has_another_digest(tmp_path: Path, monkeypatch: pytest
         digests.add(source_digest())
     provenance_module.source_digest.cache_clear()
     assert len(digests | {before}) == 3
+
+
+@pytest.mark.tree
+def test_make_test_looks_into_the_store_of_make_report() -> None:
+    makefile = (Path(__file__).resolve().parents[2] / "Makefile").read_text()
+    report, test = (makefile.partition(f"\n{name}: ")[2].partition("\n\n")[0] for name in ("report", "test"))
+    assert '--store "$(STORE)"' in report
+    assert '--ninedisk-store "$(STORE)"' in test
