@@ -33,7 +33,13 @@ def show_case(case_id: str) -> None:
     """One case: what it requires, its parameters, and the variants of its matrix."""
     case = get_case(case_id)
     out = console()
-    for line in (f"{case.id} (version {case.version}): {case.title}", f"source: {case.source}", case.requirement, ""):
+    for line in (
+        f"{case.id} (version {case.version}): {case.title}",
+        f"source: {case.source}",
+        f"from: {case_table()[case_id].origin}",
+        case.requirement,
+        "",
+    ):
         out.print(line, markup=False, highlight=False)
     shown = table("parameter", "default", "unit", "allowed", "meaning")
     for p in case.parameters:
@@ -117,6 +123,7 @@ def show_engine(engine_id: str) -> None:
         f"licence: {info.licence}; runs: {info.how_it_runs}; {info.precision}, {info.threads} thread(s)",
         f"contacts: {info.contact}; scheme: {info.scheme}",
         f"install: {info.install}",
+        f"from: {engine_table()[engine_id].origin}",
         "",
         "It can express:",
         *(f"  {capability}" for capability in Capability if capability in info.capabilities),

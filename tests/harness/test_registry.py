@@ -114,9 +114,12 @@ def test_a_broken_case_leaves_the_others_alone(stranger: Callable[[str, str], No
 def test_lists_tell_where_things_come_from(
     stranger: Callable[[str, str], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from ninedisk.harness.cli_list import show_cases, show_engines
+    from ninedisk.harness.cli_list import show_case, show_cases, show_engine, show_engines
 
     stranger("thief", "[ninedisk.engines]\ndem = thief:ENGINE\nthief = thief:ENGINE\n")
+    show_case("fake/fall")
+    show_engine("fake-good")
+    assert capsys.readouterr().out.count("from: ninedisk-fakes\n") == 2
     show_cases()
     show_engines()
     shown = capsys.readouterr()
