@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness import cli_bench, cli_history, cli_protocol, cli_store
+from ninedisk.harness import cli_bench, cli_engines, cli_history, cli_protocol, cli_store
 from ninedisk.harness.cli_protocol import Commands
 from ninedisk.harness.cli_store import Store
 from ninedisk.harness.cli_support import INTERRUPTED, guarded
@@ -221,6 +221,7 @@ def _bench_page(record: Mapping[str, Any], path: Path) -> None:
 
 cli_bench.register(app, _bench_page)
 cli_protocol.register(app)
+cli_engines.register(app)
 cli_history.register(app, _comparison_page, _dashboard_folder)
 cli_store.register(app)
 

@@ -11,23 +11,23 @@ from ninedisk.harness.engine import Engine, EngineError, EngineInfo
 from ninedisk.harness.errors import UsageError
 from ninedisk.harness.params import allowed, format_value
 from ninedisk.harness.protocol.command import CommandEngine
-from ninedisk.harness.registry import BrokenEntryError, case_table, engine_table, get_case, get_engine
+from ninedisk.harness.registry import case_table, engine_table, get_case, get_engine, problems
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 
 def show_cases() -> None:
-    """Every case with its title, source and number of variants."""
-    shown = table("case", "what it is", "source", "variants")
-    for case_id in case_table():
+    """Every case with its title, source, number of variants and the package it comes from."""
+    shown = table("case", "what it is", "source", "variants", "from")
+    for case_id, entry in case_table().items():
         try:
             case = get_case(case_id)
-        except BrokenEntryError as error:
-            shown.add_row(case_id, f"broken: {error}", "", "")
-            continue
-        shown.add_row(case_id, case.title, case.source, str(len(case.matrix())))
+            shown.add_row(case_id, case.title, case.source, str(len(case.matrix())), entry.origin)
+        except Exception as error:  # an outsider's case must not hide the others
+            shown.add_row(case_id, f"broken: {error}", "", "", entry.origin)
     console().print(shown)
+    _show_problems()
     console().print("Parameters of one case: ninedisk list cases CASE", markup=False, highlight=False)
 
 
@@ -35,7 +35,13 @@ def show_case(case_id: str) -> None:
     """One case: what it requires, its parameters, and the variants of its matrix."""
     case = get_case(case_id)
     out = console()
-    for line in (f"{case.id} (version {case.version}): {case.title}", f"source: {case.source}", case.requirement, ""):
+    for line in (
+        f"{case.id} (version {case.version}): {case.title}",
+        f"source: {case.source}",
+        f"from: {case_table()[case_id].origin}",
+        case.requirement,
+        "",
+    ):
         out.print(line, markup=False, highlight=False)
     shown = table("parameter", "default", "unit", "allowed", "meaning")
     for p in case.parameters:
@@ -78,32 +84,41 @@ WORDS: Mapping[Capability, str] = {
 
 def show_engines() -> None:
     """Every engine: whether it is installed, its version and licence, how it runs, what it expresses, what installs it."""
-    shown = table("engine", "name", "version", "licence", "how it runs", "contacts", "expresses", "install")
+    shown = table("engine", "name", "version", "licence", "how it runs", "contacts", "expresses", "install", "from")
     missing: list[str] = []
-    for engine_id in engine_table():
+    for engine_id, entry in engine_table().items():
         try:
-            _engine_row(shown, missing, get_engine(engine_id))
+            _engine_row(shown, missing, get_engine(engine_id), entry.origin)
         except Exception as error:  # an outsider's adapter must not hide the others
-            shown.add_row(engine_id, f"broken: {error}", "", "", "", "", "", "")
+            shown.add_row(engine_id, f"broken: {error}", "", "", "", "", "", "", entry.origin)
     out = console()
     out.print(shown)
     for line in missing:
         out.print(line, markup=False, highlight=False)
+    _show_problems()
     out.print("One engine with its options: ninedisk list engines ENGINE", markup=False, highlight=False)
 
 
-def _engine_row(shown: Table, missing: list[str], engine: Engine) -> None:
+def _show_problems() -> None:
+    """What installed packages announce wrongly, on standard error: the list itself is complete without it."""
+    import typer
+
+    for problem in problems():
+        typer.echo(f"warning: {problem}", err=True)
+
+
+def _engine_row(shown: Table, missing: list[str], engine: Engine, origin: str) -> None:
     info = engine.info()
     version = info.version if info.version is not None else "not installed"
     has = ", ".join(dict.fromkeys(WORDS[capability] for capability in Capability if capability in info.capabilities))
-    shown.add_row(info.id, info.name, version, info.licence, info.how_it_runs, info.contact, has, info.install)
+    shown.add_row(info.id, info.name, version, info.licence, info.how_it_runs, info.contact, has, info.install, origin)
     if not info.installed and info.not_installed_because:
         missing.append(f"{info.id}: {info.not_installed_because}")
 
 
 def show_engine(engine_id: str) -> None:
     """One engine: facts, what it can express, what it lacks and where its documentation says so, its options."""
-    _show_info(get_engine(engine_id).info())
+    _show_info(get_engine(engine_id).info(), engine_table()[engine_id].origin)
 
 
 def show_described(commands: Sequence[str]) -> None:
@@ -119,16 +134,17 @@ def show_described(commands: Sequence[str]) -> None:
             info = CommandEngine(line).info()
         except EngineError as error:
             raise UsageError(str(error)) from error
-        _show_info(info)
+        _show_info(info, "--engine-cmd")
 
 
-def _show_info(info: EngineInfo) -> None:
+def _show_info(info: EngineInfo, origin: str) -> None:
     state = f"version {info.version}" if info.installed else f"not installed: {info.not_installed_because}"
     lines = [
         f"{info.id}: {info.name}, {state}",
         f"licence: {info.licence}; runs: {info.how_it_runs}; {info.precision}, {info.threads} thread(s)",
         f"contacts: {info.contact}; scheme: {info.scheme}",
         f"install: {info.install}",
+        f"from: {origin}",
         "",
         "It can express:",
         *(f"  {capability}" for capability in Capability if capability in info.capabilities),

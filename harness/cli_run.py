@@ -19,7 +19,7 @@ from ninedisk.harness.plan import plan_matrix
 from ninedisk.harness.protocol.given import engines_given
 from ninedisk.harness.provenance import command_line, provenance
 from ninedisk.harness.published import check_folder
-from ninedisk.harness.registry import match_cases
+from ninedisk.harness.registry import match_cases, problems
 from ninedisk.harness.results import CaseResult
 from ninedisk.harness.runner import run_cells
 from ninedisk.harness.store import new_run_id, prepare_store, write_run
@@ -54,7 +54,7 @@ def execute(
         parse_settings(settings),
         parse_settings(options, flag="--option", example="siconos.theta=1"),
     )
-    for note in check_folder(published, cells):
+    for note in (*(f"warning: {problem}" for problem in problems()), *check_folder(published, cells)):
         typer.echo(note, err=True)
     prepare_store(store)
     if json_file is not None:

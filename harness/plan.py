@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ninedisk.core.errors import CoreError
-from ninedisk.harness.case import Case, ParameterError, Setup, Variant
+from ninedisk.harness.case import Case, Parameter, ParameterError, Setup, Variant
 from ninedisk.harness.engine import Engine, EngineError
 from ninedisk.harness.errors import UsageError, close_matches
 from ninedisk.harness.params import format_value, resolve
@@ -53,7 +53,7 @@ def plan_matrix(
         Unknown ids, parameters that some case lacks, options that no engine of the run has, values out of range, overrides
         that make no valid scene.
     """
-    cases = [get_case(case_id) for case_id in case_ids]
+    cases = [get_case(case_ids[0])] if len(case_ids) == 1 else [_case(case_id) for case_id in case_ids]
     _refuse_unknown(cases, overrides)
     engines = [(each, _engine(each)) if isinstance(each, str) else (each.id, each) for each in engine_ids]
     chosen = check_options(dict(engines), options or {})
@@ -116,6 +116,33 @@ def check_options(engines: Mapping[str, Engine | Exception], options: Mapping[st
         checked = option.parsed(full, value) if isinstance(value, str) else option.checked(full, value)
         found.setdefault(engine_id, {})[full] = checked
     return found
+
+
+class _BrokenCase:
+    """Stands for a case that cannot be loaded, so that the others of a run do not go down with it."""
+
+    version = 0
+    title = source = requirement = "cannot be loaded"
+    parameters: tuple[Parameter, ...] = ()
+
+    def __init__(self, case_id: str, error: BrokenEntryError) -> None:
+        self.id, self._error = case_id, error
+
+    def matrix(self) -> Sequence[Mapping[str, Any]]:
+        """One cell an engine, to show the error."""
+        return [{}]
+
+    def _refuse(self, *_: Any, **__: Any) -> Any:
+        raise self._error
+
+    build = observe = checks = _refuse
+
+
+def _case(case_id: str) -> Case:
+    try:
+        return get_case(case_id)
+    except BrokenEntryError as error:
+        return _BrokenCase(case_id, error)
 
 
 def _engine(engine_id: str) -> Engine | Exception:

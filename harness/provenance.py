@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import re
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -40,6 +42,7 @@ def provenance(cells: Iterable[Mapping[str, Any]] = ()) -> dict[str, Any]:
     return {
         "ninedisk": ninedisk.__version__,
         "commit": source_commit(),
+        "source": source_digest(),
         "python": platform.python_version(),
         "implementation": platform.python_implementation(),
         "platform": f"{platform.system()} {platform.machine()}",
@@ -64,6 +67,26 @@ def source_commit() -> str:
     except (OSError, subprocess.SubprocessError):
         return ""
     return found.stdout.strip()
+
+
+@cache
+def source_digest() -> str:
+    """SHA-256 of every file of ours that can move a number: core, references and harness, by relative name and content.
+
+    Tells two states of a changed checkout apart, which have one commit, and needs no checkout.
+    """
+    import ninedisk.core
+    import ninedisk.harness
+    import ninedisk.references
+
+    digest = hashlib.sha256()
+    for package in (ninedisk.core, ninedisk.references, ninedisk.harness):
+        folder = Path(str(package.__file__)).parent
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                content = hashlib.sha256(path.read_bytes()).hexdigest()
+                digest.update(f"{package.__name__}/{path.relative_to(folder).as_posix()} {content}\n".encode())
+    return digest.hexdigest()
 
 
 def cpu_model() -> str:

@@ -1,164 +1,108 @@
 """pytest as a way in: one test per case variant, engine and check.
 
-A test module asks for the fixture ``ninedisk_check`` and calls ``ninedisk_check.verify()``; the plugin makes one test
-of it for each check of the matrix, plus one called ``cell`` for each variant and engine, which fails if the engine
-crashed or if the checks that were measured are not those that were collected. Collecting runs no engine: the checks are
-enumerated on a history without numbers (`ninedisk.harness.dry_run`). A cell is run when its first test needs it and
-kept for the others; with pytest-xdist use ``--dist loadgroup`` so that a cell's tests stay in one process (without it
-each process runs the cells that it needs).
+``pytest --pyargs ninedisk.harness.suite --engine ID`` runs the suite as it is; a test module of one's own asks for the fixture
+``ninedisk_check`` and calls ``ninedisk_check.verify()``. Either way there is one test for each check of the matrix, plus one
+called ``cell`` for each variant and engine, which fails if the engine crashed or if the checks that were measured are not those
+that were collected. Collecting runs no engine: the checks are enumerated on a history without numbers
+(`ninedisk.harness.dry_run`). A cell is run when its first test needs it and kept for the others; with pytest-xdist use
+``--dist loadgroup`` so that a cell's tests stay in one process (without it each process runs the cells that it needs).
+
+pytest loads this module in every run of an environment that has ninedisk, so it imports nothing until its fixture is asked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from argparse import ArgumentError
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
-from ninedisk.harness.dry_run import check_ids, dry_checks
-from ninedisk.harness.engine import SupportLevel
-from ninedisk.harness.plan import Cell, plan_matrix
-from ninedisk.harness.protocol.given import engines_given
-from ninedisk.harness.registry import match_cases
-from ninedisk.harness.results import CaseResult, Row
-from ninedisk.harness.runner import last_lines, run_cell
+if TYPE_CHECKING:
+    from ninedisk.harness.suite.items import Plan
 
-CELL = "cell"
-"""Name of the test that stands for the cell as a whole."""
+TIERS = ("smoke", "core", "full")
+"""Markers of `ninedisk.harness.suite.tiers`."""
 
-Results = dict[tuple[str, str, str], CaseResult]
-
-_CELLS = pytest.StashKey[list[tuple[Cell, list[str]]]]()
-_RESULTS = pytest.StashKey[Results]()
+_PLAN: pytest.StashKey[Plan] = pytest.StashKey()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """``--engine ID``, ``--engine-cmd COMMAND`` and ``--case GLOB``, all repeatable; none means all."""
+    """The options of the suite; the short names give way where another plugin has them."""
     group = parser.getgroup("ninedisk", "verification of granular engines")
-    group.addoption("--engine", action="append", default=[], metavar="ID", help="engine to verify; repeat for several")
+
+    def add(name: str, **how: object) -> None:
+        long, destination = f"--ninedisk-{name}", f"ninedisk_{name.replace('-', '_')}"
+        try:
+            group.addoption(long, f"--{name}", dest=destination, **how)
+        except (ValueError, ArgumentError):
+            group.addoption(long, dest=destination, **how)
+
+    add("engine", action="append", default=[], metavar="ID", help="engine to verify; repeat for several")
+    add("engine-cmd", action="append", default=[], metavar="COMMAND", help="engine by its command; repeat for several")
+    add("case", action="append", default=[], metavar="GLOB", help="cases to run; repeat for several")
+    add("known-gaps", type=Path, metavar="FILE", help="TOML file of differences that are expected to fail")
     group.addoption(
-        "--engine-cmd", action="append", default=[], metavar="COMMAND", help="engine by its command; repeat for several"
+        "--ninedisk-store",
+        type=Path,
+        metavar="DIR",
+        help="store of results; cells that a run of the same code on this machine left there are judged, not run again",
     )
-    group.addoption("--case", action="append", default=[], metavar="GLOB", help="cases to run; repeat for several")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The marker by which pytest-xdist keeps a cell's tests together."""
+    """The markers: tiers, and that by which pytest-xdist keeps a cell's tests together.
+
+    Raises
+    ------
+    pytest.UsageError
+        If an option of the suite names what does not exist, before anything is collected.
+    """
     config.addinivalue_line("markers", "xdist_group(name): tests that run in the same process under --dist loadgroup")
+    for tier in TIERS:
+        config.addinivalue_line("markers", f"{tier}: tier of ninedisk's suite, see ninedisk.harness.suite.tiers")
+
+    if any(config.getoption(f"ninedisk_{name}") for name in ("case", "engine", "engine_cmd", "known_gaps")):
+        _check_options(config)
+
+
+def _check_options(config: pytest.Config) -> None:
+    from ninedisk.harness.errors import UsageError
+    from ninedisk.harness.protocol.given import engines_given
+    from ninedisk.harness.registry import check_engine_ids, match_cases
+    from ninedisk.harness.suite.gaps import read_gaps
+
+    gaps = config.getoption("ninedisk_known_gaps")
+    try:
+        check_engine_ids(config.getoption("ninedisk_engine"))
+        engines_given(config.getoption("ninedisk_engine"), config.getoption("ninedisk_engine_cmd"))
+        match_cases(config.getoption("ninedisk_case"))
+        if gaps is not None:
+            read_gaps(gaps)
+    except UsageError as error:
+        raise pytest.UsageError(str(error)) from error
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """One test per check for every test function that takes ``ninedisk_check``."""
-    if "ninedisk_check" in metafunc.fixturenames:
-        metafunc.parametrize("ninedisk_check", list(_parameters(metafunc.config)))
+    if "ninedisk_check" not in metafunc.fixturenames:
+        return
+    from ninedisk.harness.suite.items import make_plan, parameters
+
+    config = metafunc.config
+    if _PLAN not in config.stash:
+        names = ("case", "engine", "engine_cmd", "known_gaps", "store")
+        config.stash[_PLAN] = make_plan(*(config.getoption(f"ninedisk_{name}") for name in names))
+    metafunc.parametrize("ninedisk_check", list(parameters(config.stash[_PLAN])))
 
 
-def _parameters(config: pytest.Config) -> Iterator[object]:
-    if _CELLS not in config.stash:
-        cases = config.getoption("--case")
-        try:
-            engines = engines_given(config.getoption("--engine"), config.getoption("--engine-cmd"))
-            planned = plan_matrix(match_cases(cases), engines, {})
-        except ValueError as error:
-            raise pytest.UsageError(str(error)) from error
-        config.stash[_CELLS] = [(cell, [*_collect(cell), CELL]) for cell in planned]
-        config.stash[_RESULTS] = {}
-    results = config.stash[_RESULTS]
-    for cell, names in config.stash[_CELLS]:
-        group = f"{cell.case.id}[{cell.variant.id}]-{cell.engine_id}"
-        for name in names:
-            check = CellCheck(cell, name, tuple(names[:-1]), results)
-            yield pytest.param(check, id=f"{group}-{name}", marks=pytest.mark.xdist_group(group))
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """What became of the stored cells, and which known gaps explained nothing."""
+    store = config.getoption("ninedisk_store")
+    if store is not None:
+        from ninedisk.harness.suite.reuse import open_store
 
-
-def _collect(cell: Cell) -> list[str]:
-    """Ids of the cell's checks; none where it cannot run, since the test of the cell then says why."""
-    if isinstance(cell.setup, Exception) or isinstance(cell.engine, Exception):
-        return []
-    try:
-        info = cell.engine.info()
-        if not info.installed:
-            return []
-        if cell.engine.supports(cell.setup.scene, cell.setup.numerics).level is SupportLevel.NO:
-            return []
-        return check_ids((check.quantity, check.truth) for check in dry_checks(cell, info))
-    except Exception:  # the test of the cell tells why
-        return []
-
-
-@dataclass(frozen=True)
-class CellCheck:
-    """One check of a cell, or the cell as a whole."""
-
-    cell: Cell
-    name: str
-    collected: tuple[str, ...]
-    results: Results = field(repr=False)
-
-    def result(self) -> CaseResult:
-        """The cell's result, computed once a process."""
-        key = (self.cell.case.id, self.cell.variant.id, self.cell.engine_id)
-        if key not in self.results:
-            self.results[key] = run_cell(self.cell)
-        return self.results[key]
-
-    def verify(self) -> None:
-        """Pass, skip, xfail or fail as the status says; a failure tells value, reference, tolerance and its reason."""
-        __tracebackhide__ = True
-        result = self.result()
-        if result.status in ("unsupported", "not-installed"):
-            pytest.skip(f"{result.status}: {result.reason}")
-        if result.status in ("error", "timeout"):
-            pytest.fail(f"{self.cell.name}: {result.status}: {result.reason}", pytrace=False)
-        measured = check_ids((row["quantity"], row["truth"]) for row in result.rows if row["quantity"])
-        if self.name == CELL:
-            self._verify_cell(measured)
-        elif self.name not in measured:
-            pytest.fail(f"{self.cell.name}: {self.name} was collected but not measured", pytrace=False)
-        else:
-            _verdict(self.cell.name, result.rows[measured.index(self.name)])
-
-    def _verify_cell(self, measured: list[str]) -> None:
-        if tuple(measured) != self.collected:
-            pytest.fail(
-                f"{self.cell.name}: {self._why_they_differ()}; collected {list(self.collected)}, measured {measured}",
-                pytrace=False,
-            )
-        if not measured:
-            pytest.skip("no-truth: no truth binds this engine on this variant")
-
-    def _why_they_differ(self) -> str:
-        try:
-            if not isinstance(self.cell.engine, Exception):
-                dry_checks(self.cell, self.cell.engine.info())
-        except Exception as error:
-            return f"the case cannot list its checks for a history without numbers: {last_lines(error)}"
-        return "the checks depend on what the engine computed"
-
-
-def _verdict(name: str, row: Row) -> None:
-    __tracebackhide__ = True
-    if row["status"] == "known-gap":
-        pytest.xfail(f"known-gap: {row['reason']}")
-    if row["status"] == "no-truth":
-        pytest.skip(f"no-truth: {row['reason']}")
-    if row["status"] == "fail":
-        pytest.fail(failure_text(name, row), pytrace=False)
-
-
-def failure_text(name: str, row: Row) -> str:
-    """Everything that one needs to judge a failed check."""
-    unit = row["unit"] if row["unit"] not in ("", "-") else ""
-    allowed = row["atol"] + (row["rtol"] * row["scale"] if row["rtol"] else 0.0)
-    lines = [
-        f"{name}: {row['quantity']} against {row['truth']}: {row['reason']}",
-        f"  value      {row['value']!r} {unit}".rstrip()
-        + (f" at step {row['worst_step']}" if row["worst_step"] >= 0 else ""),
-        f"  reference  {row['expected']!r} {unit}".rstrip() + f" (+- {row['uncertainty']:.3g}; {row['source']})",
-        f"  error      {row['abs_error']:.6g} {unit}".rstrip() + f" (relative {row['rel_error']:.3g})",
-        f"  tolerance  {allowed:.6g} {unit}".rstrip() + f" = {row['atol']:g} + {row['rtol']:g} x {row['scale']:.6g}",
-        f"  because    {row['why']}",
-    ]
-    if row["first_divergence_step"] >= 0:
-        lines.append(f"  diverges   first at step {row['first_divergence_step']}")
-    return "\n".join(lines)
+        terminalreporter.write_line(open_store(store).told)
+    if _PLAN in config.stash:
+        for gap in config.stash[_PLAN].idle_gaps():
+            terminalreporter.write_line(f"known gap without a check here: {gap.id} {gap.quantity} on {gap.engine}")

@@ -1,16 +1,19 @@
 """Which cases and engines there are: built-in ones and those of installed packages (entry points).
 
 Ids are listed without importing anything that belongs to a case or an engine, so that ``ninedisk --help`` and
-``ninedisk list`` stay fast; an object is imported when it is asked for.
+``ninedisk list`` stay fast; an object is imported when it is asked for. What is wrong with one package, be it an id that is
+taken or metadata that cannot be read, is kept for whoever asks (`problems`) and takes nothing from the others.
 """
 
 from __future__ import annotations
 
 import fnmatch
 import importlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import entry_points
+from importlib.metadata import distributions
 from typing import TYPE_CHECKING, Any
 
 from ninedisk.harness.errors import UsageError, close_matches
@@ -71,27 +74,88 @@ class BrokenEntryError(UsageError):
     """A case or engine is registered but cannot be loaded."""
 
 
-@lru_cache(maxsize=1)
-def case_table() -> dict[str, str]:
-    """Every known case: id -> ``"module:attribute"``."""
-    return _with_entry_points(BUILTIN_CASES, CASE_GROUP)
+@dataclass(frozen=True)
+class Registered:
+    """An id's object as ``"module:attribute"``, the distribution that provides it, and what is wrong with it, if anything."""
+
+    where: str
+    origin: str
+    problem: str = ""
+
+
+BUILTIN = "ninedisk"
+"""Origin of the cases and engines that come with ninedisk."""
 
 
 @lru_cache(maxsize=1)
-def engine_table() -> dict[str, str]:
-    """Every known engine: id -> ``"module:attribute"``."""
-    return _with_entry_points(BUILTIN_ENGINES, ENGINE_GROUP)
+def case_table() -> Mapping[str, Registered]:
+    """Every known case by its id."""
+    return _registered(CASE_GROUP)[0]
 
 
-def _with_entry_points(builtin: dict[str, str], group: str) -> dict[str, str]:
-    table = dict(builtin)
-    for entry in entry_points(group=group):
-        known = table.setdefault(entry.name, entry.value)
-        if known != entry.value:
-            raise BrokenEntryError(
-                f"two packages register {entry.name!r} under {group}: {known} and {entry.value}; uninstall one of them"
+@lru_cache(maxsize=1)
+def engine_table() -> Mapping[str, Registered]:
+    """Every known engine by its id."""
+    return _registered(ENGINE_GROUP)[0]
+
+
+def problems() -> tuple[str, ...]:
+    """What is wrong with the announcements of installed packages, a sentence each that names the package."""
+    found = (text for group in (CASE_GROUP, ENGINE_GROUP) for text in _registered(group)[1])
+    return tuple(dict.fromkeys(found))
+
+
+def _registered(group: str) -> tuple[dict[str, Registered], list[str]]:
+    """Ids of a group, and what is wrong with it. A built-in id stays what it is; two strangers with one id get neither."""
+    builtin = BUILTIN_CASES if group == CASE_GROUP else BUILTIN_ENGINES
+    table = {name: Registered(where, BUILTIN) for name, where in builtin.items()}
+    wrong: list[str] = []
+    for origin, name, where in _announced(group, wrong):
+        held = table.get(name)
+        if held is None:
+            table[name] = Registered(where, origin)
+        elif held.where != where and held.origin == BUILTIN:
+            wrong.append(
+                f"{origin} registers {name!r} under {group}, an id of ninedisk's own, which stays: rename it or uninstall {origin}"
             )
-    return table
+        elif held.where != where:
+            both = (
+                f"two packages register {name!r} under {group}: {held.where} of {held.origin} and {where} of {origin}"
+            )
+            table[name] = Registered(held.where, held.origin, f"{both}; uninstall one of them")
+            wrong.append(table[name].problem)
+    return table, wrong
+
+
+def _announced(group: str, wrong: list[str]) -> Iterator[tuple[str, str, str]]:
+    """Distribution, id and place of every entry of a group; each distribution once, the first on Python's path.
+
+    What cannot be read is added to ``wrong``: one broken package must not hide the others, as it would from
+    `importlib.metadata.entry_points`.
+    """
+    seen: set[str] = set()
+    for distribution in distributions():
+        try:
+            entries = [entry for entry in distribution.entry_points if entry.group == group]
+        except Exception as error:  # whatever a damaged file makes of the parser
+            wrong.append(
+                f"the entry points of {_name(distribution)} cannot be read ({type(error).__name__}: {error}): reinstall it"
+            )
+            continue
+        if not entries or (origin := _name(distribution)) in seen:
+            continue
+        seen.add(origin)
+        for entry in entries:
+            yield origin, entry.name, entry.value
+
+
+def _name(distribution: Any) -> str:
+    """Name of a distribution; that of its folder where its metadata are damaged."""
+    try:
+        found = str(distribution.metadata["Name"] or "")
+    except Exception:
+        found = ""
+    return found or str(getattr(distribution, "_path", "a nameless package")).rpartition("/")[2]
 
 
 def get_case(case_id: str) -> Case:
@@ -114,24 +178,46 @@ def get_engine(engine_id: str) -> Engine:
     return found
 
 
-def _load(name: str, table: dict[str, str], kind: str) -> Any:
+def engines_that_load(wanted: Callable[[str], bool]) -> dict[str, Engine]:
+    """The engines among the wanted ids whose adapters can be loaded, in the table's order."""
+    found = {}
+    for name in filter(wanted, engine_table()):
+        with suppress(BrokenEntryError):
+            found[name] = get_engine(name)
+    return found
+
+
+def check_engine_ids(ids: Iterable[str]) -> None:
+    """Refuse ids of engines that do not exist, without loading any; raises `UnknownIdError`."""
+    for name in ids:
+        _check_id(name, engine_table(), "engine")
+
+
+def _check_id(name: str, table: Mapping[str, Registered], kind: str) -> None:
     if name not in table:
         raise UnknownIdError(
             f"there is no {kind} {name!r}.{close_matches(name, table)} Known {kind}s: {', '.join(table)}"
         )
-    module_name, _, attribute = table[name].partition(":")
+
+
+def _load(name: str, table: Mapping[str, Registered], kind: str) -> Any:
+    _check_id(name, table, kind)
+    entry = table[name]
+    if entry.problem:
+        raise BrokenEntryError(f"the {kind} {name!r} is not clear: {entry.problem}")
+    module_name, _, attribute = entry.where.partition(":")
     try:
         found = getattr(importlib.import_module(module_name), attribute)
     except Exception as error:
         raise BrokenEntryError(
-            f"the {kind} {name!r} cannot be loaded from {table[name]}: {type(error).__name__}: {error}; "
-            f"mend or uninstall the package that provides it"
+            f"the {kind} {name!r} of {entry.origin} cannot be loaded from {entry.where}: {type(error).__name__}: {error}; "
+            f"mend or uninstall {entry.origin}"
         ) from error
     if isinstance(found, Sequence):  # a family module exports all of its cases at once
         found = next((member for member in found if member.id == name), None)
     if getattr(found, "id", None) != name:
         raise BrokenEntryError(
-            f"{table[name]} is registered as {kind} {name!r} but its id is {getattr(found, 'id', None)!r}"
+            f"{entry.where} of {entry.origin} is registered as {kind} {name!r} but its id is {getattr(found, 'id', None)!r}"
         )
     return found
 

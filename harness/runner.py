@@ -118,11 +118,10 @@ def run_cells(
 
 def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes: bool = False) -> CaseResult:
     """Run one cell; only a mistake in the user's parameters is raised, and only if asked for."""
-    head = _head(cell)
+    head = planned_columns(cell)
     if isinstance(cell.setup, Exception):
         return _without_measurements(cell, head, "error", f"the case cannot be built: {last_lines(cell.setup)}")
     setup = cell.setup
-    head |= _setup_columns(setup)
     if isinstance(cell.engine, Exception):
         return _without_measurements(cell, head, "error", last_lines(cell.engine))
     try:
@@ -230,8 +229,9 @@ def _without_measurements(cell: Cell, head: Row, status: str, reason: str) -> Ca
     )
 
 
-def _head(cell: Cell) -> Row:
-    case = cell.case
+def planned_columns(cell: Cell) -> Row:
+    """What a stored cell holds of its plan, known before it runs."""
+    case, built = cell.case, cell.setup
     return {
         "case": case.id,
         "case_version": case.version,
@@ -241,6 +241,7 @@ def _head(cell: Cell) -> Row:
         "variant": cell.variant.id,
         "params": plain_json(dict(cell.variant.params)),
         "engine": cell.engine_id,
+        **({} if isinstance(built, Exception) else _setup_columns(built)),
     }
 
 

@@ -57,9 +57,9 @@ def _sizes(request: Request, usual: tuple[int, ...], more: tuple[int, ...]) -> l
 
 def _dem(request: Request, tell: Tell) -> list[Row]:
     from ninedisk.harness.bench import dem_problems, dem_suite, nine_disks
-    from ninedisk.harness.registry import engine_table, get_engine
+    from ninedisk.harness.registry import engines_that_load
 
-    engines = {name: get_engine(name) for name in engine_table() if name != "dem" and request.engine_wanted(name)}
+    engines = engines_that_load(lambda name: name != "dem" and request.engine_wanted(name))
     sizes = _sizes(request, dem_problems.SIZES, dem_problems.LARGE)
     wanted = request.problem_wanted
     arms = [arm for arm in nine_disks.ARMS if wanted(nine_disks.problem_name(arm))]

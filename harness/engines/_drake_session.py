@@ -151,8 +151,11 @@ class LaggedSession(SapSession):
 
 
 def stiffness_shares(scene: Scene) -> tuple[float, list[float]]:
-    """Stiffness of the disks' and of each wall's geometry [N/m], in series those of the pairs."""
-    between = None if len(scene.disks) < 2 else scene.disk_disk.kn
+    """Stiffness of the disks' and of each wall's geometry [N/m], in series those of the pairs.
+
+    A single disk without walls meets nothing, yet Drake wants its stiffness to be above 0.
+    """
+    between = None if len(scene.disks) < 2 and scene.walls else scene.disk_disk.kn
     return shares_in_series(between, [wall.law.kn for wall in scene.walls])
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-from ninedisk.harness import registry
+from ninedisk.harness import registry, run_matrix
 from ninedisk.harness.registry import BrokenEntryError, UnknownIdError, get_case, get_engine, match_cases
 
 pytestmark = pytest.mark.usefixtures("fakes")
@@ -40,7 +42,8 @@ def test_unknown_ids_name_the_close_ones() -> None:
 
 def test_broken_entry() -> None:
     with pytest.raises(
-        BrokenEntryError, match="'fake-broken' cannot be loaded from ninedisk_fakes:NOWHERE: AttributeErr"
+        BrokenEntryError,
+        match=r"'fake-broken' of ninedisk-fakes cannot be loaded from ninedisk_fakes:NOWHERE: AttributeErr.*uninstall ninedisk-fakes",
     ):
         get_engine("fake-broken")
 
@@ -48,15 +51,84 @@ def test_broken_entry() -> None:
 def test_an_entry_under_a_wrong_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(registry.BUILTIN_CASES, "wrong/name", "ninedisk_fakes:CASE")
     registry.case_table.cache_clear()
-    with pytest.raises(BrokenEntryError, match="is registered as case 'wrong/name' but its id is 'fake/fall'"):
+    with pytest.raises(
+        BrokenEntryError, match="of ninedisk is registered as case 'wrong/name' but its id is 'fake/fall'"
+    ):
         get_case("wrong/name")
 
 
-def test_two_packages_with_the_same_id(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(registry.BUILTIN_CASES, "fake/fall", "elsewhere:CASE")
-    registry.case_table.cache_clear()
-    with pytest.raises(BrokenEntryError, match="two packages register 'fake/fall'"):
+@pytest.fixture
+def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
+    """Installs a package with the given name and text of entry points, ahead of every other."""
+
+    def install(name: str, entry_points: str) -> None:
+        about = tmp_path / name / f"{name}-1.0.dist-info"
+        about.mkdir(parents=True)
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (about / "entry_points.txt").write_text(entry_points)
+        monkeypatch.syspath_prepend(str(tmp_path / name))
+        registry.case_table.cache_clear()
+        registry.engine_table.cache_clear()
+
+    return install
+
+
+def test_an_id_of_our_own_cannot_be_taken(stranger: Callable[[str, str], None]) -> None:
+    stranger("thief", "[ninedisk.engines]\ndem = thief:ENGINE\nthief = thief:ENGINE\n")
+    assert get_engine("dem").info().name == "ninedisk DEM"
+    assert registry.engine_table()["thief"].origin == "thief"
+    (problem,) = registry.problems()
+    assert problem.startswith("thief registers 'dem' under ninedisk.engines, an id of ninedisk's own")
+
+
+def test_two_packages_with_one_id_get_neither(stranger: Callable[[str, str], None]) -> None:
+    stranger("rival", "[ninedisk.cases]\nfake/fall = rival:CASE\n")
+    with pytest.raises(
+        BrokenEntryError, match=r"two packages register 'fake/fall'.*rival:CASE of rival.*of ninedisk-fakes"
+    ):
         get_case("fake/fall")
+    assert get_case("fake/spin").id == "fake/spin"
+    assert any("two packages register 'fake/fall'" in problem for problem in registry.problems())
+
+
+def test_one_package_found_twice_counts_once(stranger: Callable[[str, str], None]) -> None:
+    stranger("ninedisk-fakes", "[ninedisk.cases]\nfake/fall = newer:CASE\n")
+    assert registry.case_table()["fake/fall"].where == "newer:CASE"
+    assert registry.problems() == ()
+
+
+def test_unreadable_metadata_hide_nobody(stranger: Callable[[str, str], None]) -> None:
+    stranger("damaged", "[ninedisk.engines]\nno sign of a value\n")
+    assert get_engine("fake-good").id == "fake-good"
+    (problem,) = registry.problems()
+    assert problem.startswith("the entry points of damaged cannot be read")
+
+
+def test_a_broken_case_leaves_the_others_alone(stranger: Callable[[str, str], None]) -> None:
+    stranger("broken", "[ninedisk.cases]\nbroken/case = nowhere.at_all:CASE\n")
+    results = run_matrix(["broken/case", "fake/spin"], ["fake-good"])
+    assert [result.status for result in results] == ["error", "pass"]
+    assert "'broken/case' of broken cannot be loaded from nowhere.at_all:CASE: ModuleNotFoundError" in results[0].reason
+
+
+def test_lists_tell_where_things_come_from(
+    stranger: Callable[[str, str], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    from ninedisk.harness.cli_list import show_case, show_cases, show_engine, show_engines
+
+    stranger("thief", "[ninedisk.engines]\ndem = thief:ENGINE\nthief = thief:ENGINE\n")
+    show_case("fake/fall")
+    show_engine("fake-good")
+    assert capsys.readouterr().out.count("from: ninedisk-fakes\n") == 2
+    show_cases()
+    show_engines()
+    shown = capsys.readouterr()
+    rows = {line.split()[0]: line for line in shown.out.splitlines() if line.strip()}
+    assert rows["incline-block"].split()[-1] == "ninedisk"
+    assert "ninedisk-fakes" in rows["fake/fall"]
+    assert rows["thief"].split()[1] == "broken:"
+    assert rows["thief"].split()[-1] == "thief"
+    assert shown.err.count("warning: thief registers 'dem'") == 2
 
 
 def test_patterns() -> None:

@@ -1,0 +1,102 @@
+"""All checks of one adapter."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Callable, Iterator, Sequence
+
+from ninedisk.harness.capabilities import Capability
+from ninedisk.harness.check_engine import conduct, form, honesty
+from ninedisk.harness.check_engine.claims import Probe
+from ninedisk.harness.check_engine.findings import REFUSED, Bench, Finding, attempt
+from ninedisk.harness.check_engine.probes import probe_of
+from ninedisk.harness.check_engine.scenes import fall, free_flight, weights
+from ninedisk.harness.engine import Engine, EngineError, SupportLevel
+from ninedisk.harness.errors import UsageError
+
+Progress = Callable[[int, int, str], None]
+
+UNEVEN = {"sample_every": 3, "sample_from": 4, "sample_until": 10}
+"""Sampling that is neither every step nor regular: steps 0, 4, 7, 10 and 17."""
+
+
+def check_engine(engine: Engine, progress: Progress | None = None, only: Sequence[str] = ()) -> list[Finding]:
+    """Run every check on an engine that is installed, or those whose names match one of the patterns ``only``.
+
+    Raises
+    ------
+    EngineError
+        If `Engine.info` fails.
+    UsageError
+        If a pattern matches no check.
+    """
+    try:
+        info = engine.info()
+    except Exception as error:
+        raise EngineError(f"info() must not fail, it says {type(error).__name__}: {error}") from error
+    bench = Bench(engine, info, {})
+    checks = [("facts", lambda: form.facts(engine.id, info)), *_checks(bench)]
+    names = [name for name, _ in checks]
+    for pattern in only:
+        if not fnmatch.filter(names, pattern):
+            raise UsageError(f"no check matches {pattern!r}: the checks of this engine are {', '.join(names)}")
+    checks = [(name, check) for name, check in checks if not only or any(fnmatch.fnmatchcase(name, p) for p in only)]
+    findings = []
+    for done, (name, check) in enumerate(checks):
+        if progress is not None:
+            progress(done, len(checks), name)
+        findings.append(attempt(name, check))
+    return findings
+
+
+def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Finding]]]:
+    info = bench.info
+    simplest = next((probe for probe in _simple(bench) if _runs(bench, probe)), None)
+    if simplest is None:
+        why = "neither a disk in flight, nor one that falls, nor two at rest on a floor is supported"
+        yield "scenes", lambda: Finding(check="scenes", status="fail", found=why, mend="support at least one of them")
+        return
+    touching = next((probe for probe in (weights(info), simplest) if _runs(bench, probe)), simplest)
+    flight = free_flight(info, **UNEVEN)
+    for name, check, probe in (
+        ("form", form.form, touching),
+        ("sampling", form.sampling, flight),
+        ("copies", form.copies, simplest),
+        ("settings", form.settings, touching),
+        ("determinism", conduct.determinism, touching),
+        ("input", conduct.input_unchanged, touching),
+        ("warm-up", conduct.start, simplest),
+        ("refusals", conduct.impossible, simplest),
+    ):
+        yield name, _bound(bench, name, check, probe)
+    for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
+        yield name, _judged(bench, name, probe)
+    for asked in Capability:
+        yield f"supports: {asked.name}", lambda asked=asked: honesty.capability(bench, probe_of(asked, info), asked)  # type: ignore[misc]
+
+
+def _simple(bench: Bench) -> Iterator[Probe]:
+    yield free_flight(bench.info)
+    yield fall(bench.info)
+    yield weights(bench.info)
+
+
+def _runs(bench: Bench, probe: Probe) -> bool:
+    return bench.engine.supports(probe.setup.scene, probe.setup.numerics).level is not SupportLevel.NO
+
+
+def _bound(bench: Bench, name: str, check: Callable[[Bench, Probe], Finding], probe: Probe) -> Callable[[], Finding]:
+    def run() -> Finding:
+        if not _runs(bench, probe):
+            return Finding(check=name, status=REFUSED, found=f"the scene of this check ({probe.name}) is not supported")
+        return check(bench, probe)
+
+    return run
+
+
+def _judged(bench: Bench, name: str, probe: Probe) -> Callable[[], Finding]:
+    def judge(bench: Bench, probe: Probe) -> Finding:
+        support = bench.engine.supports(probe.setup.scene, probe.setup.numerics)
+        return honesty.judged(name, bench, probe, support)
+
+    return _bound(bench, name, judge, probe)

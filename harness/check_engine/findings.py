@@ -1,0 +1,70 @@
+"""What a check of an adapter found."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from ninedisk.harness.check_engine.claims import Probe
+from ninedisk.harness.engine import Engine, EngineInfo, EngineRun
+from ninedisk.harness.runner import last_lines
+
+PASS, FAIL, REFUSED = "pass", "fail", "refused"
+"""``refused``: the engine says that it cannot express the scene, and why; that is no defect."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One line of the table: a check, its status, what was found, and what to mend."""
+
+    check: str
+    status: str
+    found: str = ""
+    mend: str = ""
+
+    def row(self) -> Mapping[str, str]:
+        """Plain data for JSON."""
+        return dict(vars(self))
+
+
+def finding(check: str, faults: Sequence[tuple[str, str]], found: str = "") -> Finding:
+    """Pass without faults; else what each says, and each way to mend once. A fault is (what was found, what to mend)."""
+    if not faults:
+        return Finding(check=check, status=PASS, found=found)
+    mends = "; ".join(dict.fromkeys(mend for _, mend in faults if mend))
+    return Finding(check=check, status=FAIL, found="; ".join(text for text, _ in faults), mend=mends)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """An engine on the bench: its facts, and its runs of probes, each run once and kept."""
+
+    engine: Engine
+    info: EngineInfo
+    runs: dict[str, EngineRun]
+
+    def run(self, probe: Probe, *, again: bool = False) -> EngineRun:
+        """The run of a probe; ``again``: one more, which is not kept."""
+        if again:
+            return _run(self.engine, probe)
+        setup = probe.setup
+        key = json.dumps([setup.scene.to_dict(), setup.numerics.to_dict(), setup.watch])
+        if key not in self.runs:
+            self.runs[key] = _run(self.engine, probe)
+        return self.runs[key]
+
+
+def _run(engine: Engine, probe: Probe) -> EngineRun:
+    setup = probe.setup
+    return engine.run(setup.scene, setup.numerics, setup.watch)
+
+
+def attempt(check: str, make: Callable[[], Finding]) -> Finding:
+    """The finding of a check, whatever the adapter does to it."""
+    try:
+        return make()
+    except Exception as error:
+        return Finding(
+            check=check, status=FAIL, found=last_lines(error), mend="a scene that `supports` accepts must run"
+        )

@@ -1,0 +1,1 @@
+"""``ninedisk new-engine``: a package that brings an engine, working as it is written."""

@@ -1,0 +1,80 @@
+"""Writes the package of a new engine from the files in ``template``."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from importlib import resources
+from pathlib import Path
+from string import Template
+
+import ninedisk
+from ninedisk.harness.errors import UsageError
+from ninedisk.harness.registry import engine_table
+
+NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+LONGEST = 40
+
+FILES = {
+    "pyproject.toml": "pyproject.toml.in",
+    "README.md": "README.md.in",
+    "known_gaps.toml": "known_gaps.toml.in",
+    "ci.sh": "ci.sh.in",
+    "$package/__init__.py": "__init__.py.in",
+    "$package/adapter.py": "adapter.py.in",
+    "$package/solver.py": "solver.py.in",
+    "tests/test_adapter.py": "test_adapter.py.in",
+    "tests/test_suite.py": "test_suite.py.in",
+}
+"""Files of the package, and the templates that they are made of."""
+
+
+def write_package(name: str, out: Path) -> Path:
+    """Write the package; the folder appears whole or not at all.
+
+    Parameters
+    ----------
+    name : str
+        Id of the engine.
+    out : Path
+        Folder that does not exist yet.
+
+    Raises
+    ------
+    UsageError
+        If the name is no id or is taken, or the folder exists or cannot be written.
+    """
+    if not NAME.fullmatch(name) or len(name) > LONGEST:
+        raise UsageError(
+            f"{name!r} is not allowed as the id of an engine: use small letters and digits, words joined by single dashes, a "
+            f"letter first, at most {LONGEST} characters, for instance 'acme' or 'acme-dem'"
+        )
+    if name in engine_table():
+        raise UsageError(f"there is an engine {name!r} already, of {engine_table()[name].origin}: choose another name")
+    if out.exists():
+        raise UsageError(f"{str(out)!r} exists: give another folder with --out DIR")
+    words = {
+        "name": name,
+        "package": f"ninedisk_{name.replace('-', '_')}",
+        "version": ninedisk.__version__,
+    }
+    folder = resources.files("ninedisk.harness.new_engine") / "template"
+    temporary: Path | None = None
+    try:
+        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+        for target, source in FILES.items():
+            path = temporary / Template(target).substitute(words)
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(Template((folder / source).read_text(encoding="utf-8")).substitute(words), encoding="utf-8")
+        (temporary / "ci.sh").chmod(0o755)
+        temporary.chmod(0o755)
+        os.rename(temporary, out)
+    except OSError as error:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+        raise UsageError(
+            f"{str(out)!r} cannot be written ({error.strerror or error}): give a folder in one that exists and can be written"
+        ) from error
+    return out

@@ -1,0 +1,181 @@
+"""The tests of the suite: which there are, found without running an engine, and how each is judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from ninedisk.harness.dry_run import check_ids, dry_checks
+from ninedisk.harness.engine import SupportLevel
+from ninedisk.harness.plan import Cell, plan_matrix
+from ninedisk.harness.protocol.given import engines_given
+from ninedisk.harness.registry import match_cases
+from ninedisk.harness.results import CaseResult, Row
+from ninedisk.harness.runner import last_lines, run_cell
+from ninedisk.harness.suite.failure import failure_text, where_to_look
+from ninedisk.harness.suite.gaps import KnownGap, gap_of, read_gaps
+from ninedisk.harness.suite.reuse import StoredCells, open_store
+from ninedisk.harness.suite.tiers import tiers
+
+CELL = "cell"
+"""Name of the test that stands for the cell as a whole."""
+
+CheckName = tuple[str, str, str]
+"""Id, quantity and kind of truth of a collected check."""
+
+
+class BeyondTolerance(pytest.fail.Exception):  # type: ignore[name-defined, misc]
+    """A number that was measured and is off: the one failure that a known gap can explain."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The cells of a session with the checks that were found for each, and what is shared by their tests."""
+
+    cells: Sequence[tuple[Cell, list[CheckName]]]
+    gaps: tuple[KnownGap, ...]
+    stored: StoredCells
+    results: dict[CheckName, CaseResult] = field(default_factory=dict)
+
+    def idle_gaps(self) -> list[KnownGap]:
+        """Gaps that explain no check of the session."""
+        used = {
+            gap_of((gap,), place(cell), quantity, truth) and gap
+            for gap in self.gaps
+            for cell, names in self.cells
+            for _, quantity, truth in names
+        }
+        return [gap for gap in self.gaps if gap not in used]
+
+
+def make_plan(
+    cases: Sequence[str], engines: Sequence[str], commands: Sequence[str], gaps: Path | None, store: Path | None
+) -> Plan:
+    """Plan the tests of a session.
+
+    Raises
+    ------
+    UsageError
+        Unknown ids, or a file of gaps that cannot be read.
+    """
+    known = read_gaps(gaps) if gaps is not None else ()
+    planned = plan_matrix(match_cases(cases), engines_given(engines, commands), {})
+    stored = open_store(store) if store is not None else StoredCells("")
+    return Plan([(cell, _collect(cell)) for cell in planned], known, stored)
+
+
+def parameters(plan: Plan) -> Iterator[object]:
+    """A `pytest.param` for each check, and one for each cell as a whole."""
+    variants: dict[str, list[Cell]] = {}
+    for cell, _ in plan.cells:
+        variants.setdefault(cell.case.id, []).append(cell)
+    levels = {case: tiers([cell.variant for cell in cells]) for case, cells in variants.items()}
+    for cell, names in plan.cells:
+        group = f"{cell.case.id}[{cell.variant.id}]-{cell.engine_id}"
+        collected = tuple(name for name, _, _ in names)
+        shared = [pytest.mark.xdist_group(group)]
+        shared += [getattr(pytest.mark, tier) for tier in levels[cell.case.id][cell.variant.id]]
+        for name, quantity, truth in [*names, (CELL, "", "")]:
+            gap = gap_of(plan.gaps, place(cell), quantity, truth) if quantity else None
+            # strict: a gap that is closed fails its test, so that its entry is removed
+            expected = [pytest.mark.xfail(reason=gap.reason, raises=BeyondTolerance, strict=True)] if gap else []
+            check = CellCheck(cell, name, collected, plan)
+            yield pytest.param(check, id=f"{group}-{name}", marks=[*shared, *expected])
+
+
+def place(cell: Cell) -> CheckName:
+    """Case, variant and engine of a cell."""
+    return cell.case.id, cell.variant.id, cell.engine_id
+
+
+def _collect(cell: Cell) -> list[CheckName]:
+    """The cell's checks; none where it cannot run, since the test of the cell then says why."""
+    if isinstance(cell.setup, Exception) or isinstance(cell.engine, Exception):
+        return []
+    try:
+        info = cell.engine.info()
+        if not info.installed:
+            return []
+        if cell.engine.supports(cell.setup.scene, cell.setup.numerics).level is SupportLevel.NO:
+            return []
+        pairs = [(check.quantity, check.truth) for check in dry_checks(cell, info)]
+        return [(name, *pair) for name, pair in zip(check_ids(pairs), pairs, strict=True)]
+    except Exception:  # the test of the cell tells why
+        return []
+
+
+@dataclass(frozen=True)
+class CellCheck:
+    """One check of a cell, or the cell as a whole."""
+
+    cell: Cell
+    name: str
+    collected: tuple[str, ...]
+    plan: Plan = field(repr=False)
+
+    def result(self) -> CaseResult:
+        """The cell's result: a stored one that still holds, or computed once a process."""
+        results, key = self.plan.results, place(self.cell)
+        if key not in results:
+            stored = self.plan.stored.find(self.cell)
+            # Checks may depend on more than the sources, on digitised curves for instance: run the cell then.
+            if stored is not None and tuple(_measured(stored)) != self.collected:
+                stored = None
+            results[key] = run_cell(self.cell) if stored is None else stored
+        return results[key]
+
+    def verify(self) -> None:
+        """Pass, skip, xfail or fail as the status says; a failure tells value, reference, tolerance and its reason."""
+        __tracebackhide__ = True
+        result = self.result()
+        if result.status in ("unsupported", "not-installed"):
+            pytest.skip(f"{result.status}: {result.reason}")
+        if result.status in ("error", "timeout"):
+            self._fail(f"{self.cell.name}: {result.status}: {result.reason}")
+        measured = _measured(result)
+        if self.name == CELL:
+            self._verify_cell(measured)
+        elif self.name not in measured:
+            self._fail(f"{self.cell.name}: {self.name} was collected but not measured")
+        else:
+            self._verdict(result.rows[measured.index(self.name)])
+
+    def _verify_cell(self, measured: list[str]) -> None:
+        __tracebackhide__ = True
+        if tuple(measured) != self.collected:
+            self._fail(
+                f"{self.cell.name}: {self._why_they_differ()}; collected {list(self.collected)}, measured {measured}"
+            )
+        if not measured:
+            pytest.skip("no-truth: no truth binds this engine on this variant")
+
+    def _why_they_differ(self) -> str:
+        try:
+            if not isinstance(self.cell.engine, Exception):
+                dry_checks(self.cell, self.cell.engine.info())
+        except Exception as error:
+            return f"the case cannot list its checks for a history without numbers: {last_lines(error)}"
+        return "the checks depend on what the engine computed"
+
+    def _verdict(self, row: Row) -> None:
+        __tracebackhide__ = True
+        if row["status"] == "known-gap":
+            pytest.xfail(f"known-gap: {row['reason']}")
+        if row["status"] == "no-truth":
+            pytest.skip(f"no-truth: {row['reason']}")
+        if row["status"] == "fail":
+            text = f"{failure_text(self.cell.name, row)}\n{where_to_look(self.cell)}"
+            if row["abs_error"] == row["abs_error"]:  # a number, not NaN
+                raise BeyondTolerance(text, pytrace=False)
+            pytest.fail(text, pytrace=False)
+
+    def _fail(self, text: str) -> None:
+        __tracebackhide__ = True
+        pytest.fail(f"{text}\n{where_to_look(self.cell)}", pytrace=False)
+
+
+def _measured(result: CaseResult) -> list[str]:
+    return check_ids((row["quantity"], row["truth"]) for row in result.rows if row["quantity"])

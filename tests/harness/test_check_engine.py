@@ -1,0 +1,384 @@
+"""`ninedisk check-engine` passes sound adapters and finds each planted defect."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from ninedisk.core.history import Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+from ninedisk.harness.capabilities import Capability, capabilities_needed
+from ninedisk.harness.check_engine.check import check_engine
+from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED
+from ninedisk.harness.check_engine.probes import probe_of
+from ninedisk.harness.cli import app
+from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.engines._options import Option
+from ninedisk.harness.engines.dem import DemEngine
+from ninedisk.harness.registry import get_engine
+
+Change = Callable[[Any], Any]
+
+
+class Planted(DemEngine):
+    """The in-house DEM with one defect: in its facts, in what it runs, or in what it answers."""
+
+    def __init__(
+        self,
+        *,
+        facts: dict[str, Any] | None = None,
+        scene: Change = lambda scene: scene,
+        numerics: Change = lambda numerics: numerics,
+        answer: Change = lambda run: run,
+        support: Support | None = None,
+    ) -> None:
+        self.facts, self.scene, self.numerics, self.answer, self.support = facts or {}, scene, numerics, answer, support
+
+    def info(self) -> EngineInfo:
+        return replace(super().info(), **self.facts)
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        return self.support or super().supports(scene, numerics)
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        return self.answer(super().run(self.scene(scene), self.numerics(numerics), watch))
+
+
+def history(**changes: Change) -> Change:
+    """An answer whose arrays are changed, by name."""
+
+    def change(run: EngineRun) -> EngineRun:
+        made = {name: how(getattr(run.history, name)) for name, how in changes.items()}
+        return replace(run, history=replace(run.history, **made))
+
+    return change
+
+
+def plain(edit: Callable[[dict[str, Any]], object]) -> Change:
+    """A scene whose plain data are edited."""
+
+    def change(scene: Scene) -> Scene:
+        data = scene.to_dict()
+        edit(data)
+        return Scene.from_dict(data)
+
+    return change
+
+
+def laws(**values: Any) -> Change:
+    """A scene all of whose contact laws have other values."""
+    return plain(lambda data: [law.update(values) for law in (data["disk_disk"], *(w["law"] for w in data["walls"]))])
+
+
+def disks(**values: Any) -> Change:
+    return plain(lambda data: data["disks"].update({k: [v] * len(data["disks"]["x"]) for k, v in values.items()}))
+
+
+def motion(**values: Any) -> Change:
+    return plain(lambda data: [wall["motion"][0].update(values) for wall in data["walls"]])
+
+
+def first_rows_late(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    return np.concatenate([x[1:2], x[1:]])
+
+
+SHARED = np.zeros((18, 1, 2))
+
+
+def into_shared_memory(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    SHARED[:] = x + SHARED[0] * 0.0 + (SHARED[1, 0, 0] != 0.0)
+    return SHARED
+
+
+def spoil_input(scene: Scene) -> Scene:
+    object.__setattr__(scene, "xi", scene.xi + 1.0)
+    return scene.replace(xi=scene.xi - 1.0)
+
+
+class Obliging(Planted):
+    """Answers about contacts that do not exist."""
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        return super().run(scene, numerics, [pair for pair in watch if pair[1] < scene.n_bodies])
+
+
+class Deaf(Planted):
+    """Has an option that it does not heed."""
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        run = super().run(scene, numerics, watch)
+        return replace(run, settings={**run.settings, "dem.sweeps": 10})
+
+
+RANDOM = np.random.default_rng(1)
+SWEEPS = {"sweeps": Option(default=10, whole=True, why="planted")}
+
+PLANTED = {
+    "an id of another": ("facts", Planted(facts={"id": "mine"}), "info().id is 'mine'"),
+    "a kind of contact that nobody knows": ("facts", Planted(facts={"contact": "sticky"}), "contact is 'sticky'"),
+    "single precision": ("form", Planted(answer=history(x=lambda x: x.astype(np.float32))), "x is of type float32"),
+    "no velocities": ("form", Planted(answer=history(v=lambda v: v * np.nan)), "v is not finite"),
+    "a row too few": ("form", Planted(answer=history(fn=lambda fn: fn[1:])), "answered fn of shape"),
+    "forces of a third kind": (
+        "form",
+        Planted(answer=history(force_meaning=lambda _: "guess")),
+        "force_meaning is 'guess'",
+    ),
+    "every step sampled": ("sampling", Planted(numerics=lambda n: n.replace(sample_every=1)), "steps [0, 4, 5, 6"),
+    "times in ms": ("sampling", Planted(answer=history(t=lambda t: 1e3 * t)), "times are off"),
+    "samples of the next one": ("sampling", Planted(answer=history(x=first_rows_late)), "x is"),
+    "one state for all samples": (
+        "copies",
+        Planted(answer=history(x=lambda x: np.broadcast_to(x[-1], x.shape))),
+        "every sample of x",
+    ),
+    "arrays of the run before": (
+        "copies",
+        Planted(answer=history(x=into_shared_memory)),
+        "x changed with the next run",
+    ),
+    "v and x in one buffer": (
+        "copies",
+        Planted(answer=lambda run: replace(run, history=replace(run.history, v=run.history.x))),
+        "x and v share memory",
+    ),
+    "nothing on record": ("settings", Planted(answer=lambda run: replace(run, settings={})), "no settings"),
+    "an option that is not heeded": (
+        "settings",
+        Deaf(facts={"options": SWEEPS}),
+        "dem.sweeps = 20 was asked for, 10 is recorded",
+    ),
+    "an option that is not recorded": (
+        "settings",
+        Planted(facts={"options": SWEEPS}),
+        "the option sweeps is not recorded",
+    ),
+    "settings of no plain kind": (
+        "settings",
+        Planted(answer=lambda run: replace(run, settings={"law": object()})),
+        "the setting 'law' is",
+    ),
+    "dice": (
+        "determinism",
+        Planted(answer=history(fn=lambda fn: fn + 1e-12 * RANDOM.random(fn.shape))),
+        "two runs differ in fn",
+    ),
+    "a scene that is changed": ("input", Planted(scene=spoil_input), "changed"),
+    "a warm-up that moves": ("warm-up", Planted(answer=history(x=first_rows_late)), "x at step 0 is off"),
+    "pairs that do not exist": ("refusals", Obliging(), "a watched pair of bodies that do not exist is answered"),
+    "any step at all": (
+        "refusals",
+        Planted(numerics=lambda n: n.replace(allow_unstable=True)),
+        "answered with a rebound",
+    ),
+    "degrees": ("units: flight", Planted(answer=history(angle=np.degrees)), "angle is"),
+    "clockwise": ("units: flight", Planted(answer=history(omega=np.negative)), "omega is"),
+    "kilonewtons": ("units: weights*", Planted(answer=history(fn=lambda fn: 1e-3 * fn)), "fn of the pairs"),
+    "impulses for forces": ("units: weights*", Planted(answer=history(fn=lambda fn: 2e-3 * fn)), "fn of the pairs"),
+    "pairs in an order of its own": (
+        "units: weights*",
+        Planted(answer=history(fn=lambda fn: fn[:, ::-1])),
+        "fn of the pairs",
+    ),
+    "overlaps for gaps": ("units: weights*", Planted(answer=history(gap=np.negative)), "gap of the same pairs"),
+    "force of the wall": ("units: weights*", Planted(answer=history(wall_force=np.negative)), "force on the floor"),
+    "no kn": ("supports: LINEAR_CONTACT", Planted(scene=laws(kn=2e6)), "overlap is"),
+    "half of ks": ("supports: SHEAR_SPRING", Planted(scene=laws(ks=0.5 * 2.0 * 9.81 / (1e-4 * 0.5))), "fs is"),
+    "half of mu": ("supports: FRICTION", Planted(scene=laws(mu=0.05)), "v along the floor"),
+    "shear the other way": ("supports: FRICTION", Planted(answer=history(fs=np.negative)), "mean fs is"),
+    "no dashpot": ("supports: CONTACT_DAMPING", Planted(scene=laws(beta=0.0)), "overlap is"),
+    "no restitution": (
+        "supports: RESTITUTION",
+        Planted(scene=laws(beta=0.0), support=Support(SupportLevel.EXACT, notes=("so it says",))),
+        "v after the impact",
+    ),
+    "lagged for central": (
+        "supports: GLOBAL_DAMPING_CENTRAL",
+        Planted(numerics=lambda n: n.replace(damping_form="lagged")),
+        "v is",
+    ),
+    "central for lagged": (
+        "supports: GLOBAL_DAMPING_LAGGED",
+        Planted(numerics=lambda n: n.replace(damping_form="central")),
+        "v is",
+    ),
+    "walls at rest": (
+        "supports: MOVING_WALLS",
+        Planted(scene=plain(lambda d: [w.update(motion=[]) for w in d["walls"]])),
+        "way of the disk",
+    ),
+    "walls that do not turn": (
+        "supports: ROTATING_WALLS",
+        Planted(scene=plain(lambda d: [w.update(motion=[]) for w in d["walls"]])),
+        "wall_angle",
+    ),
+    "a chord for a curve": (
+        "supports: CURVED_WALL_MOTION",
+        Planted(scene=motion(amplitude=[0.0, 0.0], velocity=[0.0, 0.1])),
+        "way of the disk",
+    ),
+    "gravity along y only": (
+        "supports: GRAVITY",
+        Planted(scene=lambda s: s.replace(gravity=(0.0, s.gravity[1]))),
+        "v is",
+    ),
+    "disks that turn all the same": ("supports: BLOCKED_ROTATION", Planted(scene=disks(rotating=True)), "omega is"),
+    "nothing held": (
+        "supports: HELD_MOTION",
+        Planted(scene=disks(held=[False, False]), support=Support(SupportLevel.EXACT, notes=("so it says",))),
+        "v is",
+    ),
+    "inertia in the static limit": (
+        "supports: QUASI_STATIC",
+        Planted(
+            numerics=lambda n: n.replace(regime="dynamic"), support=Support(SupportLevel.EXACT, notes=("so it says",))
+        ),
+        "fn is",
+    ),
+    "no preload": ("supports: PRELOAD", Planted(scene=lambda s: s.replace(initial_shear={})), "v is"),
+    "spheres": ("supports: DISK_INERTIA", Planted(scene=disks(inertia=0.4 * 2.0 * 0.25)), "omega is"),
+    "another arm than R": ("supports: LEVER_ARM_RADIUS", Planted(scene=laws(lever_arm="overlap")), "arm of the torque"),
+    "another arm than R - overlap/2": (
+        "supports: LEVER_ARM_OVERLAP",
+        Planted(scene=laws(lever_arm="torque-overlap")),
+        "arm of the slip",
+    ),
+    "another arm than LAMMPS'": (
+        "supports: LEVER_ARM_TORQUE",
+        Planted(scene=laws(lever_arm="radius")),
+        "arm of the torque",
+    ),
+    "more than its facts": (
+        "supports: HELD_MOTION",
+        Planted(support=Support(SupportLevel.EXACT)),
+        "info() lacks HELD_MOTION",
+    ),
+    "no without a reason": ("supports: GRAVITY", Planted(support=Support(SupportLevel.NO)), "supported"),
+    "a crash": ("supports: GRAVITY", Planted(answer=lambda _: 1 / 0), "ZeroDivisionError"),
+}
+
+
+@pytest.mark.parametrize("defect", PLANTED)
+def test_a_planted_defect_is_found(defect: str) -> None:
+    check, engine, said = PLANTED[defect]
+    findings = check_engine(engine, only=["scenes" if defect == "no without a reason" else check])
+    assert [each.status for each in findings] == [FAIL]
+    assert said in findings[0].found
+    if defect != "a crash":
+        assert findings[0].mend
+
+
+def test_every_check_has_been_seen_failing() -> None:
+    names = {each.check for each in check_engine(DemEngine())}
+    caught = {name for name in names for check, _, _ in PLANTED.values() if name == check or check.rstrip("*") in name}
+    assert names - caught == set()
+
+
+def test_a_refusal_needs_a_reason_that_its_facts_share() -> None:
+    class Fickle(DemEngine):
+        answer = Support(SupportLevel.NO)
+
+        def supports(self, scene: Scene, numerics: Numerics) -> Support:
+            return super().supports(scene, numerics) if not any(scene.gravity) else self.answer
+
+    for answer, status, said in (
+        (Support(SupportLevel.NO), FAIL, "without a reason"),
+        (Support(SupportLevel.NO, (Capability.GRAVITY,)), FAIL, "refused for GRAVITY, which info() declares"),
+        (Support(SupportLevel.NO, (Capability.GRAVITY,), ("not today",)), REFUSED, "lacks GRAVITY (declared"),
+    ):
+        Fickle.answer = answer
+        (found,) = check_engine(Fickle(), only=["supports: GRAVITY"])
+        assert found.status == status
+        assert said in found.found
+
+
+def test_what_is_approximate_may_be_off_by_a_convention_and_no_more() -> None:
+    near = Support(SupportLevel.APPROXIMATE, notes=("near",))
+    for mu, status in ((0.09, PASS), (0.02, FAIL)):
+        (found,) = check_engine(Planted(scene=laws(mu=mu), support=near), only=["supports: FRICTION"])
+        assert found.status == status
+
+
+@pytest.mark.parametrize("asked", Capability)
+def test_a_probe_asks_for_its_capability(asked: Capability) -> None:
+    setup = probe_of(asked, DemEngine().info()).setup
+    needed = capabilities_needed(setup.scene, setup.numerics)
+    assert asked in needed or (asked is Capability.RESTITUTION and setup.scene.walls[0].law.restitution == 0.5)
+
+
+@pytest.mark.parametrize("engine_id", ["dem", "cd", "pymunk"])
+def test_engines_of_this_process_are_sound(engine_id: str) -> None:
+    wrong = [each for each in check_engine(get_engine(engine_id)) if each.status == FAIL]
+    assert wrong == []
+
+
+EXTERNAL = (
+    "siconos",
+    "bullet",
+    "dart",
+    "box2d",
+    "mujoco",
+    "drake",
+    "drake-sap",
+    "drake-lagged",
+    "yade",
+    "lammps",
+    "kratos",
+    "liggghts",
+    "esys-particle",
+)
+
+
+# One run of each check on every engine takes minutes; these tell a broken adapter, and the matrix judges the rest.
+BASIC = ("facts", "form", "sampling", "settings", "units: *")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine_id", EXTERNAL)
+def test_external_engines_are_sound(engine_id: str) -> None:
+    engine = get_engine(engine_id)
+    if not engine.info().installed:
+        pytest.skip(engine.info().not_installed_because)
+    wrong = [each for each in check_engine(engine, only=BASIC) if each.status == FAIL]
+    assert wrong == []
+
+
+def ninedisk(*arguments: str) -> Any:
+    return CliRunner().invoke(app, list(arguments), prog_name="ninedisk")
+
+
+def test_the_command(tmp_path: Path) -> None:
+    done = ninedisk("check-engine", "pymunk", "--json", str(tmp_path / "found.json"))
+    assert done.exit_code == 0, done.output
+    assert "supports: GRAVITY" in done.stdout
+    data = json.loads((tmp_path / "found.json").read_text())
+    assert data["engine"] == "pymunk"
+    assert {each["status"] for each in data["findings"]} == {PASS, REFUSED}
+    assert [path.name for path in tmp_path.iterdir()] == ["found.json"]
+
+
+@pytest.mark.usefixtures("fakes")
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("pymonk",), 2, "Did you mean 'pymunk'"),
+        (("pymunk", "--json", "no/where.json"), 2, "cannot be written"),
+        (("pymunk", "--check", "nonsense"), 2, "no check matches 'nonsense'"),
+        (("fake-absent",), 3, "not installed (it was never built): pip install fake"),
+        (("fake-broken",), 2, "cannot be loaded"),
+        (("fake-shy",), 3, "must not fail, it says RuntimeError: no facts"),
+        (("fake-wrong", "--check", "supports: GRAVITY"), 1, "1 fail"),
+    ],
+)
+def test_exit_codes(arguments: tuple[str, ...], code: int, said: str) -> None:
+    done = ninedisk("check-engine", *arguments)
+    assert done.exit_code == code, done.output
+    assert said in done.output

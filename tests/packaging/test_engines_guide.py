@@ -1,0 +1,75 @@
+"""The guide to adapters shows what works, and names what there is."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ninedisk.harness.check_engine.check import check_engine
+from ninedisk.harness.engine import Engine, EngineInfo, Session, SupportLevel
+from ninedisk.harness.engines.dem import DemEngine
+from ninedisk.harness.suite.gaps import KnownGap, read_gaps
+
+pytestmark = pytest.mark.tree
+GUIDE = Path(__file__).resolve().parents[2] / "docs" / "engines.md"
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", GUIDE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+def rows(header: str) -> list[str]:
+    """First cells of the table whose first column is called ``header``."""
+    lines = GUIDE.read_text(encoding="utf-8").splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith(f"| {header} |"))
+    found = []
+    for line in lines[first + 2 :]:
+        if not line.startswith("|"):
+            break
+        found.append(line.split("|")[1].strip())
+    return found
+
+
+def test_the_examples_run() -> None:
+    namespace: dict[str, Any] = {"__name__": "guide"}
+    for code in blocks("python"):
+        exec(compile(code, "engines.md", "exec"), namespace)
+    assert isinstance(namespace["ENGINE"], Engine)
+    assert namespace["findings"]["units: flight"].status == "pass"
+
+
+def test_the_tables_are_complete() -> None:
+    methods = {re.match(r"`(\w+)", cell)[1] for cell in rows("method")}  # type: ignore[index]
+    assert methods == {name for name, _ in inspect.getmembers(Engine, inspect.isfunction) if not name.startswith("_")}
+    session = {re.match(r"`(\w+)", cell)[1] for cell in rows("of a session")}  # type: ignore[index]
+    public = {name for name, _ in inspect.getmembers(Session, inspect.isfunction) if not name.startswith("_")}
+    assert session == public | {"__init__", "settings"}
+    assert {cell.strip("`").lower() for cell in rows("level")} == {str(level) for level in SupportLevel}
+
+
+def test_every_check_is_explained() -> None:
+    named = {name for cell in rows("check") for name in re.findall(r"`([^`]+)`", cell)}
+    checks = {each.check for each in check_engine(DemEngine())}
+    assert {name for name in checks if not name.startswith("supports: ")} == named - {"supports: ..."}
+
+
+def test_facts_and_gaps_exist(tmp_path: Path) -> None:
+    told = re.search(r"which truths\nbind it: (.*?)\n\n", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    assert told is not None
+    values = {"spring", "impulse", "cd", "soft"}
+    assert set(re.findall(r"`(\w+)`", told[1])) - values <= {field.name for field in fields(EngineInfo)}
+    entries, gaps = blocks("toml")
+    assert "ninedisk.engines" in tomllib.loads(entries)["project"]["entry-points"]
+    (tmp_path / "gaps.toml").write_text(gaps)
+    assert isinstance(read_gaps(tmp_path / "gaps.toml")[0], KnownGap)
+
+
+def test_links_exist() -> None:
+    for link in re.findall(r"\]\(([^)#]+)", GUIDE.read_text(encoding="utf-8")):
+        assert (GUIDE.parent / link).exists(), link
