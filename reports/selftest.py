@@ -49,8 +49,8 @@ class Matrix:
         Columns.
     clean, wrong : list of Row
         Rows of the unchanged engines and of the defects.
-    missed, dirty : list of Row
-        Defects that nothing caught; unchanged engines that fail.
+    missed, dirty, holes : list of Row
+        Defects that nothing caught; unchanged engines that fail; defects that no case is known to see.
     silent : list of Kind
         Kinds of checks that fired on no defect.
     single : list of (Row, str)
@@ -64,6 +64,7 @@ class Matrix:
     wrong: list[Row]
     missed: list[Row]
     dirty: list[Row]
+    holes: list[Row]
     silent: list[Kind]
     single: list[tuple[Row, str]]
     single_case: list[tuple[Row, str]]
@@ -111,8 +112,9 @@ def matrix(rows: Sequence[Row]) -> Matrix:
         cases=sorted(known),
         clean=clean,
         wrong=wrong,
-        missed=[row for row in wrong if not row["caught"]],
+        missed=[row for row in wrong if not row["caught"] and not row["hole"]],
         dirty=[row for row in clean if row["caught"] or row["errors"]],
+        holes=[row for row in wrong if row["hole"]],
         silent=sorted(judged - fired),
         single=one,
         single_case=alone,

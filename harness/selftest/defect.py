@@ -47,6 +47,9 @@ class Defect:
         What the engine sees in place of the scene and the numerics (kinds "scene" and "numerics").
     after : callable, optional
         What the engine reports in place of its history (kind "history").
+    hole : str
+        Not empty: no case of the suite can see this defect, for this reason. It is shown as a known hole; once a check fails, the
+        hole is closed and the note must go.
     """
 
     name: str
@@ -57,6 +60,7 @@ class Defect:
     edits: tuple[Edit, ...] = ()
     before: Before | None = None
     after: After | None = None
+    hole: str = ""
 
     @property
     def id(self) -> str:

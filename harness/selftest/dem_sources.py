@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ninedisk.harness.selftest.defect import Defect, Kind
 from ninedisk.harness.selftest.edits import Edit
 
@@ -112,4 +114,34 @@ STEPPING = (
             (MOTION, "rate = motion.tan_rate[k] / (c * c)", "rate = motion.tan_rate[k]")),
 )  # fmt: skip
 
-DEFECTS = (*CONTACTS, *STEPPING)
+HOLES = tuple(
+    replace(defect, hole=reason)
+    for reason, defect in (
+        (
+            "no case lets a rough contact open and close again",
+            _kernel("history-kept", "contacts between disks that opened keep their shear force", "shear-caps",
+                    (FORCES, "            if d2 >= reach * reach:\n                pairs.shear[k] = 0.0\n",
+                     "            if d2 >= reach * reach:\n                pairs.shear[k] *= 1.0\n")),
+        ),
+        (
+            "no case lets a rough contact open and close again",
+            _kernel("history-kept-at-walls", "contacts with walls that opened keep their shear force", "land",
+                    (FORCES, "            if overlap <= 0.0:\n                pairs.shear[k] = 0.0\n",
+                     "            if overlap <= 0.0:\n                pairs.shear[k] *= 1.0\n")),
+        ),
+        (
+            "no case has a dashpot at a wall that moves",
+            _kernel("dashpot-of-walls", "dashpots at walls do not see the wall's own motion", "press",
+                    (FORCES, "rate = (rate_x - spin * qy - disks.v_now[i, 0]) * ux + (rate_y + spin * qx - disks.v_now[i, 1]) * uy",
+                     "rate = -disks.v_now[i, 0] * ux - disks.v_now[i, 1] * uy")),
+        ),
+        (
+            "no case shakes a wall",
+            _kernel("wall-shakes", "harmonic motions of walls have the wrong sign", "press",
+                    (MOTION, "wave = sin(motion.frequency[k] * tau + motion.phase[k]) - sin(motion.phase[k])",
+                     "wave = sin(motion.phase[k]) - sin(motion.frequency[k] * tau + motion.phase[k])")),
+        ),
+    )
+)  # fmt: skip
+
+DEFECTS = (*CONTACTS, *STEPPING, *HOLES)

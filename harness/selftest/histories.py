@@ -15,7 +15,10 @@ from ninedisk.harness.selftest.defect import After, Defect
 FloatArray = NDArray[np.float64]
 
 STATE = ("x", "v", "angle", "omega", "gap", "fn", "fs")
-"""Arrays of a history that cases read, with samples as their first axis."""
+"""Arrays of a history that tell of disks and contacts, with samples as their first axis."""
+
+WALLS = ("wall_point", "wall_angle", "wall_force")
+"""Those that tell of walls."""
 
 SEED, NOISE = 1979, 1e-6
 
@@ -92,8 +95,12 @@ def _without_tension(array: FloatArray) -> FloatArray:
     return np.maximum(array, 0.0)
 
 
-def _report(engine: str, name: str, what: str, witness: str, after: After) -> Defect:
-    return Defect(name=name, engine=engine, kind="history", what=what, witness=witness, after=after)
+def _double_energies(history: History) -> History:
+    return replace(history, energy={name: 2.0 * series for name, series in history.energy.items()})
+
+
+def _report(engine: str, name: str, what: str, witness: str, after: After, hole: str = "") -> Defect:
+    return Defect(name=name, engine=engine, kind="history", what=what, witness=witness, after=after, hole=hole)
 
 
 DEFECTS = (
@@ -110,6 +117,14 @@ DEFECTS = (
     _report("dem", "noise", "one part in a million of noise on everything", "press", changed(_noisy, *STATE)),
     _report("dem", "printed", "six digits of everything are reported", "press", changed(_printed, *STATE)),
     _report("dem", "no-last-sample", "forces of the last sample are missing", "slide", changed(_no_end, "fn", "fs")),
+    _report("dem", "wall-force-sign", "forces on walls have the wrong sign", "press", changed(_minus, "wall_force"),
+            hole="no case reads the force on a wall"),
+    _report("dem", "wall-report-late", "walls are reported where they were a step before", "press",
+            changed(_late, "wall_point", "wall_angle"), hole="no case reads where walls are"),
+    _report("dem", "angle-sign", "rotations, not spins, are counted clockwise", "roll", changed(_minus, "angle"),
+            hole="no case reads rotations"),
+    _report("dem", "energies-twice", "all energies are twice what they are", "hit", _double_energies,
+            hole="no case reads the engine's own energies"),
     _report("cd", "single-precision", "the report is in single precision", "slide", changed(_single, *STATE)),
     _report("cd", "velocity-late", "velocities are those of the step before", "slide", changed(_late, "v", "omega")),
     _report("cd", "half-step-positions", "positions belong to half a step later", "slide", _half_step_positions),
@@ -117,4 +132,4 @@ DEFECTS = (
     _report("cd", "impulses", "impulses of a step are reported as forces", "slide", _impulses),
     _report("cd", "spin-sign", "spins are counted clockwise", "roll", changed(_minus, "angle", "omega")),
     _report("cd", "noise", "one part in a million of noise on everything", "slide", changed(_noisy, *STATE)),
-)
+)  # fmt: skip

@@ -78,8 +78,9 @@ def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) 
     -------
     dict
         ``defect, engine, kind, what``; ``caught``: whether a check failed; ``checks``: ids of those that did; ``by_case``: their
-        number by case; ``errors``: cells that ended without numbers, with the reason; ``judged``: number of checks; ``passed``:
-        ids of those that passed, for the right engines only; ``edits``; ``seconds``.
+        number by case; ``hole``: why the suite cannot see this defect, where that is known; ``errors``: cells that ended without
+        numbers, with the reason; ``judged``: number of checks; ``passed``: ids of those that passed, for the right engines only;
+        ``edits``: module, text and replacement of each; ``seconds``.
     """
     rows = [row for result in results for row in result.rows if row["status"] not in UNJUDGED]
     failed = [row for row in rows if row["status"] == "fail"]
@@ -93,6 +94,7 @@ def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) 
         "caught": bool(failed),
         "checks": [check_id(row) for row in failed],
         "by_case": dict(Counter(str(row["case"]) for row in failed)),
+        "hole": defect.hole,
         "errors": [f"{_cell(result.cell)}: {result.reason}" for result in broken],
         "judged": sum(1 for row in rows if row["quantity"]),
         "passed": [check_id(row) for row in rows if row["status"] != "fail" and row["quantity"]] if clean else [],
@@ -107,10 +109,10 @@ def check_id(row: Mapping[str, Any]) -> str:
 
 
 def fine(row: Mapping[str, Any]) -> bool:
-    """Whether a row is as it should be: a wrong engine caught, a right one not."""
+    """Whether a row is as it should be: a wrong engine caught or its hole known, a right one without a failure."""
     if row["kind"] == "clean":
         return not row["caught"] and not row["errors"]
-    return bool(row["caught"])
+    return bool(row["caught"] or row["hole"])
 
 
 def _cell(row: Mapping[str, Any]) -> str:

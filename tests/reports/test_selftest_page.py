@@ -24,7 +24,16 @@ def row(defect: str, kind: str, checks: list[str], **more: Any) -> Row:
     for check in checks:
         by_case[check.partition("[")[0]] = by_case.get(check.partition("[")[0], 0) + 1
     made = {"defect": f"dem/{defect}", "engine": "dem", "kind": kind, "what": f"{defect} & <b>", "caught": bool(checks)}
-    made |= {"checks": checks, "by_case": by_case, "errors": [], "judged": 3, "passed": [], "edits": [], "seconds": 1.0}
+    made |= {
+        "checks": checks,
+        "by_case": by_case,
+        "hole": "",
+        "errors": [],
+        "judged": 3,
+        "passed": [],
+        "edits": [],
+        "seconds": 1.0,
+    }
     return made | more
 
 
@@ -36,6 +45,7 @@ def rows() -> list[Row]:
         row("some", "scene", [GAP, GAP.replace("0.3", "0.4")]),
         row("both", "history", [GAP, X]),
         row("none", "numerics", [], errors=["box[default]: it died"]),
+        row("blind", "history", [], hole="no case looks there"),
     ]
 
 
@@ -44,6 +54,7 @@ def test_the_matrix_says_what_is_silent_and_what_hangs_by_a_thread(rows: list[Ro
     assert found.cases == ["box", "hill"]
     assert [row["defect"] for row in found.missed] == ["dem/none"]
     assert found.dirty == []
+    assert [row["defect"] for row in found.holes] == ["dem/blind"]
     assert found.silent == [Kind("dem", "hill", "fn", "exact-step")]
     assert [(row["defect"], check) for row, check in found.single] == [("dem/one", GAP)]
     assert [(row["defect"], case) for row, case in found.single_case] == [("dem/some", "hill")]
@@ -57,6 +68,7 @@ def test_the_page_shows_it_offline_and_escaped(rows: list[Row], tmp_path: Path) 
     assert "one &amp; &lt;b&gt;" in page
     assert "<del>x &lt; 1</del>" in page
     assert "it died" in page
+    assert "known hole: no case looks there" in page
     assert "prefers-color-scheme: dark" in page
     assert "@media print" in page
     assert re.findall(r"(?:src|href)=\"(?!#)[^\"]*\"", page) == []

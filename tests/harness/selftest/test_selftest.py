@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,7 @@ HARMLESS = Defect(
     witness="slide",
     edits=(Edit("dem.force_kernels", "force = kn * overlap", "force = 1.0 * kn * overlap"),),
 )
+HOLE = replace(HARMLESS, name="hole", hole="it changes nothing")
 CAUGHT = Defect(
     name="planted",
     engine="dem",
@@ -52,6 +54,9 @@ CRASH = Defect(
 )
 
 
+CLOSED = replace(CAUGHT, name="closed", hole="nobody looks")
+
+
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
@@ -60,7 +65,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def own_gallery(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gallery, "GALLERY", (HARMLESS, CAUGHT, STALE, CRASH))
+    monkeypatch.setattr(gallery, "GALLERY", (HARMLESS, CAUGHT, STALE, CRASH, HOLE, CLOSED))
 
 
 def ninedisk(*arguments: str) -> Result:
@@ -92,6 +97,14 @@ def test_a_defect_that_nothing_catches_is_told(here: Path) -> None:
     assert done.exit_code == 1
     assert "caught: 1 of 2 defects; missed: dem/harmless" in done.output
     assert "1 of 2 defects go unnoticed:</b> dem/harmless." in (here / "page.html").read_text()
+
+
+@pytest.mark.usefixtures("own_gallery")
+def test_a_known_hole_is_shown_and_excused_and_a_closed_one_is_told() -> None:
+    done = ninedisk("--only", "hole", "--only", "closed", "--quick")
+    assert done.exit_code == 0
+    assert "known holes: dem/hole (it changes nothing)" in done.output
+    assert "closed holes, whose notes must go: dem/closed (nobody looks)" in done.output
 
 
 @pytest.mark.usefixtures("own_gallery")
@@ -150,3 +163,4 @@ def test_every_defect_is_caught_by_its_witness() -> None:
     rows = run_selftest(GALLERY, quick=True, jobs=os.cpu_count() or 1)
     assert len(rows) == len(GALLERY) + 2
     assert {row["defect"]: row["errors"] or row["checks"] for row in rows if not fine(row)} == {}
+    assert [row["defect"] for row in rows if row["hole"] and row["caught"]] == []
