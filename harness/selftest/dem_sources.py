@@ -72,6 +72,9 @@ CONTACTS = (
              "disks.v[i, 0] * uy - disks.v[i, 1] * ux")),
     _kernel("reaction", "the reaction on the second disk is a millionth too large", "hit",
             (FORCES, "disks.force[j, 0] -= gx", "disks.force[j, 0] -= 1.000001 * gx")),
+    _kernel("normal-tilted", "the normal between disks is off by a hundredth of a radian", "hit",
+            (FORCES, "nx, ny, overlap = dx / d, dy / d, reach - d",
+             "nx, ny, overlap = (dx - 0.01 * dy) / d, (dy + 0.01 * dx) / d, reach - d")),
     _kernel("stale-contact", "forces between disks belong to the positions of the step before", "press",
             (FORCES, "dx, dy, reach = x[j, 0] - xi, x[j, 1] - yi, ri + radius[j]",
              "dx, dy, reach = x[j, 0] - xi - slip_dt * (v[j, 0] - vxi), x[j, 1] - yi - slip_dt * (v[j, 1] - vyi), "

@@ -18,8 +18,8 @@ from ninedisk.harness.selftest.play import Outcome, judged, outcomes, reported
 
 Progress = Callable[[int, int, str], None]
 
-UNJUDGED = ("unsupported", "not-installed", "no-truth")
-"""Statuses of rows in which nothing was held against a truth."""
+JUDGED = ("pass", "fail")
+"""Statuses of checks that can fail; a known difference does not."""
 
 
 def run_selftest(
@@ -79,10 +79,10 @@ def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) 
     dict
         ``defect, engine, kind, what``; ``caught``: whether a check failed; ``checks``: ids of those that did; ``by_case``: their
         number by case; ``hole``: why the suite cannot see this defect, where that is known; ``errors``: cells that ended without
-        numbers, with the reason; ``judged``: number of checks; ``passed``: ids of those that passed, for the right engines only;
-        ``edits``: module, text and replacement of each; ``seconds``.
+        numbers, with the reason; ``judged``: number of checks that could fail; ``passed``: ids of those that passed, for the right
+        engines only; ``edits``: module, text and replacement of each; ``seconds``.
     """
-    rows = [row for result in results for row in result.rows if row["status"] not in UNJUDGED]
+    rows = [row for result in results for row in result.rows if row["status"] in JUDGED and row["quantity"]]
     failed = [row for row in rows if row["status"] == "fail"]
     broken = [result for result in results if result.status in ("error", "timeout")]
     clean = defect.kind == "clean"
@@ -96,8 +96,8 @@ def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) 
         "by_case": dict(Counter(str(row["case"]) for row in failed)),
         "hole": defect.hole,
         "errors": [f"{_cell(result.cell)}: {result.reason}" for result in broken],
-        "judged": sum(1 for row in rows if row["quantity"]),
-        "passed": [check_id(row) for row in rows if row["status"] != "fail" and row["quantity"]] if clean else [],
+        "judged": len(rows),
+        "passed": [check_id(row) for row in rows if row["status"] == "pass"] if clean else [],
         "edits": [[edit.name, edit.old, edit.new] for edit in defect.edits],
         "seconds": round(seconds, 3),
     }

@@ -80,6 +80,8 @@ def _loose(numerics: Numerics) -> Numerics:
 DEM = (
     _scene("dem", "mass-of-a-sphere", "disks have the mass of spheres, 4/3 R times theirs", "press",
            lambda scene: with_disks(scene, mass=scene.disks.mass * 4.0 / 3.0 * scene.disks.radius)),
+    _scene("dem", "radius", "disks are one part in five hundred too large", "throw",
+           lambda scene: with_disks(scene, radius=1.002 * scene.disks.radius, inertia=scene.disks.inertia)),
     _scene("dem", "inertia-of-a-sphere", "disks have the moment of inertia of spheres, 2/5 m R^2", "roll",
            lambda scene: with_disks(scene, inertia=0.4 * scene.disks.mass * scene.disks.radius**2)),
     _scene("dem", "stiffness-in-series", "two springs in series stand for each contact", "press",
