@@ -30,6 +30,7 @@ _BOTH = {
     "press": Probe(PRESS, {"settle_cycles": 400}),
     "press-undamped": Probe(PRESS, {"load_case": "b2", "xi": 0.0}),
     "press-rough": Probe(PRESS, {"xi": 0.0, "wall_mu": "mu"}),
+    "press-settle": Probe(PRESS, {"wall_mu": "mu", "load_case": "a2"}),
     "shear-caps": Probe(
         SHEAR,
         {"phi_deg": 15.0, "ks_over_kn": 2.0 / 3.0, "walls": "mid-pivot-caps-translate", "lever_arm": "overlap"},
@@ -38,7 +39,6 @@ _BOTH = {
 
 DEM_PANEL: dict[str, Probe] = {
     **_BOTH,
-    "press-settle": Probe(PRESS, {"wall_mu": "mu", "load_case": "a2"}),
     "shear": Probe(SHEAR, {}),
     "hit": Probe(HIT, {"kn": 1e4}),
     "hit-damped": Probe(HIT, {"kn": 1e4, "restitution": 0.5}),
