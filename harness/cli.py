@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness import cli_bench, cli_engines, cli_history, cli_protocol, cli_store
+from ninedisk.harness import cli_bench, cli_engines, cli_history, cli_protocol, cli_selftest, cli_store
 from ninedisk.harness.cli_protocol import Commands
 from ninedisk.harness.cli_store import Store
 from ninedisk.harness.cli_support import INTERRUPTED, guarded
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from typing import Any
 
     from ninedisk.harness.records import Comparison, History
@@ -219,10 +219,17 @@ def _bench_page(record: Mapping[str, Any], path: Path) -> None:
     write_bench(record, path)
 
 
+def _selftest_page(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
+    from ninedisk.reports.selftest import write_selftest
+
+    write_selftest(rows, path)
+
+
 cli_bench.register(app, _bench_page)
 cli_protocol.register(app)
 cli_engines.register(app)
 cli_history.register(app, _comparison_page, _dashboard_folder)
+cli_selftest.register(app, _selftest_page)
 cli_store.register(app)
 
 

@@ -20,7 +20,7 @@ from ninedisk.harness.protocol.given import engines_given
 from ninedisk.harness.provenance import command_line, provenance
 from ninedisk.harness.published import check_folder
 from ninedisk.harness.registry import match_cases, problems
-from ninedisk.harness.results import CaseResult
+from ninedisk.harness.results import CaseResult, Row
 from ninedisk.harness.runner import run_cells
 from ninedisk.harness.store import new_run_id, prepare_store, write_run
 from ninedisk.harness.tables import plain_json
@@ -58,7 +58,7 @@ def execute(
         typer.echo(note, err=True)
     prepare_store(store)
     if json_file is not None:
-        _prepare_json(json_file)
+        prepare_json(json_file)
     started = _now()
     with CellProgress() as progress:
         results = run_cells(cells, progress, published=published)
@@ -95,14 +95,19 @@ def parse_settings(settings: Sequence[str], *, flag: str = "--set", example: str
 
 
 def write_json(path: Path, results: Sequence[CaseResult]) -> None:
-    """Write the measurement rows as a JSON list, NaN as null; the file appears whole or not at all.
+    """Write the measurement rows; raises as `write_rows` does."""
+    write_rows(path, [row for result in results for row in result.rows])
+
+
+def write_rows(path: Path, found: Sequence[Row]) -> None:
+    """Write rows as a JSON list, NaN as null; the file appears whole or not at all.
 
     Raises
     ------
     StoreError
         If it cannot be written.
     """
-    rows = json.loads(plain_json([row for result in results for row in result.rows]))
+    rows = json.loads(plain_json(list(found)))
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         try:
@@ -118,15 +123,22 @@ def write_json(path: Path, results: Sequence[CaseResult]) -> None:
         ) from error
 
 
-def _prepare_json(path: Path) -> None:
+def prepare_json(path: Path, flag: str = "--json") -> None:
+    """Make sure that a file can be written, before anything runs.
+
+    Raises
+    ------
+    UsageError
+        If it cannot.
+    """
     if path.is_dir():
-        raise UsageError(f"--json {str(path)!r} is a folder: give a file")
+        raise UsageError(f"{flag} {str(path)!r} is a folder: give a file")
     try:
         with tempfile.NamedTemporaryFile(prefix=f".{path.name}.", dir=path.parent):
             pass
     except OSError as error:
         raise UsageError(
-            f"--json {str(path)!r} cannot be written ({error.strerror or error}): give a file in a folder that exists "
+            f"{flag} {str(path)!r} cannot be written ({error.strerror or error}): give a file in a folder that exists "
             f"and can be written"
         ) from error
 

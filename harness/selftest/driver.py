@@ -1,0 +1,40 @@
+"""Process of one wrong engine: plants the edits, then runs every scene that it is given.
+
+Standard input is a JSON object: ``engine`` (an id), ``edits`` (lists module, old, new) and ``requests`` (texts of the wire
+format). Each request is answered in its own file; an engine that fails answers with its error.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+from ninedisk.harness.selftest.edits import Edit, plant
+
+
+def main() -> None:
+    """Serve the job on standard input."""
+    job: dict[str, Any] = json.load(sys.stdin)
+    plant([Edit(*edit) for edit in job["edits"]])
+    # A wrong engine may well overflow; what it computes is judged elsewhere.
+    warnings.simplefilter("ignore")
+    from ninedisk.harness.registry import get_engine
+    from ninedisk.harness.wire import WIRE_VERSION, Answer, decode_request, encode_answer
+
+    engine = get_engine(job["engine"])
+    for text in job["requests"]:
+        request = decode_request(text)
+        try:
+            run = engine.run(request.scene, request.numerics, request.watch)
+            answer = encode_answer(Answer(run=run, engine_version=engine.info().version or ""))
+        except Exception as error:
+            said = f"{type(error).__name__}: {error}"
+            answer = json.dumps({"wire_version": WIRE_VERSION, "error": said})
+        Path(request.answer_file).write_text(answer, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""All planted defects, and the engines as they are."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+
+from ninedisk.harness.errors import UsageError, close_matches
+from ninedisk.harness.selftest import cd_sources, dem_sources, histories, setups
+from ninedisk.harness.selftest.defect import Defect
+from ninedisk.harness.selftest.panel import ENGINES
+
+CLEAN = tuple(
+    Defect(name="unchanged", engine=engine, kind="clean", what="the engine as it is: every check must pass")
+    for engine in ENGINES
+)
+
+GALLERY: tuple[Defect, ...] = tuple(
+    sorted(
+        (*dem_sources.DEFECTS, *cd_sources.DEFECTS, *setups.DEFECTS, *histories.DEFECTS),
+        key=lambda defect: ENGINES.index(defect.engine),
+    )
+)
+
+
+def chosen_defects(globs: Sequence[str], gallery: Sequence[Defect] | None = None) -> list[Defect]:
+    """Defects whose id or name matches any of the patterns; all without a pattern.
+
+    Raises
+    ------
+    UsageError
+        If a pattern matches nothing.
+    """
+    gallery = GALLERY if gallery is None else gallery
+    for glob in globs:
+        if not any(_matches(defect, glob) for defect in gallery):
+            known = [defect.id for defect in gallery]
+            raise UsageError(
+                f"no planted defect matches {glob!r}.{close_matches(glob, known)} ninedisk selftest --list shows all "
+                f"{len(known)} (quote patterns such as 'dem/torque-*')"
+            )
+    return [defect for defect in gallery if not globs or any(_matches(defect, glob) for glob in globs)]
+
+
+def repeated(gallery: Sequence[Defect]) -> list[str]:
+    """Ids that occur more than once."""
+    return [name for name, count in Counter(defect.id for defect in gallery).items() if count > 1]
+
+
+def _matches(defect: Defect, glob: str) -> bool:
+    return fnmatchcase(defect.id, glob) or fnmatchcase(defect.name, glob)

@@ -1,0 +1,87 @@
+"""The variants that wrong engines run: few and short, yet with every kind of check that the whole matrix has.
+
+Springs are softer and settling times shorter than in the matrix, which changes the number of steps and no tolerance's reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ninedisk.harness.plan import Cell, plan_case
+
+PRESS, SHEAR = "nine-disk/compression", "nine-disk/distortion"
+HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
+STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
+
+ENGINES = ("dem", "cd")
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A variant of a case: the parameters that differ from its defaults."""
+
+    case: str
+    params: Mapping[str, Any] = field(default_factory=dict)
+
+
+_BOTH = {
+    "press": Probe(PRESS, {"settle_cycles": 400}),
+    "press-undamped": Probe(PRESS, {"load_case": "b2", "xi": 0.0}),
+    "press-rough": Probe(PRESS, {"xi": 0.0, "wall_mu": "mu"}),
+    "press-settle": Probe(PRESS, {"wall_mu": "mu", "load_case": "a2"}),
+    "shear-caps": Probe(
+        SHEAR,
+        {"phi_deg": 15.0, "ks_over_kn": 2.0 / 3.0, "walls": "mid-pivot-caps-translate", "lever_arm": "overlap"},
+    ),
+}
+
+DEM_PANEL: dict[str, Probe] = {
+    **_BOTH,
+    "shear": Probe(SHEAR, {}),
+    "hit": Probe(HIT, {"kn": 1e4}),
+    "hit-damped": Probe(HIT, {"kn": 1e4, "restitution": 0.5}),
+    "hit-plastic": Probe(HIT, {"kn": 1e4, "kind": "plastic"}),
+    "slide": Probe(INCLINE, {"mu": 0.36, "kn": 1e6}),
+    "stick": Probe(INCLINE, {"mu": 0.4, "kn": 1e6}),
+    "land": Probe(INCLINE, {"mu": 0.4, "preload": False, "kn": 1e6}),
+    "throw": Probe(THROW, {"dt": 0.01, "g0": 0.001}),
+    "throw-touching": Probe(THROW, {"dt": 0.01, "g0": 0.0}),
+    "roll": Probe(ROLL, {"kn": 1e6}),
+    "stop": Probe(ROLL, {"kn": 1e6, "rotating": False}),
+}
+
+CD_PANEL: dict[str, Probe] = {
+    **_BOTH,
+    "press-theta": Probe(PRESS, {"settle_cycles": 400, "theta": 1.0}),
+    "press-static": Probe(PRESS, {"regime": "quasi-static", "settle_cycles": 200}),
+    "hit": Probe(HIT, {}),
+    "hit-damped": Probe(HIT, {"restitution": 0.5}),
+    "hit-plastic": Probe(HIT, {"kind": "plastic"}),
+    "hit-between": Probe(HIT, {"gap": 0.5025}),
+    "hit-newton": Probe(HIT, {"restitution": 0.5, "impact": "newton"}),
+    "slide": Probe(INCLINE, {"mu": 0.36}),
+    "slide-coulomb": Probe(INCLINE, {"mu": 0.36, "sliding": "coulomb"}),
+    "stick": Probe(INCLINE, {"mu": 0.4}),
+    "stick-coulomb": Probe(INCLINE, {"mu": 0.4, "sliding": "coulomb"}),
+    "push": Probe(STATIC, {}),
+    "push-gap": Probe(STATIC, {"gap_0": 0.0005}),
+    "push-coulomb": Probe(STATIC, {"sliding": "coulomb"}),
+    "throw-short": Probe(THROW, {"dt": 0.001, "g0": 0.001}),
+    "throw": Probe(THROW, {"dt": 0.01, "g0": 0.001}),
+    "throw-touching": Probe(THROW, {"dt": 0.01, "g0": 0.0}),
+    "throw-coulomb": Probe(THROW, {"dt": 0.01, "g0": 0.001, "sliding": "coulomb"}),
+    "roll": Probe(ROLL, {}),
+    "roll-coulomb": Probe(ROLL, {"sliding": "coulomb"}),
+    "stop": Probe(ROLL, {"rotating": False}),
+    "stop-coulomb": Probe(ROLL, {"rotating": False, "sliding": "coulomb"}),
+}
+
+PANELS: dict[str, dict[str, Probe]] = {"dem": DEM_PANEL, "cd": CD_PANEL}
+
+
+def panel_cells(engine: str, names: Sequence[str] = ()) -> list[Cell]:
+    """Cells of an engine's panel, or of the named probes of it."""
+    panel = PANELS[engine]
+    return [plan_case(panel[name].case, engine, panel[name].params) for name in names or panel]

@@ -1,0 +1,135 @@
+"""Defects of what a right engine is told: its scene or its numerics differ from the case's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import ContactLaw, Scene, WallSegment
+from ninedisk.harness.selftest.defect import Defect
+
+
+def with_disks(scene: Scene, **changes: Any) -> Scene:
+    """The scene with columns of its disks changed."""
+    return scene.replace(disks=replace(scene.disks, **changes))
+
+
+def with_laws(scene: Scene, change: Callable[[ContactLaw], ContactLaw]) -> Scene:
+    """The scene with every contact law changed."""
+    walls = tuple(replace(wall, law=change(wall.law)) for wall in scene.walls)
+    return scene.replace(disk_disk=change(scene.disk_disk), walls=walls)
+
+
+def with_motion(scene: Scene, change: Callable[[WallSegment], WallSegment]) -> Scene:
+    """The scene with every segment of its walls' motion changed."""
+    walls = tuple(replace(wall, motion=tuple(change(segment) for segment in wall.motion)) for wall in scene.walls)
+    return scene.replace(walls=walls)
+
+
+def _scene(engine: str, name: str, what: str, witness: str, change: Callable[[Scene], Scene]) -> Defect:
+    def before(scene: Scene, numerics: Numerics) -> tuple[Scene, Numerics]:
+        return change(scene), numerics
+
+    return Defect(name=name, engine=engine, kind="scene", what=what, witness=witness, before=before)
+
+
+def _numerics(engine: str, name: str, what: str, witness: str, change: Callable[[Numerics], Numerics]) -> Defect:
+    def before(scene: Scene, numerics: Numerics) -> tuple[Scene, Numerics]:
+        return scene, change(numerics)
+
+    return Defect(name=name, engine=engine, kind="numerics", what=what, witness=witness, before=before)
+
+
+def _swapped_mu(scene: Scene) -> Scene:
+    """Disks have the walls' friction, walls that of the disks."""
+    if not scene.walls:
+        return scene
+    of_disks, of_walls = scene.disk_disk.mu, scene.walls[0].law.mu
+    walls = tuple(replace(wall, law=replace(wall.law, mu=of_disks)) for wall in scene.walls)
+    return scene.replace(disk_disk=replace(scene.disk_disk, mu=of_walls), walls=walls)
+
+
+def _stiffness_swapped(law: ContactLaw) -> ContactLaw:
+    return replace(law, kn=law.ks, ks=law.kn) if law.ks > 0.0 else law
+
+
+def _halved(numerics: Numerics) -> Numerics:
+    contact = None if numerics.contact_dt is None else 0.5 * numerics.contact_dt
+    return numerics.replace(dt=0.5 * numerics.dt, contact_dt=contact)
+
+
+def _coarser(numerics: Numerics) -> Numerics:
+    """Half as many contact steps in a step, where there is more than one."""
+    if numerics.contact_dt is None:
+        return numerics
+    count = numerics.substeps(numerics.contact_dt)
+    return numerics.replace(contact_dt=numerics.dt / max(1, count // 2))
+
+
+def _other_rule(numerics: Numerics) -> Numerics:
+    return numerics.replace(sliding="coulomb" if numerics.sliding == "associated" else "associated", solver="auto")
+
+
+def _loose(numerics: Numerics) -> Numerics:
+    return numerics.replace(options={**numerics.options, "cd.tolerance": 1e-3})
+
+
+DEM = (
+    _scene("dem", "mass-of-a-sphere", "disks have the mass of spheres, 4/3 R times theirs", "press",
+           lambda scene: with_disks(scene, mass=scene.disks.mass * 4.0 / 3.0 * scene.disks.radius)),
+    _scene("dem", "radius", "disks are one part in five hundred too large", "throw",
+           lambda scene: with_disks(scene, radius=1.002 * scene.disks.radius, inertia=scene.disks.inertia)),
+    _scene("dem", "inertia-of-a-sphere", "disks have the moment of inertia of spheres, 2/5 m R^2", "roll",
+           lambda scene: with_disks(scene, inertia=0.4 * scene.disks.mass * scene.disks.radius**2)),
+    _scene("dem", "stiffness-in-series", "two springs in series stand for each contact", "press",
+           lambda scene: with_laws(scene, lambda law: replace(law, kn=0.5 * law.kn, ks=0.5 * law.ks))),
+    _scene("dem", "stiffness-swapped", "normal and shear stiffness are exchanged", "shear-caps",
+           lambda scene: with_laws(scene, _stiffness_swapped)),
+    _scene("dem", "mu-swapped", "disks have the walls' friction and walls the disks'", "press", _swapped_mu),
+    _scene("dem", "mu-is-the-angle", "the friction angle in radians stands for its tangent", "slide",
+           lambda scene: with_laws(scene, lambda law: replace(law, mu=math.atan(law.mu)))),
+    _scene("dem", "no-preload", "shear forces at the start are ignored", "slide",
+           lambda scene: scene.replace(initial_shear={})),
+    _scene("dem", "gravity-twice", "gravity acts twice", "roll",
+           lambda scene: scene.replace(gravity=(2.0 * scene.gravity[0], 2.0 * scene.gravity[1]))),
+    _scene("dem", "gravity-sign", "gravity pulls the other way along the slope", "slide",
+           lambda scene: scene.replace(gravity=(-scene.gravity[0], scene.gravity[1]))),
+    _scene("dem", "damping-twice", "global damping acts twice", "press",
+           lambda scene: scene.replace(xi=2.0 * scene.xi)),
+    _scene("dem", "no-damping", "global damping is ignored", "press", lambda scene: scene.replace(xi=0.0)),
+    _scene("dem", "wall-speed", "walls move a millionth too fast", "press",
+           lambda scene: with_motion(scene, lambda segment: replace(
+               segment, velocity=(1.000001 * segment.velocity[0], 1.000001 * segment.velocity[1])))),
+    _scene("dem", "wall-stops-late", "walls move for a thousandth longer", "press",
+           lambda scene: with_motion(scene, lambda segment: replace(segment, duration=1.001 * segment.duration))),
+    _scene("dem", "turns-blocked-disks", "disks that cannot turn do", "stop",
+           lambda scene: with_disks(scene, rotating=True)),
+    _numerics("dem", "half-step", "steps are half as long as they say", "press", _halved),
+    _numerics("dem", "coarse-step", "contact steps are twice as long", "hit-damped", _coarser),
+)  # fmt: skip
+
+CD = (
+    _scene("cd", "mass", "disks are a millionth too heavy", "press",
+           lambda scene: with_disks(scene, mass=1.000001 * scene.disks.mass)),
+    _scene("cd", "inertia-of-a-sphere", "disks have the moment of inertia of spheres, 2/5 m R^2", "roll",
+           lambda scene: with_disks(scene, inertia=0.4 * scene.disks.mass * scene.disks.radius**2)),
+    _scene("cd", "restitution-squared", "the coefficient of restitution is applied twice", "hit-newton",
+           lambda scene: with_laws(scene, lambda law: replace(
+               law, restitution=None if law.restitution is None else law.restitution**2))),
+    _scene("cd", "mu-swapped", "disks have the walls' friction and walls the disks'", "press", _swapped_mu),
+    _scene("cd", "wall-speed", "walls move a millionth too fast", "press",
+           lambda scene: with_motion(scene, lambda segment: replace(
+               segment, velocity=(1.000001 * segment.velocity[0], 1.000001 * segment.velocity[1])))),
+    _numerics("cd", "theta-swapped", "theta is 3/2 - theta", "hit",
+              lambda numerics: numerics.replace(theta=1.5 - numerics.theta)),
+    _numerics("cd", "sliding-rule", "the associated rule and Coulomb's law are exchanged", "throw", _other_rule),
+    _numerics("cd", "impact-law", "the theta scheme decides impacts that Newton's law should", "hit-newton",
+              lambda numerics: numerics.replace(impact="theta", theta=1.0)),
+    _numerics("cd", "loose-solver", "contact problems are solved to one part in a thousand", "press", _loose),
+    _numerics("cd", "half-step", "steps are half as long as they say", "slide", _halved),
+)  # fmt: skip
+
+DEFECTS = (*DEM, *CD)

@@ -1,0 +1,115 @@
+"""The gallery: every defect changes something, and only what it says; what no longer fits is told."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ninedisk.harness.case import Setup
+from ninedisk.harness.errors import UsageError
+from ninedisk.harness.observation import blank_history
+from ninedisk.harness.selftest.defect import KINDS, Defect
+from ninedisk.harness.selftest.edits import Edit, StaleEditError, by_module, check_edits, edited
+from ninedisk.harness.selftest.gallery import CLEAN, GALLERY, chosen_defects, repeated
+from ninedisk.harness.selftest.histories import STATE, WALLS
+from ninedisk.harness.selftest.panel import PANELS, panel_cells
+from ninedisk.harness.selftest.play import touches_kernels
+
+
+def of_kind(*kinds: str) -> list[Defect]:
+    return [defect for defect in GALLERY if defect.kind in kinds]
+
+
+def setup_of(defect: Defect) -> Setup:
+    (cell,) = panel_cells(defect.engine, [defect.witness])
+    assert isinstance(cell.setup, Setup)
+    return cell.setup
+
+
+def source_of(module: str) -> str:
+    spec = importlib.util.find_spec(module)
+    assert spec is not None
+    assert spec.origin is not None
+    return Path(spec.origin).read_text(encoding="utf-8")
+
+
+def test_it_is_large_and_has_every_kind_for_both_engines() -> None:
+    assert len(GALLERY) >= 40
+    assert len(of_kind("kernel", "python")) >= 15
+    assert {defect.kind for defect in GALLERY} == set(KINDS) - {"clean"}
+    assert {defect.engine for defect in GALLERY} == set(PANELS)
+    assert repeated((*CLEAN, *GALLERY)) == []
+    assert all(defect.what and defect.witness in PANELS[defect.engine] for defect in GALLERY)
+
+
+@pytest.mark.parametrize("defect", of_kind("kernel", "python"), ids=lambda defect: defect.id)
+def test_edits_change_what_the_modules_do(defect: Defect) -> None:
+    check_edits(defect.edits)
+    for module, edits in by_module(defect.edits).items():
+        before, after = source_of(module), edited(source_of(module), edits)
+        assert ast.dump(ast.parse(before)) != ast.dump(ast.parse(after))
+        # The kind says whether a kernel is edited; so do the names of the core's modules.
+        holds = "_cache import" in before or "_jit import" in before
+        assert holds == (defect.kind == "kernel")
+        assert all(touches_kernels(edit) == holds for edit in edits)
+
+
+@pytest.mark.parametrize("defect", of_kind("scene", "numerics"), ids=lambda defect: defect.id)
+def test_what_the_engine_is_told_differs(defect: Defect) -> None:
+    setup = setup_of(defect)
+    assert defect.before is not None
+    scene, numerics = defect.before(setup.scene, setup.numerics)
+    assert (scene.to_dict() != setup.scene.to_dict()) == (defect.kind == "scene")
+    assert (numerics.to_dict() != setup.numerics.to_dict()) == (defect.kind == "numerics")
+    # The answer must still fit the question.
+    assert numerics.sampled_steps().tolist() == setup.numerics.sampled_steps().tolist()
+
+
+@pytest.mark.parametrize("defect", of_kind("history"), ids=lambda defect: defect.id)
+def test_what_the_engine_reports_differs(defect: Defect) -> None:
+    history = replace(blank_history(setup_of(defect)), energy={"kinetic": np.ones(1)})
+    random = np.random.default_rng(1)
+    names = (*STATE, *WALLS)
+    for name in names:
+        array = getattr(history, name)
+        array[...] = random.standard_normal(array.shape)
+    assert defect.after is not None
+    report = defect.after(history)
+    changed = {name for name in names if not np.array_equal(getattr(report, name), getattr(history, name))}
+    assert changed or not np.array_equal(report.energy["kinetic"], history.energy["kinetic"])
+    assert {name: getattr(report, name).shape for name in names} == {
+        name: getattr(history, name).shape for name in names
+    }
+    assert np.array_equal(report.t, history.t)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        Edit("dem.force_kernels", "force = before - kx * slip", "force = before"),  # not there any more
+        Edit("dem.force_kernels", "fs = shear_force(", "fs = 0.0 * shear_force("),  # there twice
+        Edit("dem.force_kernels", "force = kn * overlap", "force = kn * overlap"),  # changes nothing
+        Edit("dem.no_such_module", "a", "b"),
+    ],
+    ids=["gone", "ambiguous", "idle", "no-module"],
+)
+def test_an_edit_that_went_stale_is_told(edit: Edit) -> None:
+    with pytest.raises(StaleEditError, match=r"went stale.*ninedisk\.core\.dem"):
+        check_edits((edit,))
+
+
+def test_patterns_choose_by_id_or_name() -> None:
+    assert {defect.engine for defect in chosen_defects(["reaction"])} == {"dem", "cd"}
+    assert [defect.id for defect in chosen_defects(["dem/reaction"])] == ["dem/reaction"]
+    assert chosen_defects([]) == list(GALLERY)
+    with pytest.raises(UsageError, match=r"no planted defect matches 'dem/torqe-sign'.*Did you mean 'dem/torque-sign'"):
+        chosen_defects(["dem/torqe-sign"])
+
+
+def test_the_same_name_twice_is_found() -> None:
+    assert repeated((*GALLERY, GALLERY[0])) == [GALLERY[0].id]

@@ -1,0 +1,166 @@
+"""``ninedisk selftest``: right engines pass, wrong ones are caught, and a defect that nothing catches is told."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from ninedisk.harness.cli import app
+from ninedisk.harness.results import Row
+from ninedisk.harness.selftest import gallery
+from ninedisk.harness.selftest.defect import Defect
+from ninedisk.harness.selftest.edits import Edit
+from ninedisk.harness.selftest.gallery import GALLERY
+from ninedisk.harness.selftest.run import fine, run_selftest
+
+HARMLESS = Defect(
+    name="harmless",
+    engine="dem",
+    kind="kernel",
+    what="forces are multiplied by one",
+    witness="slide",
+    edits=(Edit("dem.force_kernels", "force = kn * overlap", "force = 1.0 * kn * overlap"),),
+)
+HOLE = replace(HARMLESS, name="hole", hole="it changes nothing")
+CAUGHT = Defect(
+    name="planted",
+    engine="dem",
+    kind="kernel",
+    what="forces are a hundredth too large",
+    witness="slide",
+    edits=(Edit("dem.force_kernels", "force = kn * overlap", "force = 1.01 * kn * overlap"),),
+)
+STALE = Defect(
+    name="stale", engine="dem", kind="kernel", what="", witness="slide", edits=(Edit("dem.session", "?", "!"),)
+)
+CRASH = Defect(
+    name="crash",
+    engine="dem",
+    kind="python",
+    what="the engine dies",
+    witness="slide",
+    edits=(
+        Edit(
+            "dem.session",
+            "        self._step = step_constants(",
+            "        os._exit(7)\n        self._step = step_constants(",
+        ),
+    ),
+)
+
+
+CLOSED = replace(CAUGHT, name="closed", hole="nobody looks")
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def own_gallery(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gallery, "GALLERY", (HARMLESS, CAUGHT, STALE, CRASH, HOLE, CLOSED))
+
+
+def ninedisk(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["selftest", *arguments], prog_name="ninedisk")
+
+
+def by_id(rows: list[Row]) -> dict[str, Row]:
+    return {row["defect"]: row for row in rows}
+
+
+@pytest.mark.usefixtures("own_gallery")
+def test_a_caught_defect_is_fine(here: Path) -> None:
+    done = ninedisk("--only", "planted", "--quick", "--json", "rows.json", "--html", "page.html")
+    assert done.exit_code == 0, done.output
+    assert "caught: 1 of 1 defects" in done.output
+    rows = by_id(json.loads((here / "rows.json").read_text()))
+    clean, wrong = rows["dem/unchanged"], rows["dem/planted"]
+    assert (clean["caught"], clean["checks"], clean["errors"], clean["kind"]) == (False, [], [], "clean")
+    assert len(clean["passed"]) == clean["judged"] > 10
+    assert (wrong["caught"], wrong["kind"], wrong["what"]) == (True, "kernel", CAUGHT.what)
+    assert "incline-block[mu=0.36,dt=0.01,kn=1e+06] gap (analytic)" in wrong["checks"]
+    assert wrong["by_case"] == {"incline-block": len(wrong["checks"])}
+    assert "All 1 defects are caught" in (here / "page.html").read_text()
+
+
+@pytest.mark.usefixtures("own_gallery")
+def test_a_defect_that_nothing_catches_is_told(here: Path) -> None:
+    done = ninedisk("--only", "harmless", "--only", "planted", "--quick", "--html", "page.html")
+    assert done.exit_code == 1
+    assert "caught: 1 of 2 defects; missed: dem/harmless" in done.output
+    assert "1 of 2 defects go unnoticed:</b> dem/harmless." in (here / "page.html").read_text()
+
+
+@pytest.mark.usefixtures("own_gallery")
+def test_a_known_hole_is_shown_and_excused_and_a_closed_one_is_told() -> None:
+    done = ninedisk("--only", "hole", "--only", "closed", "--quick")
+    assert done.exit_code == 0
+    assert "known holes: dem/hole (it changes nothing)" in done.output
+    assert "closed holes, whose notes must go: dem/closed (nobody looks)" in done.output
+
+
+@pytest.mark.usefixtures("own_gallery")
+def test_a_stale_defect_ends_it_before_anything_runs(here: Path) -> None:
+    done = ninedisk("--json", "rows.json")
+    assert done.exit_code == 3
+    assert "a planted defect went stale: in ninedisk.core.dem.session the text '?'" in done.output
+    assert not (here / "rows.json").exists()
+
+
+@pytest.mark.usefixtures("own_gallery")
+def test_an_engine_that_dies_has_no_failing_check() -> None:
+    done = ninedisk("--only", "crash", "--quick")
+    assert done.exit_code == 1
+    assert "ended with status 7" in done.output
+
+
+def test_a_wrong_engine_in_the_place_of_the_right_one_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake = Defect(name="unchanged", engine="dem", kind="clean", what="not so", edits=CAUGHT.edits)
+    monkeypatch.setattr("ninedisk.harness.selftest.run.CLEAN", (fake,))
+    rows = by_id(run_selftest([CAUGHT], quick=True))
+    assert not fine(rows["dem/unchanged"])
+    assert fine(rows["dem/planted"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("--only", "nothing-like-this"), "no planted defect matches 'nothing-like-this'"),
+        (("--json", "."), "--json '.' is a folder"),
+        (("--html", "."), "--html '.' is a folder"),
+        (("--json", "no/such/folder.json"), "--json 'no/such/folder.json' cannot be written"),
+        (("--jobs", "0"), "--jobs"),
+    ],
+)
+def test_mistakes_are_named(arguments: tuple[str, ...], word: str) -> None:
+    done = ninedisk(*arguments)
+    assert done.exit_code == 2
+    assert word in done.output
+    assert "Traceback" not in done.output
+
+
+def test_help_and_list_teach() -> None:
+    done = ninedisk("--help")
+    assert done.exit_code == 0
+    for word in ("--only", "--jobs", "--quick", "--json", "--html", "Examples:", "Exit codes:"):
+        assert word in done.output
+    listed = ninedisk("--list", "--only", "cd/*")
+    assert listed.exit_code == 0
+    assert "cd/spin-sign" in listed.output
+    assert "dem/" not in listed.output
+
+
+@pytest.mark.slow
+def test_every_defect_is_caught_by_its_witness() -> None:
+    rows = run_selftest(GALLERY, quick=True, jobs=os.cpu_count() or 1)
+    assert len(rows) == len(GALLERY) + 2
+    assert {row["defect"]: row["errors"] or row["checks"] for row in rows if not fine(row)} == {}
+    assert [row["defect"] for row in rows if row["hole"] and row["caught"]] == []
