@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness import cli_bench, cli_history, cli_store
+from ninedisk.harness import cli_bench, cli_converge, cli_history, cli_store
 from ninedisk.harness.cli_store import Store
 from ninedisk.harness.cli_support import INTERRUPTED, guarded
 
@@ -205,7 +205,14 @@ def _bench_page(record: Mapping[str, Any], path: Path) -> None:
     write_bench(record, path)
 
 
+def _converge_page(record: Mapping[str, Any]) -> str:
+    from ninedisk.reports.converge_page import converge_page
+
+    return converge_page(record)
+
+
 cli_bench.register(app, _bench_page)
+cli_converge.register(app, _converge_page)
 cli_history.register(app, _comparison_page, _dashboard_folder)
 cli_store.register(app)
 
