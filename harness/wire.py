@@ -108,6 +108,10 @@ def decode_request(text: str) -> Request:
         data, ("wire_version", "scene", "numerics", "watch", "sampled_steps", "answer_file", "extra"), "request"
     )
     scene, numerics = Scene.from_dict(data["scene"]), Numerics.from_dict(data["numerics"])
+    if not isinstance(data["watch"], list) or not all(isinstance(pair, list) for pair in data["watch"]):
+        raise WireError(f"watch must be a list of pairs of body numbers, not {data['watch']!r:.80}")
+    if not isinstance(data["extra"], Mapping):
+        raise WireError(f"extra must be an object, not {data['extra']!r:.80}")
     return Request(
         scene=scene,
         numerics=numerics,
