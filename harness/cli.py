@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness import cli_bench, cli_converge, cli_history, cli_store
+from ninedisk.harness import cli_bench, cli_converge, cli_docs, cli_history, cli_store
 from ninedisk.harness.cli_store import Store
 from ninedisk.harness.cli_support import INTERRUPTED, guarded
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from typing import Any
 
     from ninedisk.harness.records import Comparison, History
@@ -211,8 +211,20 @@ def _converge_page(record: Mapping[str, Any]) -> str:
     return converge_page(record)
 
 
+def _docs_folder(record: Sequence[Mapping[str, Any]], guides: Sequence[tuple[str, str]], out: Path) -> Path:
+    from ninedisk.harness.errors import UsageError
+    from ninedisk.reports.docs import write_docs
+    from ninedisk.reports.errors import ReportError
+
+    try:
+        return write_docs(record, guides, out)
+    except ReportError as error:
+        raise UsageError(str(error)) from error
+
+
 cli_bench.register(app, _bench_page)
 cli_converge.register(app, _converge_page)
+cli_docs.register(app, _docs_folder)
 cli_history.register(app, _comparison_page, _dashboard_folder)
 cli_store.register(app)
 

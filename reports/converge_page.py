@@ -58,7 +58,7 @@ def charts(record: Mapping[str, Any]) -> list[PointChart]:
         if row["order"] == row["order"]:
             groups.setdefault((row["unit"], row["by"]), []).append(row)
     made = []
-    for (unit, by), rows in groups.items():
+    for (unit, by), rows in sorted(groups.items(), key=lambda item: item[0][1] != "error"):
         for first in range(0, len(rows), MOST_LINES):
             made.append(_chart(record, unit, by, rows[first : first + MOST_LINES]))
     return made

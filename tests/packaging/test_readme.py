@@ -67,7 +67,7 @@ def test_statuses_are_those_of_the_records() -> None:
     assert {status for status, code in rows.items() if code == 0} == records.EXCUSED
 
 
-@pytest.mark.parametrize("command", ["list", "run", "report", "compare", "dashboard", "converge"])
+@pytest.mark.parametrize("command", ["list", "run", "report", "compare", "dashboard", "converge", "docs"])
 def test_options_exist(command: str) -> None:
     used = [row[0] for row in table("command") if re.match(rf"`ninedisk {command}\b", row[0])]
     options = set(re.findall(r"--[a-z]+", " ".join(used)))

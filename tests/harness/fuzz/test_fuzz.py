@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -12,9 +13,12 @@ from random import Random
 import pytest
 import targets
 from mutations import ODD_TEXTS
-from targets import TARGETS, FaultError, attempt, clean, invoke
+from targets import TARGETS, FaultError, attempt, clean, invoke, requests
 
+from ninedisk.core.dem.session import DemSession
+from ninedisk.core.errors import InvalidSceneError
 from ninedisk.harness.errors import UsageError
+from ninedisk.harness.wire import WireError, decode_request, encode_request
 
 SHORT, LONG = 3, 100
 """Inputs for each hundredth of a target's share: three hundred always, ten thousand in the slow run."""
@@ -97,3 +101,35 @@ def test_a_run_that_is_there_in_part_is_seen(tmp_path: Path) -> None:
     (folder / "run.json").write_text("{")
     with pytest.raises(UsageError, match="damaged"):
         targets.whole(tmp_path / "results")
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        (["run", "sliding/dynamic", "-e", "dem", "--set", "mu=1.8e308"], "mu = 1.8e308 is not allowed"),
+        (["run", "sliding/dynamic", "-e", "dem", "--set", "mu=1e200"], "its size must lie between 1e-100 and 1e+100"),
+        (["run", "slip-to-roll", "-e", "dem", "--set", "dt=1e-200"], "its size must lie between"),
+        (["run", "nine-disk/compression", "-e", "dem", "--set", "substeps=2147483648"], "contact steps, at most 1e+08"),
+        (["run", "incline-block", "-e", "pymunk", "--set", "dt=1e-7"], "samples, 1.5e+08 numbers, at most 1e+08"),
+        (["runs", "--store", "x" * 5000], "cannot be used: File name too long"),
+        (["report", "--store", "x" * 5000], "File name too long"),
+    ],
+)
+def test_found_by_fuzzing(argv: list[str], said: str) -> None:
+    code, output = invoke(argv)
+    assert code == 2
+    assert said in output
+
+
+def test_a_request_that_is_no_list_of_pairs() -> None:
+    for key, value in (("watch", 3.0), ("watch", [True]), ("extra", [1])):
+        data = json.loads(encode_request(requests()[0])) | {key: value}
+        with pytest.raises(WireError, match=f"{key} must be"):
+            decode_request(json.dumps(data))
+
+
+def test_files_that_are_no_archive(tmp_path: Path) -> None:
+    for data in (b"", b"PK\x03\x04", targets.checkpoint()[:-100], targets.problem()):
+        (tmp_path / "c.npz").write_bytes(data)
+        with pytest.raises(InvalidSceneError, match="checkpoint of a DEM run"):
+            DemSession.load(tmp_path / "c.npz")
