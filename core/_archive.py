@@ -28,7 +28,7 @@ def read_arrays(path: str | os.PathLike[str], what: str) -> dict[str, NDArray[An
         with data:
             return {name: data[name] for name in data.files}
     except (
-        OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, MemoryError, OverflowError, SyntaxError,
+        OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, OverflowError, SyntaxError,
         RuntimeError, zipfile.BadZipFile, zlib.error,
     ) as error:  # fmt: skip
         raise InvalidSceneError(f"{os.fspath(path)} is no {what}, or damaged: {error}") from error

@@ -19,6 +19,8 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 
 FORMAT = 1
+NEEDED = ("clock", "samples.pairs", "samples.chosen", "samples.at")
+"""Arrays without which a session cannot even be made; the archive itself guards what is in them."""
 
 
 def write_checkpoint(
@@ -60,6 +62,8 @@ def read_checkpoint(path: str | os.PathLike[str]) -> tuple[Scene, Numerics, dict
     try:
         head = json.loads(str(arrays.pop("head")))
         known = head["format"] == FORMAT
+        if lacking := [name for name in NEEDED if name not in arrays]:
+            raise ValueError(f"it lacks {', '.join(lacking)}")
     except (ValueError, KeyError, TypeError) as error:
         raise InvalidSceneError(f"{os.fspath(path)} is no checkpoint of a DEM run: {error}") from error
     if not known:

@@ -198,20 +198,16 @@ class DemSession:
         scene, numerics, arrays = read_checkpoint(path)
         if n_steps is not None:
             numerics = numerics.replace(n_steps=n_steps)
-        try:
-            watch = [(int(i), int(j)) for i, j in arrays["samples.pairs"]]
-            session = cls(scene, numerics, watch, arrays["samples.chosen"].tolist(), threads=threads)
-            done = int(arrays["clock"][state.STEP])
-            if done > numerics.n_steps * session.substeps:
-                raise InvalidNumericsError(
-                    f"n_steps = {numerics.n_steps} is not allowed: the checkpoint has done {done // session.substeps} steps"
-                )
-            # A spare list need not hold anything, but room for as many pairs.
-            names = ("pairs", "wall_pairs", "pairs", "wall_pairs")
-            session._lists = Lists(*(saved_list(arrays, name) for name in names))
-            session._clock[state.ROW] = restore(session._state(), arrays, int(arrays["clock"][state.ROW]))
-        except (KeyError, IndexError, TypeError) as error:
-            raise InvalidSceneError(f"{os.fspath(path)} is no checkpoint of a DEM run: it lacks {error}") from error
+        watch = [(int(i), int(j)) for i, j in arrays["samples.pairs"]]
+        session = cls(scene, numerics, watch, arrays["samples.chosen"].tolist(), threads=threads)
+        done = int(arrays["clock"][state.STEP])
+        if done > numerics.n_steps * session.substeps:
+            raise InvalidNumericsError(
+                f"n_steps = {numerics.n_steps} is not allowed: the checkpoint has done {done // session.substeps} steps"
+            )
+        # A spare list need not hold anything, but room for as many pairs.
+        session._lists = Lists(*(saved_list(arrays, name) for name in ("pairs", "wall_pairs", "pairs", "wall_pairs")))
+        session._clock[state.ROW] = restore(session._state(), arrays, int(arrays["clock"][state.ROW]))
         return session
 
     def _state(self) -> dict[str, NDArray[Any]]:
