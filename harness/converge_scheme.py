@@ -47,7 +47,7 @@ def expected_order(case: Case, params: Mapping[str, Any], setup: Setup, engine: 
         return 2.0, "central differences" + ("; by symmetry no contact slips" if rough else "")
     if scheme in FIRST_ORDER:
         return 1.0, f"{scheme}: contacts act for whole steps"
-    return None, f"the engine declares no order ({scheme})"
+    return None, f"a scheme of the engine's own: {scheme}"
 
 
 def step_name(case: Case, setup: Setup, engine: EngineInfo) -> str:

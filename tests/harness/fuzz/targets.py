@@ -6,6 +6,7 @@ error" on the terminal, no answer within the time limit, a file or run that is o
 
 from __future__ import annotations
 
+import atexit
 import json
 import shutil
 import signal
@@ -218,6 +219,7 @@ def problem_file(rng: Random, folder: Path) -> None:
 def stored() -> Path:
     """A store with two small runs, and exports of them."""
     folder = Path(tempfile.mkdtemp(prefix="ninedisk-fuzz-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     for number in ("0.36", "0.4"):
         argv = ["run", "incline-block", "-e", "pymunk", "--set", f"mu={number}", "--set", "duration=0.05"]
         assert invoke([*argv, "--store", str(folder / "results")])[0] in (0, 1)
