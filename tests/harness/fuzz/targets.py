@@ -11,6 +11,7 @@ import json
 import shutil
 import signal
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -59,7 +60,9 @@ def clean(what: str, *, seconds: float = SECONDS) -> Iterator[None]:
     before = signal.signal(signal.SIGALRM, late)
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)  # arithmetic that went wrong before anyone looked
+            yield
     except OURS as error:
         if not str(error).strip():
             raise FaultError(f"{what}: {type(error).__name__} without a message") from error
