@@ -74,7 +74,9 @@ class Disks:
                 "(ninedisk.core.geometry.nurbs_grain.uniform_grain gives that of a uniform grain)"
             )
         radius, mass = column("radius", self.radius), column("mass", self.mass)
-        inertia = column("inertia", self.inertia, 0.5 * mass * radius**2)
+        with np.errstate(over="ignore"):  # an infinite one is refused by name below
+            uniform = 0.5 * mass * radius**2
+        inertia = column("inertia", self.inertia, uniform)
         for name, array in (("radius", radius), ("mass", mass), ("inertia", inertia)):
             if n and array.min() <= 0.0:
                 i = int(np.argmin(array))

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness import cli_bench, cli_engines, cli_history, cli_protocol, cli_selftest, cli_store
+from ninedisk.harness import (
+    cli_bench,
+    cli_converge,
+    cli_docs,
+    cli_engines,
+    cli_history,
+    cli_protocol,
+    cli_selftest,
+    cli_store,
+)
 from ninedisk.harness.cli_protocol import Commands
 from ninedisk.harness.cli_store import Store
 from ninedisk.harness.cli_support import INTERRUPTED, guarded
@@ -225,7 +234,26 @@ def _selftest_page(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     write_selftest(rows, path)
 
 
+def _converge_page(record: Mapping[str, Any]) -> str:
+    from ninedisk.reports.converge_page import converge_page
+
+    return converge_page(record)
+
+
+def _docs_folder(record: Sequence[Mapping[str, Any]], guides: Sequence[tuple[str, str]], out: Path) -> Path:
+    from ninedisk.harness.errors import UsageError
+    from ninedisk.reports.docs import write_docs
+    from ninedisk.reports.errors import ReportError
+
+    try:
+        return write_docs(record, guides, out)
+    except ReportError as error:
+        raise UsageError(str(error)) from error
+
+
 cli_bench.register(app, _bench_page)
+cli_converge.register(app, _converge_page)
+cli_docs.register(app, _docs_folder)
 cli_protocol.register(app)
 cli_engines.register(app)
 cli_history.register(app, _comparison_page, _dashboard_folder)

@@ -50,14 +50,15 @@ def check_engine(
     """
     from ninedisk.harness.check_engine.check import check_engine as check
     from ninedisk.harness.check_engine.findings import FAIL
-    from ninedisk.harness.check_engine.show import prepare_json, show, write_json
+    from ninedisk.harness.check_engine.show import show, write_json
     from ninedisk.harness.cli_support import CellProgress, fail
     from ninedisk.harness.engine import EngineError
     from ninedisk.harness.registry import get_engine
+    from ninedisk.harness.whole_file import check_writable
 
     found = get_engine(engine)
     if json_file is not None:
-        prepare_json(json_file)
+        check_writable("--json", json_file)
     try:
         info = found.info()
     except Exception as error:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,6 +23,7 @@ from ninedisk.harness.runner import run_cells
 from ninedisk.harness.store import new_run_id, prepare_store, write_run
 from ninedisk.harness.tables import plain_json
 from ninedisk.harness.verdict import exit_code
+from ninedisk.harness.whole_file import check_writable, write_whole
 
 
 def execute(
@@ -58,7 +57,7 @@ def execute(
         typer.echo(note, err=True)
     prepare_store(store)
     if json_file is not None:
-        prepare_json(json_file)
+        check_writable("--json", json_file)
     started = _now()
     with CellProgress() as progress:
         results = run_cells(cells, progress, published=published)
@@ -108,39 +107,7 @@ def write_rows(path: Path, found: Sequence[Row]) -> None:
         If it cannot be written.
     """
     rows = json.loads(plain_json(list(found)))
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        try:
-            with temporary.open("w", encoding="utf-8") as file:
-                json.dump(rows, file, indent=1)
-                file.write("\n")
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise StoreError(
-            f"{str(path)!r} cannot be written ({error.strerror or error}): give another --json FILE"
-        ) from error
-
-
-def prepare_json(path: Path, flag: str = "--json") -> None:
-    """Make sure that a file can be written, before anything runs.
-
-    Raises
-    ------
-    UsageError
-        If it cannot.
-    """
-    if path.is_dir():
-        raise UsageError(f"{flag} {str(path)!r} is a folder: give a file")
-    try:
-        with tempfile.NamedTemporaryFile(prefix=f".{path.name}.", dir=path.parent):
-            pass
-    except OSError as error:
-        raise UsageError(
-            f"{flag} {str(path)!r} cannot be written ({error.strerror or error}): give a file in a folder that exists "
-            f"and can be written"
-        ) from error
+    write_whole("--json", path, json.dumps(rows, indent=1) + "\n")
 
 
 def _now() -> str:

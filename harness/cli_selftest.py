@@ -92,11 +92,12 @@ def execute(
     UsageError
         With the message to show.
     """
-    from ninedisk.harness.cli_run import prepare_json, write_rows
+    from ninedisk.harness.cli_run import write_rows
     from ninedisk.harness.cli_support import CellProgress
     from ninedisk.harness.selftest.edits import StaleEditError
     from ninedisk.harness.selftest.gallery import chosen_defects
     from ninedisk.harness.selftest.run import fine, run_selftest
+    from ninedisk.harness.whole_file import check_writable
 
     defects = chosen_defects(only)
     if show:
@@ -104,7 +105,7 @@ def execute(
         return 0
     for flag, path in (("--json", json_file), ("--html", html)):
         if path is not None:
-            prepare_json(path, flag)
+            check_writable(flag, path)
     try:
         with CellProgress() as progress:
             rows = run_selftest(defects, jobs=jobs or os.cpu_count() or 1, quick=quick, progress=progress)

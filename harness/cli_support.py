@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import os
 import sys
@@ -23,6 +24,10 @@ USAGE, FAILURE, INTERRUPTED = 2, 3, 130
 QUIET_SECONDS = 2.0
 LINE_SECONDS = 5.0
 TRACEBACK_VARIABLE = "NINEDISK_TRACEBACK"
+UNUSABLE = frozenset(
+    {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EISDIR, errno.EROFS}
+)
+"""What the system says of a path that no command can use, whichever of them stumbles over it first."""
 
 
 def guarded(command: Callable[P, R]) -> Callable[P, R]:
@@ -41,6 +46,8 @@ def guarded(command: Callable[P, R]) -> Callable[P, R]:
                 raise
             if _is_users_mistake(error):
                 fail(str(error), USAGE)
+            if isinstance(error, OSError) and error.errno in UNUSABLE and error.filename is not None:
+                fail(f"{str(error.filename)[:200]!r} cannot be used: {error.strerror}; give another path", USAGE)
             fail(f"internal error: {type(error).__name__}: {error} (set {TRACEBACK_VARIABLE}=1 to see where)", FAILURE)
 
     return run

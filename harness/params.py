@@ -12,6 +12,10 @@ from ninedisk.harness.case import Case, Parameter, ParameterError, Variant
 from ninedisk.harness.errors import close_matches
 from ninedisk.harness.units import split_number, to_unit
 
+LARGEST = 1e100
+"""Largest size of a number parameter, and its inverse the smallest that is not zero: beyond, squares and ratios of two of them
+leave the range of a double, in the case as in the engines."""
+
 _TRUE = ("true", "yes", "on", "1")
 _FALSE = ("false", "no", "off", "0")
 
@@ -180,6 +184,8 @@ def _parse_number(parameter: Parameter, given: Any) -> float | int:
     below = value <= parameter.low if parameter.low_open else value < parameter.low
     if not math.isfinite(value) or below or value > parameter.high:
         raise _refused(parameter, given)
+    if abs(value) > LARGEST or 0.0 < abs(value) < 1.0 / LARGEST:
+        raise _refused(parameter, given, f"its size must lie between {1.0 / LARGEST:g} and {LARGEST:g}, or be 0")
     if parameter.whole:
         if value != int(value):
             raise _refused(parameter, given)

@@ -13,6 +13,12 @@ from ninedisk.harness.errors import UsageError, close_matches
 from ninedisk.harness.params import format_value, resolve
 from ninedisk.harness.registry import BrokenEntryError, get_case, get_engine
 
+MOST_CONTACT_STEPS = 10**8
+"""Contact steps of a run: more take hours for a single disk, and their exact solutions do not fit into a memory."""
+
+MOST_NUMBERS = 10**8
+"""Numbers of a history, 0.8 GB."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
@@ -163,6 +169,7 @@ def _cells(
     setup: Setup | Exception
     try:
         setup = case.build(variant.params)
+        refuse_oversized(setup)
     except (CoreError, ParameterError) as error:
         if user_set:
             raise type(error)(f"{case.id} [{variant.id}]: {error}") from error
@@ -183,6 +190,31 @@ def _cells(
             )
         )
     return cells
+
+
+def refuse_oversized(setup: Setup) -> None:
+    """Refuse a run that no machine finishes or holds, before anything of its size is made.
+
+    Raises
+    ------
+    ParameterError
+        Naming what it asks for and the limit.
+    """
+    numerics, scene = setup.numerics, setup.scene
+    steps = numerics.n_steps * (1 if numerics.contact_dt is None else numerics.substeps(numerics.contact_dt))
+    if steps > MOST_CONTACT_STEPS:
+        raise ParameterError(
+            f"the run would take {steps:.3g} contact steps, at most {MOST_CONTACT_STEPS:.0e} are allowed: "
+            f"use a longer step or a shorter run"
+        )
+    last = numerics.n_steps if numerics.sample_until is None else min(numerics.sample_until, numerics.n_steps)
+    samples = 2 + max(0, last - numerics.sample_from) // numerics.sample_every
+    numbers = samples * (7 * len(scene.disks) + 5 * len(scene.walls) + 3 * len(setup.watch))
+    if numbers > MOST_NUMBERS:
+        raise ParameterError(
+            f"the run would record {samples:.3g} samples, {numbers:.3g} numbers, at most {MOST_NUMBERS:.0e} are allowed: "
+            f"use a longer step or a shorter run"
+        )
 
 
 def _setup_with(setup: Setup | Exception, options: Mapping[str, Any]) -> Setup | Exception:

@@ -124,7 +124,7 @@ def decode_request(text: str) -> Request:
     )
     scene, numerics = Scene.from_dict(data["scene"]), Numerics.from_dict(data["numerics"])
     if not isinstance(data["watch"], list) or not all(isinstance(pair, list) for pair in data["watch"]):
-        raise WireError(f"watch is {data['watch']!r:.80}; expected a list of pairs")
+        raise WireError(f"watch must be a list of pairs of body numbers, not {data['watch']!r:.80}")
     if data["sampled_steps"] != numerics.sampled_steps().tolist():
         raise WireError(f"sampled_steps are {data['sampled_steps']!r:.80}; expected those that the numerics ask for")
     if not isinstance(data["answer_file"], str) or not isinstance(data["extra"], dict):

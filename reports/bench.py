@@ -46,7 +46,7 @@ def write_bench(record: Mapping[str, Any], path: Path) -> None:
         suites={name: [row for row in rows if row["suite"] == name] for name in SUITES},
         titles=SUITES,
         checks={name: _checks(rows, name) for name in SUITES},
-        figures={name: [_svg(chart) for chart in charts(rows, name)] for name in SUITES},
+        figures={name: [embedded(chart) for chart in charts(rows, name)] for name in SUITES},
         sheet=Markup((HERE / "assets" / "style.css").read_text(encoding="utf-8")),
     )
     path.write_text(page, encoding="utf-8")
@@ -127,7 +127,8 @@ def _dots(look: Look, points: Sequence[tuple[float, float, str]]) -> Dots:
     return Dots(look.label, look, tuple(float(value) for value in x), floor, names=names)
 
 
-def _svg(chart: PointChart) -> dict[str, Any]:
+def embedded(chart: PointChart) -> dict[str, Any]:
+    """Title, image as a data address and legend of a chart, for pages that are one file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "chart.svg"
         draw_points(chart, path)

@@ -75,7 +75,7 @@ def convergences(case: CaseData, looks: dict[str, Look]) -> list[Convergence]:
             continue
         title = f"{quantity} against the {truth} truth"
         chart = (
-            PointChart(title, _label(step), f"max |error| [{unit or '-'}]", tuple(dots), _slopes(dots))
+            PointChart(title, _label(step), f"max |error| [{unit or '-'}]", tuple(dots), slopes(dots))
             if any(len(d.x) > 1 for d in dots)
             else None
         )
@@ -140,7 +140,7 @@ def _label(step: str) -> str:
     return {"dt": "dt [s]", "increment": "increment [m]"}[step]
 
 
-def _slopes(dots: list[Dots]) -> tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...]:
+def slopes(dots: list[Dots]) -> tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...]:
     """Lines of order 1 and 2 through the middle of the points."""
     sizes = sorted({x for d in dots for x in d.x})
     if len(sizes) < 2:

@@ -13,6 +13,9 @@ from ninedisk.reports.draw_history import log_label
 from ninedisk.reports.style import INK, SOFT, Look, rc_params
 from ninedisk.reports.svg import write_svg
 
+MOST_LETTERS = 30
+"""Letters of all labels of a horizontal axis together: what its width has room for."""
+
 GUIDE = "reference guide"
 """Key of lines that are no data: slopes and levels to compare with."""
 
@@ -128,8 +131,18 @@ def draw_points(chart: PointChart, path: Path) -> None:
             axes.yaxis.set_major_formatter(powers)
         steps = sorted({x for d in chart.dots for x in d.x})
         if chart.x_log and len(steps) < 7:
-            axes.set_xticks(steps, [f"{x:g}" for x in steps])
+            axes.set_xticks(steps, _tick_labels(steps))
         write_svg(figure, path)
+
+
+def _tick_labels(steps: list[float]) -> list[str]:
+    """Labels that do not run into each other: shortened, and every second one left out where there is no room."""
+    labels = [f"{x:g}" for x in steps]
+    if sum(map(len, labels)) <= MOST_LETTERS:
+        return labels
+    labels = [f"{x:.2g}" for x in steps]
+    crowded = sum(map(len, labels)) > MOST_LETTERS
+    return [label if not crowded or (len(labels) - 1 - k) % 2 == 0 else "" for k, label in enumerate(labels)]
 
 
 def _limits(values: list[float], log: bool, *, marked: bool = True) -> tuple[float, float]:

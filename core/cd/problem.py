@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from ninedisk.core._archive import read_arrays
 from ninedisk.core.cd import contact_kernels as kernels
 from ninedisk.core.errors import InvalidSceneError
 
@@ -235,13 +236,13 @@ class ContactProblem:
         InvalidSceneError
             If the file holds no contact problem.
         """
-        with np.load(path, allow_pickle=False) as data:
-            missing = [name for name in _FIELDS if name not in data]
-            if missing:
-                raise InvalidSceneError(f"{os.fspath(path)} holds no contact problem: it lacks {', '.join(missing)}")
-            notes = {key[5:]: str(data[key]) for key in data.files if key.startswith("note_")}
-            resolution = float(data["resolution"]) if "resolution" in data else 0.0
-            return cls(**{name: data[name] for name in _FIELDS}, resolution=resolution, notes=notes)
+        data = read_arrays(path, "contact problem")
+        missing = [name for name in _FIELDS if name not in data]
+        if missing:
+            raise InvalidSceneError(f"{os.fspath(path)} holds no contact problem: it lacks {', '.join(missing)}")
+        notes = {key[5:]: str(array) for key, array in data.items() if key.startswith("note_")}
+        resolution = float(data["resolution"]) if "resolution" in data else 0.0
+        return cls(**{name: data[name] for name in _FIELDS}, resolution=resolution, notes=notes)
 
 
 def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:

@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core._archive import read_arrays
 from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 
 FORMAT = 2
+NEEDED = ("clock", "samples.pairs", "samples.chosen", "samples.at")
+"""Arrays without which a session cannot even be made; the archive itself guards what is in them."""
 
 
 def write_checkpoint(
@@ -55,12 +58,13 @@ def read_checkpoint(path: str | os.PathLike[str]) -> tuple[Scene, Numerics, dict
     InvalidSceneError
         If the file is no checkpoint of this format.
     """
+    arrays = read_arrays(path, "checkpoint of a DEM run")
     try:
-        with np.load(path, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
         head = json.loads(str(arrays.pop("head")))
         known = head["format"] == FORMAT
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        if lacking := [name for name in NEEDED if name not in arrays]:
+            raise ValueError(f"it lacks {', '.join(lacking)}")
+    except (ValueError, KeyError, TypeError) as error:
         raise InvalidSceneError(f"{os.fspath(path)} is no checkpoint of a DEM run: {error}") from error
     if not known:
         raise InvalidSceneError(

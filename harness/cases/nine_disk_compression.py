@@ -106,6 +106,10 @@ class Compression:
         )
         return Setup(scene=scene, numerics=numerics, watch=WATCH, labels=dict(zip(HISTORIES, WATCH, strict=True)))
 
+    def slips(self, params: Mapping[str, Any]) -> bool:
+        """Smooth walls leave every contact without slip: by symmetry each row moves along itself."""
+        return bool(params["wall_mu"] != 0.0)
+
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
         """Force histories over cycles 0..cycles; settled values and their sums by row, peaks, amplitudes, symmetry."""
         load = LOAD_CASES[params["load_case"]]

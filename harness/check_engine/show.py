@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED, Finding
 from ninedisk.harness.cli_tables import console, table
-from ninedisk.harness.errors import UsageError
 from ninedisk.harness.text import printable
+from ninedisk.harness.whole_file import write_whole
 
 
 def show(engine_id: str, findings: Sequence[Finding]) -> None:
@@ -26,30 +25,13 @@ def show(engine_id: str, findings: Sequence[Finding]) -> None:
     out.print(f"{engine_id}: {', '.join(parts)}")
 
 
-def prepare_json(path: Path) -> None:
-    """Refuse a file that cannot be written, before anything runs; raises `UsageError`."""
-    folder = path.parent
-    if path.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise UsageError(
-            f"--json {str(path)!r} cannot be written: give a file in a folder that exists and can be written"
-        )
-
-
 def write_json(path: Path, engine_id: str, version: str, findings: Sequence[Finding]) -> None:
     """Write the findings; the file appears whole or not at all.
 
     Raises
     ------
-    UsageError
+    StoreError
         If it cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     data = {"engine": engine_id, "version": version, "findings": [dict(each.row()) for each in findings]}
-    try:
-        try:
-            temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise UsageError(f"--json {str(path)!r} cannot be written ({error.strerror or error})") from error
+    write_whole("--json", path, json.dumps(data, indent=1) + "\n")

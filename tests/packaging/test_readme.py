@@ -67,7 +67,7 @@ def test_statuses_are_those_of_the_records() -> None:
     assert {status for status, code in rows.items() if code == 0} == records.EXCUSED
 
 
-COMMANDS = ("list", "run", "report", "compare", "dashboard", "check-engine", "new-engine")
+COMMANDS = ("list", "run", "report", "compare", "dashboard", "check-engine", "new-engine", "converge", "docs")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -1,0 +1,94 @@
+"""The documentation as static pages: one for every case, one for every guide, and an index."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from ninedisk.reports import pages
+from ninedisk.reports.draw_scene import draw_sketch, numeral
+from ninedisk.reports.errors import ReportError
+from ninedisk.reports.folder import fresh_folder
+from ninedisk.reports.pages import HERE
+from ninedisk.reports.scene_view import read_scene
+from ninedisk.reports.text import Slugs
+
+MARKER = ".ninedisk-docs"
+
+
+def write_docs(record: Sequence[Mapping[str, Any]], guides: Sequence[tuple[str, str]], out: Path) -> Path:
+    """Write the pages; the first of them.
+
+    Parameters
+    ----------
+    record : sequence of mapping
+        Cases, as `ninedisk docs` gathers them.
+    guides : sequence of (str, str)
+        Names and texts of Markdown files.
+    out : Path
+        Folder, replaced as a whole.
+
+    Raises
+    ------
+    ReportError
+        If the folder holds foreign files or cannot be written, or a guide links to a page that is not there.
+    """
+    env, slug = pages.environment(), Slugs()
+    env.filters["numeral"] = numeral
+    names = {name: f"{slug(Path(name).stem)}.html" for name, _ in guides}
+    listed = [(names[name], _heading(name, text)) for name, text in guides]
+    cases = [(f"cases/{slug(case['id'])}.html", case) for case in record]
+    with fresh_folder(out, MARKER, "documentation") as folder:
+        (folder / "cases").mkdir()
+        shutil.copy(HERE / "assets" / "style.css", folder / "style.css")
+        for path, case in cases:
+            page = env.get_template("docs_case.html").render(
+                root="../", case=case, about=Markup(_rendered(case["id"], case["about"], {})), sketch=_sketch(case)
+            )
+            (folder / path).write_text(page, encoding="utf-8")
+        for name, text in guides:
+            body = Markup(_rendered(name, text, names))
+            page = env.get_template("docs_guide.html").render(root="./", title=_heading(name, text), body=body)
+            (folder / names[name]).write_text(page, encoding="utf-8")
+        page = env.get_template("docs_index.html").render(root="", cases=cases, guides=listed)
+        (folder / "index.html").write_text(page, encoding="utf-8")
+    return Path(out) / "index.html"
+
+
+def _sketch(case: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Sketch of the scene as inline SVG, with the labels of its marks."""
+    view = read_scene(case["setup"])
+    if view is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        draw_sketch(view, Path(folder) / "sketch.svg")
+        svg = (Path(folder) / "sketch.svg").read_text(encoding="utf-8")
+    return {"svg": Markup(svg), "marks": [label for label, _ in view.marks]}
+
+
+def _heading(name: str, text: str) -> str:
+    found = re.search(r"^# (.+)$", text, re.MULTILINE)
+    return found[1].strip() if found else Path(name).stem
+
+
+def _rendered(name: str, text: str, names: Mapping[str, str]) -> str:
+    """Markdown as HTML; raw HTML in it is shown as text, and links between the guides lead to their pages."""
+    from markdown_it import MarkdownIt
+
+    tokens = (parser := MarkdownIt("commonmark", {"html": False}).enable("table")).parse(text)
+    for block in tokens:
+        for token in block.children or ():
+            target = token.attrGet("href") if token.type == "link_open" else None
+            if not isinstance(target, str) or "://" in target or target.startswith("#"):
+                continue
+            page, hash_, place = target.partition("#")
+            if page not in names:
+                raise ReportError(f"the guide {name!r} links to {target!r}, which is no guide of the same folder")
+            token.attrSet("href", names[page] + hash_ + place)
+    return str(parser.renderer.render(tokens, parser.options, {}))

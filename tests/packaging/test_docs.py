@@ -1,0 +1,183 @@
+"""The documentation is built without a warning, and every command and program that it shows runs as it stands."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+import warnings
+from functools import cache
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from ninedisk.harness.cli import app
+from ninedisk.harness.docs import case_record
+from ninedisk.harness.registry import BUILTIN_CASES, get_case
+from ninedisk.reports.docs import write_docs
+from ninedisk.reports.errors import ReportError
+
+pytestmark = pytest.mark.tree
+ROOT = Path(__file__).resolve().parents[2]
+GUIDES = sorted((ROOT / "docs").glob("*.md"))
+
+
+def blocks(path: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", path.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+def console_lines() -> list[str]:
+    """Every command of ours that a guide shows."""
+    lines = [line for path in GUIDES for block in blocks(path, "console") for line in block.splitlines()]
+    return [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
+
+
+def invoke(line: str) -> tuple[int, str]:
+    words = shlex.split(line)
+    assert words[0] == "ninedisk", line
+    result = CliRunner().invoke(app, words[1:])
+    assert result.exception is None or isinstance(result.exception, SystemExit), (line, result.exception)
+    return result.exit_code, result.output
+
+
+@cache
+def record(case_id: str) -> dict[str, Any]:
+    return case_record(get_case(case_id))
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("docs") / "html"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        code, output = invoke(f"ninedisk docs --guides {ROOT / 'docs'} --out {out}")
+    assert code == 0, output
+    return out
+
+
+def test_every_case_and_guide_has_its_page(built: Path) -> None:
+    index = (built / "index.html").read_text(encoding="utf-8")
+    for case_id in BUILTIN_CASES:
+        assert f">{case_id}</a>" in index
+    for path in GUIDES:
+        assert f'href="{path.stem}.html"' in index
+    pages = {path.relative_to(built).as_posix() for path in built.rglob("*.html")}
+    assert len(pages) == 1 + len(BUILTIN_CASES) + len(GUIDES)
+
+
+def test_links_lead_somewhere_and_never_to_the_net(built: Path) -> None:
+    for page in built.rglob("*.html"):
+        html = page.read_text(encoding="utf-8")
+        for target in re.findall(r'(?:href|src)="([^"]*)"', html):
+            name, _, place = target.partition("#")
+            assert "://" not in target, (page.name, target)
+            assert not name or (page.parent / name).exists(), (page.name, target)
+            assert name or not place or f'id="{place}"' in html, (page.name, target)
+
+
+@pytest.mark.parametrize("case_id", BUILTIN_CASES)
+def test_a_page_tells_what_the_case_says(built: Path, case_id: str) -> None:
+    case = get_case(case_id)
+    (page,) = (
+        text
+        for path in (built / "cases").glob("*.html")
+        if f"<code>{case_id}</code>" in (text := unescape(path.read_text(encoding="utf-8")))
+    )
+    for text in (case.title, case.source, case.requirement, "<svg", "Why this tolerance"):
+        assert text in page
+    for parameter in case.parameters:
+        assert f'<td class="id">{parameter.name}</td>' in page
+        assert parameter.help in page
+    assert {"dem", "cd"} & {engine for row in record(case_id)["truths"] for engine in row["engines"]}
+    assert all(row["why"] and row["tolerance"] >= 0.0 for row in record(case_id)["truths"])
+    assert all(command in page for command in record(case_id)["commands"])
+
+
+@pytest.mark.parametrize("case_id", BUILTIN_CASES)
+def test_commands_of_the_case_pages_run(case_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for line in record(case_id)["commands"]:
+        code, output = invoke(line)
+        assert code == 0, (line, output[-2000:])
+
+
+@pytest.mark.parametrize("line", console_lines())
+def test_commands_of_the_guides_run(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, output = invoke(line)
+    assert code == 0, output[-2000:]
+
+
+@pytest.mark.parametrize("path", GUIDES, ids=lambda path: path.name)
+def test_programs_of_the_guides_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for code in blocks(path, "python"):
+        exec(compile(code, path.name, "exec"), {"__name__": "guide"})
+    assert list(tmp_path.iterdir()) == [], "an example leaves files behind"
+
+
+def test_the_guides_show_something_to_run() -> None:
+    assert len(console_lines()) >= 3
+    assert any(blocks(path, "python") for path in GUIDES)
+
+
+@pytest.mark.slow
+def test_the_readme_selects_tests_that_exist() -> None:
+    """The README's own console lines are make targets, which `test_readme` knows, and one call of pytest."""
+    lines = [line for block in blocks(ROOT / "README.md", "console") for line in block.splitlines()]
+    (line,) = (line.removeprefix("$ ") for line in lines if "pytest" in line)
+    words = shlex.split(line)
+    assert words[1:3] == ["-m", "pytest"]
+    found = subprocess.run(
+        [sys.executable, *words[1:], "--collect-only", "-q"], capture_output=True, text=True, timeout=300, cwd=ROOT
+    )
+    assert found.returncode == 0, found.stdout[-2000:] + found.stderr[-2000:]
+    assert "::" in found.stdout
+
+
+def commands(group: Any, path: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Every command of the command line by its words."""
+    found = {}
+    for name, command in group.commands.items():
+        words = (*path, name)
+        found |= commands(command, words) if hasattr(command, "commands") else {" ".join(words): command}
+    return found
+
+
+TREE = commands(typer.main.get_command(app))
+
+
+@pytest.mark.parametrize("name", TREE)
+def test_examples_of_the_help_are_understood(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The examples of ``--help`` name commands, options and values that exist; they are parsed, not run."""
+    monkeypatch.chdir(tmp_path)
+    lines = re.findall(r"^ +(ninedisk .+)$", TREE[name].help or "", re.MULTILINE)
+    assert lines, f"{name} has no example"
+    for line in (part.strip() for each in lines for part in each.split("&&")):
+        words = shlex.split(line)[1:]
+        chosen = max((each for each in TREE if words[: len(each.split())] == each.split()), key=len)
+        TREE[chosen].make_context(chosen, words[len(chosen.split()) :])
+
+
+def test_a_guide_that_links_nowhere_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ReportError, match=r"links to 'b\.md'"):
+        write_docs([], [("a.md", "# A\n\nSee [b](b.md).\n")], tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_markup_comes_through_a_guide(tmp_path: Path) -> None:
+    write_docs([], [("a.md", "# A\n\n<script>alert(1)</script>\n")], tmp_path / "out")
+    assert "<script>" not in (tmp_path / "out" / "a.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("folder", ["nowhere", "empty"])
+def test_a_folder_without_guides_is_refused(folder: str, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    code, output = invoke(f"ninedisk docs --guides {tmp_path / folder} --out {tmp_path / 'out'}")
+    assert code == 2
+    assert "holds no Markdown file" in output
