@@ -49,7 +49,9 @@ class ElasticGas:
     version = 1
     title = "Gas of elastic disks in a box"
     source = "conservation laws of elastic smooth disks; collision rate by kinetic theory (Enskog)"
-    requirement = "energy over hundreds of collisions; momentum and angular momentum between hits of the walls; no spin; no escape"
+    requirement = (
+        "energy over a hundred collisions; momentum and angular momentum between hits of the walls; no spin; no escape"
+    )
     parameters: tuple[Parameter, ...] = (
         Parameter(name="rows", default=3, low=2, high=32, whole=True, unit="-", in_id=True, help="disks in a row and in a column"),
         Parameter(name="spacing", default=3.0, low=2.1, unit="m", help="of the lattice at the start; the box has that much a disk"),
