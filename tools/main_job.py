@@ -33,11 +33,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--store", default="results", help="folder of the results, kept from run to run")
     parser.add_argument("--out", default="report", help="folder of the page")
+    parser.add_argument("--jobs", default="auto", help="cells at once; auto: one for each core")
     options = parser.parse_args()
 
     with tempfile.TemporaryDirectory() as folder:
         rows = Path(folder) / "measurements.json"
-        run = ninedisk("run", "--store", options.store, "--json", str(rows))
+        run = ninedisk("run", "--store", options.store, "--json", str(rows), "--jobs", options.jobs)
         counts = summary(rows)
     page = ninedisk("report", "--store", options.store, "--out", options.out)
 
