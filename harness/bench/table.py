@@ -22,7 +22,7 @@ def show(rows: Sequence[Row], paths: Sequence[Path]) -> None:
         solver = suite == "cd"
         right = ("with start-up", "bytes/disk", "median", "spread", "ratio", "rate", "iterations", "residual", "gap")
         extra = ("start", "to", "iterations", "residual", "gap") if solver else ("threads", "disks", "steps")
-        more = () if solver else ("with start-up", "bytes/disk")
+        more = () if solver else ("with start-up", "processors", "bytes/disk")
         shown = table("problem", "engine", *extra, "status", "median", "spread", "ratio", "rate", *more, right=right)
         for row in chosen:
             shown.add_row(*(printable(text) for text in _cells(row, solver)))
@@ -57,7 +57,7 @@ def _cells(row: Row, solver: bool) -> list[str]:
     if math.isfinite(row["median_s"]):
         spread = f"{_seconds(row['low_s'])} .. {_seconds(row['high_s'])}"
     rate = f"{row['rate']:.3g} {row['rate_unit']}" if math.isfinite(row["rate"]) else "-"
-    more = [] if solver else [_seconds(row["whole_s"]), _number(row["bytes_per_disk"])]
+    more = [] if solver else [_seconds(row["whole_s"]), _seconds(row["cpu_s"]), _number(row["bytes_per_disk"])]
     return [
         row["problem"], row["engine"], *extra, row["status"], _seconds(row["median_s"]), spread, _number(row["ratio"]), rate,
         *more,
