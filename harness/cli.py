@@ -141,6 +141,19 @@ def run(
         Path | None,
         typer.Option("--published", metavar="DIR", help="Folder with your own digitised curves (CSV + TOML)."),
     ] = None,
+    jobs: Annotated[
+        str | None,
+        typer.Option(
+            "--jobs",
+            "-j",
+            metavar="N",
+            help="Cells at once, each in a process of its own; auto: one for each core. More than 1 spoils timings. Default: 1.",
+        ),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option("--dask", metavar="ADDRESS", help="Run on the Dask cluster whose scheduler listens there."),
+    ] = None,
 ) -> None:
     """Run cases on engines, hold the results against every known truth, and store them.
 
@@ -152,6 +165,10 @@ def run(
       ninedisk run incline-block -e pymunk --set 'dt=5 ms' --set mu=0.36 --json rows.json
       ninedisk run slip-to-roll -e siconos --option siconos.theta=1
       ninedisk run binary-collision --engine-cmd 'node my-engine.mjs' --engine dem
+      ninedisk run --jobs auto
+      ninedisk run --dask tcp://head:8786
+
+    Results do not depend on --jobs or --dask; timings do, so runs with different ones are not compared by their timings.
 
     \b
     Exit codes:
@@ -176,6 +193,8 @@ def run(
         published=published,
         commands=engine_cmd or [],
         all_engines=all_engines,
+        jobs=jobs,
+        dask=dask,
     )
     raise typer.Exit(code)
 

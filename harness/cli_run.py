@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -15,7 +17,7 @@ from ninedisk.harness.cli_support import FAILURE, CellProgress, fail
 from ninedisk.harness.errors import StoreError, UsageError
 from ninedisk.harness.plan import plan_matrix
 from ninedisk.harness.protocol.given import engines_given
-from ninedisk.harness.provenance import command_line, provenance
+from ninedisk.harness.provenance import command_line, provenance, usable_cores
 from ninedisk.harness.published import check_folder
 from ninedisk.harness.registry import match_cases, problems
 from ninedisk.harness.results import CaseResult, Row
@@ -24,6 +26,9 @@ from ninedisk.harness.store import new_run_id, prepare_store, write_run
 from ninedisk.harness.tables import plain_json
 from ninedisk.harness.verdict import exit_code
 from ninedisk.harness.whole_file import check_writable, write_whole
+
+if TYPE_CHECKING:
+    from ninedisk.harness.cluster import Cluster
 
 
 def execute(
@@ -37,6 +42,8 @@ def execute(
     published: Path | None,
     commands: Sequence[str] = (),
     all_engines: bool = False,
+    jobs: str | None = None,
+    dask: str | None = None,
 ) -> int:
     """Run, store, print; the exit code of the command.
 
@@ -47,6 +54,9 @@ def execute(
     UsageError, ParameterError, CoreError
         With the message to show.
     """
+    if jobs is not None and dask is not None:
+        raise UsageError("--jobs and --dask exclude each other: a cluster has the workers that it has")
+    at_once = read_jobs(jobs)
     cells = plan_matrix(
         match_cases(globs),
         engines_given(engines, commands, everything=all_engines),
@@ -59,13 +69,14 @@ def execute(
     if json_file is not None:
         check_writable("--json", json_file)
     started = _now()
-    with CellProgress() as progress:
-        results = run_cells(cells, progress, published=published)
+    with _cluster(dask) as cluster, CellProgress() as progress:
+        results = run_cells(cells, progress, published=published, jobs=at_once, cluster=cluster)
         claims = judge_claims(results)
+        where = {"jobs": at_once} if cluster is None else cluster.facts()
         facts = {
             "started": started,
             "finished": _now(),
-            "provenance": provenance(result.cell for result in results),
+            "provenance": provenance(result.cell for result in results) | where,
             "argv": command_line(),
         }
     code = exit_code({status for result in results for status in result.statuses})
@@ -78,6 +89,31 @@ def execute(
         fail(str(error), FAILURE)
     show_summary(results, folder)
     return code
+
+
+def read_jobs(text: str | None) -> int:
+    """Cells at once that ``--jobs`` means; 1 without it.
+
+    Raises
+    ------
+    UsageError
+        If it is neither a whole number >= 1 nor auto.
+    """
+    if text is None:
+        return 1
+    if text == "auto":
+        return usable_cores()
+    if text.isascii() and text.isdigit() and int(text) >= 1:
+        return int(text)
+    raise UsageError(f"--jobs {text} is not allowed: give a whole number >= 1, or auto for one for each core")
+
+
+def _cluster(address: str | None) -> AbstractContextManager[Cluster | None]:
+    if address is None:
+        return nullcontext()
+    from ninedisk.harness.cluster import connected
+
+    return connected(address)
 
 
 def parse_settings(settings: Sequence[str], *, flag: str = "--set", example: str = "dt=0.01") -> dict[str, str]:

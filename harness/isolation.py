@@ -126,7 +126,7 @@ def run_isolated(
             if stream is not None:
                 stream.close()
     texts = {name: bytes(tail).decode(errors="replace") for name, tail in tails.items()}
-    name = _signal_name(-returned) if returned < 0 else None
+    name = signal_name(-returned) if returned < 0 else None
     finished = Finished(None if name else returned, name, texts["stdout"], texts["stderr"], time.monotonic() - begin)
     said = finished.last_lines()
     tail = f"; its last output:\n{said}" if said else "; it printed nothing"
@@ -212,7 +212,8 @@ def _kill_group(pid: int) -> None:
         os.killpg(pid, signal.SIGKILL)
 
 
-def _signal_name(number: int) -> str:
+def signal_name(number: int) -> str:
+    """Name of a signal, ``SIGSEGV``; its number where it has none."""
     try:
         return signal.Signals(number).name
     except ValueError:

@@ -48,10 +48,15 @@ def provenance(cells: Iterable[Mapping[str, Any]] = ()) -> dict[str, Any]:
         "platform": f"{platform.system()} {platform.machine()}",
         "kernel": platform.release(),
         "cpu": cpu_model(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        "cores": usable_cores(),
         "packages": package_versions(),
         "engines": engines,
     }
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def source_commit() -> str:

@@ -158,7 +158,10 @@ CHANGE_VERDICTS = ("worse", "suspect", "lost", "not-comparable", "better", "new"
 
 @dataclass(frozen=True, kw_only=True)
 class RunFacts:
-    """What a run came from; ``machine`` is processor, cores and platform, ``versions`` those of packages and engines."""
+    """What a run came from.
+
+    ``machine`` is processor, cores, platform and, if more than one, cells at once; ``versions`` those of packages and engines.
+    """
 
     run_id: str
     started: str

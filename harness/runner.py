@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
 from ninedisk.harness.case import Case, Check, Setup
+from ninedisk.harness.cell_rows import engine_columns, support_columns, without_measurements
 from ninedisk.harness.engine import (
     Engine,
     EngineError,
@@ -29,6 +29,9 @@ from ninedisk.harness.records import CELL_COLUMNS, MEASUREMENT_COLUMNS
 from ninedisk.harness.results import CaseResult, Row, complete
 from ninedisk.harness.tables import measurement_row, plain_json, reference_blocks, series_blocks
 from ninedisk.harness.verdict import cell_verdict
+
+if TYPE_CHECKING:
+    from ninedisk.harness.cluster import Cluster
 
 Progress = Callable[[int, int, str], None]
 """Called with (cells done, cells in all, name of the cell that begins)."""
@@ -92,20 +95,45 @@ def run_matrix(
     progress: Progress | None = None,
     *,
     published: Path | None = None,
+    jobs: int = 0,
 ) -> list[CaseResult]:
     """Run every (case variant, engine) cell; see `ninedisk.harness.plan.plan_matrix` for the variants and the errors.
 
     A cell that fails, hangs or crashes is a status and never the end of the run. Where the user's own parameters make
-    the only cell impossible, the `CoreError` is raised, because there is nothing else to show.
+    the only cell impossible, the `CoreError` is raised, because there is nothing else to show. ``jobs`` as in `run_cells`.
     """
-    return run_cells(plan_matrix(case_ids, engine_ids, overrides or {}), progress, published=published)
+    return run_cells(plan_matrix(case_ids, engine_ids, overrides or {}), progress, published=published, jobs=jobs)
 
 
 def run_cells(
-    cells: Sequence[Cell], progress: Progress | None = None, *, published: Path | None = None
+    cells: Sequence[Cell],
+    progress: Progress | None = None,
+    *,
+    published: Path | None = None,
+    jobs: int = 0,
+    cluster: Cluster | None = None,
 ) -> list[CaseResult]:
-    """Run planned cells one after the other."""
+    """Run planned cells; the results are in their order, and the same, wherever they run.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+    progress : callable, optional
+    published : Path, optional
+        Folder with digitised curves of your own that join the truths.
+    jobs : int
+        0: one after the other in this process, which an engine's crash ends. Else in that many worker processes, where a
+        crash is a status.
+    cluster : Cluster, optional
+        Run them there instead.
+    """
     alone = len(cells) == 1 and cells[0].user_set
+    if cluster is not None:
+        return cluster.run(cells, progress, published=published, raise_users_mistakes=alone)
+    if jobs:
+        from ninedisk.harness.parallel import run_in_workers
+
+        return run_in_workers(cells, progress, jobs=jobs, published=published, raise_users_mistakes=alone)
     results = []
     for done, cell in enumerate(cells):
         if progress is not None:
@@ -120,37 +148,37 @@ def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes:
     """Run one cell; only a mistake in the user's parameters is raised, and only if asked for."""
     head = planned_columns(cell)
     if isinstance(cell.setup, Exception):
-        return _without_measurements(cell, head, "error", f"the case cannot be built: {last_lines(cell.setup)}")
+        return without_measurements(cell, head, "error", f"the case cannot be built: {last_lines(cell.setup)}")
     setup = cell.setup
     if isinstance(cell.engine, Exception):
-        return _without_measurements(cell, head, "error", last_lines(cell.engine))
+        return without_measurements(cell, head, "error", last_lines(cell.engine))
     try:
         info = cell.engine.info()
-        head |= _engine_columns(info)
+        head |= engine_columns(info)
         if not info.installed:
             why = info.not_installed_because or "it is not on this machine"
-            return _without_measurements(cell, head, "not-installed", f"{why}; install it with: {info.install}")
+            return without_measurements(cell, head, "not-installed", f"{why}; install it with: {info.install}")
         foreign = [] if cell.user_set else foreign_settings(cell.case, cell.variant.params, info.contact)
         if foreign:
             why = f"the variant sets {', '.join(foreign)}, which this engine does not have: its run is that of the default"
-            return _without_measurements(cell, head, "unsupported", why)
+            return without_measurements(cell, head, "unsupported", why)
         support = cell.engine.supports(setup.scene, setup.numerics)
-        head |= _support_columns(support)
+        head |= support_columns(support)
         if support.level is SupportLevel.NO:
-            return _without_measurements(cell, head, "unsupported", why_not(info, support))
+            return without_measurements(cell, head, "unsupported", why_not(info, support))
         run = cell.engine.run(setup.scene, setup.numerics, setup.watch)
         check_history(run.history, setup)
         return _measure(cell, setup, info, run, head, published)
     except EngineNotInstalledError as error:
-        return _without_measurements(cell, head, "not-installed", last_lines(error))
+        return without_measurements(cell, head, "not-installed", last_lines(error))
     except EngineUnsupportedError as error:
-        return _without_measurements(cell, head, "unsupported", last_lines(error))
+        return without_measurements(cell, head, "unsupported", last_lines(error))
     except EngineTimeoutError as error:
-        return _without_measurements(cell, head, "timeout", last_lines(error))
+        return without_measurements(cell, head, "timeout", last_lines(error))
     except Exception as error:
         if raise_users_mistakes and isinstance(error, USERS_MISTAKES):
             raise
-        return _without_measurements(cell, head, "error", last_lines(error))
+        return without_measurements(cell, head, "error", last_lines(error))
 
 
 def why_not(info: EngineInfo, support: Support) -> str:
@@ -217,56 +245,3 @@ def _measure(
         observed=observed,
         checks=tuple(checks),
     )
-
-
-def _without_measurements(cell: Cell, head: Row, status: str, reason: str) -> CaseResult:
-    verdict = {"status": status, "reason": reason}
-    common = {name: head[name] for name in head if name in MEASUREMENT_COLUMNS}
-    return CaseResult(
-        cell=complete(head | verdict, CELL_COLUMNS),
-        rows=[complete(common | verdict, MEASUREMENT_COLUMNS)],
-        setup=None if isinstance(cell.setup, Exception) else cell.setup,
-    )
-
-
-def planned_columns(cell: Cell) -> Row:
-    """What a stored cell holds of its plan, known before it runs."""
-    case, built = cell.case, cell.setup
-    return {
-        "case": case.id,
-        "case_version": case.version,
-        "case_title": case.title,
-        "case_source": case.source,
-        "case_requirement": case.requirement,
-        "variant": cell.variant.id,
-        "params": plain_json(dict(cell.variant.params)),
-        "engine": cell.engine_id,
-        **({} if isinstance(built, Exception) else _setup_columns(built)),
-    }
-
-
-def _setup_columns(setup: Setup) -> Row:
-    stored = {
-        "scene": setup.scene.to_dict(),
-        "numerics": setup.numerics.to_dict(),
-        "watch": [list(pair) for pair in setup.watch],
-        "labels": {name: list(pair) for name, pair in setup.labels.items()},
-    }
-    return {"n_steps": setup.numerics.n_steps, "n_disks": len(setup.scene.disks), "setup": plain_json(stored)}
-
-
-def _engine_columns(info: EngineInfo) -> Row:
-    return {
-        "engine_name": info.name,
-        "engine_version": info.version or "",
-        "engine_licence": info.licence,
-        "engine_runs": info.how_it_runs,
-    }
-
-
-def _support_columns(support: Support) -> Row:
-    return {
-        "support": str(support.level),
-        "missing": json.dumps([str(capability) for capability in support.missing]),
-        "notes": json.dumps(list(support.notes)),
-    }

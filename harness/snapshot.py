@@ -89,7 +89,7 @@ def run_facts(about: Mapping[str, Any]) -> RunFacts:
         if isinstance(held, Mapping):
             versions |= {_text(name): _text(version) for name, version in held.items()}
     cores = found.get("cores")
-    machine = (_text(found.get("cpu")), f"{cores} cores" if cores else "", _text(found.get("platform")))
+    machine = (_text(found.get("cpu")), f"{cores} cores" if cores else "", _text(found.get("platform")), _load(found))
     argv = about["argv"] if isinstance(about["argv"], list) else [about["argv"]]
     return RunFacts(
         run_id=_text(about["run_id"]),
@@ -99,6 +99,13 @@ def run_facts(about: Mapping[str, Any]) -> RunFacts:
         versions={name: version for name, version in versions.items() if version},
         command=" ".join(_text(word) for word in argv),
     )
+
+
+def _load(found: Mapping[str, Any]) -> str:
+    """What ran beside each cell: cells of one run share the machine, so that its timings are those of another machine."""
+    jobs = found.get("jobs")
+    where = " on a Dask cluster" if found.get("dask") else ""
+    return f"{jobs} cells at once{where}" if where or (isinstance(jobs, int) and jobs > 1) else ""
 
 
 def moment(started: str) -> datetime:

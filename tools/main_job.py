@@ -34,11 +34,13 @@ def main() -> int:
     parser.add_argument("--store", default="results", help="folder of the results, kept from run to run")
     parser.add_argument("--out", default="report", help="folder of the page")
     parser.add_argument("--engine-cmd", action="append", default=[], help="an engine by its command, beside all others")
+    parser.add_argument("--jobs", default="auto", help="cells at once; auto: one for each core")
     options = parser.parse_args()
 
     with tempfile.TemporaryDirectory() as folder:
         rows = Path(folder) / "measurements.json"
         more = [word for command in options.engine_cmd for word in ("--engine-cmd", command)]
+        more += ["--jobs", options.jobs]
         run = ninedisk("run", "--all-engines", *more, "--store", options.store, "--json", str(rows))
         counts = summary(rows)
     page = ninedisk("report", "--store", options.store, "--out", options.out)

@@ -101,3 +101,10 @@ def delassus_blocks(
                 nt += nx * ny * (mx - my) + an * at * mw
                 tt += ny * ny * mx + nx * nx * my + at * at * mw
         blocks[k, 0], blocks[k, 1], blocks[k, 2] = nn, nt, tt
+
+
+@kernel
+def contact_scales(blocks: Floats, mu: Floats, rho: Floats) -> None:
+    """``rho``, shape (c,): the inverse of the largest diagonal entry of each Delassus block; without friction the normal one."""
+    for k in range(mu.shape[0]):
+        rho[k] = 1.0 / (max(blocks[k, 0], blocks[k, 2]) if mu[k] > 0.0 else blocks[k, 0])

@@ -61,7 +61,8 @@ class Factorisation:
 class _Qdldl:
     def __init__(self, indptr: IntArray, indices: IntArray) -> None:
         n = len(indptr) - 1
-        self._matrix = sp.csc_array((np.ones(len(indices)), indices, indptr), shape=(n, n))
+        # The kind that qdldl takes as it is: conversions cost more than the factorisation of a small matrix.
+        self._matrix = sp.csc_matrix((np.ones(len(indices)), indices, indptr), shape=(n, n))
         self._solver: Any = None
 
     def update(self, data: FloatArray) -> bool:
@@ -72,9 +73,9 @@ class _Qdldl:
         self._matrix.data[:] = data
         try:
             if self._solver is None:
-                self._solver = qdldl.Solver(sp.csc_matrix(self._matrix), upper=True)
+                self._solver = qdldl.Solver(self._matrix, upper=True)
             else:
-                self._solver.update(sp.csc_matrix(self._matrix), upper=True)
+                self._solver.update(self._matrix, upper=True)
         except (RuntimeError, ValueError):
             self._solver = None
             return False

@@ -31,7 +31,9 @@ class InfeasibleContactsError(InvalidSceneError):
         Contacts that take part in the contradiction, the most loaded one first.
     """
 
-    def __init__(self, message: str, contacts: tuple[int, ...]) -> None:
+    def __init__(
+        self, message: str, contacts: tuple[int, ...] = ()
+    ) -> None:  # a copy in another process is made without
         super().__init__(message)
         self.contacts = contacts
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.frame_kernels import measure_frames
 from ninedisk.core.cd.laws import LawTable
 
 FloatArray = NDArray[np.float64]
@@ -76,41 +77,8 @@ def contact_frames(
     Frames
     """
     n, c = len(x), len(pairs)
-    i, j = pairs[:, 0], pairs[:, 1]
-    wall = j >= n
-    normal, arms = np.empty((c, 2)), np.zeros((c, 4))
-    gap, gap_before, shift = np.empty(c), np.empty(c), np.zeros(c)
-    row = np.where(wall, j - n + 1, 0)
-    a, b = i[~wall], j[~wall]
-    apart = x[b] - x[a]
-    distance = np.sqrt((apart * apart).sum(axis=1))
-    normal[~wall] = apart / distance[:, None]
-    gap[~wall] = gap_before[~wall] = distance - (radius[a] + radius[b])
-    if wall.any():
-        a, w = i[wall], j[wall] - n
-        old, new = before[w], after[w]
-        inward = new[:, 2:4]
-        height = ((x[a] - new[:, 0:2]) * inward).sum(axis=1)
-        normal[wall] = -inward
-        gap[wall] = height - radius[a]
-        gap_before[wall] = ((x[a] - old[:, 0:2]) * old[:, 2:4]).sum(axis=1) - radius[a]
-        deep = laws.wall_mid[row[wall]] * 0.5 * np.maximum(0.0, -gap[wall])
-        touch = x[a] - (height + deep)[:, None] * inward
-        moved = _material_shift(touch, old, new)
-        # t = (-n_y, n_x) of the contact's normal n = -inward.
-        shift[wall] = -(moved[:, 0] * inward[:, 1] - moved[:, 1] * inward[:, 0])
-    shorter = 0.5 * laws.arm_overlap[row] * np.maximum(0.0, -gap_before)
-    arms[:, 2] = radius[i] - shorter
-    arms[~wall, 3] = radius[j[~wall]] - shorter[~wall]
+    row = np.where(pairs[:, 1] >= n, pairs[:, 1] - n + 1, 0)
+    normal, arms = np.empty((c, 2)), np.empty((c, 4))
+    gap, gap_before, shift = np.empty(c), np.empty(c), np.empty(c)
+    measure_frames(pairs, row, x, radius, before, after, laws.arrays, normal, gap, gap_before, shift, arms)
     return Frames(pairs, row, normal, gap, gap_before, shift, arms)
-
-
-def _material_shift(point: FloatArray, old: FloatArray, new: FloatArray) -> FloatArray:
-    """Displacement over the step [m] of the walls' material that is at ``point``, shape (c, 2), at its end."""
-    cos = (old[:, 2] * new[:, 2] + old[:, 3] * new[:, 3])[:, None]
-    sin = (new[:, 2] * old[:, 3] - new[:, 3] * old[:, 2])[:, None]
-    # A wall that does not turn keeps its normal to the last bit: no round-off of a rotation by nothing.
-    turned = ((old[:, 2:4] != new[:, 2:4]).any(axis=1))[:, None]
-    arm = point - new[:, 0:2]
-    back = np.where(turned, cos * arm + sin * np.column_stack([-arm[:, 1], arm[:, 0]]), arm)
-    return new[:, 0:2] - old[:, 0:2] + arm - back

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.feasibility import PROOF_AFTER, check_feasible
-from ninedisk.core.cd.gauss_seidel_kernels import sweep
+from ninedisk.core.cd.gauss_seidel_kernels import next_batch, sweep
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.residuals import Sliding, measure
 from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch, not_converged
@@ -14,8 +14,6 @@ from ninedisk.core.cd.start import starting_forces
 
 FloatArray = NDArray[np.float64]
 MAX_SWEEPS = 1_000_000
-FEWEST = 2
-"""Sweeps between two measurements at the start: on few contacts a measurement costs as much as ten sweeps."""
 
 
 def solve_gauss_seidel(
@@ -75,8 +73,7 @@ def solve_gauss_seidel(
             proof_sought = True
         if done >= limit or clock.over:
             break
-        # Checks cost about as much as a sweep and set v anew from r; their distance grows with the number of sweeps.
-        batch = min(max(FEWEST, done // 4), limit - done, max(1, 20_000_000 // (problem.n_contacts + 1)))
+        batch = min(next_batch(done), limit - done, max(1, 20_000_000 // (problem.n_contacts + 1)))
         sweep(
             problem.bodies,
             problem.normal,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.frame_kernels import Laws
 from ninedisk.core.cd.settings import Stiffness
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
@@ -35,6 +36,8 @@ class LawTable:
         Newton's coefficient; NaN where the theta scheme (or the contact's elasticity) decides.
     arm_overlap, wall_mid : ndarray, shape (1 + m,)
         1 where the lever arm is R - overlap/2, and where a wall's motion is taken in the middle of the overlap; else 0.
+    arrays : Laws
+        All of these, as the kernels read them.
 
     Raises
     ------
@@ -73,6 +76,7 @@ class LawTable:
                         "impact = 'theta'"
                     )
                 self.restitution[k] = law.restitution
+        self.arrays = Laws(self.kn, self.ks, self.mu, self.elastic, self.restitution, self.arm_overlap, self.wall_mid)
 
 
 def _is_elastic(law: ContactLaw, contacts: Stiffness) -> bool:

@@ -157,13 +157,9 @@ class ContactProblem:
     @cached_property
     def rho(self) -> FloatArray:
         """Scale [force/velocity] of each contact, shape (c,): 1 / largest diagonal entry of its Delassus block."""
-        tangential = np.where(self.mu > 0.0, self.blocks[:, 2], 0.0)
-        return 1.0 / np.maximum(self.blocks[:, 0], tangential)
-
-    @cached_property
-    def rho_norm(self) -> float:
-        """Euclidean norm of `rho`."""
-        return float(np.sqrt((self.rho * self.rho).sum()))
+        rho = np.empty(self.n_contacts)
+        kernels.contact_scales(self.blocks, self.mu, rho)
+        return rho
 
     @cached_property
     def b(self) -> FloatArray:

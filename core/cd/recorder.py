@@ -48,6 +48,10 @@ class Recorder:
         self.history = History(**{**vars(history), "particles": tuple(int(i) for i in chosen)})
         self._pairs = np.array(pairs, dtype=np.int64).reshape(len(pairs), 2)
 
+    def stops(self, last: int) -> list[int]:
+        """Steps after which there is something to do: those sampled, and the last one; not step 0."""
+        return sorted({*self._at, last} - {0})
+
     def sample(
         self, step: int, x: FloatArray, v: FloatArray, wall: FloatArray, memory: ContactMemory, wall_work: float
     ) -> None:

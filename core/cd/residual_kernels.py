@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from math import inf, sqrt
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd._jit import kernel
+from ninedisk.core.cd._jit import inline_kernel, kernel
 from ninedisk.core.cd.cone_kernels import project_on_cone
 from ninedisk.core.cd.contact_kernels import contact_velocity
 
@@ -13,6 +15,16 @@ Floats = NDArray[np.float64]
 
 EPSILON = 2.220446049250313e-16
 MAP, FORCE, FREE_MAP, WORK, GAP, VIOLATION, ENERGY_W, ENERGY_B, LARGEST, NOISE_MAP, NOISE_WORK, NOISE = range(12)
+OFF_BALANCE, KINETIC, RHO, SIZE = range(12, 16)
+SUMS = 16
+NATURAL_MAP, COMPLEMENTARITY, DUALITY_GAP, STATIONARITY, FLOOR_MAP, FLOOR_GAP = range(6)
+"""Order of the figures, that of `ninedisk.core.cd.residuals.Residuals`."""
+
+ROUND_OFF = 16.0
+"""Multiple of the estimated evaluation error below which a figure says nothing."""
+
+UNRESOLVED = 1e-3
+"""Where the offsets' resolution alone makes up more than this fraction of the forces, the forces are round-off of the scene."""
 
 
 @kernel
@@ -38,9 +50,9 @@ def sum_residuals(
 
     ``MAP`` |r - P(r - rho u)|^2, ``FORCE`` |r|^2, ``FREE_MAP`` |P(-rho b)|^2, ``WORK`` sum |r.u|, ``GAP`` sum r.u,
     ``VIOLATION`` sum of max(0, mu |u_t| - u_n), ``ENERGY_W`` sum r.(u - b), ``ENERGY_B`` sum r.b, ``LARGEST`` max p,
-    ``NOISE_MAP`` |rho noise|^2, ``NOISE_WORK`` sum |r| noise, ``NOISE`` sum of the noise.
+    ``NOISE_MAP`` |rho noise|^2, ``NOISE_WORK`` sum |r| noise, ``NOISE`` sum of the noise, ``RHO`` sum rho^2, ``SIZE`` sum |r|_1.
     """
-    for m in range(12):
+    for m in range(SUMS):
         sums[m] = 0.0
     for k in range(bodies.shape[0]):
         p, q = r[k, 0], r[k, 1]
@@ -77,11 +89,13 @@ def sum_residuals(
         sums[NOISE_MAP] += (rho[k] * noise) ** 2
         sums[NOISE_WORK] += (p + abs(q)) * noise
         sums[NOISE] += noise
+        sums[RHO] += rho[k] * rho[k]
+        sums[SIZE] += p + abs(q)
 
 
 @kernel
 def sum_kinetic(inverse_mass: Floats, v: Floats, balanced: Floats, sums: Floats) -> None:
-    """``sums[0] = |v - balanced|_M^2``, ``sums[1] = |v|_M^2`` over the unknowns that are free, arrays of shape (b, 3)."""
+    """``OFF_BALANCE`` |v - balanced|_M^2 and ``KINETIC`` |v|_M^2 over the unknowns that are free, arrays of shape (b, 3)."""
     off, size = 0.0, 0.0
     for i in range(v.shape[0]):
         for d in range(3):
@@ -89,4 +103,42 @@ def sum_kinetic(inverse_mass: Floats, v: Floats, balanced: Floats, sums: Floats)
                 wrong = v[i, d] - balanced[i, d]
                 off += wrong * wrong / inverse_mass[i, d]
                 size += v[i, d] * v[i, d] / inverse_mass[i, d]
-    sums[0], sums[1] = off, size
+    sums[OFF_BALANCE], sums[KINETIC] = off, size
+
+
+@kernel
+def figures_of(sums: Floats, n_contacts: int, resolution: float, figures: Floats) -> None:
+    """The figures of `ninedisk.core.cd.residuals.Residuals` from the sums of both other kernels."""
+    unbalance = sums[OFF_BALANCE]
+    energy = 0.5 * (abs(sums[ENERGY_W]) + abs(sums[ENERGY_B]))
+    force = max(sqrt(sums[FORCE]), sqrt(sums[FREE_MAP]))
+    largest = sums[LARGEST]
+    gap = abs(sums[GAP]) + largest * sums[VIOLATION] + 0.5 * unbalance
+    # A velocity of size |v| in the kinetic norm is known to eps |v| at best, whatever the contacts do.
+    noise_v = (EPSILON * EPSILON) * sums[KINETIC]
+    floor_map = ROUND_OFF * sqrt(sums[NOISE_MAP])
+    floor_gap = ROUND_OFF * (sums[NOISE_WORK] + largest * sums[NOISE] + 0.5 * noise_v)
+    unsure = resolution * sqrt(sums[RHO])
+    if unsure > UNRESOLVED * force:
+        floor_map += unsure
+        floor_gap += resolution * (sums[SIZE] + largest * n_contacts)
+    figures[NATURAL_MAP] = _ratio(sqrt(sums[MAP]), force)
+    figures[COMPLEMENTARITY] = _ratio(sums[WORK], energy)
+    figures[DUALITY_GAP] = _ratio(gap, energy)
+    figures[STATIONARITY] = _ratio(sqrt(unbalance), sqrt(energy))
+    figures[FLOOR_MAP] = _ratio(floor_map, force)
+    figures[FLOOR_GAP] = _ratio(floor_gap, energy)
+
+
+@inline_kernel
+def _ratio(value: float, scale: float) -> float:
+    if value == 0.0:
+        return 0.0
+    return value / scale if scale > 0.0 else inf
+
+
+@inline_kernel
+def reached(figures: Floats, tolerance: float) -> bool:
+    """Whether natural map and duality gap are below ``tolerance`` or at the floor of round-off."""
+    near = figures[NATURAL_MAP] <= max(tolerance, figures[FLOOR_MAP])
+    return bool(near and figures[DUALITY_GAP] <= max(tolerance, figures[FLOOR_GAP]))

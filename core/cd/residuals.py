@@ -14,12 +14,6 @@ from ninedisk.core.cd.problem import ContactProblem
 FloatArray = NDArray[np.float64]
 Sliding = Literal["associated", "coulomb"]
 
-ROUND_OFF = 16.0
-"""Multiple of the estimated evaluation error below which a figure says nothing."""
-
-UNRESOLVED = 1e-3
-"""Where the offsets' resolution alone makes up more than this fraction of the forces, the forces are round-off of the scene."""
-
 
 @dataclass(frozen=True)
 class Residuals:
@@ -66,7 +60,7 @@ class Residuals:
 
 def measure(problem: ContactProblem, v: FloatArray, r: FloatArray, *, sliding: Sliding = "associated") -> Residuals:
     """Residuals of the velocities ``v``, shape (b, 3), and contact forces ``r``, shape (c, 2), inside the cones."""
-    sums = np.empty(12)
+    sums, figures = np.empty(sums_of.SUMS), np.empty(6)
     sums_of.sum_residuals(
         problem.bodies,
         problem.normal,
@@ -82,33 +76,6 @@ def measure(problem: ContactProblem, v: FloatArray, r: FloatArray, *, sliding: S
         sliding == "coulomb",
         sums,
     )
-    kinetic = np.empty(2)
-    sums_of.sum_kinetic(problem.inverse_mass, v, problem.body_velocity(r), kinetic)
-    unbalance = float(kinetic[0])
-    energy = 0.5 * (abs(sums[sums_of.ENERGY_W]) + abs(sums[sums_of.ENERGY_B]))
-    force = max(np.sqrt(sums[sums_of.FORCE]), np.sqrt(sums[sums_of.FREE_MAP]))
-    largest = sums[sums_of.LARGEST]
-    gap = abs(sums[sums_of.GAP]) + largest * sums[sums_of.VIOLATION] + 0.5 * unbalance
-    # A velocity of size |v| in the kinetic norm is known to eps |v| at best, whatever the contacts do.
-    noise_v = (sums_of.EPSILON**2) * float(kinetic[1])
-    noise = sums[sums_of.NOISE_WORK] + largest * sums[sums_of.NOISE] + 0.5 * noise_v
-    floor_map = ROUND_OFF * np.sqrt(sums[sums_of.NOISE_MAP])
-    floor_gap = ROUND_OFF * noise
-    unsure = problem.resolution * problem.rho_norm
-    if unsure > UNRESOLVED * force:
-        floor_map += unsure
-        floor_gap += problem.resolution * (float(np.abs(r).sum()) + largest * problem.n_contacts)
-    return Residuals(
-        natural_map=_ratio(np.sqrt(sums[sums_of.MAP]), force),
-        complementarity=_ratio(sums[sums_of.WORK], energy),
-        duality_gap=_ratio(gap, energy),
-        stationarity=_ratio(np.sqrt(unbalance), np.sqrt(energy)),
-        floor_map=_ratio(floor_map, force),
-        floor_gap=_ratio(floor_gap, energy),
-    )
-
-
-def _ratio(value: float, scale: float) -> float:
-    if value == 0.0:
-        return 0.0
-    return float(value / scale) if scale > 0.0 else float("inf")
+    sums_of.sum_kinetic(problem.inverse_mass, v, problem.body_velocity(r), sums)
+    sums_of.figures_of(sums, problem.n_contacts, problem.resolution, figures)
+    return Residuals(*figures.tolist())

@@ -111,5 +111,7 @@ def not_converged(
     raise SolverNotConvergedError(
         f"{solver} stopped at {why} after {iterations} iterations and {clock.seconds:.3g} s: natural-map residual "
         f"{best.natural_map:.3g}, relative duality gap {best.duality_gap:.3g}, complementarity {best.complementarity:.3g}; "
-        f"the tolerance is {options.tolerance:g}. {advice}"
+        f"the tolerance is {options.tolerance:g}. {advice}",
+        iterations=iterations,
+        residuals=best,
     )

@@ -16,9 +16,10 @@ from ninedisk.core.cd.contact_set import Place, solve_with_contacts
 from ninedisk.core.cd.feasibility import InfeasibleContactsError
 from ninedisk.core.cd.frames import Frames, contact_frames
 from ninedisk.core.cd.laws import LawTable
+from ninedisk.core.cd.march import March
 from ninedisk.core.cd.memory import ContactMemory
 from ninedisk.core.cd.recorder import Recorder
-from ninedisk.core.cd.residuals import UNRESOLVED
+from ninedisk.core.cd.residual_kernels import UNRESOLVED
 from ninedisk.core.cd.result import SolverResult
 from ninedisk.core.cd.settings import read_settings
 from ninedisk.core.cd.solver import ContactSolver
@@ -96,11 +97,13 @@ class CdSession:
         self._x = np.column_stack([disks.x, np.zeros(n)])
         self._v = np.column_stack([disks.v, disks.omega])
         self._wall_work = 0.0
+        self._step: Step | None = None
         self.remarks: list[str] = []
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
         pairs = tuple(scene.check_pair(pair) for pair in watch)
         self._memory = self._initial_forces()
+        self._march = self._march_if_dynamic()
         self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen_particles(scene, particles))
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> History:
@@ -126,21 +129,15 @@ class CdSession:
         NonFiniteStateError
             If the state stops being finite.
         """
-        steps, told = self.numerics.n_steps, time.monotonic()
+        steps, told, done = self.numerics.n_steps, time.monotonic(), 0
         self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0)
-        for step in range(1, steps + 1):
-            try:
-                for substep in range(self.substeps):
-                    self._advance((step - 1) * self.substeps + substep + 1)
-            except InfeasibleContactsError as error:
-                self._contradiction(step, error)
-            except (SolverNotConvergedError, NoEquilibriumError) as error:
-                kept = self._keep_problem(step)
-                raise type(error)(f"step {step} (t = {step * self.numerics.dt:g} s): {error}{kept}") from error
+        for step in self._recorder.stops(steps):
+            while done < step * self.substeps:
+                done = self._advance_to(step * self.substeps, done)
+                if progress is not None and time.monotonic() - told > PROGRESS_EVERY:
+                    told = time.monotonic()
+                    progress(done // self.substeps, steps)
             self._recorder.sample(step, self._x, self._v, self._wall, self._memory, self._wall_work)
-            if progress is not None and time.monotonic() - told > PROGRESS_EVERY:
-                told = time.monotonic()
-                progress(step, steps)
         if progress is not None:
             progress(steps, steps)
         self._remark()
@@ -153,12 +150,37 @@ class CdSession:
         if self.numerics.solver in ("auto", "interior-point") and self.numerics.sliding == "associated":
             CdSession(self.scene, once.replace(solver="interior-point")).run()
 
+    def _advance_to(self, last: int, done: int) -> int:
+        """Take steps after step ``done``, at least one and none beyond ``last``; the number of the last one taken."""
+        if self._march is not None and self._march.usable:
+            sweeps = self._march.iterations
+            reached, self._memory, work = self._march.advance(done, last, self._x, self._v, self._wall, self._memory)
+            self._wall_work += work
+            if reached > done:
+                self.solves["gauss-seidel"] += reached - done
+                self.iterations += self._march.iterations - sweeps
+                self.worst = (max(self.worst[0], self._march.worst[0]), max(self.worst[1], self._march.worst[1]))
+                return reached
+        step = done // self.substeps + 1
+        try:
+            self._advance(done + 1)
+        except InfeasibleContactsError as error:
+            self._contradiction(step, error)
+        except (SolverNotConvergedError, NoEquilibriumError) as error:
+            message = f"step {step} (t = {step * self.numerics.dt:g} s): {error}{self._keep_problem(step)}"
+            if isinstance(error, SolverNotConvergedError):
+                raise SolverNotConvergedError(
+                    message, iterations=error.iterations, residuals=error.residuals
+                ) from error
+            raise NoEquilibriumError(message) from error
+        return done + 1
+
     def _advance(self, step: int) -> None:
         dt, radius = self.dt, self.scene.disks.radius
         after = wall_poses(self._motion, step * dt)
         place = Place(self._x[:, :2].copy(), radius, self._wall, after)
         static = self.numerics.regime == "quasi-static"
-        self._step: Step = self._static_step(place) if static else self._dynamic_step(place)
+        self._step = self._static_step(place) if static else self._dynamic_step(place)
         margin = NEAR * float(radius.min()) if static else 0.0
         frames, solved = solve_with_contacts(
             self._step, place, self._finder, self._laws, self._memory, self.numerics.sliding, margin
@@ -178,6 +200,13 @@ class CdSession:
     def _dynamic_step(self, place: Place) -> DynamicStep:
         theta = self.numerics.theta
         return DynamicStep(self._bodies, self._laws, self._solver, self._v, self.dt, theta, place.round_off())
+
+    def _march_if_dynamic(self) -> March | None:
+        """Takes steps together where they are dynamic and begin with Gauss-Seidel."""
+        if self.numerics.regime == "quasi-static" or self._solver.sweeps == 0:
+            return None
+        radius, theta = self.scene.disks.radius, self.numerics.theta
+        return March(self._bodies, self._laws, self._motion, radius, self._finder, self._solver, self.dt, theta)
 
     def _static_step(self, place: Place) -> StaticStep:
         disks = self.scene.disks

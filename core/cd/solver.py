@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 SOLVERS = ("auto", "interior-point", "projected-gradient", "gauss-seidel")
 TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
+LONGEST_WITHOUT_TRIAL = 15
+"""Problems without a trial of Gauss-Seidel, at most, after trials in vain."""
 TRIAL_CONTACTS = 5_000
 """Above this number of contacts information needs more than the trial's sweeps to cross a packing."""
 
@@ -59,7 +61,13 @@ class ContactSolver:
         self.name, self.options, self.sliding = name, options, sliding
         self.problem: ContactProblem | None = None
         self._interior = InteriorPoint(options)
+        self._without_trial = self._waited = 0
         self._trial = replace(options, max_iterations=min(TRIAL_SWEEPS, options.max_iterations or TRIAL_SWEEPS))
+
+    @property
+    def sweeps(self) -> int:
+        """Sweeps of Gauss-Seidel that it begins with; 0 where it begins with another method."""
+        return self._trial.max_iterations or 0 if self.name in ("auto", "gauss-seidel") else 0
 
     def solve(self, problem: ContactProblem, start: FloatArray | None = None) -> SolverResult:
         """Solve one problem.
@@ -80,9 +88,17 @@ class ContactSolver:
             return solve_gauss_seidel(problem, self.options, sliding=self.sliding, start=start)
         if self.name == "projected-gradient":
             return solve_projected_gradient(problem, self.options, start=start)
-        if self.name == "auto" and problem.n_contacts <= TRIAL_CONTACTS:
+        if self.name == "auto" and problem.n_contacts <= TRIAL_CONTACTS and self._trial_is_due():
             try:
-                return solve_gauss_seidel(problem, self._trial, start=start)
+                result = solve_gauss_seidel(problem, self._trial, start=start)
             except SolverNotConvergedError:
-                pass
+                self._without_trial, self._waited = min(2 * self._without_trial + 1, LONGEST_WITHOUT_TRIAL), 0
+            else:
+                self._without_trial = 0
+                return result
         return self._interior.solve(problem)
+
+    def _trial_is_due(self) -> bool:
+        """After trials in vain, 1, 3, 7, .. problems go without one: their like follow each other."""
+        self._waited += 1
+        return self._waited > self._without_trial

@@ -116,7 +116,8 @@ class StaticStep:
         raise SolverNotConvergedError(
             f"the static step is not in balance after {MAX_ITERATIONS} iterations: unbalanced force "
             f"{float(np.abs(unbalanced).max()):.3g} N, largest force {largest:.3g} N; the contacts are close to their limit: "
-            "reduce the load or the prescribed displacement, or give the contacts more friction"
+            "reduce the load or the prescribed displacement, or give the contacts more friction",
+            iterations=MAX_ITERATIONS,
         )
 
     def _proximal_mass(self, frames: Frames) -> tuple[FloatArray, bool]:

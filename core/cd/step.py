@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.contact_kernels import contact_velocities
+from ninedisk.core.cd.frame_kernels import contact_compliances, dynamic_offsets
 from ninedisk.core.cd.frames import Frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem
@@ -81,11 +82,16 @@ def relative(frames: Frames, motion: FloatArray) -> FloatArray:
     return u
 
 
-def compliances(frames: Frames, laws: LawTable) -> FloatArray:
-    """Compliance ``(1/kn, 1/ks)`` [m/N] of each contact, shape (c, 2); 0 where it is rigid or carries no shear force."""
-    elastic, row = laws.elastic[frames.row], frames.row
-    shear = np.where(laws.ks[row] > 0.0, laws.ks[row], np.inf)
-    return np.where(elastic[:, None], np.column_stack([1.0 / laws.kn[row], 1.0 / shear]), 0.0)
+def compliances(frames: Frames, laws: LawTable, scale: float = 1.0) -> FloatArray:
+    """Compliance ``(1/kn, 1/ks)/scale`` [m/N] of each contact, shape (c, 2); 0 where it is rigid or carries no shear force."""
+    out = np.empty((len(frames), 2))
+    contact_compliances(frames.row, laws.arrays, scale, out)
+    return out
+
+
+def dynamic_mass(bodies: Bodies, dt: float, theta: float) -> FloatArray:
+    """``M (1/dt + theta xi)``, shape (b, 3) [kg/s], [kg/s], [kg m^2/s]: what the program of a dynamic step has for a mass; inf blocks."""
+    return np.where(bodies.free, bodies.mass * (1.0 / dt + theta * bodies.xi), np.inf)
 
 
 class DynamicStep:
@@ -126,8 +132,7 @@ class DynamicStep:
         self._bodies, self._laws, self._solver = bodies, laws, solver
         self._v0, self._dt, self._theta = v0, dt, theta
         self._resolution = round_off / (theta * dt)
-        inertia = bodies.mass * (1.0 / dt + theta * bodies.xi)
-        self._mass = np.where(bodies.free, inertia, np.inf)
+        self._mass = dynamic_mass(bodies, dt, theta)
         kept = bodies.mass * v0 * (1.0 / dt - (1.0 - theta) * bodies.xi)
         self._force = np.where(bodies.free, bodies.load + kept, 0.0)
         self._prescribed = np.where(bodies.free, 0.0, v0)
@@ -139,27 +144,19 @@ class DynamicStep:
     def problem(self, frames: Frames, forces: FloatArray) -> ContactProblem:
         """The contact problem of the step, in velocities [m/s] and forces [N]."""
         theta, dt, laws = self._theta, self._dt, self._laws
-        held = relative(frames, self._prescribed)
-        before = relative(frames, np.where(self._bodies.free, self._v0, 0.0))
-        offset = np.column_stack([frames.gap, frames.shift]) / (theta * dt)
-        offset += held / theta + (1.0 - theta) / theta * before
-        restitution = laws.restitution[frames.row]
-        newton = ~np.isnan(restitution)
-        if newton.any():
-            # Prescribed part of the contact velocity: walls by their displacement over the step, held disks by their speed.
-            wall = np.column_stack([frames.gap - frames.gap_before, frames.shift]) / dt + held
-            approach = np.minimum(0.0, wall[:, 0] + before[:, 0])
-            wall[:, 0] += restitution * approach
-            offset[newton] = wall[newton]
+        bodies, offset = pair_bodies(frames, len(self._mass)), np.empty((len(frames), 2))
+        geometry = (frames.normal, frames.gap, frames.gap_before, frames.shift, frames.arms, frames.row)
+        kept = np.where(self._bodies.free, self._v0, 0.0)
+        dynamic_offsets(bodies, *geometry, laws.arrays, kept, self._prescribed, dt, theta, offset)
         return ContactProblem(
             mass=self._mass,
             force=self._force,
-            bodies=pair_bodies(frames, len(self._mass)),
+            bodies=bodies,
             normal=frames.normal,
             arms=frames.arms,
             offset=offset,
             mu=laws.mu[frames.row],
-            compliance=compliances(frames, laws) / (theta * dt),
+            compliance=compliances(frames, laws, theta * dt),
             shear_0=forces[:, 1],
             resolution=self._resolution,
         )

@@ -7,7 +7,6 @@ from them.
 from __future__ import annotations
 
 import json
-import re
 import sys
 import tempfile
 import time
@@ -51,7 +50,6 @@ START_UP = 60.0
 """Seconds that an external process may take besides the solver's own time: imports, reading, setting up."""
 UNBOUNDED = 10**9
 """Iterations of first-order methods: the time limit alone stops them."""
-_FIGURES = re.compile(r"after (\d+) iterations.*natural-map residual ([^,]+), relative duality gap ([^,]+),", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -141,9 +139,9 @@ def _own(task: Task, limit: float, solve: Callable[[SolverOptions], SolverResult
     try:
         result = solve(options)
     except SolverNotConvergedError as error:
-        said = _FIGURES.search(str(error))
-        known = zip(("iterations", "natural_map", "duality_gap"), (int, float, float), strict=True)
-        facts = {name: kind(said[k + 1]) for k, (name, kind) in enumerate(known)} if said else {}
+        facts: dict[str, Any] = {"iterations": error.iterations}
+        if error.residuals is not None:
+            facts |= {"natural_map": error.residuals.natural_map, "duality_gap": error.residuals.duality_gap}
         raise NotReachedError(str(error), {**facts, "seconds": time.perf_counter() - begin}) from error
     seconds = time.perf_counter() - begin
     return Sample(seconds=seconds, facts=facts_of(task, result.r, result.iterations))

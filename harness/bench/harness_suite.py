@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -22,6 +24,8 @@ ENGINES = ("dem", "cd", "pymunk")
 CACHE = "NUMBA_CACHE_DIR"
 CACHED, COLD = "appendix, kernels cached", "appendix, empty cache"
 PROBLEMS = (CACHED, COLD)
+JOBS = (1, 2)
+"""Cells at once; the first is what the others are held against, and has one core."""
 COMPLETE = (0, 1)
 """Exit codes of a run that did all it should: failed checks of an engine are findings, errors and crashes are not."""
 
@@ -34,7 +38,7 @@ def run(
     time_limit: float,
     tell: Callable[[str, str], None],
 ) -> list[Row]:
-    """Rows of the whole run of ``ninedisk run`` on `ENGINES`, one and (where the command has ``--jobs``) two jobs.
+    """Rows of the whole run of ``ninedisk run`` on `ENGINES`, with each of `JOBS`.
 
     Parameters
     ----------
@@ -44,17 +48,16 @@ def run(
         Some of `PROBLEMS`.
     """
     rows: list[Row] = []
-    jobs = (1, 2) if _has_jobs() else (1,)
     for problem in problems:
         if problem == CACHED:
             tell(problem, "a first run, to fill the cache")
             first = interleave([_contender(globs, problem, 1)], repeats=1, time_limit=time_limit)
             if not first[_name(1)].samples:
-                rows += _rows(problem, first, jobs[:1])
+                rows += _rows(problem, first, JOBS[:1])
                 continue
         told: Tell = partial(tell, problem)
-        contenders = [_contender(globs, problem, count) for count in jobs]
-        rows += _rows(problem, interleave(contenders, repeats=repeats, time_limit=time_limit, tell=told), jobs)
+        contenders = [_contender(globs, problem, count) for count in JOBS]
+        rows += _rows(problem, interleave(contenders, repeats=repeats, time_limit=time_limit, tell=told), JOBS)
     return rows
 
 
@@ -87,9 +90,10 @@ def _rows(problem: str, found: dict[str, Measured], jobs: Sequence[int]) -> list
                 "check_value": float(len(outcomes) - 1),
                 "check_bound": 0.0,
                 "status": "pass",
+                "cpu_s": statistics.median(sample.facts["cpu"] for sample in measured.samples),
             }
             if len(outcomes) > 1:
-                lost = dict.fromkeys(("median_s", "low_s", "high_s", "ratio", "whole_s"), float("nan"))
+                lost = dict.fromkeys(("median_s", "low_s", "high_s", "ratio", "whole_s", "cpu_s"), float("nan"))
                 row |= lost | {"status": "fail", "reason": "the outcomes differ: nothing was timed"}
         rows.append(new_row(**row))
     return rows
@@ -99,30 +103,25 @@ def _run(globs: tuple[str, ...], cold: bool, jobs: int, limit: float) -> Sample:
     with tempfile.TemporaryDirectory(prefix="ninedisk-bench-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         options = [word for engine in ENGINES for word in ("--engine", engine)]
-        options += ["--jobs", str(jobs)] if jobs > 1 else []
+        options += ["--jobs", str(jobs)]
         command = [sys.executable, "-m", "ninedisk", "run", *globs, *options, "--store", str(folder / "store")]
         environment = {**os.environ, CACHE: str(folder / "kernels")} if cold else dict(os.environ)
-        begin = time.perf_counter()
+        begin, before = time.perf_counter(), _processor_seconds()
         try:
             done = subprocess.run(
                 command, capture_output=True, text=True, timeout=limit, env=environment, cwd=folder, check=False
             )
         except subprocess.TimeoutExpired as error:
             raise EngineTimeoutError(f"ninedisk run was stopped at its time limit of {limit:g} s") from error
-        seconds = time.perf_counter() - begin
+        seconds, cpu = time.perf_counter() - begin, _processor_seconds() - before
     if done.returncode not in COMPLETE:
         last = "\n".join((done.stderr.strip() or done.stdout.strip()).splitlines()[-5:])
         raise EngineError(f"ninedisk run ended with exit code {done.returncode}: {last}")
     counts = [line for line in done.stdout.splitlines() if line.startswith(("cells:", "checks:"))]
-    return Sample(seconds=seconds, whole=seconds, facts={"outcome": ", ".join(counts)})
+    return Sample(seconds=seconds, whole=seconds, facts={"outcome": ", ".join(counts), "cpu": cpu})
 
 
-def _has_jobs() -> bool:
-    """Whether ``ninedisk run`` has the option ``--jobs``."""
-    import typer
-
-    from ninedisk.harness.cli import app
-
-    command = typer.main.get_command(app)
-    run_command = command.get_command(None, "run")  # type: ignore[attr-defined]
-    return any("--jobs" in option.opts for option in run_command.params)
+def _processor_seconds() -> float:
+    """Processor time of all processes that this one started and that have ended, and of those they waited for."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime

@@ -39,6 +39,7 @@ COLUMNS: dict[str, str] = {
     "rate": "float64",
     "rate_unit": "string",
     "whole_s": "float64",  # median with start-up, set-up and transport
+    "cpu_s": "float64",  # median of the processor seconds of all processes: what a busy machine changes least
     "bytes_per_disk": "float64",  # arrays that a run holds (in-house engine)
     "resident_per_disk": "float64",  # growth of the process' resident memory
     "iterations": "int64",

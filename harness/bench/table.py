@@ -23,7 +23,13 @@ def show(rows: Sequence[Row], paths: Sequence[Path]) -> None:
         numbers = ("median", "spread", "ratio", "rate", "iterations", "residual", "gap")
         right = (*numbers, "with start-up", "bytes/disk", "penetration", "deepest")
         extra = ("start", "to", "iterations", "residual", "gap") if solver else ("threads", "disks", "steps")
-        more = () if solver else ("penetration", "deepest", "gap") if flow else ("with start-up", "bytes/disk")
+        more = (
+            ()
+            if solver
+            else ("penetration", "deepest", "gap")
+            if flow
+            else ("with start-up", "processors", "bytes/disk")
+        )
         shown = table("problem", "engine", *extra, "status", "median", "spread", "ratio", "rate", *more, right=right)
         for row in chosen:
             shown.add_row(*(printable(text) for text in _cells(row, solver)))
@@ -58,7 +64,7 @@ def _cells(row: Row, solver: bool) -> list[str]:
     if math.isfinite(row["median_s"]):
         spread = f"{_seconds(row['low_s'])} .. {_seconds(row['high_s'])}"
     rate = f"{row['rate']:.3g} {row['rate_unit']}" if math.isfinite(row["rate"]) else "-"
-    more = [] if solver else [_seconds(row["whole_s"]), _number(row["bytes_per_disk"])]
+    more = [] if solver else [_seconds(row["whole_s"]), _seconds(row["cpu_s"]), _number(row["bytes_per_disk"])]
     if row["suite"] == "flow":
         more = [_number(row[name]) for name in ("penetration", "deepest", "duality_gap")]
     return [

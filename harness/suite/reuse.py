@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ninedisk.harness.cell_rows import planned_columns
 from ninedisk.harness.errors import StoreError
 from ninedisk.harness.plan import Cell
 from ninedisk.harness.provenance import provenance
 from ninedisk.harness.registry import BUILTIN, case_table, engine_table
 from ninedisk.harness.results import CaseResult, Row
-from ninedisk.harness.runner import planned_columns
 from ninedisk.harness.snapshot import CellKey, cell_key
 from ninedisk.harness.store import read_about, read_table, run_ids
 

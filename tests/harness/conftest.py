@@ -5,13 +5,16 @@ from __future__ import annotations
 import importlib
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
 from ninedisk.harness import registry
+from ninedisk.harness.records import CELL_COLUMNS
+from ninedisk.harness.results import CaseResult
 
 SOURCE = Path(__file__).parent / "data" / "ninedisk_fakes.py"
 
@@ -52,4 +55,22 @@ def fakes(fake_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Module
 @pytest.fixture
 def fake_environment(fake_folder: Path) -> dict[str, str]:
     """Environment in which a child process finds the fakes."""
-    return {**os.environ, "PYTHONPATH": str(fake_folder)}
+    known = [path for path in (os.environ.get("PYTHONPATH"),) if path]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(fake_folder), *known])}
+
+
+@pytest.fixture(scope="session")
+def bits() -> Callable[[CaseResult], bytes]:
+    """All of a result but its timings, floats to the last bit and NaN included: equal for equal results only."""
+
+    def of(result: CaseResult) -> bytes:
+        cell = {name: result.cell[name] for name in CELL_COLUMNS if name not in ("setup_s", "warm_up_s", "advance_s")}
+        blocks = [
+            (block.length, {name: np.asarray(column).tolist() for name, column in block.columns.items()})
+            for block in (*result.series_blocks, *result.reference_blocks)
+        ]
+        history = {} if result.history is None else vars(result.history)
+        arrays = {name: value.tobytes() for name, value in history.items() if isinstance(value, np.ndarray)}
+        return repr((cell, result.rows, blocks, arrays)).encode()
+
+    return of

@@ -10,6 +10,7 @@ from typer.testing import CliRunner, Result
 
 from ninedisk.harness.cli import app
 from ninedisk.harness.records import MEASUREMENT_COLUMNS
+from ninedisk.harness.snapshot import run_facts
 from ninedisk.harness.store import run_ids
 
 
@@ -58,6 +59,9 @@ def test_exit_codes_of_truths(truth: str, code: int) -> None:
         (("run", "fake/fal"), "no case matches 'fake/fal'. Did you mean 'fake/fall'"),
         (("run", "fake/fall", "-e", "fake-god"), "no engine 'fake-god'. Did you mean 'fake-good'"),
         (("run", "fake/fall", "-e", "fake-good", "--all-engines"), "exclude each other"),
+        (("run", "fake/fall", "--jobs", "0"), "--jobs 0 is not allowed: give a whole number >= 1, or auto"),
+        (("run", "fake/fall", "--jobs", "two"), "--jobs two is not allowed"),
+        (("run", "fake/fall", "--jobs", "2", "--dask", "tcp://x:1"), "--jobs and --dask exclude each other"),
         (("run", "fake/fall", "-e", "fake-good", "--set", "b=1"), "no parameter 'b'"),
         (("run", "fake/*", "-e", "fake-good", "--set", "a=1"), "unknown to fake/spin"),
         (("run", "fake/fall", "-e", "fake-good", "--set", "a"), "write NAME=VALUE"),
@@ -173,6 +177,15 @@ def test_help_and_version() -> None:
         text = ninedisk(*command, "--help").stdout
         assert "Example" in text, command
         assert "ninedisk " + " ".join(command) in text, command
+
+
+@pytest.mark.parametrize(("jobs", "machine"), [("1", ""), ("2", ", 2 cells at once")])
+def test_a_run_says_what_its_timings_shared_the_machine_with(here: Path, jobs: str, machine: str) -> None:
+    assert ninedisk("run", "fake/fall", "-e", "fake-good", "--jobs", jobs).exit_code == 0
+    about = json.loads((here / "results" / "runs" / run_ids(here / "results")[0] / "run.json").read_text())
+    assert about["provenance"]["jobs"] == int(jobs)
+    alone = run_facts({**about, "provenance": {**about["provenance"], "jobs": 1}}).machine
+    assert run_facts(about).machine == alone + machine
 
 
 def test_something_unforeseen_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -49,19 +50,35 @@ def test_exit_codes(tmp_path: Path, fake_environment: dict[str, str], arguments:
         assert {row["status"] for row in json.loads((tmp_path / "rows.json").read_text())} == {"pass"}
 
 
-def test_ctrl_c(tmp_path: Path, fake_environment: dict[str, str]) -> None:
-    """A run that is interrupted inside a cell says so, stores nothing and leaves earlier results alone."""
+def ended(pid: int) -> bool:
+    """Whether a process is gone within the grace that workers have."""
+    end = time.monotonic() + 10.0
+    while time.monotonic() < end:
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_ctrl_c(tmp_path: Path, fake_environment: dict[str, str], jobs: str) -> None:
+    """A run that is interrupted inside a cell says so, stores nothing, leaves earlier results alone and no process behind."""
     assert ninedisk(tmp_path, fake_environment, "run", "fake/fall", "-e", "fake-good").returncode == 0
     before = run_ids(tmp_path / "results")
     process = subprocess.Popen(
-        command("run", "fake/fall", "-e", "fake-slow", "--json", "rows.json"),
+        command("run", "fake/fall", "-e", "fake-slow", "--json", "rows.json", "--jobs", jobs),
         cwd=tmp_path, env=fake_environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     wait_for(tmp_path / "slow.started")
+    worker = int((tmp_path / "slow.started").read_text())
+    assert worker != process.pid
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 130
     assert errors.strip().endswith("interrupted: no result of this run was stored")
+    assert ended(worker)
     assert "Traceback" not in errors
     assert run_ids(tmp_path / "results") == before
     assert sorted(path.name for path in (tmp_path / "results" / "runs").iterdir()) == before
@@ -73,6 +90,7 @@ def test_kill_in_the_middle_of_a_run(tmp_path: Path, fake_environment: dict[str,
     wait_for(tmp_path / "slow.started")
     process.kill()
     process.wait(timeout=20)
+    assert ended(int((tmp_path / "slow.started").read_text()))
     assert run_ids(tmp_path / "results") == []
     assert ninedisk(tmp_path, fake_environment, "run", "fake/fall", "-e", "fake-good").returncode == 0
     assert len(run_ids(tmp_path / "results")) == 1

@@ -99,9 +99,8 @@ def harness_rows(monkeypatch: pytest.MonkeyPatch, outcomes: list[str]) -> list[R
     monkeypatch.setattr(
         harness_suite,
         "_run",
-        lambda *_: Sample(seconds=1.0, whole=1.0, facts={"outcome": left.pop(0)}),
+        lambda *_: Sample(seconds=1.0, whole=1.0, facts={"outcome": left.pop(0), "cpu": 1.0}),
     )
-    monkeypatch.setattr(harness_suite, "_has_jobs", lambda: True)
     return harness_suite.run((), [harness_suite.COLD], repeats=2, time_limit=60.0, tell=lambda *_: None)
 
 
@@ -118,6 +117,8 @@ def test_the_harness_is_timed_on_a_case_with_cached_kernels() -> None:
     )
     assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
     assert "cells:" in rows[0]["check"]
+    assert [row["threads"] for row in rows] == [1, 2]
+    assert all(row["cpu_s"] > 0.1 for row in rows), "the workers' processor time is missing"
 
 
 def test_a_harness_run_that_fails_is_an_error() -> None:

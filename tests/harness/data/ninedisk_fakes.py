@@ -2,6 +2,9 @@
 
 # ruff: noqa: ARG002  (the protocols fix the arguments)
 
+import ctypes
+import os
+import signal
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -129,7 +132,7 @@ class FakeEngine:
             licence="MIT",
             how_it_runs="in process",
             precision="float64",
-            threads=1,
+            threads=2 if self.behaviour == "wide" else 1,
             install="pip install fake",
             capabilities=frozenset(),
             not_installed_because="it was never built" if self.behaviour == "absent" else "",
@@ -173,12 +176,32 @@ class FakeEngine:
         elif self.behaviour == "unstable" and numerics.dt > 0.5:
             raise UnstableTimeStepError(f"dt = {numerics.dt:g} s exceeds the critical step 0.5 s: use a smaller one")
         elif self.behaviour == "slow":
-            Path("slow.started").touch()
+            Path("slow.writing").write_text(str(os.getpid()))
+            Path("slow.writing").rename("slow.started")
             time.sleep(30.0)
+        elif self.behaviour == "segfault":
+            ctypes.string_at(0)
+        elif self.behaviour == "exit":
+            os._exit(7)
+        elif self.behaviour == "killed" or (self.behaviour == "killed-once" and not _marked("killed-once")):
+            os.kill(os.getpid(), signal.SIGKILL)
+        elif self.behaviour == "wide":
+            with Path("alone").open("x"):
+                time.sleep(0.5)
+            Path("alone").unlink()
+
+
+def _marked(name: str) -> bool:
+    """Whether this was asked before, in any process that works in this folder."""
+    marker = Path(name)
+    known = marker.exists()
+    marker.touch()
+    return known
 
 
 BEHAVIOURS = (
     "good", "wrong", "nan", "blind", "infinite", "garbage", "crash",
     "bug", "timeout", "uninstalled", "unstable", "slow", "absent", "incapable", "shy",
+    "segfault", "exit", "killed", "killed-once", "wide",
 )  # fmt: skip
 ENGINES = tuple(FakeEngine(behaviour) for behaviour in BEHAVIOURS)
