@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
 from ninedisk.harness.case import Case, Check, Setup
-from ninedisk.harness.cell_rows import engine_columns, support_columns, without_measurements
+from ninedisk.harness.cell_rows import engine_columns, planned_columns, support_columns, without_measurements
 from ninedisk.harness.engine import (
     Engine,
     EngineError,
