@@ -22,6 +22,9 @@ _CHOICES = {
     "regime": ("dynamic", "quasi-static"),
 }
 
+MOST_SUBSTEPS = 1e9
+"""Contact steps in one ``dt``: more than any machine takes in a day, and far below where whole doubles end."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Numerics:
@@ -122,6 +125,10 @@ class Numerics:
             If ``contact_dt`` does not divide ``dt`` (relative tolerance 1e-9: the round-off of a decimal fraction).
         """
         ratio = self.dt / contact_dt
+        if not ratio <= MOST_SUBSTEPS:
+            raise InvalidNumericsError(
+                f"contact_dt = {contact_dt:g} s is too small for dt = {self.dt:g} s: use at least dt / {MOST_SUBSTEPS:g}"
+            )
         whole = round(ratio)
         if whole < 1 or abs(ratio - whole) > 1e-9 * whole:
             raise InvalidNumericsError(

@@ -259,13 +259,15 @@ def _converge_page(record: Mapping[str, Any]) -> str:
     return converge_page(record)
 
 
-def _docs_folder(record: Sequence[Mapping[str, Any]], guides: Sequence[tuple[str, str]], out: Path) -> Path:
+def _docs_folder(
+    record: Sequence[Mapping[str, Any]], guides: Sequence[tuple[str, str]], out: Path, beside: Path | None
+) -> Path:
     from ninedisk.harness.errors import UsageError
     from ninedisk.reports.docs import write_docs
     from ninedisk.reports.errors import ReportError
 
     try:
-        return write_docs(record, guides, out)
+        return write_docs(record, guides, out, beside)
     except ReportError as error:
         raise UsageError(str(error)) from error
 

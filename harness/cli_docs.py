@@ -11,7 +11,7 @@ import typer
 from ninedisk.harness.cli_support import guarded
 
 Record = list[dict[str, Any]]
-WriteDocs = Callable[[Record, Sequence[tuple[str, str]], Path], Path]
+WriteDocs = Callable[[Record, Sequence[tuple[str, str]], Path, Path | None], Path]
 
 
 def register(app: typer.Typer, write_docs: WriteDocs) -> None:
@@ -44,4 +44,4 @@ def register(app: typer.Typer, write_docs: WriteDocs) -> None:
         texts = read_guides(guides_in(guides))
         with CellProgress() as progress:
             record = docs_record(progress)
-        typer.echo(f"documentation: {write_docs(record, texts, out)}")
+        typer.echo(f"documentation: {write_docs(record, texts, out, guides)}")

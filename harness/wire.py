@@ -127,8 +127,9 @@ def decode_request(text: str) -> Request:
         raise WireError(f"watch must be a list of pairs of body numbers, not {data['watch']!r:.80}")
     if data["sampled_steps"] != numerics.sampled_steps().tolist():
         raise WireError(f"sampled_steps are {data['sampled_steps']!r:.80}; expected those that the numerics ask for")
-    if not isinstance(data["answer_file"], str) or not isinstance(data["extra"], dict):
-        raise WireError("answer_file must be a string, and extra an object")
+    for key, kind, name in (("answer_file", str, "a string"), ("extra", dict, "an object")):
+        if not isinstance(data[key], kind):
+            raise WireError(f"{key} must be {name}, not {data[key]!r:.80}")
     return Request(
         scene=scene,
         numerics=numerics,

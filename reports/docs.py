@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,9 @@ from ninedisk.reports.text import Slugs
 MARKER = ".ninedisk-docs"
 
 
-def write_docs(record: Sequence[Mapping[str, Any]], guides: Sequence[tuple[str, str]], out: Path) -> Path:
+def write_docs(
+    record: Sequence[Mapping[str, Any]], guides: Sequence[tuple[str, str]], out: Path, beside: Path | None = None
+) -> Path:
     """Write the pages; the first of them.
 
     Parameters
@@ -33,6 +36,8 @@ def write_docs(record: Sequence[Mapping[str, Any]], guides: Sequence[tuple[str, 
         Names and texts of Markdown files.
     out : Path
         Folder, replaced as a whole.
+    beside : Path, optional
+        Folder of the guides: files in it that they link to come along.
 
     Raises
     ------
@@ -49,11 +54,14 @@ def write_docs(record: Sequence[Mapping[str, Any]], guides: Sequence[tuple[str, 
         shutil.copy(HERE / "assets" / "style.css", folder / "style.css")
         for path, case in cases:
             page = env.get_template("docs_case.html").render(
-                root="../", case=case, about=Markup(_rendered(case["id"], case["about"], {})), sketch=_sketch(case)
+                root="../",
+                case=case,
+                about=Markup(_rendered(case["id"], case["about"], lambda _: None)),
+                sketch=_sketch(case),
             )
             (folder / path).write_text(page, encoding="utf-8")
         for name, text in guides:
-            body = Markup(_rendered(name, text, names))
+            body = Markup(_rendered(name, text, partial(_page_of, names=names, beside=beside, folder=folder)))
             page = env.get_template("docs_guide.html").render(root="./", title=_heading(name, text), body=body)
             (folder / names[name]).write_text(page, encoding="utf-8")
         page = env.get_template("docs_index.html").render(root="", cases=cases, guides=listed)
@@ -77,8 +85,20 @@ def _heading(name: str, text: str) -> str:
     return found[1].strip() if found else Path(name).stem
 
 
-def _rendered(name: str, text: str, names: Mapping[str, str]) -> str:
-    """Markdown as HTML; raw HTML in it is shown as text, and links between the guides lead to their pages."""
+def _page_of(target: str, names: Mapping[str, str], beside: Path | None, folder: Path) -> str | None:
+    """Where a guide's link leads among the pages: to another guide, or to a copy of a file; None: nowhere."""
+    if target in names:
+        return names[target]
+    source = None if beside is None else (beside / target).resolve()
+    if source is None or not source.is_file() or not source.is_relative_to(Path(str(beside)).resolve()):
+        return None
+    (folder / target).parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(source, folder / target)
+    return target
+
+
+def _rendered(name: str, text: str, page_of: Callable[[str], str | None]) -> str:
+    """Markdown as HTML; raw HTML in it is shown as text, and relative links lead to where ``page_of`` says."""
     from markdown_it import MarkdownIt
 
     tokens = (parser := MarkdownIt("commonmark", {"html": False}).enable("table")).parse(text)
@@ -88,7 +108,9 @@ def _rendered(name: str, text: str, names: Mapping[str, str]) -> str:
             if not isinstance(target, str) or "://" in target or target.startswith("#"):
                 continue
             page, hash_, place = target.partition("#")
-            if page not in names:
-                raise ReportError(f"the guide {name!r} links to {target!r}, which is no guide of the same folder")
-            token.attrSet("href", names[page] + hash_ + place)
+            if (found := page_of(page)) is None:
+                raise ReportError(
+                    f"the guide {name!r} links to {target!r}, which is no guide or file of the same folder"
+                )
+            token.attrSet("href", found + hash_ + place)
     return str(parser.renderer.render(tokens, parser.options, {}))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ninedisk.core.dem.critical import critical_time_step
-from ninedisk.core.dem.state import Kick, StepConstants
-from ninedisk.core.errors import UnstableTimeStepError
+from ninedisk.core.dem.state import DiskArrays, Kick, StepConstants
+from ninedisk.core.errors import NonFiniteStateError, UnstableTimeStepError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
 
@@ -64,4 +64,15 @@ def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) 
         most_skin=MOST_SKIN * radius,
         lagged=not central,
         sorted=in_order,
+    )
+
+
+def not_finite(disks: DiskArrays, step: int, contact_dt: float, critical: float) -> NonFiniteStateError:
+    """The error of a position that stopped being finite by contact step ``step``; steps in s."""
+    bad = np.flatnonzero(~np.isfinite(disks.x).all(axis=1))
+    named = f"disk {disks.name[bad].min()}" if len(bad) else "a disk"
+    return NonFiniteStateError(
+        f"the position of {named} is no finite number at contact step {step} (t = {step * contact_dt:g} s): "
+        f"contact_dt = {contact_dt:g} s is unstable here, or two centres coincide; reduce contact_dt (critical "
+        f"step of the initial state: {critical:g} s)"
     )

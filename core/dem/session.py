@@ -24,14 +24,14 @@ from ninedisk.core.dem.arrays import (
     wall_arrays,
 )
 from ninedisk.core.dem.checkpoint import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
-from ninedisk.core.dem.constants import contact_step, law_row, step_constants
+from ninedisk.core.dem.constants import contact_step, law_row, not_finite, step_constants
 from ninedisk.core.dem.crew import together
 from ninedisk.core.dem.grains import first_outlines, mended, restored, shear_of_grains
 from ninedisk.core.dem.outcome import history_of
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
 from ninedisk.core.dem.rebuild_kernels import rebuild
 from ninedisk.core.dem.step_kernels import advance
-from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError
+from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.geometry.motion import compile_motion
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
@@ -279,27 +279,12 @@ class DemSession:
         elif code == state.GRAINS_STOPPED and self._outlines is not None:
             self._outlines = mended(self._outlines, self.scene, int(self._clock[state.STEP]), self.contact_dt)
         else:
-            bad = np.flatnonzero(~np.isfinite(self._disks.x).all(axis=1))
-            step = int(self._clock[state.STEP])
-            named = f"disk {self._disks.name[bad].min()}" if len(bad) else "a disk"
-            raise NonFiniteStateError(
-                f"the position of {named} is no finite number at contact step {step} (t = {step * self.contact_dt:g} s): "
-                f"contact_dt = {self.contact_dt:g} s is unstable here, or two centres coincide; reduce contact_dt (critical "
-                f"step of the initial state: {self.critical_dt:g} s)"
-            )
+            raise not_finite(self._disks, int(self._clock[state.STEP]), self.contact_dt, self.critical_dt)
 
     def _first_lists(self) -> None:
         while True:
-            code = rebuild(
-                self._disks,
-                self._walls,
-                *self._lists,
-                self._cells,
-                self._team,
-                float(self._skin[0]),
-                self._widest,
-                self._step.sorted,
-            )
+            room = (*self._lists, self._cells, self._team)
+            code = rebuild(self._disks, self._walls, *room, float(self._skin[0]), self._widest, self._step.sorted)
             if code == OK:
                 return
             self._mend(code)

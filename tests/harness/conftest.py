@@ -74,3 +74,16 @@ def bits() -> Callable[[CaseResult], bytes]:
         return repr((cell, result.rows, blocks, arrays)).encode()
 
     return of
+
+
+def _children() -> set[int]:
+    tasks = Path(f"/proc/{os.getpid()}/task")
+    return {int(word) for task in tasks.iterdir() for word in (task / "children").read_text().split()}
+
+
+@pytest.fixture
+def no_child_left() -> Iterator[None]:
+    """The test leaves no child process behind that was not there before, not even a zombie."""
+    before = _children()
+    yield
+    assert _children() <= before

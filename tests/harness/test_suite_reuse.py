@@ -116,7 +116,7 @@ def test_the_suite_runs_only_what_it_must(store: Path, monkeypatch: pytest.Monke
     ran = []
     run_cell = items.run_cell
     monkeypatch.setattr(items, "run_cell", lambda cell: ran.append(cell.name) or run_cell(cell))
-    plan = make_plan([CASE], [ENGINE], None, store)
+    plan = make_plan([CASE], [ENGINE], [], None, store)
 
     def check(plan: Plan, number: int, collected: tuple[str, ...]) -> CellCheck:
         return CellCheck(plan.cells[number][0], "cell", collected, plan)
