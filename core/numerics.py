@@ -22,8 +22,8 @@ _CHOICES = {
     "regime": ("dynamic", "quasi-static"),
 }
 
-MOST_SUBSTEPS = 1e9
-"""Contact steps in one ``dt``: more than any machine takes in a day, and far below where whole doubles end."""
+MOST_SUBSTEPS = 1e15
+"""Contact steps in one ``dt``, below where doubles stop being whole numbers; how many are run is limited elsewhere."""
 
 
 @dataclass(frozen=True, kw_only=True)
