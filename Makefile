@@ -27,7 +27,7 @@ INSTALLED := $(VENV)/.installed-$(HERE)
 DEVELOPED := $(VENV)/.developed-$(HERE)
 METADATA := pyproject.toml harness/_root/__init__.py
 
-.PHONY: help report test engines lint types imports wheel dev clean
+.PHONY: help report test slow engines lint types imports wheel dev clean
 
 help: ## Explain the targets
 	@echo "ninedisk: verification harness for granular DEM and contact dynamics"
@@ -50,8 +50,11 @@ report: $(INSTALLED) ## Run the main job, build its page and say where it is
 # Two runs, because a clock that is read while other tests keep the processors busy proves nothing. Cells that `make report`
 # has run with the very same code on this machine are judged as they are stored.
 test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time, one by one
-	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not timing" --ninedisk-store "$(STORE)"
-	$(PY) -m pytest -q -m timing --ignore=tests/verification
+	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not (timing or slow)" --ninedisk-store "$(STORE)"
+	$(PY) -m pytest -q -m "timing and not slow" --ignore=tests/verification
+
+slow: $(DEVELOPED) ## Pass the tests that take long: 10,000 odd inputs, 50 kills, every planted defect, large problems
+	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m slow --ignore=tests/verification
 
 engines: $(INSTALLED) ## Install all external engines that this machine can have (about 1.5 GB; Debian's need root or sudo)
 	@bash tools/install_engines.sh "$(PY)" "$(DEBIAN_ENGINES)" "$(PYTHON_ENGINES)"
