@@ -119,34 +119,73 @@ STEPPING = (
             (MOTION, "rate = motion.tan_rate[k] / (c * c)", "rate = motion.tan_rate[k]")),
 )  # fmt: skip
 
+REOPENED = (
+    _kernel("history-kept", "contacts between disks that opened keep their shear force", "reopen-disks",
+            (FORCES, "            if d2 >= reach * reach:\n                shear[k] = 0.0\n",
+             "            if d2 >= reach * reach:\n                shear[k] *= 1.0\n")),
+    _kernel("history-kept-at-walls", "contacts with walls that opened keep their shear force", "reopen-wall",
+            (FORCES, "            if overlap <= 0.0:\n                pairs.shear[k] = 0.0\n",
+             "            if overlap <= 0.0:\n                pairs.shear[k] *= 1.0\n")),
+    _kernel("dashpot-of-walls", "dashpots at walls do not see the wall's own motion", "push-wall",
+            (FORCES, "rate = (rate_x - spin * qy - seen[i, 0]) * ux + (rate_y + spin * qx - seen[i, 1]) * uy",
+             "rate = -seen[i, 0] * ux - seen[i, 1] * uy")),
+    _kernel("wall-shakes", "harmonic motions of walls have the wrong sign", "shake",
+            (MOTION, "wave = sin(motion.frequency[k] * tau + motion.phase[k]) - sin(motion.phase[k])",
+             "wave = sin(motion.phase[k]) - sin(motion.frequency[k] * tau + motion.phase[k])")),
+    _kernel("wall-shakes-rate", "dashpots see a shaken wall's velocity without its phase", "shake",
+            (MOTION, "rate = motion.frequency[k] * cos(motion.frequency[k] * tau + motion.phase[k])",
+             "rate = motion.frequency[k] * cos(motion.frequency[k] * tau)")),
+    _python("dashpot-lagged", "dashpots see the velocity of half a step before", "push-wall",
+            ("dem.constants", "ahead=0.5", "ahead=0.0")),
+    _kernel("dashpot-stale", "dashpots are not found anew when the neighbour lists are rebuilt", "hit-damped",
+            (STEP, "find_damping(disks, pairs, law, views.damping)", "pass")),
+)  # fmt: skip
+
+LISTS = (
+    _kernel("skin-too-generous", "disks may move four times as far as the skin allows before the lists are rebuilt", "hit-near",
+            (STEP, _LIMIT, _LIMIT.replace("min(", "4.0 * min("))),
+    _kernel("wall-unnoticed", "the lists do not notice that a wall comes closer", "push-wall",
+            (STEP, _LIMIT, "limit = 0.5 * skin[0]")),
+)  # fmt: skip
+
+SORT_ALL = (("dem.arrays", "SORT_FROM = 2_000", "SORT_FROM = 1"), ("dem.arrays", "STRIPES = 64", "STRIPES = 4"))
+"""Have every scene's disks sorted and divided into a few stripes, as only scenes of thousands of disks are: right in themselves."""
+
+STRIPED = (
+    _kernel("border-unmoved", "disks on the borders of stripes are not moved", "stack",
+            *SORT_ALL, (STEP, "far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))", "far += 0.0")),
+    _kernel("border-early", "disks on the borders of stripes move before the stripe below has acted on them", "stack",
+            *SORT_ALL, (STEP, "kicked_from = team.border[s] if parity == 0 else stripe[s]", "kicked_from = stripe[s]"),
+            (STEP, "far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))", "far += 0.0")),
+    _kernel("border-narrow", "the border of a stripe ends one disk too early", "stack",
+            *SORT_ALL, ("dem.rebuild_kernels", "cells.start[(row + 1) * nx]", "cells.start[row * nx]")),
+    _kernel("load-of-a-stripe", "the first stripe's load on the walls is lost", "stack",
+            *SORT_ALL, (STEP, "for s in range(walls.share.shape[0]):", "for s in range(1, walls.share.shape[0]):")),
+    _kernel("order-of-samples", "samples have the disks in the order of the cells", "reopen-far",
+            *SORT_ALL, ("dem.sample_kernels", "i = disks.place[samples.chosen[c]]", "i = samples.chosen[c]")),
+    _kernel("order-of-spins", "spins stay behind when disks are brought into the order of the cells", "reopen-far",
+            *SORT_ALL, ("dem.rebuild_kernels", "    permute(disks.omega, order, one)\n", "")),
+)  # fmt: skip
+
 HOLES = tuple(
     replace(defect, hole=reason)
     for reason, defect in (
         (
-            "no case lets a rough contact open and close again",
-            _kernel("history-kept", "contacts between disks that opened keep their shear force", "shear-caps",
-                    (FORCES, "            if d2 >= reach * reach:\n                shear[k] = 0.0\n",
-                     "            if d2 >= reach * reach:\n                shear[k] *= 1.0\n")),
+            "it costs speed alone, which the bench sees",
+            _kernel("skin-fixed", "the skin of the lists never adapts", "hit",
+                    ("dem.rebuild_kernels", "best = sqrt(REBUILD_COST * step.radius * skin / steps)", "best = skin")),
         ),
         (
-            "no case lets a rough contact open and close again",
-            _kernel("history-kept-at-walls", "contacts with walls that opened keep their shear force", "land",
-                    (FORCES, "            if overlap <= 0.0:\n                pairs.shear[k] = 0.0\n",
-                     "            if overlap <= 0.0:\n                pairs.shear[k] *= 1.0\n")),
+            "no case has positions that stop being finite; the session looks for them once more, and tests of the core look there",
+            _kernel("nan-forgotten", "a displacement that is not finite does not rebuild the lists", "hit",
+                    (KICK, "return d2 if d2 > far or d2 != d2 else far", "return d2 if d2 > far else far")),
         ),
         (
-            "no case has a dashpot at a wall that moves",
-            _kernel("dashpot-of-walls", "dashpots at walls do not see the wall's own motion", "press",
-                    (FORCES, "rate = (rate_x - spin * qy - seen[i, 0]) * ux + (rate_y + spin * qx - seen[i, 1]) * uy",
-                     "rate = -seen[i, 0] * ux - seen[i, 1] * uy")),
-        ),
-        (
-            "no case shakes a wall",
-            _kernel("wall-shakes", "harmonic motions of walls have the wrong sign", "press",
-                    (MOTION, "wave = sin(motion.frequency[k] * tau + motion.phase[k]) - sin(motion.phase[k])",
-                     "wave = sin(motion.phase[k]) - sin(motion.frequency[k] * tau + motion.phase[k])")),
+            "no case has rough disks that change places; a test of the core has, and compares with a twin in plain Python",
+            _kernel("order-of-history", "shear forces follow the rows of the lists instead of the disks", "shear-caps",
+                    *SORT_ALL, ("dem.rebuild_kernels", "    permute_numbers(disks.listed, order, one)\n", "")),
         ),
     )
 )  # fmt: skip
 
-DEFECTS = (*CONTACTS, *STEPPING, *HOLES)
+DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *LISTS, *STRIPED, *HOLES)
