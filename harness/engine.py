@@ -62,6 +62,10 @@ class EngineInfo:
         Lever arms with which that is exact all the same.
     fixed_wall_shear : bool
         Whether shear forces at a wall keep their direction in space while the wall turns.
+    arms_at_walls : frozenset of Capability or None
+        Lever arms of contacts with walls, where they are not those among ``capabilities``.
+    keeps_opened_shear : bool
+        Whether a contact between disks that opens and closes again goes on from its old shear force.
     dilates : bool
         Whether a sliding contact opens, as the associated rule of convex contact models has it.
     friction_lags : bool
@@ -100,6 +104,8 @@ class EngineInfo:
     turns_shear: str = "exactly"
     turns_exactly_with: frozenset[Capability] = frozenset()
     fixed_wall_shear: bool = False
+    arms_at_walls: frozenset[Capability] | None = None
+    keeps_opened_shear: bool = False
     dilates: bool = False
     friction_lags: bool = False
     softness: float | None = None

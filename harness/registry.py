@@ -42,6 +42,8 @@ BUILTIN_CASES: dict[str, str] = {
     "invariance/units": "ninedisk.harness.cases.invariance:CASES",
     "invariance/rotation": "ninedisk.harness.cases.invariance:CASES",
     "invariance/galilei": "ninedisk.harness.cases.invariance:CASES",
+    "contact/reopening": "ninedisk.harness.cases.reopening:CASE",
+    "contact/moving-wall": "ninedisk.harness.cases.moving_wall:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.rotating_box:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {

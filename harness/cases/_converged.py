@@ -25,6 +25,7 @@ def converged_checks(
     first_order_rtol: float,
     other_arm: str = "",
     other_arm_rtol: float = 0.0,
+    scales: Mapping[str, float] | None = None,
 ) -> list[Check]:
     """Checks of histories and numbers against the converged table of the variant, if there is one.
 
@@ -42,6 +43,8 @@ def converged_checks(
         Tolerance relative to the largest value for schemes of another order.
     other_arm, other_arm_rtol : str, float
         Where the engine has another lever arm than the scene asks for: what that is, and the difference it explains.
+    scales : mapping from str to float, optional
+        What relative tolerances of these numbers refer to, where their own size depends on the origin of the coordinates.
     """
     from ninedisk.references.converged_tables import load_converged
 
@@ -58,7 +61,7 @@ def converged_checks(
         if number:
             entry = table.scalars[name]
             expected: Any = entry.value
-            uncertainty, scale = entry.uncertainty, abs(entry.value)
+            uncertainty, scale = entry.uncertainty, (scales or {}).get(name, abs(entry.value))
         else:
             expected = np.where(pick >= 0, table.quantities[name][pick], np.nan)
             uncertainty, scale = table.uncertainty[name], float(np.abs(table.quantities[name]).max())

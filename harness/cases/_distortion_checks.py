@@ -18,6 +18,7 @@ from ninedisk.references.analytic.compression import row_frequency
 
 HISTORIES = ("fn_up", "fs_up", "fn_right", "fs_right")
 NUMBERS = ("x_2_final", "y_2_final", "x_8_final", "y_8_final")
+"""Coordinates: what a run decides are displacements, which are of the size of the walls' way."""
 
 MATCHED = 1e-9
 """Of the largest force: agreement of two codes with the same conventions throughout."""
@@ -49,6 +50,7 @@ def distortion_checks(
             first_order_rtol=0.5 * row_frequency(kn=load.kn, mass=MASS) * load.dt,
             other_arm=arm_reason,
             other_arm_rtol=arm_rtol,
+            scales=dict.fromkeys(NUMBERS, load.v_wall * setup.scene.walls[0].motion[0].duration),
         )
     )
     found += _cone(params)

@@ -138,7 +138,7 @@ class Distortion:
             first = float(step[slipping[0]]) if len(slipping) else math.inf
             scalars[f"first_slip_{name}"] = ("cycle", first if known else math.nan)
             scalars[f"plateau_ratio_{name}"] = ("1", ratio if known else math.nan)
-            excess = max(excess, float((np.abs(fs) - mu * fn).max() / fn.max())) if known else math.nan
+            excess = max(excess, _relative(float((np.abs(fs) - mu * fn).max()), float(fn.max()))) if known else math.nan
         x = history.x[shown]
         scalars["cone_excess"] = ("1", max(excess, 0.0))
         scalars["symmetry_error"] = ("m", float(np.abs(0.5 * (x + x[:, ::-1, :]) - 0.5 * SIDE).max()))
@@ -152,6 +152,13 @@ class Distortion:
     ) -> Sequence[Check]:
         """Converged histories, the friction cone, symmetry, and the in-house DEM for engines of its scheme."""
         return distortion_checks(params, setup, observed, engine)
+
+
+def _relative(over: float, force: float) -> float:
+    """Excess of the shear force over its cap [N], of the largest normal force; a contact without any bears none."""
+    if force > 0.0:
+        return over / force
+    return math.inf if over > 0.0 else 0.0
 
 
 def wall_motions(walls: str) -> dict[str, tuple[WallSegment, ...]]:

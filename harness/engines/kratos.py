@@ -85,6 +85,8 @@ class Kratos(ExternalEngine):
             not_installed_because=reason or without,
             turns_shear="to first order",
             fixed_wall_shear=True,
+            arms_at_walls=frozenset(),
+            keeps_opened_shear=True,
         )
 
     def command(self) -> Sequence[str]:

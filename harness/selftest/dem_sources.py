@@ -7,8 +7,8 @@ from dataclasses import replace
 from ninedisk.harness.selftest.defect import Defect, Kind
 from ninedisk.harness.selftest.edits import Edit
 
-FORCES, STEP, MOTION = "dem.force_kernels", "dem.step_kernels", "geometry.motion_kernels"
-SEARCH = "contacts.search_kernels"
+FORCES, KICK, STEP = "dem.force_kernels", "dem.kick_kernels", "dem.step_kernels"
+SEARCH, MOTION = "contacts.search_kernels", "geometry.motion_kernels"
 
 
 def _kernel(name: str, what: str, witness: str, *edits: tuple[str, str, str]) -> Defect:
@@ -25,16 +25,18 @@ def _defect(kind: Kind, name: str, what: str, witness: str, edits: tuple[tuple[s
 
 
 _DISK_SLIP = "vt += (ri - half_slip * overlap) * wi + (radius[j] - half_slip * overlap) * omega[j]\n"
+_LIMIT = "limit = min(0.5 * skin[0], skin[0] - wall_drift(walls, skin[0]))"
 _WALL_SLIP = "vt += (disks.radius[i] - half_slip * overlap) * disks.omega[i]\n"
-_DISK_SHEAR = "                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)"
+_DISK_SHEAR = "                fs = shear_force(shear[k], vt * slip_dt, ks, mu * fn)"
+_WALL_SHEAR = "                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)"
 
 CONTACTS = (
     _kernel("shear-sign", "shear grows with the slip instead of against it", "slide",
             (FORCES, "force = before - ks * slip", "force = before + ks * slip")),
     _kernel("torque-one-body", "the second disk of a contact receives no torque", "shear-caps",
-            (FORCES, "disks.torque[j] += aj * fs", "disks.torque[j] += 0.0 * aj * fs")),
+            (FORCES, "torques[j] += aj * fs", "torques[j] += 0.0 * aj * fs")),
     _kernel("torque-both-bodies", "contacts between disks exert no torque", "shear-caps",
-            (FORCES, "disks.torque[j] += aj * fs", "disks.torque[j] += 0.0 * aj * fs"),
+            (FORCES, "torques[j] += aj * fs", "torques[j] += 0.0 * aj * fs"),
             (FORCES, "torque += ai * fs", "torque += 0.0 * ai * fs")),
     _kernel("torque-at-walls", "walls exert no torque", "roll",
             (FORCES, "disks.torque[i] += arm * fs", "disks.torque[i] += 0.0 * arm * fs")),
@@ -46,7 +48,7 @@ CONTACTS = (
             (FORCES, _WALL_SLIP, "vt += 0.0\n")),
     _kernel("slip-without-dt", "the slip of a step is the slip velocity", "shear-caps",
             (FORCES, _DISK_SLIP + _DISK_SHEAR, _DISK_SLIP + _DISK_SHEAR.replace("vt * slip_dt", "vt")),
-            (FORCES, _WALL_SLIP + _DISK_SHEAR, _WALL_SLIP + _DISK_SHEAR.replace("vt * slip_dt", "vt"))),
+            (FORCES, _WALL_SLIP + _WALL_SHEAR, _WALL_SLIP + _WALL_SHEAR.replace("vt * slip_dt", "vt"))),
     _python("lever-arm", "lever arms R and R - overlap/2 are exchanged", "shear-caps",
             ("dem.constants", 'law.lever_arm != "radius", law.lever_arm == "overlap"',
              'law.lever_arm == "radius", law.lever_arm != "overlap"')),
@@ -55,30 +57,29 @@ CONTACTS = (
     _kernel("cone-one-side", "shear forces are clipped on the positive side only", "slide",
             (FORCES, "if force < -cap:", "if force < -1e300:")),
     _kernel("cone-without-dashpot", "the cone has the spring's force, without the dashpot's", "land",
-            (FORCES, _WALL_SLIP + _DISK_SHEAR, _WALL_SLIP + _DISK_SHEAR.replace("mu * fn", "mu * kn * overlap"))),
+            (FORCES, _WALL_SLIP + _WALL_SHEAR, _WALL_SLIP + _WALL_SHEAR.replace("mu * fn", "mu * kn * overlap"))),
     _kernel("history-lost", "shear forces between disks are lost when the neighbour lists are rebuilt", "shear-caps",
             (SEARCH, "new.shear[k] = old.shear[o]", "new.shear[k] = 0.0 * old.shear[o]")),
     _kernel("history-lost-at-walls", "shear forces at walls are lost when the neighbour lists are rebuilt", "slide",
             (SEARCH, "new.shear[k] = scratch[listed[i]]", "new.shear[k] = 0.0 * scratch[listed[i]]")),
     _kernel("damping-half", "the dashpot has half its strength", "hit-damped",
-            (FORCES, "force += 2.0 * beta * sqrt(kn / inv_m_eff) * rate", "force += beta * sqrt(kn / inv_m_eff) * rate")),
+            (FORCES, "return 2.0 * beta * sqrt(kn / inv_m_eff)", "return beta * sqrt(kn / inv_m_eff)")),
     _kernel("dashpot-mass", "the dashpot between disks has one disk's mass for the effective one", "hit-damped",
-            (FORCES, "fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i] + disks.inv_mass[j])",
-             "fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i])")),
+            (FORCES, "dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[pairs.other[k]])",
+             "dashpot(law[KN], law[BETA], disks.inv_mass[i])")),
     _kernel("dashpot-pulls", "the dashpot may pull", "hit-damped",
-            (FORCES, "force = max(force, 0.0)", "force = max(force, -1e300)")),
+            (FORCES, "fn = max(fn + damping[k] * rate, 0.0)", "fn = max(fn + damping[k] * rate, -1e300)")),
     _kernel("wall-velocity", "the wall's velocity does not enter the slip", "shear-caps",
             (FORCES, "(disks.v[i, 0] - wall_vx) * uy - (disks.v[i, 1] - wall_vy) * ux",
              "disks.v[i, 0] * uy - disks.v[i, 1] * ux")),
     _kernel("reaction", "the reaction on the second disk is a millionth too large", "hit",
-            (FORCES, "disks.force[j, 0] -= gx", "disks.force[j, 0] -= 1.000001 * gx")),
+            (FORCES, "force[jx] -= gx", "force[jx] -= 1.000001 * gx")),
     _kernel("normal-tilted", "the normal between disks is off by a hundredth of a radian", "hit",
-            (FORCES, "nx, ny, overlap = dx / d, dy / d, reach - d",
-             "nx, ny, overlap = (dx - 0.01 * dy) / d, (dy + 0.01 * dx) / d, reach - d")),
+            (FORCES, "nx, ny = dx * inv_d, dy * inv_d",
+             "nx, ny = (dx - 0.01 * dy) * inv_d, (dy + 0.01 * dx) * inv_d")),
     _kernel("stale-contact", "forces between disks belong to the positions of the step before", "press",
-            (FORCES, "dx, dy, reach = x[j, 0] - xi, x[j, 1] - yi, ri + radius[j]",
-             "dx, dy, reach = x[j, 0] - xi - slip_dt * (v[j, 0] - vxi), x[j, 1] - yi - slip_dt * (v[j, 1] - vyi), "
-             "ri + radius[j]")),
+            (FORCES, "dx, dy, reach = x[jx] - xi, x[jy] - yi, ri + radius[j]",
+             "dx, dy, reach = x[jx] - xi - slip_dt * (v[jx] - vxi), x[jy] - yi - slip_dt * (v[jy] - vyi), ri + radius[j]")),
     _kernel("fifth-pair", "every fifth pair is missed by the contact search", "press",
             (SEARCH, "if dx * dx + dy * dy < limit * limit:",
              "if (i + j) % 5 != 0 and dx * dx + dy * dy < limit * limit:")),
@@ -86,27 +87,28 @@ CONTACTS = (
             ("dem.rebuild_kernels", "code = build_pairs(disks.x, disks.radius, skin, cells",
              "code = build_pairs(disks.x, disks.radius, 0.0, cells")),
     _kernel("no-rebuild", "neighbour lists are never rebuilt", "hit",
-            (STEP, "limit = min(0.5 * skin, skin - wall_drift(walls, skin))", "limit = 1e300")),
+            (STEP, _LIMIT, "limit = 1e100")),
 )  # fmt: skip
 
 STEPPING = (
     _python("damping-lagged", "global damping sees the velocity of half a step before", "press",
             ("dem.constants", 'central = numerics.damping_form == "central"', "central = False")),
-    _python("first-kick", "the first kick is a whole one", "slide", ("dem.constants", "gain0=0.5 * dt", "gain0=dt")),
+    _python("first-kick", "the first kick is a whole one", "slide", ("dem.constants", "gain=0.5 * dt", "gain=dt")),
     _kernel("no-spin-damping", "global damping leaves the spins alone", "shear-caps",
-            (STEP, "disks.omega[i] = keep * disks.omega[i] + gain * (", "disks.omega[i] = disks.omega[i] + step.dt * (")),
+            (KICK, "spin = keep * spin + gain * (", "spin = spin + dt * (")),
     _kernel("explicit-euler", "positions move with the velocity of the step before", "hit",
-            (STEP, "disks.v[i, 0], disks.v[i, 1] = vx, vy\n        dx, dy = step.dt * vx, step.dt * vy",
-             "dx, dy = step.dt * disks.v[i, 0], step.dt * disks.v[i, 1]\n        disks.v[i, 0], disks.v[i, 1] = vx, vy")),
+            (KICK, "v[ix], v[iy] = vx, vy\n        dx, dy = dt * vx, dt * vy",
+             "dx, dy = dt * v[ix], dt * v[iy]\n        v[ix], v[iy] = vx, vy")),
     _kernel("half-gravity", "half of gravity is left out of the vertical motion", "slide",
-            (STEP, "disks.inv_mass[i] + step.gravity_y)", "disks.inv_mass[i] + 0.5 * step.gravity_y)")),
+            (KICK, "disks.inv_mass[i] + kick.gravity_y)", "disks.inv_mass[i] + 0.5 * kick.gravity_y)")),
     _kernel("single-precision", "positions are kept in single precision", "press",
-            (STEP, "disks.x[i, 0] += dx", "disks.x[i, 0] = np.float32(disks.x[i, 0] + dx)")),
+            (KICK, "x[ix] += dx", "x[ix] = np.float32(x[ix] + dx)")),
     _kernel("unsynchronised", "velocities are reported at half steps", "slide",
-            ("dem.sample_kernels", "return 0.5 * (value + step.keep * value + step.gain * acceleration)",
+            ("dem.sample_kernels", "return 0.5 * (value + step.kick.keep * value + step.kick.gain * acceleration)",
              "return value + 0.0 * acceleration")),
     _kernel("wall-late", "walls stand where they were a step before", "press",
-            (STEP, "t, t_half = n * step.dt, (n - 0.5) * step.dt", "t, t_half = (n - 1) * step.dt, (n - 0.5) * step.dt")),
+            (STEP, "t, t_half = n * step.kick.dt, (n - 0.5) * step.kick.dt",
+             "t, t_half = (n - 1) * step.kick.dt, (n - 0.5) * step.kick.dt")),
     _python("wall-pivot", "walls turn about their own point instead of the pivot", "shear",
             ("geometry.motion", "point if seg.pivot is None else seg.pivot", "point")),
     _kernel("wall-turn", "walls turn the other way", "shear",
@@ -117,34 +119,73 @@ STEPPING = (
             (MOTION, "rate = motion.tan_rate[k] / (c * c)", "rate = motion.tan_rate[k]")),
 )  # fmt: skip
 
+REOPENED = (
+    _kernel("history-kept", "contacts between disks that opened keep their shear force", "reopen-disks",
+            (FORCES, "            if d2 >= reach * reach:\n                shear[k] = 0.0\n",
+             "            if d2 >= reach * reach:\n                shear[k] *= 1.0\n")),
+    _kernel("history-kept-at-walls", "contacts with walls that opened keep their shear force", "reopen-wall",
+            (FORCES, "            if overlap <= 0.0:\n                pairs.shear[k] = 0.0\n",
+             "            if overlap <= 0.0:\n                pairs.shear[k] *= 1.0\n")),
+    _kernel("dashpot-of-walls", "dashpots at walls do not see the wall's own motion", "push-wall",
+            (FORCES, "rate = (rate_x - spin * qy - seen[i, 0]) * ux + (rate_y + spin * qx - seen[i, 1]) * uy",
+             "rate = -seen[i, 0] * ux - seen[i, 1] * uy")),
+    _kernel("wall-shakes", "harmonic motions of walls have the wrong sign", "shake",
+            (MOTION, "wave = sin(motion.frequency[k] * tau + motion.phase[k]) - sin(motion.phase[k])",
+             "wave = sin(motion.phase[k]) - sin(motion.frequency[k] * tau + motion.phase[k])")),
+    _kernel("wall-shakes-rate", "dashpots see a shaken wall's velocity without its phase", "shake",
+            (MOTION, "rate = motion.frequency[k] * cos(motion.frequency[k] * tau + motion.phase[k])",
+             "rate = motion.frequency[k] * cos(motion.frequency[k] * tau)")),
+    _python("dashpot-lagged", "dashpots see the velocity of half a step before", "push-wall",
+            ("dem.constants", "ahead=0.5", "ahead=0.0")),
+    _kernel("dashpot-stale", "dashpots are not found anew when the neighbour lists are rebuilt", "hit-damped",
+            (STEP, "find_damping(disks, pairs, law, views.damping)", "pass")),
+)  # fmt: skip
+
+LISTS = (
+    _kernel("skin-too-generous", "disks may move four times as far as the skin allows before the lists are rebuilt", "hit-near",
+            (STEP, _LIMIT, _LIMIT.replace("min(", "4.0 * min("))),
+    _kernel("wall-unnoticed", "the lists do not notice that a wall comes closer", "push-wall",
+            (STEP, _LIMIT, "limit = 0.5 * skin[0]")),
+)  # fmt: skip
+
+SORT_ALL = (("dem.arrays", "SORT_FROM = 2_000", "SORT_FROM = 1"), ("dem.arrays", "STRIPES = 64", "STRIPES = 4"))
+"""Have every scene's disks sorted and divided into a few stripes, as only scenes of thousands of disks are: right in themselves."""
+
+STRIPED = (
+    _kernel("border-unmoved", "disks on the borders of stripes are not moved", "stack",
+            *SORT_ALL, (STEP, "far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))", "far += 0.0")),
+    _kernel("border-early", "disks on the borders of stripes move before the stripe below has acted on them", "stack",
+            *SORT_ALL, (STEP, "kicked_from = team.border[s] if parity == 0 else stripe[s]", "kicked_from = stripe[s]"),
+            (STEP, "far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))", "far += 0.0")),
+    _kernel("border-narrow", "the border of a stripe ends one disk too early", "stack",
+            *SORT_ALL, ("dem.rebuild_kernels", "cells.start[(row + 1) * nx]", "cells.start[row * nx]")),
+    _kernel("load-of-a-stripe", "the first stripe's load on the walls is lost", "stack",
+            *SORT_ALL, (STEP, "for s in range(walls.share.shape[0]):", "for s in range(1, walls.share.shape[0]):")),
+    _kernel("order-of-samples", "samples have the disks in the order of the cells", "reopen-far",
+            *SORT_ALL, ("dem.sample_kernels", "i = disks.place[samples.chosen[c]]", "i = samples.chosen[c]")),
+    _kernel("order-of-spins", "spins stay behind when disks are brought into the order of the cells", "reopen-far",
+            *SORT_ALL, ("dem.rebuild_kernels", "    permute(disks.omega, order, one)\n", "")),
+)  # fmt: skip
+
 HOLES = tuple(
     replace(defect, hole=reason)
     for reason, defect in (
         (
-            "no case lets a rough contact open and close again",
-            _kernel("history-kept", "contacts between disks that opened keep their shear force", "shear-caps",
-                    (FORCES, "            if d2 >= reach * reach:\n                pairs.shear[k] = 0.0\n",
-                     "            if d2 >= reach * reach:\n                pairs.shear[k] *= 1.0\n")),
+            "it costs speed alone, which the bench sees",
+            _kernel("skin-fixed", "the skin of the lists never adapts", "hit",
+                    ("dem.rebuild_kernels", "best = sqrt(REBUILD_COST * step.radius * skin / steps)", "best = skin")),
         ),
         (
-            "no case lets a rough contact open and close again",
-            _kernel("history-kept-at-walls", "contacts with walls that opened keep their shear force", "land",
-                    (FORCES, "            if overlap <= 0.0:\n                pairs.shear[k] = 0.0\n",
-                     "            if overlap <= 0.0:\n                pairs.shear[k] *= 1.0\n")),
+            "no case has positions that stop being finite; the session looks for them once more, and tests of the core look there",
+            _kernel("nan-forgotten", "a displacement that is not finite does not rebuild the lists", "hit",
+                    (KICK, "return d2 if d2 > far or d2 != d2 else far", "return d2 if d2 > far else far")),
         ),
         (
-            "no case has a dashpot at a wall that moves",
-            _kernel("dashpot-of-walls", "dashpots at walls do not see the wall's own motion", "press",
-                    (FORCES, "rate = (rate_x - spin * qy - disks.v_now[i, 0]) * ux + (rate_y + spin * qx - disks.v_now[i, 1]) * uy",
-                     "rate = -disks.v_now[i, 0] * ux - disks.v_now[i, 1] * uy")),
-        ),
-        (
-            "no case shakes a wall",
-            _kernel("wall-shakes", "harmonic motions of walls have the wrong sign", "press",
-                    (MOTION, "wave = sin(motion.frequency[k] * tau + motion.phase[k]) - sin(motion.phase[k])",
-                     "wave = sin(motion.phase[k]) - sin(motion.frequency[k] * tau + motion.phase[k])")),
+            "no case has rough disks that change places; a test of the core has, and compares with a twin in plain Python",
+            _kernel("order-of-history", "shear forces follow the rows of the lists instead of the disks", "shear-caps",
+                    *SORT_ALL, ("dem.rebuild_kernels", "    permute_numbers(disks.listed, order, one)\n", "")),
         ),
     )
 )  # fmt: skip
 
-DEFECTS = (*CONTACTS, *STEPPING, *HOLES)
+DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *LISTS, *STRIPED, *HOLES)

@@ -9,11 +9,21 @@ from fnmatch import fnmatchcase
 from ninedisk.harness.errors import UsageError, close_matches
 from ninedisk.harness.selftest import cd_sources, dem_sources, histories, setups
 from ninedisk.harness.selftest.defect import Defect
+from ninedisk.harness.selftest.edits import Edit
 from ninedisk.harness.selftest.panel import ENGINES
 
-CLEAN = tuple(
-    Defect(name="unchanged", engine=engine, kind="clean", what="the engine as it is: every check must pass")
-    for engine in ENGINES
+CLEAN = (
+    *(
+        Defect(name="unchanged", engine=engine, kind="clean", what="the engine as it is: every check must pass")
+        for engine in ENGINES
+    ),
+    Defect(
+        name="sorted",
+        engine="dem",
+        kind="clean",
+        what="disks sorted and divided into stripes in every scene: every check must pass",
+        edits=tuple(Edit(*edit) for edit in dem_sources.SORT_ALL),
+    ),
 )
 
 GALLERY: tuple[Defect, ...] = tuple(

@@ -14,6 +14,7 @@ from ninedisk.harness.plan import Cell, plan_case
 PRESS, SHEAR = "nine-disk/compression", "nine-disk/distortion"
 HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
 STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
+REOPEN, WALL, STACK = "contact/reopening", "contact/moving-wall", "static/stack"
 
 ENGINES = ("dem", "cd")
 
@@ -41,6 +42,7 @@ DEM_PANEL: dict[str, Probe] = {
     **_BOTH,
     "shear": Probe(SHEAR, {}),
     "hit": Probe(HIT, {"kn": 1e4}),
+    "hit-near": Probe(HIT, {"kn": 1e4, "gap": 0.45}),
     "hit-damped": Probe(HIT, {"kn": 1e4, "restitution": 0.5}),
     "hit-plastic": Probe(HIT, {"kn": 1e4, "kind": "plastic"}),
     "slide": Probe(INCLINE, {"mu": 0.36, "kn": 1e6}),
@@ -50,6 +52,12 @@ DEM_PANEL: dict[str, Probe] = {
     "throw-touching": Probe(THROW, {"dt": 0.01, "g0": 0.0}),
     "roll": Probe(ROLL, {"kn": 1e6}),
     "stop": Probe(ROLL, {"kn": 1e6, "rotating": False}),
+    "reopen-disks": Probe(REOPEN, {}),
+    "reopen-far": Probe(REOPEN, {"speed": 20.0}),
+    "reopen-wall": Probe(REOPEN, {"pair": "wall", "arm": "overlap"}),
+    "push-wall": Probe(WALL, {}),
+    "shake": Probe(WALL, {"motion": "shake"}),
+    "stack": Probe(STACK, {"start": "equilibrium", "n": 12, "duration": 0.02}),
 }
 
 CD_PANEL: dict[str, Probe] = {

@@ -60,7 +60,7 @@ def run_selftest(
         own = panel_cells(defect.engine, [defect.witness]) if quick and defect.kind != "clean" else cells[defect.engine]
         known = right.get(defect.engine, {})
         found = [known[cell.name] for cell in own] if defect.kind == "history" else outcomes(defect, own)
-        if defect.kind == "clean":
+        if defect.kind == "clean" and not defect.edits:
             right[defect.engine] = {cell.name: outcome for cell, outcome in zip(own, found, strict=True)}
         results = judged(own, [reported(defect, outcome) for outcome in found])
         return selftest_row(defect, results, time.perf_counter() - begin)

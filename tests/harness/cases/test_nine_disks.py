@@ -183,3 +183,33 @@ def test_shear_beyond_the_cone_is_seen() -> None:
     params, setup, history = history_of(DISTORTION, wall_mu=0.0)
     wrong = dataclasses.replace(history, fs=history.fs * (1.0 + 1e-9))
     assert "cone_excess:analytic" in failing(DISTORTION, params, setup, wrong)
+
+
+def test_no_bound_of_an_amplitude_exceeds_it(scheme_info: Callable[..., Any]) -> None:
+    """Such a check could not fail; first-order schemes run on steps for which theirs does."""
+    params, setup, history = history_of(COMPRESSION, xi=0.0)
+    observed = COMPRESSION.observe(params, setup, history)
+    found = {}
+    for engine in (ENGINE.info(), CD.info(), scheme_info("semi-implicit-euler", "spring")):
+        checks = COMPRESSION.checks(params, setup, observed, engine)
+        found[engine.id] = [c for c in checks if c.quantity.endswith("_amplitude") and c.truth == "analytic"]
+        assert all(check.atol < check.expected for check in found[engine.id])
+    assert len(found["dem"]) == 4
+    assert found["cd"] == []
+
+
+def test_final_coordinates_are_judged_by_the_walls_way_not_by_the_origin() -> None:
+    params, setup, history = history_of(DISTORTION)
+    off = dataclasses.replace(history, x=history.x + 1.5)
+    final = {f"{axis}_{disk}_final:converged" for axis in "xy" for disk in (2, 8)}
+    assert not final & failing(DISTORTION, params, setup, history, CD)
+    assert final <= failing(DISTORTION, params, setup, off, CD)
+
+
+@pytest.mark.filterwarnings("error")
+def test_contacts_without_any_force_are_within_the_cone_unless_they_shear() -> None:
+    params, setup, history = history_of(DISTORTION)
+    history = dataclasses.replace(history, fn=np.zeros_like(history.fn), fs=np.zeros_like(history.fs))
+    assert DISTORTION.observe(params, setup, history).scalars["cone_excess"][1] == 0.0
+    history.fs[-1] = 1.0
+    assert DISTORTION.observe(params, setup, history).scalars["cone_excess"][1] == np.inf

@@ -53,10 +53,10 @@ def test_edits_change_what_the_modules_do(defect: Defect) -> None:
     for module, edits in by_module(defect.edits).items():
         before, after = source_of(module), edited(source_of(module), edits)
         assert ast.dump(ast.parse(before)) != ast.dump(ast.parse(after))
-        # The kind says whether a kernel is edited; so do the names of the core's modules.
+        # The names of the core's modules say which hold kernels.
         holds = "_cache import" in before or "_jit import" in before
-        assert holds == (defect.kind == "kernel")
         assert all(touches_kernels(edit) == holds for edit in edits)
+    assert any(touches_kernels(edit) for edit in defect.edits) == (defect.kind == "kernel")
 
 
 @pytest.mark.parametrize("defect", of_kind("scene", "numerics"), ids=lambda defect: defect.id)

@@ -1,0 +1,93 @@
+"""One disk between planes that may move, along their normal: exact steps of central differences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.references._validate import count, not_negative, positive
+
+FloatArray = NDArray[np.float64]
+
+
+class Plane(NamedTuple):
+    """A plane below (``side`` = 1) or above (-1) the disk.
+
+    ``place`` and ``rate`` are its position [m] and velocity [m/s] at ``t_0 .. t_n``, each of shape (n + 1,), such that the disk's
+    coordinate ``y`` touches it at ``y = place``; ``kn`` [N/m]; ``beta`` the contact damping ratio [-] for the mass of the disk.
+    """
+
+    side: int
+    place: FloatArray
+    rate: FloatArray
+    kn: float
+    beta: float = 0.0
+
+
+class NormalSteps(NamedTuple):
+    """``y`` [m] and ``vy`` [m/s] at ``t_0 .. t_n``, each of shape (n + 1,); ``overlap`` [m] (negative where open) and ``fn`` [N] of
+    each plane, shape (n + 1, planes)."""
+
+    y: FloatArray
+    vy: FloatArray
+    overlap: FloatArray
+    fn: FloatArray
+
+
+def normal_contact_central(
+    planes: Sequence[Plane], *, mass: float, g: float, y: float, vy: float, dt: float, n_steps: int
+) -> NormalSteps:
+    """Velocities at half steps, forces ``max(kn overlap + c overlap', 0)`` at the positions of ``t_n``, planes included.
+
+    The start is synchronised, ``v_{1/2} = v_0 + dt a_0/2``; ``vy`` at ``t_n`` is the mean of its neighbours at half steps. The dashpot
+    sees ``v_n`` to second order, extrapolated: ``v_{n-1/2} + (v_{n-1/2} - v_{n-3/2})/2``, at n = 1 ``v_{1/2} + (v_{1/2} - v_0)``.
+
+    Parameters
+    ----------
+    planes : sequence of Plane
+    mass : float
+        [kg], > 0.
+    g : float
+        Gravity towards negative y [m/s^2], >= 0.
+    y, vy : float
+        Start [m], [m/s].
+    dt : float
+        Contact step [s], > 0.
+    n_steps : int
+
+    Returns
+    -------
+    NormalSteps
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+
+    Notes
+    -----
+    Source: Cundall & Strack, Geotechnique 29 (1979) 47-65; the extrapolation of `ninedisk.core.numerics.Numerics.damping_form`.
+    """
+    positive(mass=mass, dt=dt)
+    not_negative(g=g)
+    count(n_steps=n_steps)
+    step, place, velocity, seen = np.longdouble(dt), np.longdouble(y), np.longdouble(vy), np.longdouble(vy)
+    found = NormalSteps(*(np.zeros((n_steps + 1, *more)) for more in ((), (), (len(planes),), (len(planes),))))
+    for n in range(n_steps + 1):
+        total = np.longdouble(0.0)
+        for k, plane in enumerate(planes):
+            overlap = plane.side * (np.longdouble(plane.place[n]) - place)
+            damping = 2 * plane.beta * np.sqrt(np.longdouble(mass) * plane.kn)
+            closing = plane.side * (np.longdouble(plane.rate[n]) - seen)
+            fn = max(plane.kn * overlap + damping * closing, np.longdouble(0.0)) if overlap > 0 else np.longdouble(0.0)
+            found.overlap[n, k], found.fn[n, k] = overlap, fn
+            total += plane.side * fn
+        before = velocity
+        velocity = before + (step / 2 if n == 0 else step) * (total / mass - g)
+        found.y[n], found.vy[n] = place, before if n == 0 else (before + velocity) / 2
+        seen = velocity + (velocity - before) / (1 if n == 0 else 2)
+        place += step * velocity
+    return found
