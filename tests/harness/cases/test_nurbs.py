@@ -1,0 +1,79 @@
+"""Cases of grains with outlines: the DEM meets their truths, and defects are seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ninedisk.core.geometry.nurbs_shapes import disk
+from ninedisk.core.history import History
+from ninedisk.core.scene import Scene
+from ninedisk.harness.case import Case
+from ninedisk.harness.cases.nine_disk_compression import CASE as COMPRESSION
+from ninedisk.harness.cases.nine_disk_distortion import CASE as DISTORTION
+from ninedisk.harness.engines.dem import ENGINE
+from ninedisk.harness.params import resolve
+
+Judge = Callable[..., Any]
+QUICK: Mapping[str, Any] = {"shape": "nurbs", "cycles": 100, "settle_cycles": 400}
+
+
+def quantities(cell: Any, truth: str) -> set[str]:
+    """Quantities whose check against this truth fails."""
+    return {text.split(" (")[0] for text in cell.failures if f"({truth})" in text}
+
+
+def spoilt(judge: Judge, case: Case, params: Mapping[str, Any], change: Callable[[Scene], Scene]) -> Any:
+    """The case's verdict on a run of another scene than it asks for."""
+    setup = case.build(resolve(case, params).params)
+    history = ENGINE.run(change(setup.scene), setup.numerics, setup.watch).history
+    return judge(case, ENGINE.info(), params, history)
+
+
+def smaller(scene: Scene) -> Scene:
+    """Outlines that are too small by a millionth of a millionth of their radius, ten times over."""
+    return scene.replace(outlines=tuple(disk(float(curve.points[0, 0]) * (1.0 - 1e-11)) for curve in scene.outlines))
+
+
+@pytest.mark.parametrize(
+    ("case", "params"),
+    [(COMPRESSION, QUICK), (COMPRESSION, {**QUICK, "wall_mu": "mu"}), (DISTORTION, {"shape": "nurbs"})],
+    ids=["smooth", "rough", "distortion"],
+)
+def test_nine_disks_given_as_outlines(run_cell: Judge, case: Case, params: Mapping[str, Any]) -> None:
+    """The disks' truths, and the disks' own run to round-off: three orders below what is allowed."""
+    cell = run_cell(case, ENGINE, params)
+    assert (cell.setup.scene.disks.outline == 0).all()
+    assert cell.failures == []
+    matched = [check for check in cell.checks if check.truth == "consensus"]
+    assert len(matched) == 4
+    assert all(cell.margin(check.quantity, "consensus") < 1e-2 for check in matched)
+    assert cell.margin("overlap_error", "analytic") < 1e-2
+    assert abs(cell.observed.scalars["overlap_error"][1]) > 0.0
+
+
+def test_defects_of_the_nine_disks_are_seen(run_cell: Judge, judge_history: Judge) -> None:
+    """Forces off by 2e-9, outlines smaller by 1e-11, and an overlap that is not the disks'."""
+    forces = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
+
+    def more(history: History) -> None:
+        history.fn[:] *= 1.0 + 2e-9
+
+    assert set(forces) <= quantities(run_cell(COMPRESSION, ENGINE, QUICK, more), "consensus")
+    cell = spoilt(judge_history, COMPRESSION, QUICK, smaller)
+    assert "overlap_error" in quantities(cell, "analytic")
+
+    def deeper(history: History) -> None:
+        history.gap[-1, 0] -= 1e-10
+
+    assert quantities(run_cell(COMPRESSION, ENGINE, QUICK, deeper), "analytic") == {"overlap_error"}
+
+
+def test_disks_are_not_held_against_themselves(run_cell: Judge) -> None:
+    cell = run_cell(COMPRESSION, ENGINE, {**QUICK, "shape": "disk"})
+    assert cell.failures == []
+    assert not {check.quantity for check in cell.checks if check.truth == "consensus"}
+    assert np.isfinite(cell.observed.scalars["overlap_error"][1])
