@@ -39,6 +39,7 @@ BUILTIN_CASES: dict[str, str] = {
     "static/stack": "ninedisk.harness.cases.static_stack:CASE",
     "row/pushed": "ninedisk.harness.cases.row_pushed:CASE",
     "strength/hexagonal": "ninedisk.harness.cases.strength_hexagonal:CASE",
+    "nurbs/overlap": "ninedisk.harness.cases.nurbs_overlap:CASE",
     "invariance/units": "ninedisk.harness.cases.invariance:CASES",
     "invariance/rotation": "ninedisk.harness.cases.invariance:CASES",
     "invariance/galilei": "ninedisk.harness.cases.invariance:CASES",

@@ -6,8 +6,9 @@ import math
 
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
+from ninedisk.core.scene import ContactLaw, Scene, Wall
 from ninedisk.harness.case import Setup
+from ninedisk.harness.cases._grains import grains
 from ninedisk.harness.check_engine.claims import Claim, Probe, contact_error
 from ninedisk.harness.check_engine.scenes import FLOOR, KN, G, M, R, law, on_floor, resting_overlap
 from ninedisk.harness.engine import EngineInfo
@@ -23,16 +24,9 @@ def ellipse_at_rest(info: EngineInfo) -> Probe:
 
     grain = uniform_grain(ellipse(FLAT * R, R), M / (math.pi * FLAT * R**2))
     overlap, contact = resting_overlap(info), law(info)
-    disks = Disks(
-        x=[[0.0, FLAT * R - overlap]],
-        radius=grain.radius,
-        mass=M,
-        inertia=grain.inertia,
-        outline=0,
-        angle=0.5 * math.pi,
-    )
+    given = grains([grain], [0], x=[[0.0, FLAT * R - overlap]], angle=0.5 * math.pi)
     floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=contact)
-    scene = Scene(disks=disks, disk_disk=contact, walls=(floor,), gravity=(0.0, -G), outlines=(grain.outline,))
+    scene = Scene(**given, disk_disk=contact, walls=(floor,), gravity=(0.0, -G))
     numerics = Numerics(dt=0.002, n_steps=20, sample_from=20)
     allowed = contact_error(info)
 

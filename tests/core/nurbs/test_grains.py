@@ -155,7 +155,7 @@ def test_gaps_of_outlines_that_graze() -> None:
     for way in np.linspace(0.0, 6.0, 13):
         step = 100.0 * np.array([np.cos(way), np.sin(way)])
         disks = Disks(
-            x=np.array([(0.0, 0.0), step]) + (150.0, 250.0),
+            x=np.array([150.0, 250.0]) + np.outer([0.0, 1.0], step),
             radius=50.0,
             mass=1.0,
             inertia=1.0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from ninedisk.core.scene import Scene
 from ninedisk.harness.case import Case
 from ninedisk.harness.cases.nine_disk_compression import CASE as COMPRESSION
 from ninedisk.harness.cases.nine_disk_distortion import CASE as DISTORTION
+from ninedisk.harness.cases.nurbs_overlap import CASE as OVERLAP
 from ninedisk.harness.engines.dem import ENGINE
 from ninedisk.harness.params import resolve
 
@@ -77,3 +79,34 @@ def test_disks_are_not_held_against_themselves(run_cell: Judge) -> None:
     assert cell.failures == []
     assert not {check.quantity for check in cell.checks if check.truth == "consensus"}
     assert np.isfinite(cell.observed.scalars["overlap_error"][1])
+
+
+def test_overlaps_are_the_closed_form_s(run_cell: Judge) -> None:
+    for params in OVERLAP.matrix():
+        cell = run_cell(OVERLAP, ENGINE, params)
+        assert cell.failures == []
+        assert len(cell.checks) == 5
+
+
+def test_overlaps_off_by_round_off_times_a_hundred_are_seen(run_cell: Judge, judge_history: Judge) -> None:
+    """Of a single pair of each grade, and of all of them by outlines that are too small, or turned by another angle."""
+    for column, grade in enumerate(("grazing", "shallow", "deep")):
+
+        def deeper(history: History, column: int = column) -> None:
+            history.gap[-1, column] -= 1e-12
+
+        for shape in ("disk", "ellipse"):
+            found = quantities(run_cell(OVERLAP, ENGINE, {"shape": shape}, deeper), "analytic")
+            assert found == {"gap_error", f"gap_error_{grade}"}
+
+    def stronger(history: History) -> None:
+        history.fn[:] *= 1.0 + 1e-9
+
+    assert quantities(run_cell(OVERLAP, ENGINE, {}, stronger), "analytic") == {"fn_error"}
+    assert "gap_error_grazing" in quantities(spoilt(judge_history, OVERLAP, {}, smaller), "analytic")
+
+    def turned(scene: Scene) -> Scene:
+        return scene.replace(disks=replace(scene.disks, angle=scene.disks.angle + 1e-6))
+
+    assert spoilt(judge_history, OVERLAP, {"shape": "disk"}, turned).failures == []
+    assert "gap_error" in quantities(spoilt(judge_history, OVERLAP, {"shape": "ellipse"}, turned), "analytic")
