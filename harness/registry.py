@@ -40,6 +40,8 @@ BUILTIN_CASES: dict[str, str] = {
     "row/pushed": "ninedisk.harness.cases.row_pushed:CASE",
     "strength/hexagonal": "ninedisk.harness.cases.strength_hexagonal:CASE",
     "nurbs/overlap": "ninedisk.harness.cases.nurbs_overlap:CASE",
+    "nurbs/collision": "ninedisk.harness.cases.nurbs_collision:CASE",
+    "nurbs/settle": "ninedisk.harness.cases.nurbs_settle:CASE",
     "invariance/units": "ninedisk.harness.cases.invariance:CASES",
     "invariance/rotation": "ninedisk.harness.cases.invariance:CASES",
     "invariance/galilei": "ninedisk.harness.cases.invariance:CASES",

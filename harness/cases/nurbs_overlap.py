@@ -136,13 +136,14 @@ def expected_gaps(params: Mapping[str, Any], setup: Setup, history: History) -> 
     disks, axes = setup.scene.disks, AXES["ellipse"]
     found = np.full(history.gap.shape, math.nan)
     for row, column in np.ndindex(found.shape):
-        one, two = (
-            Ellipse(*axes[disks.outline[k]], (history.x[row, k, 0], history.x[row, k, 1]), float(disks.angle[k]))
-            for k in history.pairs[column]
-        )
+        one, two = (_ellipse(axes[disks.outline[k]], history.x[row, k], disks.angle[k]) for k in history.pairs[column])
         if np.isfinite(history.x[row]).all():
             found[row, column] = -ellipse_overlap(one, two)
     return found
+
+
+def _ellipse(axes: tuple[float, float], x: FloatArray, angle: float) -> Ellipse:
+    return Ellipse(axes[0], axes[1], (float(x[0]), float(x[1])), float(angle))
 
 
 def _extreme(axes: tuple[float, float], angle: float, n: FloatArray) -> FloatArray:

@@ -15,7 +15,9 @@ from ninedisk.core.scene import Scene
 from ninedisk.harness.case import Case
 from ninedisk.harness.cases.nine_disk_compression import CASE as COMPRESSION
 from ninedisk.harness.cases.nine_disk_distortion import CASE as DISTORTION
+from ninedisk.harness.cases.nurbs_collision import CASE as COLLISION
 from ninedisk.harness.cases.nurbs_overlap import CASE as OVERLAP
+from ninedisk.harness.cases.nurbs_settle import CASE as SETTLE
 from ninedisk.harness.engines.dem import ENGINE
 from ninedisk.harness.params import resolve
 
@@ -110,3 +112,92 @@ def test_overlaps_off_by_round_off_times_a_hundred_are_seen(run_cell: Judge, jud
 
     assert spoilt(judge_history, OVERLAP, {"shape": "disk"}, turned).failures == []
     assert "gap_error" in quantities(spoilt(judge_history, OVERLAP, {"shape": "ellipse"}, turned), "analytic")
+
+
+@pytest.mark.parametrize("case", [COLLISION, SETTLE], ids=lambda case: case.id)
+def test_matrix(run_cell: Judge, case: Case) -> None:
+    for params in case.matrix():
+        cell = run_cell(case, ENGINE, params)
+        assert cell.failures == [], params
+        assert len(cell.checks) >= 2
+
+
+def test_what_the_chord_s_force_loses_is_the_law_s_and_proportional_to_the_overlap(run_cell: Judge) -> None:
+    """The same at a quarter of the step, a quarter at a sixteenth of the overlap squared; the area law's falls with the step squared."""
+
+    def change(**params: Any) -> tuple[float, float]:
+        scalars = run_cell(COLLISION, ENGINE, params).observed.scalars
+        return scalars["energy_change"][1], scalars["overlap_over_size"][1]
+
+    soft, deep = change(contact="chord")
+    stiff, shallow = change(contact="chord", kn=3.2e4)
+    assert change(contact="chord", phase=0.0075)[0] == pytest.approx(soft, rel=0.02)
+    assert np.log(soft / stiff) / np.log(deep / shallow) == pytest.approx(1.0, abs=0.2)
+    coarse, fine = (abs(change(contact="area", phase=phase)[0]) for phase in (0.12, 0.015))
+    assert np.log2(coarse / fine) / 3.0 == pytest.approx(2.0, abs=0.35)
+    assert abs(soft) > 30.0 * fine
+
+
+def test_defects_of_collisions_are_seen(run_cell: Judge, judge_history: Judge) -> None:
+    """A force on one body only, a wrong inertia, the chord's force for the area's, energy from nowhere."""
+
+    def pushed(history: History) -> None:
+        history.v[-1, 0] += 1e-9
+
+    assert "momentum_drift" in quantities(run_cell(COLLISION, ENGINE, {}, pushed), "analytic")
+
+    def spun(history: History) -> None:
+        history.omega[-1, 0] += 1e-9
+
+    assert quantities(run_cell(COLLISION, ENGINE, {}, spun), "analytic") == {"angular_momentum_drift"}
+
+    def heavier(scene: Scene) -> Scene:
+        return scene.replace(disks=replace(scene.disks, inertia=1.01 * scene.disks.inertia))
+
+    assert "angular_momentum_drift" in quantities(spoilt(judge_history, COLLISION, {}, heavier), "analytic")
+
+    def chords(scene: Scene) -> Scene:
+        return scene.replace(disk_disk=replace(scene.disk_disk, contact="chord"))
+
+    assert quantities(spoilt(judge_history, COLLISION, {"contact": "area"}, chords), "analytic") == {"energy_change"}
+
+    def arms(scene: Scene) -> Scene:
+        return scene.replace(disk_disk=replace(scene.disk_disk, lever_arm="torque-overlap"))
+
+    def dashpot(scene: Scene) -> Scene:
+        return scene.replace(disk_disk=replace(scene.disk_disk, beta=0.1))
+
+    assert quantities(spoilt(judge_history, COLLISION, {}, dashpot), "analytic") == {"energy_change"}
+    # Arms that only differ between torque and slip keep angular momentum: the check is of the torque's balance.
+    assert spoilt(judge_history, COLLISION, {"mu": 0.5}, arms).failures == []
+
+    def radius(scene: Scene) -> Scene:
+        return scene.replace(disk_disk=replace(scene.disk_disk, lever_arm="radius"))
+
+    assert quantities(spoilt(judge_history, COLLISION, {"mu": 0.5}, radius), "analytic") == {"angular_momentum_drift"}
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.25])
+def test_defects_of_the_grain_at_rest_are_seen(judge_history: Judge, slope: float) -> None:
+    """No dashpot, another weight, no friction, another stiffness, circles for the outline."""
+
+    def law(**changes: Any) -> Callable[[Scene], Scene]:
+        def change(scene: Scene) -> Scene:
+            walls = tuple(replace(wall, law=replace(wall.law, **changes)) for wall in scene.walls)
+            return scene.replace(walls=walls)
+
+        return change
+
+    def found(change: Callable[[Scene], Scene]) -> set[str]:
+        return quantities(spoilt(judge_history, SETTLE, {"slope": slope}, change), "analytic")
+
+    def round_(scene: Scene) -> Scene:
+        return scene.replace(disks=replace(scene.disks, outline=np.array([-1]), x=scene.disks.x + 1.0), outlines=())
+
+    assert {"kinetic_settled", "way_settled"} <= found(law(beta=0.0))
+    assert "fn_final" in found(lambda scene: scene.replace(gravity=(scene.gravity[0], 1.001 * scene.gravity[1])))
+    assert found(round_)
+    if slope:
+        assert {"fs_final", "kinetic_settled"} <= found(law(mu=0.1))
+    else:
+        assert found(law(kn=1.01 * 2e4)) == {"y_final"}
