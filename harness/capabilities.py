@@ -31,7 +31,7 @@ class Capability(StrEnum):
     LEVER_ARM_RADIUS = "shear torque with the full radius as lever arm"
     LEVER_ARM_OVERLAP = "shear torque with the lever arm R - overlap/2"
     LEVER_ARM_TORQUE = "shear torque with the lever arm R - overlap/2, slip with R"
-    OUTLINES = "grains with NURBS outlines, in contact along chords"
+    OUTLINES = "grains with NURBS outlines"
     AREA_CONTACT = "normal contact with an energy of the common area"
 
 
