@@ -95,7 +95,7 @@ def draw_configuration(configuration: Configuration, path: Path) -> None:
                 placed = None if edge is None else turned(edge, turn)
                 axes.add_patch(_body(centre, radius, placed, facecolor="none", **options))
                 if np.isfinite(turn):
-                    rim = centre + radius * np.array([np.cos(turn), np.sin(turn)])
+                    rim = centre + (radius * np.array([np.cos(turn), np.sin(turn)]) if placed is None else placed[0])
                     axes.plot(*zip(centre, rim, strict=True), color=look.colour, linewidth=1.1, linestyle=style)
         write_svg(figure, path)
 
