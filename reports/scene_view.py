@@ -109,18 +109,24 @@ def _edges(scene: Mapping[str, Any], n: int) -> tuple[FloatArray | None, ...]:
     numbers = scene["disks"].get("outline", [-1] * n)
     if not scene.get("outlines") or max(numbers, default=-1) < 0:
         return (None,) * n
-    # Only scenes of grains pay for loading curves.
-    from ninedisk.core.outlines import outlines_from
-
-    curves = []
-    for curve in outlines_from(scene["outlines"]):
-        ends = curve.knots[curve.degree], curve.knots[-curve.degree - 1]
-        curves.append(curve.evaluate(np.linspace(*ends, EDGE_POINTS)))
+    curves = [_polygon(curve) for curve in scene["outlines"]]
     angles = scene["disks"].get("angle", [0.0] * n)
     return tuple(
         None if number < 0 else turned(curves[number], float(angle))
         for number, angle in zip(numbers, angles, strict=True)
     )
+
+
+def _polygon(curve: Mapping[str, Any]) -> FloatArray:
+    """Points of a stored NURBS curve: a spline in homogeneous coordinates, over its weights."""
+    from scipy.interpolate import BSpline
+
+    degree, knots = int(curve["degree"]), np.array(curve["knots"], dtype=np.float64)
+    weights = np.array(curve["weights"], dtype=np.float64)[:, None]
+    points = np.array(curve["points"], dtype=np.float64)
+    at = np.linspace(knots[degree], knots[-degree - 1], EDGE_POINTS)
+    lifted = BSpline(knots, np.hstack([weights * points, weights]), degree)(at)
+    return np.asarray(lifted[:, :2] / lifted[:, 2:], dtype=np.float64)
 
 
 def turned(edge: FloatArray, angle: float) -> FloatArray:
