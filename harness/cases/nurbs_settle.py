@@ -30,6 +30,9 @@ FALL, TILT = 0.02, 0.05
 DT, END, SETTLED, LANDED = 0.01, 4.0, 3.0, 1.0
 """Sampling interval, end, when the grain must have settled, and when it must have stopped jumping from foot to foot [s]."""
 
+STEEPEST = 0.25
+"""Angle [rad] of the slope, at most: on a steeper one the grain jumps from foot to foot for longer than `LANDED`."""
+
 PHASE = 0.1
 """Contact step times the contacts' highest frequency: two springs in parallel."""
 
@@ -50,7 +53,7 @@ class Settle:
     requirement = "a non-convex grain comes to rest on two contacts, bears its weight, and stays where it is"
     parameters: tuple[Parameter, ...] = (
         Parameter(
-            name="slope", default=0.0, low=0.0, high=0.5, unit="rad", in_id=True, help="angle of the plane to the horizontal"
+            name="slope", default=0.0, low=0.0, high=STEEPEST, unit="rad", in_id=True, help="angle of the plane to the horizontal"
         ),
         Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in place of one"),
     )  # fmt: skip
