@@ -31,6 +31,8 @@ class Capability(StrEnum):
     LEVER_ARM_RADIUS = "shear torque with the full radius as lever arm"
     LEVER_ARM_OVERLAP = "shear torque with the lever arm R - overlap/2"
     LEVER_ARM_TORQUE = "shear torque with the lever arm R - overlap/2, slip with R"
+    OUTLINES = "grains with NURBS outlines"
+    AREA_CONTACT = "normal contact with an energy of the common area"
 
 
 LEVER_ARMS: Mapping[LeverArm, Capability] = {
@@ -39,6 +41,9 @@ LEVER_ARMS: Mapping[LeverArm, Capability] = {
     "torque-overlap": Capability.LEVER_ARM_TORQUE,
 }
 """What a law's lever arm asks of an engine."""
+
+GRAINS = frozenset({Capability.OUTLINES, Capability.AREA_CONTACT})
+"""What only engines of grains have, not those of disks."""
 
 
 def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
@@ -51,6 +56,8 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
     laws: list[ContactLaw] = [scene.disk_disk] if len(scene.disks) > 1 else []
     laws += [wall.law for wall in scene.walls]
     for law in laws:
+        if law.contact == "area":
+            need.add(Capability.AREA_CONTACT)
         if not law.regularised:
             need.add(Capability.LINEAR_CONTACT)
             if law.beta > 0.0:
@@ -74,6 +81,8 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
                 need.add(Capability.CURVED_WALL_MOTION)
     if any(scene.gravity):
         need.add(Capability.GRAVITY)
+    if (scene.disks.outline >= 0).any():
+        need.add(Capability.OUTLINES)
     if not scene.disks.rotating.all():
         need.add(Capability.BLOCKED_ROTATION)
     if scene.disks.held.any():

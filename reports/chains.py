@@ -22,13 +22,20 @@ class Springs:
 
 
 def springs(setup: Mapping[str, Any]) -> Springs | None:
-    """Springs of a stored scene; None where overlap alone does not give the force (dashpots, restitution, no stiffness)."""
+    """Springs of a stored scene; None where the distance of disks alone does not give the force.
+
+    That is so with dashpots, a restitution, no stiffness, other outlines than disks, and the law of the common area.
+    """
     try:
         scene = setup["scene"]
         laws = [scene["disk_disk"], *(wall["law"] for wall in scene["walls"])]
         if any(law.get("beta") or law.get("restitution") is not None or not law["kn"] for law in laws):
             return None
         n = len(scene["disks"]["x"])
+        if max(scene["disks"].get("outline", (-1,)), default=-1) >= 0 or any(
+            law.get("contact") == "area" for law in laws
+        ):
+            return None
         radius = np.array(np.broadcast_to(np.asarray(scene["disks"]["radius"], dtype=np.float64), (n,)))
         kn = np.array([law["kn"] for law in laws], dtype=np.float64)
     except (KeyError, TypeError, ValueError):

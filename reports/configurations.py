@@ -75,7 +75,7 @@ def _pictures(cells: list[dict[str, Any]], looks: dict[str, Look], last: int | N
     final = max(bodies)
     begin = min(bodies, key=lambda step: (abs(step - (final - last if last else 0)), step))
     return [
-        Configuration(f"cycle {step}", scene.radius, tuple(bodies[step]), *chains.get(step, ("", ())))
+        Configuration(f"cycle {step}", scene.radius, tuple(bodies[step]), *chains.get(step, ("", ())), scene.edges)
         for step in sorted({begin, final})
     ]
 

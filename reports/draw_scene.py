@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.reports.scene_view import SceneView, WallView
+from ninedisk.reports.scene_view import SceneView, WallView, turned
 from ninedisk.reports.style import INK, PALETTE, SOFT, Look, rc_params
 from ninedisk.reports.svg import write_svg
 
@@ -26,7 +26,7 @@ CHAIN_WIDTH = 7.0
 class Configuration:
     """Disks and walls of several engines at one sampled step, and the force chains of one of them.
 
-    ``chains`` are links, shape (2, 2) [m], with their normal force [N].
+    ``chains`` are links, shape (2, 2) [m], with their normal force [N]; ``edges`` outlines as in `SceneView`, None: disks alone.
     """
 
     title: str
@@ -34,12 +34,12 @@ class Configuration:
     bodies: tuple[tuple[Look, FloatArray, FloatArray, tuple[WallView, ...]], ...]  # look, x (n, 2), angle (n,), walls
     chains_of: str = ""
     chains: tuple[tuple[FloatArray, float], ...] = ()
+    edges: tuple[FloatArray | None, ...] | None = None
 
 
 def draw_sketch(scene: SceneView, path: Path) -> None:
     """Write the sketch of a scene as SVG."""
     from matplotlib import rc_context
-    from matplotlib.patches import Circle
 
     with rc_context(rc_params()):
         low, high, size = _box(scene.x, scene.radius, 0.3)
@@ -47,8 +47,8 @@ def draw_sketch(scene: SceneView, path: Path) -> None:
         for wall in scene.walls:
             _wall(axes, wall, scene.walls, low, high, hatch=True)
         for k, (centre, radius) in enumerate(zip(scene.x, scene.radius, strict=True)):
-            axes.add_patch(Circle(tuple(centre), radius, facecolor=SOFT, alpha=0.28, edgecolor="none"))
-            axes.add_patch(Circle(tuple(centre), radius, facecolor="none", edgecolor=INK, linewidth=1.0))
+            axes.add_patch(_body(centre, radius, scene.edges[k], facecolor=SOFT, alpha=0.28, edgecolor="none"))
+            axes.add_patch(_body(centre, radius, scene.edges[k], facecolor="none", edgecolor=INK, linewidth=1.0))
             if len(scene.x) <= MOST_NUMBERED:
                 axes.text(*centre, str(k), ha="center", va="center", fontsize=10, fontweight="bold")
             if not scene.rotating[k]:
@@ -72,7 +72,6 @@ def draw_sketch(scene: SceneView, path: Path) -> None:
 def draw_configuration(configuration: Configuration, path: Path) -> None:
     """Write the outlines of every engine's disks and walls as SVG; spokes show the rotations."""
     from matplotlib import rc_context
-    from matplotlib.patches import Circle
 
     with rc_context(rc_params()):
         every = np.concatenate([x for _, x, _, _ in configuration.bodies])
@@ -88,13 +87,24 @@ def draw_configuration(configuration: Configuration, path: Path) -> None:
             style = (0, tuple(look.dash)) if look.dash else "solid"
             for wall in walls:
                 _wall(axes, wall, walls, low, high, hatch=False, colour=look.colour, style=style)
-            for centre, radius, turn in zip(x, configuration.radius, angle, strict=True):
+            edges = configuration.edges or (None,) * len(x)
+            for centre, radius, turn, edge in zip(x, configuration.radius, angle, edges, strict=True):
                 options = {"edgecolor": look.colour, "linestyle": style, "linewidth": 1.1}
-                axes.add_patch(Circle(tuple(centre), radius, facecolor="none", **options))
+                if edge is not None and not np.isfinite(turn):
+                    continue
+                placed = None if edge is None else turned(edge, turn)
+                axes.add_patch(_body(centre, radius, placed, facecolor="none", **options))
                 if np.isfinite(turn):
-                    rim = centre + radius * np.array([np.cos(turn), np.sin(turn)])
+                    rim = centre + (radius * np.array([np.cos(turn), np.sin(turn)]) if placed is None else placed[0])
                     axes.plot(*zip(centre, rim, strict=True), color=look.colour, linewidth=1.1, linestyle=style)
         write_svg(figure, path)
+
+
+def _body(centre: FloatArray, radius: float, edge: FloatArray | None, **style: Any) -> Any:
+    """A disk, or a grain whose outline is ``edge`` about its centre."""
+    from matplotlib.patches import Circle, Polygon
+
+    return Circle(tuple(centre), radius, **style) if edge is None else Polygon(centre + edge, closed=True, **style)
 
 
 def numeral(k: int) -> str:

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+EDGE_POINTS = 129
+"""Points of an outline's polygon: a circle's is off by 3e-4 of its radius, less than the line is wide."""
+
 
 @dataclass(frozen=True)
 class WallView:
@@ -31,7 +34,10 @@ class WallView:
 
 @dataclass(frozen=True)
 class SceneView:
-    """Disks and walls of a scene; ``marks`` are the watched contacts by label."""
+    """Disks and walls of a scene; ``marks`` are the watched contacts by label.
+
+    ``edges`` are the outlines of its grains about their centres [m], turned as at time 0; None for a disk.
+    """
 
     x: FloatArray
     v: FloatArray
@@ -40,6 +46,7 @@ class SceneView:
     walls: tuple[WallView, ...]
     gravity: FloatArray
     marks: tuple[tuple[str, FloatArray], ...]
+    edges: tuple[FloatArray | None, ...]
 
     @property
     def signature(self) -> tuple[Any, ...]:
@@ -54,7 +61,19 @@ class SceneView:
             for wall in self.walls
         )
         moving = tuple(map(tuple, np.sign(self.v)))
-        return len(self.x), tuple(np.round(self.x / size, 1).ravel()), motion, moving, tuple(np.sign(self.gravity))
+        extents = [
+            np.full(2, 2.0 * radius) if edge is None else np.ptp(edge, axis=0)
+            for radius, edge in zip(self.radius, self.edges, strict=True)
+        ]
+        look = tuple(tuple(np.round(extent / size, 1)) for extent in extents)
+        return (
+            len(self.x),
+            look,
+            tuple(np.round(self.x / size, 1).ravel()),
+            motion,
+            moving,
+            tuple(np.sign(self.gravity)),
+        )
 
 
 def read_scene(setup: Mapping[str, Any]) -> SceneView | None:
@@ -82,7 +101,38 @@ def _read(setup: Mapping[str, Any]) -> SceneView | None:
         if place is not None:
             marks.append((str(label), place))
     gravity = np.array(scene.get("gravity", (0.0, 0.0)), dtype=np.float64)
-    return SceneView(x, v, radius, rotating, walls, gravity, tuple(marks))
+    return SceneView(x, v, radius, rotating, walls, gravity, tuple(marks), _edges(scene, len(x)))
+
+
+def _edges(scene: Mapping[str, Any], n: int) -> tuple[FloatArray | None, ...]:
+    """Outlines of n bodies as closed polygons about their centres, turned by their angles at time 0."""
+    numbers = scene["disks"].get("outline", [-1] * n)
+    if not scene.get("outlines") or max(numbers, default=-1) < 0:
+        return (None,) * n
+    curves = [_polygon(curve) for curve in scene["outlines"]]
+    angles = scene["disks"].get("angle", [0.0] * n)
+    return tuple(
+        None if number < 0 else turned(curves[number], float(angle))
+        for number, angle in zip(numbers, angles, strict=True)
+    )
+
+
+def _polygon(curve: Mapping[str, Any]) -> FloatArray:
+    """Points of a stored NURBS curve: a spline in homogeneous coordinates, over its weights."""
+    from scipy.interpolate import BSpline
+
+    degree, knots = int(curve["degree"]), np.array(curve["knots"], dtype=np.float64)
+    weights = np.array(curve["weights"], dtype=np.float64)[:, None]
+    points = np.array(curve["points"], dtype=np.float64)
+    at = np.linspace(knots[degree], knots[-degree - 1], EDGE_POINTS)
+    lifted = BSpline(knots, np.hstack([weights * points, weights]), degree)(at)
+    return np.asarray(lifted[:, :2] / lifted[:, 2:], dtype=np.float64)
+
+
+def turned(edge: FloatArray, angle: float) -> FloatArray:
+    """A polygon turned about the origin by an angle [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.asarray(edge @ np.array([[c, s], [-s, c]]), dtype=np.float64)
 
 
 def _wall(wall: Mapping[str, Any]) -> WallView:

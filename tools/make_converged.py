@@ -35,8 +35,8 @@ METHOD = (
 
 CONTACT_DYNAMICS = ("theta", "regime", "sliding", "solver")
 IGNORED = {
-    "nine-disk/compression": ("substeps", "cycles", "lever_arm", "damping_form", *CONTACT_DYNAMICS),
-    "nine-disk/distortion": ("substeps", "damping_form", *CONTACT_DYNAMICS),
+    "nine-disk/compression": ("substeps", "cycles", "lever_arm", "damping_form", "shape", *CONTACT_DYNAMICS),
+    "nine-disk/distortion": ("substeps", "damping_form", "shape", *CONTACT_DYNAMICS),
 }
 
 
@@ -92,7 +92,7 @@ def main() -> None:
         (case, resolve(case, overrides))
         for case in (COMPRESSION, DISTORTION)
         for overrides in case.matrix()
-        if case is DISTORTION or overrides["wall_mu"] == "mu"
+        if overrides.get("shape", "disk") == "disk" and (case is DISTORTION or overrides.get("wall_mu") == "mu")
     ]
     for number, (case, variant) in enumerate(track(work, "refining"), start=1):
         file = f"{case.id.split('/')[1]}-{number:02d}.csv"

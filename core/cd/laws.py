@@ -43,10 +43,15 @@ class LawTable:
     ------
     InvalidSceneError
         If a rigid contact is to obey Newton's law but its restitution is not given, or an elastic one has a dashpot or another
-        lever arm for the torque than for the slip.
+        lever arm for the torque than for the slip; or if the scene has grains with outlines or a law of the common area.
     """
 
     def __init__(self, scene: Scene, numerics: Numerics, contacts: Stiffness) -> None:
+        if np.any(scene.disks.outline >= 0):
+            raise InvalidSceneError(
+                f"grain {int(np.argmax(scene.disks.outline >= 0))} has an outline, and contact dynamics knows disks alone: use the DEM "
+                "(method = 'dem'), or disks (disks.outline = -1)"
+            )
         laws = [scene.disk_disk, *(wall.law for wall in scene.walls)]
         names = ["disks", *(f"wall {wall.name!r}" for wall in scene.walls)]
         used = [len(scene.disks) > 1] + [True] * len(scene.walls)
@@ -59,6 +64,11 @@ class LawTable:
         self.wall_mid = np.array([float(law.wall_velocity_at == "mid-overlap") for law in laws])
         self.restitution = np.full(len(laws), np.nan)
         for k, law in enumerate(laws):
+            if law.contact == "area" and used[k]:
+                raise InvalidSceneError(
+                    f"the law of {names[k]} has contact = 'area', which contact dynamics does not have: use 'chord', or the DEM "
+                    "(method = 'dem')"
+                )
             if self.elastic[k] and law.beta > 0.0 and used[k]:
                 raise InvalidSceneError(
                     f"the law of {names[k]} has a dashpot (beta = {law.beta:g}), which contact dynamics does not have: use "

@@ -18,6 +18,9 @@ from ninedisk.core.geometry.nurbs_kernels import Pose, ShapeTable, bend_at, tang
 BISECTIONS = 40
 """Halvings of a piece: its 1e-12th part, in whose square the distance errs."""
 
+TOUCHING = 1e-14
+"""Of the coordinates of two points that touch: rounding of their difference, some operations each."""
+
 
 @inline_kernel
 def foot(table: ShapeTable, shape: int, k: int, pose: Pose, x: float, y: float) -> tuple[float, float]:
@@ -39,7 +42,7 @@ def foot(table: ShapeTable, shape: int, k: int, pose: Pose, x: float, y: float) 
             high = u
         step = -slope / (dx * dx + dy * dy + (qx - x) * ex + (qy - y) * ey)
         if abs(step) < 1e-10:
-            break
+            return qx + step * dx, qy + step * dy
         u = u + step if low < u + step < high else 0.5 * (low + high)
     return qx, qy
 
@@ -65,13 +68,18 @@ def distance_of_pieces(table: ShapeTable, a: int, ka: int, b: int, kb: int, pose
 
 @inline_kernel
 def convex_gap(table: ShapeTable, a: int, b: int, pose: Pose) -> float:
-    """Gap [m] of strictly convex outlines along their common normal; NaN if Newton's method did not find one with a gap."""
+    """Gap [m] of strictly convex outlines along their common normal; NaN if Newton's method did not find one with a gap.
+
+    Outlines that do not touch have no negative gap but by rounding: those that graze have 0. The other common normal, through both far
+    sides, has the widths of both outlines for a negative gap.
+    """
     still = Pose(1.0, 0.0, 0.0, 0.0)
     found, i, u, j, v = deepest(table, a, b, pose)
     x, y, dx, dy = tangent_at(table, a, i, u, still)
     px, py, ex, ey = tangent_at(table, b, j, v, pose)
     gap = ((px - x) * dy - (py - y) * dx) / sqrt(dx * dx + dy * dy)
-    return gap if found and gap >= 0.0 and dx * ex + dy * ey < 0.0 else float("nan")
+    rounding = TOUCHING * (abs(x) + abs(y) + abs(px) + abs(py))
+    return max(gap, 0.0) if found and gap >= -rounding and dx * ex + dy * ey < 0.0 else float("nan")
 
 
 @inline_kernel

@@ -10,7 +10,9 @@ import numpy as np
 from ninedisk.core.law import LeverArm
 from ninedisk.harness.capabilities import LEVER_ARMS
 from ninedisk.harness.case import Check, Observed, Setup
+from ninedisk.harness.cases._compression_checks import outline_check
 from ninedisk.harness.cases._converged import consensus_checks, converged_checks
+from ninedisk.harness.cases._grains import as_disks
 from ninedisk.harness.cases._nine_disks import LOAD_CASES, MASS, RADIUS, friction, shear_growth
 from ninedisk.harness.engine import EngineInfo
 from ninedisk.harness.matched import core_history
@@ -68,8 +70,11 @@ def distortion_checks(
                 why="round-off of positions (6e-14 m a step over 5500 steps, amplified where contacts slip) stays below 1e-8 radii",
             )
         )
-    if engine.scheme == "central-difference" and engine.id != "dem":
-        history = core_history(setup)
+    outlined = params["shape"] == "nurbs"
+    if outlined:
+        found.append(outline_check())
+    if engine.scheme == "central-difference" and (outlined or engine.id != "dem"):
+        history = core_history(as_disks(setup) if outlined else setup)
         rows = np.searchsorted(history.step, observed.step + history.step[-1] - observed.step[-1])
         expected = {}
         for name, pair in (("up", setup.watch[0]), ("right", setup.watch[1])):

@@ -14,6 +14,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import WallSegment
 from ninedisk.harness.case import Check, Observed, Parameter, Setup, Value
 from ninedisk.harness.cases._compression_checks import HISTORIES, compression_checks, peaks, row_sums
+from ninedisk.harness.cases._grains import SHAPE, as_outlines, overlap_error
 from ninedisk.harness.cases._nine_disks import (
     CENTRE,
     DAMPING_FORM,
@@ -70,11 +71,12 @@ class Compression:
         Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in one cycle"),
         replace(LEVER_ARM, default="overlap"),
         DAMPING_FORM,
+        SHAPE,
         *NINE_DISK_CD,
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Four load cases, damped and not, smooth and rough walls; theta = 1 and the static limit of contact dynamics."""
+        """Four load cases, damped and not, smooth and rough walls; theta = 1 and the static limit of contact dynamics; outlines."""
         rows: list[Mapping[str, Value]] = [
             {"load_case": load_case, "xi": xi, "wall_mu": wall_mu}
             for wall_mu in (0.0, "mu")
@@ -82,7 +84,8 @@ class Compression:
             for load_case in LOAD_CASES
         ]
         rows += [{"load_case": "a1", "theta": 1.0}]
-        return [*rows, *({"load_case": "a1", "wall_mu": wall_mu, "regime": "quasi-static"} for wall_mu in (0.0, "mu"))]
+        rows += [{"load_case": "a1", "wall_mu": wall_mu, "regime": "quasi-static"} for wall_mu in (0.0, "mu")]
+        return [*rows, *({"load_case": "a1", "wall_mu": wall_mu, "shape": "nurbs"} for wall_mu in (0.0, "mu"))]
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Scene of Figure A.1 with the walls' motion of Table A.1."""
@@ -94,6 +97,8 @@ class Compression:
         }
         disk_law, wall_law = contact_laws(params, load.kn)
         scene = nine_disks(disk_law, wall_law, motions, params["xi"])
+        if params["shape"] == "nurbs":
+            scene = as_outlines(scene)
         cycles = params["cycles"]
         last = max(cycles, params["settle_cycles"]) if params["xi"] > 0.0 else cycles
         numerics = Numerics(
@@ -124,6 +129,7 @@ class Compression:
         scalars |= row_sums(scalars)
         middle = 0.5 * (history.x + history.x[:, ::-1, :]) - history.x[:, CENTRE : CENTRE + 1, :]
         scalars["symmetry_error"] = ("m", float(np.abs(middle).max()))
+        scalars["overlap_error"] = ("m", overlap_error(setup, history))
         return Observed(step=step, t=t, series=series, scalars=scalars)
 
     def checks(

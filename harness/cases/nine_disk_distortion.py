@@ -14,6 +14,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import WallSegment
 from ninedisk.harness.case import Check, Observed, Parameter, Setup, Value
 from ninedisk.harness.cases._distortion_checks import distortion_checks
+from ninedisk.harness.cases._grains import SHAPE, as_outlines, overlap_error
 from ninedisk.harness.cases._nine_disks import (
     CENTRE,
     DAMPING_FORM,
@@ -86,11 +87,12 @@ class Distortion:
         Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in one cycle"),
         replace(LEVER_ARM, in_id=True),
         DAMPING_FORM,
+        SHAPE,
         *NINE_DISK_CD,
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Four readings of the walls, two friction angles, two ratios; lever arms R, R - overlap/2 and LAMMPS'; a static one."""
+        """Four readings of the walls, two friction angles, two ratios; lever arms R, R - overlap/2 and LAMMPS'; a static one; outlines."""
         rows: list[Mapping[str, Value]] = [
             {"walls": walls, "wall_mu": wall_mu, "phi_deg": phi, "ks_over_kn": ratio, "lever_arm": arm}
             for arm in ("radius", "overlap")
@@ -103,13 +105,15 @@ class Distortion:
             for phi in (15.0, 30.0)
             for ratio in (1.0, 2.0 / 3.0)
         ]
-        return [*rows, {"walls": "mid-pivot", "wall_mu": 0.0, "regime": "quasi-static"}]
+        return [*rows, {"walls": "mid-pivot", "wall_mu": 0.0, "regime": "quasi-static"}, {"shape": "nurbs"}]
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Scene with three stages of wall motion."""
         load = LOAD_CASES["a1"]
         disk_law, wall_law = contact_laws(params, load.kn)
         scene = nine_disks(disk_law, wall_law, wall_motions(params["walls"]), XI)
+        if params["shape"] == "nurbs":
+            scene = as_outlines(scene)
         numerics = Numerics(
             dt=load.dt,
             n_steps=COMPRESS + SETTLE + DISTORT,
@@ -142,6 +146,7 @@ class Distortion:
         x = history.x[shown]
         scalars["cone_excess"] = ("1", max(excess, 0.0))
         scalars["symmetry_error"] = ("m", float(np.abs(0.5 * (x + x[:, ::-1, :]) - 0.5 * SIDE).max()))
+        scalars["overlap_error"] = ("m", overlap_error(setup, history))
         for disk in (2, 8):
             scalars[f"x_{disk}_final"] = ("m", float(x[-1, disk, 0]))
             scalars[f"y_{disk}_final"] = ("m", float(x[-1, disk, 1]))

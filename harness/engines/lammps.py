@@ -14,7 +14,7 @@ import numpy as np
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
-from ninedisk.harness.capabilities import LEVER_ARMS, Capability, capabilities_needed
+from ninedisk.harness.capabilities import GRAINS, LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines._package_engine import package_version
 from ninedisk.harness.engines._plane_geometry import contact_frame
@@ -23,7 +23,7 @@ from ninedisk.harness.external import ExternalEngine
 
 DRIVER = Path(__file__).parent / "drivers" / "lammps_driver.py"
 MPI = "libmpi.so.12"
-CAPABILITIES = frozenset(Capability) - {
+CAPABILITIES = frozenset(Capability) - GRAINS - {
     Capability.RESTITUTION,
     Capability.LEVER_ARM_OVERLAP,
     Capability.HELD_MOTION,

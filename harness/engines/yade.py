@@ -15,7 +15,7 @@ import numpy as np
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.capabilities import LEVER_ARMS, Capability, capabilities_needed
+from ninedisk.harness.capabilities import GRAINS, LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines._spring import contact_steps, laws_in_use
 from ninedisk.harness.external import ExternalEngine
@@ -23,7 +23,7 @@ from ninedisk.harness.wall_path import wall_path
 
 DRIVER = Path(__file__).parent / "drivers" / "yade_driver.py"
 _FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "DISPLAY", "OMPI_COMM_WORLD_RANK")
-CAPABILITIES = frozenset(Capability) - {
+CAPABILITIES = frozenset(Capability) - GRAINS - {
     Capability.RESTITUTION,
     Capability.LEVER_ARM_RADIUS,
     Capability.LEVER_ARM_TORQUE,

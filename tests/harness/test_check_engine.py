@@ -256,6 +256,9 @@ PLANTED = {
         Planted(scene=laws(lever_arm="radius")),
         "arm of the torque",
     ),
+    "circles for outlines": ("supports: OUTLINES", Planted(scene=disks(outline=-1)), "fn is"),
+    "outlines that are not turned": ("supports: OUTLINES", Planted(scene=disks(angle=0.0)), "fn is"),
+    "chords for areas": ("supports: AREA_CONTACT", Planted(scene=laws(contact="chord")), "fn is"),
     "more than its facts": (
         "supports: HELD_MOTION",
         Planted(support=Support(SupportLevel.EXACT)),

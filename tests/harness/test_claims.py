@@ -132,6 +132,9 @@ LIFT = (0.005 - 1e-3) / 1.25
         ("damping-reduces-oscillation", damped(0.1), True),
         ("damping-reduces-oscillation", damped(0.6), False),
         ("damping-reduces-oscillation", damped(0.1)[:1], None),
+        ("nurbs-overlap", [cell({"shape": "disk"}, {"gap_error": [1e-14, 1e-15]})], True),
+        ("nurbs-overlap", [cell({"shape": "disk"}, {"gap_error": [1e-14, 1e-11]})], False),
+        ("nurbs-overlap", [cell({"shape": "ellipse"}, {"gap_error": [1e-14, 1e-15]})], None),
         ("friction-and-stiffness-ratio-shape-distortion", distorted(0.5, 0.1), True),
         ("friction-and-stiffness-ratio-shape-distortion", distorted(0.5, 0.005), False),
         ("friction-and-stiffness-ratio-shape-distortion", distorted(-0.5, 0.1), False),
@@ -180,6 +183,7 @@ def test_rules(claim: str, cells: list[CaseResult], verdict: bool | None) -> Non
 def test_an_engine_that_cannot_see_decides_nothing(claim: str) -> None:
     """NaN in every series never confirms and never contradicts."""
     blind = {
+        "nurbs-overlap": [cell({"shape": "disk"}, {"gap_error": [math.nan] * 3})],
         "same-settled-force": settled((math.nan,) * 4),
         "damping-reduces-oscillation": damped(math.nan),
         "friction-and-stiffness-ratio-shape-distortion": distorted(math.nan, math.nan),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -141,6 +142,35 @@ def test_sketch_reads_every_motion_and_survives_nonsense(panel_store):
         {"scene": {"disks": {"x": [], "radius": []}}},
     ):
         assert read_scene(nonsense) is None
+
+
+def test_grains_are_drawn_as_their_outlines(tmp_path):
+    """An ellipse's polygon has its extent, turned as given; its forces are not those of the circle around it."""
+    from ninedisk.harness.cases.nurbs_collision import CASE
+    from ninedisk.harness.params import resolve
+    from ninedisk.reports.chains import springs
+    from ninedisk.reports.draw_scene import Configuration, draw_configuration, draw_sketch
+    from ninedisk.reports.scene_view import turned
+
+    setup = CASE.build(resolve(CASE, {}).params)
+    stored = {"scene": setup.scene.to_dict(), "labels": setup.labels}
+    view = read_scene(stored)
+    upright = [turned(edge, -angle) for edge, angle in zip(view.edges, (0.5, -0.9), strict=True)]
+    assert np.allclose([np.ptp(edge, axis=0) for edge in upright], (2.0, 1.2), atol=1e-3)
+    assert springs(stored) is None
+    disks = {key: values for key, values in stored["scene"]["disks"].items() if key not in ("outline", "angle")}
+    plain = read_scene({"scene": {**stored["scene"], "disks": disks}})
+    assert plain.edges == (None, None)
+    assert springs({"scene": {**stored["scene"], "disks": disks}}) is not None
+    assert plain.signature != view.signature
+    draw_sketch(view, tmp_path / "grains.svg")
+    draw_sketch(plain, tmp_path / "disks.svg")
+    assert (tmp_path / "grains.svg").read_bytes() != (tmp_path / "disks.svg").read_bytes()
+    look = SimpleNamespace(colour="#123456", dash=())
+    bodies = ((look, view.x, np.array([0.3, np.nan]), ()),)
+    draw_configuration(Configuration("", view.radius, bodies, edges=view.edges), tmp_path / "moved.svg")
+    moved = (tmp_path / "moved.svg").read_text()
+    assert moved.count("#123456") == 2  # one outline and its spoke; an unknown angle is not drawn as any
 
 
 def test_drawing_is_deterministic_in_any_number_of_processes(panel_store, tmp_path):

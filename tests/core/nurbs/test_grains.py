@@ -150,6 +150,29 @@ def test_preload_and_its_refusals() -> None:
         run(up, numerics(1e-6, 1))
 
 
+def test_gaps_of_outlines_that_graze() -> None:
+    """Circles that touch to the last bit or two have the gap 0, not the root of a rounding; dented grains likewise."""
+    for way in np.linspace(0.0, 6.0, 13):
+        step = 100.0 * np.array([np.cos(way), np.sin(way)])
+        disks = Disks(
+            x=np.array([150.0, 250.0]) + np.outer([0.0, 1.0], step),
+            radius=50.0,
+            mass=1.0,
+            inertia=1.0,
+            outline=0,
+            angle=[0.7, 3.1],
+        )
+        scene = Scene(disks=disks, disk_disk=ContactLaw(kn=1.0), outlines=(disk(50.0),))
+        assert abs(run(scene, numerics(1e-9, 1), [(0, 1)]).gap[0, 0]) <= 1e-13
+    grain = uniform_grain(peanut(), 1.0)
+    for apart in (1e-9, 1e-6):
+        disks = Disks(
+            x=[(-grain.radius, 0.0), (grain.radius + apart, 0.0)], radius=grain.radius, mass=1.0, inertia=1.0, outline=0
+        )
+        scene = Scene(disks=disks, disk_disk=ContactLaw(kn=1.0), outlines=(grain.outline,))
+        assert abs(run(scene, numerics(1e-9, 1), [(0, 1)]).gap[0, 0] - apart) <= 1e-13
+
+
 def test_gaps_of_open_pairs() -> None:
     """Distances of outlines by dense sampling, of strictly convex and of dented ones; a wall's is the lowest point's height."""
     wavy = uniform_grain(periodic(ring(12, 5), 3), 1.0)
