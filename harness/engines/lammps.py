@@ -23,12 +23,16 @@ from ninedisk.harness.external import ExternalEngine
 
 DRIVER = Path(__file__).parent / "drivers" / "lammps_driver.py"
 MPI = "libmpi.so.12"
-CAPABILITIES = frozenset(Capability) - GRAINS - {
-    Capability.RESTITUTION,
-    Capability.LEVER_ARM_OVERLAP,
-    Capability.HELD_MOTION,
-    Capability.QUASI_STATIC,
-}
+CAPABILITIES = (
+    frozenset(Capability)
+    - GRAINS
+    - {
+        Capability.RESTITUTION,
+        Capability.LEVER_ARM_OVERLAP,
+        Capability.HELD_MOTION,
+        Capability.QUASI_STATIC,
+    }
+)
 KINDS = 24
 """Kinds of disks (mass, inertia, free to turn) that wall dashpots may tell apart: LAMMPS has 32 groups in all."""
 

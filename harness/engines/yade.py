@@ -23,13 +23,17 @@ from ninedisk.harness.wall_path import wall_path
 
 DRIVER = Path(__file__).parent / "drivers" / "yade_driver.py"
 _FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "DISPLAY", "OMPI_COMM_WORLD_RANK")
-CAPABILITIES = frozenset(Capability) - GRAINS - {
-    Capability.RESTITUTION,
-    Capability.LEVER_ARM_RADIUS,
-    Capability.LEVER_ARM_TORQUE,
-    Capability.HELD_MOTION,
-    Capability.QUASI_STATIC,
-}
+CAPABILITIES = (
+    frozenset(Capability)
+    - GRAINS
+    - {
+        Capability.RESTITUTION,
+        Capability.LEVER_ARM_RADIUS,
+        Capability.LEVER_ARM_TORQUE,
+        Capability.HELD_MOTION,
+        Capability.QUASI_STATIC,
+    }
+)
 
 EXPLICIT = "https://yade-dem.org/doc/formulation.html"
 """States that motion is integrated explicitly, with inertia."""
