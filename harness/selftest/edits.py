@@ -5,7 +5,6 @@ This module imports nothing of the core, so that a process can plant the edits b
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import sys
 from collections.abc import Mapping, Sequence
@@ -56,21 +55,19 @@ def edited(source: str, edits: Sequence[Edit]) -> str:
     return source
 
 
-def check_edits(edits: Sequence[Edit]) -> str:
-    """Try the edits on the sources as they are now; a digest of what comes out.
+def check_edits(edits: Sequence[Edit]) -> None:
+    """Try the edits on the sources as they are now.
 
     Raises
     ------
     StaleEditError
         As `edited` does, or if a module does not exist.
     """
-    digest = hashlib.sha256()
     for name, chosen in by_module(edits).items():
         spec = importlib.util.find_spec(name)
         if spec is None or spec.origin is None:
             raise StaleEditError(f"a planted defect went stale: there is no module {name}")
-        digest.update(edited(Path(spec.origin).read_text(encoding="utf-8"), chosen).encode())
-    return digest.hexdigest()[:16]
+        edited(Path(spec.origin).read_text(encoding="utf-8"), chosen)
 
 
 def by_module(edits: Sequence[Edit]) -> dict[str, list[Edit]]:

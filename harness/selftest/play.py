@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ninedisk.core._cache import cache_folder
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
@@ -27,10 +26,10 @@ from ninedisk.harness.selftest.edits import Edit, check_edits
 from ninedisk.harness.wire import Request, decode_answer, encode_request
 
 TIME_LIMIT = 300.0
-"""Seconds for one wrong engine on its whole panel; the right ones take some ten."""
+"""Seconds for one wrong engine on its whole panel; the right ones take some ten, a minute where kernels are interpreted."""
 
 INTERPRETED = frozenset({"dem"})
-"""Engines whose kernels are not compiled: the DEM's step is a single kernel that takes a quarter of a minute to compile, and the
+"""Engines whose kernels are never compiled: the DEM's step is a single kernel that takes a quarter of a minute to compile, and the
 panel takes seconds to interpret. Results are the same."""
 
 Outcome = EngineRun | EngineError
@@ -65,7 +64,7 @@ def outcomes(defect: Defect, cells: Sequence[Cell]) -> list[Outcome]:
     StaleEditError
         If an edit no longer fits.
     """
-    digest = check_edits(defect.edits)
+    check_edits(defect.edits)
     asked = [_setup(cell) for cell in cells]
     told = [_told(defect, setup) for setup in asked]
     with tempfile.TemporaryDirectory(prefix="ninedisk-selftest-", ignore_cleanup_errors=True) as name:
@@ -83,7 +82,7 @@ def outcomes(defect: Defect, cells: Sequence[Cell]) -> list[Outcome]:
                 [sys.executable, "-m", "ninedisk.harness.selftest.driver"],
                 stdin=json.dumps(job),
                 time_limit=TIME_LIMIT,
-                env=_environment(defect, digest),
+                env=_environment(defect),
             )
         except EngineError as error:
             ended = str(error)
@@ -137,13 +136,11 @@ def _read(file: Path, scene: Scene, numerics: Numerics, setup: Setup, ended: str
     return replace(run, history=replace(run.history, t=asked))
 
 
-def _environment(defect: Defect, digest: str) -> dict[str, str]:
-    """One thread; kernels interpreted, or compiled into a cache of their own where one of them is edited."""
+def _environment(defect: Defect) -> dict[str, str]:
+    """One thread; kernels interpreted where they would have to be compiled for this defect alone, which takes half a minute."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    if defect.engine in INTERPRETED:
+    if defect.engine in INTERPRETED or any(touches_kernels(edit) for edit in defect.edits):
         environment["NUMBA_DISABLE_JIT"] = "1"
-    elif any(touches_kernels(edit) for edit in defect.edits):
-        environment["NUMBA_CACHE_DIR"] = str(Path(cache_folder()) / "selftest" / digest)
     return environment
 
 
