@@ -151,15 +151,18 @@ def units_do_not_matter(world: World, run: Run, *, length: int, mass: int, time:
 def forces_lie_in_the_cone(world: World, run: Run) -> None:
     """Contacts push and never pull, and shear by no more than mu times that.
 
-    The DEM clips, to the last bit; with a dashpot, a sample divides by the distance once more than the step does, which moves
-    the dashpot's part of fn by units in the last place.
+    The DEM clips, to the last bit of its own fn; a sample finds the distance anew, without the fused products of the step: kn times
+    some units in the last place of a distance, and of the dashpot's part of fn.
     """
     history = world.watched(run)
     mu = np.array([world.scene.law(pair).mu for pair in world.pairs])
-    share = 1e-9 if world.rigid else 1e-14 if world.scene.disk_disk.beta > 0.0 else 0.0
+    share = 1e-9 if world.rigid else 1e-14
+    stiffest = max(world.scene.law(pair).kn for pair in world.pairs)
+    reach = 2.0 * float(world.scene.disks.radius.max())
+    rounding = 0.0 if world.rigid else 4.0 * float(np.finfo(np.float64).eps) * stiffest * reach
     first = 1 if world.rigid else 0  # impulses have a step that they belong to: none at time 0
     fn, fs = history.fn[first:], history.fs[first:]
-    residual = share * float(fn.max(initial=0.0))
+    residual = share * float(fn.max(initial=0.0)) + rounding
     assert np.isfinite(fn).all()
     assert (fn >= -residual).all()
     assert (np.abs(fs) <= mu * fn + residual).all()
