@@ -22,8 +22,9 @@ from ninedisk.harness.results import CaseResult, Row
 from ninedisk.harness.snapshot import CellKey, cell_key
 from ninedisk.harness.store import read_about, read_table, run_ids
 
-ELSEWHERE = ("commit", "engines")
-"""Facts that are not compared as such: the digest of the sources is sharper, and engines are compared cell by cell."""
+ELSEWHERE = ("commit", "engines", "jobs")
+"""Facts that are not compared as such: the digest of the sources is sharper, engines are compared cell by cell, and how many cells
+run at once moves timings, not results."""
 
 CELL_COLUMNS = ("case", "variant", "engine", "case_version", "params", "setup", "engine_version", "status", "reason")
 SAME = ("case_version", "params", "setup")

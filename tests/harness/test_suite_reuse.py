@@ -31,7 +31,7 @@ def cells() -> list[Cell]:
 @pytest.fixture(scope="module")
 def store(cells: list[Cell], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("store")
-    write(folder, "20260101T000000Z-aaaaaa", cells)
+    write(folder, "20260101T000000Z-aaaaaa", cells, jobs=2)  # as the command notes it
     return folder
 
 
