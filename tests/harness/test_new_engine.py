@@ -61,7 +61,9 @@ def test_it_is_listed_with_its_origin(installed: Callable[..., subprocess.Comple
 def test_it_passes_check_engine(installed: Callable[..., subprocess.CompletedProcess[str]]) -> None:
     done = installed("ninedisk", "check-engine", "acme-dem")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "acme-dem: 15 pass, 15 refused" in done.stdout
+    assert re.search(
+        r"^acme-dem: 15 pass, \d+ refused$", done.stdout, re.MULTILINE
+    )  # what it does not declare is refused
 
 
 def test_it_passes_its_own_tests(installed: Callable[..., subprocess.CompletedProcess[str]]) -> None:
