@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from ninedisk.harness.selftest.defect import Defect, Kind
-from ninedisk.harness.selftest.edits import Edit
+from functools import partial
+
+from ninedisk.harness.selftest.planted import planted
 
 CONTACT, STEP = "cd.contact_kernels", "cd.step"
 FRAMES, MARCH = "cd.frame_kernels", "cd.march_kernels"
@@ -11,18 +12,7 @@ FRAMES, MARCH = "cd.frame_kernels", "cd.march_kernels"
 the first, or in two places."""
 
 
-def _kernel(name: str, what: str, witness: str, *edits: tuple[str, str, str]) -> Defect:
-    return _defect("kernel", name, what, witness, edits)
-
-
-def _python(name: str, what: str, witness: str, *edits: tuple[str, str, str]) -> Defect:
-    return _defect("python", name, what, witness, edits)
-
-
-def _defect(kind: Kind, name: str, what: str, witness: str, edits: tuple[tuple[str, str, str], ...]) -> Defect:
-    planted = tuple(Edit(*edit) for edit in edits)
-    return Defect(name=name, engine="cd", kind=kind, what=what, witness=witness, edits=planted)
-
+_kernel, _python = partial(planted, "cd", "kernel"), partial(planted, "cd", "python")
 
 _OPENING = "offset[k, 0] = gap[k] / (theta * dt) + (held_n"
 

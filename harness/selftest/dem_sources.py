@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
-from ninedisk.harness.selftest.defect import Defect, Kind
-from ninedisk.harness.selftest.edits import Edit
+from ninedisk.harness.selftest.planted import planted
 
 FORCES, KICK, STEP = "dem.force_kernels", "dem.kick_kernels", "dem.step_kernels"
 SEARCH, MOTION = "contacts.search_kernels", "geometry.motion_kernels"
 
 
-def _kernel(name: str, what: str, witness: str, *edits: tuple[str, str, str]) -> Defect:
-    return _defect("kernel", name, what, witness, edits)
-
-
-def _python(name: str, what: str, witness: str, *edits: tuple[str, str, str]) -> Defect:
-    return _defect("python", name, what, witness, edits)
-
-
-def _defect(kind: Kind, name: str, what: str, witness: str, edits: tuple[tuple[str, str, str], ...]) -> Defect:
-    planted = tuple(Edit(*edit) for edit in edits)
-    return Defect(name=name, engine="dem", kind=kind, what=what, witness=witness, edits=planted)
-
+_kernel, _python = partial(planted, "dem", "kernel"), partial(planted, "dem", "python")
 
 _DISK_SLIP = "vt += (ri - half_slip * overlap) * wi + (radius[j] - half_slip * overlap) * omega[j]\n"
 _LIMIT = "limit = min(0.5 * skin[0], skin[0] - wall_drift(walls, skin[0]))"
