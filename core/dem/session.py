@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ninedisk.core.contacts.lists import empty_cells, grown
 from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL
 from ninedisk.core.dem import state
+from ninedisk.core.dem.admission import check_admission
 from ninedisk.core.dem.arrays import (
     SORT_FROM,
     STRIPES,
@@ -25,13 +26,14 @@ from ninedisk.core.dem.arrays import (
 )
 from ninedisk.core.dem.checkpoint import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.constants import contact_step, law_row, not_finite, step_constants
+from ninedisk.core.dem.counts import Counts, count
 from ninedisk.core.dem.crew import together
 from ninedisk.core.dem.grains import first_outlines, mended, restored, shear_of_grains
 from ninedisk.core.dem.outcome import history_of
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
 from ninedisk.core.dem.rebuild_kernels import rebuild
 from ninedisk.core.dem.step_kernels import advance
-from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
+from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.geometry.motion import compile_motion
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
@@ -40,8 +42,6 @@ from ninedisk.core.watch import chosen_particles
 
 STEPS_TIMES_DISKS = 2_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
-
-MOST_THREADS = 64
 
 
 class DemSession:
@@ -85,17 +85,7 @@ class DemSession:
         threads: int = 1,
     ) -> None:
         n, m = len(scene.disks), len(scene.walls)
-        if n == 0:
-            raise InvalidSceneError("the scene has no disk: there is nothing to simulate")
-        if scene.disks.held.any():
-            i = int(np.argmax(scene.disks.held.any(axis=1)))
-            raise InvalidSceneError(f"disk {i} is held, which the DEM cannot express: free it, or use contact dynamics")
-        if numerics.regime != "dynamic":
-            raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")
-        if isinstance(threads, bool) or threads not in range(1, MOST_THREADS + 1):
-            raise InvalidNumericsError(
-                f"threads = {threads!r} is not allowed: it must be a whole number 1..{MOST_THREADS}"
-            )
+        check_admission(scene, numerics, threads)
         self.scene, self.numerics = scene, numerics
         self.pairs = tuple(scene.check_pair(pair) for pair in watch)
         self.chosen = chosen_particles(scene, particles)
@@ -170,6 +160,12 @@ class DemSession:
         if self._outlines is not None:
             return shear_of_grains(self._outlines)
         return shear_by_pair(self._disks, self._lists.disks, self._lists.walls)
+
+    @property
+    def counts(self) -> Counts:
+        """Rebuilds so far, pairs that the present lists hold, contacts at the present positions."""
+        rebuilds = int(self._clock[state.REBUILDS])
+        return count(self._disks, self._walls, self._lists.disks, self._lists.walls, self._outlines, rebuilds)
 
     def warm_up(self) -> None:
         """Compile or load the kernels on a copy of the scene; this session's state stays as it is."""

@@ -1,0 +1,32 @@
+"""What the DEM takes on: checks of a scene, its numerics and the number of threads before anything is allocated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+
+MOST_THREADS = 64
+
+
+def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
+    """Refuse what the DEM cannot run.
+
+    Raises
+    ------
+    InvalidSceneError
+        If the scene has no disk or a held one.
+    InvalidNumericsError
+        If the numerics ask for the static limit, or the number of threads is not allowed.
+    """
+    if len(scene.disks) == 0:
+        raise InvalidSceneError("the scene has no disk: there is nothing to simulate")
+    if scene.disks.held.any():
+        i = int(np.argmax(scene.disks.held.any(axis=1)))
+        raise InvalidSceneError(f"disk {i} is held, which the DEM cannot express: free it, or use contact dynamics")
+    if numerics.regime != "dynamic":
+        raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")
+    if isinstance(threads, bool) or threads not in range(1, MOST_THREADS + 1):
+        raise InvalidNumericsError(f"threads = {threads!r} is not allowed: it must be a whole number 1..{MOST_THREADS}")
