@@ -63,6 +63,7 @@ LAMMPS = Peer(
         "pair_style": "granular: hooke, linear_history, coeff_restitution with e(beta), limit_damping",
         "neigh_modify": "delay 0 every 1 check yes",
         "skin / mean radius": f"{SKIN:g}, flowing {SKIN_FLOWING:g}",
+        "steps": "one run command; the first lists are built before the clock starts",
         "threads": 1,
     },
 )
@@ -75,7 +76,9 @@ YADE = Peer(
     settings={
         "contact_law": "Law2_ScGeom_ViscElPhys_Basic",
         "dashpots": "of the first contacts pair by pair, of later ones by one constant for each body",
-        "collider": "InsertionSortCollider, its own Verlet distance",
+        "collider": "InsertionSortCollider, Verlet distance half the skin",
+        "skin / mean radius": f"{SKIN:g}",
+        "steps": "a loop over O.step; contacts are found before the clock starts",
         "threads": "-j1",
     },
 )
