@@ -13,6 +13,7 @@ from ninedisk.core.dem.arrays import SORT_FROM
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.bench.dem_engines import PEERS, Peer, core_memory, cores, run_core, runner
 from ninedisk.harness.bench.dem_problems import DemProblem
+from ninedisk.harness.bench.dem_work import counted, roofline
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.engine import Engine
@@ -41,7 +42,7 @@ def run_problem(
     measured = interleave(contenders, repeats=repeats, time_limit=time_limit, tell=tell)
     base = measured["dem"]
     rows = [_core_row(problem, 1, base, base)]
-    rows[0] |= _memory(problem, tell)
+    rows[0] |= _of_the_run(problem, tell)
     rows += [_core_row(problem, k, measured[_team(k)], base) for k in teams]
     rows += [_peer_row(problem, peer, measured[peer.id], base, tell) for peer in peers]
     return [new_row(**row) for row in rows]
@@ -118,11 +119,19 @@ def _timed(problem: DemProblem, measured: Measured, base: Measured) -> Row:
     return row | {"status": "pass", "rate": problem.n * problem.steps / row["median_s"], "rate_unit": UNIT}
 
 
-def _memory(problem: DemProblem, tell: Tell) -> Row:
+def _of_the_run(problem: DemProblem, tell: Tell) -> Row:
+    """Memory, counts and, for packings at rest, the roofline estimate: what is counted leaves out rebuilds, which there are few."""
     if problem.short:
         return {}
     tell("memory")
-    return {"bytes_per_disk": core_memory(problem)}
+    row: Row = {"bytes_per_disk": core_memory(problem)}
+    tell("pairs and contacts")
+    counts, columns = counted(problem)
+    row |= columns
+    if problem.name.startswith("settled"):
+        tell("roofline")
+        row |= roofline(problem, counts)
+    return row
 
 
 def run(
