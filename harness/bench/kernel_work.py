@@ -79,7 +79,7 @@ def work_of(scene: Scene, numerics: Numerics, counts: Counts) -> Work:
     # Walls of one scene may differ; a contact with a wall is given their mean.
     walls = [WALL_CONTACT + WALL_DASHPOT * (law.beta > 0.0) + WALL_FRICTION * _rough(law) for law in laws[1:]]
     at_wall = sum(walls) / max(1, len(walls))
-    flops = n * (DISK + EXTRAPOLATION * ahead) + PAIR * counts.pairs + contact * counts.contacts
+    flops: float = n * (DISK + EXTRAPOLATION * ahead) + PAIR * counts.pairs + contact * counts.contacts
     flops += WALL_PAIR * counts.wall_pairs + at_wall * counts.wall_contacts
     extra = EXTRAPOLATED * ahead
     listed = counts.pairs + counts.wall_pairs

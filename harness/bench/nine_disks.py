@@ -66,10 +66,8 @@ def run(
 def _run_arm(
     arm: str, engines: Mapping[str, Engine], last_only: bool, *, repeats: int, time_limit: float, tell: Tell
 ) -> list[Row]:
-    params = _params(arm)
-    able = [
-        name for name, engine in engines.items() if engine.info().contact == "spring" and _expresses(engine, params)
-    ]
+    params = parameters(arm)
+    able = [name for name, engine in engines.items() if engine.info().contact == "spring" and expresses(engine, params)]
     if last_only:
         contenders = [Contender(name="dem", run=partial(_run_last, get_engine("dem"), params))]
         contenders += [Contender(name=name, run=partial(_run_last, engines[name], params)) for name in able]
@@ -87,7 +85,7 @@ def _run_arm(
 
 
 def _row(problem: str, params: Mapping[str, Any], name: str, measured: Measured, base: Measured) -> Row:
-    numerics = _setup(params).numerics
+    numerics = built(params).numerics
     row: Row = {
         "suite": "dem",
         "problem": problem,
@@ -139,7 +137,7 @@ def _run_last(engine: Engine, params: Mapping[str, Any], limit: float) -> Sample
     info = engine.info()
     if not info.installed:
         raise EngineNotInstalledError(f"{info.name} is not installed ({info.not_installed_because}): {info.install}")
-    setup = _setup(params)
+    setup = built(params)
     step, count = setup.numerics.contact_dt, setup.numerics.n_steps
     numerics = setup.numerics.replace(dt=step * count, n_steps=1, sample_from=0)
     expected = simulate(setup.scene, setup.numerics, setup.watch)
@@ -161,7 +159,7 @@ def _run_every(params: Mapping[str, Any], limit: float) -> Sample:  # noqa: ARG0
     import ninedisk
     from ninedisk.core.dem.session import DemSession
 
-    setup = _setup(params)
+    setup = built(params)
     numerics = setup.numerics.replace(sample_every=1, sample_from=0)
     begin = time.perf_counter()
     session = DemSession(setup.scene, numerics, setup.watch)
@@ -185,7 +183,7 @@ def _run_alone(params: Mapping[str, Any], limit: float) -> Sample:
     import ninedisk
     from ninedisk.core.simulate import simulate
 
-    setup = _setup(params)
+    setup = built(params)
     expected = float(simulate(setup.scene, setup.numerics, setup.watch).fn[-1, 0])
     program = PROGRAM.format(case=CASE, params=dict(params))
     begin = time.perf_counter()
@@ -202,16 +200,19 @@ def _run_alone(params: Mapping[str, Any], limit: float) -> Sample:
     return Sample(seconds=seconds, whole=seconds, facts=facts)
 
 
-def _params(arm: str) -> dict[str, Any]:
+def parameters(arm: str) -> dict[str, Any]:
+    """Parameters of the case's default variant with this lever arm."""
     from ninedisk.harness.params import resolve
 
     return dict(resolve(get_case(CASE), {"lever_arm": arm}).params)
 
 
-def _setup(params: Mapping[str, Any]) -> Any:
+def built(params: Mapping[str, Any]) -> Any:
+    """Scene, numerics and watched contacts of a variant."""
     return get_case(CASE).build(params)
 
 
-def _expresses(engine: Engine, params: Mapping[str, Any]) -> bool:
-    setup = _setup(params)
+def expresses(engine: Engine, params: Mapping[str, Any]) -> bool:
+    """Whether an engine has the variant's physics."""
+    setup = built(params)
     return engine.supports(setup.scene, setup.numerics).level in FAITHFUL

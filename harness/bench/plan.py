@@ -56,19 +56,21 @@ def _sizes(request: Request, usual: tuple[int, ...], more: tuple[int, ...]) -> l
 
 
 def _dem(request: Request, tell: Tell) -> list[Row]:
-    from ninedisk.harness.bench import dem_problems, dem_suite, nine_disks
+    from ninedisk.harness.bench import accuracy, dem_problems, dem_suite, nine_disks
     from ninedisk.harness.registry import engines_that_load
 
     engines = engines_that_load(lambda name: name != "dem" and request.engine_wanted(name))
     sizes = _sizes(request, dem_problems.SIZES, dem_problems.LARGE)
     wanted = request.problem_wanted
-    arms = [arm for arm in nine_disks.ARMS if wanted(nine_disks.problem_name(arm))]
-    arms = [] if request.sizes and 9 not in request.sizes else arms
+    every = () if request.sizes and 9 not in request.sizes else nine_disks.ARMS
+    small = {part: [arm for arm in every if wanted(part.problem_name(arm))] for part in (nine_disks, accuracy)}
     first = dem_problems.makers(sizes, wanted)
-    place = _Place(tell, [*first, *map(nine_disks.problem_name, arms)])
+    place = _Place(tell, [*first, *(part.problem_name(arm) for part, arms in small.items() for arm in arms)])
     makers = dem_problems.makers(sizes, wanted, place.settling)
     rows = dem_suite.run(makers, engines, repeats=request.repeats, time_limit=request.time_limit, tell=place)
-    return rows + nine_disks.run(arms, engines, repeats=request.repeats, time_limit=request.time_limit, tell=place)
+    for part, arms in small.items():
+        rows += part.run(arms, engines, repeats=request.repeats, time_limit=request.time_limit, tell=place)
+    return rows
 
 
 def _cd(request: Request, tell: Tell) -> list[Row]:

@@ -150,7 +150,7 @@ def test_nine_disks_are_timed_on_the_core() -> None:
 @needs("yade")
 def test_nine_disks_with_other_walls_are_not_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     engine = get_engine("yade")
-    params = nine_disks._params("overlap")
+    params = nine_disks.parameters("overlap")
     right = engine.run
 
     def other(scene: Any, numerics: Any, watch: Any) -> Any:
