@@ -43,6 +43,8 @@ class Peer:
         Whether it is so slow that only the short problems are run.
     settings : mapping
         What was chosen on purpose.
+    threads_by : str
+        Argument of the command that tells the number of threads, ``{}`` standing for it; empty for an engine that has one.
     """
 
     id: str
@@ -51,6 +53,7 @@ class Peer:
     why: str
     short: bool
     settings: Mapping[str, Any]
+    threads_by: str = ""
 
 
 LAMMPS = Peer(
@@ -64,7 +67,7 @@ LAMMPS = Peer(
         "neigh_modify": "delay 0 every 1 check yes",
         "skin / mean radius": f"{SKIN:g}, flowing {SKIN_FLOWING:g}",
         "steps": "one run command; the first lists are built before the clock starts",
-        "threads": 1,
+        "threads": "one: pair_style granular has no variant with threads",
     },
 )
 YADE = Peer(
@@ -79,8 +82,8 @@ YADE = Peer(
         "collider": "InsertionSortCollider, Verlet distance half the skin",
         "skin / mean radius": f"{SKIN:g}",
         "steps": "a loop over O.step; contacts are found before the clock starts",
-        "threads": "-j1",
     },
+    threads_by="-j{}",
 )
 PEERS = (LAMMPS, YADE)
 
@@ -120,8 +123,8 @@ def core_memory(problem: DemProblem) -> float:
     return (after - before) / problem.n
 
 
-def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float) -> Sample:
-    """One run of an external engine in a process of its own.
+def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float, threads: int = 1) -> Sample:
+    """One run of an external engine in a process of its own, with more than one thread only if it has `Peer.threads_by`.
 
     Raises
     ------
@@ -150,8 +153,8 @@ def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float) -> S
             "skin": problem.skin,
             **_extra(peer, engine, problem, folder),
         }
-        command = [*engine.command()[:-1], str(DRIVERS / f"{peer.id}_bench.py")]  # type: ignore[attr-defined]
-        environment = engine.environment(folder)  # type: ignore[attr-defined]
+        command = [*_told(peer, engine, threads), str(DRIVERS / f"{peer.id}_bench.py")]
+        environment = {**engine.environment(folder), "OMP_NUM_THREADS": str(threads)}  # type: ignore[attr-defined]
         finished = run_isolated(command, stdin=json.dumps(request), time_limit=limit, cwd=folder, env=environment)
         try:
             with np.load(answer) as data:
@@ -168,9 +171,17 @@ def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float) -> S
     )
 
 
-def runner(peer: Peer, engine: Engine, problem: DemProblem) -> Callable[[float], Sample]:
+def runner(peer: Peer, engine: Engine, problem: DemProblem, threads: int) -> Callable[[float], Sample]:
     """`run_peer` with all but the limit given."""
-    return partial(run_peer, peer, engine, problem)
+    return partial(run_peer, peer, engine, problem, threads=threads)
+
+
+def _told(peer: Peer, engine: Engine, threads: int) -> list[str]:
+    """The engine's command without its script, with this number of threads."""
+    words = list(engine.command()[:-1])  # type: ignore[attr-defined]
+    if threads > 1:
+        words[words.index(peer.threads_by.format(1))] = peer.threads_by.format(threads)
+    return words
 
 
 def _extra(peer: Peer, engine: Engine, problem: DemProblem, folder: Path) -> dict[str, Any]:

@@ -35,21 +35,25 @@ def run_problem(
         Registered engines by id; "dem" stands for the core, which is always run: ratios refer to it.
     """
     peers = [peer for peer in PEERS if peer.id in engines and (problem.short or not peer.short)]
-    teams = [] if problem.short or problem.n < SORT_FROM else range(2, min(MOST_THREADS, cores()) + 1)
+    more = range(2, 2 if problem.n < SORT_FROM else min(MOST_THREADS, cores()) + 1)
+    teams = [] if problem.short else more
+    crews = [(peer, k) for peer in peers for k in (1, *(more if peer.threads_by else ()))]
     contenders = [Contender(name="dem", run=partial(run_core, problem, 1))]
-    contenders += [Contender(name=peer.id, run=runner(peer, engines[peer.id], problem)) for peer in peers]
-    contenders += [Contender(name=_team(k), run=partial(run_core, problem, k), cores=k) for k in teams]
+    contenders += [
+        Contender(name=_team(peer.id, k), run=runner(peer, engines[peer.id], problem, k), cores=k) for peer, k in crews
+    ]
+    contenders += [Contender(name=_team("dem", k), run=partial(run_core, problem, k), cores=k) for k in teams]
     measured = interleave(contenders, repeats=repeats, time_limit=time_limit, tell=tell)
     base = measured["dem"]
     rows = [_core_row(problem, 1, base, base)]
     rows[0] |= _of_the_run(problem, tell)
-    rows += [_core_row(problem, k, measured[_team(k)], base) for k in teams]
-    rows += [_peer_row(problem, peer, measured[peer.id], base, tell) for peer in peers]
+    rows += [_core_row(problem, k, measured[_team("dem", k)], base) for k in teams]
+    rows += [_peer_row(problem, peer, k, measured[_team(peer.id, k)], base, tell) for peer, k in crews]
     return [new_row(**row) for row in rows]
 
 
-def _team(threads: int) -> str:
-    return f"dem, {threads} threads"
+def _team(engine: str, threads: int) -> str:
+    return engine if threads == 1 else f"{engine}, {threads} threads"
 
 
 def _head(problem: DemProblem, engine: str, threads: int, measured: Measured) -> Row:
@@ -82,8 +86,8 @@ def _core_row(problem: DemProblem, threads: int, measured: Measured, base: Measu
     return head | _timed(problem, measured, base)
 
 
-def _peer_row(problem: DemProblem, peer: Peer, measured: Measured, base: Measured, tell: Tell) -> Row:
-    head = _head(problem, peer.id, 1, measured)
+def _peer_row(problem: DemProblem, peer: Peer, threads: int, measured: Measured, base: Measured, tell: Tell) -> Row:
+    head = _head(problem, peer.id, threads, measured)
     if not measured.samples:
         return head | timings(measured, None, "")
     tell(f"dem, with the lever arms of {peer.id}, for the check")
@@ -99,7 +103,7 @@ def _peer_row(problem: DemProblem, peer: Peer, measured: Measured, base: Measure
         "check_value": worst,
         "check_bound": peer.bound,
         "resident_per_disk": float(np.median([sample.facts["resident"] for sample in measured.samples])),
-        "settings": json.dumps({**peer.settings, "contact_dt [s]": problem.contact_dt}),
+        "settings": json.dumps({"threads": threads, **peer.settings, "contact_dt [s]": problem.contact_dt}),
     }
     if not worst <= peer.bound:
         return head | {"status": "fail", "reason": f"positions differ by {worst:.3g}: other physics is not timed"}

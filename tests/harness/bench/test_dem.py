@@ -101,6 +101,20 @@ def test_threads_are_held_against_one(settled: DemProblem, monkeypatch: pytest.M
     assert {row["status"] for row in rows} == {"pass"}
 
 
+@needs("yade")
+def test_a_peer_with_threads_is_timed_with_more(settled: DemProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """YADE adds up forces in another order with two threads: other bits, the same physics."""
+    monkeypatch.setattr(dem_suite, "SORT_FROM", 10)
+    monkeypatch.setattr(dem_suite, "cores", lambda: 2)
+    engines = {"yade": get_engine("yade")}
+    rows = dem_suite.run_problem(settled, engines, repeats=1, time_limit=60.0, tell=lambda _: None)
+    assert [(row["engine"], row["threads"]) for row in rows] == [("dem", 1), ("yade", 1), ("yade", 2)]
+    assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
+    words = dem_engines._told(YADE, engines["yade"], 2)
+    assert "-j2" in words
+    assert "-j1" not in words
+
+
 def test_a_missing_engine_is_said(settled: DemProblem, monkeypatch: pytest.MonkeyPatch) -> None:
     engine = get_engine("lammps")
     info = replace(engine.info(), version=None, not_installed_because="it is not there")
