@@ -12,7 +12,9 @@ from typing import Any
 from markupsafe import Markup
 
 from ninedisk.reports import pages, text
-from ninedisk.reports.draw_points import Dots, PointChart, draw_points
+from ninedisk.reports.bench_dem import dem_charts, line_of
+from ninedisk.reports.bench_roofline import BINDS, estimates
+from ninedisk.reports.draw_points import PointChart, draw_points
 from ninedisk.reports.pages import HERE
 from ninedisk.reports.style import Look, engine_looks
 
@@ -24,8 +26,6 @@ SUITES = {
     "flow": "Rigid disks in motion: time per simulated second beside the penetration",
     "harness": "The whole verification run",
 }
-FAMILIES = ("settled", "flowing")
-"""Problems of the suite dem that come in several sizes, by the first part of their names."""
 
 
 def write_bench(record: Mapping[str, Any], path: Path) -> None:
@@ -47,16 +47,18 @@ def write_bench(record: Mapping[str, Any], path: Path) -> None:
         titles=SUITES,
         checks={name: _checks(rows, name) for name in SUITES},
         figures={name: [embedded(chart) for chart in charts(rows, name)] for name in SUITES},
+        rooflines=estimates([row for row in rows if row["suite"] == "dem"]),
+        binds=BINDS,
         sheet=Markup((HERE / "assets" / "style.css").read_text(encoding="utf-8")),
     )
     path.write_text(page, encoding="utf-8")
 
 
 def charts(rows: Sequence[Row], suite: str) -> list[PointChart]:
-    """Charts of one suite: rates over size, or time over the accuracy reached; none where nothing was timed."""
+    """Charts of one suite: rates over size, time over the accuracy reached, roofs; none where nothing was timed."""
     timed = [row for row in rows if row["suite"] == suite and _finite(row["median_s"])]
     if suite == "dem":
-        return [chart for family in FAMILIES if (chart := _scaling(timed, family)) is not None]
+        return dem_charts(timed)
     if suite == "flow":
         return [
             _penetration(problem, [row for row in timed if row["problem"] == problem])
@@ -73,25 +75,9 @@ def charts(rows: Sequence[Row], suite: str) -> list[PointChart]:
     ]
 
 
-def _scaling(rows: Sequence[Row], family: str) -> PointChart | None:
-    chosen = [row for row in rows if row["problem"].partition("-")[0] == family and _finite(row["rate"])]
-    names = {_line(row): _line(row) for row in chosen}
-    looks = engine_looks(names)
-    dots = [
-        _dots(look, sorted((row["disks"], row["rate"], row["problem"]) for row in chosen if _line(row) == name))
-        for name, look in looks.items()
-    ]
-    return PointChart(f"{family}: rate over size", "disks", "particle-steps / s", tuple(dots)) if dots else None
-
-
-def _line(row: Row) -> str:
-    threads = f", {row['threads']} threads" if row["threads"] > 1 else ""
-    return f"{row['engine']}{threads}{' (short runs)' if row['problem'].endswith('-short') else ''}"
-
-
 def _accuracy(problem: str, start: str, rows: Sequence[Row], looks: Mapping[str, Look]) -> PointChart:
     dots = [
-        _dots(
+        line_of(
             look,
             [(row["median_s"], row["check_value"], f"{row['tolerance']:g}") for row in rows if row["engine"] == name],
         )
@@ -106,7 +92,7 @@ def _penetration(problem: str, rows: Sequence[Row]) -> PointChart:
     families = {name: name for name in (row["engine"].partition(",")[0] for row in rows)}
     looks = engine_looks(families)
     dots = [
-        _dots(
+        line_of(
             look,
             sorted(
                 (row["rate"], row["penetration"], row["engine"])
@@ -121,20 +107,19 @@ def _penetration(problem: str, rows: Sequence[Row]) -> PointChart:
     )
 
 
-def _dots(look: Look, points: Sequence[tuple[float, float, str]]) -> Dots:
-    x, y, names = zip(*points, strict=True)
-    floor = tuple(max(float(value), 1e-17) for value in y)  # a logarithmic axis has no 0
-    return Dots(look.label, look, tuple(float(value) for value in x), floor, names=names)
-
-
 def embedded(chart: PointChart) -> dict[str, Any]:
-    """Title, image as a data address and legend of a chart, for pages that are one file."""
+    """Title, text alternative, image as a data address and legend of a chart, for pages that are one file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "chart.svg"
         draw_points(chart, path)
         # As an image, not as part of the page: the classes of one figure would restyle the next.
         data = base64.b64encode(path.read_bytes()).decode("ascii")
-    return {"title": chart.title, "source": f"data:image/svg+xml;base64,{data}", "looks": chart.looks}
+    return {
+        "title": chart.title,
+        "alt": chart.alt(),
+        "source": f"data:image/svg+xml;base64,{data}",
+        "looks": chart.looks,
+    }
 
 
 def _checks(rows: Sequence[Row], suite: str) -> dict[str, list[str]]:

@@ -34,7 +34,11 @@ class Dots:
 
 @dataclass(frozen=True)
 class PointChart:
-    """A chart of points; ``guides`` are labelled lines to compare with, as (label, x, y)."""
+    """A chart of points; ``guides`` are labelled lines to compare with, as (label, x, y).
+
+    Labels of guides stand at their ends, or with ``labels_along`` upon them, from where they begin. ``limits``, (low, high) of either
+    axis, replaces those that the points suggest.
+    """
 
     title: str
     x_label: str
@@ -43,15 +47,21 @@ class PointChart:
     guides: tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...] = ()
     x_log: bool = True
     y_log: bool = True
+    limits: tuple[tuple[float, float], tuple[float, float]] | None = None
+    labels_along: bool = False
 
     @property
     def x_limits(self) -> tuple[float, float]:
         """Limits of the horizontal axis with some room."""
+        if self.limits is not None:
+            return self.limits[0]
         return _limits([x for d in self.dots for x in d.x], self.x_log, marked=False)
 
     @property
     def y_limits(self) -> tuple[float, float]:
         """Limits of the vertical axis with some room; levels to compare with are inside."""
+        if self.limits is not None:
+            return self.limits[1]
         level = [] if self.y_log else [y for _, _, ys in self.guides for y in ys]
         return _limits([y for d in self.dots for y in d.y] + level, self.y_log)
 
@@ -108,6 +118,8 @@ def draw_points(chart: PointChart, path: Path) -> None:
         axes.set_yscale("log" if chart.y_log else "linear")
         for label, x, y in chart.guides:
             axes.plot(x, y, color=SOFT, linewidth=1.0, dashes=(4, 3), zorder=1)
+            if chart.labels_along:
+                continue
             below = y[-1] == min(ys[-1] for _, _, ys in chart.guides)
             axes.annotate(
                 label, (x[-1], y[-1]), (0, -2 if below else 2), textcoords="offset points", fontsize=7, color=INK,
@@ -124,15 +136,31 @@ def draw_points(chart: PointChart, path: Path) -> None:
         axes.set_ylim(*chart.y_limits)
         axes.set_xlabel(chart.x_label)
         axes.set_ylabel(chart.y_label)
+        if chart.labels_along:
+            _label_along(axes, chart)
         axes.minorticks_off()
         if chart.x_log:
             axes.xaxis.set_major_formatter(powers)
         if chart.y_log:
             axes.yaxis.set_major_formatter(powers)
         steps = sorted({x for d in chart.dots for x in d.x})
-        if chart.x_log and len(steps) < 7:
+        if chart.x_log and chart.limits is None and len(steps) < 7:
             axes.set_xticks(steps, _tick_labels(steps))
         write_svg(figure, path)
+
+
+def _label_along(axes: Any, chart: PointChart) -> None:
+    """Labels of the guides on their lines: at the right on a level, else turned like the line, from where it begins."""
+    for label, x, y in chart.guides:
+        (ax, ay), (bx, by) = axes.transData.transform([(x[0], y[0]), (x[1], y[1])])
+        angle = math.atan2(by - ay, bx - ax)
+        level = ay == by
+        along, off = (-3.0 if level else 8.0), 1.5
+        shift = (along * math.cos(angle) - off * math.sin(angle), along * math.sin(angle) + off * math.cos(angle))
+        axes.annotate(
+            label, (x[1 if level else 0], y[0]), shift, textcoords="offset points", fontsize=6.5, color=INK,
+            ha="right" if level else "left", va="bottom", rotation=math.degrees(angle), rotation_mode="anchor",
+        )  # fmt: skip
 
 
 def _tick_labels(steps: list[float]) -> list[str]:

@@ -1,0 +1,108 @@
+"""Charts of the suite ``dem``: rates over size and over threads, memory over size, accuracy against cost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from ninedisk.reports.bench_roofline import estimates, roofline_chart
+from ninedisk.reports.draw_points import Dots, PointChart
+from ninedisk.reports.style import Look, engine_looks
+from ninedisk.reports.text import as_float
+
+Row = Mapping[str, Any]
+Point = tuple[float, float, str]
+
+FAMILIES = ("settled", "flowing")
+"""Problems that come in several sizes, by the first part of their names."""
+ACCURACY = "accuracy-"
+SHORT = "-short"
+
+
+def dem_charts(rows: Sequence[Row]) -> list[PointChart]:
+    """Charts of the timed rows of the suite; those for which there is nothing to draw are left out."""
+    accuracy = dict.fromkeys(row["problem"] for row in rows if row["problem"].startswith(ACCURACY))
+    charts = [
+        *(_scaling(rows, family) for family in FAMILIES),
+        _threads(rows),
+        _memory(rows),
+        *(_accuracy(problem, [row for row in rows if row["problem"] == problem]) for problem in accuracy),
+        roofline_chart(estimates(rows)),
+    ]
+    return [chart for chart in charts if chart is not None]
+
+
+def _scaling(rows: Sequence[Row], family: str) -> PointChart | None:
+    chosen = [row for row in rows if _family(row) == family]
+    dots = _lines(chosen, _engine_and_threads, lambda row: (row["disks"], row["rate"], row["problem"]))
+    return PointChart(f"{family}: rate over size", "disks", "particle-steps / s", dots) if dots else None
+
+
+def _threads(rows: Sequence[Row]) -> PointChart | None:
+    chosen = [row for row in rows if _family(row) in FAMILIES]
+    shared = {(row["problem"], row["engine"]) for row in chosen if row["threads"] > 1}
+    dots = _lines(
+        [row for row in chosen if (row["problem"], row["engine"]) in shared],
+        lambda row: f"{row['engine']}, {row['problem']}",
+        lambda row: (row["threads"], row["rate"], row["problem"]),
+    )
+    if not dots:
+        return None
+    most = max(x for line in dots for x in line.x)
+    # As many times the rate of one thread as there are threads.
+    guides = tuple(("", (1.0, most), (line.y[0], most * line.y[0])) for line in dots)
+    return PointChart(
+        "rate over threads (dashed: in proportion)", "threads", "particle-steps / s", dots, guides, labels_along=True
+    )
+
+
+def _memory(rows: Sequence[Row]) -> PointChart | None:
+    """Arrays of a run of ours, growth of the resident memory of others."""
+    chosen = [
+        row for row in rows if _family(row) == FAMILIES[0] and not row["problem"].endswith(SHORT) and _bytes(row) > 0.0
+    ]
+    dots = _lines(
+        chosen,
+        lambda row: f"{row['engine']} ({'arrays' if as_float(row['bytes_per_disk']) > 0.0 else 'resident'})",
+        lambda row: (row["disks"], _bytes(row), row["problem"]),
+    )
+    return PointChart("settled: memory over size", "disks", "bytes / disk", dots) if dots else None
+
+
+def _accuracy(problem: str, rows: Sequence[Row]) -> PointChart:
+    dots = _lines(
+        rows, lambda row: row["engine"], lambda row: (row["median_s"], row["check_value"], f"{row['steps']} steps")
+    )
+    return PointChart(
+        f"{problem.removeprefix(ACCURACY)}: error against cost", "time [s]", "error / largest force", dots
+    )
+
+
+def _family(row: Row) -> str:
+    return str(row["problem"]).partition("-")[0]
+
+
+def _bytes(row: Row) -> float:
+    own, resident = as_float(row["bytes_per_disk"]), as_float(row["resident_per_disk"])
+    return own if own > 0.0 else resident
+
+
+def _engine_and_threads(row: Row) -> str:
+    threads = f", {row['threads']} threads" if row["threads"] > 1 else ""
+    return f"{row['engine']}{threads}{' (short runs)' if row['problem'].endswith(SHORT) else ''}"
+
+
+def _lines(rows: Sequence[Row], name_of: Callable[[Row], str], point_of: Callable[[Row], Point]) -> tuple[Dots, ...]:
+    """A line for each name, its points in order of x."""
+    lines: dict[str, list[Point]] = {}
+    for row in rows:
+        lines.setdefault(name_of(row), []).append(point_of(row))
+    looks = engine_looks({name: name for name in lines})
+    return tuple(line_of(looks[name], sorted(points)) for name, points in lines.items())
+
+
+def line_of(look: Look, points: Sequence[Point]) -> Dots:
+    """Points of one look; a logarithmic axis has no 0."""
+    x, y, names = zip(*points, strict=True)
+    floor = tuple(max(float(value), 1e-17) for value in y)
+    return Dots(look.label, look, tuple(float(value) for value in x), floor, names=names)
