@@ -33,8 +33,7 @@ def dem_charts(rows: Sequence[Row]) -> list[PointChart]:
 
 
 def _scaling(rows: Sequence[Row], family: str) -> PointChart | None:
-    chosen = [row for row in rows if _family(row) == family]
-    dots = _lines(chosen, _engine_and_threads, lambda row: (row["disks"], row["rate"], row["problem"]))
+    dots = _lines(_by_size(rows, family), _engine_and_threads, lambda row: (row["disks"], row["rate"], row["problem"]))
     return PointChart(f"{family}: rate over size", "disks", "particle-steps / s", dots) if dots else None
 
 
@@ -42,7 +41,9 @@ def _threads(rows: Sequence[Row]) -> PointChart | None:
     chosen = [row for row in rows if _family(row) in FAMILIES]
     shared = {(row["problem"], row["engine"]) for row in chosen if row["threads"] > 1}
     dots = _lines(
-        [row for row in chosen if (row["problem"], row["engine"]) in shared],
+        sorted(
+            (row for row in chosen if (row["problem"], row["engine"]) in shared), key=lambda row: int(row["threads"])
+        ),
         lambda row: f"{row['engine']}, {row['problem']}",
         lambda row: (row["threads"], row["rate"], row["problem"]),
     )
@@ -51,18 +52,16 @@ def _threads(rows: Sequence[Row]) -> PointChart | None:
     most = max(x for line in dots for x in line.x)
     # As many times the rate of one thread as there are threads.
     guides = tuple(("", (1.0, most), (line.y[0], most * line.y[0])) for line in dots)
-    return PointChart(
-        "rate over threads (dashed: in proportion)", "threads", "particle-steps / s", dots, guides, labels_along=True
-    )
+    heights = [y for _, _, ys in guides for y in ys] + [y for line in dots for y in line.y]
+    limits = ((0.9, 1.1 * most), (0.5 * min(heights), 2.0 * max(heights)))
+    title = "rate over threads (dashed: in proportion)"
+    return PointChart(title, "threads", "particle-steps / s", dots, guides, limits=limits, labels_along=True)
 
 
 def _memory(rows: Sequence[Row]) -> PointChart | None:
     """Arrays of a run of ours, growth of the resident memory of others."""
-    chosen = [
-        row for row in rows if _family(row) == FAMILIES[0] and not row["problem"].endswith(SHORT) and _bytes(row) > 0.0
-    ]
     dots = _lines(
-        chosen,
+        [row for row in _by_size(rows, FAMILIES[0]) if row["threads"] == 1 and _bytes(row) > 0.0],
         lambda row: f"{row['engine']} ({'arrays' if as_float(row['bytes_per_disk']) > 0.0 else 'resident'})",
         lambda row: (row["disks"], _bytes(row), row["problem"]),
     )
@@ -70,16 +69,26 @@ def _memory(rows: Sequence[Row]) -> PointChart | None:
 
 
 def _accuracy(problem: str, rows: Sequence[Row]) -> PointChart:
+    """Lines lead from coarse to fine steps."""
     dots = _lines(
-        rows, lambda row: row["engine"], lambda row: (row["median_s"], row["check_value"], f"{row['steps']} steps")
+        sorted(rows, key=lambda row: int(row["steps"])),
+        lambda row: row["engine"],
+        lambda row: (row["median_s"], row["check_value"], f"{row['steps']} steps"),
     )
-    return PointChart(
-        f"{problem.removeprefix(ACCURACY)}: error against cost", "time [s]", "error / largest force", dots
-    )
+    title = f"{problem.removeprefix(ACCURACY)}: error against cost"
+    return PointChart(title, "time [s]", "error / largest force", dots, decades=True)
 
 
 def _family(row: Row) -> str:
     return str(row["problem"]).partition("-")[0]
+
+
+def _by_size(rows: Sequence[Row], family: str) -> list[Row]:
+    """Rows of a family, small problems first; short runs only of engines that do no whole ones: they would say the same again."""
+    chosen = [row for row in rows if _family(row) == family]
+    whole = {(row["engine"], row["disks"]) for row in chosen if not row["problem"].endswith(SHORT)}
+    kept = [row for row in chosen if not row["problem"].endswith(SHORT) or (row["engine"], row["disks"]) not in whole]
+    return sorted(kept, key=lambda row: int(row["disks"]))
 
 
 def _bytes(row: Row) -> float:
@@ -93,12 +102,12 @@ def _engine_and_threads(row: Row) -> str:
 
 
 def _lines(rows: Sequence[Row], name_of: Callable[[Row], str], point_of: Callable[[Row], Point]) -> tuple[Dots, ...]:
-    """A line for each name, its points in order of x."""
+    """A line for each name, its points in the order of the rows."""
     lines: dict[str, list[Point]] = {}
     for row in rows:
         lines.setdefault(name_of(row), []).append(point_of(row))
     looks = engine_looks({name: name for name in lines})
-    return tuple(line_of(looks[name], sorted(points)) for name, points in lines.items())
+    return tuple(line_of(looks[name], points) for name, points in lines.items())
 
 
 def line_of(look: Look, points: Sequence[Point]) -> Dots:

@@ -120,4 +120,5 @@ def roofline_chart(found: Sequence[Estimate]) -> PointChart | None:
         guides=(*roofs, *own),
         limits=((left, right), (low, 2.0 * top)),
         labels_along=True,
+        decades=True,
     )

@@ -37,7 +37,8 @@ class PointChart:
     """A chart of points; ``guides`` are labelled lines to compare with, as (label, x, y).
 
     Labels of guides stand at their ends, or with ``labels_along`` upon them, from where they begin. ``limits``, (low, high) of either
-    axis, replaces those that the points suggest.
+    axis, replaces those that the points suggest. Few points have their own marks on a logarithmic horizontal axis, unless ``decades``
+    are asked for, as for what has been measured.
     """
 
     title: str
@@ -49,6 +50,7 @@ class PointChart:
     y_log: bool = True
     limits: tuple[tuple[float, float], tuple[float, float]] | None = None
     labels_along: bool = False
+    decades: bool = False
 
     @property
     def x_limits(self) -> tuple[float, float]:
@@ -144,9 +146,14 @@ def draw_points(chart: PointChart, path: Path) -> None:
         if chart.y_log:
             axes.yaxis.set_major_formatter(powers)
         steps = sorted({x for d in chart.dots for x in d.x})
-        if chart.x_log and chart.limits is None and len(steps) < 7:
+        if chart.x_log and len(steps) < 7 and not (chart.decades and _holds_decade(*chart.x_limits)):
             axes.set_xticks(steps, _tick_labels(steps))
         write_svg(figure, path)
+
+
+def _holds_decade(low: float, high: float) -> bool:
+    """Whether a power of ten lies between two numbers."""
+    return math.floor(math.log10(high)) >= math.ceil(math.log10(low))
 
 
 def _label_along(axes: Any, chart: PointChart) -> None:

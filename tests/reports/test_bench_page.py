@@ -111,6 +111,7 @@ def many_rows() -> list[dict[str, Any]]:
     sizes = (100, 1000, 10_000, 100_000, 1_000_000)
     rows = [row(f"settled-{n}", disks=n, bytes_per_disk=150.0 + 1e4 / n) for n in sizes]
     rows += [row(f"settled-{n}", "lammps", n, 4.0, resident_per_disk=900.0) for n in sizes]
+    rows += [row("settled-10000-short", seconds=0.3), row("settled-10000-short", "lammps", seconds=2.0)]
     rows += [row("settled-10000-short", "yade", threads=k, seconds=9.0 / k, resident_per_disk=1.0) for k in (1, 2)]
     rows += [row("settled-100000", disks=100_000, seconds=0.5 / k, threads=k) for k in (2, 3, 4)]
     rows += [
@@ -144,7 +145,7 @@ def test_charts_over_size_threads_memory_and_cost() -> None:
     assert set(threads) == {"dem, settled-100000", "yade, settled-10000-short"}
     assert threads["dem, settled-100000"].x == (1.0, 2.0, 3.0, 4.0)
     memory = {dots.key: dots for dots in drawn["settled: memory over size"].dots}
-    assert set(memory) == {"dem (arrays)", "lammps (resident)"}
+    assert set(memory) == {"dem (arrays)", "lammps (resident)", "yade (resident)"}
     assert memory["dem (arrays)"].y[0] == 250.0
     cost = {dots.key: dots for dots in drawn["nine-disks-overlap: error against cost"].dots}
     assert cost["yade"].y == (1e-4, 5e-5, 2.5e-5)
@@ -181,3 +182,28 @@ def test_an_estimate_names_its_problem() -> None:
     (found,) = estimates([under_roofs()])
     assert isinstance(found, Estimate)
     assert found.problem == "settled-10000"
+
+
+def test_error_lines_lead_from_coarse_to_fine_steps_whatever_was_measured() -> None:
+    """A slow minute under the coarsest step turns the line, and does not tangle it; its times have no marks of their own."""
+    rows = [
+        row("accuracy-nine-disks-overlap", "dem", 9, seconds, steps=steps, check_value=error)
+        for steps, seconds, error in ((22000, 0.02, 1e-5), (5500, 0.03, 4e-5), (11000, 0.011, 2e-5))
+    ]
+    (chart,) = charts(rows, "dem")
+    assert chart.dots[0].x == (0.03, 0.011, 0.02)
+    assert chart.dots[0].y == (4e-5, 2e-5, 1e-5)
+
+
+@pytest.mark.parametrize(("longest", "marks"), [(0.5, {"1e-2", "1e-1"}), (0.04, {"0.02", "0.04"})])
+def test_measured_times_are_marked_by_decades_where_there_are_some(
+    longest: float, marks: set[str], tmp_path: Path
+) -> None:
+    rows = [
+        row("accuracy-nine-disks-overlap", "dem", 9, seconds, steps=round(1e3 * seconds), check_value=1e-5)
+        for seconds in (0.02 if longest < 0.1 else 0.008, longest)
+    ]
+    (chart,) = charts(rows, "dem")
+    draw_points(chart, tmp_path / "cost.svg")
+    texts = {"".join(node.itertext()).strip() for node in ET.parse(tmp_path / "cost.svg").iter() if "text" in node.tag}
+    assert marks <= texts
