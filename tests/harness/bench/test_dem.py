@@ -103,7 +103,7 @@ def test_threads_are_held_against_one(settled: DemProblem, monkeypatch: pytest.M
 
 @needs("yade")
 def test_a_peer_with_threads_is_timed_with_more(settled: DemProblem, monkeypatch: pytest.MonkeyPatch) -> None:
-    """YADE adds up forces in another order with two threads: other bits, the same physics."""
+    """Whatever the order in which two threads add up forces, the physics is that of one."""
     monkeypatch.setattr(dem_suite, "SORT_FROM", 10)
     monkeypatch.setattr(dem_suite, "cores", lambda: 2)
     engines = {"yade": get_engine("yade")}
