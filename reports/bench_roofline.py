@@ -17,7 +17,7 @@ NEEDED = (
     "flop_rate_single", "root_rate",
 )  # fmt: skip
 BINDS = 0.7
-"""Of a roof: from there on it is said to bind; programs whose only limit it is reach 0.8 to 1 of such probes."""
+"""Of a roof: from there on it is said to bind, as it leaves less than a third of the time to everything else."""
 GIGA = 1e9
 
 
