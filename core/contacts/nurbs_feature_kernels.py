@@ -213,7 +213,8 @@ def vertices_on_pieces(
 ) -> int:
     """Add the vertices of one outline with their feet on the other: of the first one's, or of the second one's if ``swapped``.
 
-    Inside a corner of the other body a vertex has a foot on either face. It leaves through the nearer one.
+    A vertex is inside the other body if the nearest of its feet says so, and leaves through that one: close to a corner it has a foot on
+    either face, and may be beyond the one face's line without being inside.
     """
     still = Pose(1.0, 0.0, 0.0, 0.0)
     owner, other, at, of = (b, a, pose, still) if swapped else (a, b, still, pose)
@@ -221,7 +222,7 @@ def vertices_on_pieces(
     for m in range(vertices.first[owner], vertices.first[owner + 1]):
         x = at.c * vertices.point[m, 0] - at.s * vertices.point[m, 1] + at.x
         y = at.s * vertices.point[m, 0] + at.c * vertices.point[m, 1] + at.y
-        inner, inner_k, inner_u = -DEEPEST * size, -1, 0.0
+        least, inner_k, inner_u = 1e300, -1, 0.0
         for k in range(table.first_piece[other], table.first_piece[other + 1]):
             px, py = table.piece_circle[k, 0], table.piece_circle[k, 1]
             dx, dy = of.c * px - of.s * py + of.x - x, of.s * px + of.c * py + of.y - y
@@ -233,9 +234,9 @@ def vertices_on_pieces(
                 continue
             qx, qy, dx, dy = tangent_at(table, other, int(table.piece_span[k]), u, of)
             gap = ((x - qx) * dy - (y - qy) * dx) / sqrt(dx * dx + dy * dy)
+            if abs(gap) < least:
+                least, inner_k, inner_u = abs(gap), k if gap < 0.0 else -1, u
             if gap < 0.0:
-                if gap > inner:
-                    inner, inner_k, inner_u = gap, k, u
                 continue
             n = foot_added(table, vertices, a, b, m, other, k, u, of, x, y, swapped, reach, out, row, n)
             if n < 0:
