@@ -112,8 +112,10 @@ class GrainFrames:
         frames = frames.pick(np.lexsort((frames.place[:, 0], frames.pairs[:, 0])))
         reach += place.wall_way()
         of, rows = self._features.of_walls(place.x, place.angle, pairs, place.before, reach, deep=True)
-        ring = self._ring[frames.pairs[:, 0]]
+        ring, material = self._ring[frames.pairs[:, 0]], frames.gap_before.copy()
         gaps_before(frames.pairs[:, 0], frames.place, pairs[of, 0], rows.place, rows.gap, ring, frames.gap_before)
+        shorter = 0.5 * self._laws.arm_overlap[1 + w]
+        frames.arms[:, 2] += shorter * (np.maximum(0.0, -material) - np.maximum(0.0, -frames.gap_before))
         return frames
 
     def _elastic(
