@@ -84,18 +84,22 @@ class Recorder:
         history.angle[row], history.omega[row] = x[chosen, 2], v[chosen, 2]
         history.wall_point[row] = wall[:, 0:2]
         history.wall_angle[row] = np.arctan2(wall[:, 3], wall[:, 2])
-        history.gap[row] = [self._gap(i, j, x, wall) for i, j in self._pairs.tolist()]
+        history.gap[row] = self._gaps(x, wall)
         self._energies(row, x, v, memory, wall_work)
         if step > 0 or self.elastic:
             forces = memory.of(self._pairs) if self._grains is None else memory.sums(self._pairs)
             history.fn[row], history.fs[row] = forces[:, 0], forces[:, 1]
             history.wall_force[row] = self._wall_forces(x, wall, memory)
 
+    def _gaps(self, x: FloatArray, wall: FloatArray) -> FloatArray:
+        if self._grains is None or not len(self._pairs):
+            return np.array([self._gap(i, j, x, wall) for i, j in self._pairs.tolist()])
+        disks = self._scene.disks
+        place = Place(x[:, :2].copy(), disks.angle + x[:, 2], disks.radius, wall, wall)
+        return self._grains.gaps(place, self._pairs)
+
     def _gap(self, i: int, j: int, x: FloatArray, wall: FloatArray) -> float:
         radius, w = self._scene.disks.radius, j - len(x)
-        if self._grains is not None:
-            place = Place(x[:, :2].copy(), self._scene.disks.angle + x[:, 2], radius, wall, wall)
-            return self._grains.gap(place, np.array([i, j]))
         if w >= 0:
             return float((x[i, :2] - wall[w, 0:2]) @ wall[w, 2:4] - radius[i])
         return float(np.hypot(*(x[j, :2] - x[i, :2])) - (radius[i] + radius[j]))

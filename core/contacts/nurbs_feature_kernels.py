@@ -218,7 +218,6 @@ def vertices_on_pieces(
     """
     still = Pose(1.0, 0.0, 0.0, 0.0)
     owner, other, at, of = (b, a, pose, still) if swapped else (a, b, still, pose)
-    size = min(table.radius[a], table.radius[b])
     for m in range(vertices.first[owner], vertices.first[owner + 1]):
         x = at.c * vertices.point[m, 0] - at.s * vertices.point[m, 1] + at.x
         y = at.s * vertices.point[m, 0] + at.c * vertices.point[m, 1] + at.y

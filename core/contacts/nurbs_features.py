@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ninedisk.core._validate import FloatArray
 from ninedisk.core.contacts.nurbs import NurbsGrains
@@ -80,21 +81,29 @@ class NurbsFeatures:
                 raise InvalidSceneError(_deep(f"grains {i} and {j} overlap"))
 
     def of_walls(
-        self, x: FloatArray, angle: FloatArray, pairs: IntArray, wall: FloatArray, reach: float, *, deep: bool = False
+        self,
+        x: FloatArray,
+        angle: FloatArray,
+        pairs: IntArray,
+        wall: FloatArray,
+        reach: float,
+        *,
+        deep: bool | NDArray[np.bool_] = False,
     ) -> tuple[IntArray, FeatureRows]:
         """Features of grains and walls, whose body numbers begin at n; ``wall``, shape (m, 11), as `place_walls` fills it.
 
         Raises
         ------
         InvalidSceneError
-            If a grain is deeper in a wall than `DEEPEST` of its radius, unless ``deep``.
+            If a grain is deeper in a wall than `DEEPEST` of its radius, unless ``deep`` (of all pairs, or of each).
         """
         turn = np.column_stack([np.cos(angle), np.sin(angle)])
         count = np.zeros(len(pairs), dtype=np.int64)
         arrays = (self.table, self.vertices, self.shape, x, turn, pairs, wall, reach, count)
         total = self._listed(lambda: features_with_walls(*arrays, self._rows), count)
-        if np.any(count < 0) and not deep:
-            i, j = pairs[np.argmin(count)]
+        lost = (count < 0) & ~np.asarray(deep)
+        if lost.any():
+            i, j = pairs[np.argmax(lost)]
             raise InvalidSceneError(_deep(f"grain {i} and wall {j - len(x)} overlap"))
         return np.repeat(np.arange(len(pairs)), np.maximum(count, 0)), self._first(total)
 
