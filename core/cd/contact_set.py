@@ -2,48 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.frame_kernels import MISSED, NEARBY, closing_gaps, gap_round_off, surface_way, wall_way
+from ninedisk.core.cd.frame_kernels import MISSED, NEARBY, closing_gaps, surface_way
 from ninedisk.core.cd.frames import Frames, contact_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.memory import ContactMemory
+from ninedisk.core.cd.place import Place
 from ninedisk.core.cd.residuals import Sliding
 from ninedisk.core.cd.step import Solved, Step, pair_bodies
 from ninedisk.core.contacts.finder import PairFinder
 
+if TYPE_CHECKING:
+    from ninedisk.core.cd.grain_frames import GrainFrames
+
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where bodies are: disks at the start of a step, walls at both its ends.
-
-    Attributes
-    ----------
-    x : ndarray, shape (n, 2)
-        Centres [m].
-    radius : ndarray, shape (n,)
-        Radii [m].
-    before, after : ndarray, shape (m, 11)
-        Walls.
-    """
-
-    x: FloatArray
-    radius: FloatArray
-    before: FloatArray
-    after: FloatArray
-
-    def round_off(self) -> float:
-        """Error of a gap [m] that the rounding of coordinates explains."""
-        return gap_round_off(self.x, self.radius, self.after)
-
-    def wall_way(self) -> float:
-        """Bound on the displacement of a wall's surface over the step near the disks [m]."""
-        return wall_way(self.x, self.before, self.after)
 
 
 def solve_with_contacts(
@@ -54,12 +30,15 @@ def solve_with_contacts(
     memory: ContactMemory,
     sliding: Sliding,
     margin: float = 0.0,
+    grains: GrainFrames | None = None,
 ) -> tuple[Frames, Solved]:
     """Solve a step on a set of contacts that grows until no pair outside it is violated.
 
     A pair enters if its gap at the end of the step, minus ``mu`` times its slip under the associated rule, is not
     positive: first for the motion without contacts, then for each solution. The search covers every pair that the
-    displacements found can bring that far, so the final solution violates no contact, listed or not.
+    displacements found can bring that far, so the final solution violates no contact, listed or not. The gap is that along
+    the normal at the start of the step: exact on disks and walls, or on the safe side; on outlines that turn by an angle a and
+    have the radius of curvature rho it errs by ``rho a^2/2``.
 
     Parameters
     ----------
@@ -72,6 +51,8 @@ def solve_with_contacts(
     sliding : {"associated", "coulomb"}
     margin : float
         Pairs with a gap up to this [m] enter at once.
+    grains : GrainFrames, optional
+        Where bodies have outlines.
 
     Returns
     -------
@@ -88,8 +69,7 @@ def solve_with_contacts(
         return factor * (2.0 * surface_way(dx, place.radius) + walls) + max(margin, 2.0 * tolerance)
 
     def near(reach: float) -> Frames:
-        pairs = finder.within(place.x, place.after, reach)
-        return contact_frames(pairs, place.x, place.radius, place.before, place.after, laws)
+        return frames_within(reach, place, finder, laws, grains)
 
     def closing(frames: Frames, dx: FloatArray) -> FloatArray:
         bodies, out = pair_bodies(frames, len(dx)), np.empty(len(frames))
@@ -102,14 +82,27 @@ def solve_with_contacts(
     inside = closing(frames, dx) < max(margin, tolerance)
     while True:
         chosen = frames.pick(inside)
-        solved = step.solve(chosen, memory.of(chosen.pairs))
+        solved = step.solve(chosen, memory.of(chosen.pairs) if grains is None else grains.inherited(memory, chosen))
         needed = reach_of(solved.dx)
         if needed > reach:
             reach = 1.5 * needed
-            known = {tuple(pair) for pair in chosen.pairs.tolist()}
+            known = set(_names(chosen))
             frames = near(reach)
-            inside = np.array([tuple(pair) in known for pair in frames.pairs.tolist()], dtype=bool)
+            inside = np.array([name in known for name in _names(frames)], dtype=bool)
         missed = ~inside & (closing(frames, solved.dx) < -tolerance)
         if not missed.any():
             return chosen, solved
         inside |= missed
+
+
+def frames_within(reach: float, place: Place, finder: PairFinder, laws: LawTable, grains: GrainFrames | None) -> Frames:
+    """Contacts with a gap below ``reach`` [m] at the end of the step if no body moved."""
+    pairs = finder.within(place.x, place.after, reach)
+    if grains is not None:
+        return grains.frames(place, pairs, reach)
+    return contact_frames(pairs, place.x, place.radius, place.before, place.after, laws)
+
+
+def _names(frames: Frames) -> list[tuple[float, ...]]:
+    """What tells the contacts of one step apart."""
+    return [(*pair, *place) for pair, place in zip(frames.pairs.tolist(), frames.place.tolist(), strict=True)]

@@ -37,6 +37,8 @@ class Frames:
         Tangential displacement of i's surface against j's [m] if no disk moved: minus that of the wall.
     arms : ndarray, shape (c, 4)
         Rotation columns of the Jacobian [m].
+    place : ndarray, shape (c, 2)
+        Where on both outlines the contact is (span + u + 1/2); 0 on disks and walls.
     """
 
     pairs: IntArray
@@ -46,12 +48,13 @@ class Frames:
     gap_before: FloatArray
     shift: FloatArray
     arms: FloatArray
+    place: FloatArray
 
     def __len__(self) -> int:
         return len(self.pairs)
 
-    def pick(self, which: NDArray[np.bool_]) -> Frames:
-        """The contacts chosen by a mask, shape (c,)."""
+    def pick(self, which: NDArray[np.bool_] | IntArray) -> Frames:
+        """The contacts chosen by a mask, shape (c,), or by their numbers."""
         return Frames(*(column[which] for column in vars(self).values()))
 
 
@@ -81,4 +84,4 @@ def contact_frames(
     normal, arms = np.empty((c, 2)), np.empty((c, 4))
     gap, gap_before, shift = np.empty(c), np.empty(c), np.empty(c)
     measure_frames(pairs, row, x, radius, before, after, laws.arrays, normal, gap, gap_before, shift, arms)
-    return Frames(pairs, row, normal, gap, gap_before, shift, arms)
+    return Frames(pairs, row, normal, gap, gap_before, shift, arms, np.zeros((c, 2)))

@@ -43,15 +43,10 @@ class LawTable:
     ------
     InvalidSceneError
         If a rigid contact is to obey Newton's law but its restitution is not given, or an elastic one has a dashpot or another
-        lever arm for the torque than for the slip; or if the scene has grains with outlines or a law of the common area.
+        lever arm for the torque than for the slip; or if a law is that of the common area.
     """
 
     def __init__(self, scene: Scene, numerics: Numerics, contacts: Stiffness) -> None:
-        if np.any(scene.disks.outline >= 0):
-            raise InvalidSceneError(
-                f"grain {int(np.argmax(scene.disks.outline >= 0))} has an outline, and contact dynamics knows disks alone: use the DEM "
-                "(method = 'dem'), or disks (disks.outline = -1)"
-            )
         laws = [scene.disk_disk, *(wall.law for wall in scene.walls)]
         names = ["disks", *(f"wall {wall.name!r}" for wall in scene.walls)]
         used = [len(scene.disks) > 1] + [True] * len(scene.walls)

@@ -150,7 +150,8 @@ class March:
         self.iterations += int(counts[ITERATIONS])
         self.worst = (float(totals[WORST_MAP]), float(totals[WORST_GAP]))
         held = int(counts[HELD])
-        return reached, memory.renewed(self._pairs[:held].copy(), self._forces[:held].copy()), float(totals[WORK])
+        found = memory.renewed(self._pairs[:held].copy(), self._forces[:held].copy(), np.zeros((held, 2)))
+        return reached, found, float(totals[WORK])
 
     def _remember(self, memory: ContactMemory) -> None:
         """Take over the forces of a step that was taken singly."""

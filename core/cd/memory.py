@@ -10,33 +10,50 @@ IntArray = NDArray[np.int64]
 
 
 class ContactMemory:
-    """Forces of the last step by pair: the shear springs' state and the solvers' warm start.
+    """Forces of the last step by contact: the shear springs' state and the solvers' warm start.
 
     Parameters
     ----------
     n_bodies : int
         Disks and walls.
     pairs : ndarray of int64, shape (c, 2)
-        In ascending order.
+        In ascending order; a pair of outlines can occur several times.
     forces : ndarray, shape (c, 2)
         Normal and shear forces ``(p, q)`` [N].
+    places : ndarray, shape (c, 2)
+        Places on both outlines, 0 on disks and walls.
+
+    Attributes
+    ----------
+    keys : ndarray of int64, shape (c,)
+        One number for each pair, ascending.
     """
 
-    def __init__(self, n_bodies: int, pairs: IntArray, forces: FloatArray) -> None:
+    def __init__(self, n_bodies: int, pairs: IntArray, forces: FloatArray, places: FloatArray) -> None:
         self._n = n_bodies
-        self.pairs, self.forces = pairs, forces
-        self._keys = pairs[:, 0] * n_bodies + pairs[:, 1]
+        self.pairs, self.forces, self.places = pairs, forces, places
+        self.keys = self.keys_of(pairs)
+
+    def keys_of(self, pairs: IntArray) -> IntArray:
+        """One number for each pair, in the order of the pairs."""
+        return np.asarray(pairs[:, 0] * self._n + pairs[:, 1])
 
     def of(self, pairs: IntArray) -> FloatArray:
-        """Forces of these pairs, shape (c, 2); 0 where there was no contact."""
+        """Forces of these pairs of disks and walls, shape (c, 2); 0 where there was no contact."""
         found = np.zeros((len(pairs), 2))
-        if len(self._keys) and len(pairs):
-            keys = pairs[:, 0] * self._n + pairs[:, 1]
-            at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-            known = self._keys[at] == keys
+        if len(self.keys) and len(pairs):
+            keys = self.keys_of(pairs)
+            at = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
+            known = self.keys[at] == keys
             found[known] = self.forces[at[known]]
         return found
 
-    def renewed(self, pairs: IntArray, forces: FloatArray) -> ContactMemory:
+    def sums(self, pairs: IntArray) -> FloatArray:
+        """Sums of the forces of all contacts of each of these pairs, shape (c, 2)."""
+        keys = self.keys_of(pairs)
+        begin, end = (np.searchsorted(self.keys, keys, side) for side in ("left", "right"))
+        return np.array([self.forces[i:j].sum(axis=0) for i, j in zip(begin, end, strict=True)]).reshape(len(pairs), 2)
+
+    def renewed(self, pairs: IntArray, forces: FloatArray, places: FloatArray) -> ContactMemory:
         """Memory of the next step."""
-        return ContactMemory(self._n, pairs, forces)
+        return ContactMemory(self._n, pairs, forces, places)

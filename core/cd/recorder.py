@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.memory import ContactMemory
+from ninedisk.core.cd.place import Place
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+
+if TYPE_CHECKING:
+    from ninedisk.core.cd.grain_frames import GrainFrames
 
 FloatArray = NDArray[np.float64]
 
@@ -30,8 +36,9 @@ class Recorder:
         laws: LawTable,
         pairs: tuple[Pair, ...],
         chosen: NDArray[np.int64],
+        grains: GrainFrames | None = None,
     ) -> None:
-        self._scene, self._laws, self._chosen = scene, laws, chosen
+        self._scene, self._laws, self._chosen, self._grains = scene, laws, chosen, grains
         steps = numerics.sampled_steps()
         self._at = {int(step): row for row, step in enumerate(steps)}
         used = laws.elastic if len(scene.disks) > 1 else laws.elastic[1:]
@@ -77,12 +84,19 @@ class Recorder:
         history.angle[row], history.omega[row] = x[chosen, 2], v[chosen, 2]
         history.wall_point[row] = wall[:, 0:2]
         history.wall_angle[row] = np.arctan2(wall[:, 3], wall[:, 2])
-        history.gap[row] = [self._gap(i, j, x, wall) for i, j in self._pairs.tolist()]
+        history.gap[row] = self._gaps(x, wall)
         self._energies(row, x, v, memory, wall_work)
         if step > 0 or self.elastic:
-            forces = memory.of(self._pairs)
+            forces = memory.of(self._pairs) if self._grains is None else memory.sums(self._pairs)
             history.fn[row], history.fs[row] = forces[:, 0], forces[:, 1]
             history.wall_force[row] = self._wall_forces(x, wall, memory)
+
+    def _gaps(self, x: FloatArray, wall: FloatArray) -> FloatArray:
+        if self._grains is None or not len(self._pairs):
+            return np.array([self._gap(i, j, x, wall) for i, j in self._pairs.tolist()])
+        disks = self._scene.disks
+        place = Place(x[:, :2].copy(), disks.angle + x[:, 2], disks.radius, wall, wall)
+        return self._grains.gaps(place, self._pairs)
 
     def _gap(self, i: int, j: int, x: FloatArray, wall: FloatArray) -> float:
         radius, w = self._scene.disks.radius, j - len(x)

@@ -7,17 +7,18 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.contact_set import Place, solve_with_contacts
+from ninedisk.core.cd.contact_set import solve_with_contacts
 from ninedisk.core.cd.feasibility import InfeasibleContactsError
-from ninedisk.core.cd.frames import Frames, contact_frames
+from ninedisk.core.cd.frames import Frames
+from ninedisk.core.cd.initial import initial_forces
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.march import March
-from ninedisk.core.cd.memory import ContactMemory
+from ninedisk.core.cd.place import Place
 from ninedisk.core.cd.recorder import Recorder
 from ninedisk.core.cd.residual_kernels import UNRESOLVED
 from ninedisk.core.cd.result import SolverResult
@@ -33,10 +34,11 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.core.watch import chosen_particles
 
+if TYPE_CHECKING:
+    from ninedisk.core.cd.grain_frames import GrainFrames
+
 FloatArray = NDArray[np.float64]
 
-TOUCHING = 1e-9
-"""Overlap over radius up to which a rigid contact counts as touching: the rounding of a scene's coordinates."""
 NEAR = 1e-3
 """Gap over radius of the pairs that a static step considers at once."""
 MODES_UP_TO = 300
@@ -102,9 +104,11 @@ class CdSession:
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
         pairs = tuple(scene.check_pair(pair) for pair in watch)
-        self._memory = self._initial_forces()
+        self._grains = self._grain_frames()
+        self._memory = initial_forces(scene, self._laws, self._finder, self._place(self._wall), self._grains)
         self._march = self._march_if_dynamic()
-        self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen_particles(scene, particles))
+        chosen = chosen_particles(scene, particles)
+        self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen, self._grains)
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> History:
         """Run to the last step.
@@ -178,12 +182,12 @@ class CdSession:
     def _advance(self, step: int) -> None:
         dt, radius = self.dt, self.scene.disks.radius
         after = wall_poses(self._motion, step * dt)
-        place = Place(self._x[:, :2].copy(), radius, self._wall, after)
+        place = self._place(after)
         static = self.numerics.regime == "quasi-static"
         self._step = self._static_step(place) if static else self._dynamic_step(place)
         margin = NEAR * float(radius.min()) if static else 0.0
         frames, solved = solve_with_contacts(
-            self._step, place, self._finder, self._laws, self._memory, self.numerics.sliding, margin
+            self._step, place, self._finder, self._laws, self._memory, self.numerics.sliding, margin, self._grains
         )
         self._note(solved.result)
         if not np.isfinite(solved.dx).all():
@@ -193,17 +197,29 @@ class CdSession:
         self._wall_work += self._work_of_walls(frames, solved)
         self._x = self._x + solved.dx
         self._v = solved.dx / dt if static else solved.v
-        self._memory = self._memory.renewed(frames.pairs, solved.r)
+        self._memory = self._memory.renewed(frames.pairs, solved.r, frames.place)
         self._wall = after
         self._frames = frames
+
+    def _place(self, after: FloatArray) -> Place:
+        """Where bodies are in a step at whose end the walls are as given."""
+        disks = self.scene.disks
+        return Place(self._x[:, :2].copy(), disks.angle + self._x[:, 2], disks.radius, self._wall, after)
+
+    def _grain_frames(self) -> GrainFrames | None:
+        if not np.any(self.scene.disks.outline >= 0):
+            return None
+        from ninedisk.core.cd.grain_frames import GrainFrames
+
+        return GrainFrames(self.scene, self._laws)
 
     def _dynamic_step(self, place: Place) -> DynamicStep:
         theta = self.numerics.theta
         return DynamicStep(self._bodies, self._laws, self._solver, self._v, self.dt, theta, place.round_off())
 
     def _march_if_dynamic(self) -> March | None:
-        """Takes steps together where they are dynamic and begin with Gauss-Seidel."""
-        if self.numerics.regime == "quasi-static" or self._solver.sweeps == 0:
+        """Takes steps of disks together where they are dynamic and begin with Gauss-Seidel."""
+        if self.numerics.regime == "quasi-static" or self._solver.sweeps == 0 or self._grains is not None:
             return None
         radius, theta = self.scene.disks.radius, self.numerics.theta
         return March(self._bodies, self._laws, self._motion, radius, self._finder, self._solver, self.dt, theta)
@@ -227,38 +243,6 @@ class CdSession:
         """Work of prescribed wall motion on the disks: forces of the step times the walls' own displacement [J]."""
         moved = np.column_stack([frames.gap - frames.gap_before, frames.shift])
         return -float((solved.r * moved).sum())
-
-    def _initial_forces(self) -> ContactMemory:
-        """Forces at time 0: elastic contacts by their overlap and the scene's shear forces, rigid ones by nothing."""
-        scene, laws, n = self.scene, self._laws, len(self.scene.disks)
-        x = self._x[:, :2].copy()
-        pairs = self._finder.within(x, self._wall, 1e-12 * float(scene.disks.radius.max()))
-        frames = contact_frames(pairs, x, scene.disks.radius, self._wall, self._wall, laws)
-        elastic = laws.elastic[frames.row]
-        depth = np.maximum(0.0, -frames.gap)
-        smaller = np.where(pairs[:, 1] < n, scene.disks.radius[np.minimum(pairs[:, 1], n - 1)], np.inf)
-        bad = ~elastic & (depth > TOUCHING * np.minimum(scene.disks.radius[pairs[:, 0]], smaller))
-        if bad.any():
-            k = int(np.argmax(np.where(bad, depth, 0.0)))
-            names = " and ".join(scene.body_name(int(body)) for body in pairs[k])
-            raise InvalidSceneError(
-                f"{names} overlap by {depth[k]:g} m and their contact is rigid: move them apart, or make it elastic "
-                "(cd.contacts = elastic)"
-            )
-        forces = np.column_stack([np.where(elastic, laws.kn[frames.row] * depth, 0.0), np.zeros(len(pairs))])
-        at = {(int(i), int(j)): k for k, (i, j) in enumerate(pairs)}
-        for pair, shear in scene.initial_shear.items():
-            if shear == 0.0:
-                continue
-            names = " and ".join(scene.body_name(body) for body in pair)
-            k = at.get(pair, -1)
-            if k < 0 or not elastic[k] or laws.mu[frames.row[k]] == 0.0:
-                raise InvalidSceneError(
-                    f"the initial shear force {shear:g} N belongs to {names}, whose contact does not hold one (open, rigid or "
-                    "smooth): give it an overlap, elasticity, mu > 0 and ks > 0, or drop the entry"
-                )
-            forces[k, 1] = shear
-        return ContactMemory(scene.n_bodies, pairs, forces)
 
     def _note(self, result: SolverResult) -> None:
         self.solves[result.solver] += 1

@@ -62,6 +62,12 @@ class NurbsGrains:
         grains.table, grains.shape, grains._work = table, shape, workspace(table)
         return grains
 
+    def chosen(self, which: IntArray) -> NurbsGrains:
+        """Some of the grains by themselves, numbered from 0."""
+        grains = NurbsGrains.__new__(NurbsGrains)
+        grains.table, grains.shape, grains._work = self.table, self.shape[which], self._work
+        return grains
+
     def pair_contacts(self, x: ArrayLike, angle: ArrayLike, pairs: ArrayLike) -> tuple[IntArray, ContactRows]:
         """Contacts of pairs.
 

@@ -22,6 +22,9 @@ ENCLOSED, CROSSED, UNDECIDED, FULL = -1, -2, -3, -4
 """What a pair can be instead of a number of contacts: one outline inside the other; an intersection with more than two corners,
 which has no chord; intersections that could not be told apart (boundaries that coincide); no room in the output."""
 
+TOO_DEEP = -5
+"""A grain that is deeper in a wall, or in another grain, than features are followed."""
+
 
 class Workspace(NamedTuple):
     """Scratch memory of one thread.
@@ -75,6 +78,29 @@ class ContactRows(NamedTuple):
     place: FloatArray
 
 
+class FeatureRows(NamedTuple):
+    """Places where two bodies are nearest, one a row.
+
+    Attributes
+    ----------
+    first, second : ndarray, shape (k, 2)
+        From the first body's position to the point of its outline, and the same for the second [m]; a wall's point is measured from the
+        body's position.
+    normal : ndarray, shape (k, 2)
+        Unit vector from the first body to the second.
+    gap : ndarray, shape (k,)
+        Distance of the points along the normal [m], negative where the bodies overlap.
+    place : ndarray, shape (k, 2)
+        Places on the outlines, span + u + 1/2; 0 on a wall.
+    """
+
+    first: FloatArray
+    second: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+    place: FloatArray
+
+
 def workspace(table: ShapeTable) -> Workspace:
     """Scratch memory for the shapes of ``table``."""
     most = int(np.diff(table.first_piece).max())
@@ -96,4 +122,15 @@ def contact_rows(k: int) -> ContactRows:
         beyond=np.zeros(k),
         chord=np.zeros(k),
         place=np.zeros((k, 4)),
+    )
+
+
+def feature_rows(k: int) -> FeatureRows:
+    """Room for ``k`` features."""
+    return FeatureRows(
+        first=np.zeros((k, 2)),
+        second=np.zeros((k, 2)),
+        normal=np.zeros((k, 2)),
+        gap=np.zeros(k),
+        place=np.zeros((k, 2)),
     )

@@ -7,10 +7,9 @@ import numpy as np
 from ninedisk.core._validate import FloatArray
 from ninedisk.core.contacts.nurbs_state import MOST_ROOTS, contact_rows, workspace
 from ninedisk.core.dem.grain_state import Memory, Outlines
-from ninedisk.core.geometry.nurbs import NurbsCurve, powers
+from ninedisk.core.geometry.nurbs import NurbsCurve
+from ninedisk.core.geometry.nurbs_bodies import body_shapes
 from ninedisk.core.geometry.nurbs_mass import area_moments
-from ninedisk.core.geometry.nurbs_shapes import disk
-from ninedisk.core.geometry.nurbs_table import shape_table, table_of_circles, tables_together
 from ninedisk.core.scene import Scene
 
 CONTACTS_PER_BODY = 3
@@ -26,18 +25,12 @@ def needs_outlines(scene: Scene) -> bool:
 def outline_arrays(scene: Scene) -> Outlines:
     """Outlines of all bodies, disks being given exact circles, and an empty memory."""
     disks, n = scene.disks, len(scene.disks)
-    is_disk = disks.outline < 0
-    radii, circle = np.unique(disks.radius[is_disk], return_inverse=True)
-    tables = [shape_table([powers(curve.spans) for curve in scene.outlines])] if scene.outlines else []
-    tables += [table_of_circles(disk(1.0).table, radii)] if len(radii) else []
-    table = tables_together(tables)
-    shape = disks.outline.copy()
-    shape[is_disk] = len(scene.outlines) + circle
+    table, shape, radii = body_shapes(scene.outlines, disks.outline, disks.radius)
     laws = [scene.disk_disk, *(wall.law for wall in scene.walls)]
     return Outlines(
         table=table,
         shape=shape,
-        round=is_disk,
+        round=disks.outline < 0,
         angle=disks.angle.copy(),
         size=np.concatenate([equal_radii(scene.outlines), radii])[shape],
         area=np.array([law.contact == "area" for law in laws]),

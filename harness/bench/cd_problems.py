@@ -68,9 +68,9 @@ def resting(scene: Scene) -> ContactProblem:
     scene : Scene
         Disks that touch or overlap; their own laws do not matter.
     """
-    from ninedisk.core.cd.contact_set import Place
     from ninedisk.core.cd.frames import contact_frames
     from ninedisk.core.cd.laws import LawTable
+    from ninedisk.core.cd.place import Place
     from ninedisk.core.cd.solver import ContactSolver
     from ninedisk.core.cd.step import DynamicStep, bodies_of
     from ninedisk.core.contacts.finder import PairFinder
@@ -90,7 +90,7 @@ def resting(scene: Scene) -> ContactProblem:
     frames = contact_frames(pairs, x, radius, poses, poses, laws)
     closed = replace(frames, gap=np.zeros(len(pairs)), gap_before=np.zeros(len(pairs)))
     solver = ContactSolver("interior-point", SolverOptions(), "associated")
-    place = Place(x, radius, poses, poses)
+    place = Place(x, np.zeros(len(x)), radius, poses, poses)
     rest = np.zeros((len(x), 3))
     step = DynamicStep(bodies_of(rigid), laws, solver, rest, DT, 1.0, place.round_off())
     made = step.problem(closed, np.zeros((len(pairs), 2)))

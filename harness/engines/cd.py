@@ -10,19 +10,16 @@ from ninedisk.core.history import Pair
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.capabilities import GRAINS, Capability
+from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel, Timings
 from ninedisk.harness.engines._rigid import has_spring_preload, rigid_needs, without_spring_preload
 
-CAPABILITIES = (
-    frozenset(Capability)
-    - GRAINS
-    - {
-        Capability.CONTACT_DAMPING,
-        Capability.GLOBAL_DAMPING_LAGGED,
-        Capability.LEVER_ARM_TORQUE,
-    }
-)
+CAPABILITIES = frozenset(Capability) - {
+    Capability.AREA_CONTACT,
+    Capability.CONTACT_DAMPING,
+    Capability.GLOBAL_DAMPING_LAGGED,
+    Capability.LEVER_ARM_TORQUE,
+}
 
 NOTE_PRELOAD = "the preload of regularising springs is undone: rigid contacts find their forces anew in each step"
 NOTE_DAMPING = "global damping acts on the displacement of the step, dx/dt"

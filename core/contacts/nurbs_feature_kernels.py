@@ -1,0 +1,350 @@
+"""Kernels that find where two outlines are nearest to each other, whether they are apart, touch or overlap by little.
+
+The intersection-based contact of `nurbs_kernels` needs an intersection. What a step has to keep from overlapping is known before: the
+common normals of both outlines at which their distance is smallest among all places nearby, and each vertex (a corner, or an end of a
+straight part) with its foot on the other outline. The gap along the normal passes through 0 smoothly, so that a contact
+that just touches, opens or closes is found in the same way. Two straight parts have no single common normal; their vertices do.
+"""
+
+from __future__ import annotations
+
+from math import asin, atan2, pi, sqrt
+
+from ninedisk.core._cache import inline_kernel
+from ninedisk.core.contacts.nurbs_convex_kernels import deepest
+from ninedisk.core.contacts.nurbs_state import FULL, FeatureRows
+from ninedisk.core.geometry.nurbs_kernels import Pose, ShapeTable, bend_at, tangent_at, walked
+from ninedisk.core.geometry.nurbs_vertices import Vertices
+
+DEEPEST = 0.05
+"""Overlap over the smaller radius up to which a contact is followed; it leaves the far sides of both bodies alone."""
+
+SAME = 1e-6
+"""Distance over the smaller radius up to which two features are one; the gaps of such neighbours differ by the square of it."""
+
+CONVERGED = 1e-9
+"""Step of Newton's method in ``u`` after which the next one is below rounding."""
+
+AT_END = 1e-9
+"""Range of ``u`` beyond a piece that still counts as the piece: rounding must not lose what lies on the border of two."""
+
+
+@inline_kernel
+def added(
+    out: FeatureRows,
+    row: int,
+    n: int,
+    size: float,
+    reach: float,
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    nx: float,
+    ny: float,
+    gap: float,
+    place_a: float,
+    place_b: float,
+) -> int:
+    """Number of features of a pair after one more, unless it is out of range or known; those of the pair begin at ``row``.
+
+    Points are in the frame in which the pair is computed. `FULL` where there is no room.
+    """
+    if not -DEEPEST * size < gap < reach:
+        return n
+    same = SAME * size
+    k = row + n
+    for other in range(row, row + n):
+        if (
+            abs(out.first[other, 0] - ax) + abs(out.first[other, 1] - ay) <= same
+            and abs(out.second[other, 0] - bx) + abs(out.second[other, 1] - by) <= same
+        ):
+            if gap >= out.gap[other]:
+                return n
+            k, n = other, n - 1
+            break
+    if k >= out.gap.shape[0]:
+        return FULL
+    out.first[k, 0], out.first[k, 1], out.second[k, 0], out.second[k, 1] = ax, ay, bx, by
+    out.normal[k, 0], out.normal[k, 1], out.gap[k] = nx, ny, gap
+    out.place[k, 0], out.place[k, 1] = place_a, place_b
+    return n + 1
+
+
+@inline_kernel
+def normal_found(
+    table: ShapeTable, a: int, i: int, u: float, b: int, j: int, v: float, pose: Pose, ring: bool
+) -> tuple[bool, int, float, int, float]:
+    """Newton for a common normal from (i, u) and (j, v): parallel tangents, the points one above the other.
+
+    With ``ring`` it passes from span to span, otherwise it stays on the polynomials of the two given ones.
+    """
+    still = Pose(1.0, 0.0, 0.0, 0.0)
+    n_a = table.first_span[a + 1] - table.first_span[a]
+    n_b = table.first_span[b + 1] - table.first_span[b]
+    for _ in range(25):
+        x, y, dx, dy, hx, hy = bend_at(table, a, i, u, still)
+        px, py, ex, ey, kx, ky = bend_at(table, b, j, v, pose)
+        x, y = x - px, y - py
+        f, g = dx * ey - dy * ex, x * dx + y * dy
+        fu, fv = hx * ey - hy * ex, dx * ky - dy * kx
+        gu, gv = dx * dx + dy * dy + x * hx + y * hy, -(ex * dx + ey * dy)
+        det = fu * gv - fv * gu
+        du, dv = -(f * gv - fv * g) / det, -(fu * g - f * gu) / det
+        if not (abs(du) < 1.0 and abs(dv) < 1.0):
+            return False, i, u, j, v
+        u, v = u + du, v + dv
+        if ring:
+            i, u = walked(n_a, i, u)
+            j, v = walked(n_b, j, v)
+        elif not (abs(u) < 1.0 and abs(v) < 1.0):
+            return False, i, u, j, v
+        if abs(du) < CONVERGED and abs(dv) < CONVERGED:
+            return True, i, u, j, v
+    return False, i, u, j, v
+
+
+@inline_kernel
+def normal_added(
+    table: ShapeTable,
+    a: int,
+    i: int,
+    u: float,
+    b: int,
+    j: int,
+    v: float,
+    pose: Pose,
+    reach: float,
+    out: FeatureRows,
+    row: int,
+    n: int,
+) -> int:
+    """Add the common normal at (i, u) and (j, v) if the distance is smallest there.
+
+    Over tangential displacements s and t of the points, ``(gap + (ka s^2 + kb t^2)/2)^2 + (s - t)^2`` with the curvatures ka and kb is
+    smallest at 0 if ``1 + gap ka``, ``1 + gap kb`` and ``ka + kb + gap ka kb`` are positive; the signed gap is where it is negative.
+    """
+    still = Pose(1.0, 0.0, 0.0, 0.0)
+    x, y, dx, dy, hx, hy = bend_at(table, a, i, u, still)
+    px, py, ex, ey, kx, ky = bend_at(table, b, j, v, pose)
+    if dx * ex + dy * ey >= 0.0:
+        return n
+    speed_a, speed_b = sqrt(dx * dx + dy * dy), sqrt(ex * ex + ey * ey)
+    nx, ny = dy / speed_a, -dx / speed_a
+    gap = (px - x) * nx + (py - y) * ny
+    ka = (dx * hy - dy * hx) / (speed_a * speed_a * speed_a)
+    kb = (ex * ky - ey * kx) / (speed_b * speed_b * speed_b)
+    if 1.0 + gap * ka <= 0.0 or 1.0 + gap * kb <= 0.0 or ka + kb + gap * ka * kb <= 0.0:
+        return n
+    size = min(table.radius[a], table.radius[b])
+    return added(out, row, n, size, reach, x, y, px, py, nx, ny, gap, i + u + 0.5, j + v + 0.5)
+
+
+@inline_kernel
+def turn_bound(table: ShapeTable, k: int, speed: float) -> float:
+    """Bound of the angle [rad] between the tangents of a piece and that in its middle, where the speed is ``speed`` [m]."""
+    change = 0.5 * table.piece_bend[k] * (table.piece_range[k, 1] - table.piece_range[k, 0])
+    return asin(change / speed) if change < speed else pi
+
+
+@inline_kernel
+def normals_of_pieces(
+    table: ShapeTable, a: int, ka: int, b: int, kb: int, pose: Pose, reach: float, out: FeatureRows, row: int, n: int
+) -> int:
+    """Add the common normal of two pieces, of which one at least is curved, if they have one."""
+    still = Pose(1.0, 0.0, 0.0, 0.0)
+    i, low_a, high_a = int(table.piece_span[ka]), table.piece_range[ka, 0], table.piece_range[ka, 1]
+    j, low_b, high_b = int(table.piece_span[kb]), table.piece_range[kb, 0], table.piece_range[kb, 1]
+    mid_a, mid_b = 0.5 * (low_a + high_a), 0.5 * (low_b + high_b)
+    _, _, dx, dy = tangent_at(table, a, i, mid_a, still)
+    _, _, ex, ey = tangent_at(table, b, j, mid_b, pose)
+    room = turn_bound(table, ka, sqrt(dx * dx + dy * dy)) + turn_bound(table, kb, sqrt(ex * ex + ey * ey)) + 1e-6
+    if abs(atan2(dy * ex - dx * ey, -(dx * ex + dy * ey))) > room:
+        return n
+    quarter_a, quarter_b = 0.3 * (high_a - low_a), 0.3 * (high_b - low_b)
+    for start in range(5):
+        u = mid_a if start == 0 else (mid_a - quarter_a if start < 3 else mid_a + quarter_a)
+        v = mid_b if start == 0 else (mid_b - quarter_b if start % 2 == 1 else mid_b + quarter_b)
+        found, _, u, _, v = normal_found(table, a, i, u, b, j, v, pose, False)
+        if found and low_a - AT_END <= u <= high_a + AT_END and low_b - AT_END <= v <= high_b + AT_END:
+            return normal_added(table, a, i, u, b, j, v, pose, reach, out, row, n)
+    return n
+
+
+@inline_kernel
+def foot_on(table: ShapeTable, shape: int, k: int, pose: Pose, x: float, y: float) -> tuple[bool, float]:
+    """Where a piece is nearest to (x, y) [m], and whether that is inside the piece or, but for rounding, at its end."""
+    span, low, high = table.piece_span[k], table.piece_range[k, 0], table.piece_range[k, 1]
+    qx, qy, dx, dy = tangent_at(table, shape, span, low, pose)
+    at_low = ((qx - x) * dx + (qy - y) * dy) / (dx * dx + dy * dy)
+    qx, qy, dx, dy = tangent_at(table, shape, span, high, pose)
+    at_high = ((qx - x) * dx + (qy - y) * dy) / (dx * dx + dy * dy)
+    if at_low > AT_END or at_high < -AT_END:
+        return False, low
+    if at_low >= 0.0 or at_high <= 0.0:
+        return True, low if at_low >= 0.0 else high
+    u = 0.5 * (low + high)
+    for _ in range(60):
+        qx, qy, dx, dy, ex, ey = bend_at(table, shape, span, u, pose)
+        slope = (qx - x) * dx + (qy - y) * dy
+        if slope < 0.0:
+            low = u
+        else:
+            high = u
+        step = -slope / (dx * dx + dy * dy + (qx - x) * ex + (qy - y) * ey)
+        if abs(step) < CONVERGED:
+            return True, u + step
+        u = u + step if low < u + step < high else 0.5 * (low + high)
+    return True, u
+
+
+@inline_kernel
+def vertices_on_pieces(
+    table: ShapeTable,
+    vertices: Vertices,
+    a: int,
+    b: int,
+    pose: Pose,
+    swapped: bool,
+    reach: float,
+    out: FeatureRows,
+    row: int,
+    n: int,
+) -> int:
+    """Add the vertices of one outline with their feet on the other: of the first one's, or of the second one's if ``swapped``.
+
+    A vertex is inside the other body if the nearest of its feet says so, and leaves through that one: close to a corner it has a foot on
+    either face, and may be beyond the one face's line without being inside.
+    """
+    still = Pose(1.0, 0.0, 0.0, 0.0)
+    owner, other, at, of = (b, a, pose, still) if swapped else (a, b, still, pose)
+    for m in range(vertices.first[owner], vertices.first[owner + 1]):
+        x = at.c * vertices.point[m, 0] - at.s * vertices.point[m, 1] + at.x
+        y = at.s * vertices.point[m, 0] + at.c * vertices.point[m, 1] + at.y
+        least, inner_k, inner_u = 1e300, -1, 0.0
+        for k in range(table.first_piece[other], table.first_piece[other + 1]):
+            px, py = table.piece_circle[k, 0], table.piece_circle[k, 1]
+            dx, dy = of.c * px - of.s * py + of.x - x, of.s * px + of.c * py + of.y - y
+            far = table.piece_circle[k, 2] + reach
+            if dx * dx + dy * dy > far * far:
+                continue
+            found, u = foot_on(table, other, k, of, x, y)
+            if not found:
+                continue
+            qx, qy, dx, dy = tangent_at(table, other, int(table.piece_span[k]), u, of)
+            gap = ((x - qx) * dy - (y - qy) * dx) / sqrt(dx * dx + dy * dy)
+            if abs(gap) < least:
+                least, inner_k, inner_u = abs(gap), k if gap < 0.0 else -1, u
+            if gap < 0.0:
+                continue
+            n = foot_added(table, vertices, a, b, m, other, k, u, of, x, y, swapped, reach, out, row, n)
+            if n < 0:
+                return n
+        if inner_k >= 0:
+            n = foot_added(table, vertices, a, b, m, other, inner_k, inner_u, of, x, y, swapped, reach, out, row, n)
+            if n < 0:
+                return n
+    return n
+
+
+@inline_kernel
+def foot_added(
+    table: ShapeTable,
+    vertices: Vertices,
+    a: int,
+    b: int,
+    m: int,
+    other: int,
+    k: int,
+    u: float,
+    of: Pose,
+    x: float,
+    y: float,
+    swapped: bool,
+    reach: float,
+    out: FeatureRows,
+    row: int,
+    n: int,
+) -> int:
+    """Add vertex ``m``, at (x, y), with its foot at ``u`` of piece ``k``."""
+    size = min(table.radius[a], table.radius[b])
+    span = int(table.piece_span[k])
+    qx, qy, dx, dy = tangent_at(table, other, span, u, of)
+    speed = sqrt(dx * dx + dy * dy)
+    nx, ny = dy / speed, -dx / speed
+    gap = (x - qx) * nx + (y - qy) * ny
+    place = span + u + 0.5
+    if swapped:
+        return added(out, row, n, size, reach, qx, qy, x, y, nx, ny, gap, place, vertices.place[m])
+    return added(out, row, n, size, reach, x, y, qx, qy, -nx, -ny, gap, vertices.place[m], place)
+
+
+@inline_kernel
+def in_cone(vertices: Vertices, m: int, dx: float, dy: float) -> bool:
+    """Whether a direction, in the frame of the shape, lies between the normals of a vertex."""
+    cone = vertices.cone
+    return bool(cone[m, 0] * dy - cone[m, 1] * dx >= 0.0 and dx * cone[m, 3] - dy * cone[m, 2] >= 0.0)
+
+
+@inline_kernel
+def vertices_on_vertices(
+    table: ShapeTable,
+    vertices: Vertices,
+    a: int,
+    b: int,
+    pose: Pose,
+    reach: float,
+    out: FeatureRows,
+    row: int,
+    n: int,
+) -> int:
+    """Add pairs of corners that are apart and face each other."""
+    size = min(table.radius[a], table.radius[b])
+    for m in range(vertices.first[a], vertices.first[a + 1]):
+        x, y = vertices.point[m, 0], vertices.point[m, 1]
+        for k in range(vertices.first[b], vertices.first[b + 1]):
+            px = pose.c * vertices.point[k, 0] - pose.s * vertices.point[k, 1] + pose.x
+            py = pose.s * vertices.point[k, 0] + pose.c * vertices.point[k, 1] + pose.y
+            dx, dy = px - x, py - y
+            gap = sqrt(dx * dx + dy * dy)
+            if gap >= reach or gap <= SAME * size or not in_cone(vertices, m, dx, dy):
+                continue
+            if in_cone(vertices, k, -(pose.c * dx + pose.s * dy), pose.s * dx - pose.c * dy):
+                nx, ny = dx / gap, dy / gap
+                n = added(out, row, n, size, reach, x, y, px, py, nx, ny, gap, vertices.place[m], vertices.place[k])
+                if n < 0:
+                    return n
+    return n
+
+
+@inline_kernel
+def features_in_frame(
+    table: ShapeTable, vertices: Vertices, a: int, b: int, pose: Pose, reach: float, out: FeatureRows, row: int
+) -> int:
+    """Features of two shapes in the frame of the first, the second one placed by ``pose``: their number, or `FULL`."""
+    n = 0
+    if table.smallest_radius[a] > 0.0 and table.smallest_radius[b] > 0.0:
+        found, i, u, j, v = deepest(table, a, b, pose)
+        if found:
+            found, i, u, j, v = normal_found(table, a, i, u, b, j, v, pose, True)
+        if found:
+            # Strictly convex shapes have one common normal with facing sides; where the shapes are deep in each other it may be another.
+            n = normal_added(table, a, i, u, b, j, v, pose, 1e300, out, row, 0)
+            if n != 0:
+                return n if n < 0 or out.gap[row] < reach else 0
+    for ka in range(table.first_piece[a], table.first_piece[a + 1]):
+        for kb in range(table.first_piece[b], table.first_piece[b + 1]):
+            px, py = table.piece_circle[kb, 0], table.piece_circle[kb, 1]
+            x = pose.c * px - pose.s * py + pose.x - table.piece_circle[ka, 0]
+            y = pose.s * px + pose.c * py + pose.y - table.piece_circle[ka, 1]
+            far = table.piece_circle[ka, 2] + table.piece_circle[kb, 2] + reach
+            if x * x + y * y > far * far or (vertices.straight[ka] and vertices.straight[kb]):
+                continue
+            n = normals_of_pieces(table, a, ka, b, kb, pose, reach, out, row, n)
+            if n < 0:
+                return n
+    for turn in range(2):
+        n = vertices_on_pieces(table, vertices, a, b, pose, turn == 1, reach, out, row, n)
+        if n < 0:
+            return n
+    return vertices_on_vertices(table, vertices, a, b, pose, reach, out, row, n)

@@ -1,0 +1,126 @@
+"""Where outlines are nearest to each other and to walls: the contacts that a step has to watch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core._validate import FloatArray
+from ninedisk.core.contacts.nurbs import NurbsGrains
+from ninedisk.core.contacts.nurbs_feature_kernels import DEEPEST
+from ninedisk.core.contacts.nurbs_feature_lists import features_of_pairs, features_with_walls
+from ninedisk.core.contacts.nurbs_state import FULL, FeatureRows, IntArray, feature_rows
+from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.geometry.nurbs_kernels import ShapeTable
+from ninedisk.core.geometry.nurbs_vertices import vertices_of
+
+
+class NurbsFeatures:
+    """Features of grains of given shapes at any positions (see `nurbs_feature_kernels`).
+
+    Parameters
+    ----------
+    table : ShapeTable
+    shape : ndarray of int64, shape (n,)
+        Row of the table of each grain.
+    """
+
+    def __init__(self, table: ShapeTable, shape: IntArray) -> None:
+        self.table, self.shape, self.vertices = table, shape, vertices_of(table)
+        self._grains = NurbsGrains.of_table(table, shape)
+        self._rows = feature_rows(64)
+
+    def of_pairs(
+        self, x: FloatArray, angle: FloatArray, pairs: IntArray, reach: float, *, deep: bool = False
+    ) -> tuple[IntArray, FeatureRows]:
+        """Features of pairs of grains.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, 2)
+            Positions [m].
+        angle : ndarray, shape (n,)
+            Rotations [rad].
+        pairs : ndarray of int64, shape (k, 2)
+            Grains i, j; normals point from i to j.
+        reach : float
+            Largest gap [m].
+        deep : bool
+            Whether pairs may overlap by more than features are followed; they have none.
+
+        Returns
+        -------
+        pair : ndarray of int64, shape (m,)
+            Row of ``pairs`` to which each feature belongs, in ascending order.
+        features : FeatureRows, of m rows
+
+        Raises
+        ------
+        InvalidSceneError
+            If two grains overlap by more than `DEEPEST` of the smaller one's radius, unless ``deep``.
+        """
+        turn = np.column_stack([np.cos(angle), np.sin(angle)])
+        count = np.zeros(len(pairs), dtype=np.int64)
+        arrays = (self.table, self.vertices, self.shape, x, turn, pairs, reach, count)
+        total = self._listed(lambda: features_of_pairs(*arrays, self._rows), count)
+        if not deep:
+            self._refuse_lost(x, angle, pairs, count)
+        return np.repeat(np.arange(len(pairs)), count), self._first(total)
+
+    def _refuse_lost(self, x: FloatArray, angle: FloatArray, pairs: IntArray, count: IntArray) -> None:
+        """Raise if a pair without features overlaps."""
+        apart = np.hypot(*(x[pairs[:, 1]] - x[pairs[:, 0]]).T)
+        radius = self.table.radius[self.shape]
+        close = np.flatnonzero((count == 0) & (apart < radius[pairs[:, 0]] + radius[pairs[:, 1]]))
+        if len(close):
+            lost, _ = self._grains.pair_contacts(x, angle, pairs[close])
+            if len(lost):
+                i, j = pairs[close[lost[0]]]
+                raise InvalidSceneError(_deep(f"grains {i} and {j} overlap"))
+
+    def of_walls(
+        self,
+        x: FloatArray,
+        angle: FloatArray,
+        pairs: IntArray,
+        wall: FloatArray,
+        reach: float,
+        *,
+        deep: bool | NDArray[np.bool_] = False,
+    ) -> tuple[IntArray, FeatureRows]:
+        """Features of grains and walls, whose body numbers begin at n; ``wall``, shape (m, 11), as `place_walls` fills it.
+
+        Raises
+        ------
+        InvalidSceneError
+            If a grain is deeper in a wall than `DEEPEST` of its radius, unless ``deep`` (of all pairs, or of each).
+        """
+        turn = np.column_stack([np.cos(angle), np.sin(angle)])
+        count = np.zeros(len(pairs), dtype=np.int64)
+        arrays = (self.table, self.vertices, self.shape, x, turn, pairs, wall, reach, count)
+        total = self._listed(lambda: features_with_walls(*arrays, self._rows), count)
+        lost = (count < 0) & ~np.asarray(deep)
+        if lost.any():
+            i, j = pairs[np.argmax(lost)]
+            raise InvalidSceneError(_deep(f"grain {i} and wall {j - len(x)} overlap"))
+        return np.repeat(np.arange(len(pairs)), np.maximum(count, 0)), self._first(total)
+
+    def _listed(self, kernel: Callable[[], int], count: IntArray) -> int:
+        """Run a kernel until its rows have room."""
+        while True:
+            total = kernel()
+            if not np.any(count == FULL):
+                return total
+            self._rows = feature_rows(2 * len(self._rows.gap))
+
+    def _first(self, total: int) -> FeatureRows:
+        return FeatureRows(*(column[:total].copy() for column in self._rows))
+
+
+def _deep(who: str) -> str:
+    return (
+        f"{who} by more than {DEEPEST:g} of a radius, too deep for a contact: move them apart, reduce the time step, or make the contact "
+        "stiffer"
+    )
