@@ -55,7 +55,7 @@ class GrainFrames:
         disks = scene.disks
         table, shape, _ = body_shapes(scene.outlines, disks.outline, disks.radius)
         self._round, self._laws, self._n, self._bodies = disks.outline < 0, laws, len(disks), scene.n_bodies
-        self._features, self._grains = NurbsFeatures(table, shape), NurbsGrains.of_table(table, shape)
+        self._features, self._grains = NurbsFeatures(table, shape, scene.body_name), NurbsGrains.of_table(table, shape)
         self._ring = np.diff(table.first_span)[shape].astype(np.float64)
         self._convex = table.smallest_radius[shape] > 0.0
 

@@ -25,9 +25,12 @@ class NurbsFeatures:
     table : ShapeTable
     shape : ndarray of int64, shape (n,)
         Row of the table of each grain.
+    name : callable, optional
+        What a body, or with numbers from n on a wall, is called in messages.
     """
 
-    def __init__(self, table: ShapeTable, shape: IntArray) -> None:
+    def __init__(self, table: ShapeTable, shape: IntArray, name: Callable[[int], str] | None = None) -> None:
+        self._name = name or (lambda body: f"grain {body}" if body < len(shape) else f"wall {body - len(shape)}")
         self.table, self.shape, self.vertices = table, shape, vertices_of(table)
         self._grains = NurbsGrains.of_table(table, shape)
         self._rows = feature_rows(64)
@@ -78,7 +81,7 @@ class NurbsFeatures:
             lost, _ = self._grains.pair_contacts(x, angle, pairs[close])
             if len(lost):
                 i, j = pairs[close[lost[0]]]
-                raise InvalidSceneError(_deep(f"grains {i} and {j} overlap"))
+                raise InvalidSceneError(self._deep(i, j))
 
     def of_walls(
         self,
@@ -104,7 +107,7 @@ class NurbsFeatures:
         lost = (count < 0) & ~np.asarray(deep)
         if lost.any():
             i, j = pairs[np.argmax(lost)]
-            raise InvalidSceneError(_deep(f"grain {i} and wall {j - len(x)} overlap"))
+            raise InvalidSceneError(self._deep(i, j))
         return np.repeat(np.arange(len(pairs)), np.maximum(count, 0)), self._first(total)
 
     def _listed(self, kernel: Callable[[], int], count: IntArray) -> int:
@@ -118,9 +121,8 @@ class NurbsFeatures:
     def _first(self, total: int) -> FeatureRows:
         return FeatureRows(*(column[:total].copy() for column in self._rows))
 
-
-def _deep(who: str) -> str:
-    return (
-        f"{who} by more than {DEEPEST:g} of a radius, too deep for a contact: move them apart, reduce the time step, or make the contact "
-        "stiffer"
-    )
+    def _deep(self, i: int, j: int) -> str:
+        return (
+            f"{self._name(i)} and {self._name(j)} overlap by more than {DEEPEST:g} of a radius, too deep for a contact: move them "
+            "apart, reduce the time step, or make the contact elastic and stiff"
+        )

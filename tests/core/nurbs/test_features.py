@@ -174,7 +174,7 @@ def test_walls_meet_every_valley(shape: int) -> None:
 
 def test_too_deep() -> None:
     x = np.array([[0.0, 0.0], [2.0 - 1.5 * DEEPEST, 0.0]])
-    with pytest.raises(InvalidSceneError, match=r"grains 0 and 1 overlap by more than 0\.05 of a radius"):
+    with pytest.raises(InvalidSceneError, match=r"grain 0 and grain 1 overlap by more than 0\.05 of a radius"):
         between(DISK, DISK, x, np.zeros(2))
     wall = np.zeros((1, 11))
     wall[0, 1], wall[0, 3] = 0.1, 1.0
