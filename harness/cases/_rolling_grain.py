@@ -101,6 +101,11 @@ def standing(shape: RoundedPolygon, angle: float, overlap: float) -> float:
 
     The chord reaches from where the lower corner leaves the plane to where the face, tilted by the angle, leaves it. The shear force
     acts ``overlap/2`` below the plane.
+
+    Raises
+    ------
+    ParameterError
+        If the springs are so soft that it would tip over on them.
     """
     rho, c, half = shape.roundness * shape.apothem, shape.corner, math.pi / shape.faces
 
@@ -111,7 +116,16 @@ def standing(shape: RoundedPolygon, angle: float, overlap: float) -> float:
         front = math.sqrt(overlap * (2.0 * rho - overlap)) if rho > 0.0 else overlap / math.tan(2.0 * half - lean)
         return corner + 0.5 * (front - behind) - math.tan(angle) * (tall + 0.5 * overlap)
 
-    low, high = overlap / (4.0 * shape.apothem), LEAN
+    low, high = overlap / (4.0 * shape.apothem), half
+    if ahead_of_weight(low) >= 0.0:
+        raise ParameterError("the springs' overlap is not small beside the grain: use a larger kn")
+    tilts = np.geomspace(low, high, 400)
+    standing_at = next((k for k in range(1, 400) if ahead_of_weight(float(tilts[k])) >= 0.0), None)
+    if standing_at is None:
+        raise ParameterError(
+            f"the grain would sink {overlap:.1e} m into the plane and tip over: use a larger kn or a smaller steepness"
+        )
+    low, high = float(tilts[standing_at - 1]), float(tilts[standing_at])
     for _ in range(200):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if ahead_of_weight(middle) < 0.0 else (low, middle)
@@ -147,7 +161,7 @@ def _springs(params: Mapping[str, Any], setup: Setup, observed: Observed, start:
     """
     disks, kn = setup.scene.disks, params["kn"]
     contact_dt = float(setup.numerics.contact_dt or setup.numerics.dt)
-    t_end, radius = float(observed.t[-1]), float(disks.radius[1])
+    t_end, radius, weight = float(observed.t[-1]), float(disks.radius[1]), float(disks.mass[0]) * G
     d = overlap_of(start.shape, start.angle, kn)
     ways = start.reach * (0.5 * (1.0 + NODES)) ** 2
     with np.errstate(invalid="ignore"):
@@ -172,6 +186,7 @@ def _springs(params: Mapping[str, Any], setup: Setup, observed: Observed, start:
             "turned": 8.0 * rounding / d * steps * lean,
             "spin": round_off_speed(start.height, contact_dt) / start.height,
             "force": 32.0 * kn * rounding,
+            "load": 64.0 * kn * rounding + 2.0 * d / radius * weight,
             "x_disk": d * (1.0 + _fall(start, t_end) / radius),
         },
         why={
@@ -180,6 +195,7 @@ def _springs(params: Mapping[str, Any], setup: Setup, observed: Observed, start:
             "turned": f"{still} of heights over the overlap, the square root of {steps**2:.0f} steps",
             "spin": f"{still} of a height, a step",
             "force": f"{still} kn times some last places of a height",
+            "load": "as the forces; the disk's friction by its arm within the overlap, which it finds with a swing",
             "x_disk": f"overlap {d:.1e} m: arm of friction, start",
         },
     )

@@ -143,6 +143,8 @@ class RollingGrain:
             "unbalance": ("m", unbalance),
             "fn": ("N", history.fn[:, 0]),
             "fs": ("N", 0.0 - history.fs[:, 0]),
+            "load_x": ("N", history.wall_force[:, 0, 0]),
+            "load_y": ("N", history.wall_force[:, 0, 1]),
         }
         scalars = {f"{name}_final": (series[name][0], last(series[name][1])) for name in ("turned", "spin", "fn", "fs")}
         # Written so that a NaN counts as neither.
@@ -198,6 +200,14 @@ class RollingGrain:
                 check("fn_final", "scalar", weight * math.cos(start.angle), "balance of forces", "force"),
                 check("fs_final", "scalar", weight * math.sin(start.angle), "balance of forces", "force"),
             ]
+            if engine.contact == "spring":
+                sideways = np.full_like(observed.t, weight * math.sin(start.angle) + disk.fs)
+                down = np.full_like(observed.t, -weight * math.cos(start.angle) - disk.fn)
+                source = "the plane bears both bodies"
+                found += [
+                    check("load_x", "max", sideways, source, "load"),
+                    check("load_y", "max", down, source, "load"),
+                ]
         return found
 
 
