@@ -42,6 +42,7 @@ BUILTIN_CASES: dict[str, str] = {
     "nurbs/overlap": "ninedisk.harness.cases.nurbs_overlap:CASE",
     "nurbs/collision": "ninedisk.harness.cases.nurbs_collision:CASE",
     "nurbs/settle": "ninedisk.harness.cases.nurbs_settle:CASE",
+    "nurbs/rolling": "ninedisk.harness.cases.nurbs_rolling:CASE",
     "invariance/units": "ninedisk.harness.cases.invariance:CASES",
     "invariance/rotation": "ninedisk.harness.cases.invariance:CASES",
     "invariance/galilei": "ninedisk.harness.cases.invariance:CASES",

@@ -27,7 +27,7 @@ from ninedisk.core.geometry.nurbs_table import shape_table
 
 REASONS = {
     ENCLOSED: "lies wholly inside the other body: there is no chord; the overlap is far beyond a contact's",
-    CROSSED: "crosses the other body: the common area has more than two corners, so that no chord defines a contact",
+    CROSSED: "crosses the other body: the common area has more than two corners and no chord that stands for them",
     UNDECIDED: "has a boundary that coincides with the other's over a length: its intersections cannot be told apart",
 }
 
@@ -146,4 +146,4 @@ class NurbsGrains:
 
 
 def _first(rows: ContactRows, n: int) -> ContactRows:
-    return ContactRows(*(column[:n] for column in rows))
+    return ContactRows(**{name: column[:n] for name, column in rows._asdict().items()})

@@ -3,18 +3,35 @@
 Two outlines that intersect in two points have a contact: its point is the middle of the chord between them, its normal is at
 right angles to the chord, from the first body to the second, and its overlap is the extent of the common area along the
 normal, from the extreme point of the second outline to that of the first. On disks this is ``R1 + R2 - d``. Outlines that
-are not convex can have several.
+are not convex can have several. Where both outlines cut corners off each other, a common area has more than two corners
+(`nurbs_loop_kernels`).
 """
 
 from __future__ import annotations
 
+from math import sqrt
+
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.contacts.nurbs_convex_kernels import APART, LENS, UNSURE, convex_lens
 from ninedisk.core.contacts.nurbs_lens_kernels import chord, extent_along, extreme_near, normal_of
-from ninedisk.core.contacts.nurbs_roots_kernels import crossings
-from ninedisk.core.contacts.nurbs_state import CROSSED, ENCLOSED, FULL, ContactRows, FloatArray, IntArray, Workspace
+from ninedisk.core.contacts.nurbs_loop_kernels import corners_from, measured_together
+from ninedisk.core.contacts.nurbs_roots_kernels import ROUNDING, SHIFT, crossings
+from ninedisk.core.contacts.nurbs_state import (
+    CROSSED,
+    ENCLOSED,
+    FULL,
+    PARALLEL,
+    UNDECIDED,
+    ContactRows,
+    FloatArray,
+    IntArray,
+    Workspace,
+)
 from ninedisk.core.contacts.nurbs_wall_kernels import line_crossings
 from ninedisk.core.geometry.nurbs_kernels import Pose, ShapeTable, point_at
+
+POINT = 8.0
+"""Roundings below which a chord is a point: the outlines touch at a corner."""
 
 
 @inline_kernel
@@ -103,21 +120,10 @@ def convex_extent(
 
 
 @inline_kernel
-def closes(n: int, k: int, m: int, ring: int, root: FloatArray) -> bool:
-    """Whether the second outline runs from intersection ``m`` straight back to ``k``: the common area has two corners."""
-    start = root[m, 2] + root[m, 3]
-    length = (root[k, 2] + root[k, 3] - start) % ring
-    for other in range(n):  # noqa: SIM110 - a generator expression would need memory
-        if other not in (k, m) and (root[other, 2] + root[other, 3] - start) % ring < length:
-            return False
-    return True
-
-
-@inline_kernel
-def placed_contacts(
+def contacts_at(
     table: ShapeTable, a: int, at: Pose, b: int, pose: Pose, work: Workspace, out: ContactRows, row: int
 ) -> int:
-    """`pair_contacts` with the second shape's pose relative to the first's, wherever the bounding circles overlap."""
+    """`placed_contacts`, or `PARALLEL` where boundaries coincide too closely for it."""
     n, kind, i, u, j, v = 0, UNSURE, 0, 0.0, 0, 0.0
     one_centre = pose.x == 0.0 and pose.y == 0.0  # there is no line of centres to begin with
     if table.smallest_radius[a] > 0.0 and table.smallest_radius[b] > 0.0 and not one_centre:
@@ -131,25 +137,58 @@ def placed_contacts(
             return n
         if n == 0:
             return ENCLOSED if one_holds_other(table, a, b, pose, work) else 0
-        ring = table.first_span[b + 1] - table.first_span[b]
-        for k in range(n):
-            if work.root[k, 4] > 0.0 and not closes(n, k, k + 1 if k + 1 < n else 0, ring, work.root):
-                return CROSSED
     if row + n // 2 > out.overlap.shape[0]:
         return FULL
+    ring = float(table.first_span[b + 1] - table.first_span[b])
+    smallest = POINT * ROUNDING * (table.radius[a] + table.radius[b])
     done = 0
     for k in range(n):
         if work.root[k, 4] < 0.0:
             continue
+        corners = 2 if n == 2 else corners_from(n, k, ring, work.root)
+        if corners < 0:
+            return PARALLEL
+        if corners == 0:
+            continue
         m = k + 1 if k + 1 < n else 0
-        nx, ny, level = measured(table, a, at, b, pose, work.root, k, m, out, row + done)
-        if kind == LENS:
-            top, extent = convex_extent(table, a, b, pose, i, u, j, v, nx, ny)
+        if corners > 2:
+            if not measured_together(table, a, at, b, pose, work.root, n, k, out, row + done):
+                return CROSSED
         else:
-            top, extent = lens_extent(table, a, b, pose, work.root, k, m, nx, ny)
-        out.overlap[row + done], out.beyond[row + done] = extent, top - level
-        done += 1
+            nx, ny, level = measured(table, a, at, b, pose, work.root, k, m, out, row + done)
+            if kind == LENS:
+                top, extent = convex_extent(table, a, b, pose, i, u, j, v, nx, ny)
+            else:
+                top, extent = lens_extent(table, a, b, pose, work.root, k, m, nx, ny)
+            out.overlap[row + done], out.beyond[row + done] = extent, top - level
+        out.corners[row + done] = corners
+        if out.chord[row + done] > smallest:
+            done += 1
     return done
+
+
+@inline_kernel
+def placed_contacts(
+    table: ShapeTable, a: int, at: Pose, b: int, pose: Pose, work: Workspace, out: ContactRows, row: int
+) -> int:
+    """`pair_contacts` with the second shape's pose relative to the first's, wherever the bounding circles overlap.
+
+    Faces that coincide to rounding have no intersections that can be told apart. The second shape is then shifted by `SHIFT` roundings,
+    apart and aside: faces that only touch leave each other, and of sides that lie on one line one comes to be the inner one. Should a
+    line lie along the shift, another direction is tried.
+    """
+    size = SHIFT * ROUNDING * (table.radius[a] + table.radius[b])
+    distance = sqrt(pose.x * pose.x + pose.y * pose.y)
+    ux, uy = (pose.x / distance, pose.y / distance) if distance > 0.0 else (1.0, 0.0)
+    found, dx, dy = PARALLEL, 0.0, 0.0
+    for attempt in range(4):
+        found = contacts_at(table, a, at, b, Pose(pose.c, pose.s, pose.x + dx, pose.y + dy), work, out, row)
+        if found != PARALLEL:
+            return found
+        # 0.5, -0.35 and 1.2 rad from the line of centres: half a radian and more from each other.
+        c, s = (0.878, 0.479) if attempt == 0 else ((0.939, -0.343) if attempt == 1 else (0.362, 0.932))
+        dx, dy = size * (c * ux - s * uy), size * (s * ux + c * uy)
+    return UNDECIDED
 
 
 @inline_kernel

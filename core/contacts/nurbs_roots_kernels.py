@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import sqrt
 
 from ninedisk.core._cache import inline_kernel
-from ninedisk.core.contacts.nurbs_state import MOST_ROOTS, STACK, UNDECIDED, FloatArray, Workspace
+from ninedisk.core.contacts.nurbs_state import MOST_ROOTS, PARALLEL, STACK, UNDECIDED, FloatArray, Workspace
 from ninedisk.core.geometry.nurbs_kernels import Pose, ShapeTable, tangent_at
 
 TOUCHING = 5e-10
@@ -27,6 +27,12 @@ MOST_BOXES = 100_000
 
 ROUNDING = 2e-15
 """Rounding of a point's coordinates, over the size of both shapes."""
+
+COINCIDE = 1000.0
+"""Roundings by which straight lines must draw apart along their length for their intersection to be known, to a tenth of the length."""
+
+SHIFT = 4000.0
+"""Roundings by which a shape is shifted off another body with which it shares a line; more than `COINCIDE` at 0.3 rad to the line."""
 
 
 @inline_kernel
@@ -139,6 +145,8 @@ def piece_crossings(
         if abs(dx * x + dy * y) > speed_a * (speed_a * half_u + room) + abs(dx * ex + dy * ey) * half_v:
             continue
         long_a, long_b = 2.0 * speed_a * half_u, 2.0 * speed_b * half_v
+        if rest == 0.0 and abs(det) * min(speed_a * half_u, speed_b * half_v) <= COINCIDE * noise * speed_a * speed_b:
+            return PARALLEL, boxes
         if 4.0 * rest * max(long_a, long_b) <= CONTRACTION * abs(det) * 4.0 * half_u * half_v and det != 0.0:
             # An intersection on the edge of two boxes may be found in both, for none to be lost to rounding.
             slack_u = 1e-6 * half_u + 100.0 * noise * speed_b / abs(det)
@@ -204,7 +212,7 @@ def crossings(table: ShapeTable, a: int, b: int, pose: Pose, work: Workspace) ->
     Returns
     -------
     int
-        Their number, an even one, or `UNDECIDED`.
+        Their number, an even one, or `UNDECIDED` or `PARALLEL`.
     """
     n_a, n_b = nearby(table, a, b, pose, work)
     n, boxes = 0, 0
@@ -218,4 +226,5 @@ def crossings(table: ShapeTable, a: int, b: int, pose: Pose, work: Workspace) ->
                 n, boxes = piece_crossings(table, a, ka, b, kb, pose, work, n, boxes)
                 if n < 0:
                     return n
-    return tidy(n, table.first_span[a + 1] - table.first_span[a], work.root)
+    n = tidy(n, table.first_span[a + 1] - table.first_span[a], work.root)
+    return PARALLEL if n == UNDECIDED else n

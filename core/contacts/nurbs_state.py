@@ -19,8 +19,11 @@ STACK = 256
 """Boxes that wait in the subdivision: two for each halving of either curve, far below this."""
 
 ENCLOSED, CROSSED, UNDECIDED, FULL = -1, -2, -3, -4
-"""What a pair can be instead of a number of contacts: one outline inside the other; an intersection with more than two corners,
-which has no chord; intersections that could not be told apart (boundaries that coincide); no room in the output."""
+"""What a pair can be instead of a number of contacts: one outline inside the other; an intersection with more than two corners
+whose chords cancel; intersections that could not be told apart (boundaries that coincide); no room in the output."""
+
+PARALLEL = -6
+"""Intersections of straight lines, or at corners, that a small shift can tell apart: tried by `nurbs_kernels.placed_contacts`."""
 
 TOO_DEEP = -5
 """A grain that is deeper in a wall, or in another grain, than features are followed."""
@@ -65,6 +68,9 @@ class ContactRows(NamedTuple):
         to the other side. A wall's surface is the chord's line.
     chord : ndarray, shape (k,)
         Length of the chord [m].
+    corners : ndarray of int64, shape (k,)
+        Corners of the common area, where the outlines intersect: 2, or more where both cut each other's corners off; ``place`` is
+        then that of the first outline's longest chord.
     place : ndarray, shape (k, 4)
         Where the outlines intersect, as span + u + 1/2: the first one entering, the second one there; the first one leaving, the
         second one there. For walls the second ones are NaN.
@@ -75,6 +81,7 @@ class ContactRows(NamedTuple):
     overlap: FloatArray
     beyond: FloatArray
     chord: FloatArray
+    corners: IntArray
     place: FloatArray
 
 
@@ -121,6 +128,7 @@ def contact_rows(k: int) -> ContactRows:
         overlap=np.zeros(k),
         beyond=np.zeros(k),
         chord=np.zeros(k),
+        corners=np.zeros(k, dtype=np.int64),
         place=np.zeros((k, 4)),
     )
 

@@ -6,11 +6,21 @@ from math import sqrt
 
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.contacts.nurbs_lens_kernels import extent_along, extent_on
-from ninedisk.core.contacts.nurbs_roots_kernels import CONTRACTION, MOST_BOXES, ROUNDING, TOUCHING, known, tidy
+from ninedisk.core.contacts.nurbs_roots_kernels import (
+    COINCIDE,
+    CONTRACTION,
+    MOST_BOXES,
+    ROUNDING,
+    SHIFT,
+    TOUCHING,
+    known,
+    tidy,
+)
 from ninedisk.core.contacts.nurbs_state import (
     ENCLOSED,
     FULL,
     MOST_ROOTS,
+    PARALLEL,
     STACK,
     UNDECIDED,
     ContactRows,
@@ -47,7 +57,7 @@ def line_crossings(table: ShapeTable, shape: int, nx: float, ny: float, height: 
     Returns
     -------
     int
-        Their number in ``work.root``, +1 where ``n . q`` falls below ``height``; or `UNDECIDED`.
+        Their number in ``work.root``, +1 where ``n . q`` falls below ``height``; or `UNDECIDED` or `PARALLEL`.
     """
     still = Pose(1.0, 0.0, 0.0, 0.0)
     noise, smallest = ROUNDING * (table.radius[shape] + abs(height)), TOUCHING * table.radius[shape]
@@ -68,6 +78,8 @@ def line_crossings(table: ShapeTable, shape: int, nx: float, ny: float, height: 
             off, slope, rest = nx * x + ny * y - height, nx * dx + ny * dy, 0.5 * bend * half * half
             if abs(off) > abs(slope) * half + rest + noise:
                 continue
+            if rest == 0.0 and abs(slope) * half <= COINCIDE * noise:
+                return PARALLEL
             if 4.0 * rest <= CONTRACTION * abs(slope) * 2.0 * half and slope != 0.0:
                 slack = 1e-6 * half + 100.0 * noise / abs(slope)
                 found, u, slope = solve_range(table, shape, i, u, nx, ny, height, half, slack)
@@ -87,7 +99,8 @@ def line_crossings(table: ShapeTable, shape: int, nx: float, ny: float, height: 
                 return UNDECIDED
             box[waiting, 0], box[waiting, 1], box[waiting + 1, 0], box[waiting + 1, 1] = low, u, u, high
             waiting += 2
-    return tidy(n, table.first_span[shape + 1] - table.first_span[shape], work.root)
+    n = tidy(n, table.first_span[shape + 1] - table.first_span[shape], work.root)
+    return PARALLEL if n == UNDECIDED else n
 
 
 @inline_kernel
@@ -119,7 +132,7 @@ def wall_contacts(
     """Contacts of a placed shape with the wall through (px, py) whose free side is that of (nx, ny).
 
     The chord lies on the wall, the contact's normal is the wall's reversed, and the overlap is the depth of the arc that is
-    beyond the wall.
+    beyond the wall. A face that coincides with the wall to rounding touches: it is judged as if the wall were back by `SHIFT` roundings.
 
     Returns
     -------
@@ -133,8 +146,11 @@ def wall_contacts(
     if deepest_below(table, shape, mx, my, height) <= 2.0 * ROUNDING * (table.radius[shape] + abs(height)):
         return 0  # it touches, if anything
     n = line_crossings(table, shape, mx, my, height, work)
+    if n == PARALLEL:
+        height -= SHIFT * ROUNDING * (table.radius[shape] + abs(height))
+        n = line_crossings(table, shape, mx, my, height, work)
     if n < 0:
-        return n
+        return UNDECIDED
     root = work.root
     still = Pose(1.0, 0.0, 0.0, 0.0)
     if n == 0:
@@ -164,7 +180,7 @@ def wall_contacts(
         depth = extent_along(table, shape, still, i0, u0, i1, u1, -mx, -my) + height
         out.point[r, 0], out.point[r, 1] = at.c * x - at.s * y + at.x, at.s * x + at.c * y + at.y
         out.normal[r, 0], out.normal[r, 1] = -nx, -ny
-        out.overlap[r], out.beyond[r], out.chord[r] = depth, depth, abs(along)
+        out.overlap[r], out.beyond[r], out.chord[r], out.corners[r] = depth, depth, abs(along), 2
         out.place[r, 0], out.place[r, 1] = i0 + u0 + 0.5, float("nan")
         out.place[r, 2], out.place[r, 3] = i1 + u1 + 0.5, float("nan")
         done += 1

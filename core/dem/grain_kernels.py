@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.contacts.nurbs_area_kernels import segment_area
 from ninedisk.core.contacts.nurbs_kernels import pair_contacts
+from ninedisk.core.contacts.nurbs_state import CROSSED
 from ninedisk.core.contacts.nurbs_wall_kernels import wall_contacts
 from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.force_kernels import normal_force, shear_force
@@ -157,6 +158,10 @@ def pair_forces(
         return stopped(outlines, count, a, b)
     if count == 0:
         return True
+    if outlines.area[0]:  # areas are those of one arc of either outline
+        for m in range(count):
+            if outlines.found.corners[m] > 2:
+                return stopped(outlines, CROSSED, a, b)
     ring_a, ring_b = ring_of(outlines, a), ring_of(outlines, b)
     arcs_of(outlines, count, ring_a, ring_b)
     inherit(outlines, a, b, count, ring_a, ring_b, convex(outlines, a) and convex(outlines, b))

@@ -13,7 +13,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.harness.case import Check, Observed, Parameter, Setup, Value
 from ninedisk.harness.cases._grains import grains
-from ninedisk.harness.cases._shared import contact_step
+from ninedisk.harness.cases._shared import contact_step, told
 from ninedisk.harness.engine import EngineInfo
 
 A, B, DENSITY = 1.0, 0.6, 1.0
@@ -96,17 +96,23 @@ class Collision:
             "overlap_over_size": ("1", float(-gap.min() / B)),
             "final_gap": ("m", float(gap[-1])),
         }
-        series = {"energy": ("J", energy), "angular_momentum": ("kg m^2/s", turning), "gap": ("m", gap)}
+        total = history.energy.get("kinetic", np.nan * energy) + history.energy.get("elastic", np.nan * energy)
+        series = {
+            "energy": ("J", energy),
+            "energy_total": ("J", total),
+            "angular_momentum": ("kg m^2/s", turning),
+            "gap": ("m", gap),
+        }
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def checks(
         self,
         params: Mapping[str, Any],
         setup: Setup,
-        observed: Observed,  # noqa: ARG002
-        engine: EngineInfo,  # noqa: ARG002
+        observed: Observed,
+        engine: EngineInfo,
     ) -> Sequence[Check]:
-        """Conservation; energy where nothing rubs."""
+        """Conservation; energy where nothing rubs, that of the contact included where the law has one."""
         disks = setup.scene.disks
         momentum = float(disks.mass[0]) * SPEED
         why = "opposite forces in one point: round-off, 1e-16 a step"
@@ -124,6 +130,11 @@ class Collision:
                 0.25 * phase**2,
                 f"(omega dt)^2/4, omega dt = {phase:.2g}: what central differences lose at a contact's closest",
             )
+            whole = told(observed, engine, "energy_total", np.full_like(observed.t, observed.series["energy"][1][0]))
+            found.append(
+                Check(quantity="energy_total", norm="max", truth="analytic", expected=whole, rtol=atol,
+                      source="conservation of energy, the law's own included", why=why)
+            )  # fmt: skip
         else:
             atol = deepest_over_size(setup.scene)
             why = (

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 from ninedisk.harness.errors import UsageError, close_matches
-from ninedisk.harness.selftest import cd_sources, dem_sources, histories, setups
+from ninedisk.harness.selftest import cd_sources, dem_sources, grain_sources, histories, setups
 from ninedisk.harness.selftest.defect import Defect
 from ninedisk.harness.selftest.edits import Edit
 from ninedisk.harness.selftest.panel import ENGINES
@@ -28,7 +28,7 @@ CLEAN = (
 
 GALLERY: tuple[Defect, ...] = tuple(
     sorted(
-        (*dem_sources.DEFECTS, *cd_sources.DEFECTS, *setups.DEFECTS, *histories.DEFECTS),
+        (*dem_sources.DEFECTS, *grain_sources.DEFECTS, *cd_sources.DEFECTS, *setups.DEFECTS, *histories.DEFECTS),
         key=lambda defect: ENGINES.index(defect.engine),
     )
 )

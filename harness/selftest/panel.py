@@ -14,6 +14,7 @@ from ninedisk.harness.plan import Cell, plan_case
 PRESS, SHEAR = "nine-disk/compression", "nine-disk/distortion"
 HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
 STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
+LENSES, OVALS, GRAINS = "nurbs/overlap", "nurbs/collision", "nurbs/rolling"
 REOPEN, WALL, STACK = "contact/reopening", "contact/moving-wall", "static/stack"
 
 ENGINES = ("dem", "cd")
@@ -58,6 +59,12 @@ DEM_PANEL: dict[str, Probe] = {
     "push-wall": Probe(WALL, {}),
     "shake": Probe(WALL, {"motion": "shake"}),
     "stack": Probe(STACK, {"start": "equilibrium", "n": 12, "duration": 0.02}),
+    "press-outlines": Probe(PRESS, {"shape": "nurbs", "cycles": 10, "settle_cycles": 5, "wall_mu": "mu"}),
+    "lenses": Probe(LENSES, {"shape": "ellipse", "pairs": 3}),
+    "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),
+    "ovals-area": Probe(OVALS, {"contact": "area", "kn": 100.0, "phase": 0.12}),
+    "stand": Probe(GRAINS, {"kn": 1e5, "steepness": 0.6, "duration": 0.1}),
+    "oval-rolls": Probe(GRAINS, {"grain": "ellipse", "kn": 1e4, "duration": 0.2}),
 }
 
 CD_PANEL: dict[str, Probe] = {

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene, WallSegment
 from ninedisk.harness.selftest.defect import Defect
@@ -77,7 +79,13 @@ def _loose(numerics: Numerics) -> Numerics:
     return numerics.replace(options={**numerics.options, "cd.tolerance": 1e-3})
 
 
+def _heavier_grains(scene: Scene) -> Scene:
+    more = np.where(scene.disks.outline >= 0, 1.01, 1.0)
+    return with_disks(scene, inertia=more * scene.disks.inertia)
+
+
 DEM = (
+    _scene("dem", "grain-inertia", "grains have one part in a hundred too much inertia", "ovals", _heavier_grains),
     _scene("dem", "mass-of-a-sphere", "disks have the mass of spheres, 4/3 R times theirs", "press",
            lambda scene: with_disks(scene, mass=scene.disks.mass * 4.0 / 3.0 * scene.disks.radius)),
     _scene("dem", "radius", "disks are one part in five hundred too large", "throw",

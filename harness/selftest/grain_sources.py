@@ -1,0 +1,43 @@
+"""Defects planted in the kernels of grains with outlines."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from ninedisk.harness.selftest.planted import planted
+
+FORCES, MEMORY = "dem.grain_kernels", "dem.grain_memory_kernels"
+LENS, AREA, WALL = "contacts.nurbs_lens_kernels", "contacts.nurbs_area_kernels", "contacts.nurbs_wall_kernels"
+
+_kernel = partial(planted, "dem", "kernel")
+
+_PAIR_ARMS = "arm_a, arm_b = rx * nx + ry * ny + found.beyond[m], (dx - rx) * nx"
+
+DEFECTS = (
+    _kernel("grain-arm-of-normal", "the normal force turns the first grain of a contact the other way", "ovals",
+            (FORCES, "disks.torque[i] += fn * side_a", "disks.torque[i] -= fn * side_a")),
+    _kernel("grain-arm-of-normal-at-walls", "the normal force of walls turns grains the other way", "stand",
+            (FORCES, "disks.torque[i] += fn * side +", "disks.torque[i] += -fn * side +")),
+    _kernel("grain-beyond", "lever arms end at the chord instead of the outline", "press-outlines",
+            (FORCES, _PAIR_ARMS, _PAIR_ARMS.replace("+ found.beyond[m]", ""))),
+    _kernel("grain-beyond-at-walls", "lever arms at walls end at the wall instead of the outline", "stand",
+            (FORCES, "arm, side = found.beyond[m] - rx", "arm, side = -rx")),
+    _kernel("grain-memory", "contacts of grains forget their shear force in every step", "press-outlines",
+            (MEMORY, "carried[best] += contact[FS]", "carried[best] += 0.0 * contact[FS]")),
+    _kernel("grain-chord-end", "contacts of grains are where the first outline enters, not in the chord's middle", "press-outlines",
+            (LENS, "0.5 * (ax + bx + x), 0.5 * (ay + by + y)", "0.5 * (ax + bx), 0.5 * (ay + by)")),
+    _kernel("grain-wall-chord-end", "contacts of grains with walls are where the outline enters the wall", "stand",
+            (WALL, "x - off * mx - 0.5 * along * my, y - off * my + 0.5 * along * mx", "x - off * mx, y - off * my")),
+    _kernel("grain-slip-at-walls", "spins enter the slip of grains at walls with the wrong sign", "oval-rolls",
+            (FORCES, "vt += (arm - 0.5 * walls.law[w, SLIP_OVERLAP] * overlap) * disks.omega[i]",
+             "vt -= (arm - 0.5 * walls.law[w, SLIP_OVERLAP] * overlap) * disks.omega[i]")),
+    _kernel("grain-turn", "outlines turn clockwise", "lenses",
+            (FORCES, "outlines.turn[k, 0], outlines.turn[k, 1] = cos(angle), sin(angle)",
+             "outlines.turn[k, 0], outlines.turn[k, 1] = cos(angle), -sin(angle)")),
+    _kernel("grain-wall-load", "walls feel the weight of grains upwards", "stand",
+            (FORCES, "load[0, w, 1] -= gy", "load[0, w, 1] += gy")),
+    _kernel("grain-area-exponent", "the energy of the common area is cubic in the overlap of disks", "ovals-area",
+            (FORCES, "curvature) ** (1.0 / 3.0)", "curvature) ** (1.0 / 2.0)")),
+    _kernel("grain-area-arc", "the common area lacks the second grain's part", "ovals-area",
+            (FORCES, "common += segment_area(", "common += 0.0 * segment_area(")),
+)  # fmt: skip
