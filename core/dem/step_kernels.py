@@ -195,12 +195,13 @@ def advance(
         mends the cause (grows a list) and calls again.
     """
     n, row = clock[STEP], clock[ROW]
-    stale = clock[PENDING] == 1
+    pending = clock[PENDING] == 1
+    stale = pending and clock[BUILT] < n
     moved_on = False
     far = 0.0
     wait_for_all(team.flags, me, crew)
-    while n < target or stale:
-        if not stale:
+    while n < target or pending:
+        if not pending:
             if not moved_on:
                 count = disks.x.shape[0]
                 kick = step.first if n == 0 else step.kick
@@ -230,7 +231,7 @@ def advance(
             wait_for_all(team.flags, me, crew)
             if team.code[0] != OK:
                 return int(team.code[0])
-        stale = False
+        pending, stale = False, False
         slip_dt = step.kick.dt if n > 0 else 0.0
         sampled = row < samples.at.shape[0] and samples.at[row] == n
         moved_on = False
