@@ -84,3 +84,9 @@ def inline_kernel(function: Function) -> Function:
     """Like `kernel`, for small functions that are only called by kernels: LLVM inlines them, no cache of their own."""
     compiled: Any = numba.njit(**OPTIONS)(function)
     return cast(Function, compiled)
+
+
+def fused_inline_kernel(function: Function) -> Function:
+    """Like `inline_kernel`, with `FUSED` arithmetic."""
+    compiled: Any = numba.njit(**OPTIONS, **FUSED)(function)
+    return cast(Function, compiled)

@@ -11,8 +11,8 @@ from ninedisk.core._sync import PAD
 from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_list
 from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.constants import law_row
-from ninedisk.core.dem.force_kernels import find_damping
-from ninedisk.core.dem.state import BETA, DiskArrays, Samples, Team, Views, WallArrays
+from ninedisk.core.dem.pair_kernels import SCRATCH, note_pairs
+from ninedisk.core.dem.state import DiskArrays, Samples, Team, Views, WallArrays
 from ninedisk.core.geometry.motion import wall_poses
 from ninedisk.core.geometry.motion_kernels import WallMotion
 from ninedisk.core.scene import Scene
@@ -59,14 +59,22 @@ def disk_arrays(scene: Scene, lagged: bool) -> DiskArrays:
 
 
 def disk_views(disks: DiskArrays, lists: Lists, law: NDArray[np.float64]) -> Views:
-    """Views of the disks, and the dashpots of the listed pairs.
+    """Views of the disks, and rows and dashpots of the listed pairs.
 
-    These stay where a rebuild puts the shear forces of the new list until it copies them: it finds the dashpots anew afterwards.
+    These stay where a rebuild puts the new list until it copies it: it notes them anew afterwards.
     """
     seen = disks.v_now if len(disks.v_now) else disks.v
-    damping = lists.spare.shear if law[BETA] > 0.0 else np.zeros(0)
-    find_damping(disks, lists.disks, law, damping)
-    return Views(disks.x.reshape(-1), disks.v.reshape(-1), seen.reshape(-1), disks.force.reshape(-1), damping)
+    views = Views(
+        x=disks.x.reshape(-1),
+        v=disks.v.reshape(-1),
+        seen=seen.reshape(-1),
+        force=disks.force.reshape(-1),
+        moved=disks.moved.reshape(-1),
+        row=lists.spare.other,
+        damping=lists.spare.shear,
+    )
+    note_pairs(disks, views, lists.disks, law)
+    return views
 
 
 def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
@@ -92,6 +100,7 @@ def team_arrays(stripes: int, threads: int) -> Team:
         flags=np.zeros(threads * PAD, dtype=np.int64),
         far=np.zeros(threads * PAD),
         code=np.zeros(1, dtype=np.int64),
+        scratch=np.zeros((threads, SCRATCH + 2 * PAD)),
     )
 
 

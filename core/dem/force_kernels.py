@@ -1,4 +1,4 @@
-"""Kernels of the contact forces: linear spring, dashpot without tension, incremental shear, Coulomb cap.
+"""Laws of the contacts and the kernel of those with walls: linear spring, dashpot without tension, incremental shear, Coulomb cap.
 
 Source: Cundall & Strack, Geotechnique 29 (1979) 47-65; conventions of `ninedisk.core.scene`: ``n`` points from ``i`` to
 ``j``, ``t = (-n_y, n_x)``, the force on ``i`` is ``-fn n + fs t``. With lever arms ``a_i, a_j`` the slip of ``i`` past ``j`` is
@@ -10,23 +10,9 @@ from __future__ import annotations
 
 from math import sqrt
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ninedisk.core._cache import fused_kernel, inline_kernel, kernel
+from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
-from ninedisk.core.dem.state import (
-    BETA,
-    KN,
-    KS,
-    MU,
-    SLIP_OVERLAP,
-    TORQUE_OVERLAP,
-    WALL_MID,
-    DiskArrays,
-    Views,
-    WallArrays,
-)
+from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_OVERLAP, TORQUE_OVERLAP, WALL_MID, DiskArrays, WallArrays
 
 
 @inline_kernel
@@ -82,98 +68,13 @@ def first_from(pairs: NeighbourList, low: int, high: int, disk: int) -> int:
 
 
 @kernel
-def find_damping(
-    disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], damping: NDArray[np.float64]
-) -> None:
-    """Dashpot coefficient [N s/m] of each listed pair, into ``damping``; nothing where it is empty."""
-    if damping.shape[0] == 0:
-        return
-    for i in range(disks.x.shape[0]):
-        for k in range(pairs.start[i], pairs.start[i + 1]):
-            damping[k] = dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[pairs.other[k]])
-
-
-@fused_kernel
-def disk_disk_forces(
-    disks: DiskArrays,
-    views: Views,
-    pairs: NeighbourList,
-    law: NDArray[np.float64],
-    slip_dt: float,
-    begin: int,
-    end: int,
-) -> None:
-    """Add the forces of the disk-disk contacts in some rows to ``disks.force`` and ``disks.torque``; update shear forces.
-
-    Parameters
-    ----------
-    disks : DiskArrays
-    views : Views
-        The same disks.
-    pairs : NeighbourList
-        Rows are the disks with the smaller number.
-    law : ndarray, shape (7,)
-        Law row.
-    slip_dt : float
-        Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0.
-    begin, end : int
-        Rows of the list.
-    """
-    x, v, seen, force, damping = views.x, views.v, views.seen, views.force, views.damping
-    radius, omega, torques = disks.radius, disks.omega, disks.torque
-    start, other, shear = pairs.start, pairs.other, pairs.shear
-    kn, ks, mu = law[KN], law[KS], law[MU]
-    half, half_slip = 0.5 * law[TORQUE_OVERLAP], 0.5 * law[SLIP_OVERLAP]
-    rough, damped = mu > 0.0 and ks > 0.0, damping.shape[0] > 0
-    one = np.uint64(1)
-    for i in range(np.uint64(begin), np.uint64(end)):
-        ix, iy = i + i, i + i + one
-        xi, yi, ri = x[ix], x[iy], radius[i]
-        vxi, vyi, wi = v[ix], v[iy], omega[i]
-        fx, fy, torque = 0.0, 0.0, 0.0
-        for k in range(np.uint64(start[i]), np.uint64(start[i + one])):
-            j = np.uint64(other[k])
-            jx, jy = j + j, j + j + one
-            dx, dy, reach = x[jx] - xi, x[jy] - yi, ri + radius[j]
-            d2 = dx * dx + dy * dy
-            if d2 >= reach * reach:
-                shear[k] = 0.0
-                continue
-            d = sqrt(d2)
-            overlap, inv_d = reach - d, 1.0 / d
-            nx, ny = dx * inv_d, dy * inv_d
-            fn = kn * overlap
-            if damped:
-                rate = (seen[ix] - seen[jx]) * nx + (seen[iy] - seen[jy]) * ny
-                fn = max(fn + damping[k] * rate, 0.0)
-            gx, gy = -fn * nx, -fn * ny
-            if rough:
-                ai, aj = ri - half * overlap, radius[j] - half * overlap
-                vt = (v[jx] - vxi) * ny + (vyi - v[jy]) * nx
-                vt += (ri - half_slip * overlap) * wi + (radius[j] - half_slip * overlap) * omega[j]
-                fs = shear_force(shear[k], vt * slip_dt, ks, mu * fn)
-                shear[k] = fs
-                gx -= fs * ny
-                gy += fs * nx
-                torque += ai * fs
-                torques[j] += aj * fs
-            fx += gx
-            fy += gy
-            force[jx] -= gx
-            force[jy] -= gy
-        force[ix] += fx
-        force[iy] += fy
-        torques[i] += torque
-
-
-@kernel
 def disk_wall_forces(
     disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, slip_dt: float, begin: int, end: int, stripe: int
 ) -> None:
     """Add the forces of the contacts between walls and some disks; update shear forces and this stripe's share of the loads.
 
-    Parameters are those of `disk_disk_forces`, the disks being ``begin .. end-1``; rows of ``pairs`` are walls, with ascending
-    disks. The normal from disk to wall is the opposite of
+    Parameters are those of `pair_kernels.disk_disk_forces`, the disks being ``begin .. end-1``; rows of ``pairs`` are walls, with
+    ascending disks. The normal from disk to wall is the opposite of
     the wall's. The wall's velocity at a point ``q`` is ``v_pivot + spin x (q - pivot)``, with ``q`` the foot of the disk's
     centre on the surface or the middle of the overlap; the reaction acts at the foot.
     """

@@ -2,14 +2,21 @@
 
 Global damping ``m a + xi m v = F`` in the central form is ``v+ = ((1 - a) v- + dt F/m)/(1 + a)`` with ``a = xi dt/2``; in the
 lagged form ``v+ = v- + dt (F/m - xi v-)``. The start is synchronised: ``v_{1/2} = v_0 + dt (F_0/m - xi v_0)/2``.
+
+Each loop writes to few arrays and branches on nothing: the compiler, which has to make sure that no two of them overlap, then takes
+several disks at a time.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.dem.state import DiskArrays, Kick, Views
+
+NUMBER = np.int32(0x7FFFFFFF)
+"""All bits of a number in single precision but its sign."""
 
 
 @inline_kernel
@@ -18,8 +25,68 @@ def farther(far: float, d2: float) -> float:
     return d2 if d2 > far or d2 != d2 else far
 
 
+@inline_kernel
+def farthest(moved: NDArray[np.float32], begin: int, end: int) -> float:
+    """Largest square of the displacements of the disks ``begin .. end-1`` [m^2]; NaN if any is NaN.
+
+    Without their sign the bits of numbers, read as integers, are in the order of the numbers, and those of NaN come after all.
+    """
+    one = np.uint64(1)
+    bits = np.int32(0)
+    for i in range(np.uint64(begin), np.uint64(end)):
+        mx, my = moved[i + i], moved[i + i + one]
+        bits = max(bits, np.int32(np.float32(mx * mx + my * my).view(np.int32) & NUMBER))
+    return float(np.int32(bits).view(np.float32))
+
+
+@inline_kernel
+def kick(
+    v: NDArray[np.float64], force: NDArray[np.float64], inv_mass: NDArray[np.float64], step: Kick, begin: int, end: int
+) -> None:
+    """Velocities of the disks ``begin .. end-1`` to ``t_{n+1/2}``; clears their forces."""
+    one = np.uint64(1)
+    keep, gain = step.keep, step.gain
+    for i in range(np.uint64(begin), np.uint64(end)):
+        ix, iy = i + i, i + i + one
+        v[ix] = keep * v[ix] + gain * (force[ix] * inv_mass[i] + step.gravity_x)
+        v[iy] = keep * v[iy] + gain * (force[iy] * inv_mass[i] + step.gravity_y)
+        force[ix], force[iy] = 0.0, 0.0
+
+
+@inline_kernel
+def drift(
+    x: NDArray[np.float64], v: NDArray[np.float64], moved: NDArray[np.float32], dt: float, begin: int, end: int
+) -> None:
+    """Positions of the disks ``begin .. end-1`` to ``t_{n+1}``, and their displacements."""
+    for q in range(np.uint64(2 * begin), np.uint64(2 * end)):
+        way = dt * v[q]
+        x[q] += way
+        moved[q] = np.float32(moved[q] + way)
+
+
+@inline_kernel
+def turn(
+    omega: NDArray[np.float64],
+    angle: NDArray[np.float64],
+    torque: NDArray[np.float64],
+    inv_inertia: NDArray[np.float64],
+    step: Kick,
+    begin: int,
+    end: int,
+) -> None:
+    """Spins of the disks ``begin .. end-1`` to ``t_{n+1/2}`` and angles to ``t_{n+1}``; clears their torques."""
+    keep, gain, dt = step.keep, step.gain, step.dt
+    for i in range(np.uint64(begin), np.uint64(end)):
+        before = omega[i]
+        spin = keep * before + gain * (torque[i] * inv_inertia[i])
+        spin = spin if inv_inertia[i] > 0.0 else before
+        omega[i] = spin
+        angle[i] += dt * spin
+        torque[i] = 0.0
+
+
 @kernel
-def kick_and_drift(disks: DiskArrays, views: Views, kick: Kick, begin: int, end: int) -> float:
+def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end: int) -> float:
     """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the disks ``begin .. end-1``; clears their forces.
 
     Returns
@@ -27,30 +94,16 @@ def kick_and_drift(disks: DiskArrays, views: Views, kick: Kick, begin: int, end:
     float
         Largest squared displacement since the last rebuild of the lists [m^2]; NaN if any is NaN.
     """
-    x, v, force, torques = views.x, views.v, views.force, disks.torque
-    omega, angle, moved = disks.omega, disks.angle, disks.moved
-    keep, gain, dt = kick.keep, kick.gain, kick.dt
+    x, v, seen = views.x, views.v, views.seen
+    first, last = np.uint64(2 * begin), np.uint64(2 * end)
     extrapolated = disks.v_now.shape[0] > 0
-    one = np.uint64(1)
-    far = 0.0
-    for i in range(np.uint64(begin), np.uint64(end)):
-        ix, iy = i + i, i + i + one
-        vx = keep * v[ix] + gain * (force[ix] * disks.inv_mass[i] + kick.gravity_x)
-        vy = keep * v[iy] + gain * (force[iy] * disks.inv_mass[i] + kick.gravity_y)
-        if extrapolated:
-            views.seen[ix] = vx + kick.ahead * (vx - v[ix])
-            views.seen[iy] = vy + kick.ahead * (vy - v[iy])
-        v[ix], v[iy] = vx, vy
-        dx, dy = dt * vx, dt * vy
-        x[ix] += dx
-        x[iy] += dy
-        spin = omega[i]
-        if disks.inv_inertia[i] > 0.0:
-            spin = keep * spin + gain * (torques[i] * disks.inv_inertia[i])
-            omega[i] = spin
-        angle[i] += dt * spin
-        force[ix], force[iy], torques[i] = 0.0, 0.0, 0.0
-        mx, my = np.float32(moved[i, 0] + dx), np.float32(moved[i, 1] + dy)
-        moved[i, 0], moved[i, 1] = mx, my
-        far = farther(far, float(mx * mx + my * my))
-    return far
+    if extrapolated:
+        for q in range(first, last):
+            seen[q] = v[q]
+    kick(v, views.force, disks.inv_mass, step, begin, end)
+    if extrapolated:
+        for q in range(first, last):
+            seen[q] = v[q] + step.ahead * (v[q] - seen[q])
+    drift(x, v, views.moved, step.dt, begin, end)
+    turn(disks.omega, disks.angle, disks.torque, disks.inv_inertia, step, begin, end)
+    return farthest(views.moved, begin, end)

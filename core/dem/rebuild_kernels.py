@@ -48,12 +48,13 @@ def permute_numbers(values: NDArray[np.uint32], order: NDArray[np.uint32], scrat
 
 
 ROWS = 4
-"""Rows of cells that a stripe has at least: the fewer they are, the more disks lie on borders and move in a pass of their own."""
+"""Rows of cells of a stripe: the fewer they are, the more disks lie on borders and move in a pass of their own. A stripe of a crowded
+place may have half as many."""
 
 
-REBUILD_COST = 18.0
-"""Cost of a rebuild over that of the pairs out of contact in a step, per disk, with a skin of a mean radius (measured: 150 ns over
-8 ns)."""
+REBUILD_COST = 5.0
+"""Cost of a rebuild over that of the pairs out of contact in a step, per disk, with a skin of a mean radius (measured: 70 ns over
+2.8 pairs of 5.4 ns)."""
 
 
 @kernel
@@ -83,6 +84,16 @@ def put_in_order(disks: DiskArrays, cells: Cells) -> None:
             order[k], cells.cell[k] = k, c
 
 
+@inline_kernel
+def stripes_of(rows: int, most: int) -> int:
+    """Number of stripes of ``rows`` rows of cells: even and odd ones each share out evenly among 2 threads, many among 3 and 4."""
+    count = min((rows + ROWS - 1) // ROWS, most)
+    for parts in (24, 8, 4):
+        if count >= parts:
+            return count - count % parts
+    return count
+
+
 @kernel
 def divide(disks: DiskArrays, cells: Cells, team: Team) -> None:
     """Stripes of whole rows of cells with about equally many disks; one stripe of all where disks are not in order.
@@ -91,18 +102,20 @@ def divide(disks: DiskArrays, cells: Cells, team: Team) -> None:
     partners in the stripe before.
     """
     stripe, border = team.stripe, team.border
-    n, count = disks.x.shape[0], stripe.shape[0] - 1
+    n, room = disks.x.shape[0], stripe.shape[0] - 1
     nx, ny = int(cells.grid[3]), int(cells.grid[4])
+    count = stripes_of(ny, room)
     stripe[0], border[0] = 0, 0
     used, begun = 0, 0
-    for row in range(ROWS, ny if count > 1 else 0):
+    for row in range(1, ny if count > 1 else 0):
         first = cells.start[row * nx]
-        if used < count - 1 and row - begun >= ROWS and first * count >= (used + 1) * n and first > stripe[used]:
+        enough = row - begun >= ROWS // 2 and first > stripe[used]
+        if used < count - 1 and enough and first * count >= (used + 1) * n:
             used, begun = used + 1, row
             stripe[used], border[used] = first, cells.start[(row + 1) * nx]
-    for s in range(used + 1, count + 1):
+    for s in range(used + 1, room + 1):
         stripe[s] = n
-        if s < count:
+        if s < room:
             border[s] = n
 
 

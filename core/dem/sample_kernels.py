@@ -7,7 +7,7 @@ from math import atan2, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import inline_kernel, kernel
+from ninedisk.core._cache import fused_kernel, inline_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.force_kernels import normal_force
 from ninedisk.core.dem.state import BETA, KN, KS, DiskArrays, Samples, StepConstants, WallArrays
@@ -66,7 +66,7 @@ def watched_wall_pair(
     return gap, fn, listed_shear(pairs, w, i)
 
 
-@kernel
+@fused_kernel
 def contact_energy(
     disks: DiskArrays,
     walls: WallArrays,
@@ -74,27 +74,30 @@ def contact_energy(
     wall_pairs: NeighbourList,
     law: NDArray[np.float64],
 ) -> tuple[float, float]:
-    """Elastic energy of the normal and of the shear springs [J]."""
-    normal, shear = 0.0, 0.0
-    for i in range(disks.x.shape[0]):
-        for k in range(pairs.start[i], pairs.start[i + 1]):
-            j = pairs.other[k]
-            dx, dy = disks.x[j, 0] - disks.x[i, 0], disks.x[j, 1] - disks.x[i, 1]
-            overlap = disks.radius[i] + disks.radius[j] - sqrt(dx * dx + dy * dy)
-            if overlap > 0.0:
-                normal += 0.5 * law[KN] * overlap * overlap
-                if law[KS] > 0.0:
-                    shear += 0.5 * pairs.shear[k] * pairs.shear[k] / law[KS]
+    """Elastic energy of the normal and of the shear springs [J]; a contact that is open has no shear force."""
+    x, radius, one = disks.x, disks.radius, np.uint64(1)
+    squares, shears = 0.0, 0.0
+    for i in range(np.uint64(x.shape[0])):
+        xi, yi, ri = x[i, 0], x[i, 1], radius[i]
+        for k in range(np.uint64(pairs.start[i]), np.uint64(pairs.start[i + one])):
+            j = np.uint64(pairs.other[k])
+            dx, dy = x[j, 0] - xi, x[j, 1] - yi
+            overlap = max(ri + radius[j] - sqrt(dx * dx + dy * dy), 0.0)
+            squares += overlap * overlap
+            shears += pairs.shear[k] * pairs.shear[k]
+    normal = 0.5 * law[KN] * squares
+    shear = 0.5 * shears / law[KS] if law[KS] > 0.0 else 0.0
     for w in range(walls.now.shape[0]):
-        for k in range(wall_pairs.start[w], wall_pairs.start[w + 1]):
-            i = wall_pairs.other[k]
-            height = (disks.x[i, 0] - walls.now[w, 0]) * walls.now[w, 2]
-            height += (disks.x[i, 1] - walls.now[w, 1]) * walls.now[w, 3]
-            overlap = disks.radius[i] - height
-            if overlap > 0.0:
-                normal += 0.5 * walls.law[w, KN] * overlap * overlap
-                if walls.law[w, KS] > 0.0:
-                    shear += 0.5 * wall_pairs.shear[k] * wall_pairs.shear[k] / walls.law[w, KS]
+        px, py, ux, uy = walls.now[w, 0], walls.now[w, 1], walls.now[w, 2], walls.now[w, 3]
+        squares, shears = 0.0, 0.0
+        for k in range(np.uint64(wall_pairs.start[w]), np.uint64(wall_pairs.start[w + 1])):
+            j = np.uint64(wall_pairs.other[k])
+            overlap = max(radius[j] - ((x[j, 0] - px) * ux + (x[j, 1] - py) * uy), 0.0)
+            squares += overlap * overlap
+            shears += wall_pairs.shear[k] * wall_pairs.shear[k]
+        normal += 0.5 * walls.law[w, KN] * squares
+        if walls.law[w, KS] > 0.0:
+            shear += 0.5 * shears / walls.law[w, KS]
     return normal, shear
 
 

@@ -58,7 +58,7 @@ class DiskArrays(NamedTuple):
 
 
 class Views(NamedTuple):
-    """What the force kernel reads of the disks as plain vectors, and a constant of each listed pair; n disks.
+    """What the force kernel reads of the disks as plain vectors, and what stays the same for each listed pair; n disks.
 
     Arrays of one dimension and unsigned indices spare the address arithmetic of rows, strides and negative indices, a third of the
     kernel's instructions.
@@ -67,14 +67,20 @@ class Views(NamedTuple):
     ----------
     x, v, seen, force : shape (2 n,)
         The memory of ``DiskArrays.x``, ``v``, the velocities that dashpots see (``v_now`` or ``v``) and ``force``.
-    damping : shape (capacity of the list,) or (0,)
-        Dashpot coefficient of each listed disk-disk pair [N s/m]; empty where the law has none.
+    moved : ndarray of float32, shape (2 n,)
+        The memory of ``DiskArrays.moved``.
+    row : ndarray of uint32, shape (capacity of the list,)
+        First disk of each listed disk-disk pair.
+    damping : shape (capacity of the list,)
+        Dashpot coefficient of each listed disk-disk pair [N s/m].
     """
 
     x: FloatArray
     v: FloatArray
     seen: FloatArray
     force: FloatArray
+    moved: NDArray[np.float32]
+    row: NDArray[np.uint32]
     damping: FloatArray
 
 
@@ -123,6 +129,8 @@ class Team(NamedTuple):
         Largest squared displacement since the last rebuild among each thread's disks [m^2].
     code : ndarray of int64, shape (1,)
         Outcome of the last rebuild.
+    scratch : ndarray, shape (t, SCRATCH + 2 * PAD)
+        Scratch of each thread's pairs; the rest keeps two threads' apart.
     """
 
     stripe: NDArray[np.int64]
@@ -130,6 +138,7 @@ class Team(NamedTuple):
     flags: NDArray[np.int64]
     far: FloatArray
     code: NDArray[np.int64]
+    scratch: FloatArray
 
 
 class Kick(NamedTuple):

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core._sync import PAD, wait_for_all
 from ninedisk.core.contacts.search_kernels import OK, Cells, NeighbourList
-from ninedisk.core.dem.force_kernels import disk_disk_forces, disk_wall_forces, find_damping
+from ninedisk.core.dem.force_kernels import disk_wall_forces
 from ninedisk.core.dem.grain_kernels import grain_forces
 from ninedisk.core.dem.grain_sample_kernels import record_contacts
 from ninedisk.core.dem.grain_state import CODE, Outlines
 from ninedisk.core.dem.kick_kernels import farther, kick_and_drift
+from ninedisk.core.dem.pair_kernels import disk_disk_forces, note_pairs
 from ninedisk.core.dem.rebuild_kernels import next_skin, rebuild
 from ninedisk.core.dem.sample_kernels import record
 from ninedisk.core.dem.state import (
@@ -97,7 +98,7 @@ def stripe_forces(
         disk_wall_forces(disks, walls, wall_pairs, slip_dt, stripe[s], end, s)
         for low in range(stripe[s], end, BLOCK):
             high = min(low + BLOCK, end)
-            disk_disk_forces(disks, views, pairs, law, slip_dt, low, high)
+            disk_disk_forces(disks, views, pairs, law, slip_dt, low, high, team.scratch[me])
             if moves_on:
                 far = farther(far, kick_and_drift(disks, views, kick, max(low, kicked_from), high))
     return far
@@ -194,12 +195,13 @@ def advance(
         mends the cause (grows a list) and calls again.
     """
     n, row = clock[STEP], clock[ROW]
-    stale = clock[PENDING] == 1
+    pending = clock[PENDING] == 1
+    stale = pending and clock[BUILT] < n
     moved_on = False
     far = 0.0
     wait_for_all(team.flags, me, crew)
-    while n < target or stale:
-        if not stale:
+    while n < target or pending:
+        if not pending:
             if not moved_on:
                 count = disks.x.shape[0]
                 kick = step.first if n == 0 else step.kick
@@ -223,13 +225,13 @@ def advance(
                     disks, walls, pairs, wall_pairs, spare, wall_spare, cells, team, wider, widest, step.sorted
                 )
                 if team.code[0] == OK:
-                    find_damping(disks, pairs, law, views.damping)
+                    note_pairs(disks, views, pairs, law)
                     skin[0], clock[BUILT] = wider, n
                     clock[REBUILDS] += 1
             wait_for_all(team.flags, me, crew)
             if team.code[0] != OK:
                 return int(team.code[0])
-        stale = False
+        pending, stale = False, False
         slip_dt = step.kick.dt if n > 0 else 0.0
         sampled = row < samples.at.shape[0] and samples.at[row] == n
         moved_on = False

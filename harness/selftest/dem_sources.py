@@ -7,36 +7,38 @@ from functools import partial
 
 from ninedisk.harness.selftest.planted import planted
 
-FORCES, KICK, STEP = "dem.force_kernels", "dem.kick_kernels", "dem.step_kernels"
+FORCES, PAIRS, KICK, STEP = "dem.force_kernels", "dem.pair_kernels", "dem.kick_kernels", "dem.step_kernels"
 SEARCH, MOTION = "contacts.search_kernels", "geometry.motion_kernels"
 
 
 _kernel, _python = partial(planted, "dem", "kernel"), partial(planted, "dem", "python")
 
-_DISK_SLIP = "vt += (ri - half_slip * overlap) * wi + (radius[j] - half_slip * overlap) * omega[j]\n"
+_DISK_SLIP = "vt += scratch[ROLL + q] - half_slip * overlap * scratch[SPIN + q]\n"
 _LIMIT = "limit = min(0.5 * skin[0], skin[0] - wall_drift(walls, skin[0]))"
 _WALL_SLIP = "vt += (disks.radius[i] - half_slip * overlap) * disks.omega[i]\n"
-_DISK_SHEAR = "                fs = shear_force(shear[k], vt * slip_dt, ks, mu * fn)"
+_DISK_SHEAR = "            fs = shear_force(shear[k], vt * slip_dt, ks, mu * fn)"
 _WALL_SHEAR = "                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)"
+_KICK = "    kick(v, views.force, disks.inv_mass, step, begin, end)\n"
+_DRIFT = "    drift(x, v, views.moved, step.dt, begin, end)\n"
 
 CONTACTS = (
     _kernel("shear-sign", "shear grows with the slip instead of against it", "slide",
             (FORCES, "force = before - ks * slip", "force = before + ks * slip")),
     _kernel("torque-one-body", "the second disk of a contact receives no torque", "shear-caps",
-            (FORCES, "torques[j] += aj * fs", "torques[j] += 0.0 * aj * fs")),
+            (PAIRS, "torque[j] += radius[j] * fs - loss", "torque[j] += 0.0 * fs")),
     _kernel("torque-both-bodies", "contacts between disks exert no torque", "shear-caps",
-            (FORCES, "torques[j] += aj * fs", "torques[j] += 0.0 * aj * fs"),
-            (FORCES, "torque += ai * fs", "torque += 0.0 * ai * fs")),
+            (PAIRS, "torque[j] += radius[j] * fs - loss", "torque[j] += 0.0 * fs"),
+            (PAIRS, "torque[i] += radius[i] * fs - loss", "torque[i] += 0.0 * fs")),
     _kernel("torque-at-walls", "walls exert no torque", "roll",
             (FORCES, "disks.torque[i] += arm * fs", "disks.torque[i] += 0.0 * arm * fs")),
     _kernel("torque-sign", "the torque on the first disk of a contact is turned round", "shear-caps",
-            (FORCES, "torque += ai * fs", "torque -= ai * fs")),
+            (PAIRS, "torque[i] += radius[i] * fs - loss", "torque[i] -= radius[i] * fs - loss")),
     _kernel("slip-without-spin", "spins do not enter the slip between disks", "shear-caps",
-            (FORCES, _DISK_SLIP, "vt += 0.0\n")),
+            (PAIRS, _DISK_SLIP, "vt += 0.0\n")),
     _kernel("slip-without-spin-at-walls", "spins do not enter the slip at walls", "roll",
             (FORCES, _WALL_SLIP, "vt += 0.0\n")),
     _kernel("slip-without-dt", "the slip of a step is the slip velocity", "shear-caps",
-            (FORCES, _DISK_SLIP + _DISK_SHEAR, _DISK_SLIP + _DISK_SHEAR.replace("vt * slip_dt", "vt")),
+            (PAIRS, _DISK_SLIP + _DISK_SHEAR, _DISK_SLIP + _DISK_SHEAR.replace("vt * slip_dt", "vt")),
             (FORCES, _WALL_SLIP + _WALL_SHEAR, _WALL_SLIP + _WALL_SHEAR.replace("vt * slip_dt", "vt"))),
     _python("lever-arm", "lever arms R and R - overlap/2 are exchanged", "shear-caps",
             ("dem.constants", 'law.lever_arm != "radius", law.lever_arm == "overlap"',
@@ -54,21 +56,21 @@ CONTACTS = (
     _kernel("damping-half", "the dashpot has half its strength", "hit-damped",
             (FORCES, "return 2.0 * beta * sqrt(kn / inv_m_eff)", "return beta * sqrt(kn / inv_m_eff)")),
     _kernel("dashpot-mass", "the dashpot between disks has one disk's mass for the effective one", "hit-damped",
-            (FORCES, "dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[pairs.other[k]])",
+            (PAIRS, "dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[pairs.other[k]])",
              "dashpot(law[KN], law[BETA], disks.inv_mass[i])")),
     _kernel("dashpot-pulls", "the dashpot may pull", "hit-damped",
-            (FORCES, "fn = max(fn + damping[k] * rate, 0.0)", "fn = max(fn + damping[k] * rate, -1e300)")),
+            (PAIRS, "fn = max(kn * overlap + damping[k] * rate, 0.0)", "fn = max(kn * overlap + damping[k] * rate, -1e300)")),
     _kernel("wall-velocity", "the wall's velocity does not enter the slip", "shear-caps",
             (FORCES, "(disks.v[i, 0] - wall_vx) * uy - (disks.v[i, 1] - wall_vy) * ux",
              "disks.v[i, 0] * uy - disks.v[i, 1] * ux")),
     _kernel("reaction", "the reaction on the second disk is a millionth too large", "hit",
-            (FORCES, "force[jx] -= gx", "force[jx] -= 1.000001 * gx")),
+            (PAIRS, "force[jx] -= gx", "force[jx] -= 1.000001 * gx")),
     _kernel("normal-tilted", "the normal between disks is off by a hundredth of a radian", "hit",
-            (FORCES, "nx, ny = dx * inv_d, dy * inv_d",
+            (PAIRS, "nx, ny = dx * inv_d, dy * inv_d",
              "nx, ny = (dx - 0.01 * dy) * inv_d, (dy + 0.01 * dx) * inv_d")),
     _kernel("stale-contact", "forces between disks belong to the positions of the step before", "press",
-            (FORCES, "dx, dy, reach = x[jx] - xi, x[jy] - yi, ri + radius[j]",
-             "dx, dy, reach = x[jx] - xi - slip_dt * (v[jx] - vxi), x[jy] - yi - slip_dt * (v[jy] - vyi), ri + radius[j]")),
+            (PAIRS, "dx, dy = scratch[DX + q], scratch[DY + q]",
+             "dx, dy = scratch[DX + q] + slip_dt * scratch[VX + q], scratch[DY + q] + slip_dt * scratch[VY + q]")),
     _kernel("fifth-pair", "every fifth pair is missed by the contact search", "press",
             (SEARCH, "if dx * dx + dy * dy < limit * limit:",
              "if (i + j) % 5 != 0 and dx * dx + dy * dy < limit * limit:")),
@@ -84,14 +86,13 @@ STEPPING = (
             ("dem.constants", 'central = numerics.damping_form == "central"', "central = False")),
     _python("first-kick", "the first kick is a whole one", "slide", ("dem.constants", "gain=0.5 * dt", "gain=dt")),
     _kernel("no-spin-damping", "global damping leaves the spins alone", "shear-caps",
-            (KICK, "spin = keep * spin + gain * (", "spin = spin + dt * (")),
+            (KICK, "spin = keep * before + gain * (", "spin = before + dt * (")),
     _kernel("explicit-euler", "positions move with the velocity of the step before", "hit",
-            (KICK, "v[ix], v[iy] = vx, vy\n        dx, dy = dt * vx, dt * vy",
-             "dx, dy = dt * v[ix], dt * v[iy]\n        v[ix], v[iy] = vx, vy")),
+            (KICK, _DRIFT, ""), (KICK, _KICK, _DRIFT + _KICK)),
     _kernel("half-gravity", "half of gravity is left out of the vertical motion", "slide",
-            (KICK, "disks.inv_mass[i] + kick.gravity_y)", "disks.inv_mass[i] + 0.5 * kick.gravity_y)")),
+            (KICK, "inv_mass[i] + step.gravity_y)", "inv_mass[i] + 0.5 * step.gravity_y)")),
     _kernel("single-precision", "positions are kept in single precision", "press",
-            (KICK, "x[ix] += dx", "x[ix] = np.float32(x[ix] + dx)")),
+            (KICK, "x[q] += way", "x[q] = np.float32(x[q] + way)")),
     _kernel("unsynchronised", "velocities are reported at half steps", "slide",
             ("dem.sample_kernels", "return 0.5 * (value + step.kick.keep * value + step.kick.gain * acceleration)",
              "return value + 0.0 * acceleration")),
@@ -110,8 +111,7 @@ STEPPING = (
 
 REOPENED = (
     _kernel("history-kept", "contacts between disks that opened keep their shear force", "reopen-disks",
-            (FORCES, "            if d2 >= reach * reach:\n                shear[k] = 0.0\n",
-             "            if d2 >= reach * reach:\n                shear[k] *= 1.0\n")),
+            (PAIRS, "            shear[k] = fs\n", "            shear[k] = fs if overlap > 0.0 else shear[k]\n")),
     _kernel("history-kept-at-walls", "contacts with walls that opened keep their shear force", "reopen-wall",
             (FORCES, "            if overlap <= 0.0:\n                pairs.shear[k] = 0.0\n",
              "            if overlap <= 0.0:\n                pairs.shear[k] *= 1.0\n")),
@@ -127,7 +127,8 @@ REOPENED = (
     _python("dashpot-lagged", "dashpots see the velocity of half a step before", "push-wall",
             ("dem.constants", "ahead=0.5", "ahead=0.0")),
     _kernel("dashpot-stale", "dashpots are not found anew when the neighbour lists are rebuilt", "hit-damped",
-            (STEP, "find_damping(disks, pairs, law, views.damping)", "pass")),
+            (STEP, "note_pairs(disks, views, pairs, law)",
+             "noted = views.damping.copy(); note_pairs(disks, views, pairs, law); views.damping[:] = noted")),
 )  # fmt: skip
 
 LISTS = (

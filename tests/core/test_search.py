@@ -213,7 +213,7 @@ def test_shear_history_survives_rebuilds(monkeypatch: pytest.MonkeyPatch) -> Non
         session = DemSession(scene, how, [(i, j) for i in range(36) for j in range(i + 1, 38)])
         histories.append(session.run())
         rebuilds.append(int(session._clock[REBUILDS]))
-    assert rebuilds[0] == 81
+    assert rebuilds[0] == 80
     assert rebuilds[0] > rebuilds[1] > rebuilds[2] > rebuilds[3]
     sticking = (np.abs(histories[0].fs) > 0.0) & (np.abs(histories[0].fs) < 0.499 * histories[0].fn)
     assert sticking[1:].sum() > 1000

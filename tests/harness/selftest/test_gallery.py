@@ -92,7 +92,7 @@ def test_what_the_engine_reports_differs(defect: Defect) -> None:
     "edit",
     [
         Edit("dem.force_kernels", "force = before - kx * slip", "force = before"),  # not there any more
-        Edit("dem.force_kernels", "fs = shear_force(", "fs = 0.0 * shear_force("),  # there twice
+        Edit("dem.pair_kernels", "scratch[seen_", "0.0 * scratch[seen_"),  # there twice
         Edit("dem.force_kernels", "force = kn * overlap", "force = kn * overlap"),  # changes nothing
         Edit("dem.no_such_module", "a", "b"),
     ],
