@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core._crew import check_threads, together
 from ninedisk.core.contacts.lists import empty_cells, grown
 from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL
 from ninedisk.core.dem import state
@@ -25,7 +26,6 @@ from ninedisk.core.dem.arrays import (
 )
 from ninedisk.core.dem.checkpoint import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.constants import contact_step, law_row, not_finite, step_constants
-from ninedisk.core.dem.crew import together
 from ninedisk.core.dem.grains import first_outlines, mended, restored, shear_of_grains
 from ninedisk.core.dem.outcome import history_of
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
@@ -40,8 +40,6 @@ from ninedisk.core.watch import chosen_particles
 
 STEPS_TIMES_DISKS = 2_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
-
-MOST_THREADS = 64
 
 
 class DemSession:
@@ -92,10 +90,7 @@ class DemSession:
             raise InvalidSceneError(f"disk {i} is held, which the DEM cannot express: free it, or use contact dynamics")
         if numerics.regime != "dynamic":
             raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")
-        if isinstance(threads, bool) or threads not in range(1, MOST_THREADS + 1):
-            raise InvalidNumericsError(
-                f"threads = {threads!r} is not allowed: it must be a whole number 1..{MOST_THREADS}"
-            )
+        check_threads(threads)
         self.scene, self.numerics = scene, numerics
         self.pairs = tuple(scene.check_pair(pair) for pair in watch)
         self.chosen = chosen_particles(scene, particles)
