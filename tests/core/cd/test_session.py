@@ -154,6 +154,8 @@ def test_what_is_refused() -> None:
         ({"options": {"cd.tolerance": 0.0}}, "tolerance = 0.0"),
         ({"options": {"cd.tolerance": "tight"}}, "must be a number"),
         ({"options": {"cd.contacts": "soft"}}, "cd.contacts = 'soft'"),
+        ({"options": {"cd.threads": 0}}, r"cd\.threads = 0 .* whole number 1\.\.64"),
+        ({"options": {"cd.threads": "two"}}, r"cd\.threads = 'two' .* whole number 1\.\.64"),
     ):
         with pytest.raises(InvalidNumericsError, match=word):
             CdSession(scene, Numerics(dt=0.1, n_steps=1, **numerics))
