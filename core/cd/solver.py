@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
 from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
@@ -54,9 +55,9 @@ class ContactSolver:
     def __init__(self, name: str, options: SolverOptions, sliding: Sliding) -> None:
         if name not in SOLVERS:
             raise InvalidNumericsError(f"solver = {name!r} is unknown: use one of {', '.join(SOLVERS)}")
-        if sliding == "coulomb" and name not in ("auto", "gauss-seidel"):
+        if sliding == "coulomb" and name == "projected-gradient":
             raise InvalidNumericsError(
-                f"solver = {name!r} solves the associated rule only: with sliding = 'coulomb' use gauss-seidel or auto"
+                f"solver = {name!r} solves the associated rule only: with sliding = 'coulomb' use gauss-seidel, interior-point or auto"
             )
         self.name, self.options, self.sliding = name, options, sliding
         self.problem: ContactProblem | None = None
@@ -84,6 +85,8 @@ class ContactSolver:
             As the methods do.
         """
         self.problem = problem
+        if self.sliding == "coulomb" and self.name == "interior-point":
+            return CoulombInteriorPoint(self.options).solve(problem)
         if self.sliding == "coulomb" or self.name == "gauss-seidel":
             return solve_gauss_seidel(problem, self.options, sliding=self.sliding, start=start)
         if self.name == "projected-gradient":

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
 from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
@@ -109,6 +110,7 @@ def solvers() -> list[Solver]:
         Solver("gauss-seidel, Coulomb", "coulomb", _gauss_seidel(1.0), version=own, sweeps=True),
         Solver("gauss-seidel 1.5, Coulomb", "coulomb", _gauss_seidel(1.5), version=own, sweeps=True),
         *_on_two_cores("gauss-seidel 1.5, Coulomb", "coulomb", 1.5, own),
+        Solver("interior-point, Coulomb", "coulomb", _coulomb, warm=False, version=own),
         Solver(
             "siconos nsgs, Coulomb",
             "coulomb",
@@ -188,6 +190,10 @@ def _gauss_seidel(relaxation: float, threads: int = 1) -> Callable[[Task, float]
         return _own(task, limit, with_options, relaxation=relaxation, threads=threads, max_iterations=UNBOUNDED)
 
     return solve
+
+
+def _coulomb(task: Task, limit: float) -> Sample:
+    return _own(task, limit, lambda options: CoulombInteriorPoint(options).solve(task.problem))
 
 
 def _quadratic(name: str) -> Callable[[Task, float], Sample]:
@@ -283,7 +289,7 @@ def warm_up() -> None:
 
     tiny = resting(lattice(3, 4))
     for solver in solvers():
-        if solver.warm:
+        if solver.warm or solver.name == "interior-point, Coulomb":
             try:
                 solver.solve(Task(tiny, Path(), solver.sliding, 1e-4, None), 60.0)
             except (EngineError, SolverNotConvergedError):

@@ -149,7 +149,7 @@ def test_what_is_refused() -> None:
     scene = Scene(disks=two, disk_disk=SOFT)
     for numerics, word in (
         ({"solver": "newton"}, "solver = 'newton' is unknown"),
-        ({"solver": "interior-point", "sliding": "coulomb"}, "associated rule only"),
+        ({"solver": "projected-gradient", "sliding": "coulomb"}, "associated rule only"),
         ({"options": {"cd.tolerence": 1.0}}, "unknown option 'cd.tolerence'"),
         ({"options": {"cd.tolerance": 0.0}}, "tolerance = 0.0"),
         ({"options": {"cd.tolerance": "tight"}}, "must be a number"),
