@@ -103,6 +103,11 @@ class Stopwatch:
         return perf_counter() - self._begin
 
     @property
+    def left(self) -> float:
+        """Seconds until the limit, at least a millisecond: a solver that is asked does something."""
+        return max(self._limit - self.seconds, 1e-3)
+
+    @property
     def over(self) -> bool:
         """Whether the time limit has passed."""
         return self.seconds > self._limit

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from problems import FLOOR
 
 from ninedisk.core.cd import coulomb_interior_point
+from ninedisk.core.cd import solver as solver_module
 from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
 from ninedisk.core.cd.coulomb_newton import ProximalNewton
 from ninedisk.core.cd.feasibility import InfeasibleContactsError
@@ -18,6 +19,7 @@ from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.residuals import measure
 from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.cd.solver import ContactSolver
 from ninedisk.core.errors import SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]
@@ -161,6 +163,19 @@ def test_the_matrix_is_that_of_the_dense_product() -> None:
     assert matrix.solve(right) == pytest.approx(np.linalg.solve(dense, right), rel=1e-9, abs=1e-9)
     d[0, 0, 0] = np.nan
     assert not matrix.factorise(d)
+
+
+def test_auto_takes_what_reaches_the_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sweeps where they do, else the interior point, else sweeps to the limit."""
+    solver = ContactSolver("auto", TIGHT, "coulomb")
+    assert solver.solve(on_floor(1.0, 0.5)).solver == "gauss-seidel"
+    monkeypatch.setattr(solver_module, "COULOMB_SWEEPS", 500)
+    problem = heap(600)
+    assert solver.solve(problem).solver == "interior-point"
+    limited = ContactSolver("auto", replace(TIGHT, max_iterations=700), "coulomb")
+    monkeypatch.setattr(coulomb_interior_point, "MAX_ITERATIONS", 3)
+    with pytest.raises(SolverNotConvergedError, match=r"gauss-seidel stopped .* after 700 iterations"):
+        limited.solve(problem)
 
 
 def test_limits_are_kept_and_contradictions_found() -> None:
