@@ -38,7 +38,8 @@ def simulate(
     particles : sequence of int or None
         Disks whose motion is recorded; None: all.
     threads : int
-        Threads of the DEM, 1..64; the result does not depend on them.
+        Threads of the DEM, or of Gauss-Seidel in contact dynamics (there 1 leaves it to the option ``cd.threads``), 1..64; the
+        result does not depend on them.
     progress : callable, optional
         Called with (steps done, steps in all) a few times a second.
 
@@ -65,4 +66,6 @@ def simulate(
         raise InvalidNumericsError(f"method = {method!r} is unknown: use dem or cd")
     from ninedisk.core.cd.session import CdSession
 
+    if threads != 1:
+        numerics = numerics.replace(options={**numerics.options, "cd.threads": threads})
     return CdSession(scene, numerics, watch, particles).run(progress)

@@ -9,6 +9,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core._crew import check_threads
 from ninedisk.core.cd.residuals import Residuals, Sliding
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
@@ -29,6 +30,8 @@ class SolverOptions:
         Seconds of wall-clock time, > 0.
     relaxation : float
         Over-relaxation of Gauss-Seidel, in (0, 2).
+    threads : int
+        Threads of Gauss-Seidel, 1..64; the result does not depend on them.
     factoriser : {"auto", "qdldl", "pardiso"}
         Sparse factorisation of the interior-point method.
 
@@ -42,6 +45,7 @@ class SolverOptions:
     max_iterations: int | None = None
     time_limit: float = 600.0
     relaxation: float = 1.0
+    threads: int = 1
     factoriser: str = "auto"
 
     def __post_init__(self) -> None:
@@ -53,6 +57,7 @@ class SolverOptions:
             raise InvalidNumericsError(f"time_limit = {self.time_limit!r} is not allowed: it must be > 0 s")
         if not 0.0 < self.relaxation < 2.0:
             raise InvalidNumericsError(f"relaxation = {self.relaxation!r} is not allowed: it must lie in (0, 2)")
+        check_threads(self.threads)
         if self.factoriser not in ("auto", "qdldl", "pardiso"):
             raise InvalidNumericsError(f"factoriser = {self.factoriser!r} is unknown: use auto, qdldl or pardiso")
 
@@ -96,6 +101,11 @@ class Stopwatch:
     def seconds(self) -> float:
         """Seconds since the start."""
         return perf_counter() - self._begin
+
+    @property
+    def left(self) -> float:
+        """Seconds until the limit, at least a millisecond: a solver that is asked does something."""
+        return max(self._limit - self.seconds, 1e-3)
 
     @property
     def over(self) -> bool:

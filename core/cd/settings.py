@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
+from ninedisk.core._crew import check_threads
 from ninedisk.core.cd.result import SolverOptions
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
@@ -21,12 +22,14 @@ OPTIONS: Mapping[str, Any] = {
     "cd.max_iterations": None,
     "cd.time_limit": 600.0,
     "cd.relaxation": 1.0,
+    "cd.threads": 1,
     "cd.factoriser": "auto",
     "cd.contacts": "auto",
     "cd.save_failed": "",
 }
-"""Options of `Numerics.options` with their defaults. ``cd.contacts``: rigid, elastic (1/kn, 1/ks), or auto: elastic unless the
-law's springs only regularise a rigid contact. ``cd.save_failed``: file that receives the problem of a step that fails."""
+"""Options of `Numerics.options` with their defaults. ``cd.threads``: threads of Gauss-Seidel, 1..64; no result depends on them.
+``cd.contacts``: rigid, elastic (1/kn, 1/ks), or auto: elastic unless the law's springs only regularise a rigid contact.
+``cd.save_failed``: file that receives the problem of a step that fails."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,7 @@ def read_settings(numerics: Numerics) -> CdSettings:
         max_iterations=None if iterations is None else int(_number("cd.max_iterations", iterations)),
         time_limit=_number("cd.time_limit", told["cd.time_limit"]),
         relaxation=_number("cd.relaxation", told["cd.relaxation"]),
+        threads=check_threads(told["cd.threads"], "cd.threads"),
         factoriser=str(told["cd.factoriser"]),
     )
     return CdSettings(options, cast(Stiffness, told["cd.contacts"]), str(told["cd.save_failed"]))

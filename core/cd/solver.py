@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
 from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.projected_gradient import solve_projected_gradient
 from ninedisk.core.cd.residuals import Sliding
-from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]
@@ -20,6 +21,8 @@ FloatArray = NDArray[np.float64]
 SOLVERS = ("auto", "interior-point", "projected-gradient", "gauss-seidel")
 TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
+COULOMB_SWEEPS = 5_000
+"""Sweeps for Coulomb's law that "auto" tries before the interior point: forces that they have not found they approach ever more slowly."""
 LONGEST_WITHOUT_TRIAL = 15
 """Problems without a trial of Gauss-Seidel, at most, after trials in vain."""
 TRIAL_CONTACTS = 5_000
@@ -29,9 +32,10 @@ TRIAL_CONTACTS = 5_000
 class ContactSolver:
     """Solves the problems of successive steps; keeps what can be reused.
 
-    ``"auto"`` takes Gauss-Seidel for Coulomb friction. For the associated rule it gives Gauss-Seidel, started from the last
-    step's forces, `TRIAL_SWEEPS` sweeps: enough where few contacts touch each body, or where their compliance dominates. Where
-    they do not reach the tolerance the interior point takes over, whose number of iterations hardly depends on the problem.
+    ``"auto"`` takes Gauss-Seidel for Coulomb friction, and the interior point where `COULOMB_SWEEPS` do not reach the tolerance.
+    For the associated rule it gives Gauss-Seidel, started from the last step's forces, `TRIAL_SWEEPS` sweeps: enough where few
+    contacts touch each body, or where their compliance dominates. Where they do not reach the tolerance the interior point takes
+    over, whose number of iterations hardly depends on the problem.
 
     Parameters
     ----------
@@ -54,9 +58,9 @@ class ContactSolver:
     def __init__(self, name: str, options: SolverOptions, sliding: Sliding) -> None:
         if name not in SOLVERS:
             raise InvalidNumericsError(f"solver = {name!r} is unknown: use one of {', '.join(SOLVERS)}")
-        if sliding == "coulomb" and name not in ("auto", "gauss-seidel"):
+        if sliding == "coulomb" and name == "projected-gradient":
             raise InvalidNumericsError(
-                f"solver = {name!r} solves the associated rule only: with sliding = 'coulomb' use gauss-seidel or auto"
+                f"solver = {name!r} solves the associated rule only: with sliding = 'coulomb' use gauss-seidel, interior-point or auto"
             )
         self.name, self.options, self.sliding = name, options, sliding
         self.problem: ContactProblem | None = None
@@ -84,7 +88,11 @@ class ContactSolver:
             As the methods do.
         """
         self.problem = problem
-        if self.sliding == "coulomb" or self.name == "gauss-seidel":
+        if self.sliding == "coulomb" and self.name == "interior-point":
+            return CoulombInteriorPoint(self.options).solve(problem)
+        if self.sliding == "coulomb" and self.name == "auto":
+            return self._coulomb(problem, start)
+        if self.name == "gauss-seidel":
             return solve_gauss_seidel(problem, self.options, sliding=self.sliding, start=start)
         if self.name == "projected-gradient":
             return solve_projected_gradient(problem, self.options, start=start)
@@ -97,6 +105,25 @@ class ContactSolver:
                 self._without_trial = 0
                 return result
         return self._interior.solve(problem)
+
+    def _coulomb(self, problem: ContactProblem, start: FloatArray | None) -> SolverResult:
+        """Sweeps, then the interior point, then as many sweeps as are allowed, all within the time limit."""
+        clock = Stopwatch(self.options.time_limit)
+        if (self.options.max_iterations or COULOMB_SWEEPS + 1) > COULOMB_SWEEPS:
+            trial = replace(self.options, max_iterations=COULOMB_SWEEPS)
+            try:
+                return solve_gauss_seidel(problem, trial, sliding="coulomb", start=start)
+            except SolverNotConvergedError:
+                if clock.over:
+                    raise
+            left = replace(self.options, max_iterations=None, time_limit=clock.left / 2.0)
+            try:
+                return CoulombInteriorPoint(left).solve(problem)
+            except SolverNotConvergedError:
+                if clock.over:
+                    raise
+        left = replace(self.options, time_limit=clock.left)
+        return solve_gauss_seidel(problem, left, sliding="coulomb", start=start)
 
     def _trial_is_due(self) -> bool:
         """After trials in vain, 1, 3, 7, .. problems go without one: their like follow each other."""

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ninedisk.core._crew import check_threads
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-
-MOST_THREADS = 64
 
 
 def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
@@ -28,5 +27,4 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
         raise InvalidSceneError(f"disk {i} is held, which the DEM cannot express: free it, or use contact dynamics")
     if numerics.regime != "dynamic":
         raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")
-    if isinstance(threads, bool) or threads not in range(1, MOST_THREADS + 1):
-        raise InvalidNumericsError(f"threads = {threads!r} is not allowed: it must be a whole number 1..{MOST_THREADS}")
+    check_threads(threads)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core._crew import together
 from ninedisk.core.contacts.lists import empty_cells, grown
 from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL
 from ninedisk.core.dem import state
@@ -27,7 +28,6 @@ from ninedisk.core.dem.arrays import (
 from ninedisk.core.dem.checkpoint import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.constants import contact_step, law_row, not_finite, step_constants
 from ninedisk.core.dem.counts import Counts, count
-from ninedisk.core.dem.crew import together
 from ninedisk.core.dem.grains import first_outlines, mended, restored, shear_of_grains
 from ninedisk.core.dem.outcome import history_of
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
 from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
@@ -26,6 +27,7 @@ from ninedisk.core.cd.projected_gradient import solve_projected_gradient
 from ninedisk.core.cd.residuals import Residuals, Sliding, measure
 from ninedisk.core.cd.result import SolverOptions, SolverResult
 from ninedisk.core.errors import SolverNotConvergedError
+from ninedisk.harness.bench.dem_engines import cores
 from ninedisk.harness.bench.measure import NotReachedError, Sample
 from ninedisk.harness.engine import EngineError, EngineNotInstalledError
 from ninedisk.harness.engines._package_engine import package_version
@@ -78,6 +80,7 @@ class Solver:
     version : str
     sweeps : bool
         Whether its iterations are sweeps over the contacts.
+    threads : int
     """
 
     name: str
@@ -86,6 +89,7 @@ class Solver:
     warm: bool = True
     version: str = ""
     sweeps: bool = False
+    threads: int = 1
     settings: dict[str, Any] = field(default_factory=dict)
 
 
@@ -100,10 +104,13 @@ def solvers() -> list[Solver]:
         Solver("interior-point (pardiso)", "associated", _interior("pardiso"), version=own),
         Solver("projected-gradient", "associated", _projected_gradient, version=own),
         Solver("gauss-seidel", "associated", _gauss_seidel(1.0), version=own, sweeps=True),
+        *_on_two_cores("gauss-seidel", "associated", 1.0, own),
         Solver("clarabel", "associated", _quadratic("clarabel"), warm=False, version=qp["clarabel"]),
         Solver("piqp", "associated", _quadratic("piqp"), warm=False, version=qp["piqp"]),
         Solver("gauss-seidel, Coulomb", "coulomb", _gauss_seidel(1.0), version=own, sweeps=True),
         Solver("gauss-seidel 1.5, Coulomb", "coulomb", _gauss_seidel(1.5), version=own, sweeps=True),
+        *_on_two_cores("gauss-seidel 1.5, Coulomb", "coulomb", 1.5, own),
+        Solver("interior-point, Coulomb", "coulomb", _coulomb, warm=False, version=own),
         Solver(
             "siconos nsgs, Coulomb",
             "coulomb",
@@ -114,6 +121,14 @@ def solvers() -> list[Solver]:
             settings={"matrix": "sparse blocks of 2 x 2", "unit of force": "largest diagonal entry of W near 1"},
         ),
     ]
+
+
+def _on_two_cores(name: str, sliding: Sliding, relaxation: float, version: str) -> list[Solver]:
+    """Gauss-Seidel with two threads, where there are two cores."""
+    if cores() < 2:
+        return []
+    solve = _gauss_seidel(relaxation, threads=2)
+    return [Solver(f"{name}, 2 threads", sliding, solve, version=version, sweeps=True, threads=2)]
 
 
 def figures(problem: ContactProblem, r: FloatArray, sliding: Sliding) -> Residuals:
@@ -167,14 +182,18 @@ def _projected_gradient(task: Task, limit: float) -> Sample:
     return _own(task, limit, with_options, max_iterations=UNBOUNDED)
 
 
-def _gauss_seidel(relaxation: float) -> Callable[[Task, float], Sample]:
+def _gauss_seidel(relaxation: float, threads: int = 1) -> Callable[[Task, float], Sample]:
     def solve(task: Task, limit: float) -> Sample:
         def with_options(options: SolverOptions) -> SolverResult:
             return solve_gauss_seidel(task.problem, options, sliding=task.sliding, start=task.start)
 
-        return _own(task, limit, with_options, relaxation=relaxation, max_iterations=UNBOUNDED)
+        return _own(task, limit, with_options, relaxation=relaxation, threads=threads, max_iterations=UNBOUNDED)
 
     return solve
+
+
+def _coulomb(task: Task, limit: float) -> Sample:
+    return _own(task, limit, lambda options: CoulombInteriorPoint(options).solve(task.problem))
 
 
 def _quadratic(name: str) -> Callable[[Task, float], Sample]:
@@ -270,7 +289,7 @@ def warm_up() -> None:
 
     tiny = resting(lattice(3, 4))
     for solver in solvers():
-        if solver.warm:
+        if solver.warm or solver.name == "interior-point, Coulomb":
             try:
                 solver.solve(Task(tiny, Path(), solver.sliding, 1e-4, None), 60.0)
             except (EngineError, SolverNotConvergedError):

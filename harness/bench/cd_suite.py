@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.gauss_seidel import STRIPED_FROM
 from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.residuals import Sliding
@@ -80,13 +81,14 @@ def run_problem(
     for start, forces in (("cold", None), ("warm", near)):
         if start == "warm" and forces is None:
             continue
-        alive = [solver for solver in solvers if start == "cold" or solver.warm]
+        alive = [solver for solver in solvers if (start == "cold" or solver.warm) and _can_share(solver, problem)]
         for tolerance in TOLERANCES:
             found = interleave(
                 [
                     Contender(
                         name=solver.name,
                         run=partial(solver.solve, Task(problem, file, solver.sliding, tolerance, forces)),
+                        cores=solver.threads,
                     )
                     for solver in alive
                 ],
@@ -100,6 +102,11 @@ def run_problem(
                 rows.append(new_row(**head, **_row(problem, solver, found[solver.name], base, best, tolerance)))
             alive = [solver for solver in alive if found[solver.name].samples]
     return rows
+
+
+def _can_share(solver: Solver, problem: ContactProblem) -> bool:
+    """Whether a solver's threads have anything to do: a small problem is left to one of them."""
+    return solver.threads == 1 or problem.n_contacts >= STRIPED_FROM
 
 
 def _solution(problem: ContactProblem, time_limit: float) -> FloatArray | None:
@@ -123,7 +130,7 @@ def _row(
         "suite": "cd",
         "engine": solver.name,
         "engine_version": solver.version,
-        "threads": 1,
+        "threads": solver.threads,
         "contacts": problem.n_contacts,
         "check": f"natural map and duality gap ({solver.sliding} rule) of the forces found, by one definition for all solvers",
         "check_bound": tolerance,

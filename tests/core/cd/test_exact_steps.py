@@ -19,7 +19,9 @@ from ninedisk.references.exact_steps.rolling import associated_rolling
 from ninedisk.references.exact_steps.sliding import dynamic_sliding, quasistatic_sliding
 
 SOLVERS = ("auto", "interior-point", "projected-gradient", "gauss-seidel")
-RULES = [("associated", solver) for solver in SOLVERS] + [("coulomb", "auto"), ("coulomb", "gauss-seidel")]
+RULES = [("associated", solver) for solver in SOLVERS] + [
+    ("coulomb", solver) for solver in ("auto", "interior-point", "gauss-seidel")
+]
 ANGLE, G, MASS = math.radians(20.0), 10.0, 7.854
 
 TOLERANCE = 1e-10

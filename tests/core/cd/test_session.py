@@ -149,11 +149,13 @@ def test_what_is_refused() -> None:
     scene = Scene(disks=two, disk_disk=SOFT)
     for numerics, word in (
         ({"solver": "newton"}, "solver = 'newton' is unknown"),
-        ({"solver": "interior-point", "sliding": "coulomb"}, "associated rule only"),
+        ({"solver": "projected-gradient", "sliding": "coulomb"}, "associated rule only"),
         ({"options": {"cd.tolerence": 1.0}}, "unknown option 'cd.tolerence'"),
         ({"options": {"cd.tolerance": 0.0}}, "tolerance = 0.0"),
         ({"options": {"cd.tolerance": "tight"}}, "must be a number"),
         ({"options": {"cd.contacts": "soft"}}, "cd.contacts = 'soft'"),
+        ({"options": {"cd.threads": 0}}, r"cd\.threads = 0 .* whole number 1\.\.64"),
+        ({"options": {"cd.threads": "two"}}, r"cd\.threads = 'two' .* whole number 1\.\.64"),
     ):
         with pytest.raises(InvalidNumericsError, match=word):
             CdSession(scene, Numerics(dt=0.1, n_steps=1, **numerics))

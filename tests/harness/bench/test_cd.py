@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from ninedisk.core import gallery
+from ninedisk.core.cd import gauss_seidel
 from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.result import SolverOptions
 from ninedisk.harness.bench import cd_problems, cd_solvers, cd_suite
 from ninedisk.harness.bench.cd_problems import lattice, resting, turned_gravity
 from ninedisk.harness.bench.cd_solvers import Solver, Task, solvers
+from ninedisk.harness.bench.dem_engines import cores
 from ninedisk.harness.bench.measure import NotReachedError
 from ninedisk.harness.engine import EngineNotInstalledError
 from ninedisk.harness.engines._package_engine import package_version
@@ -143,6 +145,22 @@ def test_rows_cold_and_warm_at_every_tolerance(problem: ContactProblem, tmp_path
     assert all(row["check_value"] <= row["check_bound"] for row in rows)
     assert all(row["ratio"] == 1.0 for row in rows if row["engine"] == row["base"])
     assert all(row["rate_unit"] == "ns/contact/sweep" for row in rows if row["engine"].startswith("gauss"))
+
+
+@pytest.mark.skipif(cores() < 2, reason="needs two cores")
+def test_threads_have_rows_where_they_have_work(
+    problem: ContactProblem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Same sweeps, same figures; a small problem, which one thread sweeps alone, has no such row."""
+    some = [by_name("gauss-seidel"), by_name("gauss-seidel, 2 threads")]
+    assert {row["threads"] for row in rows_of(problem, some, tmp_path)} == {1}
+    monkeypatch.setattr(gauss_seidel, "STRIPED_FROM", 10)
+    monkeypatch.setattr(cd_suite, "STRIPED_FROM", 10)
+    rows = rows_of(problem, some, tmp_path)
+    assert {row["status"] for row in rows} == {"pass"}
+    one, two = ([row for row in rows if row["threads"] == threads] for threads in (1, 2))
+    for key in ("start", "tolerance", "iterations", "natural_map", "duality_gap"):
+        assert [row[key] for row in one] == [row[key] for row in two]
 
 
 def test_a_solver_that_claims_too_much_is_not_timed(problem: ContactProblem, tmp_path: Path) -> None:

@@ -6,6 +6,23 @@ from collections.abc import Callable
 from threading import Thread
 from typing import Any
 
+from ninedisk.core.errors import InvalidNumericsError
+
+MOST_THREADS = 64
+
+
+def check_threads(threads: int, name: str = "threads") -> int:
+    """The number itself.
+
+    Raises
+    ------
+    InvalidNumericsError
+        If it is no whole number 1..`MOST_THREADS`.
+    """
+    if isinstance(threads, bool) or threads not in range(1, MOST_THREADS + 1):
+        raise InvalidNumericsError(f"{name} = {threads!r} is not allowed: it must be a whole number 1..{MOST_THREADS}")
+    return int(threads)
+
 
 def together(kernel: Callable[..., int], crew: int, shared: tuple[Any, ...]) -> int:
     """Call ``kernel(me, crew, *shared)`` in ``crew`` threads, this one being ``me = 0``, and return its answer to this one.

@@ -1,0 +1,198 @@
+"""Interior point and proximal Newton for Coulomb's law, against closed forms, Gauss-Seidel and the law itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import problems
+import pytest
+from numpy.typing import NDArray
+from problems import FLOOR
+
+from ninedisk.core.cd import coulomb_interior_point
+from ninedisk.core.cd import solver as solver_module
+from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
+from ninedisk.core.cd.coulomb_newton import ProximalNewton
+from ninedisk.core.cd.feasibility import InfeasibleContactsError
+from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.residuals import measure
+from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.errors import SolverNotConvergedError
+
+FloatArray = NDArray[np.float64]
+TIGHT = SolverOptions(tolerance=1e-10)
+
+
+def solve(problem: ContactProblem, options: SolverOptions = TIGHT) -> SolverResult:
+    return CoulombInteriorPoint(options).solve(problem)
+
+
+def on_floor(push: float, mu: float, load: float = -1.0) -> ContactProblem:
+    """One body of mass 1 that does not turn, on a floor."""
+    return ContactProblem(
+        mass=[[1.0, 1.0, np.inf]],
+        force=[[push, load, 0.0]],
+        bodies=[[0, -1]],
+        normal=[[0.0, -1.0]],
+        arms=[[0.0, 0.0, 1.0, 0.0]],
+        offset=[[0.0, 0.0]],
+        mu=[mu],
+    )
+
+
+def heap(contacts: int) -> ContactProblem:
+    """A lattice under gravity in a box without lid, some contacts missing: more forces than equations of balance."""
+    rng = np.random.default_rng(3)
+    packing = problems.tile(rng, contacts, (FLOOR, problems.LEFT, problems.RIGHT), hexagonal=True)
+    packing = packing.keep(rng.random(len(packing.bodies)) < 0.9)
+    c = len(packing.bodies)
+    return ContactProblem(
+        mass=packing.mass,
+        force=np.column_stack([np.zeros(len(packing.x)), -packing.mass[:, 0], np.zeros(len(packing.x))]),
+        bodies=packing.bodies,
+        normal=packing.normal,
+        arms=packing.arms,
+        offset=np.zeros((c, 2)),
+        mu=np.full(c, 0.3),
+    )
+
+
+def law_broken(problem: ContactProblem, r: FloatArray) -> float:
+    """Largest violation of Coulomb's law, contact by contact, written out: relative to the largest velocity and force without contacts."""
+    u = problem.contact_velocity(problem.body_velocity(r), r)
+    speed, force = float(np.abs(problem.b).max()), float(np.abs(r).max()) or 1.0
+    p, q, un, ut = r[:, 0] / force, r[:, 1] / force, u[:, 0] / speed, u[:, 1] / speed
+    mu = problem.mu
+    room = mu * p - np.abs(q)
+    wrong = [-p, -un, p * un, -room, np.where(mu > 0.0, room * np.abs(ut), np.abs(q)), q * ut]
+    return float(max(each.max() for each in wrong))
+
+
+@pytest.mark.parametrize(
+    ("push", "mu", "v"),
+    [(1.0, 0.5, (0.5, 0.0)), (-1.0, 0.5, (-0.5, 0.0)), (0.4, 0.5, (0.0, 0.0)), (1.0, 0.0, (1.0, 0.0))],
+    ids=["slips", "slips back", "sticks", "smooth"],
+)
+def test_one_body_on_a_floor(push: float, mu: float, v: tuple[float, float]) -> None:
+    """It slips with push - mu, or sticks, and never lifts off."""
+    found = solve(on_floor(push, mu))
+    assert found.v[0, :2] == pytest.approx(v, abs=1e-10)
+    assert found.r[0, 0] == pytest.approx(1.0, abs=1e-10)
+    assert (found.solver, found.sliding) == ("interior-point", "coulomb")
+
+
+def test_a_body_that_leaves_needs_no_iteration() -> None:
+    found = solve(on_floor(1.0, 0.5, load=1.0))
+    assert (found.iterations, found.r.tolist()) == (0, [[0.0, 0.0]])
+
+
+@pytest.mark.parametrize("index", [problems.BUILDERS.index(builder) for builder in problems.BUILDERS])
+def test_every_kind_of_problem_is_solved(index: int) -> None:
+    """The law itself, to the square root of the tolerance at worst: a product of two numbers is what the tolerance bounds."""
+    problem = problems.problem(index)
+    found = solve(problem)
+    judged = measure(problem, found.v, found.r, sliding="coulomb")
+    assert judged.reached(1e-10)
+    assert law_broken(problem, found.r) < 1e-5
+    assert law_broken(problem, 1.01 * found.r) > 1e-5 or not found.r.any()
+
+
+def test_forces_are_those_of_gauss_seidel_where_they_are_unique() -> None:
+    problem = replace(heap(80), compliance=np.full((heap(80).n_contacts, 2), 0.3))
+    swept = solve_gauss_seidel(problem, TIGHT, sliding="coulomb")
+    # Residuals of 1e-10 and compliances of a tenth of the largest ones: an error of some 1e-9.
+    assert solve(problem).r == pytest.approx(swept.r, abs=1e-8 * float(swept.r.max()))
+
+
+def test_a_heap_at_rest_is_solved_where_sweeps_crawl() -> None:
+    problem = heap(600)
+    found = solve(problem)
+    assert found.residuals.reached(1e-10)
+    assert found.iterations < 100
+    with pytest.raises(SolverNotConvergedError):
+        solve_gauss_seidel(problem, replace(TIGHT, max_iterations=2000), sliding="coulomb")
+
+
+def test_the_result_does_not_depend_on_the_units() -> None:
+    problem = heap(100)
+    length, mass = 1e-3, 1e4
+    scaled = replace(
+        problem,
+        mass=problem.mass * mass * [1.0, 1.0, length**2],
+        arms=problem.arms * length,
+        force=problem.force * mass * length * [1.0, 1.0, length],
+    )
+    one, other = solve(problem), solve(scaled)
+    assert one.iterations == other.iterations
+    assert other.r / (mass * length) == pytest.approx(one.r, rel=1e-6, abs=1e-8)
+
+
+def test_newton_goes_on_from_rough_forces() -> None:
+    problem = heap(200)
+    with pytest.raises(SolverNotConvergedError):
+        solve_gauss_seidel(problem, replace(TIGHT, max_iterations=60), sliding="coulomb")
+    rough = solve_gauss_seidel(problem, SolverOptions(tolerance=1e-2), sliding="coulomb").r
+    newton = ProximalNewton(problem, rough, coulomb_interior_point.UnsymmetricMatrix(problem))
+    for _ in range(60):
+        assert newton.advance() > 0
+    judged = measure(problem, problem.body_velocity(newton.r), newton.r, sliding="coulomb")
+    assert judged.reached(1e-9)
+
+
+def test_newton_takes_over_where_the_path_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = heap(200)
+    monkeypatch.setattr(coulomb_interior_point._Run, "iterate", lambda _: False)
+    assert solve(problem, replace(TIGHT, tolerance=1e-9)).residuals.reached(1e-9)
+
+
+def test_the_matrix_is_that_of_the_dense_product() -> None:
+    problem = problems.problem(problems.BUILDERS.index(problems.blocked))
+    rng = np.random.default_rng(5)
+    d = rng.normal(0.0, 0.1, (problem.n_contacts, 2, 2)) + np.eye(2)
+    matrix = coulomb_interior_point.UnsymmetricMatrix(problem)
+    assert matrix.factorise(d)
+    h = problem.jacobian().toarray()
+    blocks = np.zeros((2 * problem.n_contacts,) * 2)
+    for k in range(problem.n_contacts):
+        blocks[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = d[k]
+    dense = np.diag(np.where(problem.free > 0.0, problem.mass, 1.0).ravel()) + h.T @ blocks @ h
+    right = rng.normal(size=len(dense))
+    assert matrix.solve(right) == pytest.approx(np.linalg.solve(dense, right), rel=1e-9, abs=1e-9)
+    d[0, 0, 0] = np.nan
+    assert not matrix.factorise(d)
+
+
+def test_auto_takes_what_reaches_the_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sweeps where they do, else the interior point, else sweeps to the limit."""
+    solver = ContactSolver("auto", TIGHT, "coulomb")
+    assert solver.solve(on_floor(1.0, 0.5)).solver == "gauss-seidel"
+    monkeypatch.setattr(solver_module, "COULOMB_SWEEPS", 500)
+    problem = heap(600)
+    assert solver.solve(problem).solver == "interior-point"
+    limited = ContactSolver("auto", replace(TIGHT, max_iterations=700), "coulomb")
+    monkeypatch.setattr(coulomb_interior_point, "MAX_ITERATIONS", 3)
+    with pytest.raises(SolverNotConvergedError, match=r"gauss-seidel stopped .* after 700 iterations"):
+        limited.solve(problem)
+
+
+def test_limits_are_kept_and_contradictions_found() -> None:
+    with pytest.raises(
+        SolverNotConvergedError, match=r"interior-point stopped .* after 3 iterations .* use gauss-seidel"
+    ):
+        solve(heap(100), SolverOptions(max_iterations=3))
+    walls = on_floor(0.0, 0.5)
+    squeezed = replace(
+        walls,
+        bodies=[[0, -1], [0, -1]],
+        normal=[[0.0, -1.0], [0.0, 1.0]],
+        arms=np.tile(walls.arms, (2, 1)),
+        offset=[[-1e-3, 0.0], [-1e-3, 0.0]],
+        mu=[0.5, 0.5],
+        compliance=np.zeros((2, 2)),
+        shear_0=np.zeros(2),
+    )
+    with pytest.raises(InfeasibleContactsError):
+        solve(squeezed, SolverOptions(max_iterations=60))
