@@ -91,7 +91,7 @@ class CdSession:
         self.dt, self.substeps = self._own_step()
         self._bodies = bodies_of(scene)
         self._solver = ContactSolver(numerics.solver, self.settings.solver_options, numerics.sliding)
-        self._finder = PairFinder(disks.radius, len(scene.walls))
+        self._finder = PairFinder(disks.radius, len(scene.walls), disks.fixed)
         self._motion = compile_motion(scene.walls)
         self._wall = wall_poses(self._motion, 0.0)
         self._x = np.column_stack([disks.x, np.zeros(n)])

@@ -21,10 +21,14 @@ class PairFinder:
     radius : ndarray, shape (n,)
         Radii [m].
     n_walls : int
+    fixed : ndarray of bool, shape (n,), optional
+        Disks that have no contacts among themselves and with walls (`Disks.fixed`).
     """
 
-    def __init__(self, radius: FloatArray, n_walls: int) -> None:
+    def __init__(self, radius: FloatArray, n_walls: int, fixed: NDArray[np.bool_] | None = None) -> None:
         n = len(radius)
+        walls = np.ones(n_walls, dtype=bool)
+        self._fixed = None if fixed is None or not fixed.any() else np.concatenate([fixed, walls])
         self._radius, self._cells = radius, empty_cells(n)
         self._widest = float(radius.max())
         self._none, self._no_walls = empty_list(n, 0), empty_list(n_walls, 0)
@@ -65,4 +69,6 @@ class PairFinder:
         pairs = np.column_stack(
             [np.concatenate([first, w_other[: w_start[-1]].astype(np.int64)]), np.concatenate([second, of_wall])]
         )
+        if self._fixed is not None:
+            pairs = pairs[~self._fixed[pairs].all(axis=1)]
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]

@@ -18,6 +18,12 @@ def farther(far: float, d2: float) -> float:
     return d2 if d2 > far or d2 != d2 else far
 
 
+@inline_kernel
+def falls(inv_mass: float) -> float:
+    """1 for a disk that gravity moves, 0 for a fixed one."""
+    return 1.0 if inv_mass > 0.0 else 0.0
+
+
 @kernel
 def kick_and_drift(disks: DiskArrays, views: Views, kick: Kick, begin: int, end: int) -> float:
     """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the disks ``begin .. end-1``; clears their forces.
@@ -35,8 +41,9 @@ def kick_and_drift(disks: DiskArrays, views: Views, kick: Kick, begin: int, end:
     far = 0.0
     for i in range(np.uint64(begin), np.uint64(end)):
         ix, iy = i + i, i + i + one
-        vx = keep * v[ix] + gain * (force[ix] * disks.inv_mass[i] + kick.gravity_x)
-        vy = keep * v[iy] + gain * (force[iy] * disks.inv_mass[i] + kick.gravity_y)
+        weight = falls(disks.inv_mass[i])
+        vx = keep * v[ix] + gain * (force[ix] * disks.inv_mass[i] + weight * kick.gravity_x)
+        vy = keep * v[iy] + gain * (force[iy] * disks.inv_mass[i] + weight * kick.gravity_y)
         if extrapolated:
             views.seen[ix] = vx + kick.ahead * (vx - v[ix])
             views.seen[iy] = vy + kick.ahead * (vy - v[iy])

@@ -28,6 +28,7 @@ CAPABILITIES = frozenset(
         Capability.RESTITUTION,
         Capability.GRAVITY,
         Capability.BLOCKED_ROTATION,
+        Capability.FIXED_DISKS,
         Capability.DISK_INERTIA,
     }
 )

@@ -89,7 +89,7 @@ STEPPING = (
             (KICK, "v[ix], v[iy] = vx, vy\n        dx, dy = dt * vx, dt * vy",
              "dx, dy = dt * v[ix], dt * v[iy]\n        v[ix], v[iy] = vx, vy")),
     _kernel("half-gravity", "half of gravity is left out of the vertical motion", "slide",
-            (KICK, "disks.inv_mass[i] + kick.gravity_y)", "disks.inv_mass[i] + 0.5 * kick.gravity_y)")),
+            (KICK, "inv_mass[i] + weight * kick.gravity_y)", "inv_mass[i] + 0.5 * weight * kick.gravity_y)")),
     _kernel("single-precision", "positions are kept in single precision", "press",
             (KICK, "x[ix] += dx", "x[ix] = np.float32(x[ix] + dx)")),
     _kernel("unsynchronised", "velocities are reported at half steps", "slide",
