@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,12 +54,15 @@ def solve_with_contacts(
     memory: ContactMemory,
     sliding: Sliding,
     margin: float = 0.0,
+    start: ContactMemory | None = None,
 ) -> tuple[Frames, Solved]:
     """Solve a step on a set of contacts that grows until no pair outside it is violated.
 
     A pair enters if its gap at the end of the step, minus ``mu`` times its slip under the associated rule, is not
-    positive: first for the motion without contacts, then for each solution. The search covers every pair that the
-    displacements found can bring that far, so the final solution violates no contact, listed or not.
+    positive: first for the motion without contacts, then for each solution. At first so do those that carried a force in the
+    last step and those that would close if velocities stayed, unless they are under Newton's law, which does not contain the
+    gap. The search covers every pair that the displacements found can bring that far, so the final solution violates no
+    contact, listed or not.
 
     Parameters
     ----------
@@ -72,6 +75,8 @@ def solve_with_contacts(
     sliding : {"associated", "coulomb"}
     margin : float
         Pairs with a gap up to this [m] enter at once.
+    start : ContactMemory, optional
+        Guess of the step's forces; None: those of the last step.
 
     Returns
     -------
@@ -100,16 +105,21 @@ def solve_with_contacts(
     reach = max(2.0 * reach_of(dx), NEARBY * float(place.radius.min()))
     frames = near(reach)
     inside = closing(frames, dx) < max(margin, tolerance)
+    onward = step.onward()
+    if onward is not None:
+        by_gap = np.isnan(laws.restitution[frames.row])
+        inside |= by_gap & ((memory.of(frames.pairs)[:, 0] > 0.0) | (closing(frames, onward) < tolerance))
+    start, iterations = memory if start is None else start, 0
     while True:
         chosen = frames.pick(inside)
-        solved = step.solve(chosen, memory.of(chosen.pairs))
+        solved = step.solve(chosen, memory.of(chosen.pairs), start.of(chosen.pairs))
+        start, iterations = memory.renewed(chosen.pairs, solved.r), iterations + solved.result.iterations
         needed = reach_of(solved.dx)
         if needed > reach:
             reach = 1.5 * needed
-            known = {tuple(pair) for pair in chosen.pairs.tolist()}
             frames = near(reach)
-            inside = np.array([tuple(pair) in known for pair in frames.pairs.tolist()], dtype=bool)
+            inside = memory.same(frames.pairs, chosen.pairs)
         missed = ~inside & (closing(frames, solved.dx) < -tolerance)
         if not missed.any():
-            return chosen, solved
+            return chosen, solved._replace(result=replace(solved.result, iterations=iterations))
         inside |= missed

@@ -11,6 +11,8 @@ from ninedisk.core.cd.march_arrays import (
     ITERATIONS,
     REACH,
     STEP,
+    SWEEPS,
+    WALL_REACH,
     WORK,
     WORST_GAP,
     WORST_MAP,
@@ -20,7 +22,7 @@ from ninedisk.core.cd.march_arrays import (
     Scratch,
     State,
 )
-from ninedisk.core.cd.march_kernels import LISTS, march
+from ninedisk.core.cd.march_kernels import LISTS, MORE, march
 from ninedisk.core.cd.memory import ContactMemory
 from ninedisk.core.cd.residual_kernels import SUMS
 from ninedisk.core.cd.solver import ContactSolver
@@ -30,8 +32,6 @@ from ninedisk.core.geometry.motion_kernels import WallMotion
 
 FloatArray = NDArray[np.float64]
 
-MOST_PAIRS = 5_000
-"""Pairs beyond which Python's share of a step no longer matters."""
 SKIN = 0.1
 """Extra reach of the list of pairs over the smallest radius: it outlasts many steps, and adds hardly a pair in a packing."""
 PAIR_STEPS = 20_000
@@ -58,8 +58,8 @@ class March:
 
     Attributes
     ----------
-    usable : bool
-        False once there are too many pairs.
+    start : ContactMemory or None
+        Forces reached in the step that has to be taken singly; None where it was not begun.
     iterations : int
         Sweeps of all steps taken.
     worst : (float, float)
@@ -84,6 +84,7 @@ class March:
             theta=theta,
             tolerance=solver.options.tolerance,
             sweeps=solver.sweeps,
+            most=solver.most_contacts,
             relaxation=solver.options.relaxation,
             coulomb=solver.sliding == "coulomb",
             smallest=float(radius.min()),
@@ -97,11 +98,12 @@ class March:
         )
         force, kept, prescribed, end, dx = (np.empty((n, 3)) for _ in range(5))
         self._scratch = Scratch(np.empty((m, 11)), force, kept, prescribed, end, dx, np.empty(SUMS), np.empty(6))
-        self._counts, self._totals = np.zeros(3, dtype=np.int64), np.zeros(4)
+        self._counts, self._totals = np.zeros(5, dtype=np.int64), np.zeros(5)
         self._pairs, self._forces = np.empty((0, 2), dtype=np.int64), np.empty((0, 2))
-        self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), -np.inf)
+        self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), np.full(2, -np.inf))
         self._rest, self._resting = 1, 0
-        self.usable, self.iterations, self.worst = True, 0, (0.0, 0.0)
+        self.iterations, self.worst = 0, (0.0, 0.0)
+        self.start: ContactMemory | None = None
 
     def advance(
         self, done: int, last: int, x: FloatArray, v: FloatArray, wall: FloatArray, memory: ContactMemory
@@ -126,12 +128,13 @@ class March:
         work : float
             Work of the walls on the disks in these steps [J].
         """
+        self.start = None
         if self._resting:
             self._resting -= 1
             return done, memory, 0.0
         counts, totals = self._counts, self._totals
         self._remember(memory)
-        counts[STEP], counts[ITERATIONS] = done, 0
+        counts[STEP], counts[ITERATIONS], counts[SWEEPS] = done, 0, 0
         totals[WORK], totals[WORST_MAP], totals[WORST_GAP] = 0.0, *self.worst
         listed_at = -1
         while True:
@@ -139,11 +142,17 @@ class March:
             state = State(x, v, wall, self._pairs, self._forces, counts, totals)
             laws, motion = self._laws.arrays, self._motion
             why = march(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
-            if why != LISTS or counts[STEP] == listed_at or not self._list(x, wall, float(totals[REACH])):
+            if why == MORE:
+                continue
+            if why != LISTS or counts[STEP] == listed_at:
                 break
-            listed_at = int(counts[STEP])
+            self._list(x, wall, totals[[REACH, WALL_REACH]])
+            listed_at, counts[SWEEPS] = int(counts[STEP]), 0
         reached = int(counts[STEP])
         if reached == done:
+            if counts[SWEEPS]:
+                near = self._near
+                self.start = memory.renewed(near.pairs[near.inside], near.force[near.inside])
             self._resting, self._rest = self._rest - 1, min(2 * self._rest, LONGEST_REST)
             return done, memory, 0.0
         self._rest = 1
@@ -160,27 +169,26 @@ class March:
         self._pairs[:held], self._forces[:held] = memory.pairs, memory.forces
         self._counts[HELD] = held
 
-    def _list(self, x: FloatArray, wall: FloatArray, needed: float) -> bool:
-        """List the pairs for steps that need this reach [m]; False if there are too many."""
+    def _list(self, x: FloatArray, wall: FloatArray, needed: FloatArray) -> None:
+        """List the pairs for steps that need this reach between disks and to walls [m]."""
         reach = 1.5 * needed + SKIN * self._scheme.smallest
-        pairs = self._finder.within(np.ascontiguousarray(x[:, :2]), wall, reach)
-        self.usable = len(pairs) <= MOST_PAIRS
-        if self.usable:
-            self._take_list(pairs, x, wall, reach)
-        return self.usable
+        pairs = self._finder.within(np.ascontiguousarray(x[:, :2]), wall, *reach.tolist())
+        self._take_list(pairs, x, wall, reach)
 
-    def _take_list(self, pairs: NDArray[np.int64], x: FloatArray, wall: FloatArray, reach: float) -> None:
+    def _take_list(self, pairs: NDArray[np.int64], x: FloatArray, wall: FloatArray, reach: FloatArray) -> None:
         c = len(pairs)
 
         self._near = Near(
             x=x.copy(),
             wall=wall.copy(),
-            reach=np.array([reach]),
+            reach=reach,
             pairs=pairs,
             bodies=np.where(pairs < self._n, pairs, -1).astype(np.int32),
             row=np.maximum(pairs[:, 1] - self._n + 1, 0),
             closing=np.empty(c),
             inside=np.zeros(c, dtype=np.bool_),
+            shear=np.empty(c),
+            force=np.empty((c, 2)),
             **_geometry(c),
         )
         self._chosen = Chosen(

@@ -37,6 +37,10 @@ class ContactMemory:
             found[known] = self.forces[at[known]]
         return found
 
+    def same(self, pairs: IntArray, others: IntArray) -> NDArray[np.bool_]:
+        """Which of the pairs are among the others, shape (c,)."""
+        return np.isin(pairs[:, 0] * self._n + pairs[:, 1], others[:, 0] * self._n + others[:, 1])
+
     def renewed(self, pairs: IntArray, forces: FloatArray) -> ContactMemory:
         """Memory of the next step."""
         return ContactMemory(self._n, pairs, forces)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.feasibility import PROOF_AFTER
 from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
@@ -22,6 +23,8 @@ TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
 LONGEST_WITHOUT_TRIAL = 15
 """Problems without a trial of Gauss-Seidel, at most, after trials in vain."""
+MANY = 2**62
+"""No limit."""
 TRIAL_CONTACTS = 5_000
 """Above this number of contacts information needs more than the trial's sweeps to cross a packing."""
 
@@ -66,8 +69,15 @@ class ContactSolver:
 
     @property
     def sweeps(self) -> int:
-        """Sweeps of Gauss-Seidel that it begins with; 0 where it begins with another method."""
-        return self._trial.max_iterations or 0 if self.name in ("auto", "gauss-seidel") else 0
+        """Sweeps of Gauss-Seidel that it begins with, before a proof of feasibility is due; 0 where it begins with another method."""
+        if self.sliding == "coulomb" or self.name == "gauss-seidel":
+            return min(self.options.max_iterations or PROOF_AFTER, PROOF_AFTER)
+        return self._trial.max_iterations or 0 if self.name == "auto" else 0
+
+    @property
+    def most_contacts(self) -> int:
+        """Contacts above which it does not begin with Gauss-Seidel."""
+        return MANY if self.sliding == "coulomb" or self.name == "gauss-seidel" else TRIAL_CONTACTS
 
     def solve(self, problem: ContactProblem, start: FloatArray | None = None) -> SolverResult:
         """Solve one problem.

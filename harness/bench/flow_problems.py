@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -22,8 +23,9 @@ Tell = Callable[[int, int], None]
 SIZES, LARGE = (1_000,), (10_000,)
 STEP, STEPS = 5e-3, 40
 """Step [s] and number of steps; at 10 m/s a disk moves by a tenth of its radius in a step."""
-LEAD = 10.0
-"""Time that a drum turns before the measurement [s]: half a turn, the disks lie in a slope and flow down it."""
+FROUDE, LEAD = 0.1, 0.5
+"""Centrifugal over gravity at the rim of a drum, and the turns that it makes before the measurement: the disks lie in a slope and flow
+down it. The same rate of turns at every size would press the disks of a large drum to its rim."""
 OPEN = 1.5
 """Time that a hopper discharges before the measurement [s]: the disks inside flow, those outside fall as far as 11 m."""
 OUTLET = 10.0
@@ -76,8 +78,11 @@ def problems(sizes: list[int], tell: Tell | None = None) -> dict[str, Callable[[
 
 
 def turning_drum(n: int, tell: Tell | None = None) -> Scene:
-    """A drum of ``n`` disks after `LEAD` seconds on the in-house DEM, with the velocities of that time."""
-    return kept(f"drum-{n}-{LEAD:g}", lambda: _after(LEAD, gallery.drum(n), tell))
+    """A drum of ``n`` disks after `LEAD` turns on the in-house DEM, with the velocities of that time."""
+    rim = math.hypot(*gallery.drum(n).walls[0].point)
+    turns = math.sqrt(FROUDE * gallery.GRAVITY / rim) / (2.0 * math.pi)
+    name = f"drum-{n}-{FROUDE:g}-{LEAD:g}"
+    return kept(name, lambda: _after(LEAD / turns, gallery.drum(n, turns_per_second=turns), tell))
 
 
 def open_hopper(n: int, tell: Tell | None = None) -> Scene:

@@ -17,8 +17,9 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 
 RIGID = ContactLaw(kn=1e8, ks=1e8, mu=0.3, restitution=0.5, regularised=True)
 SOFT = ContactLaw(kn=1e6, ks=8e5, mu=0.3, lever_arm="overlap", wall_velocity_at="mid-overlap")
-TOLERANCE = 1e-11
-"""Of the largest value: 1e-12 is what a step's solver leaves, and the steps are few."""
+TOLERANCE = 1.5e-10
+"""Of the largest value: each of 150 steps leaves 1e-12, and the two ways add contacts at different times, so that they end elsewhere
+within that."""
 
 
 def heap(law: ContactLaw, *, turning: bool = False, **more: Any) -> Scene:
@@ -84,7 +85,8 @@ def test_together_as_singly(name: str) -> None:
     assert few < 0.7 * STEPS, "hardly any step was taken with others"
     assert other.solves["gauss-seidel"] > 0
     assert sum(session.solves.values()) == sum(other.solves.values())
-    assert abs(session.iterations - other.iterations) <= 0.01 * other.iterations + 2
+    # Contacts that a finished solution would show are added on the way: no more sweeps, and hardly fewer on twelve disks.
+    assert 0.95 * other.iterations - 2 <= session.iterations <= 1.01 * other.iterations + 2
     assert float(np.nanmax(np.abs(together.wall_force))) > 0.0
     assert difference(together, singly) <= TOLERANCE
     changed, _, _ = run(scene, numerics.replace(dt=numerics.dt * (1.0 + 1e-9)), singly=False)
