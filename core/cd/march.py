@@ -9,6 +9,7 @@ from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.march_arrays import (
     HELD,
     ITERATIONS,
+    PLAIN,
     REACH,
     STEP,
     SWEEPS,
@@ -98,7 +99,7 @@ class March:
         )
         force, kept, prescribed, end, dx = (np.empty((n, 3)) for _ in range(5))
         self._scratch = Scratch(np.empty((m, 11)), force, kept, prescribed, end, dx, np.empty(SUMS), np.empty(6))
-        self._counts, self._totals = np.zeros(5, dtype=np.int64), np.zeros(5)
+        self._counts, self._totals = np.zeros(6, dtype=np.int64), np.zeros(5)
         self._pairs, self._forces = np.empty((0, 2), dtype=np.int64), np.empty((0, 2))
         self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), np.full(2, -np.inf))
         self._rest, self._resting = 1, 0
@@ -134,7 +135,7 @@ class March:
             return done, memory, 0.0
         counts, totals = self._counts, self._totals
         self._remember(memory)
-        counts[STEP], counts[ITERATIONS], counts[SWEEPS] = done, 0, 0
+        counts[STEP], counts[ITERATIONS], counts[SWEEPS], counts[PLAIN] = done, 0, 0, 0
         totals[WORK], totals[WORST_MAP], totals[WORST_GAP] = 0.0, *self.worst
         listed_at = -1
         while True:

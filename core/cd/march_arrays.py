@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-STEP, ITERATIONS, HELD, SWEEPS, CHOSEN = range(5)
-"""Entries of ``counts``: last step done; sweeps of all steps; contacts in the memory; sweeps so far and contacts of the step at hand."""
+STEP, ITERATIONS, HELD, SWEEPS, CHOSEN, PLAIN = range(6)
+"""Entries of ``counts``: last step done; sweeps of all steps; contacts in the memory; sweeps so far and contacts of the step
+at hand, and 1 if its changes of forces are no longer stretched."""
 
 WORK, WORST_MAP, WORST_GAP, REACH, WALL_REACH = range(5)
 """Entries of ``totals``: work of the walls [J]; largest residual figures that mean something; reach that the list needs for pairs of

@@ -23,7 +23,6 @@ from ninedisk.core.cd.frame_kernels import (
     dynamic_offsets,
     gap_round_off,
     measure_frames,
-    surface_way,
     wall_way,
 )
 from ninedisk.core.cd.gauss_seidel_kernels import next_batch, sweep
@@ -31,10 +30,9 @@ from ninedisk.core.cd.march_arrays import (
     CHOSEN,
     HELD,
     ITERATIONS,
-    REACH,
+    PLAIN,
     STEP,
     SWEEPS,
-    WALL_REACH,
     WORK,
     WORST_GAP,
     WORST_MAP,
@@ -44,7 +42,7 @@ from ninedisk.core.cd.march_arrays import (
     Scratch,
     State,
 )
-from ninedisk.core.cd.march_set_kernels import begin_set, choose, grow_set, keep_forces
+from ninedisk.core.cd.march_set_kernels import begin_set, choose, covers, grow_set, keep_forces, moved_since
 from ninedisk.core.cd.residual_kernels import (
     DUALITY_GAP,
     FLOOR_GAP,
@@ -66,6 +64,13 @@ needs more sweeps, with which the next call goes on."""
 
 CONTACT_SWEEPS = 20_000_000
 """Contacts times sweeps of one call, about a second: then Ctrl-C comes through."""
+
+OVER_AFTER, OVER = 40, 1.5
+"""Sweeps of a step after which changes of forces are stretched, and by how much. Long chains of contacts then take a third of the
+sweeps; few contacts do without. From 1.8 on Coulomb friction does not converge."""
+
+STALLED = 3
+"""Multiple of the sweeps in which the figures must have halved: else stretching ends for this step."""
 
 LOOK_AFTER = 8
 """Sweeps after which the motion found so far is searched for pairs that it violates: it costs about as much as three."""
@@ -102,8 +107,8 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
     _loads(scheme, state.v, scratch)
     _fly(scheme, scratch)
     _displacements(scheme, state.v, scratch)
-    walls, moved, turned = wall_way(x, state.wall, after), _moved(x, near), wall_way(x, near.wall, after)
-    if not _covers(2.0, NEARBY * scheme.smallest, moved, turned, walls, tolerance, scheme, state, near, dx):
+    walls, moved, turned = wall_way(x, state.wall, after), moved_since(x, near), wall_way(x, near.wall, after)
+    if not covers(2.0, NEARBY * scheme.smallest, moved, turned, walls, tolerance, scheme, state, near, dx):
         return LISTS
     measure_frames(near.pairs, near.row, x, scheme.radius, state.wall, after, laws,
                    near.normal, near.gap, near.gap_before, near.shift, near.arms)  # fmt: skip
@@ -141,42 +146,6 @@ def _displacements(scheme: Scheme, v: Floats, scratch: Scratch) -> None:
             if scheme.free[i, d]:
                 rate = scheme.theta * scratch.v[i, d] + (1.0 - scheme.theta) * v[i, d]
             scratch.dx[i, d] = scheme.dt * rate
-
-
-@inline_kernel
-def _moved(x: Floats, near: Near) -> float:
-    """How far a disk has moved since the list was made, at most [m]."""
-    moved = 0.0
-    for i in range(x.shape[0]):
-        moved = max(moved, np.hypot(x[i, 0] - near.x[i, 0], x[i, 1] - near.x[i, 1]))
-    return moved
-
-
-@inline_kernel
-def _covers(
-    times: float,
-    least: float,
-    moved: float,
-    turned: float,
-    walls: float,
-    tolerance: float,
-    scheme: Scheme,
-    state: State,
-    near: Near,
-    dx: Floats,
-) -> bool:
-    """Whether every pair is listed that ``times`` the displacements can bring together; how far the list has to reach.
-
-    Disks have moved by ``moved`` and walls by ``turned`` since it was made; walls move by ``walls`` in the step.
-    """
-    factor = 1.0
-    for k in range(scheme.dilation.shape[0]):
-        factor = max(factor, 1.0 + scheme.dilation[k])
-    way = surface_way(dx, scheme.radius)
-    for_disks = max(times * (factor * 2.0 * way + 2.0 * tolerance), least)
-    for_walls = max(times * (factor * (way + walls) + 2.0 * tolerance), least)
-    state.totals[REACH], state.totals[WALL_REACH] = for_disks, for_walls
-    return bool(for_disks <= near.reach[0] - 2.0 * moved and for_walls <= near.reach[1] - moved - turned)
 
 
 @inline_kernel
@@ -231,6 +200,7 @@ def _solve(
     if c > scheme.most or not _pose(c, scheme, laws, chosen, scratch):
         return ALONE
     budget, looked = counts[SWEEPS] + max(1, CONTACT_SWEEPS // (c + 1)), counts[SWEEPS]
+    best, best_at = np.inf, counts[SWEEPS]
     while True:
         done = counts[SWEEPS]
         bodies, normal, arms, offset = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.offset[:c]
@@ -243,7 +213,7 @@ def _solve(
         if finished or done - looked >= LOOK_AFTER:
             looked = done
             _displacements(scheme, state.v, scratch)
-            if _covers(1.0, 0.0, moved, turned, walls, tolerance, scheme, state, near, scratch.dx):
+            if covers(1.0, 0.0, moved, turned, walls, tolerance, scheme, state, near, scratch.dx):
                 keep_forces(near, chosen)
                 missed = grow_set(tolerance, finished, scheme, laws, near, scratch.dx)
                 if missed < 0:
@@ -252,6 +222,7 @@ def _solve(
                     counts[CHOSEN] = c
                     return DONE
                 if missed > 0:
+                    best, best_at = np.inf, done
                     c = choose(laws, near, chosen)
                     if c > scheme.most or not _pose(c, scheme, laws, chosen, scratch):
                         return ALONE
@@ -261,9 +232,15 @@ def _solve(
         if done >= scheme.sweeps or done >= budget:
             keep_forces(near, chosen)
             return ALONE if done >= scheme.sweeps else MORE
+        worst = max(figures[NATURAL_MAP], figures[DUALITY_GAP])
+        if worst < 0.5 * best:
+            best, best_at = worst, done
+        elif done > OVER_AFTER + STALLED * best_at:
+            counts[PLAIN] = 1
+        stretch = OVER if done >= OVER_AFTER and counts[PLAIN] == 0 else 1.0
         count = min(next_batch(done), scheme.sweeps - done)
         sweep(bodies, normal, arms, scheme.inverse_mass, offset, chosen.compliance, chosen.shear_0, chosen.mu,
-              chosen.blocks, scheme.relaxation, scheme.coulomb, count, v, r)  # fmt: skip
+              chosen.blocks, stretch * scheme.relaxation, scheme.coulomb, count, v, r)  # fmt: skip
         counts[SWEEPS] += count
 
 
@@ -278,7 +255,7 @@ def _accept(state: State, chosen: Chosen, scratch: Scratch) -> None:
         state.forces[k, 0], state.forces[k, 1] = p, q
     counts[HELD] = counts[CHOSEN]
     counts[ITERATIONS] += counts[SWEEPS]
-    counts[SWEEPS] = 0
+    counts[SWEEPS] = counts[PLAIN] = 0
     for i in range(state.x.shape[0]):
         for d in range(3):
             state.x[i, d] += scratch.dx[i, d]

@@ -1,4 +1,4 @@
-"""Kernels of the set of contacts of a step: what it begins with, how it grows while it is solved, and its forces.
+"""Kernels of the set of contacts of a step: what it is chosen from, what it begins with, how it grows, and its forces.
 
 Pairs enter that would close without contact forces, that carried a force in the last step, or that would close if velocities stayed;
 later those that the motion found so far violates. A contact more than needed stays open and changes nothing, but for those under
@@ -12,10 +12,46 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd._jit import inline_kernel
 from ninedisk.core.cd.cone_kernels import project_on_cone
-from ninedisk.core.cd.frame_kernels import Laws, closing_gaps
-from ninedisk.core.cd.march_arrays import HELD, Chosen, Near, Scheme, State
+from ninedisk.core.cd.frame_kernels import Laws, closing_gaps, surface_way
+from ninedisk.core.cd.march_arrays import HELD, REACH, WALL_REACH, Chosen, Near, Scheme, State
 
 Floats = NDArray[np.float64]
+
+
+@inline_kernel
+def moved_since(x: Floats, near: Near) -> float:
+    """How far a disk has moved since the list was made, at most [m]."""
+    moved = 0.0
+    for i in range(x.shape[0]):
+        moved = max(moved, np.hypot(x[i, 0] - near.x[i, 0], x[i, 1] - near.x[i, 1]))
+    return moved
+
+
+@inline_kernel
+def covers(
+    times: float,
+    least: float,
+    moved: float,
+    turned: float,
+    walls: float,
+    tolerance: float,
+    scheme: Scheme,
+    state: State,
+    near: Near,
+    dx: Floats,
+) -> bool:
+    """Whether every pair is listed that ``times`` the displacements can bring together; how far the list has to reach.
+
+    Disks have moved by ``moved`` and walls by ``turned`` since it was made; walls move by ``walls`` in the step.
+    """
+    factor = 1.0
+    for k in range(scheme.dilation.shape[0]):
+        factor = max(factor, 1.0 + scheme.dilation[k])
+    way = surface_way(dx, scheme.radius)
+    for_disks = max(times * (factor * 2.0 * way + 2.0 * tolerance), least)
+    for_walls = max(times * (factor * (way + walls) + 2.0 * tolerance), least)
+    state.totals[REACH], state.totals[WALL_REACH] = for_disks, for_walls
+    return bool(for_disks <= near.reach[0] - 2.0 * moved and for_walls <= near.reach[1] - moved - turned)
 
 
 @inline_kernel

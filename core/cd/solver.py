@@ -25,6 +25,9 @@ LONGEST_WITHOUT_TRIAL = 15
 """Problems without a trial of Gauss-Seidel, at most, after trials in vain."""
 MANY = 2**62
 """No limit."""
+LOOSE, LOOSE_SWEEPS = 1e-5, 3_000
+"""Tolerance from which on "auto" gives Gauss-Seidel more sweeps, on any number of contacts: a warm step of a flow takes some
+hundred."""
 TRIAL_CONTACTS = 5_000
 """Above this number of contacts information needs more than the trial's sweeps to cross a packing."""
 
@@ -65,7 +68,8 @@ class ContactSolver:
         self.problem: ContactProblem | None = None
         self._interior = InteriorPoint(options)
         self._without_trial = self._waited = 0
-        self._trial = replace(options, max_iterations=min(TRIAL_SWEEPS, options.max_iterations or TRIAL_SWEEPS))
+        sweeps = LOOSE_SWEEPS if options.tolerance >= LOOSE else TRIAL_SWEEPS
+        self._trial = replace(options, max_iterations=min(sweeps, options.max_iterations or sweeps))
 
     @property
     def sweeps(self) -> int:
@@ -77,7 +81,8 @@ class ContactSolver:
     @property
     def most_contacts(self) -> int:
         """Contacts above which it does not begin with Gauss-Seidel."""
-        return MANY if self.sliding == "coulomb" or self.name == "gauss-seidel" else TRIAL_CONTACTS
+        trial = self.sliding == "associated" and self.name == "auto" and self.options.tolerance < LOOSE
+        return TRIAL_CONTACTS if trial else MANY
 
     def solve(self, problem: ContactProblem, start: FloatArray | None = None) -> SolverResult:
         """Solve one problem.
@@ -98,7 +103,7 @@ class ContactSolver:
             return solve_gauss_seidel(problem, self.options, sliding=self.sliding, start=start)
         if self.name == "projected-gradient":
             return solve_projected_gradient(problem, self.options, start=start)
-        if self.name == "auto" and problem.n_contacts <= TRIAL_CONTACTS and self._trial_is_due():
+        if self.name == "auto" and problem.n_contacts <= self.most_contacts and self._trial_is_due():
             try:
                 result = solve_gauss_seidel(problem, self._trial, start=start)
             except SolverNotConvergedError:

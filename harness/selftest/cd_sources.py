@@ -85,6 +85,6 @@ DEFECTS = (
     _kernel("march-shear", "steps taken together start from relaxed shear springs", "press-rough",
             (MARCH_SET, "near.shear[k] = q", "near.shear[k] = 0.0 * q")),
     _kernel("march-list", "the list of pairs of steps taken together outlasts any motion", "hit",
-            (MARCH, "for_disks <= near.reach[0] - 2.0 * moved and for_walls <= near.reach[1] - moved - turned",
+            (MARCH_SET, "for_disks <= near.reach[0] - 2.0 * moved and for_walls <= near.reach[1] - moved - turned",
              "for_disks <= near.reach[0] and for_walls <= near.reach[1]")),
 )  # fmt: skip
