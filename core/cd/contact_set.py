@@ -59,10 +59,9 @@ def solve_with_contacts(
     """Solve a step on a set of contacts that grows until no pair outside it is violated.
 
     A pair enters if its gap at the end of the step, minus ``mu`` times its slip under the associated rule, is not
-    positive: first for the motion without contacts, then for each solution. At first so do those that carried a force in the
-    last step and those that would close if velocities stayed, unless they are under Newton's law, which does not contain the
-    gap. The search covers every pair that the displacements found can bring that far, so the final solution violates no
-    contact, listed or not.
+    positive: first for the motion without contacts, then for each solution, and a solution starts from the one before. The
+    search covers every pair that the displacements found can bring that far, so the final solution violates no contact,
+    listed or not.
 
     Parameters
     ----------
@@ -105,10 +104,6 @@ def solve_with_contacts(
     reach = max(2.0 * reach_of(dx), NEARBY * float(place.radius.min()))
     frames = near(reach)
     inside = closing(frames, dx) < max(margin, tolerance)
-    onward = step.onward()
-    if onward is not None:
-        by_gap = np.isnan(laws.restitution[frames.row])
-        inside |= by_gap & ((memory.of(frames.pairs)[:, 0] > 0.0) | (closing(frames, onward) < tolerance))
     start, iterations = memory if start is None else start, 0
     while True:
         chosen = frames.pick(inside)

@@ -26,7 +26,7 @@ from ninedisk.core.cd.march_arrays import (
 from ninedisk.core.cd.march_kernels import LISTS, MORE, march
 from ninedisk.core.cd.memory import ContactMemory
 from ninedisk.core.cd.residual_kernels import SUMS
-from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.cd.solver import LOOSE, ContactSolver
 from ninedisk.core.cd.step import Bodies, dynamic_mass
 from ninedisk.core.contacts.finder import PairFinder
 from ninedisk.core.geometry.motion_kernels import WallMotion
@@ -37,6 +37,9 @@ SKIN = 0.1
 """Extra reach of the list of pairs over the smallest radius: it outlasts many steps, and adds hardly a pair in a packing."""
 PAIR_STEPS = 20_000
 """Pairs times steps of one call: some ten milliseconds, so that progress and Ctrl-C come through."""
+STRETCH = 1.5
+"""Factor on changes of forces in long solutions to a loose tolerance: chains of contacts then take a third of the sweeps. From 1.8 on
+Coulomb friction does not converge. At a tight tolerance the last digits would oscillate."""
 LONGEST_REST = 64
 """Steps taken singly, at most, before the next attempt after several in a row that found a step out of the ordinary."""
 
@@ -87,6 +90,7 @@ class March:
             sweeps=solver.sweeps,
             most=solver.most_contacts,
             relaxation=solver.options.relaxation,
+            stretch=STRETCH if solver.options.tolerance >= LOOSE else 1.0,
             coulomb=solver.sliding == "coulomb",
             smallest=float(radius.min()),
             xi=float(bodies.xi),

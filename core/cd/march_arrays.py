@@ -28,6 +28,7 @@ class Scheme(NamedTuple):
     sweeps: int
     most: int
     relaxation: float
+    stretch: float
     coulomb: bool
     smallest: float
     xi: float

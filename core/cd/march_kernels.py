@@ -65,9 +65,8 @@ needs more sweeps, with which the next call goes on."""
 CONTACT_SWEEPS = 20_000_000
 """Contacts times sweeps of one call, about a second: then Ctrl-C comes through."""
 
-OVER_AFTER, OVER = 40, 1.5
-"""Sweeps of a step after which changes of forces are stretched, and by how much. Long chains of contacts then take a third of the
-sweeps; few contacts do without. From 1.8 on Coulomb friction does not converge."""
+STRETCH_AFTER = 40
+"""Sweeps of a step after which changes of forces are stretched: few contacts do without."""
 
 STALLED = 3
 """Multiple of the sweeps in which the figures must have halved: else stretching ends for this step."""
@@ -235,9 +234,9 @@ def _solve(
         worst = max(figures[NATURAL_MAP], figures[DUALITY_GAP])
         if worst < 0.5 * best:
             best, best_at = worst, done
-        elif done > OVER_AFTER + STALLED * best_at:
+        elif done > STRETCH_AFTER + STALLED * best_at:
             counts[PLAIN] = 1
-        stretch = OVER if done >= OVER_AFTER and counts[PLAIN] == 0 else 1.0
+        stretch = scheme.stretch if done >= STRETCH_AFTER and counts[PLAIN] == 0 else 1.0
         count = min(next_batch(done), scheme.sweeps - done)
         sweep(bodies, normal, arms, scheme.inverse_mass, offset, chosen.compliance, chosen.shear_0, chosen.mu,
               chosen.blocks, stretch * scheme.relaxation, scheme.coulomb, count, v, r)  # fmt: skip

@@ -87,10 +87,6 @@ class StaticStep:
             resolution=self._round_off,
         )
 
-    def onward(self) -> None:
-        """Nothing goes on by itself."""
-        return
-
     def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
         """Find the equilibrium.
 

@@ -56,10 +56,6 @@ class Step(Protocol):
         """Displacements without contacts, shape (b, 3) [m], [m], [rad]."""
         ...
 
-    def onward(self) -> FloatArray | None:
-        """Displacements if velocities stayed, shape (b, 3); None for a step without inertia."""
-        ...
-
     def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
         """Solve with these contacts; ``forces`` are those of the last step, ``start`` a guess of the new ones, shape (c, 2)."""
         ...
@@ -164,10 +160,6 @@ class DynamicStep:
             shear_0=forces[:, 1],
             resolution=self._resolution,
         )
-
-    def onward(self) -> FloatArray:
-        """Displacements if velocities stayed."""
-        return self._dt * self._v0
 
     def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
         """Solve the step with these contacts; raises as `ContactSolver.solve`."""
