@@ -101,6 +101,16 @@ class Disks:
     def __len__(self) -> int:
         return int(self.x.shape[0])
 
+    @property
+    def fixed(self) -> NDArray[np.bool_]:
+        """Which disks stay where they are, shape (n,): held at rest in both directions, and not turning.
+
+        They bear contacts as a part of the ground does. Among themselves and with walls they have none: nothing could answer its
+        forces. They may therefore touch and overlap.
+        """
+        fixed: NDArray[np.bool_] = self.held.all(axis=1) & ~self.v.any(axis=1) & ~self.rotating & (self.omega == 0.0)
+        return fixed
+
 
 def _pairs(name: str, value: ArrayLike) -> FloatArray:
     """Numbers in rows of two; an empty list, as JSON has it for no disk at all, has lost its second dimension."""

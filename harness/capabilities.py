@@ -25,6 +25,7 @@ class Capability(StrEnum):
     GRAVITY = "gravity"
     BLOCKED_ROTATION = "bodies that do not rotate"
     HELD_MOTION = "disks with a prescribed velocity component"
+    FIXED_DISKS = "disks that stay where they are"
     QUASI_STATIC = "the static limit: a series of equilibria"
     PRELOAD = "shear forces that contacts carry from the start"
     DISK_INERTIA = "inertia of a disk (not of a sphere)"
@@ -83,9 +84,12 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
         need.add(Capability.GRAVITY)
     if (scene.disks.outline >= 0).any():
         need.add(Capability.OUTLINES)
-    if not scene.disks.rotating.all():
+    fixed = scene.disks.fixed
+    if fixed.any():
+        need.add(Capability.FIXED_DISKS)
+    if not scene.disks.rotating[~fixed].all():
         need.add(Capability.BLOCKED_ROTATION)
-    if scene.disks.held.any():
+    if scene.disks.held[~fixed].any():
         need.add(Capability.HELD_MOTION)
     if numerics.regime == "quasi-static":
         need.add(Capability.QUASI_STATIC)

@@ -62,9 +62,10 @@ def register(app: typer.Typer, write_page: WritePage) -> None:
         engines with springs that know the variant), these also with finer steps, error beside time; what our step
         computes and moves, held against the arithmetic and the bandwidth of this machine (roofline). Suite cd: contact
         problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10 (our solvers,
-        Clarabel, PIQP, Siconos), cold and warm. Suite flow: a drum and a collapsing column stepped in time (contact
-        dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations), time per
-        simulated second beside the penetration. Suite harness: the whole of `ninedisk run` on dem, cd and pymunk.
+        Clarabel, PIQP, Siconos), cold and warm. Suite flow: a drum, a hopper and a collapsing column stepped in time
+        (contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations),
+        time per simulated second beside the penetration. Suite harness: the whole of `ninedisk run` on dem, cd and
+        pymunk.
 
         Physics is checked first: an engine that computes something else gets no time. Repeats are interleaved (A B A B)
         on one core for one thread; the ratio to ours, repeat by repeat, is the result, absolute times stand beside it.

@@ -72,6 +72,7 @@ WORDS: Mapping[Capability, str] = {
     Capability.GRAVITY: "gravity",
     Capability.BLOCKED_ROTATION: "blocked rotation",
     Capability.HELD_MOTION: "held disks",
+    Capability.FIXED_DISKS: "fixed disks",
     Capability.QUASI_STATIC: "static limit",
     Capability.PRELOAD: "preload",
     Capability.DISK_INERTIA: "disks' inertia",

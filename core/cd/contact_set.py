@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,15 +31,16 @@ def solve_with_contacts(
     memory: ContactMemory,
     sliding: Sliding,
     margin: float = 0.0,
+    start: ContactMemory | None = None,
     grains: GrainFrames | None = None,
 ) -> tuple[Frames, Solved]:
     """Solve a step on a set of contacts that grows until no pair outside it is violated.
 
     A pair enters if its gap at the end of the step, minus ``mu`` times its slip under the associated rule, is not
-    positive: first for the motion without contacts, then for each solution. The search covers every pair that the
-    displacements found can bring that far, so the final solution violates no contact, listed or not. The gap is that along
-    the normal at the start of the step: exact on disks and walls, or on the safe side; on outlines that turn by an angle a and
-    have the radius of curvature rho it errs by ``rho a^2/2``.
+    positive: first for the motion without contacts, then for each solution, and a solution starts from the one before. The
+    search covers every pair that the displacements found can bring that far, so the final solution violates no contact,
+    listed or not. The gap is that along the normal at the start of the step: exact on disks and walls, or on the safe side; on
+    outlines that turn by an angle a and have the radius of curvature rho it errs by ``rho a^2/2``.
 
     Parameters
     ----------
@@ -51,6 +53,8 @@ def solve_with_contacts(
     sliding : {"associated", "coulomb"}
     margin : float
         Pairs with a gap up to this [m] enter at once.
+    start : ContactMemory, optional
+        Guess of the step's forces; None: those of the last step.
     grains : GrainFrames, optional
         Where bodies have outlines.
 
@@ -80,18 +84,19 @@ def solve_with_contacts(
     reach = max(2.0 * reach_of(dx), NEARBY * float(place.radius.min()))
     frames = near(reach)
     inside = closing(frames, dx) < max(margin, tolerance)
+    start, iterations = memory if start is None else start, 0
     while True:
         chosen = frames.pick(inside)
-        solved = step.solve(chosen, memory.of(chosen.pairs) if grains is None else grains.inherited(memory, chosen))
+        solved = step.solve(chosen, _forces(memory, chosen, grains), _forces(start, chosen, grains))
+        start, iterations = memory.renewed(chosen.pairs, solved.r, chosen.place), iterations + solved.result.iterations
         needed = reach_of(solved.dx)
         if needed > reach:
             reach = 1.5 * needed
-            known = set(_names(chosen))
             frames = near(reach)
-            inside = np.array([name in known for name in _names(frames)], dtype=bool)
+            inside = memory.same(frames.pairs, chosen.pairs) if grains is None else _among(frames, chosen)
         missed = ~inside & (closing(frames, solved.dx) < -tolerance)
         if not missed.any():
-            return chosen, solved
+            return chosen, solved._replace(result=replace(solved.result, iterations=iterations))
         inside |= missed
 
 
@@ -103,6 +108,16 @@ def frames_within(reach: float, place: Place, finder: PairFinder, laws: LawTable
     return contact_frames(pairs, place.x, place.radius, place.before, place.after, laws)
 
 
-def _names(frames: Frames) -> list[tuple[float, ...]]:
-    """What tells the contacts of one step apart."""
-    return [(*pair, *place) for pair, place in zip(frames.pairs.tolist(), frames.place.tolist(), strict=True)]
+def _forces(memory: ContactMemory, frames: Frames, grains: GrainFrames | None) -> FloatArray:
+    """Forces that a memory has for the contacts, shape (c, 2) [N]."""
+    return memory.of(frames.pairs) if grains is None else grains.inherited(memory, frames)
+
+
+def _among(frames: Frames, others: Frames) -> NDArray[np.bool_]:
+    """Which contacts of a step are among others of the same step: outlines can meet in several places."""
+
+    def names(some: Frames) -> list[tuple[float, ...]]:
+        return [(*pair, *place) for pair, place in zip(some.pairs.tolist(), some.place.tolist(), strict=True)]
+
+    known = set(names(others))
+    return np.array([name in known for name in names(frames)], dtype=bool)

@@ -151,7 +151,8 @@ class GrainFrames:
                 of, more = some.wall_contacts(x[mine[:, 0]], angle[mine[:, 0]], wall[0:2], wall[2:4])
                 pairs, rows = np.concatenate([pairs, mine[of]]), ContactRows(*_joined(rows, more))
         order = self._order(pairs, rows.place)
-        return pairs[order], ContactRows(*(column[order] for column in rows))
+        columns: list[Any] = [column[order] for column in rows]
+        return pairs[order], ContactRows(*columns)
 
     def _complete(self, place: Place, at_walls: IntArray, reach: float, meetings: Meetings) -> Frames:
         pairs, first, second, tip, normal, gap, at = meetings

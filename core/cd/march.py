@@ -9,8 +9,11 @@ from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.march_arrays import (
     HELD,
     ITERATIONS,
+    PLAIN,
     REACH,
     STEP,
+    SWEEPS,
+    WALL_REACH,
     WORK,
     WORST_GAP,
     WORST_MAP,
@@ -20,22 +23,23 @@ from ninedisk.core.cd.march_arrays import (
     Scratch,
     State,
 )
-from ninedisk.core.cd.march_kernels import LISTS, march
+from ninedisk.core.cd.march_kernels import LISTS, MORE, march
 from ninedisk.core.cd.memory import ContactMemory
 from ninedisk.core.cd.residual_kernels import SUMS
-from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.cd.solver import LOOSE, ContactSolver
 from ninedisk.core.cd.step import Bodies, dynamic_mass
 from ninedisk.core.contacts.finder import PairFinder
 from ninedisk.core.geometry.motion_kernels import WallMotion
 
 FloatArray = NDArray[np.float64]
 
-MOST_PAIRS = 5_000
-"""Pairs beyond which Python's share of a step no longer matters."""
 SKIN = 0.1
 """Extra reach of the list of pairs over the smallest radius: it outlasts many steps, and adds hardly a pair in a packing."""
 PAIR_STEPS = 20_000
 """Pairs times steps of one call: some ten milliseconds, so that progress and Ctrl-C come through."""
+STRETCH = 1.5
+"""Factor on changes of forces in long solutions to a loose tolerance: chains of contacts then take a third of the sweeps. From 1.8 on
+Coulomb friction does not converge. At a tight tolerance the last digits would oscillate."""
 LONGEST_REST = 64
 """Steps taken singly, at most, before the next attempt after several in a row that found a step out of the ordinary."""
 
@@ -58,8 +62,8 @@ class March:
 
     Attributes
     ----------
-    usable : bool
-        False once there are too many pairs.
+    start : ContactMemory or None
+        Forces reached in the step that has to be taken singly; None where it was not begun.
     iterations : int
         Sweeps of all steps taken.
     worst : (float, float)
@@ -84,7 +88,9 @@ class March:
             theta=theta,
             tolerance=solver.options.tolerance,
             sweeps=solver.sweeps,
+            most=solver.most_contacts,
             relaxation=solver.options.relaxation,
+            stretch=STRETCH if solver.options.tolerance >= LOOSE else 1.0,
             coulomb=solver.sliding == "coulomb",
             smallest=float(radius.min()),
             xi=float(bodies.xi),
@@ -97,11 +103,12 @@ class March:
         )
         force, kept, prescribed, end, dx = (np.empty((n, 3)) for _ in range(5))
         self._scratch = Scratch(np.empty((m, 11)), force, kept, prescribed, end, dx, np.empty(SUMS), np.empty(6))
-        self._counts, self._totals = np.zeros(3, dtype=np.int64), np.zeros(4)
+        self._counts, self._totals = np.zeros(6, dtype=np.int64), np.zeros(5)
         self._pairs, self._forces = np.empty((0, 2), dtype=np.int64), np.empty((0, 2))
-        self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), -np.inf)
+        self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), np.full(2, -np.inf))
         self._rest, self._resting = 1, 0
-        self.usable, self.iterations, self.worst = True, 0, (0.0, 0.0)
+        self.iterations, self.worst = 0, (0.0, 0.0)
+        self.start: ContactMemory | None = None
 
     def advance(
         self, done: int, last: int, x: FloatArray, v: FloatArray, wall: FloatArray, memory: ContactMemory
@@ -126,12 +133,13 @@ class March:
         work : float
             Work of the walls on the disks in these steps [J].
         """
+        self.start = None
         if self._resting:
             self._resting -= 1
             return done, memory, 0.0
         counts, totals = self._counts, self._totals
         self._remember(memory)
-        counts[STEP], counts[ITERATIONS] = done, 0
+        counts[STEP], counts[ITERATIONS], counts[SWEEPS], counts[PLAIN] = done, 0, 0, 0
         totals[WORK], totals[WORST_MAP], totals[WORST_GAP] = 0.0, *self.worst
         listed_at = -1
         while True:
@@ -139,11 +147,18 @@ class March:
             state = State(x, v, wall, self._pairs, self._forces, counts, totals)
             laws, motion = self._laws.arrays, self._motion
             why = march(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
-            if why != LISTS or counts[STEP] == listed_at or not self._list(x, wall, float(totals[REACH])):
+            if why == MORE:
+                continue
+            if why != LISTS or counts[STEP] == listed_at:
                 break
-            listed_at = int(counts[STEP])
+            self._list(x, wall, totals[[REACH, WALL_REACH]])
+            listed_at, counts[SWEEPS] = int(counts[STEP]), 0
         reached = int(counts[STEP])
         if reached == done:
+            if counts[SWEEPS]:
+                near = self._near
+                inside = near.pairs[near.inside]
+                self.start = memory.renewed(inside, near.force[near.inside], np.zeros(inside.shape))
             self._resting, self._rest = self._rest - 1, min(2 * self._rest, LONGEST_REST)
             return done, memory, 0.0
         self._rest = 1
@@ -161,27 +176,26 @@ class March:
         self._pairs[:held], self._forces[:held] = memory.pairs, memory.forces
         self._counts[HELD] = held
 
-    def _list(self, x: FloatArray, wall: FloatArray, needed: float) -> bool:
-        """List the pairs for steps that need this reach [m]; False if there are too many."""
+    def _list(self, x: FloatArray, wall: FloatArray, needed: FloatArray) -> None:
+        """List the pairs for steps that need this reach between disks and to walls [m]."""
         reach = 1.5 * needed + SKIN * self._scheme.smallest
-        pairs = self._finder.within(np.ascontiguousarray(x[:, :2]), wall, reach)
-        self.usable = len(pairs) <= MOST_PAIRS
-        if self.usable:
-            self._take_list(pairs, x, wall, reach)
-        return self.usable
+        pairs = self._finder.within(np.ascontiguousarray(x[:, :2]), wall, *reach.tolist())
+        self._take_list(pairs, x, wall, reach)
 
-    def _take_list(self, pairs: NDArray[np.int64], x: FloatArray, wall: FloatArray, reach: float) -> None:
+    def _take_list(self, pairs: NDArray[np.int64], x: FloatArray, wall: FloatArray, reach: FloatArray) -> None:
         c = len(pairs)
 
         self._near = Near(
             x=x.copy(),
             wall=wall.copy(),
-            reach=np.array([reach]),
+            reach=reach,
             pairs=pairs,
             bodies=np.where(pairs < self._n, pairs, -1).astype(np.int32),
             row=np.maximum(pairs[:, 1] - self._n + 1, 0),
             closing=np.empty(c),
             inside=np.zeros(c, dtype=np.bool_),
+            shear=np.empty(c),
+            force=np.empty((c, 2)),
             **_geometry(c),
         )
         self._chosen = Chosen(

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-STEP, ITERATIONS, HELD = range(3)
-"""Entries of ``counts``: last step done; sweeps of all steps; contacts in the memory."""
+STEP, ITERATIONS, HELD, SWEEPS, CHOSEN, PLAIN = range(6)
+"""Entries of ``counts``: last step done; sweeps of all steps; contacts in the memory; sweeps so far and contacts of the step
+at hand, and 1 if its changes of forces are no longer stretched."""
 
-WORK, WORST_MAP, WORST_GAP, REACH = range(4)
-"""Entries of ``totals``: work of the walls [J]; largest residual figures that mean something; reach that the list needs [m]."""
+WORK, WORST_MAP, WORST_GAP, REACH, WALL_REACH = range(5)
+"""Entries of ``totals``: work of the walls [J]; largest residual figures that mean something; reach that the list needs for pairs of
+disks and for those with walls [m]."""
 
 
 class Scheme(NamedTuple):
@@ -24,7 +26,9 @@ class Scheme(NamedTuple):
     theta: float
     tolerance: float
     sweeps: int
+    most: int
     relaxation: float
+    stretch: float
     coulomb: bool
     smallest: float
     xi: float
@@ -49,7 +53,9 @@ class State(NamedTuple):
 
 
 class Near(NamedTuple):
-    """Pairs closer than ``reach[0]`` when disks and walls were at ``x`` and ``wall``, and their frames in the step at hand."""
+    """Pairs of disks closer than ``reach[0]``, and with walls than ``reach[1]``, when disks and walls were at ``x`` and ``wall``; in the
+    step at hand their frames, which of them are contacts, the shear forces of the last step and the forces found so far.
+    """
 
     x: Floats
     wall: Floats
@@ -64,6 +70,8 @@ class Near(NamedTuple):
     arms: Floats
     closing: Floats
     inside: NDArray[np.bool_]
+    shear: Floats
+    force: Floats
 
 
 class Chosen(NamedTuple):

@@ -1,6 +1,6 @@
 """Kernel that takes many dynamic steps at once: the same step as `DynamicStep` by `solve_with_contacts`, without Python between.
 
-A step that needs more than a few sweeps over the contacts found at its start is left to those: it is not begun.
+A step that needs more sweeps than the scheme allows is left to those; what it leaves undone is no part of the state.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd._jit import inline_kernel, kernel
-from ninedisk.core.cd.cone_kernels import project_on_cone
 from ninedisk.core.cd.contact_kernels import (
     body_velocities,
     contact_scales,
@@ -20,20 +19,20 @@ from ninedisk.core.cd.frame_kernels import (
     MISSED,
     NEARBY,
     Laws,
-    closing_gaps,
     contact_compliances,
     dynamic_offsets,
     gap_round_off,
     measure_frames,
-    surface_way,
     wall_way,
 )
 from ninedisk.core.cd.gauss_seidel_kernels import next_batch, sweep
 from ninedisk.core.cd.march_arrays import (
+    CHOSEN,
     HELD,
     ITERATIONS,
-    REACH,
+    PLAIN,
     STEP,
+    SWEEPS,
     WORK,
     WORST_GAP,
     WORST_MAP,
@@ -43,6 +42,7 @@ from ninedisk.core.cd.march_arrays import (
     Scratch,
     State,
 )
+from ninedisk.core.cd.march_set_kernels import begin_set, choose, covers, grow_set, keep_forces, moved_since
 from ninedisk.core.cd.residual_kernels import (
     DUALITY_GAP,
     FLOOR_GAP,
@@ -58,8 +58,21 @@ from ninedisk.core.geometry.motion_kernels import WallMotion, place_walls
 
 Floats = NDArray[np.float64]
 
-DONE, LISTS, ALONE = range(3)
-"""Why the kernel returns: all steps are done; the list of pairs is too short for the next one; the next one needs the long way."""
+DONE, LISTS, ALONE, MORE = range(4)
+"""Why the kernel returns: all steps are done; the list of pairs is too short for the next one; the next one needs the long way; it
+needs more sweeps, with which the next call goes on."""
+
+CONTACT_SWEEPS = 20_000_000
+"""Contacts times sweeps of one call, about a second: then Ctrl-C comes through."""
+
+STRETCH_AFTER = 40
+"""Sweeps of a step after which changes of forces are stretched: few contacts do without."""
+
+STALLED = 3
+"""Multiple of the sweeps in which the figures must have halved: else stretching ends for this step."""
+
+LOOK_AFTER = 8
+"""Sweeps after which the motion found so far is searched for pairs that it violates: it costs about as much as three."""
 
 
 @kernel
@@ -91,34 +104,22 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
     round_off = gap_round_off(x, scheme.radius, after)
     tolerance = MISSED * round_off
     _loads(scheme, state.v, scratch)
-    for i in range(x.shape[0]):
-        for d in range(3):
-            scratch.v[i, d] = scheme.inverse_mass[i, d] * scratch.force[i, d]
+    _fly(scheme, scratch)
     _displacements(scheme, state.v, scratch)
-    walls = wall_way(x, state.wall, after)
-    covered = _covered(x, after, near)
-    needed = max(2.0 * _reach_of(scheme, dx, walls, tolerance), NEARBY * scheme.smallest)
-    state.totals[REACH] = needed
-    if not needed <= covered:
+    walls, moved, turned = wall_way(x, state.wall, after), moved_since(x, near), wall_way(x, near.wall, after)
+    if not covers(2.0, NEARBY * scheme.smallest, moved, turned, walls, tolerance, scheme, state, near, dx):
         return LISTS
     measure_frames(near.pairs, near.row, x, scheme.radius, state.wall, after, laws,
                    near.normal, near.gap, near.gap_before, near.shift, near.arms)  # fmt: skip
-    closing_gaps(near.bodies, near.normal, near.arms, near.gap, near.shift, near.row, scheme.dilation, dx, near.closing)
-    c = _choose(tolerance, near, chosen)
-    if not _pose(c, scheme, laws, state, chosen, scratch):
-        return ALONE
-    sweeps = _solve(c, round_off / (scheme.theta * scheme.dt), scheme, chosen, scratch)
-    if sweeps < 0:
-        return ALONE
-    _displacements(scheme, state.v, scratch)
-    needed = _reach_of(scheme, dx, walls, tolerance)
-    if not needed <= covered:
-        state.totals[REACH] = needed
-        return LISTS
-    if _misses(tolerance, scheme, near, dx):
-        return ALONE
-    _accept(c, sweeps, state, chosen, scratch)
-    return DONE
+    if state.counts[SWEEPS] == 0:
+        for i in range(x.shape[0]):
+            for d in range(3):
+                scratch.v[i, d] = scheme.dt * state.v[i, d]
+        begin_set(tolerance, scheme, laws, state, near, dx, scratch.v)
+    why = _solve(round_off, moved, turned, walls, scheme, laws, state, near, chosen, scratch)
+    if why == DONE:
+        _accept(state, chosen, scratch)
+    return why
 
 
 @inline_kernel
@@ -147,66 +148,20 @@ def _displacements(scheme: Scheme, v: Floats, scratch: Scratch) -> None:
 
 
 @inline_kernel
-def _reach_of(scheme: Scheme, dx: Floats, walls: float, tolerance: float) -> float:
-    factor = 1.0
-    for k in range(scheme.dilation.shape[0]):
-        factor = max(factor, 1.0 + scheme.dilation[k])
-    return factor * (2.0 * surface_way(dx, scheme.radius) + walls) + 2.0 * tolerance
-
-
-@inline_kernel
-def _covered(x: Floats, after: Floats, near: Near) -> float:
-    """Gap below which every pair of the step is in the list [m], after what moved since it was made."""
-    moved = 0.0
-    for i in range(x.shape[0]):
-        moved = max(moved, np.hypot(x[i, 0] - near.x[i, 0], x[i, 1] - near.x[i, 1]))
-    return float(near.reach[0] - 2.0 * moved - wall_way(x, near.wall, after))
-
-
-@inline_kernel
-def _choose(tolerance: float, near: Near, chosen: Chosen) -> int:
-    """Copy the pairs that close without contact forces; their number."""
-    c = 0
-    for k in range(near.pairs.shape[0]):
-        near.inside[k] = near.closing[k] < tolerance
-        if near.inside[k]:
-            for d in range(2):
-                chosen.pairs[c, d], chosen.bodies[c, d] = near.pairs[k, d], near.bodies[k, d]
-                chosen.normal[c, d] = near.normal[k, d]
-            for d in range(4):
-                chosen.arms[c, d] = near.arms[k, d]
-            chosen.row[c], chosen.gap[c] = near.row[k], near.gap[k]
-            chosen.gap_before[c], chosen.shift[c] = near.gap_before[k], near.shift[k]
-            c += 1
-    return c
-
-
-@inline_kernel
-def _pose(c: int, scheme: Scheme, laws: Laws, state: State, chosen: Chosen, scratch: Scratch) -> bool:
-    """The contact problem of the step; False if a contact can neither open nor close."""
+def _pose(c: int, scheme: Scheme, laws: Laws, chosen: Chosen, scratch: Scratch) -> bool:
+    """The contact problem of the chosen contacts; False if one can neither open nor close."""
     bodies, normal, arms, row = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.row[:c]
-    compliance, offset, blocks, mu, b = (
-        chosen.compliance[:c], chosen.offset[:c], chosen.blocks[:c], chosen.mu[:c], chosen.b[:c],
-    )  # fmt: skip
+    compliance, offset, blocks, b = chosen.compliance[:c], chosen.offset[:c], chosen.blocks[:c], chosen.b[:c]
     contact_compliances(row, laws, scheme.theta * scheme.dt, compliance)
     dynamic_offsets(bodies, normal, chosen.gap, chosen.gap_before, chosen.shift, arms, row, laws,
                     scratch.kept, scratch.prescribed, scheme.dt, scheme.theta, offset)  # fmt: skip
     delassus_blocks(bodies, normal, arms, scheme.inverse_mass, compliance, blocks)
-    at, held = 0, state.counts[HELD]
     for k in range(c):
         if not blocks[k, 0] > 0.0:
             return False
-        mu[k] = laws.mu[row[k]]
-        i, j = chosen.pairs[k, 0], chosen.pairs[k, 1]
-        while at < held and (state.pairs[at, 0] < i or (state.pairs[at, 0] == i and state.pairs[at, 1] < j)):
-            at += 1
-        p, q = 0.0, 0.0
-        if at < held and state.pairs[at, 0] == i and state.pairs[at, 1] == j:
-            p, q = state.forces[at, 0], state.forces[at, 1]
-        chosen.shear_0[k] = q
-        chosen.r[k, 0], chosen.r[k, 1] = project_on_cone(p, q, mu[k])
-    contact_scales(blocks, mu, chosen.rho)
-    contact_velocities(bodies, normal, arms, scratch.v, b)  # of the free flight, which scratch.v still holds
+    contact_scales(blocks, chosen.mu[:c], chosen.rho)
+    _fly(scheme, scratch)
+    contact_velocities(bodies, normal, arms, scratch.v, b)
     for k in range(c):
         b[k, 0] += offset[k, 0]
         b[k, 1] += offset[k, 1] - compliance[k, 1] * chosen.shear_0[k]
@@ -214,51 +169,92 @@ def _pose(c: int, scheme: Scheme, laws: Laws, state: State, chosen: Chosen, scra
 
 
 @inline_kernel
-def _solve(c: int, resolution: float, scheme: Scheme, chosen: Chosen, scratch: Scratch) -> int:
-    """Gauss-Seidel as `solve_gauss_seidel` does it; the number of sweeps, or -1 where ``scheme.sweeps`` are not enough."""
-    bodies, normal, arms, offset = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.offset[:c]
-    v, r, sums, figures = scratch.v, chosen.r, scratch.sums, scratch.figures
-    done = 0
+def _fly(scheme: Scheme, scratch: Scratch) -> None:
+    """Velocities at the end of the step without contact forces."""
+    for i in range(scratch.v.shape[0]):
+        for d in range(3):
+            scratch.v[i, d] = scheme.inverse_mass[i, d] * scratch.force[i, d]
+
+
+@inline_kernel
+def _solve(
+    round_off: float,
+    moved: float,
+    turned: float,
+    walls: float,
+    scheme: Scheme,
+    laws: Laws,
+    state: State,
+    near: Near,
+    chosen: Chosen,
+    scratch: Scratch,
+) -> int:
+    """Gauss-Seidel as `solve_gauss_seidel` does it, on a set of contacts that grows on the way; DONE, LISTS, ALONE or MORE.
+
+    Waiting for a solution before the pairs that it violates are added would cost one solution for each of ten rounds and more.
+    """
+    tolerance, resolution = MISSED * round_off, round_off / (scheme.theta * scheme.dt)
+    v, r, sums, figures, counts = scratch.v, chosen.r, scratch.sums, scratch.figures, state.counts
+    c = choose(laws, near, chosen)
+    if c > scheme.most or not _pose(c, scheme, laws, chosen, scratch):
+        return ALONE
+    budget, looked = counts[SWEEPS] + max(1, CONTACT_SWEEPS // (c + 1)), counts[SWEEPS]
+    best, best_at = np.inf, counts[SWEEPS]
     while True:
+        done = counts[SWEEPS]
+        bodies, normal, arms, offset = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.offset[:c]
         body_velocities(bodies, normal, arms, scheme.inverse_mass, scratch.force, r, v)
         sum_residuals(bodies, normal, arms, offset, chosen.compliance, chosen.shear_0, chosen.mu, chosen.rho, chosen.b,
                       v, r, scheme.coulomb, sums)  # fmt: skip
         sum_kinetic(scheme.inverse_mass, v, v, sums)
         figures_of(sums, c, resolution, figures)
-        if reached(figures, scheme.tolerance):
-            return done
-        if done >= scheme.sweeps:
-            return -1
+        finished = reached(figures, scheme.tolerance)
+        if finished or done - looked >= LOOK_AFTER:
+            looked = done
+            _displacements(scheme, state.v, scratch)
+            if covers(1.0, 0.0, moved, turned, walls, tolerance, scheme, state, near, scratch.dx):
+                keep_forces(near, chosen)
+                missed = grow_set(tolerance, finished, scheme, laws, near, scratch.dx)
+                if missed < 0:
+                    return ALONE
+                if missed == 0 and finished:
+                    counts[CHOSEN] = c
+                    return DONE
+                if missed > 0:
+                    best, best_at = np.inf, done
+                    c = choose(laws, near, chosen)
+                    if c > scheme.most or not _pose(c, scheme, laws, chosen, scratch):
+                        return ALONE
+                    continue
+            elif finished:
+                return LISTS
+        if done >= scheme.sweeps or done >= budget:
+            keep_forces(near, chosen)
+            return ALONE if done >= scheme.sweeps else MORE
+        worst = max(figures[NATURAL_MAP], figures[DUALITY_GAP])
+        if worst < 0.5 * best:
+            best, best_at = worst, done
+        elif done > STRETCH_AFTER + STALLED * best_at:
+            counts[PLAIN] = 1
+        stretch = scheme.stretch if done >= STRETCH_AFTER and counts[PLAIN] == 0 else 1.0
         count = min(next_batch(done), scheme.sweeps - done)
         sweep(bodies, normal, arms, scheme.inverse_mass, offset, chosen.compliance, chosen.shear_0, chosen.mu,
-              chosen.blocks, scheme.relaxation, scheme.coulomb, count, v, r)  # fmt: skip
-        done += count
+              chosen.blocks, stretch * scheme.relaxation, scheme.coulomb, count, v, r)  # fmt: skip
+        counts[SWEEPS] += count
 
 
 @inline_kernel
-def _misses(tolerance: float, scheme: Scheme, near: Near, dx: Floats) -> bool:
-    """Whether a pair outside the contacts is violated by the solution, or the solution is no number."""
-    for i in range(dx.shape[0]):
-        if not np.isfinite(dx[i, 0] + dx[i, 1] + dx[i, 2]):
-            return True
-    closing_gaps(near.bodies, near.normal, near.arms, near.gap, near.shift, near.row, scheme.dilation, dx, near.closing)
-    missed = False
-    for k in range(near.pairs.shape[0]):
-        missed |= not near.inside[k] and near.closing[k] < -tolerance
-    return missed
-
-
-@inline_kernel
-def _accept(c: int, sweeps: int, state: State, chosen: Chosen, scratch: Scratch) -> None:
+def _accept(state: State, chosen: Chosen, scratch: Scratch) -> None:
     """Make the solution the state; its forces are the memory of the next step."""
-    totals, figures = state.totals, scratch.figures
-    for k in range(c):
+    totals, figures, counts = state.totals, scratch.figures, state.counts
+    for k in range(counts[CHOSEN]):
         p, q = chosen.r[k, 0], chosen.r[k, 1]
         totals[WORK] -= p * (chosen.gap[k] - chosen.gap_before[k]) + q * chosen.shift[k]
         state.pairs[k, 0], state.pairs[k, 1] = chosen.pairs[k, 0], chosen.pairs[k, 1]
         state.forces[k, 0], state.forces[k, 1] = p, q
-    state.counts[HELD] = c
-    state.counts[ITERATIONS] += sweeps
+    counts[HELD] = counts[CHOSEN]
+    counts[ITERATIONS] += counts[SWEEPS]
+    counts[SWEEPS] = counts[PLAIN] = 0
     for i in range(state.x.shape[0]):
         for d in range(3):
             state.x[i, d] += scratch.dx[i, d]

@@ -54,6 +54,10 @@ class ContactMemory:
         begin, end = (np.searchsorted(self.keys, keys, side) for side in ("left", "right"))
         return np.array([self.forces[i:j].sum(axis=0) for i, j in zip(begin, end, strict=True)]).reshape(len(pairs), 2)
 
+    def same(self, pairs: IntArray, others: IntArray) -> NDArray[np.bool_]:
+        """Which of the pairs are among the others, shape (c,)."""
+        return np.isin(self.keys_of(pairs), self.keys_of(others))
+
     def renewed(self, pairs: IntArray, forces: FloatArray, places: FloatArray) -> ContactMemory:
         """Memory of the next step."""
         return ContactMemory(self._n, pairs, forces, places)

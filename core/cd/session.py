@@ -93,7 +93,7 @@ class CdSession:
         self.dt, self.substeps = self._own_step()
         self._bodies = bodies_of(scene)
         self._solver = ContactSolver(numerics.solver, self.settings.solver_options, numerics.sliding)
-        self._finder = PairFinder(disks.radius, len(scene.walls))
+        self._finder = PairFinder(disks.radius, len(scene.walls), disks.fixed)
         self._motion = compile_motion(scene.walls)
         self._wall = wall_poses(self._motion, 0.0)
         self._x = np.column_stack([disks.x, np.zeros(n)])
@@ -156,7 +156,7 @@ class CdSession:
 
     def _advance_to(self, last: int, done: int) -> int:
         """Take steps after step ``done``, at least one and none beyond ``last``; the number of the last one taken."""
-        if self._march is not None and self._march.usable:
+        if self._march is not None:
             sweeps = self._march.iterations
             reached, self._memory, work = self._march.advance(done, last, self._x, self._v, self._wall, self._memory)
             self._wall_work += work
@@ -186,8 +186,17 @@ class CdSession:
         static = self.numerics.regime == "quasi-static"
         self._step = self._static_step(place) if static else self._dynamic_step(place)
         margin = NEAR * float(radius.min()) if static else 0.0
+        start = None if self._march is None else self._march.start
         frames, solved = solve_with_contacts(
-            self._step, place, self._finder, self._laws, self._memory, self.numerics.sliding, margin, self._grains
+            self._step,
+            place,
+            self._finder,
+            self._laws,
+            self._memory,
+            self.numerics.sliding,
+            margin,
+            start,
+            self._grains,
         )
         self._note(solved.result)
         if not np.isfinite(solved.dx).all():

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
+from ninedisk.core.cd.feasibility import PROOF_AFTER
 from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
@@ -25,6 +26,11 @@ COULOMB_SWEEPS = 5_000
 """Sweeps for Coulomb's law that "auto" tries before the interior point: forces that they have not found they approach ever more slowly."""
 LONGEST_WITHOUT_TRIAL = 15
 """Problems without a trial of Gauss-Seidel, at most, after trials in vain."""
+MANY = 2**62
+"""No limit."""
+LOOSE, LOOSE_SWEEPS = 1e-5, 3_000
+"""Tolerance from which on "auto" gives Gauss-Seidel more sweeps, on any number of contacts: a warm step of a flow takes some
+hundred."""
 TRIAL_CONTACTS = 5_000
 """Above this number of contacts information needs more than the trial's sweeps to cross a packing."""
 
@@ -66,12 +72,21 @@ class ContactSolver:
         self.problem: ContactProblem | None = None
         self._interior = InteriorPoint(options)
         self._without_trial = self._waited = 0
-        self._trial = replace(options, max_iterations=min(TRIAL_SWEEPS, options.max_iterations or TRIAL_SWEEPS))
+        sweeps = LOOSE_SWEEPS if options.tolerance >= LOOSE else TRIAL_SWEEPS
+        self._trial = replace(options, max_iterations=min(sweeps, options.max_iterations or sweeps))
 
     @property
     def sweeps(self) -> int:
-        """Sweeps of Gauss-Seidel that it begins with; 0 where it begins with another method."""
-        return self._trial.max_iterations or 0 if self.name in ("auto", "gauss-seidel") else 0
+        """Sweeps of Gauss-Seidel that it begins with, before a proof of feasibility is due; 0 where it begins with another method."""
+        if self.name == "gauss-seidel" or (self.sliding == "coulomb" and self.name == "auto"):
+            return min(self.options.max_iterations or PROOF_AFTER, PROOF_AFTER)
+        return self._trial.max_iterations or 0 if self.name == "auto" else 0
+
+    @property
+    def most_contacts(self) -> int:
+        """Contacts above which it does not begin with Gauss-Seidel."""
+        trial = self.sliding == "associated" and self.name == "auto" and self.options.tolerance < LOOSE
+        return TRIAL_CONTACTS if trial else MANY
 
     def solve(self, problem: ContactProblem, start: FloatArray | None = None) -> SolverResult:
         """Solve one problem.
@@ -96,7 +111,7 @@ class ContactSolver:
             return solve_gauss_seidel(problem, self.options, sliding=self.sliding, start=start)
         if self.name == "projected-gradient":
             return solve_projected_gradient(problem, self.options, start=start)
-        if self.name == "auto" and problem.n_contacts <= TRIAL_CONTACTS and self._trial_is_due():
+        if self.name == "auto" and problem.n_contacts <= self.most_contacts and self._trial_is_due():
             try:
                 result = solve_gauss_seidel(problem, self._trial, start=start)
             except SolverNotConvergedError:

@@ -87,7 +87,7 @@ class StaticStep:
             resolution=self._round_off,
         )
 
-    def solve(self, frames: Frames, forces: FloatArray) -> Solved:
+    def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
         """Find the equilibrium.
 
         Raises
@@ -99,7 +99,7 @@ class StaticStep:
         """
         mass, elastic = self._proximal_mass(frames)
         arm = np.column_stack([np.ones((len(mass), 2)), 1.0 / self._radius])
-        dx, start = np.zeros_like(mass), forces
+        dx = np.zeros_like(mass)
         for _ in range(MAX_ITERATIONS):
             result = self._solver.solve(self.problem(frames, forces, mass, dx), start)
             unbalanced = np.where(self._bodies.free, mass * (result.v - dx), 0.0) * arm

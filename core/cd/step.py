@@ -56,8 +56,8 @@ class Step(Protocol):
         """Displacements without contacts, shape (b, 3) [m], [m], [rad]."""
         ...
 
-    def solve(self, frames: Frames, forces: FloatArray) -> Solved:
-        """Solve with these contacts; ``forces`` are those of the last step, shape (c, 2)."""
+    def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
+        """Solve with these contacts; ``forces`` are those of the last step, ``start`` a guess of the new ones, shape (c, 2)."""
         ...
 
 
@@ -161,9 +161,9 @@ class DynamicStep:
             resolution=self._resolution,
         )
 
-    def solve(self, frames: Frames, forces: FloatArray) -> Solved:
+    def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
         """Solve the step with these contacts; raises as `ContactSolver.solve`."""
-        result = self._solver.solve(self.problem(frames, forces), forces)
+        result = self._solver.solve(self.problem(frames, forces), start)
         return Solved(self._displacement(result.v), result.v + self._prescribed, result.r, result)
 
     def _displacement(self, v: FloatArray) -> FloatArray:

@@ -16,15 +16,18 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     Raises
     ------
     InvalidSceneError
-        If the scene has no disk or a held one.
+        If the scene has no disk or one that is held in a motion.
     InvalidNumericsError
         If the numerics ask for the static limit, or the number of threads is not allowed.
     """
     if len(scene.disks) == 0:
         raise InvalidSceneError("the scene has no disk: there is nothing to simulate")
-    if scene.disks.held.any():
-        i = int(np.argmax(scene.disks.held.any(axis=1)))
-        raise InvalidSceneError(f"disk {i} is held, which the DEM cannot express: free it, or use contact dynamics")
+    moved = scene.disks.held.any(axis=1) & ~scene.disks.fixed
+    if moved.any():
+        raise InvalidSceneError(
+            f"disk {int(np.argmax(moved))} is held in a motion, which the DEM cannot express: free it, hold it at rest (both "
+            "components, not rotating), or use contact dynamics"
+        )
     if numerics.regime != "dynamic":
         raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")
     check_threads(threads)

@@ -46,7 +46,7 @@ def disk_arrays(scene: Scene, lagged: bool) -> DiskArrays:
         angle=np.zeros(n),
         omega=disks.omega.copy(),
         radius=disks.radius.copy(),
-        inv_mass=1.0 / disks.mass,
+        inv_mass=np.where(disks.fixed, 0.0, 1.0 / disks.mass),
         inv_inertia=np.where(disks.rotating, 1.0 / disks.inertia, 0.0),
         force=np.zeros((n, 2)),
         torque=np.zeros(n),

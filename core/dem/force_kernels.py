@@ -17,7 +17,12 @@ from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_OVERLAP, TORQUE_OVERL
 
 @inline_kernel
 def dashpot(kn: float, beta: float, inv_m_eff: float) -> float:
-    """Coefficient of the contact dashpot [N s/m] ``2 beta sqrt(m_eff kn)``, from ``inv_m_eff = 1/m_i + 1/m_j`` [1/kg]."""
+    """Coefficient of the contact dashpot [N s/m] ``2 beta sqrt(m_eff kn)``, from ``inv_m_eff = 1/m_i + 1/m_j`` [1/kg].
+
+    Two bodies that nothing moves have none.
+    """
+    if inv_m_eff == 0.0:
+        return 0.0
     return 2.0 * beta * sqrt(kn / inv_m_eff)
 
 

@@ -40,6 +40,12 @@ def farthest(moved: NDArray[np.float32], begin: int, end: int) -> float:
 
 
 @inline_kernel
+def falls(inv_mass: float) -> float:
+    """1 for a disk that gravity moves, 0 for a fixed one."""
+    return 1.0 if inv_mass > 0.0 else 0.0
+
+
+@inline_kernel
 def kick(
     v: NDArray[np.float64], force: NDArray[np.float64], inv_mass: NDArray[np.float64], step: Kick, begin: int, end: int
 ) -> None:
@@ -48,8 +54,9 @@ def kick(
     keep, gain = step.keep, step.gain
     for i in range(np.uint64(begin), np.uint64(end)):
         ix, iy = i + i, i + i + one
-        v[ix] = keep * v[ix] + gain * (force[ix] * inv_mass[i] + step.gravity_x)
-        v[iy] = keep * v[iy] + gain * (force[iy] * inv_mass[i] + step.gravity_y)
+        weight = falls(inv_mass[i])
+        v[ix] = keep * v[ix] + gain * (force[ix] * inv_mass[i] + weight * step.gravity_x)
+        v[iy] = keep * v[iy] + gain * (force[iy] * inv_mass[i] + weight * step.gravity_y)
         force[ix], force[iy] = 0.0, 0.0
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ninedisk.core._cache import fused_kernel, inline_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.force_kernels import normal_force
+from ninedisk.core.dem.kick_kernels import falls
 from ninedisk.core.dem.state import BETA, KN, KS, DiskArrays, Samples, StepConstants, WallArrays
 
 
@@ -117,10 +118,13 @@ def record(
     """Write row ``row`` of ``samples`` from the state at ``t_n`` with its forces; ``start`` is True at n = 0."""
     translation, rotation, gravity = 0.0, 0.0, 0.0
     for i in range(disks.x.shape[0]):
-        ax = disks.force[i, 0] * disks.inv_mass[i] + step.kick.gravity_x
-        ay = disks.force[i, 1] * disks.inv_mass[i] + step.kick.gravity_y
+        weight = falls(disks.inv_mass[i])
+        ax = disks.force[i, 0] * disks.inv_mass[i] + weight * step.kick.gravity_x
+        ay = disks.force[i, 1] * disks.inv_mass[i] + weight * step.kick.gravity_y
         vx, vy = synchronised(disks.v[i, 0], ax, step, start), synchronised(disks.v[i, 1], ay, step, start)
-        mass = 1.0 / disks.inv_mass[i]
+        mass = (
+            1.0 / disks.inv_mass[i] if weight > 0.0 else 0.0
+        )  # a fixed disk keeps its energy, which is none of the run's
         translation += 0.5 * mass * (vx * vx + vy * vy)
         gravity -= mass * (step.kick.gravity_x * disks.x[i, 0] + step.kick.gravity_y * disks.x[i, 1])
         if disks.inv_inertia[i] > 0.0:
@@ -128,8 +132,9 @@ def record(
             rotation += 0.5 * spin * spin / disks.inv_inertia[i]
     for c in range(samples.chosen.shape[0]):
         i = disks.place[samples.chosen[c]]
-        ax = disks.force[i, 0] * disks.inv_mass[i] + step.kick.gravity_x
-        ay = disks.force[i, 1] * disks.inv_mass[i] + step.kick.gravity_y
+        weight = falls(disks.inv_mass[i])
+        ax = disks.force[i, 0] * disks.inv_mass[i] + weight * step.kick.gravity_x
+        ay = disks.force[i, 1] * disks.inv_mass[i] + weight * step.kick.gravity_y
         samples.x[row, c, 0], samples.x[row, c, 1] = disks.x[i, 0], disks.x[i, 1]
         samples.v[row, c, 0] = synchronised(disks.v[i, 0], ax, step, start)
         samples.v[row, c, 1] = synchronised(disks.v[i, 1], ay, step, start)

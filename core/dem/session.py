@@ -68,7 +68,7 @@ class DemSession:
     Raises
     ------
     InvalidSceneError
-        If the scene has no disk or a held one, or a preloaded pair does not touch.
+        If the scene has no disk or one that is held in a motion, or a preloaded pair does not touch.
     InvalidNumericsError
         If the numerics ask for the static limit, or the number of threads is not allowed.
     UnstableTimeStepError

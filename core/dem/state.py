@@ -30,8 +30,8 @@ class DiskArrays(NamedTuple):
     ----------
     x, v : shape (n, 2), [m], [m/s]
     angle, omega : shape (n,), [rad], [rad/s]
-    radius, inv_mass, inv_inertia : shape (n,), [m], [1/kg], [1/(kg m^2)]; ``inv_inertia`` is 0 for a disk that does not
-        rotate
+    radius, inv_mass, inv_inertia : shape (n,), [m], [1/kg], [1/(kg m^2)]; ``inv_mass`` is 0 for a disk that is fixed, and
+        ``inv_inertia`` for one that does not rotate
     force : shape (n, 2), contact forces at ``t_n`` [N]; scratch during a rebuild
     torque : shape (n,), contact torques at ``t_n`` [N m]; scratch during a rebuild
     v_now : shape (n, 2), velocity that contact dashpots see [m/s]; shape (0, 2) where there is none, or where it is ``v``

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -22,8 +23,13 @@ Tell = Callable[[int, int], None]
 SIZES, LARGE = (1_000,), (10_000,)
 STEP, STEPS = 5e-3, 40
 """Step [s] and number of steps; at 10 m/s a disk moves by a tenth of its radius in a step."""
-LEAD = 10.0
-"""Time that a drum turns before the measurement [s]: half a turn, the disks lie in a slope and flow down it."""
+FROUDE, LEAD = 0.1, 0.5
+"""Centrifugal over gravity at the rim of a drum, and the turns that it makes before the measurement: the disks lie in a slope and flow
+down it. The same rate of turns at every size would press the disks of a large drum to its rim."""
+OPEN = 1.5
+"""Time that a hopper discharges before the measurement [s]: the disks inside flow, those outside fall as far as 11 m."""
+OUTLET = 10.0
+"""Width of a hopper's outlet in mean diameters: wide enough that no arch stops the flow."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,28 +73,46 @@ def problems(sizes: list[int], tell: Tell | None = None) -> dict[str, Callable[[
         made[f"collapse-{n}"] = lambda n=n: FlowProblem(  # type: ignore[misc]
             name=f"collapse-{n}", scene=apart(gallery.collapse(packing(n, progress=tell)))
         )
+        made[f"hopper-{n}"] = lambda n=n: FlowProblem(name=f"hopper-{n}", scene=apart(open_hopper(n, tell)))  # type: ignore[misc]
     return made
 
 
 def turning_drum(n: int, tell: Tell | None = None) -> Scene:
-    """A drum of ``n`` disks after `LEAD` seconds on the in-house DEM, with the velocities of that time."""
-    return kept(f"drum-{n}-{LEAD:g}", lambda: _turned(gallery.drum(n), tell))
+    """A drum of ``n`` disks after `LEAD` turns on the in-house DEM, with the velocities of that time."""
+    rim = math.hypot(*gallery.drum(n).walls[0].point)
+    turns = math.sqrt(FROUDE * gallery.GRAVITY / rim) / (2.0 * math.pi)
+    name = f"drum-{n}-{FROUDE:g}-{LEAD:g}"
+    return kept(name, lambda: _after(LEAD / turns, gallery.drum(n, turns_per_second=turns), tell))
 
 
-def _turned(scene: Scene, tell: Tell | None) -> Scene:
+def open_hopper(n: int, tell: Tell | None = None) -> Scene:
+    """A hopper of ``n`` grains `OPEN` seconds after its plug has gone, with the velocities of that time and all walls at rest."""
+
+    def full() -> Scene:
+        return gallery.settle(gallery.hopper(n, outlet=OUTLET), progress=tell)
+
+    def flowing() -> Scene:
+        scene = _after(OPEN, gallery.discharge(kept(f"hopper-{n}-{OUTLET:g}", full)), tell)
+        return scene.replace(walls=tuple(replace(wall, motion=()) for wall in scene.walls))
+
+    return kept(f"hopper-{n}-{OUTLET:g}-{OPEN:g}", flowing)
+
+
+def _after(lead: float, scene: Scene, tell: Tell | None) -> Scene:
+    """The scene ``lead`` seconds [s] later on the in-house DEM, walls and velocities as they are then."""
     from ninedisk.core.dem.critical import critical_time_step
     from ninedisk.core.dem.session import DemSession
 
-    steps = int(np.ceil(LEAD / (0.2 * critical_time_step(scene))))
-    dt = LEAD / steps
+    steps = int(np.ceil(lead / (0.2 * critical_time_step(scene))))
+    dt = lead / steps
     numerics = Numerics(dt=dt, n_steps=steps, contact_dt=dt, sample_every=steps)
     history = DemSession(scene, numerics).run(tell)
     disks = replace(scene.disks, x=history.x[-1], v=history.v[-1], omega=history.omega[-1])
-    return scene.replace(disks=disks, walls=tuple(_wall_at(wall, LEAD) for wall in scene.walls))
+    return scene.replace(disks=disks, walls=tuple(_wall_at(wall, lead) for wall in scene.walls), initial_shear={})
 
 
 def _wall_at(wall: Wall, time: float) -> Wall:
-    """A wall of endless motion as it is at a time [s]."""
+    """A wall as it is at a time [s], with its motion."""
     pose = wall_poses(compile_motion((wall,)), time)[0]
     return replace(wall, point=(pose[0], pose[1]), normal=(pose[2], pose[3]))
 
@@ -120,7 +144,9 @@ def relative_gaps(scene: Scene, x: FloatArray, time: float) -> FloatArray:
     """
     radius, n = scene.disks.radius, len(scene.disks)
     poses = wall_poses(compile_motion(scene.walls), time)
-    pairs = PairFinder(radius, len(scene.walls)).within(np.ascontiguousarray(x), poses, 1e-12 * float(radius.min()))
+    pairs = PairFinder(radius, len(scene.walls), scene.disks.fixed).within(
+        np.ascontiguousarray(x), poses, 1e-12 * float(radius.min())
+    )
     i, j = pairs[pairs[:, 1] < n].T
     apart_by = np.hypot(*(x[j] - x[i]).T)
     reach = radius[i] + radius[j]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -23,6 +24,7 @@ from ninedisk.harness.bench.measure import (
 )
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.engine import Engine, EngineNotInstalledError, SupportLevel
+from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.results import Row
 
 BASE = "cd, Coulomb"
@@ -126,7 +128,7 @@ def run_problem(
     return [new_row(**_row(problem, each, found[each.name], base)) for each in chosen]
 
 
-def _run(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sample:  # noqa: ARG001
+def _run(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sample:
     info = engine.info()
     if not info.installed:
         raise EngineNotInstalledError(f"{info.name} is not installed ({info.not_installed_because}): {info.install}")
@@ -134,7 +136,11 @@ def _run(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sa
     numerics: Numerics = problem.numerics().replace(**entry.numerics, options=dict(entry.options))
     support = engine.supports(scene, numerics)
     if support.level is SupportLevel.NO:
-        raise UnsupportedProblemError(f"{info.name} lacks " + ", ".join(support.missing))
+        lacks = [f"{info.name} lacks " + ", ".join(support.missing)] if support.missing else []
+        raise UnsupportedProblemError("; ".join([*lacks, *support.notes]))
+    if isinstance(engine, ExternalEngine):  # one in a process of its own can be stopped
+        engine = copy(engine)
+        engine.time_limit = limit
     done = engine.run(scene, numerics, ())
     history = done.history
     deep = [-relative_gaps(scene, x, t) for x, t in zip(history.x[1:], history.t[1:], strict=True)]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import gzip
-import hashlib
 import json
 import os
 from collections.abc import Callable
 from pathlib import Path
 
 from ninedisk.core import gallery
+from ninedisk.core._cache import source_hash
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.scene import Scene
 
@@ -71,5 +71,5 @@ def _folder() -> Path:
 
 
 def _recipe() -> str:
-    """Hash of the gallery's source: another recipe makes another packing."""
-    return hashlib.sha256(Path(gallery.__file__).read_bytes()).hexdigest()[:12]
+    """Hash of the gallery's sources: another recipe makes another packing."""
+    return source_hash(Path(gallery.__file__).parent)[:12]

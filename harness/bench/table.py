@@ -26,7 +26,7 @@ def show(rows: Sequence[Row], paths: Sequence[Path]) -> None:
         more = (
             ()
             if solver
-            else ("penetration", "deepest", "gap")
+            else ("penetration", "deepest", "residual", "gap")
             if flow
             else ("with start-up", "processors", "bytes/disk")
         )
@@ -66,7 +66,7 @@ def _cells(row: Row, solver: bool) -> list[str]:
     rate = f"{row['rate']:.3g} {row['rate_unit']}" if math.isfinite(row["rate"]) else "-"
     more = [] if solver else [_seconds(row["whole_s"]), _seconds(row["cpu_s"]), _number(row["bytes_per_disk"])]
     if row["suite"] == "flow":
-        more = [_number(row[name]) for name in ("penetration", "deepest", "duality_gap")]
+        more = [_number(row[name]) for name in ("penetration", "deepest", "natural_map", "duality_gap")]
     return [
         row["problem"], row["engine"], *extra, row["status"], _seconds(row["median_s"]), spread, _number(row["ratio"]), rate,
         *more,

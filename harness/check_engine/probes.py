@@ -7,7 +7,8 @@ from ninedisk.harness.capabilities import LEVER_ARMS, Capability
 from ninedisk.harness.check_engine.claims import Probe
 from ninedisk.harness.check_engine.contacts import driven, impact, rolling, squeezed
 from ninedisk.harness.check_engine.grains import ellipse_at_rest, lens_on_floor
-from ninedisk.harness.check_engine.scenes import damped, fall, held, rebound, sliding
+from ninedisk.harness.check_engine.held import fixed, held
+from ninedisk.harness.check_engine.scenes import damped, fall, rebound, sliding
 from ninedisk.harness.engine import EngineInfo
 
 SHALLOW = 1e-4
@@ -34,6 +35,7 @@ def probe_of(capability: Capability, info: EngineInfo) -> Probe:
         Capability.GRAVITY: lambda: fall(info),
         Capability.BLOCKED_ROTATION: lambda: sliding(info, rotating=False),
         Capability.HELD_MOTION: lambda: held(info),
+        Capability.FIXED_DISKS: lambda: fixed(info),
         Capability.QUASI_STATIC: lambda: squeezed(info),
         Capability.PRELOAD: lambda: rolling(own, sunk=SHALLOW, speed=0.0, force=-1.0),
         Capability.DISK_INERTIA: lambda: sliding(info, rotating=True),

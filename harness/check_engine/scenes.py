@@ -237,20 +237,3 @@ def damped(info: EngineInfo, form: str) -> Probe:
         ]
 
     return Probe(name=f"damping, {form}", setup=Setup(scene=scene, numerics=numerics, watch=()), claims=claims)
-
-
-def held(info: EngineInfo) -> Probe:
-    """A disk whose x velocity is prescribed falls freely along y."""
-    moved = some_disks(x=[[0.0, 0.0]], v=[[0.3, 0.0]], held=[[True, False]])
-    scene = Scene(disks=moved, disk_disk=law(info), gravity=(1.0, -2.0))
-    numerics = Numerics(dt=0.01, n_steps=20)
-
-    def claims(history: History) -> list[Claim]:
-        t = numerics.sampled_steps() * numerics.dt
-        return [
-            Claim(quantity="v", unit="m/s", value=history.v[:, 0], expected=np.column_stack([np.full(len(t), 0.3), -2.0 * t]),
-                  bound=10 * round_off(info), why="round-off", mend="a held component keeps its velocity, the other one stays free"),
-            Claim(quantity="x", unit="m", value=history.x[:, 0, 0], expected=0.3 * t, bound=10 * round_off(info), why="round-off"),
-        ]  # fmt: skip
-
-    return Probe(name="held", setup=Setup(scene=scene, numerics=numerics, watch=()), claims=claims)

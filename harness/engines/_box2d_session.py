@@ -118,7 +118,7 @@ class Box2DSession:
             "box2d.pair_coefficients": "the scene's own, set on each contact",
             "wall_half_length": self.reach,
         }
-        self.poses = WallPoses(scene)
+        self.poses, self.fixed = WallPoses(scene), scene.disks.fixed.tolist()
         self.walls = [self._wall(k) for k in range(len(scene.walls))]
         self.disks = [self._disk(i) for i in range(len(scene.disks))]
         self.laws, self.recorder = _Laws(scene), _Recorder(scene)
@@ -182,12 +182,16 @@ class Box2DSession:
 
     def _disk(self, i: int) -> Any:
         disks, units = self.scene.disks, self.units
-        body = self.world.CreateDynamicBody(
-            position=_pair(disks.x[i] / units.length), fixedRotation=not disks.rotating[i], userData=i
-        )
+        place = _pair(disks.x[i] / units.length)
+        if self.fixed[i]:
+            body = self.world.CreateStaticBody(position=place, userData=i)
+        else:
+            body = self.world.CreateDynamicBody(position=place, fixedRotation=not disks.rotating[i], userData=i)
         body.CreateFixture(
             shape=Box2D.b2CircleShape(radius=float(disks.radius[i]) / units.length + 0.5 * self.touch), density=0.0
         )
+        if self.fixed[i]:
+            return body
         body.massData = Box2D.b2MassData(
             mass=float(disks.mass[i]) / units.mass,
             I=float(disks.inertia[i]) / (units.mass * units.length**2),

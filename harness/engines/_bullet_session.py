@@ -79,7 +79,7 @@ class BulletSession:
         alone = len(scene.disks) < 2
         friction = product_factors(None if alone else law.mu, [wall.mu for wall in walls])
         bounce = product_factors(None if alone else law.restitution or 0.0, [wall.restitution or 0.0 for wall in walls])
-        self.poses = WallPoses(scene)
+        self.poses, self.fixed = WallPoses(scene), scene.disks.fixed.tolist()
         self.disks = [self._disk(i, friction[0], bounce[0]) for i in range(len(scene.disks))]
         self.walls = [self._wall(k, friction[1][k], bounce[1][k]) for k in range(len(scene.walls))]
         self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
@@ -147,7 +147,9 @@ class BulletSession:
         radius = self.unit * (float(disks.radius[i]) + self.inflate)
         shape = self.world.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
         place = [*(self.unit * disks.x[i]).tolist(), 0.0]
-        body: int = self.world.createMultiBody(float(disks.mass[i]), shape, basePosition=place)
+        # A body without mass is Bullet's static one.
+        mass = 0.0 if self.fixed[i] else float(disks.mass[i])
+        body: int = self.world.createMultiBody(mass, shape, basePosition=place)
         inertia = self.unit**2 * float(disks.inertia[i]) if disks.rotating[i] else 0.0
         self.world.changeDynamics(
             body,

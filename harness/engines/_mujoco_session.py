@@ -3,7 +3,7 @@
 - A disk is a sphere on a body with three slides and a hinge about z, with the disk's mass and inertia; nothing pushes it out
   of the plane z = 0. The third slide makes MuJoCo's estimate of a contact's inverse mass, a mean over three directions,
   exact. A disk that cannot turn has no hinge, or, if it spins, one with an inertia beyond the reach of any torque.
-- A wall is an infinite plane of the world.
+- A wall is an infinite plane of the world, a fixed disk a sphere of the world.
 - Every pair of bodies is an explicit contact pair with the scene's own friction, and its ``solref`` in the form ``(-k,
   -b)``: the relative acceleration that MuJoCo asks for is ``-b v - k r``, per unit mass. Its own combination of two geoms'
   friction (the larger one) has no say.
@@ -49,6 +49,8 @@ class MuJoCoSession:
     def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
         self.options = read_options("mujoco", OPTIONS, numerics)
         self.scene, self.dt, self.done = scene, numerics.dt, 0
+        self.fixed = scene.disks.fixed
+        self.free = np.flatnonzero(~self.fixed).tolist()
         self.substeps = self.options["mujoco.substeps"]
         self.h = self.dt / self.substeps
         self.omega = math.pi / (self.options["mujoco.contact_time"] * self.dt)
@@ -71,9 +73,9 @@ class MuJoCoSession:
         self.model = self._model(impratio)
         self.data = mujoco.MjData(self.model)
         # All joints are scalar, so that one index serves positions and velocities.
-        self.place = [self.model.body(_name(i)).jntadr[0] for i in range(len(scene.disks))]
+        self.place = {i: self.model.body(_name(i)).jntadr[0] for i in self.free}
         self.turns = [scene.disks.rotating[i] or scene.disks.omega[i] != 0.0 for i in range(len(scene.disks))]
-        for i, k in enumerate(self.place):
+        for i, k in self.place.items():
             self.data.qvel[k : k + 2] = scene.disks.v[i]
             if self.turns[i]:
                 self.data.qvel[k + 3] = scene.disks.omega[i]
@@ -99,7 +101,10 @@ class MuJoCoSession:
     def observe(self, history: History, row: int) -> None:
         """Copy the state, and the contact impulses of the last step as forces."""
         position, velocity = self.data.qpos, self.data.qvel
-        for i, k in enumerate(self.place):
+        for name in ("v", "angle", "omega"):
+            getattr(history, name)[row, self.fixed] = 0.0
+        history.x[row, self.fixed] = self.scene.disks.x[self.fixed]
+        for i, k in self.place.items():
             history.x[row, i] = self.scene.disks.x[i] + position[k : k + 2]
             history.v[row, i] = velocity[k : k + 2]
             history.angle[row, i] = position[k + 3] if self.turns[i] else 0.0
@@ -152,8 +157,9 @@ class MuJoCoSession:
             self._add_disk(spec, i)
         for k in range(len(self.scene.walls)):
             self._add_wall(spec, k)
+        still = [*self.fixed.tolist(), *(True for _ in self.scene.walls)]
         for one, two in combinations(range(self.scene.n_bodies), 2):
-            if one < n:
+            if one < n and not (still[one] and still[two]):
                 self._add_pair(spec, (one, two))
         try:
             model = spec.compile()
@@ -167,6 +173,10 @@ class MuJoCoSession:
         disks = self.scene.disks
         mass, radius = float(disks.mass[i]), float(disks.radius[i])
         inertia = float(disks.inertia[i]) if disks.rotating[i] else _BLOCKED * mass * radius**2
+        sphere = {"name": _name(i), "type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [radius, 0.0, 0.0]}
+        if self.fixed[i]:
+            spec.worldbody.add_geom(pos=[*disks.x[i], 0.0], contype=0, conaffinity=0, **sphere)
+            return
         body = spec.worldbody.add_body(
             name=_name(i),
             pos=[*disks.x[i], 0.0],
@@ -179,9 +189,7 @@ class MuJoCoSession:
             body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
         if disks.rotating[i] or disks.omega[i]:
             body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0])
-        body.add_geom(
-            name=_name(i), type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0.0, 0.0], contype=0, conaffinity=0
-        )
+        body.add_geom(contype=0, conaffinity=0, **sphere)
 
     def _add_wall(self, spec: Any, k: int) -> None:
         wall, half = self.scene.walls[k], math.sqrt(0.5)

@@ -5,6 +5,7 @@
   so that the wall's own coefficients are the pair's); shape filters keep the two apart.
 - A wall is a thick polygon on a kinematic body. A circle that exactly touches a polygon is in contact; on a segment it
   would fall freely for one step.
+- A fixed disk is a static body, without the circle that meets walls.
 - Before each step a wall's body gets the velocity that takes it to its exact pose at the end of the step.
 - Walls are raised, and circles that meet circles made larger, by ``touch`` in all, some units of round-off: bodies
   which touch are then in contact whatever the rounding of their coordinates. ``collision_slop`` is that same length, so
@@ -62,7 +63,7 @@ class PymunkSession:
             "pymunk.damping": self.space.damping,
             "wall_half_length": self.reach,
         }
-        self.poses = WallPoses(scene)
+        self.poses, self.fixed = WallPoses(scene), scene.disks.fixed.tolist()
         self.walls = [self._wall(k) for k in range(len(scene.walls))]
         self.disks = [self._disk(i) for i in range(len(scene.disks))]
         self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
@@ -117,11 +118,15 @@ class PymunkSession:
             self.space.reindex_shapes_for_body(body)
 
     def _disk(self, i: int) -> pymunk.Body:
-        disks, law = self.scene.disks, self.scene.disk_disk
-        body = pymunk.Body(float(disks.mass[i]), float(disks.inertia[i]) if disks.rotating[i] else math.inf)
+        disks, law, fixed = self.scene.disks, self.scene.disk_disk, self.fixed[i]
+        if fixed:
+            body = pymunk.Body(body_type=pymunk.Body.STATIC)
+        else:
+            body = pymunk.Body(float(disks.mass[i]), float(disks.inertia[i]) if disks.rotating[i] else math.inf)
         body.position = tuple(disks.x[i].tolist())
-        body.velocity = tuple(disks.v[i].tolist())
-        body.angular_velocity = float(disks.omega[i])
+        if not fixed:
+            body.velocity = tuple(disks.v[i].tolist())
+            body.angular_velocity = float(disks.omega[i])
         self.space.add(body)
         radius = float(disks.radius[i])
         if len(disks) > 1:
@@ -129,7 +134,7 @@ class PymunkSession:
             circle.filter = pymunk.ShapeFilter(categories=_MEETS_DISKS, mask=_MEETS_DISKS)
             circle.friction, circle.elasticity = math.sqrt(law.mu), math.sqrt(law.restitution or 0.0)
             self.space.add(circle)
-        if self.scene.walls:
+        if self.scene.walls and not fixed:
             circle = pymunk.Circle(body, radius)
             circle.filter = pymunk.ShapeFilter(categories=_MEETS_WALLS, mask=_WALL)
             circle.friction, circle.elasticity = 1.0, 1.0

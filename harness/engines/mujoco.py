@@ -28,6 +28,7 @@ CAPABILITIES = frozenset(
         Capability.RESTITUTION,
         Capability.GRAVITY,
         Capability.BLOCKED_ROTATION,
+        Capability.FIXED_DISKS,
         Capability.DISK_INERTIA,
     }
 )
@@ -74,6 +75,10 @@ OPTIONS = {
 }
 
 
+MOST_PAIRS = 1_000_000
+"""Of disks: 1,400 of them; a model of half as many pairs takes a gigabyte."""
+
+
 class MuJoCoEngine(RigidPackageEngine):
     """Adapter of MuJoCo."""
 
@@ -103,6 +108,13 @@ class MuJoCoEngine(RigidPackageEngine):
             capabilities=CAPABILITIES,
             not_installed_because=because,
         )
+
+    def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+        """More pairs than a model can hold: the friction that does not open contacts is a setting of explicit pairs alone."""
+        pairs = len(scene.disks) * (len(scene.disks) - 1) // 2
+        if pairs <= MOST_PAIRS:
+            return ()
+        return (f"each two bodies need a contact pair of their own: {pairs:.2g} of them, at most {MOST_PAIRS:.2g} fit",)
 
     def approximations(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """What soft contacts and the convex problem make of any scene with contacts."""

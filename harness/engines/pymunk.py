@@ -34,6 +34,7 @@ CAPABILITIES = frozenset(
         Capability.CURVED_WALL_MOTION,
         Capability.GRAVITY,
         Capability.BLOCKED_ROTATION,
+        Capability.FIXED_DISKS,
         Capability.DISK_INERTIA,
     }
 )

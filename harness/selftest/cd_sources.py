@@ -7,7 +7,7 @@ from functools import partial
 from ninedisk.harness.selftest.planted import planted
 
 CONTACT, STEP = "cd.contact_kernels", "cd.step"
-FRAMES, MARCH = "cd.frame_kernels", "cd.march_kernels"
+FRAMES, MARCH, MARCH_SET = "cd.frame_kernels", "cd.march_kernels", "cd.march_set_kernels"
 """What single steps and steps taken together share, and the part of the latter that is their own: a defect of both is planted in
 the first, or in two places."""
 
@@ -52,7 +52,7 @@ DEFECTS = (
              "contact_compliances(row, laws, scheme.dt, compliance)")),
     _kernel("shear-memory", "elastic contacts forget their shear force", "press-rough",
             (STEP, "shear_0=forces[:, 1],", "shear_0=0.0 * forces[:, 1],"),
-            (MARCH, "chosen.shear_0[k] = q", "chosen.shear_0[k] = 0.0 * q")),
+            (MARCH_SET, "near.shear[k] = q", "near.shear[k] = 0.0 * q")),
     _python("turns-blocked-disks", "disks that cannot turn do", "stop",
             (STEP, "free = np.column_stack([~disks.held, disks.rotating])",
              "free = np.column_stack([~disks.held, np.ones_like(disks.rotating)])")),
@@ -83,7 +83,8 @@ DEFECTS = (
     _kernel("march-walls", "steps taken together measure wall motion from where the walls were before the first of them", "shear-caps",
             (MARCH, "state.wall[w, d] = scratch.after[w, d]", "state.wall[w, d] += 0.0 * scratch.after[w, d]")),
     _kernel("march-shear", "steps taken together start from relaxed shear springs", "press-rough",
-            (MARCH, "chosen.shear_0[k] = q", "chosen.shear_0[k] = 0.0 * q")),
+            (MARCH_SET, "near.shear[k] = q", "near.shear[k] = 0.0 * q")),
     _kernel("march-list", "the list of pairs of steps taken together outlasts any motion", "hit",
-            (MARCH, "near.reach[0] - 2.0 * moved - wall_way(x, near.wall, after)", "near.reach[0] + 0.0 * moved")),
+            (MARCH_SET, "for_disks <= near.reach[0] - 2.0 * moved and for_walls <= near.reach[1] - moved - turned",
+             "for_disks <= near.reach[0] and for_walls <= near.reach[1]")),
 )  # fmt: skip

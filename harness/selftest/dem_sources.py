@@ -90,7 +90,7 @@ STEPPING = (
     _kernel("explicit-euler", "positions move with the velocity of the step before", "hit",
             (KICK, _DRIFT, ""), (KICK, _KICK, _DRIFT + _KICK)),
     _kernel("half-gravity", "half of gravity is left out of the vertical motion", "slide",
-            (KICK, "inv_mass[i] + step.gravity_y)", "inv_mass[i] + 0.5 * step.gravity_y)")),
+            (KICK, "inv_mass[i] + weight * step.gravity_y)", "inv_mass[i] + 0.5 * weight * step.gravity_y)")),
     _kernel("single-precision", "positions are kept in single precision", "press",
             (KICK, "x[q] += way", "x[q] = np.float32(x[q] + way)")),
     _kernel("unsynchronised", "velocities are reported at half steps", "slide",

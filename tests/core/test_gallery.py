@@ -25,6 +25,8 @@ def deepest(scene: Scene) -> float:
     x, r = scene.disks.x, scene.disks.radius
     apart = np.hypot(*(x[:, None] - x[None]).transpose(2, 0, 1)) - r[:, None] - r[None]
     np.fill_diagonal(apart, np.inf)
+    apart[np.ix_(scene.disks.fixed, scene.disks.fixed)] = np.inf
+    x, r = x[~scene.disks.fixed], r[~scene.disks.fixed]
     walls = [((x - np.array(wall.point)) @ np.array(wall.normal) - r).min() for wall in scene.walls]
     return -min(float(apart.min()), *walls)
 
@@ -33,6 +35,8 @@ SCENES = {
     "poured": lambda: gallery.poured(12, 10),
     "drum": lambda: gallery.drum(150),
     "biaxial": lambda: gallery.biaxial(12, 10, strain=0.2),
+    "hopper": lambda: gallery.hopper(60, outlet=3.0),
+    "silo": lambda: gallery.hopper(60, outlet=3.0, half_angle=0.5 * np.pi),
 }
 
 
@@ -83,6 +87,9 @@ def test_copies_and_collapse(packing: Scene) -> None:
         (lambda: gallery.settled_packing(10, aspect=-1.0), "aspect = -1.0"),
         (lambda: gallery.settle(gallery.biaxial(3, 3)), "without gravity"),
         (lambda: gallery.side_by_side(gallery.drum(10), 2), "takes a box"),
+        (lambda: gallery.hopper(10, outlet=1.0), "outlet = 1.0"),
+        (lambda: gallery.hopper(10, half_angle=1.6), "half_angle = 1.6"),
+        (lambda: gallery.discharge(gallery.drum(10)), "no wall 'plug'"),
     ],
 )
 def test_values_out_of_range_are_named(make: Any, word: str) -> None:

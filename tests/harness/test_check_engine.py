@@ -236,6 +236,11 @@ PLANTED = {
         Planted(scene=disks(held=[False, False]), support=Support(SupportLevel.EXACT, notes=("so it says",))),
         "v is",
     ),
+    "fixed disks that fall": (
+        "supports: FIXED_DISKS",
+        Planted(scene=disks(held=[False, False]), support=Support(SupportLevel.EXACT, notes=("so it says",))),
+        "x of the fixed disks",
+    ),
     "inertia in the static limit": (
         "supports: QUASI_STATIC",
         Planted(

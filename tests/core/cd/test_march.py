@@ -18,7 +18,8 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 RIGID = ContactLaw(kn=1e8, ks=1e8, mu=0.3, restitution=0.5, regularised=True)
 SOFT = ContactLaw(kn=1e6, ks=8e5, mu=0.3, lever_arm="overlap", wall_velocity_at="mid-overlap")
 TOLERANCE = 1e-11
-"""Of the largest value: 1e-12 is what a step's solver leaves, and the steps are few."""
+"""Of the largest value. The two ways add contacts at different times and end elsewhere within the solver's tolerance, 1e-14 here, which
+150 steps with impacts amplify: a hundred times as large a tolerance makes the differences a hundred times as large."""
 
 
 def heap(law: ContactLaw, *, turning: bool = False, **more: Any) -> Scene:
@@ -77,14 +78,15 @@ def difference(one: History, other: History) -> float:
 @pytest.mark.parametrize("name", SCENES)
 def test_together_as_singly(name: str) -> None:
     scene, settings = SCENES[name]
-    numerics = Numerics(dt=2e-3, n_steps=STEPS, sample_every=15, **settings)
+    numerics = Numerics(dt=2e-3, n_steps=STEPS, sample_every=15, options={"cd.tolerance": 1e-14}, **settings)
     together, session, few = run(scene, numerics, singly=False)
     singly, other, all_ = run(scene, numerics, singly=True)
     assert all_ == STEPS
     assert few < 0.7 * STEPS, "hardly any step was taken with others"
     assert other.solves["gauss-seidel"] > 0
     assert sum(session.solves.values()) == sum(other.solves.values())
-    assert abs(session.iterations - other.iterations) <= 0.01 * other.iterations + 2
+    # Contacts that a finished solution would show are added on the way: no more sweeps.
+    assert 0.2 * other.iterations < session.iterations <= 1.01 * other.iterations + 2
     assert float(np.nanmax(np.abs(together.wall_force))) > 0.0
     assert difference(together, singly) <= TOLERANCE
     changed, _, _ = run(scene, numerics.replace(dt=numerics.dt * (1.0 + 1e-9)), singly=False)

@@ -54,10 +54,13 @@ def deepest(scene: Scene, x: np.ndarray) -> float:
 @pytest.mark.parametrize("sliding", ["associated", "coulomb"])
 @pytest.mark.parametrize("speed", [1.0, 100.0])
 def test_no_contact_is_missed(speed: float, sliding: Any) -> None:
-    """A gas whose disks fly up to many diameters a step never overlaps: every pair that can close takes part."""
+    """A gas whose disks fly up to many diameters a step never overlaps: every pair that can close takes part.
+
+    The solver's tolerance, 1e-12 of the largest velocity, leaves as much of the way of a step, from several contacts at once.
+    """
     scene = gas(6, speed, RIGID)
     history = simulate(scene, Numerics(dt=0.05, n_steps=20, sliding=sliding), method="cd")
-    assert max(deepest(scene, x) for x in history.x) <= 1e-12
+    assert max(deepest(scene, x) for x in history.x) <= 1e-12 * (1.0 + 3.0 * speed * 0.05)
 
 
 @pytest.mark.parametrize("theta", [0.5, 1.0])
