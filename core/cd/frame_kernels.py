@@ -6,7 +6,7 @@ Array arguments of c contacts are those of `ninedisk.core.cd.frames.Frames`: ``n
 
 from __future__ import annotations
 
-from math import hypot, pi, sqrt
+from math import hypot, inf, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -101,14 +101,22 @@ def material_shift(px: float, py: float, w: int, before: Floats, after: Floats) 
 @kernel
 def wall_way(x: Floats, before: Floats, after: Floats) -> float:
     """Bound on the displacement of a wall's surface near the disks between two poses [m]."""
+    turns = False
+    for w in range(after.shape[0]):
+        turns |= before[w, 2] != after[w, 2] or before[w, 3] != after[w, 3]
+    left, right, low, high = inf, -inf, inf, -inf
+    if turns:
+        for i in range(x.shape[0]):
+            left, right = min(left, x[i, 0]), max(right, x[i, 0])
+            low, high = min(low, x[i, 1]), max(high, x[i, 1])
     largest = 0.0
     for w in range(after.shape[0]):
         way = hypot(after[w, 0] - before[w, 0], after[w, 1] - before[w, 1])
         turned = hypot(after[w, 2] - before[w, 2], after[w, 3] - before[w, 3])
         if turned > 0.0:
-            far = 0.0
-            for i in range(x.shape[0]):
-                far = max(far, hypot(x[i, 0] - after[w, 0], x[i, 1] - after[w, 1]))
+            # No disk is farther from the wall's point than the far corner of the box around all of them.
+            px, py = after[w, 0], after[w, 1]
+            far = hypot(max(right - px, px - left), max(high - py, py - low))
             # The chord of the normal's turn times pi/2 bounds the angle.
             way += 0.5 * pi * turned * far
         largest = max(largest, way)
