@@ -92,6 +92,17 @@ def test_where_a_run_pauses_or_samples_does_not_matter(sort_from: int, monkeypat
         )
 
 
+@pytest.mark.parametrize("threads", [2, 4])
+def test_the_threads_have_equally_many_disks(threads: int) -> None:
+    """Among the even stripes and among the odd ones; a stripe ends with a row of cells, one of 46 or so."""
+    session = DemSession(pouring(46), numerics(2e-4, 1), threads=threads)
+    disks = np.diff(session._team.stripe)
+    assert disks.sum() == 46 * 46
+    for parity in (0, 1):
+        shares = [disks[parity + 2 * me :: 2 * threads].sum() for me in range(threads)]
+        assert max(shares) < 1.15 * np.mean(shares)
+
+
 @pytest.mark.parametrize("threads", [2, 3, 4, 7])
 def test_any_number_of_threads_gives_the_same_bits(threads: int) -> None:
     scene = pouring(46)
