@@ -123,7 +123,7 @@ def test_matrix(run_cell: Judge, case: Case) -> None:
 
 
 def test_what_the_chord_s_force_loses_is_the_law_s_and_proportional_to_the_overlap(run_cell: Judge) -> None:
-    """The same at a quarter of the step, a quarter at a sixteenth of the overlap squared; the area law's falls with the step squared."""
+    """Independent of the step, of order 1 in the overlap, off its leading order by order 2; the area law's falls with the step squared."""
 
     def change(**params: Any) -> tuple[float, float]:
         scalars = run_cell(COLLISION, ENGINE, params).observed.scalars
@@ -133,6 +133,12 @@ def test_what_the_chord_s_force_loses_is_the_law_s_and_proportional_to_the_overl
     stiff, shallow = change(contact="chord", kn=3.2e4)
     assert change(contact="chord", phase=0.0075)[0] == pytest.approx(soft, rel=0.02)
     assert np.log(soft / stiff) / np.log(deep / shallow) == pytest.approx(1.0, abs=0.2)
+    rest = []
+    for kn in (500.0, 2e3, 8e3):
+        cell = run_cell(COLLISION, ENGINE, {"kn": kn, "phase": 0.0075})
+        truth = next(check.expected for check in cell.checks if check.quantity == "energy_change")
+        rest.append(cell.observed.scalars["energy_change"][1] - truth)
+    assert np.log2(np.array(rest[:-1]) / np.array(rest[1:])) == pytest.approx(2.0, abs=0.2)
     coarse, fine = (abs(change(contact="area", phase=phase)[0]) for phase in (0.12, 0.015))
     assert np.log2(coarse / fine) / 3.0 == pytest.approx(2.0, abs=0.35)
     assert abs(soft) > 30.0 * fine
@@ -161,6 +167,15 @@ def test_defects_of_collisions_are_seen(run_cell: Judge, judge_history: Judge) -
 
     changed = {"energy_change", "energy_total"}
     assert quantities(spoilt(judge_history, COLLISION, {"contact": "area"}, chords), "analytic") == changed
+
+    def areas(scene: Scene) -> Scene:
+        return scene.replace(disk_disk=replace(scene.disk_disk, contact="area"))
+
+    def weak_dashpot(scene: Scene) -> Scene:
+        return scene.replace(disk_disk=replace(scene.disk_disk, beta=1e-3))
+
+    for change in (areas, weak_dashpot):
+        assert quantities(spoilt(judge_history, COLLISION, {}, change), "analytic") == {"energy_change"}
 
     def arms(scene: Scene) -> Scene:
         return scene.replace(disk_disk=replace(scene.disk_disk, lever_arm="torque-overlap"))
