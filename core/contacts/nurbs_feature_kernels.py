@@ -12,7 +12,7 @@ from math import asin, atan2, pi, sqrt
 
 from ninedisk.core._cache import inline_kernel
 from ninedisk.core.contacts.nurbs_convex_kernels import deepest
-from ninedisk.core.contacts.nurbs_feature_rows import AT_END, CONVERGED, added
+from ninedisk.core.contacts.nurbs_feature_row_kernels import AT_END, CONVERGED, added
 from ninedisk.core.contacts.nurbs_state import FeatureRows
 from ninedisk.core.contacts.nurbs_vertex_kernels import vertices_on_pieces, vertices_on_vertices
 from ninedisk.core.geometry.nurbs_kernels import Pose, ShapeTable, bend_at, tangent_at, walked

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ninedisk.core._validate import FloatArray
 from ninedisk.core.contacts.nurbs import NurbsGrains
-from ninedisk.core.contacts.nurbs_feature_lists import features_of_pairs, features_with_walls
-from ninedisk.core.contacts.nurbs_feature_rows import DEEPEST
+from ninedisk.core.contacts.nurbs_feature_list_kernels import features_of_pairs, features_with_walls
+from ninedisk.core.contacts.nurbs_feature_row_kernels import DEEPEST
 from ninedisk.core.contacts.nurbs_state import FULL, FeatureRows, IntArray, feature_rows
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.nurbs_kernels import ShapeTable

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 from ninedisk.core._cache import inline_kernel
-from ninedisk.core.contacts.nurbs_feature_rows import AT_END, CONVERGED, SAME, added
+from ninedisk.core.contacts.nurbs_feature_row_kernels import AT_END, CONVERGED, SAME, added
 from ninedisk.core.contacts.nurbs_state import FeatureRows
 from ninedisk.core.geometry.nurbs_kernels import Pose, ShapeTable, bend_at, tangent_at
 from ninedisk.core.geometry.nurbs_vertices import Vertices

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._validate import FloatArray
 from ninedisk.core.geometry.nurbs_kernels import ShapeTable, sample
+
+FloatArray = NDArray[np.float64]
 
 STRAIGHT = 1e-9
 """Turning of the tangent [rad] up to which a piece counts as straight: rounding of its control points."""

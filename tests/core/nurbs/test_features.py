@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nurbs_shapes_of_tests import peanut, periodic, ring
 from scipy.ndimage import minimum_filter
 
-from ninedisk.core.contacts.nurbs_feature_rows import DEEPEST
+from ninedisk.core.contacts.nurbs_feature_row_kernels import DEEPEST
 from ninedisk.core.contacts.nurbs_features import NurbsFeatures
 from ninedisk.core.contacts.nurbs_state import FeatureRows
 from ninedisk.core.errors import InvalidSceneError

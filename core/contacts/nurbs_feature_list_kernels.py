@@ -6,7 +6,7 @@ from math import sqrt
 
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.contacts.nurbs_feature_kernels import features_in_frame
-from ninedisk.core.contacts.nurbs_feature_rows import AT_END, CONVERGED, DEEPEST, added
+from ninedisk.core.contacts.nurbs_feature_row_kernels import AT_END, CONVERGED, DEEPEST, added
 from ninedisk.core.contacts.nurbs_state import TOO_DEEP, FeatureRows, FloatArray, IntArray
 from ninedisk.core.geometry.nurbs_kernels import Pose, ShapeTable, bend_at, tangent_at
 from ninedisk.core.geometry.nurbs_vertices import Vertices
