@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ninedisk.core._validate import at_least
 from ninedisk.core.geometry.nurbs import NurbsCurve
@@ -72,4 +73,21 @@ def farthest(curve: NurbsCurve) -> float:
             if fall >= 0.0:
                 break
             u = float(np.clip(u - rise / fall, low, high))
+    return best
+
+
+def extent(curve: NurbsCurve, direction: ArrayLike) -> float:
+    """Largest coordinate of the outline along a unit vector of its frame [m], to round-off."""
+    table, best, n = curve.table, -np.inf, np.asarray(direction, dtype=np.float64)
+    for k in range(len(table.piece_span)):
+        low, high = table.piece_range[k]
+        coef = table.coef[table.piece_span[k] : table.piece_span[k] + 1]
+        at = np.linspace(low, high, SAMPLES)
+        u = float(at[np.argmax(outline_points(coef, at)[0][0] @ n)])
+        for _ in range(6):
+            (point,), (slope,), (bend,) = (rows[0] for rows in outline_points(coef, np.array([u])))
+            best = max(best, float(point @ n))
+            if bend @ n >= 0.0:
+                break
+            u = float(np.clip(u - (slope @ n) / (bend @ n), low, high))
     return best

@@ -6,6 +6,7 @@ from collections.abc import Sequence, Set
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
@@ -80,7 +81,7 @@ def has_spring_preload(scene: Scene) -> bool:
 def without_spring_preload(scene: Scene) -> Scene:
     """The same scene with the initial state of the regularising springs undone.
 
-    Each disk that overlaps a wall is moved along the wall's normal until it touches, and initial shear forces of
+    Each body that overlaps a wall is moved along the wall's normal until it touches, and initial shear forces of
     regularised contacts are dropped. Overlaps between disks stay as they are: no single displacement undoes a chain of
     them.
 
@@ -99,7 +100,7 @@ def without_spring_preload(scene: Scene) -> Scene:
         if not wall.law.regularised:
             continue
         normal = np.array(wall.normal)
-        gap = (x - np.array(wall.point)) @ normal - scene.disks.radius
+        gap = (x - np.array(wall.point)) @ normal - _reach(scene, normal)
         inside = gap < 0.0
         x[inside] -= gap[inside, None] * normal
         moved = moved or bool(inside.any())
@@ -110,3 +111,16 @@ def without_spring_preload(scene: Scene) -> Scene:
         disks=replace(scene.disks, x=x),
         initial_shear=shear,
     )
+
+
+def _reach(scene: Scene, normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far each body reaches towards a wall with this inward normal [m], shape (n,)."""
+    disks = scene.disks
+    reach = np.array(disks.radius)
+    for i in np.flatnonzero(disks.outline >= 0):
+        from ninedisk.core.geometry.nurbs_grain import extent
+
+        c, s = np.cos(disks.angle[i]), np.sin(disks.angle[i])
+        towards = -np.array([[c, s], [-s, c]]) @ normal
+        reach[i] = extent(scene.outlines[disks.outline[i]], towards)
+    return reach
