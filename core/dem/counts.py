@@ -18,7 +18,7 @@ class Counts(NamedTuple):
     Attributes
     ----------
     rebuilds : int
-        Rebuilds of the neighbour lists since time 0, that of the first step included; a checkpoint carries it on.
+        Rebuilds of the neighbour lists since they were first built, at time 0; a checkpoint carries it on.
     pairs, wall_pairs : int
         Pairs of disks, and of a disk and a wall, that the present lists hold: those whose gap was below the skin at the last rebuild.
         Each of them costs a distance in every step.

@@ -1,4 +1,4 @@
-"""Defects planted in the kernels of grains with outlines."""
+"""Defects planted in the kernels of grains with outlines, in the DEM and in contact dynamics."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from ninedisk.harness.selftest.planted import planted
 FORCES, MEMORY = "dem.grain_kernels", "dem.grain_memory_kernels"
 LENS, AREA, WALL = "contacts.nurbs_lens_kernels", "contacts.nurbs_area_kernels", "contacts.nurbs_wall_kernels"
 
-_kernel = partial(planted, "dem", "kernel")
+MEETINGS, FEATURES = "cd.grain_frame_kernels", "contacts.nurbs_feature_list_kernels"
+
+_kernel, _cd_kernel = partial(planted, "dem", "kernel"), partial(planted, "cd", "kernel")
 
 _PAIR_ARMS = "arm_a, arm_b = rx * nx + ry * ny + found.beyond[m], (dx - rx) * nx"
 
@@ -40,4 +42,15 @@ DEFECTS = (
             (FORCES, "curvature) ** (1.0 / 3.0)", "curvature) ** (1.0 / 2.0)")),
     _kernel("grain-area-arc", "the common area lacks the second grain's part", "ovals-area",
             (FORCES, "common += segment_area(", "common += 0.0 * segment_area(")),
+    _cd_kernel("grain-arm-of-normal", "the normal force turns the first grain of a contact the other way", "oval-rolls",
+            (MEETINGS, "arms[k, 0], arms[k, 2] = nx * ry - ny * rx,", "arms[k, 0], arms[k, 2] = ny * rx - nx * ry,")),
+    _cd_kernel("grain-arm-of-shear", "lever arms of shear forces lack the overlap's part", "press-outlines",
+            (MEETINGS, "nx * rx + ny * ry + tip[k, 0] - shorter", "nx * rx + ny * ry - shorter")),
+    _cd_kernel("grain-memory", "contacts of grains forget their shear force in every step", "rough-outlines",
+            (MEETINGS, "forces[best, 1] += old_forces[m, 1]", "forces[best, 1] += 0.0 * old_forces[m, 1]")),
+    _cd_kernel("grain-gap-at-walls", "grains sink a thousandth of a radius into walls", "rest",
+            (FEATURES, "gap = nx * px + ny * py - height", "gap = nx * px + ny * py - height + 1e-3 * size")),
+    _cd_kernel("grain-vertices", "the ends of faces are not seen by walls", "stand",
+            (FEATURES, "for m in range(vertices.first[shape], vertices.first[shape + 1]):",
+             "for m in range(vertices.first[shape], vertices.first[shape]):")),
 )  # fmt: skip

@@ -14,7 +14,7 @@ from ninedisk.harness.plan import Cell, plan_case
 PRESS, SHEAR = "nine-disk/compression", "nine-disk/distortion"
 HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
 STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
-LENSES, OVALS, GRAINS = "nurbs/overlap", "nurbs/collision", "nurbs/rolling"
+LENSES, OVALS, GRAINS, REST = "nurbs/overlap", "nurbs/collision", "nurbs/rolling", "nurbs/settle"
 REOPEN, WALL, STACK = "contact/reopening", "contact/moving-wall", "static/stack"
 
 ENGINES = ("dem", "cd")
@@ -71,6 +71,12 @@ CD_PANEL: dict[str, Probe] = {
     **_BOTH,
     "press-theta": Probe(PRESS, {"settle_cycles": 400, "theta": 1.0}),
     "press-static": Probe(PRESS, {"regime": "quasi-static", "settle_cycles": 200}),
+    "press-outlines": Probe(PRESS, {"shape": "nurbs", "settle_cycles": 5, "wall_mu": "mu"}),
+    "rough-outlines": Probe(PRESS, {"shape": "nurbs", "xi": 0.0, "wall_mu": "mu"}),
+    "rest": Probe(REST, {}),
+    "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),
+    "stand": Probe(GRAINS, {"kn": 1e5, "steepness": 0.6, "duration": 0.1}),
+    "oval-rolls": Probe(GRAINS, {"grain": "ellipse", "kn": 1e4, "duration": 0.2}),
     "hit": Probe(HIT, {}),
     "hit-damped": Probe(HIT, {"restitution": 0.5}),
     "hit-plastic": Probe(HIT, {"kind": "plastic"}),

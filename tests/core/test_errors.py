@@ -186,7 +186,7 @@ def test_preload_that_could_not_act() -> None:
 
 def test_what_the_dem_cannot_express_is_refused() -> None:
     disks = Disks(x=[[0.0, 0.0], [1.9, 0.0]], radius=1.0, mass=1.0, held=[[False, False], [False, True]])
-    with pytest.raises(InvalidSceneError, match="disk 1 is held, which the DEM cannot express"):
+    with pytest.raises(InvalidSceneError, match="disk 1 is held in a motion, which the DEM cannot express"):
         DemSession(scene(disks=disks), numerics(1e-3, 1))
     with pytest.raises(InvalidNumericsError, match="regime = 'quasi-static' needs contact dynamics"):
         DemSession(scene(), numerics(1e-3, 1, regime="quasi-static"))
