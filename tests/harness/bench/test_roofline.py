@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from ninedisk.core import ContactLaw, Disks, Scene, Wall
-from ninedisk.core.dem import force_kernels, kick_kernels
+from ninedisk.core.dem import force_kernels, kick_kernels, pair_kernels
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.numerics import Numerics
 from ninedisk.harness.bench import dem_suite, roofline
@@ -23,6 +24,7 @@ from ninedisk.harness.bench.kernel_work import work_of
 
 LAW = ContactLaw(kn=1e6, ks=8e5, mu=0.3, beta=0.2)
 SMOOTH, UNDAMPED = replace(LAW, mu=0.0), replace(LAW, beta=0.0)
+COLUMNS, ROWS = 10, 8
 
 
 class Number(float):
@@ -49,19 +51,36 @@ for _name in ("add", "sub", "mul", "truediv"):
     setattr(Number, f"__r{_name}__", Number.counting(f"__r{_name}__"))
 
 
+class Single(Number):
+    """One in single precision, whose bits kernels read as a whole number."""
+
+    dtype = np.dtype(np.float32)
+
+    def __new__(cls, value: float) -> Single:
+        return super().__new__(cls, np.float32(value))
+
+    def view(self, kind: type) -> Any:
+        return np.float32(self).view(kind)
+
+
 def counted_root(value: float) -> Number:
     Number.done += 1
     return Number(math.sqrt(value))
 
 
+def larger(a: float, b: float) -> Number:
+    """What is done with a 0 that wins is counted, too."""
+    return Number(max(a, b))
+
+
 class Memory:
-    """Entries of arrays, by the name of their memory: what has been read and written."""
+    """Entries of arrays, by the name of their memory: how often each has been read and written."""
 
     def __init__(self) -> None:
         self.kept: dict[str, list[Any]] = {}
         self.sizes: dict[str, int] = {}
-        self.read: set[tuple[str, int]] = set()
-        self.written: set[tuple[str, int]] = set()
+        self.read: Counter[tuple[str, int]] = Counter()
+        self.written: Counter[tuple[str, int]] = Counter()
 
     def array(self, name: str, values: np.ndarray) -> Watched:
         floats = values.dtype.kind == "f"
@@ -72,9 +91,14 @@ class Memory:
     def group(self, prefix: str, arrays: Any) -> Any:
         return type(arrays)(**{name: self.array(prefix + name, value) for name, value in arrays._asdict().items()})
 
-    def bytes(self, touched: set[tuple[str, int]]) -> int:
-        """Of disks and lists; the few numbers of the walls and the pointers into the walls' lists are not counted."""
-        return sum(self.sizes[name] for name, _ in touched if not name.startswith(("walls.", "wall_pairs.start")))
+    def bytes(self, touched: Counter[tuple[str, int]]) -> int:
+        """Of disks and lists, each entry once; the few numbers of the walls, pointers into the lists and the scratch are left out."""
+        left_out = ("walls.", "wall_pairs.start", "pairs.start", "scratch")
+        return sum(self.sizes[name] for name, _ in touched if not name.startswith(left_out))
+
+    def times(self, touched: Counter[tuple[str, int]], name: str) -> int:
+        """How often entries of ``name`` were touched."""
+        return sum(count for (each, _), count in touched.items() if each == name)
 
 
 class Watched:
@@ -88,17 +112,17 @@ class Watched:
         return int(np.ravel_multi_index(keys, self.shape))
 
     def __getitem__(self, key: Any) -> Any:
-        self.memory.read.add((self.name, self._place(key)))
+        self.memory.read[self.name, self._place(key)] += 1
         return self.memory.kept[self.name][self._place(key)]
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        self.memory.written.add((self.name, self._place(key)))
-        self.memory.kept[self.name][self._place(key)] = value
+        self.memory.written[self.name, self._place(key)] += 1
+        self.memory.kept[self.name][self._place(key)] = Number(value) if isinstance(value, float) else value
 
 
 def lattice(law: ContactLaw, gap: float) -> Scene:
-    """Disks in rows and columns, with columns ``gap`` apart, in a corner."""
-    x = np.array([((2.0 + gap) * i + 0.99, 1.98 * j + 0.99) for i in range(4) for j in range(5)])
+    """Disks in rows and columns, with columns ``gap`` apart, in a corner; more pairs than a chunk takes."""
+    x = np.array([((2.0 + gap) * i + 0.99, 1.98 * j + 0.99) for i in range(COLUMNS) for j in range(ROWS)])
     walls = [
         Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law),
         Wall(name="left", point=(0.0, 0.0), normal=(1.0, 0.0), law=law),
@@ -108,23 +132,28 @@ def lattice(law: ContactLaw, gap: float) -> Scene:
 
 def step_by_hand(session: DemSession, monkeypatch: pytest.MonkeyPatch) -> Memory:
     """One step of the kernels' own sources on numbers that count."""
-    for module in (force_kernels, kick_kernels):
+    for module in (force_kernels, pair_kernels, kick_kernels):
         for name, value in list(vars(module).items()):
             monkeypatch.setattr(module, name, getattr(value, "py_func", value))
-    monkeypatch.setattr(force_kernels, "sqrt", counted_root)
-    monkeypatch.setattr(kick_kernels, "np", SimpleNamespace(float32=Number, uint64=np.uint64))
+    for module in (force_kernels, pair_kernels):
+        monkeypatch.setattr(module, "sqrt", counted_root)
+        monkeypatch.setattr(module, "max", larger, raising=False)
+    numbers = SimpleNamespace(float32=Single, int32=np.int32, uint64=np.uint64)
+    monkeypatch.setattr(kick_kernels, "np", numbers)
     memory, lists, views = Memory(), session._lists, session._views
     disks = memory.group("", session._disks)
     seen = "v_now" if len(session._disks.v_now) else "v"
-    names = {"x": "x", "v": "v", "seen": seen, "force": "force", "damping": "damping"}
-    watched = type(views)(**{field: memory.array(name, getattr(views, field)) for field, name in names.items()})
+    watched = type(views)(
+        **{name: memory.array(seen if name == "seen" else name, value) for name, value in views._asdict().items()}
+    )
+    scratch = memory.array("scratch", session._team.scratch[0])
     walls = memory.group("walls.", session._walls)._replace(law=session._walls.law.astype(object))
     pairs, wall_pairs = memory.group("pairs.", lists.disks), memory.group("wall_pairs.", lists.walls)
-    n, dt = len(session.scene.disks), session.contact_dt
+    n, dt, kick = len(session.scene.disks), session.contact_dt, session._step.kick
     Number.done = 0
     force_kernels.disk_wall_forces(disks, walls, wall_pairs, dt, 0, n, 0)
-    force_kernels.disk_disk_forces(disks, watched, pairs, session._law.astype(object), dt, 0, n)
-    kick_kernels.kick_and_drift(disks, watched, session._step.kick, 0, n)
+    pair_kernels.disk_disk_forces(disks, watched, pairs, session._law.astype(object), dt, 0, n, scratch)
+    kick_kernels.kick_and_drift(disks, watched, type(kick)(*map(Number, kick)), 0, n)
     return memory
 
 
@@ -143,15 +172,39 @@ def test_work_is_what_the_kernels_do(law: ContactLaw, form: Any, gap: float, mon
     scene, numerics = lattice(law, gap), Numerics(dt=1e-4, contact_dt=1e-4, n_steps=1, damping_form=form)
     session = DemSession(scene, numerics)
     counts, n = session.counts, len(scene.disks)
-    assert counts.pairs == 31
-    assert counts.contacts == (31 if gap < 0.0 else 16)
-    assert (counts.wall_pairs, counts.wall_contacts) == (9, 9)
+    upright, sideways = COLUMNS * (ROWS - 1), (COLUMNS - 1) * ROWS
+    assert counts.pairs == upright + sideways > pair_kernels.CHUNK
+    assert counts.contacts == upright + sideways * (gap < 0.0)
+    assert counts.wall_pairs == counts.wall_contacts == COLUMNS + ROWS
     work = work_of(scene, numerics, counts)
     memory = step_by_hand(session, monkeypatch)
     assert Number.done == round(work.flops * n)
-    if gap < 0.0 and law is not SMOOTH:  # elsewhere cache lines bring in what is not used
-        assert memory.bytes(memory.read) == round(work.held * n) + 4  # pointers: one more than disks
-        assert memory.bytes(memory.read) + memory.bytes(memory.written) == round(work.traffic * n) + 4
+    if law is not SMOOTH:  # smooth walls leave the shear forces of their contacts alone
+        assert memory.bytes(memory.read) == round(work.held * n)
+        assert memory.bytes(memory.read) + memory.bytes(memory.written) == round(work.traffic * n)
+    ahead = form == "central" and law.beta > 0.0
+    assert memory.times(memory.written, "scratch") == (11 + 2 * ahead) * counts.pairs
+    assert memory.times(memory.read, "scratch") == 13 * counts.pairs
+    assert len({place for name, place in memory.written if name == "scratch"}) == (7 + 2 * ahead) * pair_kernels.CHUNK
+    assert memory.times(memory.read, "pairs.start") == 2
+
+
+def test_operations_and_bytes_too_many_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels that do one operation more for each pair, out of contact or not, and look at one array more."""
+    scene, numerics = lattice(LAW, 0.01), Numerics(dt=1e-4, contact_dt=1e-4, n_steps=1, damping_form="lagged")
+    session = DemSession(scene, numerics)
+    work, n, pairs = work_of(scene, numerics, session.counts), len(scene.disks), session.counts.pairs
+    shear_force, gather = force_kernels.shear_force.py_func, pair_kernels.gather.py_func
+
+    def looks_at_names(disks: Any, *others: Any) -> None:
+        gather(disks, *others)
+        assert disks.name[0] + 1 > 0
+
+    monkeypatch.setattr(pair_kernels, "shear_force", lambda before, *others: shear_force(before + 0.0, *others))
+    monkeypatch.setattr(pair_kernels, "gather", looks_at_names)
+    memory = step_by_hand(session, monkeypatch)
+    assert Number.done == round(work.flops * n) + pairs
+    assert memory.bytes(memory.read) == round(work.held * n) + 4
 
 
 def test_counts_are_means_over_the_very_run(settled: DemProblem) -> None:
