@@ -20,22 +20,30 @@ APART, LENS, UNSURE = 0, 1, 2
 
 
 @inline_kernel
+def normal_step(
+    table: ShapeTable, a: int, i: int, u: float, b: int, j: int, v: float, pose: Pose
+) -> tuple[float, float]:
+    """Newton's step for points with a common normal: parallel tangents, and the points one above the other."""
+    still = Pose(1.0, 0.0, 0.0, 0.0)
+    x, y, dx, dy, hx, hy = bend_at(table, a, i, u, still)
+    px, py, ex, ey, kx, ky = bend_at(table, b, j, v, pose)
+    x, y = x - px, y - py
+    f, g = dx * ey - dy * ex, x * dx + y * dy
+    fu, fv = hx * ey - hy * ex, dx * ky - dy * kx
+    gu, gv = dx * dx + dy * dy + x * hx + y * hy, -(ex * dx + ey * dy)
+    det = fu * gv - fv * gu
+    return -(f * gv - fv * g) / det, -(fu * g - f * gu) / det
+
+
+@inline_kernel
 def deepest(table: ShapeTable, a: int, b: int, pose: Pose) -> tuple[bool, int, float, int, float]:
     """Points with a common normal, by Newton from the directions of the line of centres; whether it converged."""
-    still = Pose(1.0, 0.0, 0.0, 0.0)
     n_a = table.first_span[a + 1] - table.first_span[a]
     n_b = table.first_span[b + 1] - table.first_span[b]
     i, u = extreme_guess(table, a, pose.x, pose.y)
     j, v = extreme_guess(table, b, -(pose.c * pose.x + pose.s * pose.y), pose.s * pose.x - pose.c * pose.y)
     for _ in range(12):
-        x, y, dx, dy, hx, hy = bend_at(table, a, i, u, still)
-        px, py, ex, ey, kx, ky = bend_at(table, b, j, v, pose)
-        x, y = x - px, y - py
-        f, g = dx * ey - dy * ex, x * dx + y * dy
-        fu, fv = hx * ey - hy * ex, dx * ky - dy * kx
-        gu, gv = dx * dx + dy * dy + x * hx + y * hy, -(ex * dx + ey * dy)
-        det = fu * gv - fv * gu
-        du, dv = -(f * gv - fv * g) / det, -(fu * g - f * gu) / det
+        du, dv = normal_step(table, a, i, u, b, j, v, pose)
         if not (abs(du) < 0.75 and abs(dv) < 0.75):
             return False, i, u, j, v
         i, u = walked(n_a, i, u + du)

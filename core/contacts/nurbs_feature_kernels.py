@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import asin, atan2, pi, sqrt
 
 from ninedisk.core._cache import inline_kernel
-from ninedisk.core.contacts.nurbs_convex_kernels import deepest
+from ninedisk.core.contacts.nurbs_convex_kernels import deepest, normal_step
 from ninedisk.core.contacts.nurbs_feature_row_kernels import AT_END, CONVERGED, added
 from ninedisk.core.contacts.nurbs_state import FeatureRows
 from ninedisk.core.contacts.nurbs_vertex_kernels import vertices_on_pieces, vertices_on_vertices
@@ -23,22 +23,14 @@ from ninedisk.core.geometry.nurbs_vertices import Vertices
 def normal_found(
     table: ShapeTable, a: int, i: int, u: float, b: int, j: int, v: float, pose: Pose, ring: bool
 ) -> tuple[bool, int, float, int, float]:
-    """Newton for a common normal from (i, u) and (j, v): parallel tangents, the points one above the other.
+    """Newton for a common normal from (i, u) and (j, v).
 
     With ``ring`` it passes from span to span, otherwise it stays on the polynomials of the two given ones.
     """
-    still = Pose(1.0, 0.0, 0.0, 0.0)
     n_a = table.first_span[a + 1] - table.first_span[a]
     n_b = table.first_span[b + 1] - table.first_span[b]
     for _ in range(25):
-        x, y, dx, dy, hx, hy = bend_at(table, a, i, u, still)
-        px, py, ex, ey, kx, ky = bend_at(table, b, j, v, pose)
-        x, y = x - px, y - py
-        f, g = dx * ey - dy * ex, x * dx + y * dy
-        fu, fv = hx * ey - hy * ex, dx * ky - dy * kx
-        gu, gv = dx * dx + dy * dy + x * hx + y * hy, -(ex * dx + ey * dy)
-        det = fu * gv - fv * gu
-        du, dv = -(f * gv - fv * g) / det, -(fu * g - f * gu) / det
+        du, dv = normal_step(table, a, i, u, b, j, v, pose)
         if not (abs(du) < 1.0 and abs(dv) < 1.0):
             return False, i, u, j, v
         u, v = u + du, v + dv
