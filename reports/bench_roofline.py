@@ -35,7 +35,7 @@ class Estimate:
     of_bandwidth, of_vectors, of_single : float
         Parts of the bandwidth for this working set, and of the rates of multiply-adds on vectors and one by one.
     of_roots : float
-        Part of the time that the contacts' roots and divisions take alone.
+        Part of the time that one root and one division for each listed pair, those with walls among them, take alone.
     row : mapping
         Where all this comes from.
     """
@@ -57,10 +57,10 @@ class Estimate:
 
     @property
     def bound(self) -> str:
-        """What binds, in words."""
+        """What binds, in words: of arithmetic the roof of vectors, in which the kernels take what their loops allow."""
         if self.of_bandwidth >= BINDS:
             return "bandwidth"
-        return "arithmetic" if self.of_single >= BINDS else "neither"
+        return "arithmetic" if self.of_vectors >= BINDS else "neither"
 
 
 def estimates(rows: Sequence[Row]) -> list[Estimate]:
@@ -79,7 +79,7 @@ def _estimate(row: Row) -> Estimate:
         of_bandwidth=rate * row["traffic"] / row["bandwidth"],
         of_vectors=rate * row["flops"] / row["flop_rate"],
         of_single=rate * row["flops"] / row["flop_rate_single"],
-        of_roots=rate * row["contacts"] / row["disks"] / row["root_rate"],
+        of_roots=rate * row["listed_pairs"] / row["disks"] / row["root_rate"],
         row=row,
     )
 

@@ -18,10 +18,10 @@ class Counts(NamedTuple):
     Attributes
     ----------
     rebuilds : int
-        Rebuilds of the neighbour lists since they were first built, at time 0; a checkpoint carries it on.
+        Rebuilds of the neighbour lists since time 0, not counting the lists that a session begins with; a checkpoint carries it on.
     pairs, wall_pairs : int
         Pairs of disks, and of a disk and a wall, that the present lists hold: those whose gap was below the skin at the last rebuild.
-        Each of them costs a distance in every step.
+        Each costs in every step: a pair of disks as much as a contact, one with a wall a distance.
     contacts, wall_contacts : int
         Pairs of disks, and of a disk and a wall, that overlap at the present positions; of bodies with outlines the contacts of
         the last finished step, of which a pair can have several (before the first step those that carry a preload).

@@ -12,7 +12,7 @@ from typing import Any
 from ninedisk.harness.errors import StoreError, UsageError
 from ninedisk.harness.results import Row, complete
 
-BENCH_VERSION = 3
+BENCH_VERSION = 4
 
 COLUMNS: dict[str, str] = {
     "suite": "string",  # dem | cd | flow | harness
@@ -52,7 +52,7 @@ COLUMNS: dict[str, str] = {
     "bandwidth_memory": "float64",  # bytes/s of one far beyond all caches
     "flop_rate": "float64",  # flop/s of multiply-adds on vectors
     "flop_rate_single": "float64",  # flop/s of multiply-adds one by one
-    "root_rate": "float64",  # 1/s: a root and a division by it, one by one
+    "root_rate": "float64",  # 1/s: a root and a division by it, on vectors (before version 4: one by one)
     "iterations": "int64",
     "natural_map": "float64",
     "duality_gap": "float64",

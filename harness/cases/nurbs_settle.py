@@ -68,9 +68,7 @@ class Settle:
 
         grain = uniform_grain(waisted(), DENSITY)
         height = FALL - lowest(grain.outline, TILT)[1]
-        law = ContactLaw(
-            kn=KN, ks=0.5 * KN, mu=MU, beta=BETA, lever_arm="overlap", regularised=True, restitution=0.0
-        )
+        law = ContactLaw(kn=KN, ks=0.5 * KN, mu=MU, beta=BETA, lever_arm="overlap", regularised=True, restitution=0.0)
         plane = Wall(name="plane", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
         gravity = (G * math.sin(params["slope"]), -G * math.cos(params["slope"]))
         given = grains([grain], [0], x=[(0.0, height)], angle=TILT)

@@ -59,6 +59,7 @@ def test_counts_are_those_of_all_pairs(sort_from: int, monkeypatch: pytest.Monke
 
 
 def test_a_disk_that_touches_nothing_costs_nothing() -> None:
+    """And disks at rest keep the lists that the session began with."""
     alone = Scene(disks=Disks(x=[(0.0, 0.0), (5.0, 0.0)], radius=1.0, mass=1.0), disk_disk=LAW)
     session = DemSession(alone, numerics(1e-3, 3))
     session.run()

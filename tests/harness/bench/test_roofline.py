@@ -227,10 +227,11 @@ def test_packings_at_rest_have_the_estimate_and_flowing_ones_their_counts(settle
     first, second = (
         dem_suite.run_problem(each, {}, repeats=1, time_limit=60.0, tell=lambda _: None)[0] for each in (rest, flow)
     )
-    assert first["rebuilds"] == second["rebuilds"] == 1
+    assert first["rebuilds"] == second["rebuilds"] == 0  # 50 steps at rest: the lists that the session began with
     assert first["listed_pairs"] >= first["contacts"] > 60
     assert first["working_set"] == pytest.approx(60 * 140, rel=0.2)
-    assert first["rate"] * first["flops"] < first["flop_rate_single"] < first["flop_rate"]
+    assert first["rate"] * first["flops"] < first["flop_rate"]
+    assert first["flop_rate_single"] < first["flop_rate"]
     assert first["rate"] * first["traffic"] < first["bandwidth"]
     assert math.isnan(second["flops"])
     assert math.isnan(second["bandwidth"])
@@ -252,7 +253,9 @@ def test_probes_compute_what_they_are_timed_for() -> None:
     expected = 0.25 * y + 0.5 * 0.75 + 0.75
     roofline.multiply_add_single(y, 0.5, 0.75, 2)
     np.testing.assert_allclose(y, expected, rtol=1e-15)
-    assert roofline.roots(b, 2) == pytest.approx(2.0 * (1.0 / np.sqrt(b)).sum(), rel=1e-14)
+    expected = 0.5 + 1.0 / np.sqrt(0.5 + 1.0 / np.sqrt(b))
+    roofline.roots(b, 0.5, 2)
+    np.testing.assert_allclose(b, expected, rtol=1e-15)
 
 
 @pytest.mark.timing
