@@ -79,7 +79,7 @@ def begin_set(
             p, q = state.forces[at, 0], state.forces[at, 1]
         near.shear[k] = q
         near.force[k, 0], near.force[k, 1] = project_on_cone(p, q, laws.mu[near.row[k]])
-        near.inside[k] = _by_gap(k, laws, near) and (p > 0.0 or near.closing[k] < tolerance)
+        near.inside[k] = _harmless(k, laws, near) and (p > 0.0 or near.closing[k] < tolerance)
     find_closing(scheme, near, flight)
     for k in range(near.pairs.shape[0]):
         near.inside[k] |= near.closing[k] < tolerance
@@ -94,7 +94,7 @@ def grow_set(tolerance: float, finished: bool, scheme: Scheme, laws: Laws, near:
     find_closing(scheme, near, dx)
     missed = 0
     for k in range(near.pairs.shape[0]):
-        if not near.inside[k] and near.closing[k] < -tolerance and (finished or _by_gap(k, laws, near)):
+        if not near.inside[k] and near.closing[k] < -tolerance and (finished or _harmless(k, laws, near)):
             near.inside[k] = True
             near.force[k, 0] = near.force[k, 1] = 0.0
             missed += 1
@@ -130,6 +130,11 @@ def choose(laws: Laws, near: Near, chosen: Chosen) -> int:
 
 
 @inline_kernel
-def _by_gap(k: int, laws: Laws, near: Near) -> bool:
-    """Whether the condition of the pair contains its gap: all but those under Newton's law."""
-    return bool(np.isnan(laws.restitution[near.row[k]]))
+def _harmless(k: int, laws: Laws, near: Near) -> bool:
+    """Whether the pair leaves the solution as it is if it is in the set and need not be.
+
+    Its condition has to contain its gap, as all but those under Newton's law do. And an open contact has to be without force, which one
+    whose shear spring is stretched by ``q/ks`` is not under the associated rule: it would hold on until the gap is ``mu`` times that.
+    """
+    by_gap = np.isnan(laws.restitution[near.row[k]])
+    return bool(by_gap and (near.shear[k] == 0.0 or not laws.elastic[near.row[k]]))
