@@ -132,8 +132,8 @@ REOPENED = (
 )  # fmt: skip
 
 LISTS = (
-    _kernel("skin-too-generous", "disks may move four times as far as the skin allows before the lists are rebuilt", "hit-near",
-            (STEP, _LIMIT, _LIMIT.replace("min(", "4.0 * min("))),
+    _kernel("skin-too-generous", "disks may move twenty times as far as the skin allows before the lists are rebuilt", "hit-near",
+            (STEP, _LIMIT, _LIMIT.replace("min(", "20.0 * min("))),
     _kernel("wall-unnoticed", "the lists do not notice that a wall comes closer", "push-wall",
             (STEP, _LIMIT, "limit = 0.5 * skin[0]")),
 )  # fmt: skip
