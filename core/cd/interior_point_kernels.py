@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd._jit import inline_kernel, kernel
+from ninedisk.core.cd.contact_kernels import add_contact_force, contact_velocity
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
 
 
 @inline_kernel
@@ -62,44 +64,134 @@ def forces_of_rays(mu: Floats, a: Floats, r: Floats) -> None:
             r[k, 0], r[k, 1] = a[k, 0] + a[k, 1], mu[k] * (a[k, 0] - a[k, 1])
 
 
-@kernel
-def condense(mu: Floats, compliance: Floats, e: Floats, z: Floats, r: Floats) -> None:
-    """``r = G E^-1 z``, shape (c, 2): contact forces that the ray velocities ``z`` call for."""
-    for k in range(mu.shape[0]):
-        m, cn, ct = mu[k], compliance[k, 0], compliance[k, 1]
-        if m == 0.0:
-            r[k, 0], r[k, 1] = z[k, 0] / (cn + e[k, 0]), 0.0
-        else:
-            det = determinant(m, cn, ct, e[k, 0], e[k, 1])
-            tangential = 2.0 * m * m * ct
-            r[k, 0] = ((tangential + e[k, 1]) * z[k, 0] + (tangential + e[k, 0]) * z[k, 1]) / det
-            r[k, 1] = m * ((2.0 * cn + e[k, 1]) * z[k, 0] - (2.0 * cn + e[k, 0]) * z[k, 1]) / det
+@inline_kernel
+def condense(mu: float, cn: float, ct: float, e0: float, e1: float, z0: float, z1: float) -> tuple[float, float]:
+    """``r = G E^-1 z``: contact force that the ray velocities ``z`` of one contact call for."""
+    if mu == 0.0:
+        return z0 / (cn + e0), 0.0
+    det = determinant(mu, cn, ct, e0, e1)
+    tangential = 2.0 * mu * mu * ct
+    p = ((tangential + e1) * z0 + (tangential + e0) * z1) / det
+    return p, mu * ((2.0 * cn + e1) * z0 - (2.0 * cn + e0) * z1) / det
+
+
+@inline_kernel
+def expand(mu: float, cn: float, ct: float, e0: float, e1: float, z0: float, z1: float) -> tuple[float, float]:
+    """``E^-1 z`` of one contact; 0 for the second ray of a smooth one."""
+    if mu == 0.0:
+        return z0 / (cn + e0), 0.0
+    det = determinant(mu, cn, ct, e0, e1)
+    plus, minus = cn + mu * mu * ct, cn - mu * mu * ct
+    return ((plus + e1) * z0 - minus * z1) / det, ((plus + e0) * z1 - minus * z0) / det
 
 
 @kernel
-def expand(mu: Floats, compliance: Floats, e: Floats, z: Floats, du: Floats, da: Floats) -> None:
-    """``da = E^-1 (z - G' du)``, shape (c, 2), with ``du = H dv`` the change of the contact velocities."""
-    for k in range(mu.shape[0]):
-        m, cn, ct = mu[k], compliance[k, 0], compliance[k, 1]
-        z0 = z[k, 0] - du[k, 0] - m * du[k, 1]
-        if m == 0.0:
-            da[k, 0], da[k, 1] = z0 / (cn + e[k, 0]), 0.0
-        else:
-            z1 = z[k, 1] - du[k, 0] + m * du[k, 1]
-            det = determinant(m, cn, ct, e[k, 0], e[k, 1])
-            plus, minus = cn + m * m * ct, cn - m * m * ct
-            da[k, 0] = ((plus + e[k, 1]) * z0 - minus * z1) / det
-            da[k, 1] = ((plus + e[k, 0]) * z1 - minus * z0) / det
+def load_of_target(
+    bodies: Ints,
+    normal: Floats,
+    arms: Floats,
+    free: Floats,
+    mu: Floats,
+    compliance: Floats,
+    e: Floats,
+    a: Floats,
+    error_u: Floats,
+    error_v: Floats,
+    target: Floats,
+    z: Floats,
+    load: Floats,
+) -> None:
+    """Right-hand side of a Newton step: ``z = error_u + target/a`` and ``load = error_v + H' G E^-1 z``.
+
+    Parameters
+    ----------
+    bodies, normal, arms, free, mu, compliance
+        As in `ContactProblem`.
+    e, a, error_u, target : ndarray, shape (c, 2)
+        Compliances and values of the rays, errors of the slacks, wanted changes of the products ``a s``.
+    error_v : ndarray, shape (b, 3)
+        Errors of the bodies' balances of momentum.
+    z, load : ndarray, shapes (c, 2) and (b, 3)
+        Out.
+    """
+    for i in range(load.shape[0]):
+        for d in range(3):
+            load[i, d] = error_v[i, d]
+    for k in range(bodies.shape[0]):
+        z[k, 0] = error_u[k, 0] + target[k, 0] / a[k, 0]
+        z[k, 1] = error_u[k, 1] + target[k, 1] / a[k, 1]
+        p, q = condense(mu[k], compliance[k, 0], compliance[k, 1], e[k, 0], e[k, 1], z[k, 0], z[k, 1])
+        add_contact_force(k, p, q, bodies, normal, arms, free, load)
 
 
 @kernel
-def longest_step(mu: Floats, a: Floats, s: Floats, da: Floats, ds: Floats) -> tuple[float, float]:
-    """Largest steps up to 1 that keep the rays ``a`` and slacks ``s`` non-negative."""
-    primal = dual = 1.0
+def changes_of_rays(
+    bodies: Ints,
+    normal: Floats,
+    arms: Floats,
+    mu: Floats,
+    compliance: Floats,
+    e: Floats,
+    a: Floats,
+    ratio: Floats,
+    z: Floats,
+    target: Floats,
+    dv: Floats,
+    da: Floats,
+    ds: Floats,
+) -> None:
+    """``da = E^-1 (z - G' H dv)`` and ``ds = target/a - ratio da`` of the change ``dv`` of the bodies' velocities.
+
+    Arguments as in `load_of_target`; ``ratio = s/a``; ``da`` and ``ds``, shape (c, 2), are the result.
+    """
+    for k in range(bodies.shape[0]):
+        un, ut = contact_velocity(k, bodies, normal, arms, dv)
+        m = mu[k]
+        z0, z1 = z[k, 0] - un - m * ut, z[k, 1] - un + m * ut
+        da[k, 0], da[k, 1] = expand(m, compliance[k, 0], compliance[k, 1], e[k, 0], e[k, 1], z0, z1)
+        ds[k, 0] = target[k, 0] / a[k, 0] - ratio[k, 0] * da[k, 0]
+        ds[k, 1] = target[k, 1] / a[k, 1] - ratio[k, 1] * da[k, 1] if m > 0.0 else 0.0
+
+
+@kernel
+def longest_step(
+    mu: Floats, a: Floats, s: Floats, da: Floats, ds: Floats, more_a: Floats, more_s: Floats, weight: float
+) -> float:
+    """Largest step up to 1 along ``(da, ds) + weight (more_a, more_s)`` that keeps rays ``a`` and slacks ``s`` non-negative."""
+    step = 1.0
     for k in range(mu.shape[0]):
         for m in range(2 if mu[k] > 0.0 else 1):
-            if da[k, m] < 0.0:
-                primal = min(primal, -a[k, m] / da[k, m])
-            if ds[k, m] < 0.0:
-                dual = min(dual, -s[k, m] / ds[k, m])
-    return primal, dual
+            change_a = da[k, m] + weight * more_a[k, m]
+            change_s = ds[k, m] + weight * more_s[k, m]
+            if -change_a * step > a[k, m]:
+                step = -a[k, m] / change_a
+            if -change_s * step > s[k, m]:
+                step = -s[k, m] / change_s
+    return step
+
+
+@kernel
+def mean_product(mu: Floats, a: Floats, s: Floats, da: Floats, ds: Floats, step: float) -> float:
+    """Mean of ``(a + step da)(s + step ds)`` over all rays."""
+    total, count = 0.0, 0
+    for k in range(mu.shape[0]):
+        for m in range(2 if mu[k] > 0.0 else 1):
+            total += (a[k, m] + step * da[k, m]) * (s[k, m] + step * ds[k, m])
+            count += 1
+    return total / count
+
+
+@kernel
+def pull_to_centre(
+    mu: Floats, a: Floats, s: Floats, da: Floats, ds: Floats, step: float, goal: float, spread: float, target: Floats
+) -> None:
+    """Changes that products off the interval from ``spread goal`` to ``goal/spread`` after a step need to come back (Gondzio 1996).
+
+    ``target``, shape (c, 2), receives them, none below ``-goal/spread``.
+    """
+    low, high = spread * goal, goal / spread
+    for k in range(mu.shape[0]):
+        target[k, 1] = 0.0
+        for m in range(2 if mu[k] > 0.0 else 1):
+            product = (a[k, m] + step * da[k, m]) * (s[k, m] + step * ds[k, m])
+            target[k, m] = max(min(max(product, low), high) - product, -high)
