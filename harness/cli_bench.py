@@ -85,7 +85,7 @@ def register(app: typer.Typer, write_page: WritePage) -> None:
           1  complete, but an engine failed its check
           2  wrong usage
           3  an engine failed or crashed
-          130  interrupted; nothing was written
+          130  interrupted; the record and the page hold what was measured until then
         """
         code = execute(
             suites or list(SUITES),
@@ -143,17 +143,23 @@ def execute(
         time_limit=time_limit,
     )
     prepare_folder(out)
-    with one_thread(), CellProgress() as progress:
-        rows = run_suites(request, lambda text, done=0, total=0: progress(done, total, text))
+    run_id = new_run_id()
+    rows: list[Row] = []
+    facts: dict[str, Any] = {"provenance": provenance(), "argv": command_line()}
+    page = out / f"{run_id}.html"
+    try:
+        with one_thread(), CellProgress() as progress:
+            for batch in run_suites(request, lambda text, done=0, total=0: progress(done, total, text)):
+                rows += batch
+                facts["versions"] = _versions(rows)
+                paths = write_records(out, run_id, facts, rows)
+    finally:  # hours of measurements are worth a page even if the last one is interrupted
+        if rows:
+            write_page({"run_id": run_id, **facts, "rows": rows}, page)
     if not rows:
         raise UsageError(
             "nothing to measure: no problem matches --problem, --size and the suites; leave one of them out"
         )
-    facts = {"provenance": provenance(), "argv": command_line(), "versions": _versions(rows)}
-    run_id = new_run_id()
-    paths = list(write_records(out, run_id, facts, rows))
-    page = out / f"{run_id}.html"
-    write_page({"run_id": run_id, **facts, "rows": rows}, page)
     show(rows, [*paths, page])
     found = {row["status"] for row in rows}
     return BROKEN if "error" in found else FAILED if "fail" in found else 0

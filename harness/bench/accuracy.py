@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -77,9 +77,8 @@ def run(
     repeats: int,
     time_limit: float,
     tell: Callable[[str, str], None],
-) -> list[Row]:
+) -> Iterator[list[Row]]:
     """Rows with each of ``arms`` and each of `DIVISIONS`, on the core and every engine with springs that expresses the variant."""
-    rows: list[Row] = []
     for arm in arms:
         told = partial(tell, problem_name(arm))
         told("converged forces")
@@ -95,10 +94,10 @@ def run(
             for label, (name, divisions) in cells.items()
         ]
         measured = interleave(contenders, repeats=repeats, time_limit=time_limit, tell=told)
-        for label, (name, divisions) in cells.items():
-            base = measured[f"dem, {divisions} steps a cycle"]
-            rows.append(new_row(**_row(arm, name, divisions, measured[label], base, limit)))
-    return rows
+        yield [
+            new_row(**_row(arm, name, n, measured[label], measured[f"dem, {n} steps a cycle"], limit))
+            for label, (name, n) in cells.items()
+        ]
 
 
 def _row(arm: str, name: str, divisions: int, measured: Measured, base: Measured, limit: Limit) -> Row:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -42,21 +42,19 @@ def run(
     repeats: int,
     time_limit: float,
     tell: Callable[[str, str], None],
-) -> list[Row]:
-    """Rows of all problems, cold and warm, at all tolerances.
+) -> Iterator[list[Row]]:
+    """Rows of all problems, cold and warm, one tolerance after the other.
 
     A solver that misses a tolerance is not asked for a tighter one.
     """
     warm_up()
-    rows: list[Row] = []
     for name, make in makers.items():
         tell(name, "making the problem")
         problem = make()
         with tempfile.TemporaryDirectory(prefix="ninedisk-bench-", ignore_cleanup_errors=True) as folder:
-            rows += run_problem(
+            yield from run_problem(
                 name, problem, solvers, Path(folder), repeats=repeats, time_limit=time_limit, tell=partial(tell, name)
             )
-    return rows
 
 
 def run_problem(
@@ -68,8 +66,8 @@ def run_problem(
     repeats: int,
     time_limit: float,
     tell: Tell,
-) -> list[Row]:
-    """Rows of one problem; ``folder`` takes the file that other processes read."""
+) -> Iterator[list[Row]]:
+    """Rows of one problem, one tolerance after the other; ``folder`` takes the file that other processes read."""
     file = folder / "problem.npz"
     problem.save(file)
     _ = problem.b, problem.rho, problem.blocks  # made once, by nobody's clock
@@ -77,7 +75,6 @@ def run_problem(
     optimum = _solution(problem, time_limit)
     near = _solution(turned_gravity(problem), time_limit)
     best = None if optimum is None else problem.objective(optimum)
-    rows: list[Row] = []
     for start, forces in (("cold", None), ("warm", near)):
         if start == "warm" and forces is None:
             continue
@@ -96,12 +93,12 @@ def run_problem(
                 time_limit=time_limit,
                 tell=lambda text, start=start, tolerance=tolerance: tell(f"{start}, {tolerance:g}: {text}"),  # type: ignore[misc]
             )
-            for solver in alive:
-                base = found.get(BASE[solver.sliding])
-                head = {"problem": name, "disks": problem.n_bodies, "start": start, "tolerance": tolerance}
-                rows.append(new_row(**head, **_row(problem, solver, found[solver.name], base, best, tolerance)))
+            head = {"problem": name, "disks": problem.n_bodies, "start": start, "tolerance": tolerance}
+            measured = [(solver, found[solver.name], found.get(BASE[solver.sliding])) for solver in alive]
+            yield [
+                new_row(**head, **_row(problem, solver, its, base, best, tolerance)) for solver, its, base in measured
+            ]
             alive = [solver for solver in alive if found[solver.name].samples]
-    return rows
 
 
 def _can_share(solver: Solver, problem: ContactProblem) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -145,9 +145,8 @@ def run(
     repeats: int,
     time_limit: float,
     tell: Callable[[str, str], None],
-) -> list[Row]:
-    """Rows of all problems, one size after the other."""
-    rows: list[Row] = []
+) -> Iterator[list[Row]]:
+    """Rows of all problems, one problem after the other."""
     for first, make in makers.items():
         tell(first, "settling")
         for problem in make():
@@ -155,5 +154,4 @@ def run(
             def told(what: str, first: str = first, name: str = problem.name) -> None:
                 tell(first, f"{name}: {what}")
 
-            rows += run_problem(problem, engines, repeats=repeats, time_limit=time_limit, tell=told)
-    return rows
+            yield run_problem(problem, engines, repeats=repeats, time_limit=time_limit, tell=told)

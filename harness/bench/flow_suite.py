@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
@@ -101,15 +101,13 @@ def run(
     repeats: int,
     time_limit: float,
     tell: Callable[[str, str], None],
-) -> list[Row]:
-    """Rows of all problems."""
-    rows: list[Row] = []
+) -> Iterator[list[Row]]:
+    """Rows of all problems, one problem after the other."""
     for name, make in makers.items():
         tell(name, "making the flow")
         problem = make()
         told: Tell = partial(tell, name)
-        rows += run_problem(problem, chosen, engines, repeats=repeats, time_limit=time_limit, tell=told)
-    return rows
+        yield run_problem(problem, chosen, engines, repeats=repeats, time_limit=time_limit, tell=told)
 
 
 def run_problem(

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -37,7 +37,7 @@ def run(
     repeats: int,
     time_limit: float,
     tell: Callable[[str, str], None],
-) -> list[Row]:
+) -> Iterator[list[Row]]:
     """Rows of the whole run of ``ninedisk run`` on `ENGINES`, with each of `JOBS`.
 
     Parameters
@@ -47,18 +47,16 @@ def run(
     problems : sequence of str
         Some of `PROBLEMS`.
     """
-    rows: list[Row] = []
     for problem in problems:
         if problem == CACHED:
             tell(problem, "a first run, to fill the cache")
             first = interleave([_contender(globs, problem, 1)], repeats=1, time_limit=time_limit)
             if not first[_name(1)].samples:
-                rows += _rows(problem, first, JOBS[:1])
+                yield _rows(problem, first, JOBS[:1])
                 continue
         told: Tell = partial(tell, problem)
         contenders = [_contender(globs, problem, count) for count in JOBS]
-        rows += _rows(problem, interleave(contenders, repeats=repeats, time_limit=time_limit, tell=told), JOBS)
-    return rows
+        yield _rows(problem, interleave(contenders, repeats=repeats, time_limit=time_limit, tell=told), JOBS)
 
 
 def _name(jobs: int) -> str:

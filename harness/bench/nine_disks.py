@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -49,18 +49,16 @@ def run(
     repeats: int,
     time_limit: float,
     tell: Callable[[str, str], None],
-) -> list[Row]:
+) -> Iterator[list[Row]]:
     """Rows of the nine disks with each of ``arms``, on the core and every engine with springs that expresses the variant.
 
     Each is run twice: as the case asks, forces read at every step of the distortion; and with the last state as the only
     sample, so that an engine with a costly way out of its stepping loop is not judged by that.
     """
-    rows: list[Row] = []
     for arm in arms:
         told = partial(tell, problem_name(arm))
         for last_only in (False, True):
-            rows += _run_arm(arm, engines, last_only, repeats=repeats, time_limit=time_limit, tell=told)
-    return rows
+            yield _run_arm(arm, engines, last_only, repeats=repeats, time_limit=time_limit, tell=told)
 
 
 def _run_arm(

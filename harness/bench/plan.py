@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -32,10 +32,11 @@ class Request:
     time_limit: float
 
 
-def run_suites(request: Request, tell: Tell) -> list[Row]:
-    """Rows of all suites of the request."""
+def run_suites(request: Request, tell: Tell) -> Iterator[list[Row]]:
+    """Rows of all suites of the request, as soon as those measured together are complete."""
     runs = {"dem": _dem, "cd": _cd, "flow": _flow, "harness": _harness}
-    return [row for suite in request.suites for row in runs[suite](request, tell)]
+    for suite in request.suites:
+        yield from runs[suite](request, tell)
 
 
 class _Place:
@@ -55,7 +56,7 @@ def _sizes(request: Request, usual: tuple[int, ...], more: tuple[int, ...]) -> l
     return list(request.sizes) or [*usual, *(more if request.large else ())]
 
 
-def _dem(request: Request, tell: Tell) -> list[Row]:
+def _dem(request: Request, tell: Tell) -> Iterator[list[Row]]:
     from ninedisk.harness.bench import accuracy, dem_problems, dem_suite, nine_disks
     from ninedisk.harness.registry import engines_that_load
 
@@ -67,13 +68,12 @@ def _dem(request: Request, tell: Tell) -> list[Row]:
     first = dem_problems.makers(sizes, wanted)
     place = _Place(tell, [*first, *(part.problem_name(arm) for part, arms in small.items() for arm in arms)])
     makers = dem_problems.makers(sizes, wanted, place.settling)
-    rows = dem_suite.run(makers, engines, repeats=request.repeats, time_limit=request.time_limit, tell=place)
+    yield from dem_suite.run(makers, engines, repeats=request.repeats, time_limit=request.time_limit, tell=place)
     for part, arms in small.items():
-        rows += part.run(arms, engines, repeats=request.repeats, time_limit=request.time_limit, tell=place)
-    return rows
+        yield from part.run(arms, engines, repeats=request.repeats, time_limit=request.time_limit, tell=place)
 
 
-def _cd(request: Request, tell: Tell) -> list[Row]:
+def _cd(request: Request, tell: Tell) -> Iterator[list[Row]]:
     from ninedisk.harness.bench import cd_problems, cd_solvers, cd_suite
 
     sizes = _sizes(request, cd_problems.SIZES, cd_problems.LARGE)
@@ -90,7 +90,7 @@ def _cd(request: Request, tell: Tell) -> list[Row]:
     )
 
 
-def _flow(request: Request, tell: Tell) -> list[Row]:
+def _flow(request: Request, tell: Tell) -> Iterator[list[Row]]:
     from ninedisk.harness.bench import flow_problems, flow_suite
     from ninedisk.harness.registry import engine_table, get_engine
 
@@ -109,7 +109,7 @@ def _flow(request: Request, tell: Tell) -> list[Row]:
     )
 
 
-def _harness(request: Request, tell: Tell) -> list[Row]:
+def _harness(request: Request, tell: Tell) -> Iterator[list[Row]]:
     from ninedisk.harness.bench import harness_suite
 
     names = [name for name in harness_suite.PROBLEMS if request.problem_wanted(name)]

@@ -19,7 +19,7 @@ from ninedisk.references.converged_tables import load_converged
 
 
 def run(engines: dict[str, Any]) -> dict[tuple[str, int], Row]:
-    rows = accuracy.run(["overlap"], engines, repeats=1, time_limit=60.0, tell=lambda *_: None)
+    (rows,) = accuracy.run(["overlap"], engines, repeats=1, time_limit=60.0, tell=lambda *_: None)
     return {(row["engine"], row["steps"]): row for row in rows}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -134,7 +135,11 @@ def test_what_is_not_reached_in_time_is_told_with_its_figures(
 
 
 def rows_of(problem: ContactProblem, some: list[Solver], folder: Path) -> list[Row]:
-    return cd_suite.run_problem("p", problem, some, folder, repeats=2, time_limit=20.0, tell=lambda _: None)
+    return list(
+        chain.from_iterable(
+            cd_suite.run_problem("p", problem, some, folder, repeats=2, time_limit=20.0, tell=lambda _: None)
+        )
+    )
 
 
 def test_rows_cold_and_warm_at_every_tolerance(problem: ContactProblem, tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -79,7 +81,7 @@ def test_a_small_run_writes_record_and_page(here: Path, packing_folder: Path) ->
 @pytest.mark.parametrize(("statuses", "code"), [(("pass", "not-reached"), 0), (("fail",), 1), (("fail", "error"), 3)])
 def test_exit_codes(statuses: tuple[str, ...], code: int, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = [new_row(suite="cd", problem="p", engine="e", status=status, reason="because") for status in statuses]
-    monkeypatch.setattr(plan, "run_suites", lambda *_: rows)
+    monkeypatch.setattr(plan, "run_suites", lambda *_: iter([rows]))
     done = ninedisk("cd")
     assert done.exit_code == code
     assert "because" in done.stdout
@@ -101,7 +103,11 @@ def harness_rows(monkeypatch: pytest.MonkeyPatch, outcomes: list[str]) -> list[R
         "_run",
         lambda *_: Sample(seconds=1.0, whole=1.0, facts={"outcome": left.pop(0), "cpu": 1.0}),
     )
-    return harness_suite.run((), [harness_suite.COLD], repeats=2, time_limit=60.0, tell=lambda *_: None)
+    return list(
+        chain.from_iterable(
+            harness_suite.run((), [harness_suite.COLD], repeats=2, time_limit=60.0, tell=lambda *_: None)
+        )
+    )
 
 
 def test_jobs_have_to_agree_with_one_job(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,7 +118,7 @@ def test_jobs_have_to_agree_with_one_job(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_the_harness_is_timed_on_a_case_with_cached_kernels() -> None:
-    rows = harness_suite.run(
+    (rows,) = harness_suite.run(
         ("binary-collision",), [harness_suite.CACHED], repeats=1, time_limit=120.0, tell=lambda *_: None
     )
     assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
@@ -138,3 +144,16 @@ def test_tables_and_pages_bear_rows_without_numbers(here: Path) -> None:
     text = (here / "page.html").read_text()
     assert "<b>missing</b>" not in text
     assert "&lt;b&gt;missing" in text
+
+
+def test_an_interrupted_run_keeps_what_was_measured(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def measured(*_: object) -> Iterator[list[Row]]:
+        yield [new_row(suite="cd", problem="p", engine="e", status="pass", median_s=1.0)]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(plan, "run_suites", measured)
+    done = ninedisk("cd", "--out", "o")
+    assert done.exit_code == 130
+    by_suffix = {path.suffix: path for path in (here / "o").iterdir()}
+    assert set(by_suffix) == {".json", ".parquet", ".html"}
+    assert [row["problem"] for row in json.loads(by_suffix[".json"].read_text())["rows"]] == ["p"]
