@@ -1,4 +1,4 @@
-"""Sparse Cholesky-type factorisation with a symbolic part that is reused: qdldl, or MKL PARDISO where installed."""
+"""Sparse Cholesky-type factorisation with a symbolic part that is reused: our own, qdldl, or MKL PARDISO where installed."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.cholesky import SupernodalCholesky
 from ninedisk.core.errors import InvalidNumericsError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-PARDISO_FROM = 60_000
-"""Unknowns from which PARDISO, where installed, is worth its overhead."""
 
 
 class _Backend(Protocol):
@@ -25,14 +23,14 @@ class _Backend(Protocol):
 
 
 class Factorisation:
-    """LDL' of symmetric positive definite matrices of one sparsity pattern.
+    """Factors of symmetric positive definite matrices of one sparsity pattern.
 
     Parameters
     ----------
     indptr, indices : ndarray of int
-        Compressed columns of the upper triangle, diagonal included, rows ascending.
-    kind : {"auto", "qdldl", "pardiso"}
-        "auto": PARDISO for large patterns where it is installed, else qdldl.
+        Compressed columns of the upper triangle, diagonal included, rows ascending, in complete blocks of 3 x 3.
+    kind : {"auto", "supernodal", "qdldl", "pardiso"}
+        "auto": supernodal, the fastest at all sizes; the others check it.
 
     Raises
     ------
@@ -41,13 +39,15 @@ class Factorisation:
     """
 
     def __init__(self, indptr: IntArray, indices: IntArray, kind: str = "auto") -> None:
-        n = len(indptr) - 1
         if kind == "pardiso" and _pardiso() is None:
             raise InvalidNumericsError("factoriser 'pardiso' is not installed: pip install pypardiso, or use 'qdldl'")
-        large = n >= PARDISO_FROM and _pardiso() is not None
-        use_pardiso = kind == "pardiso" or (kind == "auto" and large)
-        self.kind = "pardiso" if use_pardiso else "qdldl"
-        self._backend: _Backend = _Pardiso(indptr, indices) if use_pardiso else _Qdldl(indptr, indices)
+        self.kind = "supernodal" if kind == "auto" else kind
+        made: dict[str, type[SupernodalCholesky | _Qdldl | _Pardiso]] = {
+            "supernodal": SupernodalCholesky,
+            "qdldl": _Qdldl,
+            "pardiso": _Pardiso,
+        }
+        self._backend: _Backend = made[self.kind](indptr, indices)
 
     def update(self, data: FloatArray) -> bool:
         """Factorise the matrix with these entries; False if it is not positive definite to round-off."""

@@ -15,6 +15,8 @@ from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]
 
+FACTORISERS = ("auto", "supernodal", "qdldl", "pardiso")
+
 
 @dataclass(frozen=True, kw_only=True)
 class SolverOptions:
@@ -32,7 +34,7 @@ class SolverOptions:
         Over-relaxation of Gauss-Seidel, in (0, 2).
     threads : int
         Threads of Gauss-Seidel, 1..64; the result does not depend on them.
-    factoriser : {"auto", "qdldl", "pardiso"}
+    factoriser : {"auto", "supernodal", "qdldl", "pardiso"}
         Sparse factorisation of the interior-point method.
 
     Raises
@@ -58,8 +60,8 @@ class SolverOptions:
         if not 0.0 < self.relaxation < 2.0:
             raise InvalidNumericsError(f"relaxation = {self.relaxation!r} is not allowed: it must lie in (0, 2)")
         check_threads(self.threads)
-        if self.factoriser not in ("auto", "qdldl", "pardiso"):
-            raise InvalidNumericsError(f"factoriser = {self.factoriser!r} is unknown: use auto, qdldl or pardiso")
+        if self.factoriser not in FACTORISERS:
+            raise InvalidNumericsError(f"factoriser = {self.factoriser!r} is unknown: use {', '.join(FACTORISERS)}")
 
 
 @dataclass(frozen=True, kw_only=True)

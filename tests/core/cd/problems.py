@@ -230,6 +230,13 @@ def size_of(index: int) -> int:
     return round(SMALLEST * (LARGEST / SMALLEST) ** ((index + 1) * GOLDEN % 1.0))
 
 
+def of_kind(builder: Callable[[Rng, int], Choice], at_least: int) -> ContactProblem:
+    """The smallest of the problems of a kind that has this many contacts."""
+    kind = BUILDERS.index(builder)
+    every = [problem(i) for i in range(kind, COUNT, len(BUILDERS))]
+    return min((p for p in every if p.n_contacts >= at_least), key=lambda p: p.n_contacts)
+
+
 def builder_of(index: int) -> str:
     """Name of the builder of problem ``index``."""
     return BUILDERS[index % len(BUILDERS)].__name__

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -12,7 +11,7 @@ import problems
 import pytest
 from methods import Solve, each_solver, solve_interior_point
 from numpy.typing import NDArray
-from problems import FLOOR, LEFT, RIGHT
+from problems import FLOOR, LEFT, RIGHT, of_kind
 
 from ninedisk.core.cd import factorise
 from ninedisk.core.cd.interior_point import InteriorPoint
@@ -22,13 +21,6 @@ from ninedisk.core.cd.result import SolverOptions
 from ninedisk.core.errors import SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]
-
-
-def of_kind(builder: Callable[..., Any], at_least: int) -> ContactProblem:
-    """The smallest of the problems of a kind that has this many contacts."""
-    kind = problems.BUILDERS.index(builder)
-    every = [problems.problem(i) for i in range(kind, problems.COUNT, len(problems.BUILDERS))]
-    return min((p for p in every if p.n_contacts >= at_least), key=lambda p: p.n_contacts)
 
 
 def without_contact(problem: ContactProblem, k: int) -> ContactProblem:
