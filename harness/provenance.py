@@ -26,7 +26,6 @@ PACKAGES = (
     "matplotlib",
     "pymunk",
     "qdldl",
-    "pypardiso",
     "typer",
     "rich",
     "pint",

@@ -15,7 +15,8 @@ from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]
 
-FACTORISERS = ("auto", "supernodal", "qdldl", "pardiso")
+FACTORISERS = ("auto", "supernodal", "qdldl")
+"""Sparse factorisations of the interior-point method: "auto" is the supernodal one, qdldl checks it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +35,7 @@ class SolverOptions:
         Over-relaxation of Gauss-Seidel, in (0, 2).
     threads : int
         Threads of Gauss-Seidel, 1..64; the result does not depend on them.
-    factoriser : {"auto", "supernodal", "qdldl", "pardiso"}
+    factoriser : {"auto", "supernodal", "qdldl"}
         Sparse factorisation of the interior-point method.
 
     Raises

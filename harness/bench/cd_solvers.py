@@ -100,8 +100,8 @@ def solvers() -> list[Solver]:
     own = ninedisk.__version__
     qp = {name: package_version(name)[0] or "" for name in ("clarabel", "piqp")}
     return [
+        Solver("interior-point", "associated", _interior("auto"), version=own),
         Solver("interior-point (qdldl)", "associated", _interior("qdldl"), version=own),
-        Solver("interior-point (pardiso)", "associated", _interior("pardiso"), version=own),
         Solver("projected-gradient", "associated", _projected_gradient, version=own),
         Solver("gauss-seidel", "associated", _gauss_seidel(1.0), version=own, sweeps=True),
         *_on_two_cores("gauss-seidel", "associated", 1.0, own),
@@ -164,9 +164,6 @@ def _own(task: Task, limit: float, solve: Callable[[SolverOptions], SolverResult
 
 def _interior(factoriser: str) -> Callable[[Task, float], Sample]:
     def solve(task: Task, limit: float) -> Sample:
-        if factoriser == "pardiso" and package_version("pypardiso")[0] is None:
-            raise EngineNotInstalledError("PARDISO is not installed: pip install pypardiso")
-
         def with_options(options: SolverOptions) -> SolverResult:
             return InteriorPoint(options).solve(task.problem, start=task.start)
 

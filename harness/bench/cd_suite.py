@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 BASE: Mapping[Sliding, str] = {
-    "associated": "interior-point (qdldl)",
+    "associated": "interior-point",
     "coulomb": "gauss-seidel, Coulomb",
 }
 """Solver of each rule that the ratios refer to."""

@@ -14,10 +14,10 @@ import pytest
 # First match wins. The core is meant to run where only a compiler of kernels exists; sparse algebra serves contact
 # dynamics alone, and factorisations one module of it.
 THIRD_PARTIES = (
-    (r"ninedisk\.core\.cd\.factorise", {"numpy", "numba", "scipy.sparse", "qdldl", "pypardiso"}),
+    (r"ninedisk\.core\.(_sync|cd\.vector_kernels)", {"numpy", "numba", "llvmlite.ir"}),
+    (r"ninedisk\.core\.cd\.factorise", {"numpy", "numba", "scipy.sparse", "qdldl"}),
     (r"ninedisk\.core\.cd\.feasibility", {"numpy", "numba", "scipy.sparse", "scipy.optimize.linprog"}),
     (r"ninedisk\.core\.cd(\..+)?", {"numpy", "numba", "scipy.sparse"}),
-    (r"ninedisk\.core\._sync", {"numpy", "numba", "llvmlite.ir"}),
     (r"ninedisk\.core(\..+)?", {"numpy", "numba"}),
 )
 # A kernel works on arrays and numbers. Besides other kernels it may use modules that lay arrays out, as long as these

@@ -50,7 +50,7 @@ def task(problem: ContactProblem, folder: Path, solver: Solver, tolerance: float
 
 
 def available(name: str) -> bool:
-    package = {"clarabel": "clarabel", "piqp": "piqp", "interior-point (pardiso)": "pypardiso"}.get(name)
+    package = {"clarabel": "clarabel", "piqp": "piqp"}.get(name)
     if name.startswith("siconos"):
         return installed_siconos(SYSTEM_PYTHON)[0] is not None
     return package is None or package_version(package)[0] is not None
@@ -143,7 +143,7 @@ def rows_of(problem: ContactProblem, some: list[Solver], folder: Path) -> list[R
 
 
 def test_rows_cold_and_warm_at_every_tolerance(problem: ContactProblem, tmp_path: Path) -> None:
-    some = [by_name(name) for name in ("interior-point (qdldl)", "gauss-seidel", "gauss-seidel, Coulomb")]
+    some = [by_name(name) for name in ("interior-point", "gauss-seidel", "gauss-seidel, Coulomb")]
     rows = rows_of(problem, some, tmp_path)
     assert len(rows) == 3 * 2 * len(cd_suite.TOLERANCES)
     assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
@@ -169,7 +169,7 @@ def test_threads_have_rows_where_they_have_work(
 
 
 def test_a_solver_that_claims_too_much_is_not_timed(problem: ContactProblem, tmp_path: Path) -> None:
-    base = by_name("interior-point (qdldl)")
+    base = by_name("interior-point")
 
     def boast(asked: Task, limit: float) -> Any:
         sample = base.solve(asked, limit)
@@ -190,7 +190,7 @@ def test_a_solver_that_misses_a_target_is_not_asked_for_more(problem: ContactPro
         asked.append(one.tolerance)
         raise NotReachedError("weak", {"natural_map": 0.1, "duality_gap": 0.2, "iterations": 5, "seconds": 2.0})
 
-    base = by_name("interior-point (qdldl)")
+    base = by_name("interior-point")
     rows = rows_of(problem, [base, replace(base, name="weak", solve=weak, sweeps=True)], tmp_path)
     assert asked == [1e-4, 1e-4]
     row = next(row for row in rows if row["engine"] == "weak")
