@@ -42,11 +42,12 @@ class Cells(NamedTuple):
     ----------
     start : ndarray of int32, shape (cells + 1,)
     order : ndarray of uint32, shape (n,)
-        Disks sorted by cell, row by row.
+        Disks sorted by cell, row by row. Rows lie along the shorter side of the box around the centres: the next row is then not far
+        away in memory.
     cell : ndarray of int32, shape (n,)
         Cell of each disk.
     grid : ndarray, shape (5,)
-        Lower corner x, y [m], width of a cell [m], columns, rows.
+        Lower corner [m] along and across the rows, width of a cell [m], cells of a row, rows.
     """
 
     start: NDArray[np.int32]
@@ -57,7 +58,7 @@ class Cells(NamedTuple):
 
 @kernel
 def sort_into_cells(x: NDArray[np.float64], width: float, cells: Cells) -> bool:
-    """Counting sort of the centres into square cells.
+    """Counting sort of the centres into square cells, in rows along the shorter side of the box around them.
 
     Parameters
     ----------
@@ -83,18 +84,21 @@ def sort_into_cells(x: NDArray[np.float64], width: float, cells: Cells) -> bool:
     # Finite coordinates can still be too far apart for a finite difference.
     if not (np.isfinite(high_x - low_x) and np.isfinite(high_y - low_y)):
         return False
+    along, across = (0, 1) if high_x - low_x <= high_y - low_y else (1, 0)
+    low_a, long_a = (low_x, high_x - low_x) if along == 0 else (low_y, high_y - low_y)
+    low_b, long_b = (low_y, high_y - low_y) if along == 0 else (low_x, high_x - low_x)
     room = cells.start.shape[0] - 1
-    columns, rows = floor((high_x - low_x) / width) + 1.0, floor((high_y - low_y) / width) + 1.0
+    columns, rows = floor(long_a / width) + 1.0, floor(long_b / width) + 1.0
     while columns * rows > room:
         width *= 1.5
-        columns, rows = floor((high_x - low_x) / width) + 1.0, floor((high_y - low_y) / width) + 1.0
+        columns, rows = floor(long_a / width) + 1.0, floor(long_b / width) + 1.0
     grid = cells.grid
-    grid[0], grid[1], grid[2], grid[3], grid[4] = low_x, low_y, width, columns, rows
+    grid[0], grid[1], grid[2], grid[3], grid[4] = low_a, low_b, width, columns, rows
     nx, count = int(columns), int(columns * rows)
     for c in range(count + 1):
         cells.start[c] = 0
     for i in range(n):
-        c = int((x[i, 1] - low_y) / width) * nx + int((x[i, 0] - low_x) / width)
+        c = int((x[i, across] - low_b) / width) * nx + int((x[i, along] - low_a) / width)
         cells.cell[i] = c
         cells.start[c + 1] += 1
     for c in range(count):

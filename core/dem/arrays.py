@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ order of its disks stays the scene's."""
 STRIPES = 64
 """Most stripes of a sorted run, whatever the number of threads."""
 
+LINE = 64
+"""Bytes of a line of the caches."""
+
 ENERGIES = ("translation", "rotation", "elastic_normal", "elastic_shear", "gravity")
 
 
@@ -36,26 +39,36 @@ class Lists(NamedTuple):
     wall_spare: NeighbourList
 
 
+def aligned(values: NDArray[Any]) -> NDArray[Any]:
+    """Copy that begins with a line of the caches, so that no vector of numbers lies across two of them."""
+    room = np.zeros(values.nbytes + LINE, dtype=np.uint8)
+    first = -room.ctypes.data % LINE
+    found = room[first : first + values.nbytes].view(values.dtype).reshape(values.shape)
+    found[...] = values
+    return found
+
+
 def disk_arrays(scene: Scene, lagged: bool) -> DiskArrays:
     """State of the disks at time 0, in the scene's order; ``lagged``: dashpots see the velocity of half a step before."""
     disks, n = scene.disks, len(scene.disks)
     damped = not lagged and any(law.beta > 0.0 for law in (scene.disk_disk, *(wall.law for wall in scene.walls)))
-    return DiskArrays(
-        x=disks.x.copy(),
-        v=disks.v.copy(),
+    arrays = DiskArrays(
+        x=disks.x,
+        v=disks.v,
         angle=np.zeros(n),
-        omega=disks.omega.copy(),
-        radius=disks.radius.copy(),
+        omega=disks.omega,
+        radius=disks.radius,
         inv_mass=np.where(disks.fixed, 0.0, 1.0 / disks.mass),
         inv_inertia=np.where(disks.rotating, 1.0 / disks.inertia, 0.0),
         force=np.zeros((n, 2)),
         torque=np.zeros(n),
-        v_now=disks.v.copy() if damped else np.zeros((0, 2)),
+        v_now=disks.v if damped else np.zeros((0, 2)),
         moved=np.zeros((n, 2), dtype=np.float32),
         name=np.arange(n, dtype=np.uint32),
         place=np.arange(n, dtype=np.uint32),
         listed=np.arange(n, dtype=np.uint32),
     )
+    return DiskArrays(*(aligned(array) for array in arrays))
 
 
 def disk_views(disks: DiskArrays, lists: Lists, law: NDArray[np.float64]) -> Views:

@@ -76,7 +76,7 @@ def first_from(pairs: NeighbourList, low: int, high: int, disk: int) -> int:
 def disk_wall_forces(
     disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, slip_dt: float, begin: int, end: int, stripe: int
 ) -> None:
-    """Add the forces of the contacts between walls and some disks; update shear forces and this stripe's share of the loads.
+    """Add the forces of the contacts between walls and some disks; update shear forces, add to this stripe's share of the loads.
 
     Parameters are those of `pair_kernels.disk_disk_forces`, the disks being ``begin .. end-1``; rows of ``pairs`` are walls, with
     ascending disks. The normal from disk to wall is the opposite of
@@ -92,7 +92,7 @@ def disk_wall_forces(
         px, py, ux, uy = walls.now[w, 0], walls.now[w, 1], walls.now[w, 2], walls.now[w, 3]
         cx, cy, vx, vy = walls.now[w, 4], walls.now[w, 5], walls.now[w, 6], walls.now[w, 7]
         spin, rate_x, rate_y = walls.now[w, 8], walls.now[w, 9], walls.now[w, 10]
-        load_x, load_y, load_t = 0.0, 0.0, 0.0
+        load_x, load_y, load_t = walls.share[stripe, w, 0], walls.share[stripe, w, 1], walls.share[stripe, w, 2]
         last = pairs.start[w + 1]
         for k in range(first_from(pairs, pairs.start[w], last, begin), last):
             i = pairs.other[k]

@@ -40,7 +40,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.core.watch import chosen_particles
 
-STEPS_TIMES_DISKS = 2_000_000
+STEPS_TIMES_DISKS = 16_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
 
 

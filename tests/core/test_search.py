@@ -221,6 +221,21 @@ def test_shear_history_survives_rebuilds(monkeypatch: pytest.MonkeyPatch) -> Non
         assert max(difference(other, histories[0], FIELDS).values()) < 1e-11
 
 
+@pytest.mark.parametrize(("columns", "rows"), [(400, 20), (20, 400)])
+def test_neighbours_are_near_in_memory_however_long_the_box_is(columns: int, rows: int) -> None:
+    """Rows of cells lie along the shorter side: a neighbour is in the same or the next one, each of two lines of 20 disks at most."""
+    x = 2.0 * np.array([[k % columns, k // columns] for k in range(columns * rows)], dtype=float)
+    x, cells, found = np.random.default_rng(4).permutation(x), empty_cells(len(x)), empty_list(len(x), 4 * len(x))
+    assert sort_into_cells(x, 2.2, cells)
+    radius, name = np.ones(len(x)), np.arange(len(x), dtype=np.uint32)
+    assert build_pairs(x, radius, 0.1, cells, False, name, empty_list(len(x), 0), found) == OK
+    pairs = found.start[-1]
+    assert pairs == columns * (rows - 1) + (columns - 1) * rows
+    place = np.argsort(cells.order)
+    apart = place[np.repeat(name, np.diff(found.start))] - place[found.other[:pairs]]
+    assert np.abs(apart).max() < 80
+
+
 def candidates_per_disk(x: np.ndarray) -> float:
     """Distances that a rebuild evaluates, per disk: the occupants of the nine cells around each."""
     cells = empty_cells(len(x))

@@ -10,8 +10,10 @@ from oracle import Oracle
 from scenes import KN, all_pairs, difference, numerics
 
 from ninedisk.core.dem import session as session_module
+from ninedisk.core.dem.arrays import LINE
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
+from ninedisk.core.dem.step_kernels import BLOCK
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
@@ -75,11 +77,17 @@ def test_sorted_and_striped_disks_follow_the_twin(monkeypatch: pytest.MonkeyPatc
     assert np.abs(found.fs).max() > 1.0
 
 
-@pytest.mark.parametrize("sort_from", [1, 10**9])
-def test_where_a_run_pauses_or_samples_does_not_matter(sort_from: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Between samples disks move on block by block, at samples in a pass of their own: the same bits."""
+@pytest.mark.parametrize(("sort_from", "side", "rows"), [(1, 7, 21), (10**9, 7, 21), (10**9, 48, 48)])
+def test_where_a_run_pauses_or_samples_does_not_matter(
+    sort_from: int, side: int, rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between samples disks move on block by block, at samples in a pass of their own: the same bits.
+
+    A single stripe of 48 x 48 disks is more than a block.
+    """
     monkeypatch.setattr(session_module, "SORT_FROM", sort_from)
-    scene, how = pouring(7, 21), numerics(5e-4, 100)
+    scene, how = pouring(side, rows), numerics(5e-4, 100)
+    assert (len(scene.disks) > BLOCK) == (side == 48)
     whole = DemSession(scene, how.replace(sample_every=100))
     paused = DemSession(scene, how.replace(sample_every=7))
     whole.run()
@@ -112,6 +120,12 @@ def test_any_number_of_threads_gives_the_same_bits(threads: int) -> None:
     assert many._crew == threads
     assert_same_bits(one, many.run())
     assert many._clock[REBUILDS] > 3
+
+
+def test_arrays_begin_with_a_line_of_the_caches() -> None:
+    """Eight bytes off, every vector of 64 bytes would lie across two lines."""
+    disks = DemSession(pouring(46), numerics(2e-4, 1))._disks
+    assert {array.ctypes.data % LINE for array in disks if array.size} == {0}
 
 
 def test_disks_are_named_as_in_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
