@@ -10,16 +10,20 @@ on ``x y = tau`` with tau falling to 0 converges all the same, given three safeg
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.coulomb_newton import ProximalNewton
-from ninedisk.core.cd.feasibility import check_feasible
+from ninedisk.core.cd.feasibility import InfeasibleContactsError, check_feasible
+from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.residuals import measure
 from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch, not_converged
 from ninedisk.core.cd.start import starting_forces
 from ninedisk.core.cd.unsymmetric_matrix import UnsymmetricMatrix, times
+from ninedisk.core.errors import SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]
 
@@ -80,6 +84,8 @@ class CoulombInteriorPoint:
         none = np.zeros((problem.n_contacts, 2))
         search.judge(problem.body_velocity(none), none)
         if not search.over(STALL):
+            search.try_associated()
+        if not search.over(STALL):
             run = _Run(problem)
             while not search.over(STALL) and run.iterate():
                 search.iterations += 1
@@ -113,6 +119,16 @@ class _Search:
         self._lowest = np.minimum(self._lowest, figures)
         if now.worst < self.best.worst or now.reached(self.options.tolerance):
             self.best, self.v, self.r = now, v, r
+
+    def try_associated(self) -> None:
+        """Where nothing slides, the solution of the associated rule is one of Coulomb's law, and far cheaper to find."""
+        try:
+            found = InteriorPoint(replace(self.options, time_limit=self.clock.left)).solve(self.problem)
+        except (SolverNotConvergedError, InfeasibleContactsError):
+            return
+        now = measure(self.problem, found.v, found.r, sliding="coulomb")
+        if now.reached(self.options.tolerance):
+            self.best, self.v, self.r, self.iterations = now, found.v, found.r, found.iterations
 
     def over(self, stall: int) -> bool:
         """Whether the tolerance or a limit is reached, or ``stall`` points brought no progress."""

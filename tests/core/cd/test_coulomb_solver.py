@@ -196,3 +196,24 @@ def test_limits_are_kept_and_contradictions_found() -> None:
     )
     with pytest.raises(InfeasibleContactsError):
         solve(squeezed, SolverOptions(max_iterations=60))
+
+
+def test_where_nothing_slides_the_associated_rule_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lattice at rest on a floor between walls: no unsymmetric factorisation is needed."""
+    rng = np.random.default_rng(1)
+    packing = problems.tile(rng, 2_000, (FLOOR, problems.LEFT, problems.RIGHT))
+    c = len(packing.bodies)
+    problem = ContactProblem(
+        mass=packing.mass,
+        force=np.column_stack([np.zeros(len(packing.x)), -packing.mass[:, 0], np.zeros(len(packing.x))]),
+        bodies=packing.bodies,
+        normal=packing.normal,
+        arms=packing.arms,
+        offset=np.zeros((c, 2)),
+        mu=np.full(c, 0.3),
+    )
+    monkeypatch.setattr(coulomb_interior_point, "_Run", None)
+    found = solve(problem)
+    assert found.sliding == "coulomb"
+    assert found.iterations < 30
+    assert law_broken(problem, found.r) < 1e-5
