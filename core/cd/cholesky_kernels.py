@@ -17,6 +17,7 @@ from ninedisk.core.cd.vector_kernels import (
     downdate_4,
     downdate_8,
     downdate_16,
+    fetch,
     negative_4,
     negative_8,
     negative_16,
@@ -31,6 +32,9 @@ FIRST, PIVOTS, BODIES, PANEL, UPDATE, ROWS, CHILDREN, ENTRIES = range(8)
 """Columns of the table of supernodes, which has one more line than supernodes: first body and number of bodies eliminated, bodies
 of the front, position of the panel and of the update, first of its other rows, of its children and of its matrix entries."""
 FIELDS = 8
+
+AHEAD, FRONTS_AHEAD = 1024, 3
+"""How far ahead solutions fetch the factor, which they read once: in numbers on the way up, in fronts on the way down."""
 
 
 @inline_kernel
@@ -226,6 +230,7 @@ def solve_fronts(nodes: Longs, rows: Longs, order: Longs, factor: Floats, x: Flo
             w[f + i] = w[first + i]
         for i in range(k, ld + LANES):
             w[f + i] = 0.0
+        fetch(factor, panel + AHEAD, k * ld)
         for j in range(0, k, 3):
             at = panel + j * ld + j
             x0 = w[f + j] * factor[at]
@@ -245,6 +250,10 @@ def solve_fronts(nodes: Longs, rows: Longs, order: Longs, factor: Floats, x: Flo
                 w[f + k + 3 * i + c] = w[3 * rows[below + i] + c]
         for i in range(3 * bodies, 3 * bodies + LANES):
             w[f + i] = 0.0
+        # On the way back the processor does not foresee what comes next.
+        if s >= FRONTS_AHEAD:
+            before = nodes[s - FRONTS_AHEAD, PANEL]
+            fetch(factor, before, nodes[s - FRONTS_AHEAD + 1, PANEL] - before)
         for j in range(k - 3, -1, -3):
             at = panel + j * ld + j
             blocks = (3 * bodies - j - 3 + LANES - 1) // LANES

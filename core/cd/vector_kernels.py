@@ -22,6 +22,9 @@ from numba.extending import intrinsic
 LANES = 4
 """Rows of the shortest block of rows; columns are padded to a multiple of it."""
 
+LINE = 8
+"""Numbers in a line of the cache."""
+
 _tools: Any = cgutils
 _types: Any = types
 
@@ -205,6 +208,26 @@ def _three_products(typingctx: Any, a: Any, at: Any, ld: Any, w: Any, i: Any, co
     return triple(a, _types.int64, _types.int64, w, _types.int64, _types.int64), build
 
 
+@intrinsic
+def _fetch(typingctx: Any, a: Any, at: Any, count: Any) -> Any:
+    """Have ``a[at : at + count]`` brought to the cache, wherever that lies: nothing is read."""
+
+    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        data = _Vectors(context, builder, LANES).base(signature.args[0], args[0])
+        byte, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [byte, flag, flag, flag])
+        fetch = _tools.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        # To be read, kept in all caches, data.
+        how = [ir.Constant(flag, value) for value in (0, 3, 1)]
+        end = builder.add(args[1], args[2])
+        with _tools.for_range_slice(builder, args[1], end, _long(LINE)) as (index, _):
+            builder.call(fetch, [builder.bitcast(builder.gep(data, [index]), byte), *how])
+        return context.get_dummy_value()
+
+    return _types.void(a, _types.int64, _types.int64), build
+
+
 divide: Callable[..., None] = _divide
 subtract_product: Callable[..., None] = _subtract_product
+fetch: Callable[..., None] = _fetch
 three_products: Callable[..., tuple[float, float, float]] = _three_products

@@ -140,7 +140,7 @@ def test_entries_that_are_no_numbers_are_refused_wherever_they_are() -> None:
 
 def test_positive_definite_is_told_from_indefinite_to_round_off() -> None:
     """Shifts of the spectrum by twice the round-off of the factorisation to either side of the smallest eigenvalue."""
-    graph = graph_of("lattice")
+    graph = graph_of("dense, random")
     data = positive_definite(graph)
     matrix = whole(graph, data)
     least = float(np.linalg.eigvalsh(matrix)[0])
