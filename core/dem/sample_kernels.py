@@ -11,7 +11,7 @@ from ninedisk.core._cache import fused_kernel, inline_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.force_kernels import normal_force
 from ninedisk.core.dem.kick_kernels import falls
-from ninedisk.core.dem.state import BETA, KN, KS, DiskArrays, Samples, StepConstants, WallArrays
+from ninedisk.core.dem.state import BETA, KN, KS, DiskArrays, Samples, StepConstants, Views, WallArrays
 
 
 @inline_kernel
@@ -70,22 +70,22 @@ def watched_wall_pair(
 @fused_kernel
 def contact_energy(
     disks: DiskArrays,
+    views: Views,
     walls: WallArrays,
     pairs: NeighbourList,
     wall_pairs: NeighbourList,
     law: NDArray[np.float64],
 ) -> tuple[float, float]:
     """Elastic energy of the normal and of the shear springs [J]; a contact that is open has no shear force."""
-    x, radius, one = disks.x, disks.radius, np.uint64(1)
+    x, radius, row, other, shear_of = disks.x, disks.radius, views.row, pairs.other, pairs.shear
     squares, shears = 0.0, 0.0
-    for i in range(np.uint64(x.shape[0])):
-        xi, yi, ri = x[i, 0], x[i, 1], radius[i]
-        for k in range(np.uint64(pairs.start[i]), np.uint64(pairs.start[i + one])):
-            j = np.uint64(pairs.other[k])
-            dx, dy = x[j, 0] - xi, x[j, 1] - yi
-            overlap = max(ri + radius[j] - sqrt(dx * dx + dy * dy), 0.0)
-            squares += overlap * overlap
-            shears += pairs.shear[k] * pairs.shear[k]
+    # Not row by row: how many pairs a disk has is more than the processor can guess.
+    for k in range(np.uint64(pairs.start[x.shape[0]])):
+        i, j = np.uint64(row[k]), np.uint64(other[k])
+        dx, dy = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1]
+        overlap = max(radius[i] + radius[j] - sqrt(dx * dx + dy * dy), 0.0)
+        squares += overlap * overlap
+        shears += shear_of[k] * shear_of[k]
     normal = 0.5 * law[KN] * squares
     shear = 0.5 * shears / law[KS] if law[KS] > 0.0 else 0.0
     for w in range(walls.now.shape[0]):
@@ -105,6 +105,7 @@ def contact_energy(
 @kernel
 def record(
     disks: DiskArrays,
+    views: Views,
     walls: WallArrays,
     pairs: NeighbourList,
     wall_pairs: NeighbourList,
@@ -155,7 +156,7 @@ def record(
         samples.wall_point[row, w, 0], samples.wall_point[row, w, 1] = walls.now[w, 0], walls.now[w, 1]
         samples.wall_angle[row, w] = atan2(walls.now[w, 3], walls.now[w, 2])
         samples.wall_force[row, w, 0], samples.wall_force[row, w, 1] = walls.load[w, 0], walls.load[w, 1]
-    normal, shear = contact_energy(disks, walls, pairs, wall_pairs, law)
+    normal, shear = contact_energy(disks, views, walls, pairs, wall_pairs, law)
     samples.energy[row, 0], samples.energy[row, 1] = translation, rotation
     samples.energy[row, 2], samples.energy[row, 3], samples.energy[row, 4] = normal, shear, gravity
     samples.wall_work[row] = wall_work

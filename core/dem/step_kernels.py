@@ -273,7 +273,7 @@ def advance(
             work[0] += wall_work_of_step(walls, slip_dt)
             clock[PENDING] = 0
             if sampled:
-                record(disks, walls, pairs, wall_pairs, law, step, samples, row, n == 0, work[0])
+                record(disks, views, walls, pairs, wall_pairs, law, step, samples, row, n == 0, work[0])
                 if outlines is not None:
                     record_contacts(disks, walls, law, outlines, samples, row)
                 clock[ROW] = row + 1

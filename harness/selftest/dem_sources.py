@@ -155,6 +155,8 @@ STRIPED = (
             *SORT_ALL, ("dem.sample_kernels", "i = disks.place[samples.chosen[c]]", "i = samples.chosen[c]")),
     _kernel("order-of-spins", "spins stay behind when disks are brought into the order of the cells", "reopen-far",
             *SORT_ALL, ("dem.rebuild_kernels", "    permute(disks.omega, order, one)\n", "")),
+    _kernel("order-of-history", "shear forces follow the rows of the lists instead of the disks", "shear-caps",
+            *SORT_ALL, ("dem.rebuild_kernels", "    permute_numbers(disks.listed, order, one)\n", "")),
 )  # fmt: skip
 
 HOLES = tuple(
@@ -169,11 +171,6 @@ HOLES = tuple(
             "no case has positions that stop being finite; the session looks for them once more, and tests of the core look there",
             _kernel("nan-forgotten", "a displacement that is not finite does not rebuild the lists", "hit",
                     (KICK, "return d2 if d2 > far or d2 != d2 else far", "return d2 if d2 > far else far")),
-        ),
-        (
-            "no case has rough disks that change places; a test of the core has, and compares with a twin in plain Python",
-            _kernel("order-of-history", "shear forces follow the rows of the lists instead of the disks", "shear-caps",
-                    *SORT_ALL, ("dem.rebuild_kernels", "    permute_numbers(disks.listed, order, one)\n", "")),
         ),
     )
 )  # fmt: skip
