@@ -21,8 +21,8 @@ WORK, WORK_SHORT = 20_000_000, 5_000_000
 steady rates: our lists are built once in them, as often as on average in the long run (4 times in 2,000 steps), and the packing that
 has lost its shear forces has the contacts of the long run from step 200 on, 3 % fewer than at first. Positions in YADE are 6e-4 off by
 then, of the 3e-3 that its check allows."""
-MOST_STEPS, MOST_STEPS_FLOWING, MOST_STEPS_SHORT, FEWEST_STEPS = 20_000, 4_000, 1_000, 20
-"""Flowing runs are over before the chaos of collisions makes round-off visible, short
+MOST_STEPS, MOST_STEPS_FLOWING, MOST_STEPS_SHORT, FEWEST_STEPS = 20_000, 4_000, 1_000, 60
+"""Fewer steps would time the first and the last. Flowing runs are over before the chaos of collisions makes round-off visible, short
 runs are over before the dashpots of the few contacts that YADE has to guess show in the positions."""
 FLOWS_FROM = 1_000
 """Disks from which there is a flowing problem: fewer are all boundary."""
