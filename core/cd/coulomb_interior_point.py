@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.coulomb_newton import ProximalNewton
+from ninedisk.core.cd.coulomb_shift import ShiftedPath
 from ninedisk.core.cd.feasibility import InfeasibleContactsError, check_feasible
 from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
@@ -65,8 +66,9 @@ class CoulombInteriorPoint:
     def solve(self, problem: ContactProblem) -> SolverResult:
         """Solve the problem, from nothing.
 
-        Where the path ends before the tolerance is reached, `ProximalNewton` goes on from the best forces found; its factorisations
-        count as iterations, too.
+        Where nothing slides, the solution of the associated rule is the one. Else `ShiftedPath` is followed and, where that stalls,
+        the law's own path. Where this ends before the tolerance is reached, too, `ProximalNewton` goes on from the best forces found;
+        its factorisations count as iterations, too.
 
         Returns
         -------
@@ -86,11 +88,10 @@ class CoulombInteriorPoint:
         if not search.over(STALL):
             search.try_associated()
         if not search.over(STALL):
-            run = _Run(problem)
-            while not search.over(STALL) and run.iterate():
-                search.iterations += 1
-                search.judge(run.v.reshape(-1, 3), starting_forces(problem, run.r))
-            newton = ProximalNewton(problem, search.r, run.matrix)
+            matrix = UnsymmetricMatrix(problem)
+            for path in ShiftedPath, _Run:
+                search.follow(path(problem, matrix))
+            newton = ProximalNewton(problem, search.r, matrix)
             search.since = 0
             while not search.over(NEWTON_STALL) and (count := newton.advance()):
                 search.iterations += count
@@ -130,6 +131,13 @@ class _Search:
         if now.reached(self.options.tolerance):
             self.best, self.v, self.r, self.iterations = now, found.v, found.r, found.iterations
 
+    def follow(self, run: ShiftedPath | _Run) -> None:
+        """Iterate until the search is over or ``run`` makes no more progress; the next one starts afresh."""
+        self.since, self._lowest = 0, np.array([np.inf, np.inf])
+        while not self.over(STALL) and run.iterate():
+            self.iterations += 1
+            self.judge(run.v.reshape(-1, 3), starting_forces(self.problem, run.r))
+
     def over(self, stall: int) -> bool:
         """Whether the tolerance or a limit is reached, or ``stall`` points brought no progress."""
         done = self.best.reached(self.options.tolerance)
@@ -166,13 +174,12 @@ class _Search:
 class _Run:
     """One solve: velocities ``v``, forces ``r``, and the pairs ``x``, ``y`` of every contact; smooth contacts have the first one only."""
 
-    def __init__(self, problem: ContactProblem) -> None:
-        self.problem = problem
+    def __init__(self, problem: ContactProblem, matrix: UnsymmetricMatrix) -> None:
+        self.problem, self.matrix = problem, matrix
         rough = problem.mu > 0.0
         self.live = np.column_stack([np.ones_like(rough), rough, rough])
         self.count = int(self.live.sum())
         self.speed = float(np.abs(problem.b[:, 0]).max())
-        self.matrix = UnsymmetricMatrix(problem)
         self._mass = np.where(problem.free > 0.0, problem.mass, 0.0).ravel()
         self._load = (problem.force * problem.free).ravel()
         self.v = np.zeros(3 * problem.n_bodies)

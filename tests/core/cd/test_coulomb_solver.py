@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from problems import FLOOR
 
-from ninedisk.core.cd import coulomb_interior_point
+from ninedisk.core.cd import coulomb_interior_point, coulomb_shift
 from ninedisk.core.cd import solver as solver_module
 from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
 from ninedisk.core.cd.coulomb_newton import ProximalNewton
@@ -145,6 +145,7 @@ def test_newton_goes_on_from_rough_forces() -> None:
 def test_newton_takes_over_where_the_path_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = heap(200)
     monkeypatch.setattr(coulomb_interior_point._Run, "iterate", lambda _: False)
+    monkeypatch.setattr(coulomb_interior_point.ShiftedPath, "iterate", lambda _: False)
     assert solve(problem, replace(TIGHT, tolerance=1e-9)).residuals.reached(1e-9)
 
 
@@ -217,3 +218,48 @@ def test_where_nothing_slides_the_associated_rule_is_enough(monkeypatch: pytest.
     assert found.sliding == "coulomb"
     assert found.iterations < 30
     assert law_broken(problem, found.r) < 1e-5
+
+
+@pytest.fixture(scope="module")
+def collapse() -> ContactProblem:
+    """A thousand disks, a third of their contacts missing, pushed off the only wall: it slides, in many contacts."""
+    packing = problems.tile(np.random.default_rng(3), 3_000, (FLOOR, problems.LEFT), hexagonal=True)
+    rng = np.random.default_rng(4)
+    packing = packing.keep(rng.random(len(packing.bodies)) < 0.7)
+    c = len(packing.bodies)
+    return ContactProblem(
+        mass=packing.mass,
+        force=np.column_stack([0.3 * packing.mass[:, 0], -packing.mass[:, 0], np.zeros(len(packing.x))]),
+        bodies=packing.bodies,
+        normal=packing.normal,
+        arms=packing.arms,
+        offset=np.zeros((c, 2)),
+        mu=rng.uniform(0.1, 0.5, c),
+    )
+
+
+def test_a_thousand_sliding_disks_along_the_shifted_path_alone(
+    collapse: ContactProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(coulomb_interior_point._Run, "iterate", lambda _: False)
+    found = solve(collapse, replace(TIGHT, tolerance=1e-8))
+    u = collapse.contact_velocity(found.v, found.r)
+    loaded = found.r[:, 0] > 1e-6 * found.r[:, 0].max()
+    assert (loaded & (np.abs(u[:, 1]) > 1e-3 * np.abs(u).max())).sum() > 100
+    assert found.iterations < 100
+    judged = measure(collapse, found.v, found.r, sliding="coulomb")
+    assert max(judged.natural_map, judged.duality_gap) < 1e-8
+    assert (np.abs(found.r[:, 1]) <= collapse.mu * found.r[:, 0] * (1.0 + 1e-12)).all()
+    assert law_broken(collapse, found.r) < 1e-4
+
+
+def test_a_path_that_keeps_its_shift_does_not_arrive(collapse: ContactProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The planted defect: dilation is never taken back."""
+    monkeypatch.setattr(coulomb_shift, "FIRST_DILATING", 1.0)
+    monkeypatch.setattr(coulomb_shift, "EASIER", 1.0)
+    path = coulomb_interior_point.ShiftedPath(collapse, coulomb_interior_point.UnsymmetricMatrix(collapse))
+    for _ in range(60):
+        if not path.iterate():
+            break
+    judged = measure(collapse, collapse.body_velocity(path.r), path.r, sliding="coulomb")
+    assert judged.worst > 1e-3
