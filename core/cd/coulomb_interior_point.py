@@ -32,6 +32,8 @@ MAX_ITERATIONS = 5_000
 """Factorisations."""
 STALL, NEWTON_STALL = 40, 200
 """Iterations without progress after which the path is left, and steps after which the search ends."""
+PATHS_SHARE = 0.25
+"""Of the time left, for `ShiftedPath`: it arrives soon or not at all, and then the law's own path, though slower, gets closer."""
 FIRST_FORCE = 10.0
 """Forces at the start, over those that would stop the fastest approach of two bodies."""
 CENTRAL = 1e-3
@@ -89,8 +91,8 @@ class CoulombInteriorPoint:
             search.try_associated()
         if not search.over(STALL):
             matrix = UnsymmetricMatrix(problem)
-            for path in ShiftedPath, _Run:
-                search.follow(path(problem, matrix))
+            search.follow(ShiftedPath(problem, matrix), share=PATHS_SHARE)
+            search.follow(_Run(problem, matrix), share=1.0)
             newton = ProximalNewton(problem, search.r, matrix)
             search.since = 0
             while not search.over(NEWTON_STALL) and (count := newton.advance()):
@@ -131,10 +133,11 @@ class _Search:
         if now.reached(self.options.tolerance):
             self.best, self.v, self.r, self.iterations = now, found.v, found.r, found.iterations
 
-    def follow(self, run: ShiftedPath | _Run) -> None:
-        """Iterate until the search is over or ``run`` makes no more progress; the next one starts afresh."""
+    def follow(self, run: ShiftedPath | _Run, *, share: float) -> None:
+        """Iterate for a share of the time left, until the search is over or ``run`` makes no more progress; the next one starts afresh."""
         self.since, self._lowest = 0, np.array([np.inf, np.inf])
-        while not self.over(STALL) and run.iterate():
+        for_others = (1.0 - share) * self.clock.left
+        while not self.over(STALL) and self.clock.left >= for_others and run.iterate():
             self.iterations += 1
             self.judge(run.v.reshape(-1, 3), starting_forces(self.problem, run.r))
 
