@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ninedisk.harness.cli_support import guarded
+from ninedisk.harness.cli_support import INTERRUPTED, fail, guarded
 
 if TYPE_CHECKING:
     from ninedisk.harness.results import Row
@@ -153,6 +153,10 @@ def execute(
                 rows += batch
                 facts["versions"] = _versions(rows)
                 paths = write_records(out, run_id, facts, rows)
+    except KeyboardInterrupt:
+        if not rows:
+            raise
+        fail(f"interrupted: {str(paths[0])!r} holds what was measured until then", INTERRUPTED)
     finally:  # hours of measurements are worth a page even if the last one is interrupted
         if rows:
             write_page({"run_id": run_id, **facts, "rows": rows}, page)

@@ -97,6 +97,8 @@ def serve(link: int, dump: int) -> None:
 
     def stop(*_: object) -> None:
         if in_cell:
+            # Once: this process and the one that it serves may both end it, and the second signal would fall into the tidying up.
+            signal.signal(signal.SIGTERM, lambda *_: None)
             raise KeyboardInterrupt
         os._exit(0)
 

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import pickle
+import signal
+import socket
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import ModuleType
 
@@ -89,3 +94,39 @@ def test_place_of_a_crash() -> None:
     dump = 'Fatal Python error: Segmentation fault\n\nCurrent thread 0x7f (most recent call first):\n  File "/a/b/c.py", line 3 in f'
     assert crash_place(dump) == " at c.py:3 in f"
     assert crash_place("") == ""
+
+
+SLOW_TO_TIDY = """
+import sys, time
+from ninedisk.harness import worker
+
+def answered(payload):
+    print("begun", flush=True)
+    try:
+        time.sleep(60)
+    finally:
+        time.sleep(0.5)
+        print("tidied", flush=True)
+
+worker.answered = answered
+worker.serve(int(sys.argv[1]), sys.stderr.fileno())
+"""
+
+
+def test_a_worker_that_is_ended_twice_tidies_up_in_silence() -> None:
+    """Its link closes and the one it serves ends it: two signals, the second one while it puts its cell away."""
+    ours, theirs = socket.socketpair()
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLOW_TO_TIDY, str(theirs.fileno())],
+        pass_fds=[theirs.fileno()], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    theirs.close()
+    link = Connection(ours.detach())
+    link.send_bytes(b"a cell")
+    assert process.stdout is not None
+    assert process.stdout.readline() == "begun\n"
+    process.send_signal(signal.SIGTERM)
+    link.close()
+    printed, errors = process.communicate(timeout=30)
+    assert (printed, errors) == ("tidied\n", "")
+    assert process.returncode == -signal.SIGTERM

@@ -154,6 +154,7 @@ def test_an_interrupted_run_keeps_what_was_measured(here: Path, monkeypatch: pyt
     monkeypatch.setattr(plan, "run_suites", measured)
     done = ninedisk("cd", "--out", "o")
     assert done.exit_code == 130
+    assert "holds what was measured" in done.output
     by_suffix = {path.suffix: path for path in (here / "o").iterdir()}
     assert set(by_suffix) == {".json", ".parquet", ".html"}
     assert [row["problem"] for row in json.loads(by_suffix[".json"].read_text())["rows"]] == ["p"]
