@@ -64,8 +64,8 @@ def register(app: typer.Typer, write_page: WritePage) -> None:
         problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10 (our solvers,
         Clarabel, PIQP, Siconos), cold and warm. Suite flow: a drum, a hopper and a collapsing column stepped in time
         (contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations),
-        time per simulated second beside the penetration. Suite harness: the whole of `ninedisk run` on dem, cd and
-        pymunk.
+        time per simulated second beside the penetration. Suite harness: `ninedisk run` on dem, cd and pymunk, the
+        appendix's cases (kernels cached, and from an empty cache) and all cases.
 
         Physics is checked first: an engine that computes something else gets no time. Repeats are interleaved (A B A B)
         on one core for one thread; the ratio to ours, repeat by repeat, is the result, absolute times stand beside it.

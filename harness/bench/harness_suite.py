@@ -22,8 +22,10 @@ from ninedisk.harness.results import Row
 
 ENGINES = ("dem", "cd", "pymunk")
 CACHE = "NUMBA_CACHE_DIR"
-CACHED, COLD = "appendix, kernels cached", "appendix, empty cache"
-PROBLEMS = (CACHED, COLD)
+CACHED, COLD, ALL = "appendix, kernels cached", "appendix, empty cache", "all cases, kernels cached"
+PROBLEMS = (CACHED, COLD, ALL)
+APPENDIX = "appendix A"
+"""How the source of a case begins that is one of the appendix's."""
 JOBS = (1, 2)
 """Cells at once; the first is what the others are held against, and has one core."""
 COMPLETE = (0, 1)
@@ -43,28 +45,35 @@ def run(
     Parameters
     ----------
     globs : sequence of str
-        Cases; none: all.
+        Cases; none: those that the problem means.
     problems : sequence of str
         Some of `PROBLEMS`.
     """
     for problem in problems:
-        if problem == CACHED:
+        chosen = tuple(globs) or (() if problem == ALL else _of_the_appendix())
+        if problem != COLD:
             tell(problem, "a first run, to fill the cache")
-            first = interleave([_contender(globs, problem, 1)], repeats=1, time_limit=time_limit)
+            first = interleave([_contender(chosen, problem, 1)], repeats=1, time_limit=time_limit)
             if not first[_name(1)].samples:
                 yield _rows(problem, first, JOBS[:1])
                 continue
         told: Tell = partial(tell, problem)
-        contenders = [_contender(globs, problem, count) for count in JOBS]
+        contenders = [_contender(chosen, problem, count) for count in JOBS]
         yield _rows(problem, interleave(contenders, repeats=repeats, time_limit=time_limit, tell=told), JOBS)
+
+
+def _of_the_appendix() -> tuple[str, ...]:
+    from ninedisk.harness.registry import case_table, get_case
+
+    return tuple(name for name in case_table() if get_case(name).source.startswith(APPENDIX))
 
 
 def _name(jobs: int) -> str:
     return f"ninedisk run, {jobs} job" + ("s" if jobs > 1 else "")
 
 
-def _contender(globs: Sequence[str], problem: str, jobs: int) -> Contender:
-    return Contender(name=_name(jobs), run=partial(_run, tuple(globs), problem == COLD, jobs), cores=jobs)
+def _contender(globs: tuple[str, ...], problem: str, jobs: int) -> Contender:
+    return Contender(name=_name(jobs), run=partial(_run, globs, problem == COLD, jobs), cores=jobs)
 
 
 def _rows(problem: str, found: dict[str, Measured], jobs: Sequence[int]) -> list[Row]:

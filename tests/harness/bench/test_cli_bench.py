@@ -127,6 +127,12 @@ def test_the_harness_is_timed_on_a_case_with_cached_kernels() -> None:
     assert all(row["cpu_s"] > 0.1 for row in rows), "the workers' processor time is missing"
 
 
+def test_the_appendix_is_meant_by_its_cases() -> None:
+    cases = harness_suite._of_the_appendix()
+    assert {"nine-disk/compression", "nine-disk/distortion", "binary-collision", "incline-block"} < set(cases)
+    assert not {"gas/elastic", "invariance/units"} & set(cases)
+
+
 def test_a_harness_run_that_fails_is_an_error() -> None:
     with pytest.raises(EngineError, match="exit code 2"):
         harness_suite._run(("no-such-case",), False, 1, 60.0)
