@@ -101,8 +101,8 @@ import sys, time
 from ninedisk.harness import worker
 
 def answered(payload):
-    print("begun", flush=True)
     try:
+        print("begun", flush=True)
         time.sleep(60)
     finally:
         time.sleep(0.5)
