@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+import numba
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -28,11 +29,13 @@ class Factorisation:
     indptr, indices : ndarray of int
         Compressed columns of the upper triangle, diagonal included, rows ascending, in complete blocks of 3 x 3.
     kind : {"auto", "supernodal", "qdldl"}
-        "auto": supernodal, the faster one at all sizes; qdldl checks it.
+        "auto": supernodal, the faster one at all sizes, unless Numba is told not to compile: its vectors are machine code, without
+        a form that could be interpreted. qdldl checks it.
     """
 
     def __init__(self, indptr: IntArray, indices: IntArray, kind: str = "auto") -> None:
-        self.kind = "supernodal" if kind == "auto" else kind
+        interpreted = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
+        self.kind = ("qdldl" if interpreted else "supernodal") if kind == "auto" else kind
         qdldl = self.kind == "qdldl"
         self._backend: _Backend = _Qdldl(indptr, indices) if qdldl else SupernodalCholesky(indptr, indices)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -280,3 +283,22 @@ def test_the_order_keeps_factors_as_sparse_as_the_best_known_orders_do() -> None
     found = fill(n, edges, order_of(n, edges))
     assert found <= 7.75 * n * np.log2(n) / 2.0
     assert found <= 0.4 * fill(n, edges, np.arange(n))
+
+
+INTERPRETED = """
+import numpy as np
+from ninedisk.core.cd.factorise import Factorisation
+full = np.eye(3) * 4.0 + 1.0
+found = Factorisation(np.array([0, 1, 3, 6]), np.array([0, 0, 1, 0, 1, 2]))
+assert found.update(np.array([5.0, 1.0, 5.0, 1.0, 1.0, 5.0]))
+assert np.allclose(full @ found.solve(np.arange(3.0)), np.arange(3.0), rtol=0.0, atol=1e-14), found.kind
+"""
+
+
+def test_without_compilation_another_factorisation_takes_over() -> None:
+    """Planted defects are run without it: the vectors of the fronts are machine code."""
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", INTERPRETED], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
