@@ -31,4 +31,4 @@ def read_arrays(path: str | os.PathLike[str], what: str) -> dict[str, NDArray[An
         OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, OverflowError, SyntaxError,
         RuntimeError, zipfile.BadZipFile, zlib.error,
     ) as error:  # fmt: skip
-        raise InvalidSceneError(f"{os.fspath(path)} is no {what}, or damaged: {error}") from error
+        raise InvalidSceneError(f"{path} is no {what}, or damaged: {error}") from error

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from threading import Thread
 from typing import Any
 
-from ninedisk.core.errors import InvalidNumericsError
+from ninedisk.core._validate import whole
 
 MOST_THREADS = 64
 
@@ -19,9 +19,7 @@ def check_threads(threads: int, name: str = "threads") -> int:
     InvalidNumericsError
         If it is no whole number 1..`MOST_THREADS`.
     """
-    if isinstance(threads, bool) or threads not in range(1, MOST_THREADS + 1):
-        raise InvalidNumericsError(f"{name} = {threads!r} is not allowed: it must be a whole number 1..{MOST_THREADS}")
-    return int(threads)
+    return whole(name, threads, 1, MOST_THREADS)
 
 
 def together(kernel: Callable[..., int], crew: int, shared: tuple[Any, ...]) -> int:

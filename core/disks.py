@@ -7,14 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.core._validate import FloatArray, finite, numbers
+from ninedisk.core._validate import LARGEST, SMALLEST, FloatArray, finite, numbers, shown
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.outlines import outline_numbers
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Disks:
     """Rigid disks and grains as a structure of arrays (copied and made read-only).
+
+    Two are equal if all their numbers are; they cannot be keys of a dictionary.
 
     Parameters
     ----------
@@ -62,10 +64,9 @@ class Disks:
             raise InvalidSceneError(f"disks.x has shape {x.shape}; it must have shape (n, 2)")
         n = x.shape[0]
 
-        def column(name: str, value: ArrayLike, default: ArrayLike | None = None) -> FloatArray:
-            given = default if value is None else value
-            array = numbers(f"disks.{name}", given)
-            return finite(f"disks.{name}", np.full(n, array) if array.ndim == 0 else array, (n,))
+        def column(name: str, value: ArrayLike | None, *, most: float = np.inf) -> FloatArray:
+            array = numbers(f"disks.{name}", value)  # type: ignore[arg-type]
+            return finite(f"disks.{name}", np.full(n, array) if array.ndim == 0 else array, (n,), most=most)
 
         outline = outline_numbers(self.outline, n)
         if self.inertia is None and np.any(outline >= 0):
@@ -74,29 +75,33 @@ class Disks:
                 "(ninedisk.core.geometry.nurbs_grain.uniform_grain gives that of a uniform grain)"
             )
         radius, mass = column("radius", self.radius), column("mass", self.mass)
+        _in_range("radius", radius)
+        _in_range("mass", mass)
         with np.errstate(over="ignore"):  # an infinite one is refused by name below
             uniform = 0.5 * mass * radius**2
-        inertia = column("inertia", self.inertia, uniform)
-        for name, array in (("radius", radius), ("mass", mass), ("inertia", inertia)):
-            if n and array.min() <= 0.0:
-                i = int(np.argmin(array))
-                raise InvalidSceneError(f"disks.{name}[{i}] = {array[i]:g} is not allowed: it must be > 0")
+        inertia = column("inertia", uniform if self.inertia is None else self.inertia)
+        _in_range("inertia", inertia, SMALLEST**2, LARGEST**2)
         rotating = _flags("rotating", self.rotating, (n,), "one for each")
         held = _flags("held", self.held, (n, 2), "a pair (x, y) for each")
-        object.__setattr__(self, "x", finite("disks.x", x, (n, 2)))
+        object.__setattr__(self, "x", finite("disks.x", x, (n, 2), most=LARGEST))
         object.__setattr__(
             self, "v", finite("disks.v", np.zeros((n, 2)) if self.v is None else _pairs("disks.v", self.v), (n, 2))
         )
-        object.__setattr__(self, "omega", column("omega", self.omega, 0.0))
+        object.__setattr__(self, "omega", column("omega", 0.0 if self.omega is None else self.omega))
         object.__setattr__(self, "radius", radius)
         object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "inertia", inertia)
         object.__setattr__(self, "rotating", rotating)
         object.__setattr__(self, "held", held)
         object.__setattr__(self, "outline", outline)
-        angle = column("angle", self.angle) + 0.0  # -0.0 becomes 0.0, which the JSON form leaves out
+        angle = column("angle", self.angle, most=LARGEST) + 0.0  # -0.0 becomes 0.0, which the JSON form leaves out
         angle.setflags(write=False)
         object.__setattr__(self, "angle", angle)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Disks):
+            return NotImplemented
+        return all(np.array_equal(mine, getattr(other, name)) for name, mine in vars(self).items())
 
     def __len__(self) -> int:
         return int(self.x.shape[0])
@@ -112,6 +117,17 @@ class Disks:
         return fixed
 
 
+def _in_range(name: str, values: FloatArray, low: float = SMALLEST, high: float = LARGEST) -> None:
+    """Raise `InvalidSceneError` unless all sizes are > 0 and in the range in which they can be computed with."""
+    for i in (int(np.argmin(values)), int(np.argmax(values))) if len(values) else ():
+        if values[i] <= 0.0:
+            raise InvalidSceneError(f"disks.{name}[{i}] = {values[i]:g} is not allowed: it must be > 0")
+        if not low <= values[i] <= high:
+            raise InvalidSceneError(
+                f"disks.{name}[{i}] = {values[i]:g} is not allowed: it must lie between {low:g} and {high:g}; change units"
+            )
+
+
 def _pairs(name: str, value: ArrayLike) -> FloatArray:
     """Numbers in rows of two; an empty list, as JSON has it for no disk at all, has lost its second dimension."""
     array = numbers(name, value)
@@ -121,13 +137,15 @@ def _pairs(name: str, value: ArrayLike) -> FloatArray:
 def _flags(name: str, value: ArrayLike, shape: tuple[int, ...], form: str) -> NDArray[np.bool_]:
     """Read-only truth values of the given shape, from as many or from one for all."""
     try:
-        flags = np.asarray(value)
-    except ValueError:  # rows of unequal length
+        flags = np.empty(()) if np.ma.is_masked(value) else np.asarray(value)
+    except Exception:  # rows of unequal length, or whatever an object does that is asked to be an array
         flags = np.empty(())
     if flags.size == 0 == shape[0]:  # an empty list has lost its shape and type
         flags = np.empty(shape, dtype=bool)
     if flags.dtype != np.bool_ or flags.shape not in ((), shape):
-        raise InvalidSceneError(f"disks.{name} must be true or false, one for all or {form} of the {shape[0]} disks")
+        raise InvalidSceneError(
+            f"disks.{name} must be true or false, one for all or {form} of the {shape[0]} disks, not {shown(value)}"
+        )
     full = np.array(np.broadcast_to(flags, shape))
     full.setflags(write=False)
     return full

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ninedisk.core._validate import at_least, real
+from ninedisk.core._validate import at_least, flag, one_of, real, shown
 from ninedisk.core.errors import InvalidSceneError
 
 LeverArm = Literal["radius", "overlap", "torque-overlap"]
@@ -89,19 +89,13 @@ class ContactLaw:
             restitution = real(self.restitution)
             if not 0.0 <= restitution <= 1.0:
                 raise InvalidSceneError(
-                    f"restitution = {self.restitution!r} is not allowed: it must be a number in [0, 1], or None"
+                    f"restitution = {shown(self.restitution)} is not allowed: it must be a number in [0, 1], or None"
                 )
             object.__setattr__(self, "restitution", restitution)
-        if self.lever_arm not in LEVER_ARMS:
-            raise InvalidSceneError(f"lever_arm = {self.lever_arm!r} is unknown: use one of {', '.join(LEVER_ARMS)}")
-        if self.wall_velocity_at not in WALL_VELOCITY_AT:
-            raise InvalidSceneError(
-                f"wall_velocity_at = {self.wall_velocity_at!r} is unknown: use one of {', '.join(WALL_VELOCITY_AT)}"
-            )
-        if self.contact not in CONTACTS:
-            raise InvalidSceneError(f"contact = {self.contact!r} is unknown: use one of {', '.join(CONTACTS)}")
-        if not isinstance(self.regularised, bool):
-            raise InvalidSceneError(f"regularised = {self.regularised!r} is not allowed: it must be true or false")
+        one_of("lever_arm", self.lever_arm, LEVER_ARMS)
+        one_of("wall_velocity_at", self.wall_velocity_at, WALL_VELOCITY_AT)
+        one_of("contact", self.contact, CONTACTS)
+        object.__setattr__(self, "regularised", flag("regularised", self.regularised))
 
     @property
     def shear_stiffness(self) -> float:

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ninedisk.core._validate import real
-from ninedisk.core.errors import InvalidNumericsError
+from ninedisk.core._validate import at_least, flag, one_of, shown, whole, within
+from ninedisk.core.errors import CoreError, InvalidNumericsError
 
 DampingForm = Literal["central", "lagged"]
 Impact = Literal["theta", "newton"]
@@ -22,6 +22,10 @@ _CHOICES = {
     "regime": ("dynamic", "quasi-static"),
 }
 
+MOST_STEPS = 2**53
+"""Steps of a run: beyond, doubles stop being whole numbers, and ``n dt`` is no time any more."""
+MOST_SAMPLES = 10**8
+"""Samples of a run: those of a single disk already fill gigabytes."""
 MOST_SUBSTEPS = 1e15
 """Contact steps in one ``dt``, below where doubles stop being whole numbers; how many are run is limited elsewhere."""
 
@@ -82,37 +86,31 @@ class Numerics:
             value = getattr(self, name)
             if value is None and name == "contact_dt":
                 continue
-            number = real(value)
-            if not (np.isfinite(number) and number > 0.0):
-                raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be a finite number > 0")
-            object.__setattr__(self, name, number)
+            object.__setattr__(self, name, at_least(name, value, 0.0, strict=True, error=InvalidNumericsError))
         for name, low in (("n_steps", 1), ("sample_every", 1), ("sample_from", 0), ("sample_until", 0)):
             value = getattr(self, name)
             if value is None and name == "sample_until":
                 continue
-            number = real(value)
-            if not (number.is_integer() and number >= low):
-                raise InvalidNumericsError(f"{name} = {value!r} is not allowed: it must be a whole number >= {low}")
-            object.__setattr__(self, name, int(value))
-        theta = real(self.theta)
-        if not 0.5 <= theta <= 1.0:
-            raise InvalidNumericsError(f"theta = {self.theta!r} is not allowed: it must be a number in [0.5, 1]")
-        object.__setattr__(self, "theta", theta)
-        if not isinstance(self.allow_unstable, bool):
-            raise InvalidNumericsError(
-                f"allow_unstable = {self.allow_unstable!r} is not allowed: it must be true or false"
-            )
+            object.__setattr__(self, name, whole(name, value, low, MOST_STEPS))
+        object.__setattr__(self, "theta", within("theta", self.theta, 0.5, 1.0, error=InvalidNumericsError))
+        object.__setattr__(
+            self, "allow_unstable", flag("allow_unstable", self.allow_unstable, error=InvalidNumericsError)
+        )
         if not isinstance(self.solver, str):
-            raise InvalidNumericsError(f"solver = {self.solver!r} is not allowed: it must be the name of a solver")
-        if not isinstance(self.options, Mapping):
+            raise InvalidNumericsError(f"solver = {shown(self.solver)} is not allowed: it must be the name of a solver")
+        if not (isinstance(self.options, Mapping) and all(isinstance(name, str) for name in self.options)):
             raise InvalidNumericsError(
-                f"options = {self.options!r} is not allowed: they must be a mapping from names to values"
+                f"options = {shown(self.options)} is not allowed: they must be a mapping from names to values"
             )
+        object.__setattr__(self, "options", dict(self.options))  # a later change of the caller's is none of ours
         for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise InvalidNumericsError(
-                    f"{name} = {getattr(self, name)!r} is unknown: use one of {', '.join(choices)}"
-                )
+            one_of(name, getattr(self, name), choices, error=InvalidNumericsError)
+        last = self.n_steps if self.sample_until is None else min(self.sample_until, self.n_steps)
+        if (last - self.sample_from) // self.sample_every > MOST_SAMPLES:
+            raise InvalidNumericsError(
+                f"n_steps = {self.n_steps} with sample_every = {self.sample_every} is not allowed: a run has at most "
+                f"{MOST_SAMPLES} samples; raise sample_every"
+            )
         if self.contact_dt is not None:
             self.substeps(self.contact_dt)
 
@@ -129,13 +127,18 @@ class Numerics:
             raise InvalidNumericsError(
                 f"contact_dt = {contact_dt:g} s is too small for dt = {self.dt:g} s: use at least dt / {MOST_SUBSTEPS:g}"
             )
-        whole = round(ratio)
-        if whole < 1 or abs(ratio - whole) > 1e-9 * whole:
+        count = round(ratio)
+        if count < 1 or abs(ratio - count) > 1e-9 * count:
             raise InvalidNumericsError(
                 f"contact_dt = {contact_dt:g} s does not divide dt = {self.dt:g} s: use dt / k for a whole k, "
                 f"for instance {self.dt / max(1, int(np.ceil(ratio))):g}"
             )
-        return whole
+        if count * self.n_steps > MOST_STEPS:
+            raise InvalidNumericsError(
+                f"n_steps = {self.n_steps} with {count} contact steps in each (dt = {self.dt:g} s, contact_dt = {contact_dt:g} s) is not "
+                f"allowed: a run has at most {MOST_STEPS} contact steps"
+            )
+        return count
 
     def sampled_steps(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
         """Steps ``dt`` at which a sample is taken, in order, shape (s,)."""
@@ -152,7 +155,9 @@ class Numerics:
         """Inverse of `to_dict`; raises `InvalidNumericsError` on unknown or missing keys."""
         try:
             return cls(**data)
-        except TypeError as error:
+        except CoreError:
+            raise
+        except (TypeError, ValueError, AttributeError) as error:
             raise InvalidNumericsError(f"the numerics' data have the wrong form: {error}") from error
 
     def replace(self, **changes: Any) -> Numerics:

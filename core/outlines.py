@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ninedisk.core._validate import FloatArray, numbers
+from ninedisk.core._validate import FloatArray, items_of, numbers
 from ninedisk.core.errors import InvalidSceneError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ ENCLOSED = 1e-12
 
 def check_outlines(outlines: Sequence[NurbsCurve], disks: Disks) -> tuple[NurbsCurve, ...]:
     """The outlines as a tuple, or `InvalidSceneError`: each centred, each inside the circles of the grains that have it."""
-    given = tuple(outlines)
+    given = items_of("outlines", outlines, "a sequence of NurbsCurve, () for none")
     most = int(disks.outline.max()) if len(disks) else -1
     if most >= len(given):
         i = int(np.argmax(disks.outline))

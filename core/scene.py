@@ -16,12 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from operator import index
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ninedisk.core._validate import FloatArray, at_least, finite
+from ninedisk.core._validate import FloatArray, all_of_kind, at_least, body_numbers, finite, kind_of, shown, whole
 from ninedisk.core.disks import Disks
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, WallVelocityAt
@@ -37,6 +36,8 @@ __all__ = ["ContactLaw", "Disks", "FloatArray", "LeverArm", "Scene", "Wall", "Wa
 @dataclass(frozen=True, kw_only=True)
 class Scene:
     """Everything that physics needs to know.
+
+    Two scenes are equal if all their values are; they hold arrays and a mapping, so that they cannot be keys of a dictionary.
 
     Parameters
     ----------
@@ -67,8 +68,12 @@ class Scene:
     initial_shear: Mapping[tuple[int, int], float] = field(default_factory=dict)
     outlines: tuple[NurbsCurve, ...] = ()
 
+    __hash__ = None  # type: ignore[assignment]
+
     def __post_init__(self) -> None:
-        object.__setattr__(self, "walls", tuple(self.walls))
+        kind_of("disks", self.disks, Disks)
+        kind_of("disk_disk", self.disk_disk, ContactLaw)
+        object.__setattr__(self, "walls", all_of_kind("walls", self.walls, Wall))
         gravity = finite("gravity", self.gravity, (2,))
         object.__setattr__(self, "gravity", (float(gravity[0]), float(gravity[1])))
         object.__setattr__(self, "xi", at_least("xi", self.xi, 0.0))
@@ -78,7 +83,7 @@ class Scene:
         self._check_walls()
         object.__setattr__(self, "outlines", check_outlines(self.outlines, self.disks))
         shear = {}
-        for pair, force in dict(self.initial_shear).items():
+        for pair, force in kind_of("initial_shear", self.initial_shear, Mapping).items():  # type: ignore[type-abstract]
             shear[self.check_pair(pair)] = float(finite(f"initial shear of {pair}", force, ()))
         object.__setattr__(self, "initial_shear", shear)
 
@@ -89,6 +94,7 @@ class Scene:
 
     def body_name(self, body: int) -> str:
         """Readable name of a body, for messages and figures."""
+        body = whole("body", body, 0, self.n_bodies - 1, error=InvalidSceneError)
         n = len(self.disks)
         return f"disk {body}" if body < n else f"wall {self.walls[body - n].name!r}"
 
@@ -98,27 +104,26 @@ class Scene:
             if wall.name == name:
                 return len(self.disks) + k
         known = ", ".join(wall.name for wall in self.walls) or "none"
-        raise InvalidSceneError(f"there is no wall {name!r}: the scene's walls are {known}")
+        raise InvalidSceneError(f"there is no wall {shown(name)}: the scene's walls are {known}")
 
     def check_pair(self, pair: Sequence[int]) -> tuple[int, int]:
         """Return ``pair`` as two body numbers in order, or raise `InvalidSceneError`."""
-        if len(pair) != 2:
-            raise InvalidSceneError(f"a pair is two body numbers, not {pair!r}")
-        try:
-            i, j = index(pair[0]), index(pair[1])
-        except TypeError as error:
-            raise InvalidSceneError(f"a pair is two body numbers, not {pair!r}") from error
+        bodies = body_numbers("a pair is two body numbers", pair)
+        if len(bodies) != 2:
+            raise InvalidSceneError(f"a pair is two body numbers, not {shown(pair)}")
+        i, j = bodies
         if not (0 <= i < len(self.disks) and i < j < self.n_bodies):
             raise InvalidSceneError(
-                f"pair {tuple(pair)} is not allowed: the first body is a disk (0..{len(self.disks) - 1}), the second a "
+                f"pair {(i, j)} is not allowed: the first body is a disk (0..{len(self.disks) - 1}), the second a "
                 f"later disk or a wall (up to {self.n_bodies - 1})"
             )
         return i, j
 
     def law(self, pair: tuple[int, int]) -> ContactLaw:
         """Contact law of a pair."""
+        _, j = self.check_pair(pair)
         n = len(self.disks)
-        return self.disk_disk if pair[1] < n else self.walls[pair[1] - n].law
+        return self.disk_disk if j < n else self.walls[j - n].law
 
     def _check_walls(self) -> None:
         for a, one in enumerate(self.walls):
@@ -216,7 +221,7 @@ class Scene:
             raise InvalidSceneError(f"the scene's data have the wrong form: {error}") from error
         unknown = set(data) - {name.name for name in fields(cls)}
         if unknown:
-            raise InvalidSceneError(f"unknown key(s) in the scene: {', '.join(sorted(unknown))}")
+            raise InvalidSceneError(f"unknown key(s) in the scene: {', '.join(sorted(map(str, unknown)))}")
         return scene
 
     def replace(self, **changes: Any) -> Scene:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
+from ninedisk.core._crew import check_threads
+from ninedisk.core._validate import one_of
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.watch import check_run
 
 if TYPE_CHECKING:
     from ninedisk.core.history import History, Pair
@@ -58,14 +61,14 @@ def simulate(
     SolverNotConvergedError, NoEquilibriumError
         Contact dynamics: if a step is not solved to its tolerance, or a static one has no solution.
     """
+    one_of("method", method, ("dem", "cd"), error=InvalidNumericsError)
+    check_run(scene, numerics)
     if method == "dem":
         from ninedisk.core.dem.session import DemSession
 
         return DemSession(scene, numerics, watch, particles, threads=threads).run(progress)
-    if method != "cd":
-        raise InvalidNumericsError(f"method = {method!r} is unknown: use dem or cd")
     from ninedisk.core.cd.session import CdSession
 
-    if threads != 1:
+    if check_threads(threads) != 1:
         numerics = numerics.replace(options={**numerics.options, "cd.threads": threads})
     return CdSession(scene, numerics, watch, particles).run(progress)

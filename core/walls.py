@@ -7,7 +7,7 @@ from math import hypot
 
 import numpy as np
 
-from ninedisk.core._validate import finite, real
+from ninedisk.core._validate import LARGEST, SMALLEST, all_of_kind, finite, kind_of, real, shown
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
 
@@ -57,17 +57,21 @@ class WallSegment:
         duration = real(self.duration)
         if not duration > 0.0:
             raise InvalidSceneError(
-                f"segment duration = {self.duration!r} is not allowed: it must be a number > 0 (inf for the last segment)"
+                f"segment duration = {shown(self.duration)} is not allowed: it must be a number > 0 (inf for the last segment)"
+            )
+        if not (SMALLEST <= duration <= LARGEST or duration == np.inf):
+            raise InvalidSceneError(
+                f"segment duration = {duration!r} is not allowed: it must lie between {SMALLEST:g} and {LARGEST:g} s, or be inf"
             )
         object.__setattr__(self, "duration", duration)
         for name in ("velocity", "amplitude", "tan_lever"):
-            array = finite(f"segment {name}", getattr(self, name), (2,))
+            array = finite(f"segment {name}", getattr(self, name), (2,), most=LARGEST)
             object.__setattr__(self, name, (float(array[0]), float(array[1])))
         if self.pivot is not None:
-            pivot = finite("segment pivot", self.pivot, (2,))
+            pivot = finite("segment pivot", self.pivot, (2,), most=LARGEST)
             object.__setattr__(self, "pivot", (float(pivot[0]), float(pivot[1])))
         for name in ("angular_velocity", "frequency", "phase", "tan_rate"):
-            object.__setattr__(self, name, float(finite(f"segment {name}", getattr(self, name), ())))
+            object.__setattr__(self, name, float(finite(f"segment {name}", getattr(self, name), (), most=LARGEST)))
         if self.tan_rate and not abs(self.tan_rate * self.duration) < np.pi / 2:
             raise InvalidSceneError(
                 f"tan_rate * duration = {self.tan_rate * self.duration:g} is not allowed: it must stay below pi/2"
@@ -100,13 +104,14 @@ class Wall:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
-            raise InvalidSceneError(f"the name of a wall must be a string, not {self.name!r}")
-        point = finite(f"wall {self.name!r} point", self.point, (2,))
+            raise InvalidSceneError(f"the name of a wall must be a string, not {shown(self.name)}")
+        point = finite(f"wall {self.name!r} point", self.point, (2,), most=LARGEST)
         normal = finite(f"wall {self.name!r} normal", self.normal, (2,))
         largest = float(np.abs(normal).max())
         if largest == 0.0:
             raise InvalidSceneError(f"wall {self.name!r} has a zero normal: give it a direction")
-        motion = tuple(self.motion)
+        kind_of(f"wall {self.name!r} law", self.law, ContactLaw)
+        motion = all_of_kind(f"wall {self.name!r} motion", self.motion, WallSegment)
         for segment in motion[:-1]:
             if not np.isfinite(segment.duration):
                 raise InvalidSceneError(

@@ -12,10 +12,13 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ninedisk.core._archive import read_arrays
+from ninedisk.core._validate import LARGEST, at_least, kind_of, numbers, real, shown
 from ninedisk.core.cd import contact_kernels as kernels
 from ninedisk.core.errors import InvalidSceneError
 
 FloatArray = NDArray[np.float64]
+TINY = float(np.finfo(np.float64).tiny)
+"""Smallest normal double."""
 _FIELDS = ("mass", "force", "bodies", "normal", "arms", "offset", "mu", "compliance", "shear_0")
 
 
@@ -80,7 +83,8 @@ class ContactProblem:
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        b, c = len(np.asarray(self.mass)), len(np.asarray(self.bodies))
+        bodies = numbers("bodies", self.bodies)
+        b, c = len(np.atleast_1d(numbers("mass", self.mass))), len(np.atleast_1d(bodies))
         shapes: dict[str, tuple[int, ...]] = {
             "mass": (b, 3),
             "force": (b, 3),
@@ -93,32 +97,47 @@ class ContactProblem:
         }
         for name, shape in shapes.items():
             value = getattr(self, name)
-            object.__setattr__(self, name, _array(name, np.zeros(shape) if value is None else value, shape))
-        bodies = np.array(self.bodies, dtype=np.int32).reshape(c, 2)
-        bodies.setflags(write=False)
-        object.__setattr__(self, "bodies", bodies)
-        if not (np.isfinite(self.resolution) and self.resolution >= 0.0):
-            raise InvalidSceneError(f"resolution = {self.resolution!r} is not allowed: it must be finite and >= 0")
+            absent = value is None and name in ("compliance", "shear_0")
+            try:
+                object.__setattr__(self, name, _array(name, np.zeros(shape) if absent else value, shape))
+            except InvalidSceneError as error:
+                raise InvalidSceneError(f"{error} (mass tells of {b} bodies, bodies of {c} contacts)") from error
+        object.__setattr__(self, "bodies", _body_rows(bodies, c, b))
+        object.__setattr__(self, "resolution", at_least("resolution", self.resolution, 0.0))
+        kind_of("notes", self.notes, Mapping)  # type: ignore[type-abstract]
+        for key, text in self.notes.items():
+            if not (isinstance(key, str) and isinstance(text, str)):
+                raise InvalidSceneError(
+                    f"notes[{shown(key)}] = {shown(text)} is not allowed: notes are strings by names"
+                )
         self._check()
 
     def _check(self) -> None:
-        if self.mass.size and not self.mass.min() > 0.0:
+        if self.mass.size and not self.mass.min() >= TINY:
             body, axis = np.unravel_index(int(np.argmin(self.mass)), self.mass.shape)
             raise InvalidSceneError(
-                f"mass[{body}, {axis}] = {self.mass[body, axis]:g} is not allowed: it must be > 0 (inf blocks an unknown)"
+                f"mass[{body}, {axis}] = {self.mass[body, axis]:g} is not allowed: it must be > 0 (inf blocks an unknown), and at least "
+                f"{TINY:g}, whose inverse is a finite number"
             )
         if self.n_contacts == 0:
             return
-        if self.bodies.min() < -1 or self.bodies.max() >= self.n_bodies:
-            raise InvalidSceneError(f"bodies must lie in -1..{self.n_bodies - 1}; found {self.bodies.max()}")
         length = np.hypot(self.normal[:, 0], self.normal[:, 1])
         if np.abs(length - 1.0).max() > 1e-12:
             k = int(np.argmax(np.abs(length - 1.0)))
             raise InvalidSceneError(f"normal[{k}] has the length {length[k]:.17g}; normals must have length 1")
+        if self.mu.max() > LARGEST:
+            k = int(np.argmax(self.mu))
+            raise InvalidSceneError(f"mu[{k}] = {self.mu[k]:g} is not allowed: it must be at most {LARGEST:g}")
         for name, value in (("mu", self.mu), ("compliance", self.compliance)):
             if value.min() < 0.0:
                 k = int(np.argmin(value if value.ndim == 1 else value.min(axis=1)))
                 raise InvalidSceneError(f"{name}[{k}] = {value[k]} is not allowed: it must be >= 0")
+        with np.errstate(over="ignore", invalid="ignore"):
+            representable = np.isfinite(self.blocks).all() and np.isfinite(self.b).all()
+        if not representable:
+            raise InvalidSceneError(
+                "the problem's numbers overflow: mass, force, arms, offset, compliance or shear_0 are too small or too large"
+            )
         stuck = self.blocks[:, 0] <= 0.0
         if stuck.any():
             k = int(np.argmax(stuck))
@@ -168,12 +187,14 @@ class ContactProblem:
 
     def body_velocity(self, r: FloatArray) -> FloatArray:
         """``v = M^-1 (f + H' r)``, shape (b, 3), of the contact forces ``r``, shape (c, 2)."""
+        r = _of_shape("r", r, (self.n_contacts, 2))
         v = np.empty((self.n_bodies, 3))
         kernels.body_velocities(self.bodies, self.normal, self.arms, self.inverse_mass, self.force, r, v)
         return v
 
     def contact_velocity(self, v: FloatArray, r: FloatArray) -> FloatArray:
         """``u = H v + g + C (r - (0, q0))``, shape (c, 2)."""
+        v, r = _of_shape("v", v, (self.n_bodies, 3)), _of_shape("r", r, (self.n_contacts, 2))
         u = np.empty((self.n_contacts, 2))
         kernels.contact_velocities(self.bodies, self.normal, self.arms, v, u)
         u += self.offset + self.compliance * r
@@ -237,13 +258,42 @@ class ContactProblem:
         if missing:
             raise InvalidSceneError(f"{os.fspath(path)} holds no contact problem: it lacks {', '.join(missing)}")
         notes = {key[5:]: str(array) for key, array in data.items() if key.startswith("note_")}
-        resolution = float(data["resolution"]) if "resolution" in data else 0.0
-        return cls(**{name: data[name] for name in _FIELDS}, resolution=resolution, notes=notes)
+        return cls(**{name: data[name] for name in _FIELDS}, resolution=real(data.get("resolution", 0.0)), notes=notes)
+
+
+def _body_rows(bodies: FloatArray, c: int, b: int) -> NDArray[np.int32]:
+    """Read-only body numbers of c contacts; raises `InvalidSceneError` unless each joins two of the b bodies."""
+    pairs = bodies.reshape(c, 2) if bodies.size == 0 else bodies
+    if pairs.shape != (c, 2):
+        raise InvalidSceneError(f"bodies has shape {pairs.shape}; it must have shape ({c}, 2)")
+    odd = ~((pairs == np.floor(pairs)) & (pairs >= -1) & (pairs < b))
+    if odd.any():
+        k = int(np.argmax(odd.any(axis=1)))
+        raise InvalidSceneError(
+            f"bodies[{k}] = ({pairs[k, 0]:g}, {pairs[k, 1]:g}) is not allowed: bodies are numbered 0..{b - 1}; -1 is prescribed"
+        )
+    own = (pairs[:, 0] == pairs[:, 1]) & (pairs[:, 0] >= 0)
+    if own.any():
+        k = int(np.argmax(own))
+        raise InvalidSceneError(
+            f"bodies[{k}] = ({pairs[k, 0]:g}, {pairs[k, 1]:g}) is not allowed: a body has no contact with itself"
+        )
+    rows = pairs.astype(np.int32)
+    rows.setflags(write=False)
+    return rows
+
+
+def _of_shape(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    """``value`` as the kernels read it, who do not look for the ends of arrays; raises `InvalidSceneError` if its shape is another."""
+    array = value if type(value) is np.ndarray and value.dtype == np.float64 else numbers(name, value)
+    if array.shape != shape:
+        raise InvalidSceneError(f"{name} has shape {array.shape}; it must have shape {shape}")
+    return array
 
 
 def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    array = np.array(value, dtype=np.float64)
-    if array.size == 0:
+    array = numbers(name, value)
+    if array.size == 0 == np.prod(shape):
         array = array.reshape(shape)
     if array.shape != shape:
         raise InvalidSceneError(f"{name} has shape {array.shape}; it must have shape {shape}")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core._crew import check_threads
+from ninedisk.core._validate import one_of, real, shown, whole
 from ninedisk.core.cd.residuals import Residuals, Sliding
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
@@ -52,17 +53,23 @@ class SolverOptions:
     factoriser: str = "auto"
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1.0:
-            raise InvalidNumericsError(f"tolerance = {self.tolerance!r} is not allowed: it must lie in (0, 1)")
-        if self.max_iterations is not None and self.max_iterations < 1:
-            raise InvalidNumericsError(f"max_iterations = {self.max_iterations!r} is not allowed: it must be >= 1")
-        if not self.time_limit > 0.0:
-            raise InvalidNumericsError(f"time_limit = {self.time_limit!r} is not allowed: it must be > 0 s")
-        if not 0.0 < self.relaxation < 2.0:
-            raise InvalidNumericsError(f"relaxation = {self.relaxation!r} is not allowed: it must lie in (0, 2)")
+        for name, most in (("tolerance", 1.0), ("relaxation", 2.0)):
+            if not 0.0 < real(getattr(self, name)) < most:
+                raise InvalidNumericsError(
+                    f"{name} = {shown(getattr(self, name))} is not allowed: it must be a number in (0, {most:g})"
+                )
+        if self.max_iterations is not None:
+            whole("max_iterations", self.max_iterations, 1, 2**53)
+        if not real(self.time_limit) > 0.0:
+            raise InvalidNumericsError(
+                f"time_limit = {shown(self.time_limit)} is not allowed: it must be a number > 0 s"
+            )
         check_threads(self.threads)
-        if self.factoriser not in FACTORISERS:
-            raise InvalidNumericsError(f"factoriser = {self.factoriser!r} is unknown: use {', '.join(FACTORISERS)}")
+        one_of("factoriser", self.factoriser, FACTORISERS, error=InvalidNumericsError)
+        for name, kind in (("tolerance", float), ("relaxation", float), ("time_limit", float), ("threads", int)):
+            object.__setattr__(self, name, kind(getattr(self, name)))
+        if self.max_iterations is not None:
+            object.__setattr__(self, "max_iterations", int(self.max_iterations))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,7 +32,7 @@ from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.core.watch import chosen_particles
+from ninedisk.core.watch import check_progress, check_room, check_run, chosen_particles, watched_pairs
 
 if TYPE_CHECKING:
     from ninedisk.core.cd.grain_frames import GrainFrames
@@ -84,8 +84,9 @@ class CdSession:
     def __init__(
         self, scene: Scene, numerics: Numerics, watch: Sequence[Pair] = (), particles: Sequence[int] | None = None
     ) -> None:
-        if len(scene.disks) == 0:
-            raise InvalidSceneError("the scene has no disk: there is nothing to simulate")
+        check_run(scene, numerics)
+        pairs, chosen = watched_pairs(scene, watch), chosen_particles(scene, particles)
+        check_room(numerics, len(chosen), len(scene.walls), len(pairs))
         self.scene, self.numerics = scene, numerics
         self.settings = read_settings(numerics)
         disks, n = scene.disks, len(scene.disks)
@@ -103,11 +104,9 @@ class CdSession:
         self.remarks: list[str] = []
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
-        pairs = tuple(scene.check_pair(pair) for pair in watch)
         self._grains = self._grain_frames()
         self._memory = initial_forces(scene, self._laws, self._finder, self._place(self._wall), self._grains)
         self._march = self._march_if_dynamic()
-        chosen = chosen_particles(scene, particles)
         self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen, self._grains)
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> History:
@@ -133,6 +132,7 @@ class CdSession:
         NonFiniteStateError
             If the state stops being finite.
         """
+        check_progress(progress)
         steps, told, done = self.numerics.n_steps, time.monotonic(), 0
         self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0)
         for step in self._recorder.stops(steps):

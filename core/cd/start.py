@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ninedisk.core._validate import numbers
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.errors import InvalidNumericsError
+from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 
 
 def starting_forces(problem: ContactProblem, start: ArrayLike | None) -> NDArray[np.float64]:
@@ -20,10 +21,13 @@ def starting_forces(problem: ContactProblem, start: ArrayLike | None) -> NDArray
     shape = (problem.n_contacts, 2)
     if start is None:
         return np.zeros(shape)
-    r = np.array(start, dtype=np.float64)
+    try:
+        r = numbers("start", start)
+    except InvalidSceneError as error:
+        raise InvalidNumericsError(str(error)) from error
     if r.shape != shape or not np.isfinite(r).all():
         raise InvalidNumericsError(
-            f"the starting forces must be finite and of shape {shape}; they have shape {r.shape}"
+            f"start, the starting forces, must be finite and of shape {shape}; they have shape {r.shape}"
         )
     p, q, mu = r[:, 0], np.abs(r[:, 1]), problem.mu
     outside = q > mu * p

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_cells, empty_list, grown
+from ninedisk.core.contacts.lists import PAIRS_PER_DISK, check_crowd, empty_cells, empty_list, grown
 from ninedisk.core.contacts.search_kernels import OK, build_pairs, build_wall_pairs, sort_into_cells
 from ninedisk.core.errors import NonFiniteStateError
 
@@ -58,6 +58,7 @@ class PairFinder:
         if not sort_into_cells(x, 2.0 * self._widest + reach, self._cells):
             raise NonFiniteStateError("the position of a disk is no finite number: reduce dt")
         while build_pairs(x, self._radius, reach, self._cells, False, self._listed, self._none, self._disks) != OK:
+            check_crowd(self._disks)
             self._disks = grown(empty_list(len(x), self._disks.other.shape[0]))
         while (
             build_wall_pairs(x, self._radius, far, wall, self._listed, self._scratch, self._no_walls, self._walls) != OK

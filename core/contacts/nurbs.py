@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ninedisk.core._validate import FloatArray, finite, numbers
+from ninedisk.core._validate import FloatArray, all_of_kind, finite, numbers, shown
 from ninedisk.core.contacts.nurbs_kernels import contacts_of_pairs
 from ninedisk.core.contacts.nurbs_state import (
     CROSSED,
@@ -49,9 +49,15 @@ class NurbsGrains:
     """
 
     def __init__(self, curves: Sequence[NurbsCurve], shape: ArrayLike) -> None:
-        self.shape = np.array(shape, dtype=np.int64)
-        if not len(curves) or self.shape.ndim != 1 or np.any((self.shape < 0) | (self.shape >= len(curves))):
-            raise InvalidSceneError(f"shape must be one number in 0 .. {len(curves) - 1} for each grain, not {shape!r}")
+        curves = all_of_kind("curves", curves, NurbsCurve)
+        if not curves:
+            raise InvalidSceneError("curves is empty: there is no shape that a grain could have")
+        given = numbers("shape", shape)
+        if given.ndim != 1 or not np.all((given >= 0) & (given < len(curves)) & (given == np.floor(given))):
+            raise InvalidSceneError(
+                f"shape must be one number in 0 .. {len(curves) - 1} for each grain, not {shown(shape)}"
+            )
+        self.shape = given.astype(np.int64)
         self.table = shape_table([powers(curve.spans) for curve in curves])
         self._work = workspace(self.table)
 
@@ -92,7 +98,13 @@ class NurbsGrains:
             If two grains penetrate each other so far that no chord defines their contact.
         """
         places, turn = self._placed(x, angle)
-        chosen = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
+        given = numbers("pairs", pairs)
+        given = given.reshape(-1, 2) if given.size == 0 else given
+        if given.ndim != 2 or given.shape[1] != 2 or not np.isin(given, np.arange(len(self.shape))).all():
+            raise InvalidSceneError(
+                f"pairs must be two numbers 0..{len(self.shape) - 1} of grains in each row, not {shown(pairs)}"
+            )
+        chosen = given.astype(np.int64)
         count = np.zeros(len(chosen), dtype=np.int64)
         room = 2 * len(chosen) + 8
         while True:

@@ -8,6 +8,7 @@ from ninedisk.core._crew import check_threads
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.watch import check_run
 
 
 def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
@@ -20,8 +21,7 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     InvalidNumericsError
         If the numerics ask for the static limit, or the number of threads is not allowed.
     """
-    if len(scene.disks) == 0:
-        raise InvalidSceneError("the scene has no disk: there is nothing to simulate")
+    check_run(scene, numerics)
     moved = scene.disks.held.any(axis=1) & ~scene.disks.fixed
     if moved.any():
         raise InvalidSceneError(

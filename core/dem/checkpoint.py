@@ -65,11 +65,9 @@ def read_checkpoint(path: str | os.PathLike[str]) -> tuple[Scene, Numerics, dict
         if lacking := [name for name in NEEDED if name not in arrays]:
             raise ValueError(f"it lacks {', '.join(lacking)}")
     except (ValueError, KeyError, TypeError) as error:
-        raise InvalidSceneError(f"{os.fspath(path)} is no checkpoint of a DEM run: {error}") from error
+        raise InvalidSceneError(f"{path} is no checkpoint of a DEM run: {error}") from error
     if not known:
-        raise InvalidSceneError(
-            f"{os.fspath(path)} has the checkpoint format {head['format']}; this version reads {FORMAT}"
-        )
+        raise InvalidSceneError(f"{path} has the checkpoint format {head['format']}; this version reads {FORMAT}")
     return Scene.from_dict(head["scene"]), Numerics.from_dict(head["numerics"]), arrays
 
 

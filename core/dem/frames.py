@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core._validate import one_of
 from ninedisk.core.errors import InvalidNumericsError
 
 FloatArray = NDArray[np.float64]
@@ -36,8 +37,7 @@ class FrameWriter:
     """
 
     def __init__(self, folder: str | os.PathLike[str], form: Format = "npz") -> None:
-        if form not in ("npz", "vtk"):
-            raise InvalidNumericsError(f"form = {form!r} is unknown: use npz or vtk")
+        one_of("form", form, ("npz", "vtk"), error=InvalidNumericsError)
         self.folder, self.form = Path(folder), form
         self.folder.mkdir(parents=True, exist_ok=True)
         self._times: list[float] = []

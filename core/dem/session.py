@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core._crew import together
-from ninedisk.core.contacts.lists import empty_cells, grown
+from ninedisk.core._validate import whole
+from ninedisk.core.contacts.lists import check_crowd, empty_cells, grown
 from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL
 from ninedisk.core.dem import state
 from ninedisk.core.dem.admission import check_admission
@@ -36,9 +37,9 @@ from ninedisk.core.dem.step_kernels import advance
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.geometry.motion import compile_motion
 from ninedisk.core.history import History, Pair
-from ninedisk.core.numerics import Numerics
+from ninedisk.core.numerics import MOST_STEPS, Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.core.watch import chosen_particles
+from ninedisk.core.watch import check_progress, check_room, chosen_particles, watched_pairs
 
 STEPS_TIMES_DISKS = 16_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
@@ -84,11 +85,12 @@ class DemSession:
         *,
         threads: int = 1,
     ) -> None:
-        n, m = len(scene.disks), len(scene.walls)
         check_admission(scene, numerics, threads)
+        n, m = len(scene.disks), len(scene.walls)
         self.scene, self.numerics = scene, numerics
-        self.pairs = tuple(scene.check_pair(pair) for pair in watch)
+        self.pairs = watched_pairs(scene, watch)
         self.chosen = chosen_particles(scene, particles)
+        check_room(numerics, len(self.chosen), m, len(self.pairs))
         self.contact_dt, self.critical_dt = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
         in_order = n >= SORT_FROM
@@ -133,6 +135,7 @@ class DemSession:
         NonFiniteStateError
             If the state stops being finite.
         """
+        check_progress(progress)
         target = self.numerics.n_steps * self.substeps
         stride = max(1, STEPS_TIMES_DISKS // len(self.scene.disks))
         while self._clock[state.STEP] < target or self._clock[state.PENDING]:
@@ -143,8 +146,9 @@ class DemSession:
 
     def advance(self, steps: int) -> None:
         """Advance by ``steps`` steps ``numerics.dt``, at most to the last one; raises as `run`."""
+        count = whole("steps", steps, 0, MOST_STEPS)
         last = self.numerics.n_steps * self.substeps
-        self._advance(min(last, int(self._clock[state.STEP]) + steps * self.substeps))
+        self._advance(min(last, int(self._clock[state.STEP]) + count * self.substeps))
 
     def snapshot(self) -> tuple[float, dict[str, NDArray[np.float64]]]:
         """Time [s] and present state of all disks in the scene's order, for `FrameWriter.write`.
@@ -268,6 +272,7 @@ class DemSession:
     def _mend(self, code: int) -> None:
         lists = self._lists
         if code == PAIRS_FULL:
+            check_crowd(lists.disks)
             self._lists = lists._replace(disks=grown(lists.disks), spare=grown(lists.spare))
             self._views = disk_views(self._disks, self._lists, self._law)
         elif code == WALL_PAIRS_FULL:

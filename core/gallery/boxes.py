@@ -7,8 +7,20 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ninedisk.core._validate import kind_of, shown, within
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.gallery.parts import GRAVITY, SPREAD, contact_law, positive, settle, uniform_disks
+from ninedisk.core.gallery.parts import (
+    GRAVITY,
+    LEAST_OVERLAP,
+    MOST_DISKS,
+    SPREAD,
+    contact_law,
+    count,
+    positive,
+    random,
+    settle,
+    uniform_disks,
+)
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.scene import Scene
 from ninedisk.core.walls import Wall, WallSegment
@@ -26,7 +38,7 @@ def poured(columns: int, rows: int, *, seed: int = 0, mu: float = 0.5, overlap: 
     mu : float
         Friction coefficient, >= 0.
     overlap : float
-        Overlap over diameter that the weight causes at the floor, in (0, 0.1].
+        Overlap over diameter that the weight causes at the floor, in [1e-9, 0.1].
 
     Returns
     -------
@@ -37,10 +49,10 @@ def poured(columns: int, rows: int, *, seed: int = 0, mu: float = 0.5, overlap: 
     InvalidSceneError
         If a value is out of range.
     """
-    positive(columns=columns, rows=rows)
-    if not 0.0 < overlap <= 0.1:
-        raise InvalidSceneError(f"overlap = {overlap!r} is not allowed: it must lie in (0, 0.1]")
-    rng = np.random.default_rng(seed)
+    columns = count("columns", columns)
+    rows = count("rows", rows, high=MOST_DISKS // columns)
+    overlap = within("overlap", overlap, LEAST_OVERLAP, 0.1)
+    rng = random(seed)
     pitch = 2.0 * SPREAD[1]
     grid = np.array([(i, j) for j in range(rows) for i in range(columns)], dtype=np.float64)
     x = pitch * (grid + 0.5) + rng.uniform(-0.05, 0.05, grid.shape)
@@ -64,11 +76,12 @@ def settled_packing(
         Number of disks, >= 1; rounded to a whole lattice.
     seed : int
     aspect : float
-        Height over width, > 0; 50 makes a tall column.
+        Height over width, in [1/n, n]: from a row to a column; 50 makes a tall column.
     progress, threads
         As in `settle`.
     """
-    positive(n=n, aspect=aspect)
+    n = count("n", n)
+    aspect = within("aspect", aspect, 1.0 / n, n)
     columns = max(1, round(math.sqrt(n / aspect)))
     return settle(poured(columns, max(1, round(n / columns)), seed=seed), progress=progress, threads=threads)
 
@@ -83,9 +96,12 @@ def side_by_side(scene: Scene, copies: int) -> Scene:
     InvalidSceneError
         If the scene is not one of `poured`'s boxes.
     """
-    positive(copies=copies)
+    kind_of("scene", scene, Scene)
+    copies = count("copies", copies, high=MOST_DISKS // max(len(scene.disks), 1))
     if [wall.name for wall in scene.walls] != ["left", "right", "bottom"]:
-        raise InvalidSceneError("side_by_side takes a box with the walls left, right, bottom")
+        raise InvalidSceneError(
+            f"side_by_side takes a box with the walls left, right, bottom, not scene = {shown(scene)}"
+        )
     disks, width = scene.disks, scene.walls[1].point[0]
     n = len(disks)
     x = np.concatenate([disks.x + np.array([k * width, 0.0]) for k in range(copies)])
@@ -109,9 +125,8 @@ def biaxial(columns: int, rows: int, *, seed: int = 0, strain: float = 0.02, dur
     duration : float
         Time that they take [s], > 0.
     """
-    if not 0.0 < strain <= 0.3:
-        raise InvalidSceneError(f"strain = {strain!r} is not allowed: it must lie in (0, 0.3]")
-    positive(duration=duration)
+    strain = within("strain", strain, 0.0, 0.3, open_low=True)
+    duration = positive("duration", duration)
     base = poured(columns, rows, seed=seed)
     height = 2.0 * SPREAD[1] * rows + 0.2
     law = base.disk_disk
@@ -136,7 +151,9 @@ def collapse(scene: Scene, *, speed: float = 20.0) -> Scene:
     speed : float
         Speed of the wall [m/s], > 0; faster than the grains fall.
     """
-    positive(speed=speed)
+    kind_of("scene", scene, Scene)
+    speed = positive("speed", speed)
+    scene.wall_index("right")
     walls = [
         Wall(
             name=wall.name,

@@ -6,10 +6,14 @@ import math
 
 import numpy as np
 
+from ninedisk.core._validate import LARGEST, finite, within
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.gallery.parts import GRAVITY, SPREAD, contact_law, positive, uniform_disks
+from ninedisk.core.gallery.parts import GRAVITY, SPREAD, contact_law, count, random, uniform_disks
 from ninedisk.core.scene import Scene
 from ninedisk.core.walls import Wall, WallSegment
+
+MOST_SIDES = 1_000
+"""Walls are compared with each other, and every disk with every wall."""
 
 
 def drum(n: int, *, seed: int = 0, turns_per_second: float = 0.05, sides: int = 24, fill: float = 0.4) -> Scene:
@@ -23,16 +27,14 @@ def drum(n: int, *, seed: int = 0, turns_per_second: float = 0.05, sides: int = 
     turns_per_second : float
         Rate of rotation [1/s], counter-clockwise.
     sides : int
-        Sides of the drum, >= 3.
+        Sides of the drum, 3 .. `MOST_SIDES`.
     fill : float
-        Part of the drum that the disks fill, in (0, 0.6].
+        Part of the drum that the disks fill, in [0.001, 0.6].
     """
-    positive(n=n)
-    if not (isinstance(sides, int) and sides >= 3):
-        raise InvalidSceneError(f"sides = {sides!r} is not allowed: it must be a whole number >= 3")
-    if not 0.0 < fill <= 0.6:
-        raise InvalidSceneError(f"fill = {fill!r} is not allowed: it must lie in (0, 0.6]")
-    rng = np.random.default_rng(seed)
+    n, sides = count("n", n), count("sides", sides, low=3, high=MOST_SIDES)
+    fill = within("fill", fill, 1e-3, 0.6)
+    turns_per_second = float(finite("turns_per_second", turns_per_second, (), most=LARGEST))
+    rng = random(seed)
     pitch = 2.0 * SPREAD[1]
     inner = max(2.0 * pitch, pitch * math.sqrt(n / (fill * math.pi)))
     side = math.ceil(2.0 * inner / pitch)
@@ -41,7 +43,7 @@ def drum(n: int, *, seed: int = 0, turns_per_second: float = 0.05, sides: int = 
     places = places[np.hypot(places[:, 0], places[:, 1]) < inner - pitch][:n]
     if len(places) < n:
         raise InvalidSceneError(
-            f"a drum filled by {fill:g} holds only {len(places)} of {n} disks on a lattice: fill less"
+            f"fill = {fill:g} is not allowed: the drum holds only {len(places)} of n = {n} disks on a lattice; fill less"
         )
     law = contact_law(inner)
     spin = 2.0 * math.pi * turns_per_second

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ninedisk.core._validate import kind_of, within
 from ninedisk.core.disks import Disks
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.gallery.parts import DENSITY, GRAVITY, SPREAD, FloatArray, contact_law, positive
+from ninedisk.core.gallery.parts import DENSITY, GRAVITY, MOST_DISKS, SPREAD, FloatArray, contact_law, count, random
 from ninedisk.core.scene import Scene
 from ninedisk.core.walls import Wall, WallSegment
 
@@ -18,6 +19,9 @@ FUNNEL = 0.5
 
 PITCH = 1.3
 """Lattice from which the grains fall [m]: the widest ones and the displacements of two neighbours have room in it."""
+
+MOST_OUTLET, LEAST_ANGLE = 1_000.0, 0.01
+"""Mean diameters, and radians: the rows of a wider or steeper funnel would have more disks than it holds grains."""
 
 LOOSE = 0.8
 """Part of the plane that settled disks cover, at least."""
@@ -39,13 +43,13 @@ def hopper(
     n : int
         Number of grains, >= 1; the funnel's fixed disks come after them.
     outlet : float
-        Clear width between the lowest disks of the two rows, in mean diameters (of 1 m), >= 1.5.
+        Clear width between the lowest disks of the two rows, in mean diameters (of 1 m), 1.5 .. `MOST_OUTLET`.
     half_angle : float
-        Angle between the funnel's sides and the vertical [rad], in (0, pi/2]; pi/2 is a silo with a flat bottom.
+        Angle between the funnel's sides and the vertical [rad], `LEAST_ANGLE` .. pi/2; pi/2 is a silo with a flat bottom.
     mu : float
         Friction coefficient of all contacts, >= 0.
     aspect : float
-        Height of the filling over the width of the bin, about, > 0.
+        Height of the filling over the width of the bin, about, in [1/n, n].
     seed : int
         Of the radii and of small displacements.
 
@@ -60,19 +64,23 @@ def hopper(
     InvalidSceneError
         If a value is out of range.
     """
-    positive(n=n, half_angle=half_angle, aspect=aspect)
-    if not outlet >= 1.5:
-        raise InvalidSceneError(f"outlet = {outlet!r} is not allowed: it must be >= 1.5 mean diameters")
-    if not half_angle <= math.pi / 2.0:
-        raise InvalidSceneError(f"half_angle = {half_angle!r} is not allowed: it must lie in (0, pi/2]")
+    n = count("n", n)
+    aspect = within("aspect", aspect, 1.0 / n, n)
+    outlet = within("outlet", outlet, 1.5, MOST_OUTLET)
+    half_angle = within("half_angle", half_angle, LEAST_ANGLE, math.pi / 2.0)
     wide = max(math.sqrt(n / aspect), outlet + 4.0)
     first = 0.5 * outlet + FUNNEL
-    count = 1 + math.ceil((0.5 * wide - first) / (2.0 * FUNNEL * math.sin(half_angle)))
-    along = 2.0 * FUNNEL * np.arange(max(count, 1))
+    links = max(1, 1 + math.ceil((0.5 * wide - first) / (2.0 * FUNNEL * math.sin(half_angle))))
+    if links > MOST_DISKS:
+        raise InvalidSceneError(
+            f"aspect = {aspect:g} with half_angle = {half_angle:g} is not allowed: each side of the "
+            f"funnel would have {links} disks; raise one of them"
+        )
+    along = 2.0 * FUNNEL * np.arange(links)
     side = np.column_stack([first + along * math.sin(half_angle), along * math.cos(half_angle)])
     half = float(side[-1, 0]) + FUNNEL
     rows = np.concatenate([side * (-1.0, 1.0), side])
-    rng = np.random.default_rng(seed)
+    rng = random(seed)
     x = _places(n, half, first, half_angle) + rng.uniform(-0.05, 0.05, (n, 2))
     radius = np.concatenate([rng.uniform(*SPREAD, n), np.full(len(rows), FUNNEL)])
     is_fixed = np.arange(n + len(rows)) >= n
@@ -105,6 +113,7 @@ def discharge(scene: Scene) -> Scene:
     InvalidSceneError
         If it has no wall "plug".
     """
+    kind_of("scene", scene, Scene)
     plug = scene.walls[scene.wall_index("plug") - len(scene.disks)]
     left, right = (scene.walls[scene.wall_index(name) - len(scene.disks)].point[0] for name in ("left", "right"))
     grains = ~scene.disks.fixed

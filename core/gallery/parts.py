@@ -9,15 +9,22 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core._validate import at_least, kind_of, whole, within
 from ninedisk.core.disks import Disks
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.watch import check_progress
 
 FloatArray = NDArray[np.float64]
 
+MOST_DISKS = 10_000_000
+"""Disks of a scene: more would need tens of gigabytes."""
+
 DENSITY, GRAVITY = 1000.0, 9.81
+LEAST_OVERLAP = 1e-9
+"""Overlap over diameter under the weight: of stiffer contacts nothing but round-off would be left."""
 SPREAD = (0.4, 0.6)
 """Radii are uniform in this range [m]: mean diameter 1 m, no crystal."""
 
@@ -27,7 +34,7 @@ STILL = 1e-9
 
 def contact_law(height: float, *, overlap: float = 0.005, mu: float = 0.5, beta: float = 0.2) -> ContactLaw:
     """Law whose contacts overlap by about ``overlap`` diameters under a column of the given height [m]."""
-    kn = DENSITY * GRAVITY * height / overlap
+    kn = DENSITY * GRAVITY * positive("height", height) / within("overlap", overlap, LEAST_OVERLAP, 0.1)
     return ContactLaw(kn=kn, ks=0.5 * kn, mu=mu, beta=beta, restitution=0.0)
 
 
@@ -53,10 +60,13 @@ def settle(scene: Scene, *, progress: Callable[[int, int], None] | None = None, 
     InvalidSceneError
         If nothing pulls the disks together, or they do not come to rest.
     """
+    from ninedisk.core.dem.admission import check_admission
     from ninedisk.core.dem.critical import critical_time_step
     from ninedisk.core.dem.session import DemSession
 
-    g = math.hypot(*scene.gravity)
+    g = math.hypot(*kind_of("scene", scene, Scene).gravity)
+    check_progress(progress)
+    check_admission(scene, Numerics(dt=1.0, n_steps=1), threads)
     if g == 0.0:
         raise InvalidSceneError("a scene without gravity does not settle: give it one, or walls that press")
     disks = scene.disks
@@ -88,8 +98,16 @@ def uniform_disks(x: FloatArray, radius: FloatArray, mass: FloatArray | None = N
     return Disks(x=x, radius=radius, mass=DENSITY * math.pi * radius**2 if mass is None else mass)
 
 
-def positive(**values: float) -> None:
-    """Raise `InvalidSceneError` with the name of a value that is no number > 0."""
-    for name, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-            raise InvalidSceneError(f"{name} = {value!r} is not allowed: it must be > 0")
+def count(name: str, value: object, *, low: int = 1, high: int = MOST_DISKS) -> int:
+    """The value as an int, or `InvalidSceneError`: a number of disks, copies, sides, or a seed."""
+    return whole(name, value, low, high, error=InvalidSceneError)
+
+
+def positive(name: str, value: object) -> float:
+    """The value as a float, or `InvalidSceneError`: a number > 0."""
+    return at_least(name, value, 0.0, strict=True)
+
+
+def random(seed: object) -> np.random.Generator:
+    """The generator of a scene's radii and places; `InvalidSceneError` unless the seed is a whole number >= 0."""
+    return np.random.default_rng(count("seed", seed, low=0, high=2**63 - 1))

@@ -12,17 +12,20 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ninedisk.core._validate import FloatArray, finite, numbers
+from ninedisk.core._validate import LARGEST, SMALLEST, FloatArray, finite, numbers, real, shown
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.nurbs_checks import check_knots, check_outline, check_weights
 from ninedisk.core.geometry.nurbs_kernels import ShapeTable, sample
 from ninedisk.core.geometry.nurbs_table import shape_table
 
+MOST_DEGREE, MOST_POINTS = 12, 1_000
+"""Of an outline. Bernstein coefficients of higher degrees lose digits; crossings are sought among all pairs of an outline's segments."""
+
 CLOSED_TO = 1e-12
 """Largest distance of first and last point, relative to the control polygon's size, that counts as rounding."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class NurbsCurve:
     """A closed outline: a rational B-spline curve, counter-clockwise, that does not cross itself.
 
@@ -57,14 +60,31 @@ class NurbsCurve:
         degree = self.degree
         if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or not 1 <= degree < n:
             raise InvalidSceneError(
-                f"degree = {degree!r} is not allowed: it must be an integer in 1 .. {n - 1}, for {n} points"
+                f"degree = {shown(degree)} is not allowed: it must be an integer in 1 .. {n - 1}, for {n} points"
+            )
+        if degree > MOST_DEGREE or n > MOST_POINTS:
+            raise InvalidSceneError(
+                f"degree = {degree} with {n} points is not allowed: an outline has at most degree {MOST_DEGREE} and {MOST_POINTS} points; "
+                "fit it with fewer (ninedisk.core.geometry.nurbs_shapes.fitted)"
             )
         object.__setattr__(self, "degree", int(degree))
-        object.__setattr__(self, "points", finite("points", points, (n, 2)))
+        object.__setattr__(self, "points", finite("points", points, (n, 2), most=LARGEST))
+        size = float(np.ptp(self.points, axis=0).max())
+        if 0.0 < size < SMALLEST:
+            raise InvalidSceneError(
+                f"points span {size:g} m, which is not allowed: it must be {SMALLEST:g} m at least; change units"
+            )
         object.__setattr__(self, "weights", check_weights(np.ones(n) if self.weights is None else self.weights, n))
         object.__setattr__(self, "knots", check_knots(self.knots, n, int(degree)))
         self._check_closed()
         check_outline(self.table)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, NurbsCurve):
+            return NotImplemented
+        return self.degree == other.degree and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in ("knots", "points", "weights")
+        )
 
     def _check_closed(self) -> None:
         spans, size = self.spans, float(np.ptp(self.points, axis=0).max())
@@ -121,11 +141,14 @@ class NurbsCurve:
             If a parameter is out of range, or the order.
         """
         at = np.atleast_1d(numbers("parameter", parameter))
+        if at.ndim != 1:
+            raise InvalidSceneError(f"parameter has shape {at.shape}; it must have shape (k,)")
         low, high = self.breaks[0], self.breaks[-1]
         if not np.all((at >= low) & (at <= high)):
-            raise InvalidSceneError(f"a parameter is out of range: the curve is defined on {low:g} .. {high:g}")
-        if order not in (0, 1, 2):
-            raise InvalidSceneError(f"order = {order!r} is not allowed: it must be 0, 1 or 2")
+            raise InvalidSceneError(f"parameter is out of range: the curve is defined on {low:g} .. {high:g}")
+        if real(order) not in (0.0, 1.0, 2.0):
+            raise InvalidSceneError(f"order = {shown(order)} is not allowed: it must be 0, 1 or 2")
+        order = int(order)
         span = np.clip(np.searchsorted(self.breaks, at, side="right") - 1, 0, len(self.breaks) - 2).astype(np.int64)
         width = self.breaks[span + 1] - self.breaks[span]
         out = np.empty((len(at), 6))
@@ -134,9 +157,10 @@ class NurbsCurve:
 
     def with_knot(self, value: float) -> NurbsCurve:
         """The same curve with one more knot, strictly inside its range and there at most ``degree`` times (Boehm's algorithm)."""
+        value = real(given := value)
         if not self.breaks[0] < value < self.breaks[-1] or np.count_nonzero(self.knots == value) >= self.degree:
             raise InvalidSceneError(
-                f"knot {value!r} cannot be inserted: it must lie inside {self.breaks[0]:g} .. {self.breaks[-1]:g} "
+                f"knot value = {shown(given)} cannot be inserted: it must lie inside {self.breaks[0]:g} .. {self.breaks[-1]:g} "
                 f"and be there fewer than {self.degree} times"
             )
         knots, points = inserted(self.knots, homogeneous(self.points, self.weights), self.degree, value)
@@ -144,9 +168,10 @@ class NurbsCurve:
 
     def moved(self, *, shift: ArrayLike = (0.0, 0.0), angle: float = 0.0) -> NurbsCurve:
         """The outline turned about the origin by ``angle`` [rad], then shifted [m]."""
-        c, s = np.cos(angle), np.sin(angle)
+        turn, way = finite("angle", angle, (), most=LARGEST), finite("shift", shift, (2,), most=LARGEST)
+        c, s = np.cos(turn), np.sin(turn)
         turned = self.points @ np.array([[c, s], [-s, c]])
-        return NurbsCurve(degree=self.degree, knots=self.knots, points=turned + np.asarray(shift), weights=self.weights)
+        return NurbsCurve(degree=self.degree, knots=self.knots, points=turned + way, weights=self.weights)
 
 
 def homogeneous(points: FloatArray, weights: FloatArray) -> FloatArray:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ninedisk.core._validate import at_least
+from ninedisk.core._validate import at_least, finite, kind_of
+from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.nurbs import NurbsCurve
 from ninedisk.core.geometry.nurbs_mass import area_moments, centred
 from ninedisk.core.geometry.nurbs_table import outline_points
@@ -47,7 +48,7 @@ def uniform_grain(curve: NurbsCurve, density: float) -> UniformGrain:
         If the density is not > 0.
     """
     rho = at_least("density", density, 0.0, strict=True)
-    outline = centred(curve)
+    outline = centred(kind_of("curve", curve, NurbsCurve))
     moments = area_moments(outline)
     return UniformGrain(
         outline=outline,
@@ -59,7 +60,7 @@ def uniform_grain(curve: NurbsCurve, density: float) -> UniformGrain:
 
 def farthest(curve: NurbsCurve) -> float:
     """Largest distance of the outline from the origin of its frame [m], to round-off."""
-    table, best = curve.table, 0.0
+    table, best = kind_of("curve", curve, NurbsCurve).table, 0.0
     for k in range(len(table.piece_span)):
         low, high = table.piece_range[k]
         coef = table.coef[table.piece_span[k] : table.piece_span[k] + 1]
@@ -78,7 +79,10 @@ def farthest(curve: NurbsCurve) -> float:
 
 def extent(curve: NurbsCurve, direction: ArrayLike) -> float:
     """Largest coordinate of the outline along a unit vector of its frame [m], to round-off."""
-    table, best, n = curve.table, -np.inf, np.asarray(direction, dtype=np.float64)
+    table, best = kind_of("curve", curve, NurbsCurve).table, -np.inf
+    n = finite("direction", direction, (2,))
+    if abs(np.hypot(n[0], n[1]) - 1.0) > 1e-12:
+        raise InvalidSceneError(f"direction = ({n[0]:g}, {n[1]:g}) is not allowed: it must be a unit vector")
     for k in range(len(table.piece_span)):
         low, high = table.piece_range[k]
         coef = table.coef[table.piece_span[k] : table.piece_span[k] + 1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ninedisk.core._validate import FloatArray, at_least
+from ninedisk.core._validate import FloatArray, at_least, shown
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.nurbs_shapes import Fit, fitted
 
@@ -42,7 +42,10 @@ def traced(image: ArrayLike, pixel: float = 1.0) -> FloatArray:
     InvalidSceneError
         If the image is no 2-D array of truth values, is empty, or has several parts or a hole.
     """
-    given = np.asarray(image)
+    try:
+        given = np.empty(()) if np.ma.is_masked(image) else np.asarray(image)
+    except Exception as error:  # rows of unequal length, or whatever an object does that is asked to be an array
+        raise InvalidSceneError(f"image must be truth values in rows and columns, not {shown(image)}") from error
     width = at_least("pixel", pixel, 0.0, strict=True)
     if given.dtype != np.bool_ or given.ndim != 2:
         raise InvalidSceneError(

@@ -6,13 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ninedisk.core._validate import FloatArray
+from ninedisk.core._validate import FloatArray, kind_of, whole
+from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.nurbs import NurbsCurve
 from ninedisk.core.geometry.nurbs_table import outline_points
 
 NODES = 16
 """Gauss nodes a piece: exact for polynomial curves of degree 8 and less; on rational pieces, which turn by 0.6 rad at most, the
 integrands are analytic well around the piece and 16 nodes leave round-off."""
+
+MOST_NODES = 100
+"""Gauss nodes a piece: their weights are found by eigenvalues, in a time that grows with the third power."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +44,8 @@ def area_moments(curve: NurbsCurve, nodes: int = NODES) -> AreaMoments:
     Integrals over the area become integrals round the outline: A = 1/2 of (x dy - y dx), first moments 1/2 of x^2 dy and -1/2 of
     y^2 dx, polar moment 1/3 of (x^3 dy - y^3 dx); about a point inside, so that an outline far away loses no digits.
     """
-    table = curve.table
+    table = kind_of("curve", curve, NurbsCurve).table
+    nodes = whole("nodes", nodes, 1, MOST_NODES, error=InvalidSceneError)
     at, weight = np.polynomial.legendre.leggauss(nodes)
     about = np.mean(table.piece_circle[:, :2], axis=0)
     x, y, dx, dy = [], [], [], []
@@ -63,4 +68,4 @@ def area_moments(curve: NurbsCurve, nodes: int = NODES) -> AreaMoments:
 
 def centred(curve: NurbsCurve) -> NurbsCurve:
     """The outline shifted so that its centroid is the origin: the frame in which a grain is described."""
-    return curve.moved(shift=-area_moments(curve).centroid)
+    return kind_of("curve", curve, NurbsCurve).moved(shift=-area_moments(curve).centroid)

@@ -7,9 +7,12 @@ from math import cos, pi, sin, tan
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ninedisk.core._validate import FloatArray, at_least, numbers, real
+from ninedisk.core._validate import FloatArray, at_least, numbers, real, shown, whole
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.nurbs import NurbsCurve
+from ninedisk.core.geometry.nurbs import MOST_POINTS, NurbsCurve
+
+MOST_FACES = MOST_POINTS // 4 - 1
+"""A rounded polygon has four control points a face."""
 
 
 def polygon(vertices: ArrayLike) -> NurbsCurve:
@@ -33,7 +36,7 @@ def regular_polygon(faces: int, apothem: float, *, roundness: float = 0.0) -> Nu
     Parameters
     ----------
     faces : int
-        >= 3.
+        3 .. `MOST_FACES`.
     apothem : float
         Distance of the faces from the centre [m], > 0.
     roundness : float
@@ -45,12 +48,11 @@ def regular_polygon(faces: int, apothem: float, *, roundness: float = 0.0) -> Nu
     InvalidSceneError
         If a value is out of its range.
     """
-    count, height, part = real(faces), at_least("apothem", apothem, 0.0, strict=True), real(roundness)
-    if not (count >= 3.0 and count.is_integer()):
-        raise InvalidSceneError(f"faces = {faces!r} is not allowed: it must be a whole number >= 3")
+    m = whole("faces", faces, 3, MOST_FACES, error=InvalidSceneError)
+    height, part = at_least("apothem", apothem, 0.0, strict=True), real(roundness)
     if not 0.0 <= part < 1.0:
-        raise InvalidSceneError(f"roundness = {roundness!r} is not allowed: it must be in [0, 1); 1 is a disk")
-    m, half = int(count), pi / count
+        raise InvalidSceneError(f"roundness = {shown(roundness)} is not allowed: it must be in [0, 1); 1 is a disk")
+    half = pi / m
     ways = -0.5 * pi + 2.0 * half * np.arange(m, dtype=np.float64)  # of the faces' outward normals
     normal, along = _directions(ways), _directions(ways + 0.5 * pi)
     reach = height * (1.0 - part) * tan(half)

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ninedisk.core._validate import FloatArray, at_least, numbers
+from ninedisk.core._validate import FloatArray, at_least, numbers, whole
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.nurbs import NurbsCurve
+from ninedisk.core.geometry.nurbs import MOST_DEGREE, MOST_POINTS, NurbsCurve
 
 QUARTERS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 4.0])
+MOST_ROUNDS = 1_000
+"""Rounds of a fit; parameters have settled after some ten."""
 SQUARE = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]], dtype=np.float64)
 EXACT_WEIGHTS = np.array([1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 2.0, 1.0, 1.0])
 """Weights of a full circle in four quadratic quarters, alternately ``((1 - t^2), 2 t)/(1 + t^2)`` and its mirror image.
@@ -59,7 +61,7 @@ def fitted(outline: ArrayLike, n: int, *, degree: int = 3, rounds: int = 8) -> F
     degree : int
     rounds : int
         Parameters begin as the polyline's length; each round moves them to the points of the curve that are nearest and fits
-        anew, so that the distances and not the parameters are fitted.
+        anew, so that the distances and not the parameters are fitted. At most `MOST_ROUNDS`.
 
     Returns
     -------
@@ -73,6 +75,9 @@ def fitted(outline: ArrayLike, n: int, *, degree: int = 3, rounds: int = 8) -> F
     points = numbers("outline", outline)
     if points.ndim != 2 or points.shape[1] != 2 or not np.all(np.isfinite(points)):
         raise InvalidSceneError(f"outline has shape {points.shape}; it must be finite numbers of shape (k, 2)")
+    degree = whole("degree", degree, 1, MOST_DEGREE, error=InvalidSceneError)
+    n = whole("n", n, 1, MOST_POINTS - degree, error=InvalidSceneError)
+    rounds = whole("rounds", rounds, 0, MOST_ROUNDS, error=InvalidSceneError)
     if not degree < n < len(points):
         raise InvalidSceneError(
             f"n = {n} is not allowed: it must be > {degree}, the degree, and < {len(points)}, the points"

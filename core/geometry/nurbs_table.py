@@ -9,10 +9,14 @@ from math import comb, pi
 import numpy as np
 
 from ninedisk.core._validate import FloatArray
+from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.nurbs_kernels import BINS, ShapeTable, diamond_angle
 
 TURN = 0.6
 """Largest turning of the tangent over a piece [rad], by its bound: then its circle fits and the piece is a graph over its chord."""
+
+MOST_PIECES = 1_000
+"""Of an outline: crossings are sought among all pairs of their segments."""
 
 SPLITS = 12
 """Halvings of a span after which a piece is taken as it is: where the curve nearly stands still, the bound may never be met."""
@@ -87,6 +91,11 @@ def pieces_of(polys: FloatArray) -> list[Piece]:
         waiting = [Piece(span, poly, -0.5, 0.5)]
         while waiting:
             piece = waiting.pop()
+            if len(done) > MOST_PIECES:
+                raise InvalidSceneError(
+                    f"the outline turns so sharply that it has more than {MOST_PIECES} pieces: points or weights differ too much; make "
+                    "corners by knots repeated degree times, and fit it with fewer points"
+                )
             if piece.turn <= TURN or piece.high - piece.low <= 0.5**SPLITS:
                 done.append(piece)
             else:

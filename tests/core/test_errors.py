@@ -271,21 +271,21 @@ def test_blow_up_is_reported_with_its_step(factor: float) -> None:
 
 
 def test_velocity_that_overflows_before_the_position_does() -> None:
-    light = floor_scene(LAW, height=0.5, mass=1e-306)
+    light = floor_scene(ContactLaw(kn=1e150), height=0.5, mass=1e-150)
     with pytest.raises(NonFiniteStateError):
-        run(light, numerics(1e-3, 10))
+        run(light, numerics(1e10, 10))
 
 
 def test_centres_that_come_to_coincide_are_reported() -> None:
     """Two disks that meet head on, at rest relative to nothing else: their normal vanishes."""
-    soft = ContactLaw(kn=1e-300)
+    soft = ContactLaw(kn=1e-150)
     disks = Disks(x=[[-0.25, 0.0], [0.25, 0.0]], v=[[0.25, 0.0], [-0.25, 0.0]], radius=1.0, mass=1.0)
     with pytest.raises(NonFiniteStateError, match="two centres coincide"):
         run(Scene(disks=disks, disk_disk=soft), numerics(1.0, 3))
 
 
 def test_a_failed_session_says_the_same_again() -> None:
-    session = DemSession(pair_scene(LAW, overlap=0.5, closing=0.0), numerics(1e200, 50))
+    session = DemSession(pair_scene(LAW, overlap=0.5, closing=0.0), numerics(1e150, 50))
     for _ in range(2):
         with pytest.raises(NonFiniteStateError):
             session.run()

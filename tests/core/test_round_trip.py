@@ -20,9 +20,11 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 ANY = st.floats(allow_nan=False, allow_infinity=False)
 """Every finite float, -0.0 and subnormal ones among them."""
 
-POSITIVE, NOT_NEGATIVE = st.floats(5e-324, 1.7e308), st.floats(0.0, 1.7e308)
+SMALLEST, LARGEST = 1e-150, 1e150
+"""Of what a scene is computed with."""
+BOUNDED, POSITIVE, NOT_NEGATIVE = st.floats(-LARGEST, LARGEST), st.floats(SMALLEST, LARGEST), st.floats(0.0, LARGEST)
 SIZE, PLACE = st.floats(1e-9, 1e9), st.floats(-1e9, 1e9)
-POINT = st.tuples(ANY, ANY)
+POINT, BOUNDED_POINT = st.tuples(ANY, ANY), st.tuples(BOUNDED, BOUNDED)
 
 LAWS = st.builds(
     ContactLaw,
@@ -42,14 +44,16 @@ def segments(draw: st.DrawFn, *, last: bool) -> WallSegment:
     rate = draw(st.just(0.0) | st.floats(-10.0, 10.0))
     longest = 1.5 / max(abs(rate), 1e-300)
     return WallSegment(
-        duration=np.inf if last and rate == 0.0 and draw(st.booleans()) else draw(st.floats(5e-324, longest)),
-        velocity=draw(POINT),
-        angular_velocity=draw(ANY),
-        pivot=draw(st.none() | POINT),
-        amplitude=draw(POINT),
-        frequency=draw(ANY),
-        phase=draw(ANY),
-        tan_lever=draw(POINT),
+        duration=np.inf
+        if last and rate == 0.0 and draw(st.booleans())
+        else draw(st.floats(SMALLEST, min(longest, LARGEST))),
+        velocity=draw(BOUNDED_POINT),
+        angular_velocity=draw(BOUNDED),
+        pivot=draw(st.none() | BOUNDED_POINT),
+        amplitude=draw(BOUNDED_POINT),
+        frequency=draw(BOUNDED),
+        phase=draw(BOUNDED),
+        tan_lever=draw(BOUNDED_POINT),
         tan_rate=rate,
     )
 
@@ -97,12 +101,12 @@ def scenes(draw: st.DrawFn) -> Scene:
 
 @st.composite
 def all_numerics(draw: st.DrawFn) -> Numerics:
-    dt = draw(st.floats(1e-300, 1e300))
+    dt, n_steps = draw(st.floats(1e6 * SMALLEST, LARGEST)), draw(st.integers(1, 2**53))
     return Numerics(
         dt=dt,
-        n_steps=draw(st.integers(1, 2**53)),
-        contact_dt=draw(st.none() | st.integers(1, 10**6).map(lambda k: dt / k)),
-        sample_every=draw(st.integers(1, 2**53)),
+        n_steps=n_steps,
+        contact_dt=draw(st.none() | st.integers(1, min(10**6, 2**53 // n_steps)).map(lambda k: dt / k)),
+        sample_every=draw(st.integers(1 + n_steps // 10**8, 2**53)),
         sample_from=draw(st.integers(0, 2**53)),
         sample_until=draw(st.none() | st.integers(0, 2**53)),
         damping_form=draw(st.sampled_from(["central", "lagged"])),
