@@ -44,7 +44,8 @@ class History:
     wall_force : ndarray, shape (s, m, 2)
         Force of the disks on each wall [N].
     energy : mapping from name to ndarray, shape (s,)
-        Energies [J], e.g. ``kinetic``, ``elastic``, ``gravity``, ``wall_work``.
+        Energies [J], e.g. ``kinetic``, ``elastic``, ``gravity``, ``wall_work``; of contact dynamics also ``impact_gain``, what impacts
+        under Newton's law fed since time 0, which friction alone lets them do.
     particles : tuple of int or None
         Disks that ``x``, ``v``, ``angle`` and ``omega`` hold, in this order; None: all n of them.
     """

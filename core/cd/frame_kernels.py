@@ -28,6 +28,13 @@ those of earlier steps that a contact still carries."""
 NEARBY = 1e-2
 """Gap over the smallest radius of the pairs that are looked at in any case: contact forces move disks that would rest without."""
 
+GAIN_STEPS, GAIN_TOTAL, GAIN_LARGEST, GAIN_STEP, GAIN_I, GAIN_J = range(6)
+"""Entries of ``gains``: steps in which impacts fed energy; that energy [J]; the largest of a step [J]; that step, and the bodies of the
+contact that fed most in it."""
+
+FED = 100.0
+"""Multiple of a solver's tolerance that the energy fed has to exceed: figures are norms over all contacts, relative to the forces."""
+
 
 class Laws(NamedTuple):
     """Columns of `ninedisk.core.cd.laws.LawTable`, shape (1 + m,) each."""
@@ -172,6 +179,17 @@ def contact_compliances(row: NDArray[np.int64], laws: Laws, scale: float, out: F
                 out[k, 1] = 1.0 / laws.ks[row[k]] / scale
 
 
+@inline_kernel
+def newton_offset(e: float, before: float) -> float:
+    """What the opening velocity at the end of a step is increased by under Newton's law, ``before`` the one at its start [m/s].
+
+    The condition ``0 <= P`` complementary to ``u_n + newton_offset >= 0`` lets a contact that closes rebound with e, and one
+    that opens be pushed back with the speed that it had, no more and no less: then ``u_n + before`` is ``(1 - e) min(0, before)``
+    wherever ``P > 0``, and no contact feeds energy (see `ninedisk.core.cd.step.DynamicStep`).
+    """
+    return e * before if before < 0.0 else before
+
+
 @kernel
 def dynamic_offsets(
     bodies: NDArray[np.int32],
@@ -203,5 +221,60 @@ def dynamic_offsets(
             offset[k, 1] = shift[k] / (theta * dt) + (held_t / theta + (1.0 - theta) / theta * kept_t)
         else:
             un = (gap[k] - gap_before[k]) / dt + held_n
-            offset[k, 0] = un + e * min(0.0, un + kept_n)
+            offset[k, 0] = un + newton_offset(e, un + kept_n)
             offset[k, 1] = shift[k] / dt + held_t
+
+
+@kernel
+def note_impact_work(
+    step: int,
+    slack: float,
+    resolution: float,
+    bodies: NDArray[np.int32],
+    pairs: NDArray[np.int64],
+    normal: Floats,
+    gap: Floats,
+    gap_before: Floats,
+    shift: Floats,
+    arms: Floats,
+    row: NDArray[np.int64],
+    blocks: Floats,
+    laws: Laws,
+    kept: Floats,
+    prescribed: Floats,
+    v: Floats,
+    r: Floats,
+    dt: float,
+    gains: Floats,
+) -> None:
+    """Add the energy that contacts under Newton's law feed in a step to ``gains``, shape (6,), where it is more than round-off.
+
+    Impulses ``dt r`` do the work ``dt r.(u_0 + u_1)/2`` on the bodies, with ``u_0, u_1`` the contact velocities at both ends of the
+    step (walls apart, whose work is counted as theirs). It counts if it exceeds ``slack`` times what the impulses exchange, for the
+    solver's tolerance, and what contact velocities of the size ``resolution`` [m/s] make of it.
+
+    ``kept`` and ``prescribed`` are those of `dynamic_offsets`, ``v`` the velocities at the end of the step, 0 where prescribed, and
+    ``blocks`` the Delassus blocks.
+    """
+    total, size, most, at = 0.0, 0.0, 0.0, -1
+    for k in range(bodies.shape[0]):
+        p, q = r[k, 0], r[k, 1]
+        if np.isnan(laws.restitution[row[k]]) or (p == 0.0 and q == 0.0):
+            continue
+        held_n, held_t = contact_velocity(k, bodies, normal, arms, prescribed)
+        n_0, t_0 = contact_velocity(k, bodies, normal, arms, kept)
+        n_1, t_1 = contact_velocity(k, bodies, normal, arms, v)
+        wall_n, wall_t = (gap[k] - gap_before[k]) / dt + held_n, shift[k] / dt + held_t
+        work = 0.5 * dt * (p * (2.0 * wall_n + n_0 + n_1) + q * (2.0 * wall_t + t_0 + t_1))
+        force = p + abs(q)
+        speed = abs(wall_n + n_0) + abs(wall_n + n_1) + abs(wall_t + t_0) + abs(wall_t + t_1)
+        size += dt * force * (slack * (speed + force * max(blocks[k, 0], blocks[k, 2])) + resolution)
+        total += work
+        if work > most:
+            most, at = work, k
+    if total > size:
+        gains[GAIN_STEPS] += 1.0
+        gains[GAIN_TOTAL] += total
+        if total > gains[GAIN_LARGEST]:
+            gains[GAIN_LARGEST], gains[GAIN_STEP] = total, step
+            gains[GAIN_I], gains[GAIN_J] = pairs[at, 0], pairs[at, 1]

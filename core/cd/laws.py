@@ -34,6 +34,8 @@ class LawTable:
     elastic : ndarray of bool, shape (1 + m,)
     restitution : ndarray, shape (1 + m,)
         Newton's coefficient; NaN where the theta scheme (or the contact's elasticity) decides.
+    newton : bool
+        Whether any contact obeys Newton's law.
     arm_overlap, wall_mid : ndarray, shape (1 + m,)
         1 where the lever arm is R - overlap/2, and where a wall's motion is taken in the middle of the overlap; else 0.
     arrays : Laws
@@ -81,6 +83,7 @@ class LawTable:
                         "impact = 'theta'"
                     )
                 self.restitution[k] = law.restitution
+        self.newton = bool(np.isfinite(self.restitution).any())
         self.arrays = Laws(self.kn, self.ks, self.mu, self.elastic, self.restitution, self.arm_overlap, self.wall_mid)
 
 

@@ -59,6 +59,8 @@ class March:
         Its rule, tolerance and number of sweeps hold here too.
     dt, theta : float
         Step [s] and parameter of the scheme.
+    gains : ndarray, shape (6,)
+        Energy that impacts feed, see `ninedisk.core.cd.frame_kernels.note_impact_work`; updated.
 
     Attributes
     ----------
@@ -80,9 +82,10 @@ class March:
         solver: ContactSolver,
         dt: float,
         theta: float,
+        gains: FloatArray,
     ) -> None:
         n, m = len(radius), len(laws.kn) - 1
-        self._laws, self._motion, self._finder, self._n = laws, motion, finder, n
+        self._laws, self._motion, self._finder, self._n, self._gains = laws, motion, finder, n, gains
         self._scheme = Scheme(
             dt=dt,
             theta=theta,
@@ -92,6 +95,7 @@ class March:
             relaxation=solver.options.relaxation,
             stretch=STRETCH if solver.options.tolerance >= LOOSE else 1.0,
             coulomb=solver.sliding == "coulomb",
+            newton=laws.newton,
             smallest=float(radius.min()),
             xi=float(bodies.xi),
             radius=radius,
@@ -144,7 +148,7 @@ class March:
         listed_at = -1
         while True:
             target = min(last, done + max(1, PAIR_STEPS // (len(self._near.pairs) + 1)))
-            state = State(x, v, wall, self._pairs, self._forces, counts, totals)
+            state = State(x, v, wall, self._pairs, self._forces, counts, totals, self._gains)
             laws, motion = self._laws.arrays, self._motion
             why = march(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
             if why == MORE:

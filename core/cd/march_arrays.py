@@ -30,6 +30,7 @@ class Scheme(NamedTuple):
     relaxation: float
     stretch: float
     coulomb: bool
+    newton: bool
     smallest: float
     xi: float
     radius: Floats
@@ -41,7 +42,8 @@ class Scheme(NamedTuple):
 
 
 class State(NamedTuple):
-    """State of a run: centres and angles, velocities, walls, and the contact forces of the last step by pair, in ascending order."""
+    """State of a run: centres and angles, velocities, walls, the contact forces of the last step by pair, in ascending order, and
+    ``gains`` of `ninedisk.core.cd.frame_kernels.note_impact_work`."""
 
     x: Floats
     v: Floats
@@ -50,6 +52,7 @@ class State(NamedTuple):
     forces: Floats
     counts: Ints
     totals: Floats
+    gains: Floats
 
 
 class Near(NamedTuple):

@@ -16,6 +16,7 @@ from ninedisk.core.cd.contact_kernels import (
     delassus_blocks,
 )
 from ninedisk.core.cd.frame_kernels import (
+    FED,
     MISSED,
     NEARBY,
     Laws,
@@ -23,6 +24,7 @@ from ninedisk.core.cd.frame_kernels import (
     dynamic_offsets,
     gap_round_off,
     measure_frames,
+    note_impact_work,
     wall_way,
 )
 from ninedisk.core.cd.gauss_seidel_kernels import next_batch, sweep
@@ -118,7 +120,7 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
         begin_set(tolerance, scheme, laws, state, near, dx, scratch.v)
     why = _solve(round_off, moved, turned, walls, scheme, laws, state, near, chosen, scratch)
     if why == DONE:
-        _accept(state, chosen, scratch)
+        _accept(round_off, scheme, laws, state, chosen, scratch)
     return why
 
 
@@ -244,9 +246,16 @@ def _solve(
 
 
 @inline_kernel
-def _accept(state: State, chosen: Chosen, scratch: Scratch) -> None:
+def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: Chosen, scratch: Scratch) -> None:
     """Make the solution the state; its forces are the memory of the next step."""
     totals, figures, counts = state.totals, scratch.figures, state.counts
+    if scheme.newton:
+        c = counts[CHOSEN]
+        note_impact_work(
+            counts[STEP] + 1, FED * scheme.tolerance, round_off / scheme.dt, chosen.bodies[:c], chosen.pairs, chosen.normal,
+            chosen.gap, chosen.gap_before, chosen.shift, chosen.arms, chosen.row, chosen.blocks, laws,
+            scratch.kept, scratch.prescribed, scratch.v, chosen.r, scheme.dt, state.gains,
+        )  # fmt: skip
     for k in range(counts[CHOSEN]):
         p, q = chosen.r[k, 0], chosen.r[k, 1]
         totals[WORK] -= p * (chosen.gap[k] - chosen.gap_before[k]) + q * chosen.shift[k]

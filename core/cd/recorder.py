@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-ENERGIES = ("translation", "rotation", "kinetic", "elastic_normal", "elastic_shear", "elastic", "gravity", "wall_work")
+ENERGIES = ("translation", "rotation", "kinetic", "elastic_normal", "elastic_shear", "elastic", "gravity", "wall_work", "impact_gain")
 
 
 class Recorder:
@@ -60,7 +60,14 @@ class Recorder:
         return sorted({*self._at, last} - {0})
 
     def sample(
-        self, step: int, x: FloatArray, v: FloatArray, wall: FloatArray, memory: ContactMemory, wall_work: float
+        self,
+        step: int,
+        x: FloatArray,
+        v: FloatArray,
+        wall: FloatArray,
+        memory: ContactMemory,
+        wall_work: float,
+        impact_gain: float,
     ) -> None:
         """Write the state after ``step`` if it is a sampled one.
 
@@ -75,6 +82,8 @@ class Recorder:
             Contact forces of the step that ends here.
         wall_work : float
             Work of the walls on the disks since time 0 [J].
+        impact_gain : float
+            Energy that impacts under Newton's law fed since time 0 [J]: none without friction.
         """
         row = self._at.get(step)
         if row is None:
@@ -85,7 +94,7 @@ class Recorder:
         history.wall_point[row] = wall[:, 0:2]
         history.wall_angle[row] = np.arctan2(wall[:, 3], wall[:, 2])
         history.gap[row] = self._gaps(x, wall)
-        self._energies(row, x, v, memory, wall_work)
+        self._energies(row, x, v, memory, wall_work, impact_gain)
         if step > 0 or self.elastic:
             forces = memory.of(self._pairs) if self._grains is None else memory.sums(self._pairs)
             history.fn[row], history.fs[row] = forces[:, 0], forces[:, 1]
@@ -115,7 +124,9 @@ class Recorder:
         np.add.at(total, w, force)
         return total
 
-    def _energies(self, row: int, x: FloatArray, v: FloatArray, memory: ContactMemory, wall_work: float) -> None:
+    def _energies(
+        self, row: int, x: FloatArray, v: FloatArray, memory: ContactMemory, wall_work: float, impact_gain: float
+    ) -> None:
         disks, laws, energy = self._scene.disks, self._laws, self.history.energy
         of = np.where(memory.pairs[:, 1] >= len(x), memory.pairs[:, 1] - len(x) + 1, 0)
         soft = laws.elastic[of]
@@ -129,6 +140,7 @@ class Recorder:
             "elastic_shear": 0.5 * float(shear.sum()),
             "gravity": -float((disks.mass * (x[:, :2] @ np.array(self._scene.gravity))).sum()),
             "wall_work": wall_work,
+            "impact_gain": impact_gain,
         }
         values["kinetic"] = values["translation"] + values["rotation"]
         values["elastic"] = values["elastic_normal"] + values["elastic_shear"]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd.contact_set import solve_with_contacts
 from ninedisk.core.cd.feasibility import InfeasibleContactsError
+from ninedisk.core.cd.frame_kernels import GAIN_I, GAIN_J, GAIN_LARGEST, GAIN_STEP, GAIN_STEPS, GAIN_TOTAL
 from ninedisk.core.cd.frames import Frames
 from ninedisk.core.cd.initial import initial_forces
 from ninedisk.core.cd.laws import LawTable
@@ -100,6 +101,7 @@ class CdSession:
         self._x = np.column_stack([disks.x, np.zeros(n)])
         self._v = np.column_stack([disks.v, disks.omega])
         self._wall_work = 0.0
+        self._gains = np.zeros(6)
         self._step: Step | None = None
         self.remarks: list[str] = []
         self.solves: Counter[str] = Counter()
@@ -134,14 +136,15 @@ class CdSession:
         """
         check_progress(progress)
         steps, told, done = self.numerics.n_steps, time.monotonic(), 0
-        self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0)
+        self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0, 0.0)
         for step in self._recorder.stops(steps):
             while done < step * self.substeps:
                 done = self._advance_to(step * self.substeps, done)
                 if progress is not None and time.monotonic() - told > PROGRESS_EVERY:
                     told = time.monotonic()
                     progress(done // self.substeps, steps)
-            self._recorder.sample(step, self._x, self._v, self._wall, self._memory, self._wall_work)
+            fed = float(self._gains[GAIN_TOTAL])
+            self._recorder.sample(step, self._x, self._v, self._wall, self._memory, self._wall_work, fed)
         if progress is not None:
             progress(steps, steps)
         self._remark()
@@ -199,6 +202,8 @@ class CdSession:
             self._grains,
         )
         self._note(solved.result)
+        if isinstance(self._step, DynamicStep) and self._laws.newton and self._solver.problem is not None:
+            self._step.note_impacts(step, frames, solved, self._solver.problem.blocks, self._gains)
         if not np.isfinite(solved.dx).all():
             raise NonFiniteStateError(
                 f"the displacement of disk {int(np.argmin(np.isfinite(solved.dx).all(axis=1)))} is no finite number at step {step}"
@@ -231,7 +236,9 @@ class CdSession:
         if self.numerics.regime == "quasi-static" or self._solver.sweeps == 0 or self._grains is not None:
             return None
         radius, theta = self.scene.disks.radius, self.numerics.theta
-        return March(self._bodies, self._laws, self._motion, radius, self._finder, self._solver, self.dt, theta)
+        return March(
+            self._bodies, self._laws, self._motion, radius, self._finder, self._solver, self.dt, theta, self._gains
+        )
 
     def _static_step(self, place: Place) -> StaticStep:
         disks = self.scene.disks
@@ -262,7 +269,16 @@ class CdSession:
         self.worst = (max(self.worst[0], found.natural_map), max(self.worst[1], found.duality_gap))
 
     def _remark(self) -> None:
-        """Say how many modes without energy the last static step left alone."""
+        """Say how much energy impacts fed, and how many modes without energy the last static step left alone."""
+        gains = self._gains
+        if gains[GAIN_STEPS]:
+            names = " and ".join(self.scene.body_name(int(body)) for body in gains[[GAIN_I, GAIN_J]])
+            self.remarks.append(
+                f"impacts under Newton's law with friction fed {gains[GAIN_TOTAL]:.3g} J in {int(gains[GAIN_STEPS])} of "
+                f"{self.numerics.n_steps} steps, most of it in one step at step {int(gains[GAIN_STEP])}: {gains[GAIN_LARGEST]:.3g} J, "
+                f"there most at the contact of {names}. Friction acts on the slip at the end of an impact, which other impulses can "
+                "turn round (Kane's paradox): impact = 'theta' feeds none, nor do smooth contacts"
+            )
         step = self._step
         if not isinstance(step, StaticStep) or len(self._x) > MODES_UP_TO:
             return

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.contact_kernels import contact_velocities
-from ninedisk.core.cd.frame_kernels import contact_compliances, dynamic_offsets
+from ninedisk.core.cd.frame_kernels import FED, contact_compliances, dynamic_offsets, note_impact_work
 from ninedisk.core.cd.frames import Frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem
@@ -103,8 +103,40 @@ class DynamicStep:
 
     and, for each contact, the opening displacement ``gap + H_n dx + p/kn`` and the slip ``shift + H_t dx + (q - q0)/ks``,
     both divided by ``theta dt``, are the contact velocity of the program: the scheme of the source's (A.1) with rotations,
-    elasticity and damping. A rigid contact under Newton's law enters at the level of velocities instead: ``u_n + e min(u_n0, 0)``
-    and ``u_t`` at the end of the step, as in Moreau-Jean time stepping.
+    elasticity and damping. A rigid contact under Newton's law enters at the level of velocities instead, as in Moreau-Jean time
+    stepping, with ``u_n + c`` and ``u_t`` at the end of the step: ``c = e u_n0`` for a contact that closes at its start
+    (``u_n0 < 0``), and ``c = u_n0`` for one that opens.
+
+    Notes
+    -----
+    Energy under Newton's law. From the momentum balance, with walls at rest, ``P = dt p`` and ``Q = dt q``, the kinetic energy T and
+    ``s = v0 + v1``::
+
+        Delta T = dt f.s/2 - xi dt/2 s.M (theta v1 + (1 - theta) v0) + sum over contacts of (P (u_n0 + u_n) + Q (u_t0 + u_t))/2
+
+    The load's own work is ``f.dx = dt f.s/2 + (theta - 1/2) dt f.(v1 - v0)`` and the damping's is
+    ``-xi dt/2 (s.M s/2 + (2 theta - 1) Delta T)``. So with ``kappa = (theta - 1/2) xi dt`` and V the potential of the load, linear in
+    the positions, of ``E = (1 + kappa) T + V(x - (theta - 1/2) dt v)``::
+
+        Delta E = sum of (P (u_n0 + u_n) + Q (u_t0 + u_t))/2 - xi dt/4 s.M s
+
+    Without load E is T, but for the factor. Smooth contacts have ``P (u_n + c) = 0``. In Moreau's own form, ``c = e u_n0`` for all
+    contacts, ``Delta E`` without load is ``-(1 - e)/(1 + e) P.W P/2`` for one and the same e; with unequal e, or under load, contacts
+    that open at the start of the step and are closed by other impulses feed ``(1 - e) P u_n0/2 > 0`` each, and with
+    ``c = e min(u_n0, 0)``, which stops them dead, ``P u_n0/2``. With the c above ``u_n0 + u_n`` is ``(1 - e) min(u_n0, 0)`` wherever
+    ``P > 0``: no term is positive. E never grows, whatever the coefficients of the contacts, the load, the damping, dt and theta, gaps
+    that are left at the start of an impact included, as the sum does not contain them; with e = 1 and xi = 0 it is kept to round-off.
+    ``v1 = -v0`` satisfies all conditions of smooth contacts with walls at rest, so that they never contradict each other. A contact
+    that opens can be pushed into an overlap of at most ``(2 theta - 1) dt u_n0``, and rebounds in the next step.
+
+    Friction: ``P (u_n + c) + Q u_t <= 0`` by either sliding rule, hence a contact's term is at most ``Q u_t0/2``. That is positive only
+    where friction acts along the slip of the step's start, because other impulses of the step turned it round (Kane's paradox); one
+    contact of disks alone never does, as its W has no coupling of normal and shear. What is fed is in ``impact_gain`` of the history's
+    energies and in the run's remarks. Walls that move add the work of their motion, which is counted as theirs.
+
+    The associated rule asks for ``u_n + c >= mu |u_t|``, which ``c < 0`` may make impossible. That takes forces in the friction cones
+    that balance each other (Farkas' lemma): a disk wedged between two walls that meet at the angle alpha, where the angles of friction
+    of both, ``arctan(mu)``, are together at least alpha (each at least alpha/2 if the disk can turn). In such a corner an approach with ``e > 0`` can have no solution.
 
     Parameters
     ----------
@@ -165,6 +197,18 @@ class DynamicStep:
         """Solve the step with these contacts; raises as `ContactSolver.solve`."""
         result = self._solver.solve(self.problem(frames, forces), start)
         return Solved(self._displacement(result.v), result.v + self._prescribed, result.r, result)
+
+    def note_impacts(self, step: int, frames: Frames, solved: Solved, blocks: FloatArray, gains: FloatArray) -> None:
+        """Add to ``gains`` the energy that impacts fed, by `note_impact_work`; ``blocks`` are the Delassus blocks, shape (c, 3)."""
+        geometry = (frames.normal, frames.gap, frames.gap_before, frames.shift, frames.arms, frames.row)
+        free, n = self._bodies.free, len(self._mass)
+        kept, after = np.where(free, self._v0, 0.0), np.where(free, solved.v, 0.0)
+        slack, resolution = FED * self._solver.options.tolerance, self._resolution * self._theta
+        motion = (kept, self._prescribed, after)
+        note_impact_work(
+            step, slack, resolution, pair_bodies(frames, n), frames.pairs, *geometry, blocks, self._laws.arrays, *motion,
+            solved.r, self._dt, gains,
+        )  # fmt: skip
 
     def _displacement(self, v: FloatArray) -> FloatArray:
         theta = self._theta

@@ -38,10 +38,11 @@ def chain_theta(
     With opening velocities ``u = v_{k+1} - v_k`` the impulses P (over the mass) of a step solve ``0 <= P, w >= 0, P w = 0``::
 
         theta's own impact law    w = gap/(theta dt) + (1 - theta)/theta u0 + u1
-        Newton's                  w = restitution min(u0, 0) + u1
+        Newton's                  w = (restitution u0 if u0 < 0, else u0) + u1
 
     with ``u1 = u0 + W P``, W the matrix with 2 on and -1 beside the diagonal. Under Newton's law a contact takes part that the free
-    step, or the impulses of the others, would close. The matrix is positive definite, so that exactly one set of contacts that push
+    step, or the impulses of the others, would close; one that opens is pushed back with its own speed, no more, so that its impulse
+    ``P (u0 + u1)/2 <= 0`` feeds no energy. The matrix is positive definite, so that exactly one set of contacts that push
     gives a solution; all are tried.
 
     Parameters
@@ -92,7 +93,7 @@ def _newton(gap: FloatArray, u: FloatArray, dt: float, theta: float, restitution
     """Impulses under Newton's law on a set of contacts that grows until no other would close."""
     inside = gap + dt * u < TOUCH
     while True:
-        impulse = _complementary(u + restitution * np.minimum(u, 0.0), inside)
+        impulse = _complementary(u + np.where(u < 0.0, restitution * u, u), inside)
         end = gap + dt * (u + theta * _openings(impulse))
         missed = ~inside & (end < -TOUCH)
         if not missed.any():

@@ -51,9 +51,9 @@ def plane_contact_theta(
     ``e = (1 - theta)/theta``, ``u0`` before and ``u1`` after the step::
 
         theta's own impact law    un = gap/(theta dt) + e u0_n + u1_n,    ut = e u0_t + u1_t
-        Newton's                  un = restitution min(u0_n, 0) + u1_n,   ut = u1_t
+        Newton's                  un = (restitution u0_n if u0_n < 0, else u0_n) + u1_n,   ut = u1_t
 
-    the latter only where the free step would close the contact. With those of the free step, ``P`` and ``Q`` in units of velocity
+    the latter only where the free step would close the contact; one that opens can be pushed back with its own speed, no more. With those of the free step, ``P`` and ``Q`` in units of velocity
     (impulse over mass) and ``k = I/(m R^2)``, ``un = un_f + P`` and ``ut = ut_f - Q (1 + 1/k)``; the contact
 
     - is inactive if ``un_f >= mu |ut_f|`` (associated rule) or ``un_f >= 0`` (Coulomb's);
@@ -123,7 +123,7 @@ def plane_contact_theta(
             along = (back + 1) * slip
             meets = True
         else:
-            opening, along = free + ext(restitution) * min(vy, ext(0)), slip
+            opening, along = free + (ext(restitution) * vy if vy < 0 else vy), slip
             rise = friction * abs(slip) * step if dilates else ext(0)
             meets = bool(height + step * (weight * free + (1 - weight) * vy) - rise < TOUCH * arm)
         normal, shear = _impulses(opening, along, friction, 1 + turn, dilates) if meets else (ext(0), ext(0))
