@@ -46,6 +46,8 @@ OF_SLIP = frozenset(
         Capability.SHEAR_SPRING,
         Capability.LEVER_ARM_RADIUS,
         Capability.LEVER_ARM_OVERLAP,
+        Capability.SLIP_MIDDLE,
+        Capability.SLIP_END,
     }
 )
 """What no engine needs where no contact can slip."""

@@ -50,6 +50,9 @@ def test_stiffness_of_zero_and_choices_that_do_not_exist() -> None:
         InvalidSceneError, match="wall_velocity_at = 'foot' is unknown: use one of surface, mid-overlap"
     ):
         ContactLaw(kn=1.0, wall_velocity_at="foot")
+    for bad in ("start", None, 1):
+        with pytest.raises(InvalidSceneError, match=f"slip_at = {bad!r} is unknown: use one of middle, end"):
+            ContactLaw(kn=1.0, slip_at=bad)
 
 
 @pytest.mark.parametrize("bad", [bad for bad in NO_NUMBER if bad is not None])

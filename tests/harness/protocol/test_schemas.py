@@ -15,7 +15,7 @@ from jsonschema import Draft202012Validator
 
 from ninedisk.core.errors import CoreError
 from ninedisk.core.history import History
-from ninedisk.core.law import CONTACTS, LEVER_ARMS, WALL_VELOCITY_AT, ContactLaw
+from ninedisk.core.law import CONTACTS, LEVER_ARMS, SLIP_AT, WALL_VELOCITY_AT, ContactLaw
 from ninedisk.core.numerics import DampingForm, Impact, Numerics, Regime, Sliding
 from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
 from ninedisk.harness.capabilities import Capability
@@ -40,8 +40,8 @@ from ninedisk.harness.wire import (
 SCHEMAS = {name: json.loads(schema_text(name)) for name in NAMES}
 SCENE = SCHEMAS["scene"]["$defs"]
 REQUEST_JUNK: tuple[Any, ...] = (None, True, -1, -0.5, 0, "x", [], {}, [[1.0]])
-OF_GRAINS = {"outlines", "outline", "angle", "contact"}
-"""Keys that scenes of disks leave out."""
+LEFT_OUT = {"outlines", "outline", "angle", "contact", "slip_at"}
+"""Keys that scenes leave out where they have their default value."""
 JUNK: tuple[Any, ...] = (*REQUEST_JUNK, float("inf"), 2**70)
 TOGETHER = "it must have shape|one for|m behind wall|the first body is a disk|zero normal|that the numerics ask for"
 ABOUT = {"wire_version": 1, "id": "mine", "version": "1", "contact": "spring", "scheme": "none", "capabilities": []}
@@ -53,7 +53,7 @@ def names(record: type) -> set[str]:
 
 def keys(schema: Mapping[str, Any]) -> set[str]:
     assert schema["additionalProperties"] is False
-    assert set(schema["properties"]) - set(schema["required"]) <= OF_GRAINS
+    assert set(schema["properties"]) - set(schema["required"]) <= LEFT_OUT
     return set(schema["properties"])
 
 
@@ -82,6 +82,7 @@ def test_choices_are_those_of_the_code() -> None:
     law, numerics = SCENE["law"]["properties"], SCHEMAS["numerics"]["properties"]
     assert law["lever_arm"]["enum"] == list(LEVER_ARMS)
     assert law["wall_velocity_at"]["enum"] == list(WALL_VELOCITY_AT)
+    assert law["slip_at"]["enum"] == list(SLIP_AT)
     assert law["contact"]["enum"] == list(CONTACTS)
     literals = {"damping_form": DampingForm, "impact": Impact, "sliding": Sliding, "regime": Regime}
     for name, literal in literals.items():
