@@ -18,10 +18,10 @@ from ninedisk.harness.engine import (
     EngineInfo,
     EngineNotInstalledError,
     EngineRun,
+    Option,
     Support,
     run_session,
 )
-from ninedisk.harness.engines._options import Option
 from ninedisk.harness.engines._package_engine import package_version
 from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 

@@ -24,8 +24,8 @@ from ninedisk.harness.engine import (
     EngineUnsupportedError,
     Support,
     SupportLevel,
+    read_options,
 )
-from ninedisk.harness.engines._options import read_options
 from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 from ninedisk.harness.engines._spring import NOTE_SLIP_AT, OF_SLIP_AT, contact_steps, laws_in_use
 from ninedisk.harness.errors import UsageError

@@ -8,8 +8,7 @@ from typing import Any
 
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineInfo
-from ninedisk.harness.engines._options import Option
+from ninedisk.harness.engine import EngineInfo, Option
 from ninedisk.harness.protocol.schemas import fault
 from ninedisk.harness.text import printable
 from ninedisk.harness.wire_fields import WireError

@@ -20,8 +20,7 @@ from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED
 from ninedisk.harness.check_engine.probes import probe_of
 from ninedisk.harness.cli import app
-from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.engines._options import Option
+from ninedisk.harness.engine import EngineInfo, EngineRun, Option, Support, SupportLevel
 from ninedisk.harness.engines.dem import DemEngine
 from ninedisk.harness.registry import get_engine
 

@@ -19,8 +19,7 @@ from ninedisk.core.law import CONTACTS, LEVER_ARMS, SLIP_AT, WALL_VELOCITY_AT, C
 from ninedisk.core.numerics import DampingForm, Impact, Numerics, Regime, Sliding
 from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
 from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineError, EngineInfo
-from ninedisk.harness.engines._options import Option
+from ninedisk.harness.engine import EngineError, EngineInfo, Option
 from ninedisk.harness.errors import UsageError
 from ninedisk.harness.params import resolve
 from ninedisk.harness.protocol.description import NOTE_SOFT, read_description, wire_name
