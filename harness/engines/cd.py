@@ -29,7 +29,7 @@ NOTE_ELASTIC = "elastic contact forces are those of the end of the step: first o
 
 
 class CdEngine:
-    """`ninedisk.core.cd`: implicit theta scheme, one convex program a step (or Coulomb's law by Gauss-Seidel)."""
+    """`ninedisk.core.cd`: implicit theta scheme; a step is one convex program, or Coulomb's law where ``Numerics.sliding`` asks for it."""
 
     id = "cd"
 
