@@ -1,4 +1,4 @@
-"""The in-house engine: 2-D DEM and contact dynamics of disks and half-plane walls."""
+"""The in-house engine: 2-D DEM and contact dynamics of disks and of grains with NURBS outlines, between walls that are half-planes."""
 
 from __future__ import annotations
 

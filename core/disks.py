@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ninedisk.core._validate import LARGEST, SMALLEST, FloatArray, finite, numbers, shown
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.outlines import outline_numbers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +67,7 @@ class Disks:
             array = numbers(f"disks.{name}", value)  # type: ignore[arg-type]
             return finite(f"disks.{name}", np.full(n, array) if array.ndim == 0 else array, (n,), most=most)
 
-        outline = outline_numbers(self.outline, n)
+        outline = _outline_numbers(self.outline, n)
         if self.inertia is None and np.any(outline >= 0):
             raise InvalidSceneError(
                 f"disks.inertia is missing and grain {int(np.argmax(outline >= 0))} has an outline: give the moments of inertia "
@@ -126,6 +125,23 @@ def _in_range(name: str, values: FloatArray, low: float = SMALLEST, high: float 
             raise InvalidSceneError(
                 f"disks.{name}[{i}] = {values[i]:g} is not allowed: it must lie between {low:g} and {high:g}; change units"
             )
+
+
+def _outline_numbers(value: object, n: int) -> NDArray[np.int64]:
+    """Read-only outline numbers of ``n`` grains, -1 for a disk, from as many or from one for all; or `InvalidSceneError`."""
+    array = numbers("disks.outline", value)  # type: ignore[arg-type]
+    full: FloatArray = np.full(n, array) if array.ndim == 0 else array
+    if full.shape != (n,):
+        raise InvalidSceneError(f"disks.outline has shape {full.shape}; it must have shape {(n,)}")
+    bad = np.flatnonzero(~((full >= -1.0) & (full == np.floor(full)) & (full < 2**31)))
+    if len(bad):
+        i = int(bad[0])
+        raise InvalidSceneError(
+            f"disks.outline[{i}] = {full[i]:g} is not allowed: it must be the number of an outline, or -1 for a disk"
+        )
+    whole = full.astype(np.int64)
+    whole.setflags(write=False)
+    return whole
 
 
 def _pairs(name: str, value: ArrayLike) -> FloatArray:

@@ -6,10 +6,7 @@ command line can show it as it stands.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from ninedisk.core.cd.residuals import Residuals
+from typing import Protocol
 
 
 class CoreError(ValueError):
@@ -32,6 +29,25 @@ class NonFiniteStateError(CoreError):
     """Positions or velocities stopped being finite numbers during a run."""
 
 
+class Figures(Protocol):
+    """How far a solver's answer is from a solution, as `ninedisk.core.cd.residuals.Residuals` has it; no units."""
+
+    @property
+    def natural_map(self) -> float:
+        """Distance from the projection on the friction cones."""
+        ...
+
+    @property
+    def duality_gap(self) -> float:
+        """Bound on the error of the objective."""
+        ...
+
+    @property
+    def worst(self) -> float:
+        """The larger one of both."""
+        ...
+
+
 class SolverNotConvergedError(CoreError):
     """An iterative contact solver stopped before its tolerance.
 
@@ -39,11 +55,11 @@ class SolverNotConvergedError(CoreError):
     ----------
     iterations : int
         Iterations done.
-    residuals : ninedisk.core.cd.residuals.Residuals or None
+    residuals : Figures or None
         The best figures reached, at any iteration; None where a sequence of solved problems did not settle.
     """
 
-    def __init__(self, message: str, *, iterations: int = 0, residuals: Residuals | None = None) -> None:
+    def __init__(self, message: str, *, iterations: int = 0, residuals: Figures | None = None) -> None:
         super().__init__(message)
         self.iterations, self.residuals = iterations, residuals
 

@@ -10,10 +10,12 @@ from ninedisk.core.errors import InvalidSceneError
 
 LeverArm = Literal["radius", "overlap", "torque-overlap"]
 WallVelocityAt = Literal["surface", "mid-overlap"]
+SlipAt = Literal["middle", "end"]
 Contact = Literal["chord", "area"]
 
 LEVER_ARMS: tuple[LeverArm, ...] = ("radius", "overlap", "torque-overlap")
 WALL_VELOCITY_AT: tuple[WallVelocityAt, ...] = ("surface", "mid-overlap")
+SLIP_AT: tuple[SlipAt, ...] = ("middle", "end")
 CONTACTS: tuple[Contact, ...] = ("chord", "area")
 
 
@@ -49,6 +51,13 @@ class ContactLaw:
     wall_velocity_at : {"surface", "mid-overlap"}
         Point at which a wall's velocity enters the slip: on the wall's surface or in the middle
         of the overlap (no effect on disk-disk contacts, nor on walls that do not rotate).
+    slip_at : {"middle", "end"}
+        Where in a step its slip is measured: velocities are those of the middle of the step, and so are normal, overlap and the wall's
+        pose ("middle"), or these are those of its end ("end": Cundall & Strack 1979, YADE, LAMMPS, LIGGGHTS, Kratos).
+
+        With the distance r and the angle phi of the normal, "end" adds ``-(dt/2) r' phi' dt`` to the slip of each step: its error is
+        of first order and its integral along a closed path is not 0, so that shear forces drift with every cycle ("ratchet"). With
+        "middle" each step's slip is the midpoint rule of its integral, and a retraced path leaves O(dt^3).
     contact : {"chord", "area"}
         Normal force of outlines: ``kn`` times the overlap ("chord"), which away from circles has no potential, or the gradient of an
         energy of the common area ("area"). Its derivation, with A the common area of a contact and c its chord:
@@ -79,6 +88,7 @@ class ContactLaw:
     restitution: float | None = None
     lever_arm: LeverArm = "radius"
     wall_velocity_at: WallVelocityAt = "surface"
+    slip_at: SlipAt = "middle"
     contact: Contact = "chord"
     regularised: bool = False
 
@@ -94,6 +104,7 @@ class ContactLaw:
             object.__setattr__(self, "restitution", restitution)
         one_of("lever_arm", self.lever_arm, LEVER_ARMS)
         one_of("wall_velocity_at", self.wall_velocity_at, WALL_VELOCITY_AT)
+        one_of("slip_at", self.slip_at, SLIP_AT)
         one_of("contact", self.contact, CONTACTS)
         object.__setattr__(self, "regularised", flag("regularised", self.regularised))
 

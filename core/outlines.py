@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ninedisk.core._validate import FloatArray, items_of, numbers
+from ninedisk.core._validate import items_of
+from ninedisk.core.disks import Disks
 from ninedisk.core.errors import InvalidSceneError
 
 if TYPE_CHECKING:
-    from ninedisk.core.disks import Disks
     from ninedisk.core.geometry.nurbs import NurbsCurve
 
 CENTRED = 1e-9
@@ -57,23 +57,6 @@ def check_outlines(outlines: Sequence[NurbsCurve], disks: Disks) -> tuple[NurbsC
                 "radius of a grain is that of a circle around it (ninedisk.core.geometry.nurbs_grain.uniform_grain gives the smallest)"
             )
     return given
-
-
-def outline_numbers(value: object, n: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Read-only outline numbers of ``n`` grains, -1 for a disk, from as many or from one for all; or `InvalidSceneError`."""
-    array = numbers("disks.outline", value)  # type: ignore[arg-type]
-    full: FloatArray = np.full(n, array) if array.ndim == 0 else array
-    if full.shape != (n,):
-        raise InvalidSceneError(f"disks.outline has shape {full.shape}; it must have shape {(n,)}")
-    bad = np.flatnonzero(~((full >= -1.0) & (full == np.floor(full)) & (full < 2**31)))
-    if len(bad):
-        i = int(bad[0])
-        raise InvalidSceneError(
-            f"disks.outline[{i}] = {full[i]:g} is not allowed: it must be the number of an outline, or -1 for a disk"
-        )
-    whole = full.astype(np.int64)
-    whole.setflags(write=False)
-    return whole
 
 
 def plain_outline(curve: NurbsCurve) -> dict[str, Any]:

@@ -23,14 +23,14 @@ import numpy as np
 from ninedisk.core._validate import FloatArray, all_of_kind, at_least, body_numbers, finite, kind_of, shown, whole
 from ninedisk.core.disks import Disks
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.law import ContactLaw, LeverArm, WallVelocityAt
+from ninedisk.core.law import ContactLaw, LeverArm, SlipAt, WallVelocityAt
 from ninedisk.core.outlines import check_outlines, outlines_from, plain_outline
 from ninedisk.core.walls import Wall, WallSegment
 
 if TYPE_CHECKING:
     from ninedisk.core.geometry.nurbs import NurbsCurve
 
-__all__ = ["ContactLaw", "Disks", "FloatArray", "LeverArm", "Scene", "Wall", "WallSegment", "WallVelocityAt"]
+__all__ = ["ContactLaw", "Disks", "FloatArray", "LeverArm", "Scene", "SlipAt", "Wall", "WallSegment", "WallVelocityAt"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,8 +148,8 @@ class Scene:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; `from_dict` is its inverse, to the last bit.
 
-        What only grains with outlines have (``outlines``, ``disks.outline``, ``disks.angle``, a law's ``contact``) is left out where it
-        has its default value, so that scenes of disks have the form that they had before there were outlines.
+        What only grains with outlines have (``outlines``, ``disks.outline``, ``disks.angle``, a law's ``contact``) and a law's
+        ``slip_at`` are left out where they have their default value, so that scenes have the form that they had before there were these.
         """
         disks = self.disks
         data: dict[str, Any] = {
@@ -233,7 +233,7 @@ def _plain(record: ContactLaw | WallSegment) -> dict[str, Any]:
     """Fields of a flat record as JSON data; an infinite duration becomes the string ``"inf"``."""
     plain: dict[str, Any] = {}
     for name, value in vars(record).items():
-        if name == "contact" and value == "chord":
+        if (name, value) in (("contact", "chord"), ("slip_at", "middle")):
             continue
         if isinstance(value, tuple):
             plain[name] = list(value)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, LeverArm, Scene
+from ninedisk.core.scene import ContactLaw, LeverArm, Scene, SlipAt
 
 
 class Capability(StrEnum):
@@ -32,6 +32,8 @@ class Capability(StrEnum):
     LEVER_ARM_RADIUS = "shear torque with the full radius as lever arm"
     LEVER_ARM_OVERLAP = "shear torque with the lever arm R - overlap/2"
     LEVER_ARM_TORQUE = "shear torque with the lever arm R - overlap/2, slip with R"
+    SLIP_MIDDLE = "slip measured in the middle of the step"
+    SLIP_END = "slip of the half step, measured with the normal of the step's end"
     OUTLINES = "grains with NURBS outlines"
     AREA_CONTACT = "normal contact with an energy of the common area"
 
@@ -42,6 +44,9 @@ LEVER_ARMS: Mapping[LeverArm, Capability] = {
     "torque-overlap": Capability.LEVER_ARM_TORQUE,
 }
 """What a law's lever arm asks of an engine."""
+
+SLIP_AT: Mapping[SlipAt, Capability] = {"middle": Capability.SLIP_MIDDLE, "end": Capability.SLIP_END}
+"""What a law's place of the slip in the step asks of an engine."""
 
 GRAINS = frozenset({Capability.OUTLINES, Capability.AREA_CONTACT})
 """What only engines of grains have, not those of disks."""
@@ -69,6 +74,7 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
                 need.add(Capability.SHEAR_SPRING)
                 if scene.disks.rotating.any():
                     need.add(LEVER_ARMS[law.lever_arm])
+    need |= {SLIP_AT[law.slip_at] for law in _turning(scene)}
     if scene.xi > 0.0:
         central = numerics.damping_form == "central"
         need.add(Capability.GLOBAL_DAMPING_CENTRAL if central else Capability.GLOBAL_DAMPING_LAGGED)
@@ -98,3 +104,17 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
     if scene.disks.rotating.any() and any(law.mu > 0.0 for law in laws):
         need.add(Capability.DISK_INERTIA)
     return frozenset(need)
+
+
+def _turning(scene: Scene) -> list[ContactLaw]:
+    """Laws of shear springs whose slip is not the same in the middle of a step and at its end.
+
+    Between disks the normal turns. At walls it does where they rotate; else only the overlap changes in a step, which shortens the arm
+    of a spin.
+    """
+    laws = [scene.disk_disk] if len(scene.disks) > 1 else []
+    for wall in scene.walls:
+        rotates = any(segment.angular_velocity for segment in wall.motion)
+        if rotates or (wall.law.lever_arm == "overlap" and scene.disks.rotating.any()):
+            laws.append(wall.law)
+    return [law for law in laws if law.shear_stiffness > 0.0 and not law.regularised]

@@ -125,8 +125,8 @@ class Check:
 class Case(Protocol):
     """A verification problem.
 
-    ``sections`` lists the figures of the source that its page shows; ``version`` changes whenever results of the old and
-    new definition must not be joined.
+    ``source`` says where the problem comes from, ``requirement`` what an engine must do to pass; ``version`` changes whenever
+    results of the old and new definition must not be joined.
     """
 
     id: str

@@ -79,6 +79,8 @@ WORDS: Mapping[Capability, str] = {
     Capability.LEVER_ARM_RADIUS: "arm R",
     Capability.LEVER_ARM_OVERLAP: "arm R - overlap/2",
     Capability.LEVER_ARM_TORQUE: "arm R - overlap/2 of the torque",
+    Capability.SLIP_MIDDLE: "slip of mid-step",
+    Capability.SLIP_END: "slip of step's end",
 }
 """Capabilities in as few words as a table has room for."""
 

@@ -15,13 +15,13 @@ from ninedisk.harness.claims import judge_claims
 from ninedisk.harness.cli_summary import show_summary
 from ninedisk.harness.cli_support import FAILURE, CellProgress, fail
 from ninedisk.harness.errors import StoreError, UsageError
+from ninedisk.harness.matrix import run_cells
 from ninedisk.harness.plan import plan_matrix
 from ninedisk.harness.protocol.given import engines_given
 from ninedisk.harness.provenance import command_line, provenance, usable_cores
 from ninedisk.harness.published import check_folder
 from ninedisk.harness.registry import match_cases, problems
 from ninedisk.harness.results import CaseResult, Row
-from ninedisk.harness.runner import run_cells
 from ninedisk.harness.store import new_run_id, prepare_store, write_run
 from ninedisk.harness.tables import plain_json
 from ninedisk.harness.verdict import exit_code

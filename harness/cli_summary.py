@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ninedisk.harness.cli_tables import console, table
-from ninedisk.harness.records import WORST_FIRST
+from ninedisk.harness.records import WORST_FIRST, row_tolerance
 from ninedisk.harness.results import CaseResult, Row
 
 MAX_ROWS = 40
@@ -36,7 +36,7 @@ def show_summary(results: Sequence[CaseResult], folder: Path | None) -> None:
         for row in judged[:MAX_ROWS]:
             shown.add_row(
                 row["status"], row["case"], row["variant"], row["engine"], row["quantity"] or "-",
-                _number(row["abs_error"]), _number(tolerance(row)), row["truth"] or "-",
+                _number(row["abs_error"]), _number(row_tolerance(row) if row["quantity"] else math.nan), row["truth"] or "-",
             )  # fmt: skip
         out.print(shown)
     if len(judged) > MAX_ROWS:
@@ -52,14 +52,8 @@ def show_summary(results: Sequence[CaseResult], folder: Path | None) -> None:
         out.print(f"results: {folder}")
 
 
-def tolerance(row: Row) -> float:
-    """``atol + rtol scale`` of a measurement row."""
-    scale = row["scale"]
-    return float(row["atol"] + (row["rtol"] * scale if math.isfinite(scale) else 0.0))
-
-
 def _worst_first(row: Row) -> tuple[int, float]:
-    allowed, error = tolerance(row), row["abs_error"]
+    allowed, error = row_tolerance(row), row["abs_error"]
     ratio = error / allowed if allowed > 0.0 else error
     return WORST_FIRST.index(row["status"]), -(math.inf if math.isnan(ratio) else ratio)
 

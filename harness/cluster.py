@@ -16,10 +16,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import ninedisk
 from ninedisk.harness.errors import UsageError
 from ninedisk.harness.parallel import run_in_workers
 from ninedisk.harness.plan import Cell
-from ninedisk.harness.provenance import cpu_model
+from ninedisk.harness.provenance import COMPUTING, cpu_model, package_folder
 from ninedisk.harness.results import CaseResult
 from ninedisk.harness.runner import Progress
 from ninedisk.harness.worker import Answer, Task, answered, pickled
@@ -48,7 +49,7 @@ class Cluster:
         published: Path | None = None,
         raise_users_mistakes: bool = False,
     ) -> list[CaseResult]:
-        """Results in the order of the cells; see `ninedisk.harness.runner.run_cells`."""
+        """Results in the order of the cells; see `ninedisk.harness.matrix.run_cells`."""
         from distributed import as_completed
 
         folder = None if published is None else published.resolve()
@@ -133,15 +134,9 @@ def one_cell(payload: bytes) -> bytes:
 
 def fingerprint() -> str:
     """Version and hash of the sources that compute: equal on all machines, or results are not those of this version."""
-    import ninedisk.core
-    import ninedisk.harness
-    import ninedisk.references
     from ninedisk.core._cache import source_hash
 
-    hashes = [
-        source_hash(Path(str(part.__file__)).parent) for part in (ninedisk.core, ninedisk.references, ninedisk.harness)
-    ]
-    return " ".join([ninedisk.__version__, *hashes])
+    return " ".join([ninedisk.__version__, *(source_hash(package_folder(name)) for name in COMPUTING)])
 
 
 def _check_workers(client: Client, address: str) -> None:

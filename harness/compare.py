@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ninedisk.harness.error_rule import ERROR_RULE, error_of, judge_errors, tolerance
-from ninedisk.harness.records import CHANGE_VERDICTS, Change, Comparison
+from ninedisk.harness.error_rule import ERROR_RULE, error_of, judge_errors
+from ninedisk.harness.records import CHANGE_VERDICTS, Change, Comparison, row_tolerance
 from ninedisk.harness.results import Row
 from ninedisk.harness.snapshot import BROKEN, NOT_RUN, CellKey, CheckKey, Snapshot
 from ninedisk.harness.timing_rule import LEAST, TIMING_RULE, judge_timings
@@ -145,7 +145,7 @@ def _error(before: Row, after: Row, check: CheckKey) -> Change:
         truth=check[2],
         base=error_of(before),
         head=error_of(after),
-        tolerance=tolerance(after),
+        tolerance=row_tolerance(after),
         base_status=before["status"],
         head_status=after["status"],
     )
@@ -161,7 +161,7 @@ def _one_sided(row: Row, check: CheckKey, verdict: str, reason: str) -> Change:
         quantity=check[0],
         unit=row["unit"],
         truth=check[2],
-        tolerance=tolerance(row),
+        tolerance=row_tolerance(row),
         base=NAN if new else error_of(row),
         head=error_of(row) if new else NAN,
         base_status="" if new else row["status"],

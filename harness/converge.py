@@ -53,7 +53,7 @@ def converge(
     Parameters
     ----------
     case, engine, params, options
-        As `ninedisk.harness.runner.run_case` takes them; the step that they set is the coarsest.
+        As `ninedisk.harness.matrix.run_case` takes them; the step that they set is the coarsest.
     halvings : int
         How often the step is halved, 3..12.
     progress : callable, optional

@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.case import Case, Check
+from ninedisk.harness.case import Case
 from ninedisk.harness.dry_run import dry_checks
 from ninedisk.harness.engine import SupportLevel
 from ninedisk.harness.errors import UsageError
+from ninedisk.harness.metrics import largest
 from ninedisk.harness.params import allowed, format_value
 from ninedisk.harness.plan import Cell, plan_matrix
+from ninedisk.harness.records import tolerance
 from ninedisk.harness.registry import case_table, engine_table, get_case
 from ninedisk.harness.results import Row
 from ninedisk.harness.tables import plain_json
@@ -95,13 +97,13 @@ def truths(cells: Sequence[Cell]) -> list[Row]:
         for check in dry_checks(cell, info):
             if check.truth == "consensus":  # its expected values are a run of ours
                 continue
-            tolerance = _tolerance(check)
+            allowed_error = tolerance(check.atol, check.rtol, largest(np.asarray(check.expected, dtype=np.float64)))
             key = (
                 check.quantity,
                 check.norm,
                 check.truth,
                 check.source,
-                f"{tolerance:.3g}",
+                f"{allowed_error:.3g}",
                 check.why,
                 check.gap_reason,
             )
@@ -112,7 +114,7 @@ def truths(cells: Sequence[Cell]) -> list[Row]:
                     "norm": check.norm,
                     "truth": check.truth,
                     "source": check.source,
-                    "tolerance": tolerance,
+                    "tolerance": allowed_error,
                     "why": check.why,
                     "gap_reason": check.gap_reason,
                     "engines": [],
@@ -120,12 +122,6 @@ def truths(cells: Sequence[Cell]) -> list[Row]:
             )
             row["engines"].append(cell.engine_id)
     return list(joined.values())
-
-
-def _tolerance(check: Check) -> float:
-    expected = np.abs(np.asarray(check.expected, dtype=np.float64))
-    scale = float(np.nanmax(expected, initial=0.0)) if np.isfinite(expected).any() else 0.0
-    return check.atol + check.rtol * scale
 
 
 def commands(case_id: str, cells: Sequence[Cell], shown: Any) -> list[str]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 
+from ninedisk.harness.records import row_tolerance
 from ninedisk.harness.results import Row
 from ninedisk.harness.text import short
 
@@ -28,12 +29,6 @@ ERROR_RULE = (
 )
 
 
-def tolerance(row: Row) -> float:
-    """``atol + rtol scale`` of a measurement row; an unknown part counts as zero."""
-    atol, rtol, scale = (float(row[name]) for name in ("atol", "rtol", "scale"))
-    return (atol if math.isfinite(atol) else 0.0) + (rtol * scale if math.isfinite(rtol * scale) else 0.0)
-
-
 def error_of(row: Row) -> float:
     """``abs_error``; infinite for a failure without a number, NaN where no truth speaks."""
     error = float(row["abs_error"])
@@ -48,7 +43,7 @@ def grew(before: float, after: float, allowed: float, factor: float = GROWTH) ->
 def judge_errors(base: Row, head: Row) -> tuple[str, str]:
     """Verdict (one of `records.CHANGE_VERDICTS`) and reason for a check before and after."""
     before, after = error_of(base), error_of(head)
-    allowed_before, allowed = tolerance(base), tolerance(head)
+    allowed_before, allowed = row_tolerance(base), row_tolerance(head)
     moved = abs(allowed - allowed_before) > 0.01 * max(allowed, allowed_before)
     note = f"; its tolerance changed from {short(allowed_before)} to {short(allowed)}" if moved else ""
     failed, fails = base["status"] == "fail", head["status"] == "fail"

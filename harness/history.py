@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from ninedisk.harness.compare import EVERY, TIMINGS, Side, compare
-from ninedisk.harness.error_rule import ERROR_RULE, error_of, tolerance
-from ninedisk.harness.records import Comparison, History, Line, Point
+from ninedisk.harness.error_rule import ERROR_RULE, error_of
+from ninedisk.harness.records import Comparison, History, Line, Point, row_tolerance
 from ninedisk.harness.results import Row
 from ninedisk.harness.shifts import SHIFT_RULE, cell_shifts, error_shifts, timing_shifts
 from ninedisk.harness.snapshot import BROKEN, CellKey, Snapshot
@@ -77,7 +77,7 @@ def _points(number: int, key: CellKey, cell: Row, run: Snapshot) -> Iterator[tup
     for (quantity, norm, truth, k), row in run.checks.get(key, {}).items():
         error = error_of(row)
         if not math.isnan(error):
-            shown = Point(number, error, tolerance(row), str(row["status"]), own, str(row["reason"]))
+            shown = Point(number, error, row_tolerance(row), str(row["status"]), own, str(row["reason"]))
             kind = f"{truth}, {norm}" if norm == "max" else truth
             yield ("error", case, version, variant, engine, quantity, kind, k), shown, str(row["unit"])
     for column, name in TIMINGS.items():

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.harness.case import Check, Observed
+from ninedisk.harness.records import tolerance
 
 FloatArray = NDArray[np.float64]
 
@@ -87,8 +88,10 @@ def _relative(error: float, scale: float) -> float:
     return error / scale if scale > 0.0 and np.isfinite(scale) else float("nan")
 
 
-def _tolerance(check: Check, scale: float) -> float:
-    return check.atol + (check.rtol * scale if np.isfinite(scale) else 0.0)
+def largest(expected: FloatArray) -> float:
+    """Largest finite ``|expected|``, what `Check.rtol` refers to; infinite where none is finite."""
+    finite = np.abs(expected[np.isfinite(expected)])
+    return float(finite.max()) if finite.size else float("inf")
 
 
 def _compare_scalar(check: Check, observed: Observed) -> Comparison:
@@ -109,7 +112,7 @@ def _compare_scalar(check: Check, observed: Observed) -> Comparison:
         abs_error=error,
         rel_error=_relative(error, scale),
         scale=scale,
-        tolerance=_tolerance(check, scale),
+        tolerance=tolerance(check.atol, check.rtol, scale),
         worst_step=-1,
         first_divergence_step=-1,
         spoken=int(speaks),
@@ -133,11 +136,10 @@ def _compare_series(check: Check, observed: Observed) -> Comparison:
             unit=unit, value=nan, expected=nan, abs_error=nan, rel_error=nan, scale=nan, tolerance=check.atol,
             worst_step=-1, first_divergence_step=-1, spoken=0, missing=0,
         )  # fmt: skip
-    finite = np.abs(expected[speaks & np.isfinite(expected)])
-    scale = float(finite.max()) if finite.size else float("inf")
-    tolerance = _tolerance(check, scale)
+    scale = largest(expected[speaks])
+    allowed = tolerance(check.atol, check.rtol, scale)
     error = np.where(speaks, _difference(value, expected), 0.0)
-    beyond = speaks & ~(error <= tolerance)
+    beyond = speaks & ~(error <= allowed)
     worst = int(np.argmax(np.where(speaks, error, -1.0)))  # the first missing value, if any: argmax ranks NaN highest
     return Comparison(
         unit=unit,
@@ -146,7 +148,7 @@ def _compare_series(check: Check, observed: Observed) -> Comparison:
         abs_error=float(error[worst]),
         rel_error=_relative(float(error[worst]), scale),
         scale=scale,
-        tolerance=tolerance,
+        tolerance=allowed,
         worst_step=int(observed.step[worst]),
         first_divergence_step=int(observed.step[np.argmax(beyond)]) if beyond.any() else -1,
         spoken=int(speaks.sum()),

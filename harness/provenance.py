@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,9 @@ PACKAGES = (
     "pint",
 )
 """Packages whose version can move a number or a page."""
+
+COMPUTING = ("ninedisk.core", "ninedisk.references", "ninedisk.harness")
+"""Packages of ours that can move a number."""
 
 _ABSOLUTE = re.compile(r"(^|=)(?:~|/|[A-Za-z]:\\).*")
 
@@ -73,23 +77,24 @@ def source_commit() -> str:
     return found.stdout.strip()
 
 
+def package_folder(name: str) -> Path:
+    """Folder of a package of ours."""
+    return Path(str(import_module(name).__file__)).parent
+
+
 @cache
 def source_digest() -> str:
     """SHA-256 of every file of ours that can move a number: core, references and harness, by relative name and content.
 
     Tells two states of a changed checkout apart, which have one commit, and needs no checkout.
     """
-    import ninedisk.core
-    import ninedisk.harness
-    import ninedisk.references
-
     digest = hashlib.sha256()
-    for package in (ninedisk.core, ninedisk.references, ninedisk.harness):
-        folder = Path(str(package.__file__)).parent
+    for package in COMPUTING:
+        folder = package_folder(package)
         for path in sorted(folder.rglob("*")):
             if path.is_file() and "__pycache__" not in path.parts:
                 content = hashlib.sha256(path.read_bytes()).hexdigest()
-                digest.update(f"{package.__name__}/{path.relative_to(folder).as_posix()} {content}\n".encode())
+                digest.update(f"{package}/{path.relative_to(folder).as_posix()} {content}\n".encode())
     return digest.hexdigest()
 
 

@@ -7,8 +7,10 @@ form in `ninedisk.harness.records` too, so that pages can be made of it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 SCHEMA_VERSION = 1
 
@@ -43,6 +45,33 @@ WORST_FIRST = (
     "pass",
 )
 """Order in which a cell's measurements decide its status: the first one present wins."""
+
+
+def worst_status(statuses: Iterable[str]) -> str:
+    """The status that decides among those of measurements or cells: the first of `WORST_FIRST` that is present, ``""`` of none.
+
+    A word that is no status comes before all others, so that it is seen; it is in no `EXCUSED` either.
+    """
+    present = set(statuses)
+    unknown = sorted(present - set(WORST_FIRST))
+    return unknown[0] if unknown else next((status for status in WORST_FIRST if status in present), "")
+
+
+def tolerance(atol: float | None, rtol: float | None, scale: float | None) -> float:
+    """Largest error that passes, ``atol + rtol scale``, in the quantity's unit.
+
+    Where the truth has no finite value, ``scale`` is infinite or NaN and ``atol`` stands alone; what is unknown (NaN, or None from a
+    run that lacks the column) counts as zero.
+    """
+    absolute, relative, size = (math.nan if part is None else float(part) for part in (atol, rtol, scale))
+    absolute = 0.0 if math.isnan(absolute) else absolute
+    return absolute + relative * size if math.isfinite(relative * size) else absolute
+
+
+def row_tolerance(row: Mapping[str, Any]) -> float:
+    """`tolerance` of a measurement."""
+    return tolerance(row["atol"], row["rtol"], row["scale"])
+
 
 RUN_KEYS = ("run_id", "schema_version", "started", "finished", "provenance", "argv")
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ninedisk.harness.case import Check
 from ninedisk.harness.metrics import Comparison
-from ninedisk.harness.records import EXCUSED, WORST_FIRST
+from ninedisk.harness.records import EXCUSED, worst_status
 
 
 def judge(check: Check, comparison: Comparison) -> tuple[str, str]:
@@ -58,15 +58,6 @@ def cell_verdict(measurements: Iterable[Mapping[str, Any]]) -> tuple[str, str]:
         return worst, ""
     more = f" (and {len(named) - 1} more)" if len(named) > 1 else ""
     return worst, named[0] + more
-
-
-def worst_status(statuses: Iterable[str]) -> str:
-    """The first of `records.WORST_FIRST` that is present; ``"pass"`` where there is none at all."""
-    present = set(statuses)
-    unknown = present - set(WORST_FIRST)
-    if unknown:
-        raise ValueError(f"unknown status {', '.join(sorted(unknown))}: use one of {', '.join(WORST_FIRST)}")
-    return next((status for status in WORST_FIRST if status in present), "pass")
 
 
 def exit_code(statuses: Iterable[str]) -> int:

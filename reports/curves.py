@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,6 +73,13 @@ def split_references(table: Any) -> dict[tuple[str, str, str], list[Curve]]:
         for part in np.split(rows, np.flatnonzero(np.diff(steps) <= 0) + 1):
             found.setdefault((key[0], key[1], key[2]), []).append(_curve(table, part, label=key[3]))
     return found
+
+
+def keep_rows(table: Any, columns: tuple[str, ...], wanted: Container[tuple[str, ...]]) -> Any:
+    """The rows of a table whose ``columns``, texts, are among the combinations ``wanted``, in the table's order."""
+    kept = [rows for key, rows in _groups(table, columns) if key in wanted]
+    rows = np.sort(np.concatenate(kept)) if kept else np.empty(0, dtype=np.int64)
+    return table if len(rows) == table.num_rows else table.take(rows)
 
 
 def differences(one: Curve, two: Curve, scale: float) -> float:

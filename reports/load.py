@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from ninedisk.harness.records import RUN_KEYS, SCHEMA_VERSION, TABLES
-from ninedisk.reports.curves import Curve, References, Series, split_references, split_series
+from ninedisk.reports.curves import Curve, References, Series, keep_rows, split_references, split_series
 from ninedisk.reports.errors import ReportError
 
 Row = dict[str, Any]
 CellKey = tuple[str, str, str]
+CELL_KEY = ("case", "variant", "engine")
 
 
 @dataclass(frozen=True)
@@ -49,49 +50,54 @@ def load_store(store: Path) -> Stored:
     (case, variant), claims the newest run that states them. Cells of an older case version than the newest stored one
     are left out, because results of two definitions must not stand in one table.
 
+    Which cells are shown is found from their keys alone: of a cell that a newer run replaces, no scene, frame, measurement or
+    curve is read or made.
+
     Raises
     ------
     ReportError
         If the store has no finished run, a run was written by a newer schema, or a file is damaged.
     """
     runs = _finished_runs(store)
-    cell_rows = [_rows(run, "cells") for run in runs]
     owner: dict[CellKey, int] = {}
-    newest: dict[CellKey, Row] = {}
-    for index, rows in enumerate(cell_rows):
-        for row in rows:
-            owner[_key(row)], newest[_key(row)] = index, row
+    versions: dict[CellKey, int] = {}
+    for index, run in enumerate(runs):
+        for row in _rows(_table(run, "cells", (*CELL_KEY, "case_version"))):
+            owner[_key(row)], versions[_key(row)] = index, int(row["case_version"] or 0)
     version: dict[str, int] = {}
-    for row in newest.values():
-        version[row["case"]] = max(version.get(row["case"], 0), int(row["case_version"] or 0))
-    old = [key for key, row in newest.items() if int(row["case_version"] or 0) < version[key[0]]]
+    for key, number in versions.items():
+        version[key[0]] = max(version.get(key[0], 0), number)
+    old = [key for key, number in versions.items() if number < version[key[0]]]
     for key in old:
-        del owner[key], newest[key]
-    if not newest:
+        del owner[key]
+    if not owner:
         raise ReportError(f"{store} holds no results: its runs have no cells; run `ninedisk run --store {store}` first")
 
     reference_owner: dict[tuple[str, str], int] = {}
     for (case, variant, _), index in owner.items():
         reference_owner[case, variant] = max(index, reference_owner.get((case, variant), -1))
+    cells: dict[CellKey, Row] = {}
     measurements: list[Row] = []
     claims: dict[tuple[str, str, str], Row] = {}
     series: dict[tuple[str, str, str, str], Curve] = {}
     references: dict[tuple[str, str, str], list[Curve]] = {}
+    shown = set(owner.values())
     for index, run in enumerate(runs):
-        for row in _rows(run, "claims"):
+        for row in _rows(_table(run, "claims")):
             claims[row["claim"], row["case"], row["engine"]] = row
-        if index not in owner.values():
+        if index not in shown:
             continue
-        measurements += [row for row in _rows(run, "measurements") if owner.get(_key(row)) == index]
-        for name, curve in split_series(_table(run, "series")).items():
-            if owner.get((name[0], name[1], name[2])) == index:
-                series[name] = curve
-        for place, curves in split_references(_table(run, "references")).items():
-            if reference_owner.get((place[0], place[1])) == index:
-                references[place] = curves
-    used = [run.record for index, run in reversed(list(enumerate(runs))) if index in owner.values()]
+        own = {key for key, run_index in owner.items() if run_index == index}
+        places = {place for place, run_index in reference_owner.items() if run_index == index}
+        cells |= {_key(row): row for row in _rows(keep_rows(_table(run, "cells"), CELL_KEY, own))}
+        measurements += _rows(keep_rows(_table(run, "measurements"), CELL_KEY, own))
+        series |= split_series(keep_rows(_table(run, "series"), CELL_KEY, own))
+        references |= split_references(keep_rows(_table(run, "references"), CELL_KEY[:2], places))
+    used = [run.record for index, run in reversed(list(enumerate(runs))) if index in shown]
     outdated = [f"{case} / {variant} on {engine}" for case, variant, engine in sorted(old)]
-    return Stored(used, list(newest.values()), measurements, list(claims.values()), series, references, outdated)
+    return Stored(
+        used, [cells[key] for key in owner], measurements, list(claims.values()), series, references, outdated
+    )
 
 
 @dataclass(frozen=True)
@@ -140,31 +146,34 @@ def _when(started: Any) -> datetime:
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
-def _table(run: _Run, name: str) -> Any:
-    """Parquet table with exactly the columns of the schema; columns that an older run lacks are empty."""
+def _table(run: _Run, name: str, only: Sequence[str] = ()) -> Any:
+    """Parquet table with exactly the columns of the schema, or ``only`` these; columns that an older run lacks are empty."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     path = run.folder / f"{name}.parquet"
     try:
-        table = pq.ParquetFile(path).read(use_threads=False)
+        file = pq.ParquetFile(path)
+        wanted = [column for column in file.schema_arrow.names if column in (only or TABLES[name])]
+        table = file.read(columns=wanted, use_threads=False)
     except (OSError, pa.ArrowException) as problem:
         raise ReportError(f"{path} cannot be read ({problem}): delete that run or copy it again") from problem
     types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
     columns = []
-    for column, kind in TABLES[name].items():
+    kinds = {column: TABLES[name][column] for column in only or TABLES[name]}
+    for column, kind in kinds.items():
         held = column in table.column_names
         try:
             columns.append(table[column].cast(types[kind]) if held else pa.nulls(table.num_rows, types[kind]))
         except pa.ArrowException as problem:
             raise ReportError(f"{path}: column {column!r} is not {kind} ({problem})") from problem
-    return pa.table(columns, names=list(TABLES[name]))
+    return pa.table(columns, names=list(kinds))
 
 
-def _rows(run: _Run, name: str) -> Iterable[Row]:
+def _rows(table: Any) -> list[Row]:
     """Rows of a table; empty strings instead of nulls."""
-    texts = [column for column, kind in TABLES[name].items() if kind == "string"]
-    rows: list[Row] = _table(run, name).to_pylist()
+    texts = [field.name for field in table.schema if field.type == "string"]
+    rows: list[Row] = table.to_pylist()
     for row in rows:
         for column in texts:
             row[column] = row[column] or ""

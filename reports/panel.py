@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from ninedisk.harness.records import WORST_FIRST
+from ninedisk.harness.records import WORST_FIRST, row_tolerance, worst_status
 from ninedisk.reports.load import Row, Stored
 from ninedisk.reports.text import Slugs, as_float, decoded
 
@@ -24,18 +24,11 @@ EXPLAINED = frozenset({"known-gap", "gap-closed"})
 SUPPORT = ("exact", "equivalent", "approximate", "no")
 
 
-def tolerance(row: Row) -> float:
-    """``atol + rtol scale``: the largest error that passes."""
-    parts = [as_float(row[name]) for name in ("atol", "rtol", "scale")]
-    atol, rtol, scale = (part if math.isfinite(part) else 0.0 for part in parts)
-    return atol + rtol * scale
-
-
 def error_ratio(row: Row) -> float:
     """Error over tolerance; inf for a failure without a number or beyond a zero tolerance, NaN if unmeasured."""
     if row["status"] in NOT_RUN:
         return math.nan
-    error, limit = as_float(row["abs_error"]), tolerance(row)
+    error, limit = as_float(row["abs_error"]), row_tolerance(row)
     if not math.isfinite(error):
         return math.inf if row["status"] == "fail" else math.nan
     if limit > 0.0:
@@ -48,13 +41,6 @@ def error_ratio(row: Row) -> float:
 def is_rated(row: Row) -> bool:
     """Whether a measurement has an error over tolerance."""
     return not math.isnan(row["ratio"])
-
-
-def worst_status(statuses: Iterable[str]) -> str:
-    """The status that decides; unknown words count as worst, so that they are seen."""
-    present = set(statuses)
-    unknown = sorted(present - set(WORST_FIRST))
-    return unknown[0] if unknown else next((status for status in WORST_FIRST if status in present), "")
 
 
 def worst_first(rows: Iterable[Row]) -> list[Row]:
@@ -195,7 +181,7 @@ def build_panel(stored: Stored) -> Panel:
             )
     rated = []
     for row in stored.measurements:
-        measured = {**row, "ratio": error_ratio(row), "tolerance": tolerance(row)}
+        measured = {**row, "ratio": error_ratio(row), "tolerance": row_tolerance(row)}
         rated.append(measured)
         cases[row["case"]].measurements.append(measured)
     for claim in stored.claims:

@@ -244,7 +244,7 @@ int main(int argc, char **argv) {
     puts("{\"wire_version\": 1, \"id\": \"spring-dem-c\", \"version\": \"1.0\", \"contact\": \"spring\","
          " \"scheme\": \"central-difference\", \"capabilities\": [\"linear-contact\", \"shear-spring\", \"friction\","
          " \"contact-damping\", \"global-damping-central\", \"global-damping-lagged\", \"moving-walls\", \"gravity\","
-         " \"blocked-rotation\", \"preload\", \"disk-inertia\", \"lever-arm-radius\", \"lever-arm-overlap\"]}");
+         " \"blocked-rotation\", \"preload\", \"disk-inertia\", \"lever-arm-radius\", \"lever-arm-overlap\", \"slip-end\"]}");
     return 0;
   }
   size_t size = 0;

@@ -6,7 +6,7 @@ import sys
 import time
 
 CAPABILITIES = """linear-contact shear-spring friction contact-damping global-damping-central global-damping-lagged
-    moving-walls gravity blocked-rotation preload disk-inertia lever-arm-radius lever-arm-overlap"""
+    moving-walls gravity blocked-rotation preload disk-inertia lever-arm-radius lever-arm-overlap slip-end"""
 HISTORY = "step t x v angle omega gap fn fs wall_point wall_angle wall_force"
 ABOUT = {"wire_version": 1, "id": "spring-dem", "version": "1.0", "contact": "spring", "scheme": "central-difference"}
 

@@ -111,7 +111,7 @@ def _run_case(engine: str, arm: str, limit: float) -> Sample:  # noqa: ARG001
 
     What the harness itself spends on observing and judging is no part of an engine's time.
     """
-    from ninedisk.harness.runner import run_case
+    from ninedisk.harness.matrix import run_case
 
     result = run_case(CASE, engine=engine, params={"lever_arm": arm})
     if result.status == "not-installed":

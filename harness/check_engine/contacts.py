@@ -7,9 +7,10 @@ import math
 import numpy as np
 
 from ninedisk.core.history import History
-from ninedisk.core.law import LeverArm
+from ninedisk.core.law import LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
+from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.case import Setup
 from ninedisk.harness.check_engine.claims import Claim, Probe, contact_error, round_off
 from ninedisk.harness.check_engine.scenes import FLOOR, KN, G, M, R, has_springs, law, on_floor, some_disks
@@ -100,6 +101,40 @@ def rolling(arm: LeverArm, *, sunk: float = 0.2, speed: float = 0.5, force: floa
 
     name = f"preload, arm {arm}" if force else f"rolling, arm {arm}"
     return Probe(name=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+
+
+def passing(info: EngineInfo, slip_at: SlipAt) -> Probe:
+    """A disk flies past another one, deep in its contact, whose forces are too weak to turn it aside.
+
+    It passes the other's centre at the distance h with the speed v: the slip is the integral of ``v h/r`` over the time, and the
+    rectangle rule of the steps' ends adds ``dt/2`` times what its integrand grows by.
+    """
+    speed, height, way, count = 1.0, 0.5 * R, 1.5 * R, 50
+    dt = way / speed / count
+    # In the time T of the way a contact moves disks by some kn overlap T^2/m: round-off of the way.
+    kn = 1e-12 * M * (speed / way) ** 2
+    contact = ContactLaw(kn=kn, ks=kn, mu=1e3, slip_at=slip_at)
+    turning = Capability.BLOCKED_ROTATION not in info.capabilities
+    scene = Scene(
+        disks=some_disks(x=[[0.0, 0.0], [-way, height]], v=[[0.0, 0.0], [speed, 0.0]], rotating=[turning, turning]),
+        disk_disk=contact,
+    )
+    numerics = Numerics(dt=dt, n_steps=count, contact_dt=dt, sample_from=count)
+    grown = speed * (1.0 - height / math.hypot(way, height))
+    slip = height * math.asinh(way / height) + (0.5 * dt * grown if slip_at == "end" else 0.0)
+
+    def claims(history: History) -> list[Claim]:
+        return [
+            Claim(quantity="slip, -fs/ks", unit="m", value=-history.fs[-1, 0] / kn, expected=slip,
+                  bound=0.125 * dt * grown, why="a quarter of what the two places in the step differ by",
+                  mend="the slip of the half step's velocities is measured with the normal of ContactLaw.slip_at"),
+        ]  # fmt: skip
+
+    return Probe(
+        name=f"passing, slip at the {slip_at}",
+        setup=Setup(scene=scene, numerics=numerics, watch=((0, 1),)),
+        claims=claims,
+    )
 
 
 def driven(info: EngineInfo, motion: str) -> Probe:

@@ -12,8 +12,7 @@ from ninedisk.core.history import History
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.check_engine.claims import Probe
 from ninedisk.harness.check_engine.findings import Bench, Finding, finding
-from ninedisk.harness.engine import EngineError, EngineInfo
-from ninedisk.harness.engines._options import Option
+from ninedisk.harness.engine import EngineError, EngineInfo, Option
 from ninedisk.harness.observation import check_history
 from ninedisk.harness.wire import MEANINGS
 

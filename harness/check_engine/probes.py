@@ -5,7 +5,7 @@ from __future__ import annotations
 from ninedisk.core.law import LeverArm
 from ninedisk.harness.capabilities import LEVER_ARMS, Capability
 from ninedisk.harness.check_engine.claims import Probe
-from ninedisk.harness.check_engine.contacts import driven, impact, rolling, squeezed
+from ninedisk.harness.check_engine.contacts import driven, impact, passing, rolling, squeezed
 from ninedisk.harness.check_engine.grains import ellipse_at_rest, lens_on_floor
 from ninedisk.harness.check_engine.held import fixed, held
 from ninedisk.harness.check_engine.scenes import damped, fall, rebound, sliding
@@ -39,6 +39,8 @@ def probe_of(capability: Capability, info: EngineInfo) -> Probe:
         Capability.QUASI_STATIC: lambda: squeezed(info),
         Capability.PRELOAD: lambda: rolling(own, sunk=SHALLOW, speed=0.0, force=-1.0),
         Capability.DISK_INERTIA: lambda: sliding(info, rotating=True),
+        Capability.SLIP_MIDDLE: lambda: passing(info, "middle"),
+        Capability.SLIP_END: lambda: passing(info, "end"),
         Capability.OUTLINES: lambda: ellipse_at_rest(info),
         Capability.AREA_CONTACT: lambda: lens_on_floor(),
     }[capability]()

@@ -15,6 +15,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,6 @@ from numpy.typing import NDArray
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engines._options import read_options
 from ninedisk.harness.engines._plane_geometry import (
     WallPoses,
     finite_state,
@@ -33,7 +33,6 @@ from ninedisk.harness.engines._plane_geometry import (
     wall_reach,
     write_contacts,
 )
-from ninedisk.harness.engines.pymunk import OPTIONS
 
 FloatArray = NDArray[np.float64]
 
@@ -43,8 +42,9 @@ _MEETS_DISKS, _MEETS_WALLS, _WALL = 1, 2, 4
 class PymunkSession:
     """The `Session` of one run."""
 
-    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
-        options = read_options("pymunk", OPTIONS, numerics)
+    def __init__(
+        self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...], *, options: Mapping[str, Any]
+    ) -> None:
         self.scene, self.dt, self.pairs, self.done = scene, numerics.dt, pairs, 0
         self.reach = wall_reach(scene, numerics, "pymunk")
         self.touch = touch_length(scene, numerics, "pymunk")

@@ -4,6 +4,17 @@ from __future__ import annotations
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.harness.capabilities import SLIP_AT
+
+OF_SLIP_AT = frozenset(SLIP_AT.values())
+"""What an engine may lack whose runs are those of the same physics, discretised otherwise: of first order in the step."""
+
+NOTE_SLIP_AT = (
+    "slip is not measured where in the step the scene's slip_at says: a difference of first order in the step"
+)
+NOTE_SLIP_END = (
+    "the half step's slip is measured with the normal of the step's end (slip_at = end): of first order in the step"
+)
 
 
 def contact_steps(scene: Scene, numerics: Numerics) -> tuple[int, float]:

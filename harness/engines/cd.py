@@ -13,12 +13,14 @@ from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel, Timings
 from ninedisk.harness.engines._rigid import has_spring_preload, rigid_needs, without_spring_preload
+from ninedisk.harness.engines._spring import NOTE_SLIP_AT, OF_SLIP_AT
 
 CAPABILITIES = frozenset(Capability) - {
     Capability.AREA_CONTACT,
     Capability.CONTACT_DAMPING,
     Capability.GLOBAL_DAMPING_LAGGED,
     Capability.LEVER_ARM_TORQUE,
+    Capability.SLIP_END,
 }
 
 NOTE_PRELOAD = "the preload of regularising springs is undone: rigid contacts find their forces anew in each step"
@@ -27,7 +29,7 @@ NOTE_ELASTIC = "elastic contact forces are those of the end of the step: first o
 
 
 class CdEngine:
-    """`ninedisk.core.cd`: implicit theta scheme, one convex program a step (or Coulomb's law by Gauss-Seidel)."""
+    """`ninedisk.core.cd`: implicit theta scheme; a step is one convex program, or Coulomb's law where ``Numerics.sliding`` asks for it."""
 
     id = "cd"
 
@@ -49,7 +51,8 @@ class CdEngine:
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """EXACT but for dashpots of contact springs, the lagged form of global damping, and a restitution that theta misses."""
-        notes = []
+        notes: list[str] = []
+        level = SupportLevel.EXACT
         if has_spring_preload(scene):
             notes.append(NOTE_PRELOAD)
         if scene.xi > 0.0 and numerics.regime == "dynamic":
@@ -57,6 +60,10 @@ class CdEngine:
         if any(not law.regularised for law in _laws(scene)) and numerics.regime == "dynamic":
             notes.append(NOTE_ELASTIC)
         missing = rigid_needs(scene, numerics) - CAPABILITIES
+        if missing & OF_SLIP_AT:
+            missing -= OF_SLIP_AT
+            level = SupportLevel.EQUIVALENT
+            notes.append(NOTE_SLIP_AT)
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)), tuple(notes))
         if numerics.impact == "theta":
@@ -65,7 +72,7 @@ class CdEngine:
             if any(abs(scheme - e) > 1e-12 for e in asked):
                 told = ", ".join(f"{e:g}" for e in sorted(asked))
                 notes.append(f"restitution of the theta scheme: (1 - theta)/theta = {scheme:g}; the scene says {told}")
-        return Support(SupportLevel.EXACT, (), tuple(notes))
+        return Support(level, (), tuple(notes))
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the scene on `ninedisk.core.cd.session.CdSession`."""

@@ -20,8 +20,7 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability, capabilities_needed
-from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.engines._options import Option, read_options
+from ninedisk.harness.engine import EngineInfo, EngineRun, Option, Support, SupportLevel, read_options
 from ninedisk.harness.engines._package_engine import PackageEngine, package_version
 from ninedisk.harness.engines._rigid_package import RigidPackageEngine, prescribed_spins
 from ninedisk.harness.engines._spring import laws_in_use
@@ -46,6 +45,8 @@ OF_SLIP = frozenset(
         Capability.SHEAR_SPRING,
         Capability.LEVER_ARM_RADIUS,
         Capability.LEVER_ARM_OVERLAP,
+        Capability.SLIP_MIDDLE,
+        Capability.SLIP_END,
     }
 )
 """What no engine needs where no contact can slip."""

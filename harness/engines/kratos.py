@@ -17,7 +17,7 @@ from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines._mirrors import no_disk_can_turn
 from ninedisk.harness.engines._package_engine import package_version
 from ninedisk.harness.engines._plane_geometry import wall_reach
-from ninedisk.harness.engines._spring import contact_steps
+from ninedisk.harness.engines._spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.wall_path import wall_path
 
@@ -38,6 +38,7 @@ CAPABILITIES = frozenset(
         Capability.GRAVITY,
         Capability.DISK_INERTIA,
         Capability.LEVER_ARM_OVERLAP,
+        Capability.SLIP_END,
     }
 )
 
@@ -101,10 +102,13 @@ class Kratos(ExternalEngine):
         """EXACT for smooth walls and disks that roll on each other with the arm R - overlap/2, and where symmetry forbids turning.
 
         APPROXIMATE where a lever arm differs or rough walls turn; EQUIVALENT where a dashpot sees v_{n-1/2} though the numerics ask
-        for the central form.
+        for the central form, or slip is asked for in the middle of the step.
         """
         missing = set(capabilities_needed(scene, numerics))
         notes: list[str] = []
+        early = missing & OF_SLIP_AT - CAPABILITIES
+        missing -= early
+        notes += [NOTE_SLIP_END] if early else []
         between = [scene.disk_disk] if len(scene.disks) > 1 else []
         laws = between + [wall.law for wall in scene.walls]
         turning, foreign = False, set[Capability]()
@@ -128,7 +132,7 @@ class Kratos(ExternalEngine):
         if foreign or turning:
             return Support(SupportLevel.APPROXIMATE, tuple(sorted(foreign)), tuple(notes))
         late = bool(damped) and numerics.damping_form == "central"
-        return Support(SupportLevel.EQUIVALENT if late else SupportLevel.EXACT, (), tuple(notes))
+        return Support(SupportLevel.EQUIVALENT if late or early else SupportLevel.EXACT, (), tuple(notes))
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Contact step, the walls' path at every contact step (a file: it can be long), and the length of walls."""

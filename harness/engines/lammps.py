@@ -18,7 +18,7 @@ from ninedisk.harness.capabilities import GRAINS, LEVER_ARMS, Capability, capabi
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines._package_engine import package_version
 from ninedisk.harness.engines._plane_geometry import contact_frame
-from ninedisk.harness.engines._spring import contact_steps, laws_in_use
+from ninedisk.harness.engines._spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps, laws_in_use
 from ninedisk.harness.external import ExternalEngine
 
 DRIVER = Path(__file__).parent / "drivers" / "lammps_driver.py"
@@ -29,6 +29,7 @@ CAPABILITIES = (
     - {
         Capability.RESTITUTION,
         Capability.LEVER_ARM_OVERLAP,
+        Capability.SLIP_MIDDLE,
         Capability.HELD_MOTION,
         Capability.QUASI_STATIC,
     }
@@ -106,12 +107,15 @@ class Lammps(ExternalEngine):
 
         APPROXIMATE where a lever arm or the place of a wall's velocity differs. EQUIVALENT where the same physics is
         discretised otherwise: dashpots that see v_{n-1/2} though the numerics ask for the central form, or walls at rest
-        at time 0, and walls whose velocity changes within a step.
+        at time 0, slip that is asked for in the middle of the step, and walls whose velocity changes within a step.
         """
         missing = set(capabilities_needed(scene, numerics) - CAPABILITIES)
         disks = scene.disks
         uniform = np.abs(disks.inertia - 0.5 * disks.mass * disks.radius**2) <= 1e-12 * disks.inertia
         notes = _notes(scene)
+        early = missing & OF_SLIP_AT
+        missing -= early
+        notes += (NOTE_SLIP_END,) if early else ()
         if _can_turn(scene) and not uniform[disks.rotating].all():
             missing.add(Capability.DISK_INERTIA)
             notes += (NOTE_INERTIA,)
@@ -132,7 +136,7 @@ class Lammps(ExternalEngine):
             return Support(SupportLevel.APPROXIMATE, answer, notes)
         uneven = _uneven_walls(scene, numerics)
         late = numerics.damping_form == "central" and any(law.beta > 0.0 for law in laws_in_use(scene))
-        equivalent = uneven or late or any(_starts_damped(wall) for wall in scene.walls)
+        equivalent = uneven or late or bool(early) or any(_starts_damped(wall) for wall in scene.walls)
         notes += (NOTE_WALL_MEAN,) if uneven else ()
         return Support(SupportLevel.EQUIVALENT if equivalent else SupportLevel.EXACT, (), notes)
 

@@ -20,7 +20,7 @@ from ninedisk.harness.capabilities import LEVER_ARMS, Capability, capabilities_n
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines._mirrors import no_disk_can_turn
 from ninedisk.harness.engines._plane_geometry import wall_reach
-from ninedisk.harness.engines._spring import contact_steps, laws_in_use
+from ninedisk.harness.engines._spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps, laws_in_use
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.wall_path import wall_path
 
@@ -39,6 +39,7 @@ CAPABILITIES = frozenset(
         Capability.GRAVITY,
         Capability.BLOCKED_ROTATION,
         Capability.PRELOAD,
+        Capability.SLIP_END,
     }
 )
 OF_TURNING = frozenset({Capability.DISK_INERTIA, *LEVER_ARMS.values()})
@@ -109,10 +110,14 @@ class Liggghts(ExternalEngine):
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """EXACT where no disk turns, by blocking or by symmetry, and the walls' motion is a polygon in time.
 
-        EQUIVALENT where dashpots see v_{n-1/2} though the numerics ask for the central form, or walls at rest at time 0.
+        EQUIVALENT where dashpots see v_{n-1/2} though the numerics ask for the central form, or walls at rest at time 0, and where
+        slip is asked for in the middle of the step.
         """
         missing, laws = set(capabilities_needed(scene, numerics)), laws_in_use(scene)
         notes: list[str] = []
+        early = missing & OF_SLIP_AT - CAPABILITIES
+        missing -= early
+        notes += [NOTE_SLIP_END] if early else []
         if Capability.DISK_INERTIA in missing:
             symmetric = no_disk_can_turn(scene)
             notes.append(NOTE_SYMMETRY if symmetric else NOTE_SPHERE)
@@ -134,7 +139,7 @@ class Liggghts(ExternalEngine):
             return Support(SupportLevel.NO, tuple(sorted(missing)), tuple(notes))
         starts = any(wall.law.beta > 0.0 and wall.motion and any(wall.motion[0].velocity) for wall in scene.walls)
         notes += [NOTE_WALL_START] if starts else []
-        late = starts or (damped and numerics.damping_form == "central")
+        late = starts or bool(early) or (damped and numerics.damping_form == "central")
         return Support(SupportLevel.EQUIVALENT if late else SupportLevel.EXACT, (), tuple(notes))
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:

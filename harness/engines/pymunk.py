@@ -8,6 +8,7 @@ gain of speed per step.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
@@ -18,10 +19,11 @@ from ninedisk.harness.engine import (
     EngineInfo,
     EngineNotInstalledError,
     EngineRun,
+    Option,
     Support,
+    read_options,
     run_session,
 )
-from ninedisk.harness.engines._options import Option
 from ninedisk.harness.engines._package_engine import package_version
 from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 
@@ -105,7 +107,8 @@ class PymunkEngine:
         except ImportError as error:
             raise EngineNotInstalledError(f"pymunk cannot be imported ({error}): pip install pymunk") from error
         try:
-            return run_session(PymunkSession, without_spring_preload(scene), numerics, watch)
+            make = partial(PymunkSession, options=read_options(self.id, OPTIONS, numerics))
+            return run_session(make, without_spring_preload(scene), numerics, watch)
         except AssertionError as error:  # pymunk checks its arguments by assert
             raise EngineError(f"pymunk refused a value: {error}") from error
 

@@ -17,7 +17,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import GRAINS, LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.engines._spring import contact_steps, laws_in_use
+from ninedisk.harness.engines._spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps, laws_in_use
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.wall_path import wall_path
 
@@ -30,6 +30,7 @@ CAPABILITIES = (
         Capability.RESTITUTION,
         Capability.LEVER_ARM_RADIUS,
         Capability.LEVER_ARM_TORQUE,
+        Capability.SLIP_MIDDLE,
         Capability.HELD_MOTION,
         Capability.QUASI_STATIC,
     }
@@ -113,16 +114,19 @@ class Yade(ExternalEngine):
         """EXACT where YADE's conventions are the scene's.
 
         APPROXIMATE where a lever arm or wall velocity differs, EQUIVALENT where a dashpot sees v_{n-1/2} though the numerics
-        ask for the central form (the same physics, first order in the step).
+        ask for the central form, or slip is asked for in the middle of the step (the same physics, first order in the step).
         """
         missing = capabilities_needed(scene, numerics) - CAPABILITIES
         notes = _notes(scene)
+        early = missing & OF_SLIP_AT
+        missing -= early
+        notes += (NOTE_SLIP_END,) if early else ()
         if missing - frozenset(LEVER_ARMS.values()):
             return Support(SupportLevel.NO, tuple(sorted(missing)), notes)
         if missing or _other_wall_velocity(scene):
             return Support(SupportLevel.APPROXIMATE, tuple(sorted(missing)), notes)
         late = numerics.damping_form == "central" and any(law.beta > 0.0 for law in laws_in_use(scene))
-        return Support(SupportLevel.EQUIVALENT if late else SupportLevel.EXACT, (), notes)
+        return Support(SupportLevel.EQUIVALENT if late or early else SupportLevel.EXACT, (), notes)
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Contact step and the walls' path at every contact step (a file: it can be long)."""

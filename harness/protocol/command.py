@@ -24,10 +24,10 @@ from ninedisk.harness.engine import (
     EngineUnsupportedError,
     Support,
     SupportLevel,
+    read_options,
 )
-from ninedisk.harness.engines._options import read_options
 from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
-from ninedisk.harness.engines._spring import contact_steps, laws_in_use
+from ninedisk.harness.engines._spring import NOTE_SLIP_AT, OF_SLIP_AT, contact_steps, laws_in_use
 from ninedisk.harness.errors import UsageError
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.isolation import Finished, run_isolated, time_limit_from_environment
@@ -101,10 +101,12 @@ class CommandEngine(ExternalEngine):
         if self.info().contact != "spring":
             return rigid_support(scene, numerics, self.info().capabilities, approximations=near)
         missing = spring_needs(scene, numerics) - self.info().capabilities
-        if missing:
-            return Support(SupportLevel.NO, tuple(sorted(missing)), near)
+        if missing - OF_SLIP_AT:
+            return Support(SupportLevel.NO, tuple(sorted(missing - OF_SLIP_AT)), near)
         notes = (NOTE_SPRINGS, *near) if any(law.regularised for law in laws_in_use(scene)) else near
-        return Support(SupportLevel.APPROXIMATE if notes else SupportLevel.EXACT, (), notes)
+        if notes or not missing:
+            return Support(SupportLevel.APPROXIMATE if notes else SupportLevel.EXACT, (), notes)
+        return Support(SupportLevel.EQUIVALENT, (), (NOTE_SLIP_AT,))
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the command.

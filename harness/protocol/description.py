@@ -8,8 +8,7 @@ from typing import Any
 
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineInfo
-from ninedisk.harness.engines._options import Option
+from ninedisk.harness.engine import EngineInfo, Option
 from ninedisk.harness.protocol.schemas import fault
 from ninedisk.harness.text import printable
 from ninedisk.harness.wire_fields import WireError
@@ -23,14 +22,20 @@ NOTE_SOFT = "contacts are soft in a way of the engine's own"
 _TRAITS = (
     "turns_shear",
     "fixed_wall_shear",
+    "keeps_opened_shear",
     "dilates",
     "friction_lags",
     "softness",
     "softness_why",
     "keeps_kn",
+    "impact_as_springs",
+    "normal_turns_in_impact",
     "precision",
     "threads",
 )
+
+_ARMS = ("turns_exactly_with", "arms_at_walls")
+"""Traits that are sets of lever arms."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,13 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
     names = {wire_name(capability): capability for capability in Capability}
     traits: dict[str, Any] = {"precision": "float64", "threads": 1}
     traits |= {trait: data[trait] for trait in _TRAITS if trait in data}
+    traits |= {trait: frozenset(names[name] for name in data[trait]) for trait in _ARMS if trait in data}
+    out_of_scope = {names[name]: printable(link) for name, link in data.get("out_of_scope", {}).items()}
+    both = sorted(set(data["capabilities"]) & set(data.get("out_of_scope", {})))
+    if both:
+        raise WireError(
+            f"the description has {both[0]!r} among capabilities and out_of_scope: leave it out of one of them"
+        )
     info = EngineInfo(
         id=data["id"],
         name=printable(data.get("name", data["id"])),
@@ -85,6 +97,7 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
         not_installed_because="its description gives no version" if data["version"] is None else "",
         capabilities=frozenset(names[name] for name in data["capabilities"]),
         options=options,
+        out_of_scope=out_of_scope,
         **traits,
     )
     near = tuple(printable(text) for text in data.get("approximations", ()))

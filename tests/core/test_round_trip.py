@@ -35,6 +35,7 @@ LAWS = st.builds(
     restitution=st.none() | st.floats(0.0, 1.0),
     lever_arm=st.sampled_from(["radius", "overlap", "torque-overlap"]),
     wall_velocity_at=st.sampled_from(["surface", "mid-overlap"]),
+    slip_at=st.sampled_from(["middle", "end"]),
     regularised=st.booleans(),
 )
 

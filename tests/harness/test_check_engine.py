@@ -20,8 +20,7 @@ from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED
 from ninedisk.harness.check_engine.probes import probe_of
 from ninedisk.harness.cli import app
-from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.engines._options import Option
+from ninedisk.harness.engine import EngineInfo, EngineRun, Option, Support, SupportLevel
 from ninedisk.harness.engines.dem import DemEngine
 from ninedisk.harness.registry import get_engine
 
@@ -261,6 +260,8 @@ PLANTED = {
         Planted(scene=laws(lever_arm="radius")),
         "arm of the torque",
     ),
+    "slip of the step's end": ("supports: SLIP_MIDDLE", Planted(scene=laws(slip_at="end")), "slip, -fs/ks is"),
+    "slip of the middle of the step": ("supports: SLIP_END", Planted(scene=laws(slip_at="middle")), "slip, -fs/ks is"),
     "circles for outlines": ("supports: OUTLINES", Planted(scene=disks(outline=-1)), "fn is"),
     "outlines that are not turned": ("supports: OUTLINES", Planted(scene=disks(angle=0.0)), "fn is"),
     "chords for areas": ("supports: AREA_CONTACT", Planted(scene=laws(contact="chord")), "fn is"),

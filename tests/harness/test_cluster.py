@@ -12,9 +12,9 @@ import ninedisk
 from ninedisk.harness.cli_run import execute
 from ninedisk.harness.cluster import connected
 from ninedisk.harness.errors import UsageError
+from ninedisk.harness.matrix import run_cells
 from ninedisk.harness.plan import plan_matrix
 from ninedisk.harness.results import CaseResult
-from ninedisk.harness.runner import run_cells
 from ninedisk.harness.snapshot import run_facts
 from ninedisk.harness.store import run_ids
 

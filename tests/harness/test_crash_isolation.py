@@ -12,8 +12,8 @@ import pytest
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.engine import EngineInfo
 from ninedisk.harness.external import ExternalEngine
+from ninedisk.harness.matrix import run_cells
 from ninedisk.harness.plan import plan_case
-from ninedisk.harness.runner import run_cells
 
 FAKE = Path(__file__).parent / "engines" / "fake_engine.py"
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.harness import run_case
 from ninedisk.harness.cli import app
-from ninedisk.harness.engines._options import Option
+from ninedisk.harness.engine import Option
 from ninedisk.harness.errors import UsageError
 from ninedisk.harness.plan import plan_matrix
 from ninedisk.harness.registry import UnknownIdError, engine_table, get_engine

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Any
 
@@ -9,9 +10,9 @@ import numpy as np
 import pytest
 
 from ninedisk.harness.case import Check, Observed
-from ninedisk.harness.metrics import CheckError, compare
-from ninedisk.harness.records import EXCUSED, STATUSES, WORST_FIRST
-from ninedisk.harness.verdict import cell_verdict, exit_code, judge, worst_status
+from ninedisk.harness.metrics import CheckError, compare, largest
+from ninedisk.harness.records import EXCUSED, STATUSES, WORST_FIRST, row_tolerance, tolerance, worst_status
+from ninedisk.harness.verdict import cell_verdict, exit_code, judge
 
 NAN = float("nan")
 STEP = np.arange(0, 50, 10)
@@ -56,6 +57,34 @@ def test_tolerance_is_inclusive_and_its_parts_add() -> None:
     assert verdict(check(TRUTH, atol=0.25), observed([0.0, 1.0, 2.25, 3.0, 4.0]))[0] == "pass"
     assert verdict(check(TRUTH, atol=0.125, rtol=0.03125), observed([0.0, 1.0, 2.25, 3.0, 4.0]))[0] == "pass"
     assert verdict(check(TRUTH, atol=0.2), observed([0.0, 1.0, 2.25, 3.0, 4.0]))[0] == "fail"
+
+
+@pytest.mark.parametrize(
+    ("parts", "expected"),
+    [
+        ((0.5, 0.25, 2.0), 1.0),
+        ((0.5, 0.25, math.inf), 0.5),  # the truth has no finite value
+        ((0.5, 0.0, math.inf), 0.5),
+        ((0.5, 0.25, math.nan), 0.5),  # the truth says nothing
+        ((math.nan, math.nan, math.nan), 0.0),  # no check
+        ((None, None, None), 0.0),  # columns that an older run lacks
+        ((None, 0.25, 2.0), 0.5),
+    ],
+)
+def test_one_tolerance_for_judge_tables_comparisons_and_pages(
+    parts: tuple[float, float, float], expected: float
+) -> None:
+    assert tolerance(*parts) == expected
+    assert row_tolerance(dict(zip(("atol", "rtol", "scale"), parts, strict=True))) == expected
+
+
+def test_infinite_truths_do_not_count_in_the_scale() -> None:
+    """Neither when a run is judged nor where the documentation says what is allowed."""
+    truth = np.array([0.0, 1.0, math.inf, 3.0, 4.0])
+    assert compare(check(truth, rtol=0.5), observed(truth)).tolerance == 2.0
+    assert largest(truth) == 4.0
+    assert largest(np.array(-3.0)) == 3.0
+    assert largest(np.array(math.nan)) == math.inf
 
 
 def test_window_limits_error_and_scale() -> None:
@@ -149,8 +178,10 @@ def test_cell_takes_the_worst() -> None:
     for earlier, later in pairwise(WORST_FIRST):
         assert worst_status([later, earlier, later]) == earlier
     assert set(WORST_FIRST) == set(STATUSES)
-    with pytest.raises(ValueError, match="unknown status skipped"):
-        worst_status(["skipped"])
+    assert worst_status([]) == "", "nothing at all is no pass"
+    assert worst_status(["error", "skipped"]) == "skipped", "a word that nobody knows is seen"
+    assert exit_code([worst_status(["pass", "skipped"])]) == 1
+    assert cell_verdict([row("pass"), row("skipped")])[0] == "skipped"
 
 
 def test_exit_codes() -> None:

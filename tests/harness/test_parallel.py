@@ -18,9 +18,9 @@ import pytest
 
 from ninedisk.core.errors import UnstableTimeStepError
 from ninedisk.harness import run_matrix
+from ninedisk.harness.matrix import run_cells
 from ninedisk.harness.plan import plan_matrix
 from ninedisk.harness.results import CaseResult
-from ninedisk.harness.runner import run_cells
 from ninedisk.harness.worker import crash_place
 
 

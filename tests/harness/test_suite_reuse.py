@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from ninedisk.harness import provenance as provenance_module
+from ninedisk.harness.matrix import run_cells
 from ninedisk.harness.plan import Cell, plan_matrix
 from ninedisk.harness.provenance import provenance, source_digest
-from ninedisk.harness.runner import run_cells
 from ninedisk.harness.store import write_run
 from ninedisk.harness.suite import items
 from ninedisk.harness.suite.items import CellCheck, Plan, make_plan

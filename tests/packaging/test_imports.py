@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,42 @@ def foreign(module: str, names: set[str]) -> set[str]:
 def test_the_core_imports_only_its_third_parties(sources: dict[str, Path]) -> None:
     found = {module: foreign(module, imported(path)) for module, path in sources.items()}
     assert {module: names for module, names in found.items() if names} == {}
+
+
+def cycle(sources: dict[str, Path]) -> list[str]:
+    """Modules of which each is imported by the next, the first by the last: wherever the imports stand; empty if there are none."""
+    named = {
+        module: {name if name in sources else name.rpartition(".")[0] for name in imported(path)}
+        for module, path in sources.items()
+    }
+    try:
+        TopologicalSorter({module: names & sources.keys() for module, names in named.items()}).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_no_module_imports_what_imports_it(sources: dict[str, Path]) -> None:
+    """A cycle cannot be read from either end; one that a function's import hides is one all the same."""
+    assert cycle(sources) == []
+
+
+@pytest.mark.parametrize(
+    "back",
+    [
+        "from ninedisk.core.first import one",
+        "from ninedisk.core import first",
+        "def late():\n    import ninedisk.core.first",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from ninedisk.core.first import One",
+    ],
+)
+def test_a_cycle_is_found_wherever_its_import_stands(tmp_path: Path, back: str) -> None:
+    (tmp_path / "first.py").write_text("from ninedisk.core.second import two")
+    (tmp_path / "second.py").write_text("import ninedisk.core.third")
+    (tmp_path / "third.py").write_text(back)
+    (tmp_path / "user.py").write_text("import ninedisk.core.first")
+    planted = {f"ninedisk.core.{path.stem}": path for path in tmp_path.iterdir()}
+    assert set(cycle(planted)) == {f"ninedisk.core.{name}" for name in ("first", "second", "third")}
 
 
 def beyond_kernels(sources: dict[str, Path]) -> set[str]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
 from ninedisk.harness.records import SCHEMA_VERSION
+from ninedisk.reports import load
 from ninedisk.reports.errors import ReportError
 from ninedisk.reports.load import load_store
 
@@ -123,3 +125,43 @@ def test_series_are_ordered_by_step(tmp_path, write, small):
     curve = load_store(tmp_path).series["demo/one", "k=1", "dem", "x"]
     assert list(curve.step) == [0, 1, 2, 3, 4]
     assert curve.error[4] == pytest.approx(0.46)
+
+
+def damage_column(path: Path, column: str) -> None:
+    """Overwrite the stored values of one column of a Parquet file."""
+    group = pq.read_metadata(path).row_group(0)
+    chunk = next(c for c in map(group.column, range(group.num_columns)) if c.path_in_schema == column)
+    begin = chunk.dictionary_page_offset or chunk.data_page_offset
+    content = bytearray(path.read_bytes())
+    content[begin : begin + chunk.total_compressed_size] = bytes([255]) * chunk.total_compressed_size
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("column", ["setup", "frames"])
+def test_scenes_and_frames_of_replaced_cells_are_never_read(tmp_path, write, small, column):
+    old = write(tmp_path, "a", small(value=1.0), started="2026-01-01T00:00:00+00:00")
+    new = write(tmp_path, "b", small(value=2.0), started="2026-01-02T00:00:00+00:00")
+    damage_column(old / "cells.parquet", column)
+    assert [row["value"] for row in load_store(tmp_path).measurements] == [2.0]
+    damage_column(new / "cells.parquet", column)
+    with pytest.raises(ReportError, match=r"b/cells\.parquet cannot be read"):
+        load_store(tmp_path)
+
+
+def test_of_a_run_that_is_half_replaced_only_the_other_half_is_made_into_rows_and_curves(tmp_path, write, small):
+    both = {name: small()[name] + small(engine="yade")[name] for name in small()}
+    write(tmp_path, "a", both, started="2026-01-01T00:00:00+00:00")
+    write(tmp_path, "b", small(value=3.0), started="2026-01-02T00:00:00+00:00")
+    made: list[tuple[str, int]] = []
+    to_rows = load._rows
+
+    def counted(table):
+        made.append((",".join(table.column_names[:4]), table.num_rows))
+        return to_rows(table)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(load, "_rows", counted)
+        stored = load_store(tmp_path)
+    full = [rows for names, rows in made if names.startswith("case,case_version,")]
+    assert full == [1, 1, 1, 1], "cells and measurements of each run: one row of its own"
+    assert {key[2] for key in stored.series} == {"dem", "yade"}

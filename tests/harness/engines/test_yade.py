@@ -37,7 +37,7 @@ ROUND_OFF = 1e-11
 
 def law(**values: object) -> ContactLaw:
     """A contact with YADE's own conventions."""
-    return ContactLaw(**{"lever_arm": "overlap", "wall_velocity_at": "mid-overlap", **values})  # type: ignore[arg-type]
+    return ContactLaw(**{"lever_arm": "overlap", "wall_velocity_at": "mid-overlap", "slip_at": "end", **values})  # type: ignore[arg-type]
 
 
 def nine_disks(

@@ -6,7 +6,7 @@ import copy
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,18 +15,18 @@ from jsonschema import Draft202012Validator
 
 from ninedisk.core.errors import CoreError
 from ninedisk.core.history import History
-from ninedisk.core.law import CONTACTS, LEVER_ARMS, WALL_VELOCITY_AT, ContactLaw
+from ninedisk.core.law import CONTACTS, LEVER_ARMS, SLIP_AT, WALL_VELOCITY_AT, ContactLaw
 from ninedisk.core.numerics import DampingForm, Impact, Numerics, Regime, Sliding
 from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
+from ninedisk.harness.capabilities import LEVER_ARMS as ARMS_OF_LAWS
 from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineError, EngineInfo
-from ninedisk.harness.engines._options import Option
+from ninedisk.harness.engine import EngineError, EngineInfo, Option
 from ninedisk.harness.errors import UsageError
 from ninedisk.harness.params import resolve
 from ninedisk.harness.protocol.description import NOTE_SOFT, read_description, wire_name
 from ninedisk.harness.protocol.example import example_request
 from ninedisk.harness.protocol.schemas import NAMES, fault, schema_text, validator, write_schemas
-from ninedisk.harness.registry import case_table, get_case
+from ninedisk.harness.registry import case_table, engine_table, get_case, get_engine
 from ninedisk.harness.wire import (
     ANSWER_KEYS,
     TIMING_KEYS,
@@ -40,8 +40,8 @@ from ninedisk.harness.wire import (
 SCHEMAS = {name: json.loads(schema_text(name)) for name in NAMES}
 SCENE = SCHEMAS["scene"]["$defs"]
 REQUEST_JUNK: tuple[Any, ...] = (None, True, -1, -0.5, 0, "x", [], {}, [[1.0]])
-OF_GRAINS = {"outlines", "outline", "angle", "contact"}
-"""Keys that scenes of disks leave out."""
+LEFT_OUT = {"outlines", "outline", "angle", "contact", "slip_at"}
+"""Keys that scenes leave out where they have their default value."""
 JUNK: tuple[Any, ...] = (*REQUEST_JUNK, float("inf"), 2**70)
 TOGETHER = "it must have shape|one for|m behind wall|the first body is a disk|zero normal|that the numerics ask for"
 ABOUT = {"wire_version": 1, "id": "mine", "version": "1", "contact": "spring", "scheme": "none", "capabilities": []}
@@ -53,7 +53,7 @@ def names(record: type) -> set[str]:
 
 def keys(schema: Mapping[str, Any]) -> set[str]:
     assert schema["additionalProperties"] is False
-    assert set(schema["properties"]) - set(schema["required"]) <= OF_GRAINS
+    assert set(schema["properties"]) - set(schema["required"]) <= LEFT_OUT
     return set(schema["properties"])
 
 
@@ -82,6 +82,7 @@ def test_choices_are_those_of_the_code() -> None:
     law, numerics = SCENE["law"]["properties"], SCHEMAS["numerics"]["properties"]
     assert law["lever_arm"]["enum"] == list(LEVER_ARMS)
     assert law["wall_velocity_at"]["enum"] == list(WALL_VELOCITY_AT)
+    assert law["slip_at"]["enum"] == list(SLIP_AT)
     assert law["contact"]["enum"] == list(CONTACTS)
     literals = {"damping_form": DampingForm, "impact": Impact, "sliding": Sliding, "regime": Regime}
     for name, literal in literals.items():
@@ -90,8 +91,11 @@ def test_choices_are_those_of_the_code() -> None:
     one = about["capabilities"]["items"]
     assert one["enum"] == [wire_name(capability) for capability in Capability]
     assert one["description"] == "; ".join(f"{wire_name(each)}: {each}" for each in Capability) + "."
-    assert "softness_why" in about
     assert set(about) - names(EngineInfo) == {"wire_version", "approximations"}
+    # Whatever an adapter in Python can say of its engine, a command can say of itself; these two the harness says of it.
+    assert names(EngineInfo) - set(about) == {"how_it_runs", "not_installed_because"}
+    arms = [wire_name(arm) for arm in ARMS_OF_LAWS.values()]
+    assert about["turns_exactly_with"]["items"]["enum"] == about["arms_at_walls"]["items"]["enum"] == arms
     number, word = about["options"]["additionalProperties"]["oneOf"]
     assert set(number["properties"]) | set(word["properties"]) == names(Option)
 
@@ -227,6 +231,44 @@ def test_a_description_is_read_as_its_schema_says() -> None:
     for key in ABOUT:
         with pytest.raises(EngineError, match=key):
             read_description(json.dumps({k: v for k, v in ABOUT.items() if k != key}), how_it_runs="x")
+
+
+def told_by(info: EngineInfo) -> dict[str, Any]:
+    """The description of an engine in the words of the wire: every field that is not as the field has it by default."""
+    told: dict[str, Any] = {"wire_version": 1}
+    for each in fields(EngineInfo):
+        value = getattr(info, each.name)
+        if each.name in ("how_it_runs", "not_installed_because") or value == each.default:
+            continue
+        if each.name == "options":
+            value = {name: {f.name: list(v) if isinstance(v, tuple) else v for f in fields(option)
+                            if (v := getattr(option, f.name)) != f.default} for name, option in value.items()}  # fmt: skip
+        elif each.name == "out_of_scope":
+            value = {wire_name(capability): link for capability, link in value.items()}
+        elif isinstance(value, frozenset):
+            value = sorted(map(wire_name, value))
+        told[each.name] = value
+    return told
+
+
+@pytest.mark.parametrize("engine_id", list(engine_table()))
+def test_a_command_can_say_whatever_a_built_in_engine_says(engine_id: str) -> None:
+    info = replace(get_engine(engine_id).info(), version="1")
+    found = read_description(json.dumps(told_by(info)), how_it_runs=info.how_it_runs).info
+    assert found == replace(info, not_installed_because="")
+
+
+def test_what_is_out_of_scope_is_no_capability() -> None:
+    told = {**ABOUT, "capabilities": ["gravity"], "out_of_scope": {"friction": "https://example.org/scope"}}
+    assert dict(read_description(json.dumps(told), how_it_runs="x").info.out_of_scope) == {
+        Capability.FRICTION: "https://example.org/scope"
+    }
+    for wrong, why in (
+        ({"gravity": "https://example.org"}, "'gravity' among capabilities"),
+        ({"grvity": "x"}, "grvity"),
+    ):
+        with pytest.raises(EngineError, match=why):
+            read_description(json.dumps({**told, "out_of_scope": wrong}), how_it_runs="x")
 
 
 def test_they_are_written_whole(tmp_path: Path) -> None:
