@@ -177,16 +177,13 @@ class RetracedLoop:
         why = "round-off of coordinates, added up" + turned
         found = []
         if engine.scheme == "central-difference":
+            exact = stepped[:: count // SAMPLES]
+            source = f"slip of half steps with the normal of the {place} of the step"
+            atol = rounding + growth
             found.append(
                 Check(
-                    quantity="shear",
-                    norm="max",
-                    truth="exact-step",
-                    expected=stepped[:: count // SAMPLES],
-                    atol=rounding + growth,
-                    source=f"slip of half steps with the normal of the {place} of the step",
-                    why=why,
-                )  # fmt: skip
+                    quantity="shear", norm="max", truth="exact-step", expected=exact, source=source, atol=atol, why=why
+                )
             )
         within, drift, left = _midpoint(params, count), 0.0, _unfinished(params, count)
         told = "the midpoint rule's error within a cycle"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ def test_the_middle_drifts_to_fourth_order():
     """
     found = [abs(astray(steps, 10, "middle")) for steps in (20, 40, 80)]
     assert found[0] < 1e-8
-    assert [math.log2(a / b) for a, b in zip(found, found[1:], strict=False)] == pytest.approx([4.0, 4.0], abs=0.1)
+    assert [math.log2(a / b) for a, b in pairwise(found)] == pytest.approx([4.0, 4.0], abs=0.1)
 
 
 def test_a_reversal_within_a_step_leaves_the_third_order():
@@ -61,7 +62,7 @@ def test_a_reversal_within_a_step_leaves_the_third_order():
         d = np.column_stack([AHEAD - path, np.full_like(path, ASIDE)])
         whole = pair_shear(d, slip_at="middle")
         drift.append(abs(whole[2 * steps] - whole[0]))
-    orders = [math.log2(a / b) for a, b in zip(drift, drift[1:], strict=False)]
+    orders = [math.log2(a / b) for a, b in pairwise(drift)]
     assert orders == pytest.approx([3.0, 3.0, 3.0], abs=0.1)
 
 
