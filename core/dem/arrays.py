@@ -97,8 +97,9 @@ def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
     return WallArrays(
         now=poses,
         built=poses.copy(),
+        middle=poses.copy(),
         extent=np.zeros(m),
-        law=np.array([law_row(wall.law) for wall in scene.walls]).reshape(m, 7),
+        law=np.array([law_row(wall.law) for wall in scene.walls]).reshape(m, 8),
         load=np.zeros((m, 3)),
         load_before=np.zeros((m, 3)),
         share=np.zeros((stripes, m, 3)),

@@ -18,7 +18,7 @@ from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 
-FORMAT = 2
+FORMAT = 3
 NEEDED = ("clock", "samples.pairs", "samples.chosen", "samples.at")
 """Arrays without which a session cannot even be made; the archive itself guards what is in them."""
 

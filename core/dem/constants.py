@@ -40,7 +40,8 @@ def contact_step(scene: Scene, numerics: Numerics) -> tuple[float, float]:
 def law_row(law: ContactLaw) -> list[float]:
     """Law as the kernels read it (columns of `ninedisk.core.dem.state`)."""
     torque, slip = law.lever_arm != "radius", law.lever_arm == "overlap"
-    return [law.kn, law.ks, law.mu, law.beta, float(torque), float(slip), float(law.wall_velocity_at == "mid-overlap")]
+    wall_mid, middle = law.wall_velocity_at == "mid-overlap", law.slip_at == "middle"
+    return [law.kn, law.ks, law.mu, law.beta, float(torque), float(slip), float(wall_mid), float(middle)]
 
 
 def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) -> StepConstants:

@@ -4,6 +4,11 @@ Source: Cundall & Strack, Geotechnique 29 (1979) 47-65; conventions of `ninedisk
 ``j``, ``t = (-n_y, n_x)``, the force on ``i`` is ``-fn n + fs t``. With lever arms ``a_i, a_j`` the slip of ``i`` past ``j`` is
 ``vt = (v_i - v_j).t + a_i omega_i + a_j omega_j`` and both bodies receive the torque ``a fs``; a law may take another arm for the
 torque than for the slip.
+
+With velocities of ``t_{n-1/2}`` the slip of a step is the midpoint rule where normal, arms and walls are those of that time, too. Between
+disks that are ``d = x_j - x_i`` apart at ``t_n`` these are those of ``m = d - (dt/2) d'``, and since ``m x d' = d x d'`` the turned
+tangent ``t_m`` gives ``-t_m.d' = -(d x d')/|m|``: the slip by translation with the normal of ``t_n``, times ``|d|/|m|``. With the
+normal of ``t_n`` it is of first order, and drifts along closed paths (`ContactLaw.slip_at`).
 """
 
 from __future__ import annotations
@@ -12,7 +17,18 @@ from math import sqrt
 
 from ninedisk.core._cache import inline_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
-from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_OVERLAP, TORQUE_OVERLAP, WALL_MID, DiskArrays, WallArrays
+from ninedisk.core.dem.state import (
+    BETA,
+    KN,
+    KS,
+    MU,
+    SLIP_MIDDLE,
+    SLIP_OVERLAP,
+    TORQUE_OVERLAP,
+    WALL_MID,
+    DiskArrays,
+    WallArrays,
+)
 
 
 @inline_kernel
@@ -81,7 +97,8 @@ def disk_wall_forces(
     Parameters are those of `pair_kernels.disk_disk_forces`, the disks being ``begin .. end-1``; rows of ``pairs`` are walls, with
     ascending disks. The normal from disk to wall is the opposite of
     the wall's. The wall's velocity at a point ``q`` is ``v_pivot + spin x (q - pivot)``, with ``q`` the foot of the disk's
-    centre on the surface or the middle of the overlap; the reaction acts at the foot.
+    centre on the surface or the middle of the overlap, for the slip at ``t_{n-1/2}`` where that is measured there; the reaction acts at
+    the foot.
     """
     seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
     for w in range(walls.now.shape[0]):
@@ -90,8 +107,13 @@ def disk_wall_forces(
         half_slip = 0.5 * walls.law[w, SLIP_OVERLAP]
         rough = mu > 0.0 and ks > 0.0
         px, py, ux, uy = walls.now[w, 0], walls.now[w, 1], walls.now[w, 2], walls.now[w, 3]
-        cx, cy, vx, vy = walls.now[w, 4], walls.now[w, 5], walls.now[w, 6], walls.now[w, 7]
-        spin, rate_x, rate_y = walls.now[w, 8], walls.now[w, 9], walls.now[w, 10]
+        cx, cy, spin = walls.now[w, 4], walls.now[w, 5], walls.now[w, 8]
+        rate_x, rate_y = walls.now[w, 9], walls.now[w, 10]
+        back, sliding = 0.5 * slip_dt * walls.law[w, SLIP_MIDDLE], walls.now
+        if walls.law[w, SLIP_MIDDLE] > 0.0:
+            sliding = walls.middle
+        sx, sy, tx, ty = sliding[w, 0], sliding[w, 1], -sliding[w, 3], sliding[w, 2]
+        vx, vy = sliding[w, 6] + spin * (sliding[w, 5] - sy), sliding[w, 7] + spin * (sx - sliding[w, 4])
         load_x, load_y, load_t = walls.share[stripe, w, 0], walls.share[stripe, w, 1], walls.share[stripe, w, 2]
         last = pairs.start[w + 1]
         for k in range(first_from(pairs, pairs.start[w], last, begin), last):
@@ -105,14 +127,19 @@ def disk_wall_forces(
                 continue
             foot_x, foot_y = disks.x[i, 0] - height * ux, disks.x[i, 1] - height * uy
             qx, qy = foot_x - depth * overlap * ux - cx, foot_y - depth * overlap * uy - cy
-            wall_vx, wall_vy = vx - spin * qy, vy + spin * qx
             rate = (rate_x - spin * qy - seen[i, 0]) * ux + (rate_y + spin * qx - seen[i, 1]) * uy
             fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i])
             gx, gy = fn * ux, fn * uy
             if rough:
                 arm = disks.radius[i] - half * overlap
-                vt = (disks.v[i, 0] - wall_vx) * uy - (disks.v[i, 1] - wall_vy) * ux
-                vt += (disks.radius[i] - half_slip * overlap) * disks.omega[i]
+                # Along itself a wall moves at all points of its surface as at its own, and deeper down so much less.
+                vt = (vx - disks.v[i, 0]) * tx + (vy - disks.v[i, 1]) * ty
+                height = (disks.x[i, 0] - back * disks.v[i, 0] - sx) * ty - (
+                    disks.x[i, 1] - back * disks.v[i, 1] - sy
+                ) * tx
+                sunk = disks.radius[i] - height
+                vt -= spin * depth * sunk
+                vt += (disks.radius[i] - half_slip * sunk) * disks.omega[i]
                 fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)
                 pairs.shear[k] = fs
                 gx += fs * uy

@@ -38,6 +38,7 @@ def outline_arrays(scene: Scene) -> Outlines:
         spin=np.zeros(n),
         carried=np.zeros(MOST_ROOTS // 2),
         arc=np.zeros((MOST_ROOTS // 2, 4)),
+        before=np.zeros((MOST_ROOTS // 2, 4)),
         work=workspace(table),
         found=contact_rows(MOST_ROOTS // 2),
         memory=empty_memory(disks.omega, CONTACTS_PER_BODY * n + len(scene.initial_shear) + 16),
@@ -53,7 +54,7 @@ def empty_memory(spin: FloatArray, room: int) -> Memory:
     """A memory without contacts, with room for ``room`` of them; ``spin`` [rad/s] at time 0."""
     n = len(spin)
     return Memory(
-        contact=np.zeros((2, room, 8)),
+        contact=np.zeros((2, room, 12)),
         body=np.zeros((2, room, 3), dtype=np.int64),
         head=np.full((2, n), -1, dtype=np.int64),
         mark=np.zeros(6, dtype=np.int64),

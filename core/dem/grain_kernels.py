@@ -7,6 +7,11 @@ outline ("radius") or to the middle of the overlap ("overlap"); about body j, wi
 ``-fn b_j + fs a_j``. The slip is ``(v_i - v_j).t + a_i omega_i + a_j omega_j``, the overlap grows by ``(v_i - v_j).n - b_i omega_i +
 b_j omega_j``. On disks b = 0 and a = R or R - overlap/2: what `force_kernels` has.
 
+The slip of the middle of the step has the means of the arms at both ends of the step for its arms, and for its normal the direction of
+``h_0 n_0 + h_1 n_1``, with h the distance of the bodies along the normal. On disks, where ``h n`` is ``x_j - x_i``, that is the direction
+of half a step before; second order needs no more than weights that are equal but for O(dt). Its overlap is what the arms exceed the
+distance in the middle by. A contact that began in this step has no normal of the step before: it turns as that of disks would.
+
 One thread does all of it: bodies are visited in the order of the lists, and each contact is computed from the body with the smaller
 number, so that neither the lists nor the number of threads change a bit of it.
 """
@@ -32,6 +37,7 @@ from ninedisk.core.dem.state import (
     KN,
     KS,
     MU,
+    SLIP_MIDDLE,
     SLIP_OVERLAP,
     TORQUE_OVERLAP,
     WALL_MID,
@@ -139,6 +145,35 @@ def stopped(outlines: Outlines, code: int, a: int, b: int) -> bool:
 
 
 @inline_kernel
+def normal_midway(
+    outlines: Outlines, m: int, nx: float, ny: float, before_x: float, before_y: float, dx: float, dy: float
+) -> tuple[float, float]:
+    """Normal in the middle of the step, from the present one and that before, the second body at d and at ``before`` from the first."""
+    ox, oy, new = outlines.before[m, 0], outlines.before[m, 1], nx * dx + ny * dy
+    wx, wy = new * nx + before_x - dx, new * ny + before_y - dy
+    if ox != 0.0 or oy != 0.0:
+        old = ox * before_x + oy * before_y
+        wx, wy = old * ox, old * oy
+        if (
+            not 0.5 * new < old < 2.0 * new
+        ):  # bodies beside each other as seen along the normal: weights that mean nothing
+            wx, wy, new = ox, oy, 1.0
+    elif not new * new > (before_x - dx) ** 2 + (before_y - dy) ** 2:
+        return nx, ny
+    mx, my = wx + new * nx, wy + new * ny
+    length = sqrt(mx * mx + my * my)
+    return mx / length, my / length
+
+
+@inline_kernel
+def arm_midway(outlines: Outlines, m: int, side: int, arm: float) -> float:
+    """Arm of the first (2) or second body (3) in the middle of the step, from the present one and that before."""
+    if outlines.before[m, 0] == 0.0 and outlines.before[m, 1] == 0.0:
+        return arm
+    return 0.5 * (outlines.before[m, side] + arm)
+
+
+@inline_kernel
 def pair_forces(
     disks: DiskArrays,
     outlines: Outlines,
@@ -181,9 +216,14 @@ def pair_forces(
         fn = normal_force(stretch, rate, kn, beta, disks.inv_mass[i] + disks.inv_mass[j])
         fs = 0.0
         if mu > 0.0 and ks > 0.0:
-            back = 0.5 * law[SLIP_OVERLAP] * overlap
-            vt = (disks.v[j, 0] - disks.v[i, 0]) * ny + (disks.v[i, 1] - disks.v[j, 1]) * nx
-            vt += (arm_a - back) * disks.omega[i] + (arm_b - back) * disks.omega[j]
+            vx, vy = disks.v[i, 0] - disks.v[j, 0], disks.v[i, 1] - disks.v[j, 1]
+            mx, my, slip_a, slip_b, deep = nx, ny, arm_a, arm_b, overlap
+            if law[SLIP_MIDDLE] > 0.0:
+                mx, my = normal_midway(outlines, m, nx, ny, dx + slip_dt * vx, dy + slip_dt * vy, dx, dy)
+                slip_a, slip_b = arm_midway(outlines, m, 2, arm_a), arm_midway(outlines, m, 3, arm_b)
+                deep = slip_a + slip_b - (dx + 0.5 * slip_dt * vx) * mx - (dy + 0.5 * slip_dt * vy) * my
+            back = 0.5 * law[SLIP_OVERLAP] * deep
+            vt = vy * mx - vx * my + (slip_a - back) * disks.omega[i] + (slip_b - back) * disks.omega[j]
             fs = shear_force(outlines.carried[m], vt * slip_dt, ks, mu * fn)
         back = 0.5 * law[TORQUE_OVERLAP] * overlap
         gx, gy = -fn * nx - fs * ny, -fn * ny + fs * nx
@@ -193,7 +233,7 @@ def pair_forces(
         disks.force[j, 1] -= gy
         disks.torque[i] += fn * side_a + fs * (arm_a - back)
         disks.torque[j] += fs * (arm_b - back) - fn * side_b
-        if not remember(outlines, a, b, m, fs, fn, energy):
+        if not remember(outlines, a, b, m, fs, fn, energy, arm_a, arm_b):
             return stopped(outlines, ROOM, a, b)
     return True
 
@@ -217,24 +257,37 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
     inherit(outlines, a, b, count, ring, 0.0, convex(outlines, a))
     seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
     kn, ks, mu, beta = walls.law[w, KN], walls.law[w, KS], walls.law[w, MU], walls.law[w, BETA]
+    middle, sliding = walls.law[w, SLIP_MIDDLE] > 0.0, walls.now
+    if middle:
+        sliding = walls.middle
     cx, cy, spin = walls.now[w, 4] - disks.x[i, 0], walls.now[w, 5] - disks.x[i, 1], walls.now[w, 8]
     found, load = outlines.found, walls.share
     for m in range(count):
         overlap = found.overlap[m]
         rx, ry = found.point[m, 0], found.point[m, 1]
         arm, side = found.beyond[m] - rx * ux - ry * uy, rx * uy - ry * ux
-        deep = 0.5 * walls.law[w, WALL_MID] * overlap
-        qx, qy = rx - deep * ux - cx, ry - deep * uy - cy
         rate = 0.0
         if beta > 0.0:
+            deep = 0.5 * walls.law[w, WALL_MID] * overlap
+            qx, qy = rx - deep * ux - cx, ry - deep * uy - cy
             rate = (walls.now[w, 9] - spin * qy - seen[i, 0]) * ux
             rate += (walls.now[w, 10] + spin * qx - seen[i, 1]) * uy - side * outlines.spin[a]
         stretch, energy = spring(outlines, m, a, -1, kn, outlines.area[1 + w])
         fn = normal_force(stretch, rate, kn, beta, disks.inv_mass[i])
         fs = 0.0
         if mu > 0.0 and ks > 0.0:
-            vt = (disks.v[i, 0] - walls.now[w, 6] + spin * qy) * uy - (disks.v[i, 1] - walls.now[w, 7] - spin * qx) * ux
-            vt += (arm - 0.5 * walls.law[w, SLIP_OVERLAP] * overlap) * disks.omega[i]
+            sx, sy, tx, ty = sliding[w, 0], sliding[w, 1], -sliding[w, 3], sliding[w, 2]
+            slip_arm, sunk = arm, overlap
+            if middle:
+                slip_arm = arm_midway(outlines, m, 2, arm)
+                hx = disks.x[i, 0] - 0.5 * slip_dt * disks.v[i, 0] - sx
+                hy = disks.x[i, 1] - 0.5 * slip_dt * disks.v[i, 1] - sy
+                sunk = slip_arm - (hx * ty - hy * tx)
+            # M is on the surface, whose points all move along it as the wall's own does.
+            vt = (sliding[w, 6] + spin * (sliding[w, 5] - sy) - disks.v[i, 0]) * tx
+            vt += (sliding[w, 7] + spin * (sx - sliding[w, 4]) - disks.v[i, 1]) * ty
+            vt -= 0.5 * spin * walls.law[w, WALL_MID] * sunk
+            vt += (slip_arm - 0.5 * walls.law[w, SLIP_OVERLAP] * sunk) * disks.omega[i]
             fs = shear_force(outlines.carried[m], vt * slip_dt, ks, mu * fn)
         gx, gy = fn * ux + fs * uy, fn * uy - fs * ux
         disks.force[i, 0] += gx
@@ -243,7 +296,7 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
         load[0, w, 0] -= gx
         load[0, w, 1] -= gy
         load[0, w, 2] -= (rx + disks.x[i, 0]) * gy - (ry + disks.x[i, 1]) * gx
-        if not remember(outlines, a, b, m, fs, fn, energy):
+        if not remember(outlines, a, b, m, fs, fn, energy, arm, 0.0):
             return stopped(outlines, ROOM, a, b)
     return True
 
@@ -266,7 +319,7 @@ def grain_forces(
     ----------
     disks, walls, pairs, wall_pairs, outlines, step
         See their classes; the forces must be zero. The lists' own shear forces are not used.
-    law : ndarray, shape (7,)
+    law : ndarray, shape (8,)
         Disk-disk law row.
     n : int
         Contact step.

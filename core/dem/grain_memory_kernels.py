@@ -6,13 +6,15 @@ before goes to that contact of the same pair whose arcs' middles are nearest (di
 length, summed), if on one outline at least the middles are no farther apart than the sum of both arcs' lengths; otherwise the
 contact has opened. Contacts that merge add their shear forces; of a contact that divides the nearest part inherits. A pair of
 strictly convex bodies has one contact at most, which needs no such condition: as on disks, it is the same as long as
-it is closed.
+it is closed. With its shear force a contact inherits the normal and the arms of the step before.
 """
 
 from __future__ import annotations
 
 from ninedisk.core._cache import inline_kernel
 from ninedisk.core.dem.grain_state import (
+    ARM_A,
+    ARM_B,
     COUNT,
     ENERGY,
     FN,
@@ -21,6 +23,8 @@ from ninedisk.core.dem.grain_state import (
     LENGTH_B,
     MIDDLE_A,
     MIDDLE_B,
+    NORMAL_X,
+    NORMAL_Y,
     OVERLAP,
     SIDE,
     Outlines,
@@ -52,11 +56,13 @@ def arcs_of(outlines: Outlines, count: int, ring_a: float, ring_b: float) -> Non
 
 @inline_kernel
 def inherit(outlines: Outlines, a: int, b: int, count: int, ring_a: float, ring_b: float, single: bool) -> None:
-    """Shear forces [N] that the ``count`` found contacts of bodies a and b inherit, to ``outlines.carried``."""
-    memory, arc, carried = outlines.memory, outlines.arc, outlines.carried
+    """What the ``count`` found contacts of bodies a and b inherit: shear forces [N] to ``outlines.carried``, geometry to ``before``."""
+    memory, arc, carried, before = outlines.memory, outlines.arc, outlines.carried, outlines.before
     old = memory.mark[SIDE]
     for m in range(count):
         carried[m] = 0.0
+        for c in range(4):
+            before[m, c] = 0.0
     row = memory.head[old, a]
     while row >= 0:
         if memory.body[old, row, 1] == b:
@@ -73,11 +79,15 @@ def inherit(outlines: Outlines, a: int, b: int, count: int, ring_a: float, ring_
                     best, least = m, distance
             if best >= 0:
                 carried[best] += contact[FS]
+                for c in range(4):
+                    before[best, c] = contact[NORMAL_X + c]
         row = memory.body[old, row, 2]
 
 
 @inline_kernel
-def remember(outlines: Outlines, a: int, b: int, m: int, fs: float, fn: float, energy: float) -> bool:
+def remember(
+    outlines: Outlines, a: int, b: int, m: int, fs: float, fn: float, energy: float, arm_a: float, arm_b: float
+) -> bool:
     """Write found contact ``m`` of bodies a and b to the side of this step; False if there is no room."""
     memory = outlines.memory
     new = 1 - memory.mark[SIDE]
@@ -88,6 +98,8 @@ def remember(outlines: Outlines, a: int, b: int, m: int, fs: float, fn: float, e
     contact[FS], contact[FN], contact[OVERLAP], contact[ENERGY] = fs, fn, outlines.found.overlap[m], energy
     contact[MIDDLE_A], contact[LENGTH_A] = outlines.arc[m, 0], outlines.arc[m, 1]
     contact[MIDDLE_B], contact[LENGTH_B] = outlines.arc[m, 2], outlines.arc[m, 3]
+    contact[NORMAL_X], contact[NORMAL_Y] = outlines.found.normal[m, 0], outlines.found.normal[m, 1]
+    contact[ARM_A], contact[ARM_B] = arm_a, arm_b
     memory.body[new, row, 0], memory.body[new, row, 1], memory.body[new, row, 2] = a, b, memory.head[new, a]
     memory.head[new, a] = row
     memory.mark[COUNT + new] = row + 1

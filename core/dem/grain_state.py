@@ -13,9 +13,9 @@ from ninedisk.core.geometry.nurbs_kernels import ShapeTable
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-FS, FN, OVERLAP, ENERGY, MIDDLE_A, LENGTH_A, MIDDLE_B, LENGTH_B = range(8)
-"""Columns of a contact: shear and normal force [N], overlap [m], energy of the normal force [J], and the arcs of the first and of the
-second outline that bound the common area: middle and length, in spans."""
+FS, FN, OVERLAP, ENERGY, MIDDLE_A, LENGTH_A, MIDDLE_B, LENGTH_B, NORMAL_X, NORMAL_Y, ARM_A, ARM_B = range(12)
+"""Columns of a contact: shear and normal force [N], overlap [m], energy of the normal force [J], the arcs of the first and of the second
+outline that bound the common area: middle and length, in spans; the normal, and the arms [m] of the two bodies' own outlines."""
 
 SIDE, COUNT, CODE, FIRST, SECOND = 0, 1, 3, 4, 5
 """Entries of `Memory.mark`: which of the two sides holds the last finished step; contacts of either side (2 entries); what stopped
@@ -33,7 +33,7 @@ class Memory(NamedTuple):
 
     Attributes
     ----------
-    contact : ndarray, shape (2, room, 8)
+    contact : ndarray, shape (2, room, 12)
         Columns above.
     body : ndarray of int64, shape (2, room, 3)
         First body, second body, next contact of the same first body or -1.
@@ -76,7 +76,9 @@ class Outlines(NamedTuple):
     carried : ndarray, shape (MOST_ROOTS / 2,)
         Shear forces that the contacts of one pair inherit [N].
     arc : ndarray, shape (MOST_ROOTS / 2, 4)
-        Their arcs: the last four columns of a contact.
+        Their arcs: these four columns of a contact.
+    before : ndarray, shape (MOST_ROOTS / 2, 4)
+        Normal and arms that they had a step before, the last four columns of a contact; zeros where there was none.
     work : Workspace
     found : ContactRows
         Contacts of one pair, in the frame that has the first body's position as its origin and the scene's axes.
@@ -93,6 +95,7 @@ class Outlines(NamedTuple):
     spin: FloatArray
     carried: FloatArray
     arc: FloatArray
+    before: FloatArray
     work: Workspace
     found: ContactRows
     memory: Memory

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ninedisk.core._cache import fused_inline_kernel, fused_kernel, kernel
 from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.force_kernels import dashpot, shear_force
-from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_OVERLAP, TORQUE_OVERLAP, DiskArrays, Views
+from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_MIDDLE, SLIP_OVERLAP, TORQUE_OVERLAP, DiskArrays, Views
 
 Index = int | np.uint64
 """Entry of the list: kernels index with unsigned numbers, which plain Python's `range` turns into its own."""
@@ -96,6 +96,7 @@ def _pair_forces(seen_x: np.uint64, seen_y: np.uint64) -> Callable[..., None]:
         kn, ks = law[KN], law[KS]
         mu = law[MU] if ks > 0.0 else 0.0
         half, half_slip = 0.5 * law[TORQUE_OVERLAP], 0.5 * law[SLIP_OVERLAP]
+        back = 0.5 * slip_dt * law[SLIP_MIDDLE]
         for q in range(end - begin):
             k = begin + q
             dx, dy = scratch[DX + q], scratch[DY + q]
@@ -104,8 +105,11 @@ def _pair_forces(seen_x: np.uint64, seen_y: np.uint64) -> Callable[..., None]:
             nx, ny = dx * inv_d, dy * inv_d
             rate = scratch[seen_x + q] * nx + scratch[seen_y + q] * ny
             fn = max(kn * overlap + damping[k] * rate, 0.0)
-            vt = scratch[VY + q] * nx - scratch[VX + q] * ny
-            vt += scratch[ROLL + q] - half_slip * overlap * scratch[SPIN + q]
+            vx, vy = scratch[VX + q], scratch[VY + q]
+            mx, my = dx + back * vx, dy + back * vy
+            inv_m = 1.0 / sqrt(mx * mx + my * my)
+            vt = (vy * dx - vx * dy) * inv_m
+            vt += scratch[ROLL + q] - half_slip * (scratch[REACH + q] - (mx * mx + my * my) * inv_m) * scratch[SPIN + q]
             fs = shear_force(shear[k], vt * slip_dt, ks, mu * fn)
             if overlap <= 0.0:
                 fn, fs = 0.0, 0.0
@@ -163,7 +167,7 @@ def disk_disk_forces(
         The same disks, and the list's rows and dashpots as `note_pairs` finds them.
     pairs : NeighbourList
         Rows are the disks with the smaller number.
-    law : ndarray, shape (7,)
+    law : ndarray, shape (8,)
         Law row.
     slip_dt : float
         Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0.

@@ -6,7 +6,7 @@ import numpy as np
 
 from ninedisk.core.contacts.nurbs import NurbsGrains
 from ninedisk.core.contacts.search_kernels import NeighbourList
-from ninedisk.core.dem.grain_state import COUNT, Outlines
+from ninedisk.core.dem.grain_state import COUNT, MIDDLE_A, Outlines
 from ninedisk.core.dem.state import DiskArrays
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.history import Pair
@@ -61,7 +61,7 @@ def enter_grain_preload(scene: Scene, outlines: Outlines) -> None:
         start, other_end, end, other_start = places[0]
         arc = [*_arc(start, end, spans[i]), *(_arc(other_start, other_end, spans[j]) if j < n else (0.0, 0.0))]
         row = int(memory.mark[COUNT])
-        memory.contact[0, row] = [force, 0.0, 0.0, 0.0, *arc]
+        memory.contact[0, row, : MIDDLE_A + 4] = [force, 0.0, 0.0, 0.0, *arc]
         memory.body[0, row] = i, j, memory.head[0, i]
         memory.head[0, i], memory.mark[COUNT] = row, row + 1
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-KN, KS, MU, BETA, TORQUE_OVERLAP, SLIP_OVERLAP, WALL_MID = range(7)
+KN, KS, MU, BETA, TORQUE_OVERLAP, SLIP_OVERLAP, WALL_MID, SLIP_MIDDLE = range(8)
 """Columns of a law row: kn [N/m], ks [N/m], mu, beta, lever arm R - overlap/2 (1) or R (0) of the torque and of the slip, wall
-velocity at mid-overlap (1) or on the surface (0)."""
+velocity at mid-overlap (1) or on the surface (0), slip in the middle of the step (1) or at its end (0)."""
 
 STEP, PENDING, ROW, REBUILDS, BUILT = range(5)
 """Entries of the clock: contact steps done; 1 if forces at this step are still to be found; next sample row; list
@@ -91,9 +91,11 @@ class WallArrays(NamedTuple):
     ----------
     now, built : shape (m, 11)
         Pose and velocity (columns of `place_walls`) at ``t_n`` and at the last rebuild.
+    middle : shape (m, 11)
+        Pose and velocity at ``t_{n-1/2}`` (at n = 0: ``t_0``).
     extent : shape (m,)
         Largest distance of a disk's centre from the wall's point at the last rebuild [m].
-    law : shape (m, 7)
+    law : shape (m, 8)
         Law rows.
     load, load_before : shape (m, 3)
         Force of the disks on the wall [N] and its torque about the origin [N m], at ``t_n`` and ``t_{n-1}``.
@@ -103,6 +105,7 @@ class WallArrays(NamedTuple):
 
     now: FloatArray
     built: FloatArray
+    middle: FloatArray
     extent: FloatArray
     law: FloatArray
     load: FloatArray

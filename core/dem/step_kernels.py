@@ -184,7 +184,7 @@ def advance(
     me, crew : int
         This thread's number and the number of threads.
     disks, views, walls, motion, pairs, wall_pairs, law, step, samples, team
-        See their classes; ``law`` is the disk-disk law row, shape (7,).
+        See their classes; ``law`` is the disk-disk law row, shape (8,).
     spare, wall_spare, cells
         Work arrays of the rebuild.
     outlines : Outlines or None
@@ -223,6 +223,7 @@ def advance(
                 clock[STEP], clock[PENDING] = n, 1
                 t, t_half = n * step.kick.dt, (n - 0.5) * step.kick.dt
                 place_walls(motion, t, t_half, t_half if step.lagged else t, walls.now)
+                place_walls(motion, t_half, t_half, t_half, walls.middle)
             wait_for_all(team.flags, me, crew)
             for other in range(crew):
                 far = farther(far, team.far[other * PAD])

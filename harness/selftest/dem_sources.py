@@ -13,9 +13,11 @@ SEARCH, MOTION = "contacts.search_kernels", "geometry.motion_kernels"
 
 _kernel, _python = partial(planted, "dem", "kernel"), partial(planted, "dem", "python")
 
-_DISK_SLIP = "vt += scratch[ROLL + q] - half_slip * overlap * scratch[SPIN + q]\n"
+_DISK_SLIP = (
+    "vt += scratch[ROLL + q] - half_slip * (scratch[REACH + q] - (mx * mx + my * my) * inv_m) * scratch[SPIN + q]\n"
+)
 _LIMIT = "limit = min(0.5 * skin[0], skin[0] - wall_drift(walls, skin[0]))"
-_WALL_SLIP = "vt += (disks.radius[i] - half_slip * overlap) * disks.omega[i]\n"
+_WALL_SLIP = "vt += (disks.radius[i] - half_slip * sunk) * disks.omega[i]\n"
 _DISK_SHEAR = "            fs = shear_force(shear[k], vt * slip_dt, ks, mu * fn)"
 _WALL_SHEAR = "                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)"
 _KICK = "    kick(v, views.force, disks.inv_mass, step, begin, end)\n"
@@ -61,8 +63,7 @@ CONTACTS = (
     _kernel("dashpot-pulls", "the dashpot may pull", "hit-damped",
             (PAIRS, "fn = max(kn * overlap + damping[k] * rate, 0.0)", "fn = max(kn * overlap + damping[k] * rate, -1e300)")),
     _kernel("wall-velocity", "the wall's velocity does not enter the slip", "shear-caps",
-            (FORCES, "(disks.v[i, 0] - wall_vx) * uy - (disks.v[i, 1] - wall_vy) * ux",
-             "disks.v[i, 0] * uy - disks.v[i, 1] * ux")),
+            (FORCES, "(vx - disks.v[i, 0]) * tx + (vy - disks.v[i, 1]) * ty", "-disks.v[i, 0] * tx - disks.v[i, 1] * ty")),
     _kernel("reaction", "the reaction on the second disk is a millionth too large", "hit",
             (PAIRS, "force[jx] -= gx", "force[jx] -= 1.000001 * gx")),
     _kernel("normal-tilted", "the normal between disks is off by a hundredth of a radian", "hit",

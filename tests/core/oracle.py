@@ -112,9 +112,10 @@ class Oracle:
         Dashpots see the pivot's velocity at ``t_n`` in the central form.
         """
         t, middle = self.step * self.dt, max(self.step - 0.5, 0.0) * self.dt
-        self.walls = []
+        self.walls, self.walls_midway = [], []
         for wall in self.scene.walls:
             pose, mean, about = wall_at(wall, t), wall_at(wall, middle), wall_at(wall, t, segment_of=middle)
+            self.walls_midway.append(mean)
             seen = mean if self.numerics.damping_form == "lagged" else about
             self.walls.append(
                 WallState(pose.point, pose.normal, about.pivot, mean.pivot_velocity, mean.spin, seen.pivot_velocity)
@@ -143,6 +144,12 @@ class Oracle:
         change = self.v[i] - self.v_before[i]
         return self.v[i] + (change if self.step == 1 else 0.5 * change)
 
+    def x_for_slip(self, i: int, law: ContactLaw) -> Vector:
+        """Centre of a disk where the slip of the step is measured."""
+        if law.slip_at == "end" or self.step == 0:
+            return self.x[i]
+        return self.x[i] - 0.5 * self.dt * self.v[i]
+
     def _disk_disk(self, i: int, j: int) -> None:
         radius, mass = self.scene.disks.radius, self.scene.disks.mass
         between = self.x[j] - self.x[i]
@@ -152,12 +159,14 @@ class Oracle:
         law = self.scene.disk_disk
         shorter = 0.5 * overlap if law.lever_arm != "radius" else 0.0
         arm_i, arm_j = radius[i] - shorter, radius[j] - shorter
-        less_slip = shorter if law.lever_arm == "overlap" else 0.0
-        at_i = self.v[i] + self.omega[i] * (radius[i] - less_slip) * left(n)
-        at_j = self.v[j] + self.omega[j] * (radius[j] - less_slip) * left(-n)
+        apart = self.x_for_slip(j, law) - self.x_for_slip(i, law)
+        n_slip = apart / hypot(*apart)
+        less_slip = 0.5 * (radius[i] + radius[j] - hypot(*apart)) if law.lever_arm == "overlap" else 0.0
+        at_i = self.v[i] + self.omega[i] * (radius[i] - less_slip) * left(n_slip)
+        at_j = self.v[j] + self.omega[j] * (radius[j] - less_slip) * left(-n_slip)
         m_eff = 1.0 / (1.0 / mass[i] + 1.0 / mass[j])
         closing = (self.seen(i) - self.seen(j)) @ n
-        if not self._contact((i, j), law, overlap, closing, (at_i - at_j) @ left(n), m_eff):
+        if not self._contact((i, j), law, overlap, closing, (at_i - at_j) @ left(n_slip), m_eff):
             return
         on_i = -self.normal[i, j] * n + self.shear[i, j] * left(n)
         self.force[i] += on_i
@@ -174,10 +183,8 @@ class Oracle:
         foot = self.x[i] + height * n
         q = foot + 0.5 * overlap * n if law.wall_velocity_at == "mid-overlap" else foot
         arm = radius - (0.5 * overlap if law.lever_arm != "radius" else 0.0)
-        slip_arm = arm if law.lever_arm == "overlap" else radius
-        at_disk = self.v[i] + self.omega[i] * slip_arm * left(n)
         closing = (self.seen(i) - wall.velocity_for_dashpots(q)) @ n
-        slip = (at_disk - wall.velocity(q)) @ left(n)
+        slip = self._wall_slip(i, self.walls_midway[body - self.n_disks] if law.slip_at == "middle" else wall, law)
         if not self._contact((i, body), law, overlap, closing, slip, float(self.scene.disks.mass[i])):
             return
         on_i = -self.normal[i, body] * n + self.shear[i, body] * left(n)
@@ -185,6 +192,15 @@ class Oracle:
         self.torque[i] += arm * cross(n, on_i)
         load, torque = self.loads[body - self.n_disks]
         self.loads[body - self.n_disks] = (load - on_i, torque - cross(foot, on_i))
+
+    def _wall_slip(self, i: int, wall: WallState, law: ContactLaw) -> float:
+        """Slip velocity at a wall that is there where the slip of the step is measured."""
+        radius, x, n = self.scene.disks.radius[i], self.x_for_slip(i, law), -wall.normal
+        foot = x + ((x - wall.point) @ wall.normal) * n
+        overlap = radius - hypot(*(foot - x))
+        q = foot + 0.5 * overlap * n if law.wall_velocity_at == "mid-overlap" else foot
+        arm = radius - (0.5 * overlap if law.lever_arm == "overlap" else 0.0)
+        return float((self.v[i] + self.omega[i] * arm * left(n) - wall.velocity(q)) @ left(n))
 
     def _contact(
         self, pair: tuple[int, int], law: ContactLaw, overlap: float, closing: float, slip: float, m_eff: float

@@ -29,6 +29,7 @@ def random_law(rng: RNG, **fixed: Any) -> ContactLaw:
         "beta": rng.choice([0.0, 0.1, 0.8]),
         "lever_arm": rng.choice(["radius", "overlap", "torque-overlap"]).item(),
         "wall_velocity_at": rng.choice(["surface", "mid-overlap"]).item(),
+        "slip_at": rng.choice(["middle", "end"]).item(),
     }
     return ContactLaw(**{**values, **fixed})
 

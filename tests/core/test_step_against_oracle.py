@@ -48,9 +48,10 @@ def test_random_scenes(form: str) -> None:
 
 @pytest.mark.parametrize("arm", ["radius", "overlap", "torque-overlap"])
 @pytest.mark.parametrize("at", ["surface", "mid-overlap"])
-def test_each_convention_on_a_turning_wall(arm: str, at: str) -> None:
+@pytest.mark.parametrize("slip_at", ["middle", "end"])
+def test_each_convention_on_a_turning_wall(arm: str, at: str, slip_at: str) -> None:
     rng = np.random.default_rng(5)
-    law = random_law(rng, mu=0.7, ks=0.5 * KN, beta=0.2, lever_arm=arm, wall_velocity_at=at)
+    law = random_law(rng, mu=0.7, ks=0.5 * KN, beta=0.2, lever_arm=arm, wall_velocity_at=at, slip_at=slip_at)
     disks = Disks(x=[[0.0, 0.9], [1.9, 0.95]], omega=[3.0, -20.0], radius=1.0, mass=[1.0, 2.0])
     motion = (
         WallSegment(duration=20 * DT, angular_velocity=4.0, pivot=(-3.0, 0.4)),

@@ -30,6 +30,8 @@ class Contact:
     fs: float
     fn: float
     overlap: float
+    normal: np.ndarray
+    arms: np.ndarray  # from the bodies' positions to their own extreme points, along the normal
 
 
 @dataclass
@@ -106,20 +108,51 @@ class GrainOracle:
         own = {"i": point + beyond * n, "j": point + (beyond - overlap) * n}
         slip_at = dict.fromkeys("ij", middle) if law.lever_arm == "overlap" else own
         acts_at = own if law.lever_arm == "radius" else dict.fromkeys("ij", middle)
-        slip = velocity(i, slip_at["i"], self.v, self.omega) - velocity(j, slip_at["j"], self.v, self.omega)
         c, s = np.cos(self.angle[i]), np.sin(self.angle[i])
         place = np.array([[c, s], [-s, c]]) @ (point - self.x[i])
-        fs = 0.0
+        fs, arms = 0.0, np.array([cross(turned(-n), own["i"] - self.x[i]), 0.0])
+        if not wall:
+            arms[1] = cross(turned(n), own["j"] - self.x[j])
         if law.mu > 0.0 and law.ks > 0.0:
             before = [old for old in self.contacts if old.pair == (i, j)]
             nearest = min(before, key=lambda old: float(np.hypot(*(old.place - place))), default=None)
             if nearest is not None and np.hypot(*(nearest.place - place)) < 0.2:
                 fs = nearest.fs
-            fs = float(np.clip(fs - law.ks * float(slip @ t) * slip_dt, -law.mu * fn, law.mu * fn))
+            else:
+                nearest = None
+            if law.slip_at == "end":
+                slip = velocity(i, slip_at["i"], self.v, self.omega) - velocity(j, slip_at["j"], self.v, self.omega)
+                way = float(slip @ t) * slip_dt
+            else:
+                way = self.slip_of_middle(i, j, law, n, arms, nearest, slip_dt)
+            fs = float(np.clip(fs - law.ks * way, -law.mu * fn, law.mu * fn))
         force[i] += -fn * n + fs * t
         lever = 1.0 if self.normal_torque else 0.0
         torque[i] += lever * cross(point - self.x[i], -fn * n) + cross(acts_at["i"] - self.x[i], fs * t)
         if not wall:
             force[j] -= -fn * n + fs * t
             torque[j] -= lever * cross(point - self.x[j], -fn * n) + cross(acts_at["j"] - self.x[j], fs * t)
-        found.append(Contact((i, j), place, fs, fn, overlap))
+        found.append(Contact((i, j), place, fs, fn, overlap, n, arms))
+
+    def slip_of_middle(
+        self, i: int, j: int, law: ContactLaw, n: np.ndarray, arms: np.ndarray, old: Contact | None, slip_dt: float
+    ) -> float:
+        """Slip of a step from displacements: normal weighted with the distances along it, arms the means of both ends of the step."""
+        wall = j >= len(self.x)
+        way_i, way_j = slip_dt * self.v[i], np.zeros(2) if wall else slip_dt * self.v[j]
+        turn_i, turn_j = slip_dt * self.omega[i], 0.0 if wall else slip_dt * self.omega[j]
+        mean = arms if old is None else 0.5 * (arms + old.arms)
+        if wall:
+            facing = np.array(self.scene.walls[j - len(self.x)].normal)
+            deep = mean[0] - float((self.x[i] - 0.5 * way_i - self.scene.walls[j - len(self.x)].point) @ facing)
+            middle = -facing
+        else:
+            now = self.x[j] - self.x[i]
+            before = now - way_j + way_i
+            last = (now @ n) * n
+            first = last + before - now if old is None else (before @ old.normal) * old.normal
+            middle = (first + last) / np.hypot(*(first + last))
+            deep = float(mean.sum() - 0.5 * (before + now) @ middle)
+        shorter = 0.5 * deep if law.lever_arm == "overlap" else 0.0
+        slip = float((way_i - way_j) @ turned(middle)) + (mean[0] - shorter) * turn_i
+        return slip + (0.0 if wall else (mean[1] - shorter) * turn_j)

@@ -20,10 +20,10 @@ CLOSE = 1e-9
 """Round-off of some hundred steps; what the planted defects do is a millionfold."""
 
 
-def tumble(seed: int, lever_arm: str) -> Scene:
+def tumble(seed: int, lever_arm: str, slip_at: str = "middle") -> Scene:
     """Peanuts and an ellipse thrown onto a floor and each other, rocking on both lobes, sliding and sticking."""
     rng = np.random.default_rng(seed)
-    law = ContactLaw(kn=4e4, ks=2e4, mu=0.4, beta=0.1, lever_arm=lever_arm)
+    law = ContactLaw(kn=4e4, ks=2e4, mu=0.4, beta=0.1, lever_arm=lever_arm, slip_at=slip_at)
     kinds = [uniform_grain(peanut(), 1.0), uniform_grain(ellipse(1.2, 0.8), 1.0)]
     number = np.array([0, 0, 1])
     grain = [kinds[k] for k in number]
@@ -63,8 +63,9 @@ def difference(session: DemSession, oracle: GrainOracle, steps: int = STEPS) -> 
 
 
 @pytest.mark.parametrize("lever_arm", ["radius", "overlap", "torque-overlap"])
-def test_the_same_motion(lever_arm: str) -> None:
-    scene = tumble(1, lever_arm)
+@pytest.mark.parametrize("slip_at", ["middle", "end"])
+def test_the_same_motion(lever_arm: str, slip_at: str) -> None:
+    scene = tumble(1, lever_arm, slip_at)
     worst, most = difference(DemSession(scene, numerics(DT, STEPS)), GrainOracle(scene, DT))
     assert worst <= CLOSE
     assert most == 2
