@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -176,7 +177,7 @@ def run(
       1  the run is complete but some check failed
       2  wrong usage (unknown id or parameter, value out of range, store that cannot be written)
       3  an engine failed, crashed or ran out of time in some cell
-      130  interrupted; nothing was stored
+      130  interrupted (Ctrl-C, SIGTERM, SIGHUP); nothing was stored
     """
     from ninedisk.harness.cli_run import execute
     from ninedisk.harness.errors import UsageError
@@ -284,6 +285,9 @@ cli_store.register(app)
 
 def main() -> None:
     """Entry point of the console script and of ``python -m ninedisk``."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # under nohup a hang-up stays ignored
+            signal.signal(number, signal.default_int_handler)
     try:
         app(prog_name="ninedisk")
     except KeyboardInterrupt:  # outside of a command: while it starts or ends

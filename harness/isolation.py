@@ -2,7 +2,8 @@
 
 The command runs in a session and process group of its own. Whatever happens (normal end, time limit, Ctrl-C), the whole
 group is killed before the leader is reaped, so that nothing outlives the call; pipes are read all the time and only
-their last bytes are kept, so that no amount of output can block either side.
+their last bytes are kept, so that no amount of output can block either side. Should this process end before the call does, its
+warden ends the command.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import IO
 
 from ninedisk.harness.engine import EngineError, EngineTimeoutError
 from ninedisk.harness.text import printable
+from ninedisk.harness.warden import owned
 
 DEFAULT_TIME_LIMIT = 120.0
 TIME_LIMIT_VARIABLE = "NINEDISK_TIME_LIMIT"
@@ -27,6 +29,7 @@ KEEP_BYTES = 1 << 16
 LAST_LINES = 12
 LINE_LENGTH = 150
 _CHUNK = 1 << 16
+_running: set[int] = set()
 _GRACE = 1.0  # a process that left the group may hold a pipe open: wait no longer than this for its end [s]
 
 
@@ -110,16 +113,18 @@ def run_isolated(
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             cwd=cwd,
-            env=None if env is None else dict(env),
+            env=owned(env),
             start_new_session=True,
             bufsize=0,
         )
     except OSError as error:
         raise EngineError(f"{program} cannot be started: {error.strerror or error} ({' '.join(command)})") from error
+    _running.add(process.pid)
     tails = {"stdout": bytearray(), "stderr": bytearray()}
     try:
         in_time = _converse(process, stdin.encode(), tails, keep, begin + limit)
     finally:
+        _running.discard(process.pid)
         _kill_group(process.pid)
         returned = process.wait()
         for stream in (process.stdin, process.stdout, process.stderr):
@@ -139,6 +144,12 @@ def run_isolated(
     if returned:
         raise EngineError(f"{program} ended with status {returned} after {finished.seconds:.2f} s{tail}")
     return finished
+
+
+def end_commands() -> None:
+    """Kill the groups of all commands that threads of this process wait for; each wait then ends with an `EngineError`."""
+    for pid in list(_running):
+        _kill_group(pid)
 
 
 def _converse(

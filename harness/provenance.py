@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import ninedisk
+from ninedisk.harness.warden import owned
 
 PACKAGES = (
     "numpy",
@@ -71,7 +72,7 @@ def source_commit() -> str:
         return ""
     command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
     try:
-        found = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+        found = subprocess.run(command, capture_output=True, text=True, timeout=10, env=owned(), check=True)
     except (OSError, subprocess.SubprocessError):
         return ""
     return found.stdout.strip()

@@ -2,7 +2,8 @@
 
 The process is a fresh interpreter, not a copy of this one: locks and threads of libraries do not survive a copy. It stays warm
 from cell to cell, so that modules and compiled kernels are loaded once. It ends when its link closes, whatever happens to this
-process; a cell in hand is then interrupted as by Ctrl-C, so that its external engine and temporary folder go with it.
+process; a cell in hand is then interrupted as by Ctrl-C, so that its external engine and temporary folder go with it. One that does not
+heed that is killed by the warden of the process that it serves.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from typing import IO
 from ninedisk.harness.isolation import signal_name
 from ninedisk.harness.plan import Cell
 from ninedisk.harness.results import CaseResult
+from ninedisk.harness.warden import owned
 
 GRACE = 5.0
 """Seconds that a worker gets to put away its cell before it is killed."""
@@ -139,10 +141,14 @@ class Worker:
         ours, theirs = socket.socketpair()
         self._dump: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (closed by `end`)
         boot = _BOOT.format(path=sys.path, link=theirs.fileno(), dump=self._dump.fileno())
+        environment = owned()
         masked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", boot], stdin=subprocess.DEVNULL, pass_fds=(theirs.fileno(), self._dump.fileno())
+                [sys.executable, "-c", boot],
+                stdin=subprocess.DEVNULL,
+                pass_fds=(theirs.fileno(), self._dump.fileno()),
+                env=environment,
             )
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, masked)

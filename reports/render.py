@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import threading
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -52,7 +55,8 @@ def render(jobs: Sequence[Job], progress: Callable[[int, int], None], workers: i
     left = dict(enumerate(jobs))
     if count > 1 and len(jobs) >= FEW and "fork" in multiprocessing.get_all_start_methods():
         try:
-            with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("fork")) as pool:
+            context = multiprocessing.get_context("fork")
+            with ProcessPoolExecutor(count, context, initializer=_end_with, initargs=(os.getpid(),)) as pool:
                 waiting = {pool.submit(_draw, job): number for number, job in left.items()}
                 for future in as_completed(waiting):
                     future.result()
@@ -63,6 +67,18 @@ def render(jobs: Sequence[Job], progress: Callable[[int, int], None], workers: i
     for number in list(left):
         _draw(left.pop(number))
         progress(len(jobs) - len(left), len(jobs))
+
+
+def _end_with(parent: int) -> None:
+    """In a worker: end it by the usual signals, and when its parent is gone, whose pipes its siblings hold open."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _draw(job: Job) -> None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ninedisk.core.dem.critical import critical_time_step
+from ninedisk.core.dem.critical import critical_time_step, packed_time_step
 from ninedisk.core.dem.state import DiskArrays, Kick, StepConstants
 from ninedisk.core.errors import NonFiniteStateError, UnstableTimeStepError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
 
 SAFETY = 0.1
-"""Fraction of the critical step that ``contact_dt = None`` stands for."""
+"""Fraction of the critical step that ``contact_dt = None`` stands for, unless contacts that form later ask for less."""
 
 FIRST_SKIN, LEAST_SKIN, MOST_SKIN = 0.05, 0.02, 0.4
 """Skin of the first lists and limits of later ones as fractions of the mean radius."""
@@ -27,7 +27,8 @@ def contact_step(scene: Scene, numerics: Numerics) -> tuple[float, float]:
     """
     critical = critical_time_step(scene, damping_form=numerics.damping_form)
     if numerics.contact_dt is None:
-        return numerics.dt / max(1, int(np.ceil(numerics.dt / (SAFETY * critical)))), critical
+        wanted = min(SAFETY * critical, packed_time_step(scene, damping_form=numerics.damping_form))
+        return numerics.dt / max(1, int(np.ceil(numerics.dt / wanted))), critical
     if numerics.contact_dt > critical and not numerics.allow_unstable:
         raise UnstableTimeStepError(
             f"contact_dt = {numerics.contact_dt:g} s exceeds the critical step {critical:g} s of the explicit scheme on "

@@ -1,35 +1,57 @@
-"""Critical time step of the explicit scheme on a scene."""
+"""Critical time step of the explicit scheme on a scene.
+
+With u the displacements over the roots of the masses, K and C the stiffness and the dashpots of all contacts over the masses, and global
+damping xi, central differences read
+
+``u_{n+1} - 2 u_n + u_{n-1} + dt^2 K u_n + dt C w_n + (global damping) = 0``,
+
+with ``w_n = u_n - u_{n-1}`` where dashpots see ``v_{n-1/2}`` ("lagged") and ``w_n = (3 (u_n - u_{n-1}) - (u_{n-1} - u_{n-2}))/2`` where
+they see the extrapolated ``v_n`` ("central"). K and C are symmetric and not negative. Let z on the unit circle be a root with vector u, and
+k, c >= 0 the values of ``dt^2 u* K u`` and ``dt u* C u`` for ``u* u = 1``; with a = xi dt/2 and the angle p of z they obey, divided by z,
+
+- lagged: ``-2 (1 - cos p) + k + (c + 2 a)(1 - exp(-i p)) = 0``, imaginary part ``(c + 2 a) sin p``;
+- central: ``-2 (1 - cos p) + 2 i a sin p + k + (c/2)(1 - exp(-i p))(3 - exp(-i p)) = 0``, imaginary part ``sin p (2 a + c (2 - cos p))``.
+
+So with any damping ``sin p = 0``, and without any ``k = 2 (1 - cos p) <= 4``: roots leave the circle at z = -1 only (z = 1 is a mode
+without stiffness, which stays). There ``k + 2 c + 4 a = 4`` and ``k + 4 c = 4``, so the limit is the largest dt with
+
+``lambda_max(dt^2/4 K + dt/2 C) + xi dt/2 <= 1`` (lagged), ``lambda_max(dt^2/4 K + dt C) <= 1`` (central).
+
+With K = B B', s = 1/dt and C' = C/2 + xi/2 or C, the limit has ``s^2 u = s C' u + B B' u/4``, which is ``s u = C' u + B y/2`` with
+``y = B' u/(2 s)``: s is the largest eigenvalue of the symmetric matrix ``[[C', B/2], [B'/2, 0]]``, which Lanczos' method finds.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ninedisk.core.contacts.finder import PairFinder
-from ninedisk.core.dem.critical_kernels import largest_eigenvalue
+from ninedisk.core.dem.critical_kernels import lanczos
 from ninedisk.core.dem.grain_arrays import needs_outlines
-from ninedisk.core.dem.grain_network import grain_network, normal_arms, stiffening
+from ninedisk.core.dem.grain_network import disk_springs, grain_network, normal_arms, stiffening
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import DampingForm
-from ninedisk.core.scene import FloatArray, Scene
+from ninedisk.core.scene import ContactLaw, FloatArray, Scene
 
 NEAR = 1e-3
 """Pairs with a gap below this fraction of the smaller radius count as contacts of the network."""
 
-ITERATIONS, TOLERANCE = 300, 1e-3
+MOST, BATCH, TOLERANCE = 400, 10, 1e-4
+"""Vectors of Lanczos' method at most, how many are found between two looks at the residual, and the relative residual that is enough."""
 
 
 def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -> float:
-    """Largest stable contact step of the central-difference scheme [s]: exact for one mode, else on the safe side.
+    """Largest stable contact step of the central-difference scheme on the scene's present contacts [s].
 
-    The highest frequency of the scene's present contact network (all contacts sticking; contacts within a gap of 1e-3
-    radii included) is found by power iteration, the norm of the residual added; every disk is further taken to touch
-    a wall, and the two lightest each other, so that free flight has a limit as well. Undamped, the limit is ``2/omega``. A dashpot
-    with ratio ``zeta`` at that frequency lowers it to ``(2/omega)(sqrt(1 + z^2) - z)`` with ``z = zeta`` where dashpots see
-    ``v_{n-1/2}`` (lagged) and ``z = 2 zeta`` where they see the extrapolated ``v_n`` (central): the root z = -1 of the
-    characteristic polynomial; lagged global damping adds ``xi/(2 omega)`` to ``zeta``, the central form leaves the limit as it is.
-    Every spring, those of the shear included, is taken to have the largest of all damping times ``c/kn``. Contacts that form later
-    stiffen the network: stay well below.
+    The limit of the linear scheme (see the module) with all contacts sticking, those within a gap of 1e-3 radii included, each with its
+    own spring and its own dashpot ``2 beta sqrt(m_eff kn)``: exact but for the residual of the eigenvector, at most 1e-4, which errs to
+    the safe side. A component of a velocity that is held has no inertia to count with: its inverse mass is 0. Every disk is further taken
+    to touch each wall alone, and the two lightest each other, so that free flight has a limit as well.
+
+    Contacts that form later stiffen the network, up to `packed_time_step`: stay well below. A sliding contact has no shear spring,
+    which only lowers frequencies. Arms are the radii: exact for ``lever_arm="radius"``; with ``"overlap"``, and with ``"torque-overlap"``,
+    whose matrix is not symmetric, they are too long by the relative overlap.
 
     Grains with outlines have the springs of their contacts at time 0, with the arms of the normal forces. A single contact is bounded by
     the largest arms that the outline allows, normal and shear spring together. The law of the common area is stiffer than ``kn`` where
@@ -44,53 +66,151 @@ def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -
     -------
     float
         ``inf`` for a scene in which nothing can touch.
+
+    Raises
+    ------
+    InvalidSceneError
+        If two centres coincide.
     """
-    lagged = damping_form == "lagged"
-    laws = [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
-    if not laws or len(scene.disks) == 0:
-        return 2.0 / scene.xi if lagged and scene.xi > 0.0 else float("inf")
-    square = max(_network_square(scene), _single_contact_square(scene))
-    omega = float(np.sqrt(square))
-    # c/kn = 2 beta sqrt(m_eff/kn) is largest for the heaviest bodies; a mode of frequency omega has zeta = omega (c/kn)/2.
-    heaviest = float(scene.disks.mass.max())
-    zeta = max(omega * law.beta * np.sqrt(heaviest / law.kn) for law in laws)
-    z = zeta + 0.5 * scene.xi / omega if lagged else 2.0 * zeta
-    return float(2.0 / omega / (np.sqrt(1.0 + z * z) + z))
+    return _step(max(_network_rate(scene, damping_form), _single_contact_rate(scene, damping_form)))
 
 
-def _single_contact_square(scene: Scene) -> float:
-    """Largest ``omega^2`` [1/s^2] of one contact on its own."""
+def packed_time_step(scene: Scene, *, damping_form: DampingForm = "central") -> float:
+    """Contact step that is stable for whatever contacts the disks can come to have [s]: a bound, not the limit.
+
+    A disk of radius R has room for ``z = pi/asin(r/(R + r))`` neighbours of the smallest radius r. Every neighbour may be the heaviest
+    body, and every wall may touch. Contacts all around a disk give its coordinates the stiffness ``z (kn + ks)/2`` and its spin
+    ``z ks R^2``, over mass and inertia; with ``(p - q)^2 <= 2 p^2 + 2 q^2`` for the two ends of each contact the largest eigenvalue of
+    the network is at most twice the largest sum of a disk, and likewise for the dashpots. Contacts of dented outlines, of which one pair
+    can have several, count once.
+    """
+    return _step(_packed_rate(scene, damping_form))
+
+
+def _step(rate: float) -> float:
+    return 1.0 / rate if rate > 0.0 else float("inf")
+
+
+def _rate(stiffness: FloatArray, damping: FloatArray) -> float:
+    """Largest root s [1/s] of ``s^2 = s C' + K/4`` for numbers K [1/s^2] and C' [1/s]."""
+    with np.errstate(over="ignore"):  # an infinite one leaves no step
+        half = 0.5 * damping
+        return float(np.max(half + np.sqrt(half * half + 0.25 * stiffness), initial=0.0))
+
+
+def _shares(scene: Scene, form: DampingForm) -> tuple[float, float]:
+    """C' over C, and what global damping adds to C' [1/s]."""
+    return (0.5, 0.5 * scene.xi) if form == "lagged" else (1.0, 0.0)
+
+
+def _inverse_masses(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Inverse masses [1/kg] and moments of inertia [1/(kg m^2)], shape (n,); 0 where the motion is prescribed."""
     disks = scene.disks
-    inv_mass = 1.0 / disks.mass
-    turn = np.where(disks.rotating, 1.0 / disks.inertia, 0.0)
+    return np.where(disks.held.all(axis=1), 0.0, 1.0 / disks.mass), np.where(disks.rotating, 1.0 / disks.inertia, 0.0)
+
+
+def _dashpots(law: ContactLaw, inverse_m_eff: FloatArray) -> FloatArray:
+    """Coefficients ``2 beta sqrt(m_eff kn)`` [N s/m] of contacts with these ``1/m_eff`` [1/kg]; 0 where nothing moves."""
+    return 2.0 * law.beta * np.sqrt(law.kn / np.where(inverse_m_eff > 0.0, inverse_m_eff, np.inf))
+
+
+def _largest(values: FloatArray, count: int) -> float:
+    return float(np.sort(values)[::-1][:count].sum())
+
+
+def _single_contact_rate(scene: Scene, form: DampingForm) -> float:
+    """1/dt [1/s] of the limit of the worst contact on its own, or of global damping alone."""
+    inverse, turn = _inverse_masses(scene)
+    share, drag = _shares(scene, form)
     aside = normal_arms(scene)
-    worst = 0.0
-    for law, other in [(scene.disk_disk, True)] * (len(disks) > 1) + [(wall.law, False) for wall in scene.walls]:
-        with np.errstate(over="ignore"):  # an infinite one leaves no step
-            normal = law.kn * stiffening(scene, law) * (inv_mass + aside**2 * turn)
-            shear = law.shear_stiffness * (inv_mass + disks.radius**2 * turn)
+    worst = drag
+    for law, count in [(scene.disk_disk, 2)] * (len(inverse) > 1) + [(wall.law, 1) for wall in scene.walls]:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # an infinite one leaves no step
+            normal = law.kn * stiffening(scene, law) * (inverse + aside**2 * turn)
+            shear = law.shear_stiffness * (inverse + scene.disks.radius**2 * turn)
+            # c/m_eff is largest for the lightest; with arms, m_eff <= m_i of either body.
+            damping = 2.0 * law.beta * np.sqrt(law.kn * _largest(inverse, count))
+            leaning = np.where(aside > 0.0, 2.0 * law.beta * np.sqrt(law.kn / inverse) * aside**2 * turn, 0.0)
+            damping = share * (damping + _largest(leaning, count)) + drag
         # On a disk the two springs move different coordinates; an arm of the normal force couples them.
-        for square in (normal, shear, np.where(aside > 0.0, normal + shear, 0.0)):
-            two = np.sort(square)[::-1][: 2 if other else 1]
-            worst = max(worst, float(two.sum()))
+        both = np.where(aside > 0.0, normal + shear, 0.0)
+        stiffness = np.array([_largest(normal, count), _largest(shear, count), _largest(both, count)])
+        worst = max(worst, _rate(stiffness, np.array([damping, drag, damping])))
     return worst
 
 
-def _network_square(scene: Scene) -> float:
+def _packed_rate(scene: Scene, form: DampingForm) -> float:
+    """1/dt [1/s] of a step that is stable for every arrangement; see `packed_time_step`."""
+    inverse, turn = _inverse_masses(scene)
+    share, drag = _shares(scene, form)
+    n, radius, aside = len(inverse), scene.disks.radius, normal_arms(scene)
+    if n == 0:
+        return drag
+    smallest = float(radius.min())
+    room = np.minimum(np.floor(np.pi / np.arcsin(smallest / (radius + smallest))), n - 1.0)
+    stiffness, damping = np.zeros(n), np.zeros(n)
+    heaviest = float(inverse.min())
+    for law, count, other in [(scene.disk_disk, room, heaviest)] + [
+        (wall.law, np.ones(n), 0.0) for wall in scene.walls
+    ]:
+        kn, ks = law.kn * stiffening(scene, law), law.shear_stiffness
+        # Up to two contacts may lie in one line.
+        across = np.where(count <= 2.0, count * max(kn, ks), 0.5 * count * (kn + ks))
+        with np.errstate(over="ignore"):
+            stiffness += across * inverse + count * (ks * radius**2 + kn * aside**2) * turn
+            c = _dashpots(law, inverse + other)
+            damping += c * (np.where(count <= 2.0, count, 0.5 * count) * inverse + count * aside**2 * turn)
+    return _rate(2.0 * stiffness, 2.0 * share * damping + drag)
+
+
+def _network_rate(scene: Scene, form: DampingForm) -> float:
+    """1/dt [1/s] of the limit of the present contacts, plus the norm of the residual."""
+    if len(scene.disks) == 0:
+        return 0.0
     springs, bodies = contact_network(scene, NEAR * float(scene.disks.radius.min()))
     if len(bodies) == 0:
         return 0.0
-    disks = scene.disks
-    root = np.empty((len(disks), 3))
-    root[:, 0] = root[:, 1] = 1.0 / np.sqrt(disks.mass)
-    root[:, 2] = np.where(disks.rotating, 1.0 / np.sqrt(disks.inertia), 0.0)
+    inverse, turn = _inverse_masses(scene)
+    share, drag = _shares(scene, form)
+    root = np.empty((len(inverse), 3))
+    root[:, :2] = np.where(scene.disks.held, 0.0, 1.0 / np.sqrt(scene.disks.mass)[:, None])
+    root[:, 2] = np.sqrt(turn)
+    springs[:, 2:4] = 0.5 * np.sqrt(springs[:, 2:4])
+    first, second = bodies.T
+    inverse_m_eff = inverse[first] + np.where(second >= 0, inverse[second], 0.0)
+    springs[:, 8] *= share * np.sqrt(1.0 / np.where(inverse_m_eff > 0.0, inverse_m_eff, np.inf))
     # A fixed irregular start vector: the result is the same on every call, and no mode is orthogonal to it by symmetry.
-    start = np.cos(np.arange(1.0, 3.0 * len(disks) + 1.0) ** 2).reshape(-1, 3)
-    return float(largest_eigenvalue(springs, bodies, root, start, np.empty_like(start), ITERATIONS, TOLERANCE))
+    size = root.size + springs.shape[0] * 2
+    vector = np.cos(np.arange(1.0, size + 1.0) ** 2)
+    vector[: root.size] *= root.ravel() > 0.0
+    before, work = np.zeros(size), np.empty(size)
+    diagonal, beside = np.zeros(MOST), np.zeros(MOST)
+    value, residual, done = 0.0, 0.0, 0
+    norm = float(np.linalg.norm(vector))
+    if norm == 0.0:
+        return 0.0
+    vector /= norm
+    while done < MOST:
+        grown = lanczos(springs, bodies, root, drag, vector, before, work, diagonal, beside, done, done + BATCH)
+        matrix = np.diag(diagonal[:grown]) + np.diag(beside[: grown - 1], 1) + np.diag(beside[: grown - 1], -1)
+        values, vectors = np.linalg.eigh(matrix)
+        value, residual = float(values[-1]), float(beside[grown - 1] * abs(vectors[-1, -1]))
+        if residual <= TOLERANCE * value or grown < done + BATCH:
+            break
+        done = grown
+    return value + residual
 
 
 def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
-    """Springs and bodies of all pairs with a gap up to ``reach`` [m] at time 0, as `apply_stiffness` reads them."""
+    """Springs and bodies of all pairs with a gap up to ``reach`` [m] at time 0.
+
+    Returns
+    -------
+    springs : ndarray, shape (c, 9)
+        As `critical_kernels.lanczos` reads them, but with kn, ks [N/m] in the place of half their roots, and ``2 beta sqrt(kn)`` in that
+        of the dashpot.
+    bodies : ndarray of int64, shape (c, 2)
+    """
     if needs_outlines(scene):
         return grain_network(scene, reach)
     disks = scene.disks
@@ -103,28 +223,12 @@ def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[
         raise InvalidSceneError(
             f"the centres of disks {first[k]} and {second[k]} coincide at ({x:g}, {y:g}): their contact has no normal; move one"
         )
-    n = d / distance[:, None]
-    law = scene.disk_disk
-    ones = np.ones(len(first))
-    springs = [
-        np.column_stack(
-            [
-                n,
-                law.kn * ones,
-                law.shear_stiffness * ones,
-                disks.radius[first],
-                disks.radius[second],
-                0.0 * ones,
-                0.0 * ones,
-            ]
-        )
-    ]
+    springs = [disk_springs(d / distance[:, None], scene.disk_disk, 1.0, disks.radius[first], disks.radius[second])]
     bodies = [np.column_stack([first, second])]
-    poses = wall_poses(compile_motion(scene.walls), 0.0)
-    for wall, pose in zip(scene.walls, poses, strict=True):
+    for wall, pose in zip(scene.walls, wall_poses(compile_motion(scene.walls), 0.0), strict=True):
         height = (disks.x - pose[0:2]) @ pose[2:4]
         near = np.flatnonzero(height - disks.radius <= reach)
-        row = [-pose[2], -pose[3], wall.law.kn, wall.law.shear_stiffness]
-        springs.append(np.column_stack([np.tile(row, (len(near), 1)), disks.radius[near], np.zeros((len(near), 3))]))
+        normal = np.tile(-pose[2:4], (len(near), 1))
+        springs.append(disk_springs(normal, wall.law, 1.0, disks.radius[near], np.zeros(len(near))))
         bodies.append(np.column_stack([near, np.full(len(near), -1)]))
     return np.vstack(springs), np.vstack(bodies).astype(np.int64)

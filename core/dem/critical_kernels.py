@@ -1,4 +1,4 @@
-"""Kernel of the critical time step: largest eigenfrequency of the contact network by power iteration."""
+"""Kernel of the critical time step: Lanczos' method on the matrix whose largest eigenvalue is 1/dt."""
 
 from __future__ import annotations
 
@@ -7,103 +7,115 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import kernel
+from ninedisk.core._cache import inline_kernel, kernel
+
+ROUND_OFF = 1e-14
+"""Length of a new vector, over the largest entry of the tridiagonal matrix, below which there is no further direction."""
 
 
-@kernel
-def apply_stiffness(
+@inline_kernel
+def apply(
     springs: NDArray[np.float64],
     bodies: NDArray[np.int64],
     root: NDArray[np.float64],
-    u: NDArray[np.float64],
+    drag: float,
+    given: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
-    """``out = M^-1/2 K M^-1/2 u`` for a network of normal and shear springs.
-
-    Parameters
-    ----------
-    springs : ndarray, shape (c, 8)
-        Normal x, y from the first to the second body, kn, ks [N/m], lever arms [m] of the shear force about both bodies, and of the
-        normal force (0 on disks; signs as in `grain_kernels`).
-    bodies : ndarray of int64, shape (c, 2)
-        Disks of each contact; the second is -1 for a wall.
-    root : ndarray, shape (n, 3)
-        ``M^-1/2`` per degree of freedom x, y, rotation; 0 where blocked.
-    u, out : ndarray, shape (n, 3)
-    """
-    for i in range(out.shape[0]):
+    """``out = [[C', B/2], [B'/2, 0]] given``; see `lanczos` and `ninedisk.core.dem.critical`."""
+    first = root.size
+    for i in range(root.shape[0]):
         for d in range(3):
-            out[i, d] = 0.0
+            out[3 * i + d] = drag * given[3 * i + d]
     for c in range(springs.shape[0]):
         i, j = bodies[c, 0], bodies[c, 1]
-        nx, ny, kn, ks = springs[c, 0], springs[c, 1], springs[c, 2], springs[c, 3]
-        ai, aj, bi, bj = springs[c, 4], springs[c, 5], springs[c, 6], springs[c, 7]
-        ux, uy, turn = u[i, 0] * root[i, 0], u[i, 1] * root[i, 1], u[i, 2] * root[i, 2]
+        nx, ny, half_n, half_s = springs[c, 0], springs[c, 1], springs[c, 2], springs[c, 3]
+        ai, aj, bi, bj, dashpot = springs[c, 4], springs[c, 5], springs[c, 6], springs[c, 7], springs[c, 8]
+        ux, uy = given[3 * i] * root[i, 0], given[3 * i + 1] * root[i, 1]
+        turn = given[3 * i + 2] * root[i, 2]
         slip, closing = turn * ai, -turn * bi
         if j >= 0:
-            ux -= u[j, 0] * root[j, 0]
-            uy -= u[j, 1] * root[j, 1]
-            turn = u[j, 2] * root[j, 2]
+            ux -= given[3 * j] * root[j, 0]
+            uy -= given[3 * j + 1] * root[j, 1]
+            turn = given[3 * j + 2] * root[j, 2]
             slip += turn * aj
             closing += turn * bj
-        normal = kn * (ux * nx + uy * ny + closing)
-        shear = ks * (-ux * ny + uy * nx + slip)
+        closing += ux * nx + uy * ny
+        slip += uy * nx - ux * ny
+        k = first + 2 * c
+        normal = dashpot * closing + half_n * given[k]
+        shear = half_s * given[k + 1]
+        out[k], out[k + 1] = half_n * closing, half_s * slip
         fx, fy = normal * nx - shear * ny, normal * ny + shear * nx
-        out[i, 0] += root[i, 0] * fx
-        out[i, 1] += root[i, 1] * fy
-        out[i, 2] += root[i, 2] * (ai * shear - bi * normal)
+        out[3 * i] += root[i, 0] * fx
+        out[3 * i + 1] += root[i, 1] * fy
+        out[3 * i + 2] += root[i, 2] * (ai * shear - bi * normal)
         if j >= 0:
-            out[j, 0] -= root[j, 0] * fx
-            out[j, 1] -= root[j, 1] * fy
-            out[j, 2] += root[j, 2] * (aj * shear + bj * normal)
+            out[3 * j] -= root[j, 0] * fx
+            out[3 * j + 1] -= root[j, 1] * fy
+            out[3 * j + 2] += root[j, 2] * (aj * shear + bj * normal)
 
 
 @kernel
-def largest_eigenvalue(
+def lanczos(
     springs: NDArray[np.float64],
     bodies: NDArray[np.int64],
     root: NDArray[np.float64],
-    u: NDArray[np.float64],
+    drag: float,
+    vector: NDArray[np.float64],
+    before: NDArray[np.float64],
     work: NDArray[np.float64],
-    iterations: int,
-    tolerance: float,
-) -> float:
-    """Largest eigenvalue ``omega^2`` [1/s^2] plus the norm of its residual, by power iteration.
+    diagonal: NDArray[np.float64],
+    beside: NDArray[np.float64],
+    begin: int,
+    end: int,
+) -> int:
+    """Rows ``begin .. end-1`` of the tridiagonal matrix whose largest eigenvalue tends to that of the scheme (Lanczos 1950).
+
+    Vectors are not made orthogonal anew: what round-off lets come back are copies of eigenvalues that are found already.
 
     Parameters
     ----------
-    springs, bodies, root
-        See `apply_stiffness`.
-    u : ndarray, shape (n, 3)
-        Start vector; out: the eigenvector.
-    work : ndarray, shape (n, 3)
-    iterations : int
-    tolerance : float
-        Relative residual at which the iteration stops.
+    springs : ndarray, shape (c, 9)
+        Normal x, y from the first to the second body, ``sqrt(kn)/2``, ``sqrt(ks)/2`` [sqrt(N/m)], lever arms [m] of the shear force about
+        both bodies, and of the normal force (0 on disks; signs as in `grain_kernels`), and the dashpot's part in C' [N s/m].
+    bodies : ndarray of int64, shape (c, 2)
+        Bodies of each contact; the second is -1 for a wall.
+    root : ndarray, shape (n, 3)
+        ``M^-1/2`` per degree of freedom x, y, rotation; 0 where blocked.
+    drag : float
+        What global damping adds to C' [1/s].
+    vector, before, work : ndarray, shape (3 n + 2 c,)
+        Present vector, of length 1 and without blocked entries; the one before; scratch. In and out.
+    diagonal, beside : ndarray, shape (at least end,)
+        The matrix [1/s]: out. ``beside[k]`` couples rows k and k + 1.
+    begin, end : int
+
+    Returns
+    -------
+    int
+        Rows found in all: fewer than ``end`` if the vectors so far hold their own images, so that eigenvalues are exact.
     """
-    value, residual = 0.0, 0.0
-    for _ in range(iterations):
-        norm = 0.0
-        for i in range(u.shape[0]):
-            for d in range(3):
-                norm += u[i, d] * u[i, d]
-        norm = 1.0 / sqrt(norm)
-        for i in range(u.shape[0]):
-            for d in range(3):
-                u[i, d] *= norm
-        apply_stiffness(springs, bodies, root, u, work)
-        value, residual = 0.0, 0.0
-        for i in range(u.shape[0]):
-            for d in range(3):
-                value += u[i, d] * work[i, d]
-        for i in range(u.shape[0]):
-            for d in range(3):
-                r = work[i, d] - value * u[i, d]
-                residual += r * r
-        residual = sqrt(residual)
-        if residual <= tolerance * value or value == 0.0:
-            break
-        for i in range(u.shape[0]):
-            for d in range(3):
-                u[i, d] = work[i, d]
-    return value + residual
+    size = vector.shape[0]
+    largest = 0.0
+    for k in range(begin):
+        largest = max(largest, abs(diagonal[k]), beside[k])
+    for k in range(begin, end):
+        apply(springs, bodies, root, drag, vector, work)
+        along = 0.0
+        for q in range(size):
+            along += vector[q] * work[q]
+        back = beside[k - 1] if k > 0 else 0.0
+        square = 0.0
+        for q in range(size):
+            work[q] -= along * vector[q] + back * before[q]
+            square += work[q] * work[q]
+        length = sqrt(square)
+        diagonal[k], beside[k] = along, length
+        largest = max(largest, abs(along), length)
+        if length <= ROUND_OFF * largest:
+            return k + 1
+        for q in range(size):
+            before[q] = vector[q]
+            vector[q] = work[q] / length
+    return end

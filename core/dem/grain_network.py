@@ -68,7 +68,7 @@ def _measures(curve: NurbsCurve) -> tuple[float, float]:
 
 
 def grain_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
-    """Springs and bodies of all contacts at time 0, as `critical_kernels.apply_stiffness` reads them.
+    """Springs and bodies of all contacts at time 0, in the form of `ninedisk.core.dem.critical.contact_network`.
 
     Bodies whose enclosing circles have a gap within ``reach`` [m] of 0, and no contact, count as touching disks.
 
@@ -93,7 +93,7 @@ def grain_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     law, factor = scene.disk_disk, stiffening(scene, scene.disk_disk)
     springs = [
         _springs(rows, law, factor, disks.x[listed[touching, 0]], disks.x[listed[touching, 1]]),
-        _disk_springs(
+        disk_springs(
             d[as_disks] / distance[as_disks, None], law, factor, *(disks.radius[listed[as_disks, k]] for k in (0, 1))
         ),
     ]
@@ -105,9 +105,7 @@ def grain_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
         factor = stiffening(scene, wall.law)
         springs.append(_springs(rows, wall.law, factor, disks.x[grain], None))
         springs.append(
-            _disk_springs(
-                np.tile(-pose[2:4], (len(near), 1)), wall.law, factor, disks.radius[near], np.zeros(len(near))
-            )
+            disk_springs(np.tile(-pose[2:4], (len(near), 1)), wall.law, factor, disks.radius[near], np.zeros(len(near)))
         )
         bodies += [np.column_stack([own, np.full(len(own), -1)]) for own in (grain, near)]
     return np.vstack(springs), np.vstack(bodies).astype(np.int64)
@@ -125,12 +123,16 @@ def _springs(
         other = rows.point - second
         arms[1] = rows.overlap - rows.beyond - np.sum(other * n, axis=1)
         arms[3] = np.sum(other * t, axis=1)
-    return np.column_stack([n, factor * law.kn * ones, law.shear_stiffness * ones, *arms])
+    return _rows(n, law, factor, arms)
 
 
-def _disk_springs(n: FloatArray, law: ContactLaw, factor: float, first: FloatArray, second: FloatArray) -> FloatArray:
-    """Springs of disks of radii ``first`` and ``second`` [m]."""
+def disk_springs(n: FloatArray, law: ContactLaw, factor: float, first: FloatArray, second: FloatArray) -> FloatArray:
+    """Springs of disks of radii ``first`` and ``second`` [m], 0 for a wall; columns of `ninedisk.core.dem.critical.contact_network`."""
+    zeros = np.zeros(len(n))
+    return _rows(n, law, factor, [first, second, zeros, zeros])
+
+
+def _rows(n: FloatArray, law: ContactLaw, factor: float, arms: list[FloatArray]) -> FloatArray:
     ones = np.ones(len(n))
-    return np.column_stack(
-        [n, factor * law.kn * ones, law.shear_stiffness * ones, first, second, 0.0 * ones, 0.0 * ones]
-    )
+    dashpot = 2.0 * law.beta * np.sqrt(law.kn)
+    return np.column_stack([n, factor * law.kn * ones, law.shear_stiffness * ones, *arms, dashpot * ones])

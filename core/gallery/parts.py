@@ -61,7 +61,7 @@ def settle(scene: Scene, *, progress: Callable[[int, int], None] | None = None, 
         If nothing pulls the disks together, or they do not come to rest.
     """
     from ninedisk.core.dem.admission import check_admission
-    from ninedisk.core.dem.critical import critical_time_step
+    from ninedisk.core.dem.critical import critical_time_step, packed_time_step
     from ninedisk.core.dem.session import DemSession
 
     g = math.hypot(*kind_of("scene", scene, Scene).gravity)
@@ -72,7 +72,7 @@ def settle(scene: Scene, *, progress: Callable[[int, int], None] | None = None, 
     disks = scene.disks
     height = float(np.ptp(disks.x @ np.array(scene.gravity)) / g)
     fall = math.sqrt(2.0 * max(height, 1.0) / g)
-    dt = 0.2 * critical_time_step(scene)
+    dt = min(0.2 * critical_time_step(scene), packed_time_step(scene))
     per = max(1, math.ceil(0.25 * fall / dt))
     target = STILL * float(disks.mass[~disks.fixed].sum()) * g * 2.0 * float(disks.radius.mean())
     rounds = 60

@@ -19,6 +19,7 @@ from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, in
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.engine import EngineError, EngineTimeoutError
 from ninedisk.harness.results import Row
+from ninedisk.harness.warden import owned
 
 ENGINES = ("dem", "cd", "pymunk")
 CACHE = "NUMBA_CACHE_DIR"
@@ -116,7 +117,7 @@ def _run(globs: tuple[str, ...], cold: bool, jobs: int, limit: float) -> Sample:
         begin, before = time.perf_counter(), _processor_seconds()
         try:
             done = subprocess.run(
-                command, capture_output=True, text=True, timeout=limit, env=environment, cwd=folder, check=False
+                command, capture_output=True, text=True, timeout=limit, env=owned(environment), cwd=folder, check=False
             )
         except subprocess.TimeoutExpired as error:
             raise EngineTimeoutError(f"ninedisk run was stopped at its time limit of {limit:g} s") from error

@@ -16,6 +16,7 @@ from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
 from ninedisk.harness.registry import get_case, get_engine
 from ninedisk.harness.results import Row
+from ninedisk.harness.warden import owned
 
 CASE = "nine-disk/distortion"
 ARMS = ("radius", "overlap", "torque-overlap-disks")
@@ -187,7 +188,7 @@ def _run_alone(params: Mapping[str, Any], limit: float) -> Sample:
     begin = time.perf_counter()
     try:
         done = subprocess.run(
-            [sys.executable, "-c", program], capture_output=True, text=True, timeout=limit, check=True
+            [sys.executable, "-c", program], capture_output=True, text=True, timeout=limit, env=owned(), check=True
         )
     except (OSError, subprocess.SubprocessError) as error:
         raise EngineError(f"a Python of its own failed: {error}") from error

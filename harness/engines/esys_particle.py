@@ -22,6 +22,7 @@ from ninedisk.harness.engines.drake import OF_SLIP, no_contact_can_slip
 from ninedisk.harness.engines.siconos import clean_environment, system_python
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.wall_path import wall_path
+from ninedisk.harness.warden import owned
 
 DRIVER = Path(__file__).parent / "drivers" / "esys_driver.py"
 PROGRAMS = ("esysparticle", "mpirun")
@@ -56,7 +57,9 @@ def _version(python: tuple[str, ...], *programs: str | None) -> tuple[str | None
         if not found:
             return None, f"there is no command `{name}` on PATH"
     try:
-        done = subprocess.run(python, capture_output=True, text=True, timeout=30, env=clean_environment(), check=False)
+        done = subprocess.run(
+            python, capture_output=True, text=True, timeout=30, env=owned(clean_environment()), check=False
+        )
     except (OSError, subprocess.SubprocessError) as error:
         return None, f"{python[0]} cannot be run: {error}"
     version = done.stdout.strip()

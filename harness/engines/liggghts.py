@@ -23,6 +23,7 @@ from ninedisk.harness.engines._plane_geometry import wall_reach
 from ninedisk.harness.engines._spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps, laws_in_use
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.wall_path import wall_path
+from ninedisk.harness.warden import owned
 
 DRIVER = Path(__file__).parent / "drivers" / "liggghts_driver.py"
 LIBRARY = "libliggghts.so.3"
@@ -61,7 +62,7 @@ NOTE_PRELOAD = "a preload is made for disks that touch nothing but one rough wal
 def _library() -> tuple[str, str]:
     """Path of LIGGGHTS' library and "", or "" and the reason."""
     try:
-        done = subprocess.run([LDCONFIG, "-p"], capture_output=True, text=True, timeout=30, check=True)
+        done = subprocess.run([LDCONFIG, "-p"], capture_output=True, text=True, timeout=30, env=owned(), check=True)
     except (OSError, subprocess.SubprocessError) as error:
         return "", f"{LDCONFIG} -p fails: {error}"
     for line in done.stdout.splitlines():

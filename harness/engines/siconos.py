@@ -23,6 +23,7 @@ from ninedisk.harness.engines._plane_geometry import path, touch_length
 from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.wall_path import wall_path
+from ninedisk.harness.warden import owned
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 INSTALL = "apt-get install python3-siconos"
@@ -81,7 +82,9 @@ def installed_siconos(program: str) -> tuple[str | None, str]:
     code = "import siconos.kernel, siconos.numerics, siconos.mechanics.collision.bodies; print(siconos.version)"
     command = [program, *system_python("-c", code)[1:]]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=30, env=clean_environment(), check=False)
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=30, env=owned(clean_environment()), check=False
+        )
     except (OSError, subprocess.SubprocessError) as error:
         return None, f"{program} cannot be run: {error}"
     version = done.stdout.strip()

@@ -20,6 +20,7 @@ from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines._spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps, laws_in_use
 from ninedisk.harness.external import ExternalEngine
 from ninedisk.harness.wall_path import wall_path
+from ninedisk.harness.warden import owned
 
 DRIVER = Path(__file__).parent / "drivers" / "yade_driver.py"
 _FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "DISPLAY", "OMPI_COMM_WORLD_RANK")
@@ -53,7 +54,7 @@ def _version(program: str) -> tuple[str | None, str]:
     """Version of the YADE at this path, or None and the reason."""
     try:
         done = subprocess.run(
-            [program, "--version"], capture_output=True, text=True, timeout=30, env=_clean(), check=True
+            [program, "--version"], capture_output=True, text=True, timeout=30, env=owned(_clean()), check=True
         )
     except (OSError, subprocess.SubprocessError) as error:
         return None, f"{program} --version fails: {error}"

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Any
 
+from ninedisk.harness.isolation import end_commands
 from ninedisk.harness.plan import Cell
 from ninedisk.harness.results import CaseResult, Row
 from ninedisk.harness.selftest.defect import Defect
@@ -144,5 +145,8 @@ def _in_parallel(
                     rows[waiting.pop(future)] = future.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            while any(not future.done() for future in waiting):
+                end_commands()
+                time.sleep(0.02)
             raise
     return [rows[k] for k in range(len(defects))]

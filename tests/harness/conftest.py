@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import shutil
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -57,6 +58,17 @@ def fake_environment(fake_folder: Path) -> dict[str, str]:
     """Environment in which a child process finds the fakes."""
     known = [path for path in (os.environ.get("PYTHONPATH"),) if path]
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(fake_folder), *known])}
+
+
+@pytest.fixture(scope="session")
+def hears_signals() -> Callable[[], None]:
+    """For ``preexec_fn``: the process heeds the signals that ask for its end, also where the caller ignores them (nohup, ``&``)."""
+
+    def set_default() -> None:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_DFL)
+
+    return set_default
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -63,13 +64,14 @@ def ended(pid: int) -> bool:
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
-def test_ctrl_c(tmp_path: Path, fake_environment: dict[str, str], jobs: str) -> None:
+def test_ctrl_c(tmp_path: Path, fake_environment: dict[str, str], hears_signals: Callable[[], None], jobs: str) -> None:
     """A run that is interrupted inside a cell says so, stores nothing, leaves earlier results alone and no process behind."""
     assert ninedisk(tmp_path, fake_environment, "run", "fake/fall", "-e", "fake-good").returncode == 0
     before = run_ids(tmp_path / "results")
     process = subprocess.Popen(
         command("run", "fake/fall", "-e", "fake-slow", "--json", "rows.json", "--jobs", jobs),
         cwd=tmp_path, env=fake_environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=hears_signals,
     )  # fmt: skip
     wait_for(tmp_path / "slow.started")
     worker = int((tmp_path / "slow.started").read_text())

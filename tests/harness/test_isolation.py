@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -117,7 +118,7 @@ def test_unknown_command() -> None:
         run_isolated(["no-such-engine", "-x"])
 
 
-def test_interrupt_kills_the_command(tmp_path: Path) -> None:
+def test_interrupt_kills_the_command(tmp_path: Path, hears_signals: Callable[[], None]) -> None:
     """Ctrl-C in the middle of a run: the exception passes on, the engine is gone."""
     code = (
         "import sys\n"
@@ -126,7 +127,7 @@ def test_interrupt_kills_the_command(tmp_path: Path) -> None:
         'time.sleep(600)", sys.argv[1]])'
     )
     pid_file = tmp_path / "pid"
-    parent = subprocess.Popen(python(code, str(pid_file)), stderr=subprocess.DEVNULL)
+    parent = subprocess.Popen(python(code, str(pid_file)), stderr=subprocess.DEVNULL, preexec_fn=hears_signals)
     end = time.monotonic() + 20.0
     while not (pid_file.exists() and pid_file.read_text()) and time.monotonic() < end:
         time.sleep(0.02)

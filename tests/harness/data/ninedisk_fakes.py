@@ -5,6 +5,7 @@
 import ctypes
 import os
 import signal
+import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,6 +29,18 @@ from ninedisk.harness.engine import (
     SupportLevel,
     Timings,
 )
+from ninedisk.harness.isolation import run_isolated
+
+STUBBORN = """
+import signal, subprocess, sys, time
+for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+    signal.signal(number, signal.SIG_IGN)
+quiet = dict(stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], start_new_session=True, **quiet)
+open("stubborn.started", "w").close()
+time.sleep(600)
+"""
+"""An engine's process that ignores whoever asks it to end, and has a child in another session."""
 
 
 class FallingDisk:
@@ -179,6 +192,8 @@ class FakeEngine:
             Path("slow.writing").write_text(str(os.getpid()))
             Path("slow.writing").rename("slow.started")
             time.sleep(30.0)
+        elif self.behaviour == "stubborn":
+            run_isolated([sys.executable, "-c", STUBBORN])
         elif self.behaviour == "segfault":
             ctypes.string_at(0)
         elif self.behaviour == "exit":
@@ -202,6 +217,6 @@ def _marked(name: str) -> bool:
 BEHAVIOURS = (
     "good", "wrong", "nan", "blind", "infinite", "garbage", "crash",
     "bug", "timeout", "uninstalled", "unstable", "slow", "absent", "incapable", "shy",
-    "segfault", "exit", "killed", "killed-once", "wide",
+    "stubborn", "segfault", "exit", "killed", "killed-once", "wide",
 )  # fmt: skip
 ENGINES = tuple(FakeEngine(behaviour) for behaviour in BEHAVIOURS)
