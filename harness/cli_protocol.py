@@ -64,15 +64,26 @@ def request(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Fix a parameter, as in ninedisk run; repeat for several."),
     ] = None,
+    command: Annotated[
+        str | None,
+        typer.Option("--engine-cmd", metavar="COMMAND", help="Exactly as the engine behind this command gets it."),
+    ] = None,
+    options: Annotated[
+        list[str] | None,
+        typer.Option("--option", metavar="ENGINE.NAME=VALUE", help="A setting of that engine; repeat for several."),
+    ] = None,
 ) -> None:
     """Print the request that `ENGINE run` reads for one variant of a case, to try an engine by hand.
+
+    Without --engine-cmd it is that of an engine with contact springs.
 
     \b
     Examples:
       ninedisk request binary-collision > request.json
-      ninedisk request nine-disk/compression --set load_case=b1 | node my-engine.mjs run
+      ninedisk request nine-disk/compression --set load_case=b1 --engine-cmd 'node my-engine.mjs' | node my-engine.mjs run
     """
     from ninedisk.harness.cli_run import parse_settings
     from ninedisk.harness.protocol.example import example_request
 
-    typer.echo(example_request(case, parse_settings(settings or [])))
+    chosen = parse_settings(options or [], flag="--option", example="mine.theta=1")
+    typer.echo(example_request(case, parse_settings(settings or []), command or "", chosen))

@@ -25,6 +25,7 @@ from ninedisk.harness.params import foreign_settings
 from ninedisk.harness.plan import Cell
 from ninedisk.harness.published import published_checks
 from ninedisk.harness.records import CELL_COLUMNS, MEASUREMENT_COLUMNS
+from ninedisk.harness.repeat import request_command
 from ninedisk.harness.results import CaseResult, Row, complete
 from ninedisk.harness.tables import measurement_row, plain_json, reference_blocks, series_blocks
 from ninedisk.harness.verdict import cell_verdict
@@ -76,7 +77,9 @@ def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes:
     except Exception as error:
         if raise_users_mistakes and isinstance(error, USERS_MISTAKES):
             raise
-        return without_measurements(cell, head, "error", last_lines(error))
+        by_hand = request_command(cell) if isinstance(error, EngineError) else ""
+        reason = f"{last_lines(error)}\nto see it by hand: {by_hand}" if by_hand else last_lines(error)
+        return without_measurements(cell, head, "error", reason)
 
 
 def why_not(info: EngineInfo, support: Support) -> str:

@@ -21,7 +21,6 @@ from ninedisk.harness.engine import (
     EngineInfo,
     EngineRun,
     EngineTimeoutError,
-    EngineUnsupportedError,
     Support,
     SupportLevel,
     read_options,
@@ -115,21 +114,20 @@ class CommandEngine(ExternalEngine):
         springs. Raises as `ExternalEngine.run`, and `InvalidNumericsError` on an impossible option.
         """
         read_options(self.id, self.info().options, numerics)
-        if self.info().contact == "spring":
-            numerics = numerics.replace(contact_dt=contact_steps(scene, numerics)[1])
-        else:
-            scene = without_spring_preload(scene)
+        scene, numerics = self.asked(scene, numerics)
         try:
             run = super().run(scene, numerics, watch)
         except WireError as error:
             raise WireError(f"{error}; see: ninedisk schema answer") from error
-        except (EngineTimeoutError, EngineUnsupportedError):
-            raise
-        except EngineError as error:
-            raise EngineError(f"{error}\nto see it by hand: ninedisk request CASE | {self.command_line} run") from error
         return EngineRun(
             history=run.history, timings=run.timings, settings={**run.settings, "engine_command": self.command_line}
         )
+
+    def asked(self, scene: Scene, numerics: Numerics) -> tuple[Scene, Numerics]:
+        """Scene and numerics as the request has them."""
+        if self.info().contact == "spring":
+            return scene, numerics.replace(contact_dt=contact_steps(scene, numerics)[1])
+        return without_spring_preload(scene), numerics
 
     def answer_text(self, finished: Finished, answer_file: Path) -> str:
         """The answer file if the engine wrote one, else what it printed on standard output."""

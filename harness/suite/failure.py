@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import re
-import shlex
 
-from ninedisk.harness.params import format_value, parse
 from ninedisk.harness.plan import Cell
+from ninedisk.harness.records import row_tolerance
+from ninedisk.harness.repeat import run_command
 from ninedisk.harness.results import Row
 
 
 def failure_text(name: str, row: Row) -> str:
     """Value, reference, error, tolerance and its reason of a failed check."""
     unit = row["unit"] if row["unit"] not in ("", "-") else ""
-    allowed = row["atol"] + (row["rtol"] * row["scale"] if row["rtol"] else 0.0)
     lines = [
         f"{name}: {row['quantity']} against {row['truth']}: {row['reason']}",
         f"  value      {row['value']!r} {unit}".rstrip()
         + (f" at step {row['worst_step']}" if row["worst_step"] >= 0 else ""),
         f"  reference  {row['expected']!r} {unit}".rstrip() + f" (+- {row['uncertainty']:.3g}; {row['source']})",
         f"  error      {row['abs_error']:.6g} {unit}".rstrip() + f" (relative {row['rel_error']:.3g})",
-        f"  tolerance  {allowed:.6g} {unit}".rstrip() + f" = {row['atol']:g} + {row['rtol']:g} x {row['scale']:.6g}",
+        f"  tolerance  {row_tolerance(row):.6g} {unit}".rstrip()
+        + f" = {row['atol']:g} + {row['rtol']:g} x {row['scale']:.6g}",
         f"  because    {row['why']}",
     ]
     if row["first_divergence_step"] >= 0:
@@ -33,7 +33,7 @@ def where_to_look(cell: Cell) -> str:
     return "\n".join(
         (
             f"  case       ninedisk list cases {cell.case.id}; {page(cell.case.id)} of a report",
-            f"  again      {command(cell)}",
+            f"  again      {run_command(cell)}",
         )
     )
 
@@ -42,13 +42,3 @@ def page(case_id: str) -> str:
     """Place of a case's errors, relative to the folder of a report."""
     slug = re.sub(r"[^a-z0-9]+", "-", case_id.lower()).strip("-")[:60]
     return f"case/{slug}.html#errors"
-
-
-def command(cell: Cell) -> str:
-    """The command that runs this cell alone."""
-    words = ["ninedisk", "run", cell.case.id, "--engine", cell.engine_id]
-    for parameter in cell.case.parameters:
-        value = cell.variant.params[parameter.name]
-        if value != parse(parameter, parameter.default):
-            words += ["--set", f"{parameter.name}={format_value(value)}"]
-    return shlex.join(words)

@@ -78,7 +78,7 @@ def test_other_ways_to_answer(mode: str) -> None:
         ("exit", "ended with status 3 .*no licence found"),
         (
             "loud",
-            "^python.* ended with status 3 .*frame 42: z+ .*no licence found\nto see it by hand: ninedisk request CASE",
+            "^python.* ended with status 3 .*frame 42: z+ .*no licence found\nto see it by hand: ninedisk request binary-coll",
         ),
         ("killed", "ended by SIGKILL .*the machine runs out of memory"),
         ("flood", "more than 64 MiB on standard output: write the answer into the request's answer_file"),
