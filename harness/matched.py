@@ -3,21 +3,34 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+from ninedisk.core.law import SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.harness.capabilities import SLIP_AT
 from ninedisk.harness.case import Setup
+from ninedisk.harness.engine import EngineInfo
 
 if TYPE_CHECKING:
     from ninedisk.core.history import History
 
 
-def core_history(setup: Setup) -> History:
-    """History of the in-house DEM on ``setup``, same conventions, same steps; computed once per set-up."""
-    key = json.dumps([setup.scene.to_dict(), setup.numerics.to_dict(), setup.watch], sort_keys=True)
-    return _run(key)
+def core_history(setup: Setup, engine: EngineInfo) -> History:
+    """History of the in-house DEM on ``setup``, same steps, slip where in the step ``engine`` has it; computed once per set-up."""
+    scene = setup.scene
+    for asked, other in zip(SLIP_AT, reversed(SLIP_AT), strict=True):
+        if scene.disk_disk.slip_at == asked and SLIP_AT[asked] not in engine.capabilities:
+            scene = with_slip_at(setup.scene, other)
+    return _run(json.dumps([scene.to_dict(), setup.numerics.to_dict(), setup.watch], sort_keys=True))
+
+
+def with_slip_at(scene: Scene, slip_at: SlipAt) -> Scene:
+    """The scene with all slips measured there in the step."""
+    walls = [replace(wall, law=replace(wall.law, slip_at=slip_at)) for wall in scene.walls]
+    return scene.replace(disk_disk=replace(scene.disk_disk, slip_at=slip_at), walls=tuple(walls))
 
 
 @lru_cache(maxsize=64)

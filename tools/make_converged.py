@@ -35,8 +35,8 @@ METHOD = (
 
 CONTACT_DYNAMICS = ("theta", "regime", "sliding", "solver")
 IGNORED = {
-    "nine-disk/compression": ("substeps", "cycles", "lever_arm", "damping_form", "shape", *CONTACT_DYNAMICS),
-    "nine-disk/distortion": ("substeps", "damping_form", "shape", *CONTACT_DYNAMICS),
+    "nine-disk/compression": ("substeps", "cycles", "lever_arm", "damping_form", "slip_at", "shape", *CONTACT_DYNAMICS),
+    "nine-disk/distortion": ("substeps", "damping_form", "slip_at", "shape", *CONTACT_DYNAMICS),
 }
 
 

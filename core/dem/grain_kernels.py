@@ -170,7 +170,7 @@ def arm_midway(outlines: Outlines, m: int, side: int, arm: float) -> float:
     """Arm of the first (2) or second body (3) in the middle of the step, from the present one and that before."""
     if outlines.before[m, 0] == 0.0 and outlines.before[m, 1] == 0.0:
         return arm
-    return 0.5 * (outlines.before[m, side] + arm)
+    return float(0.5 * (outlines.before[m, side] + arm))
 
 
 @inline_kernel

@@ -83,7 +83,7 @@ def compression_checks(
     if outlined:
         found.append(outline_check())
     if engine.scheme == "central-difference" and (outlined or engine.id != "dem"):
-        history = core_history(as_disks(setup) if outlined else setup)
+        history = core_history(as_disks(setup) if outlined else setup, engine)
         at = np.searchsorted(history.step, observed.step)
         expected = {name: history.fn[at, history.contact(pair)] for name, pair in setup.labels.items()}
         growth = shear_growth(history, engine, setup.scene.disk_disk)

@@ -74,7 +74,7 @@ def distortion_checks(
     if outlined:
         found.append(outline_check())
     if engine.scheme == "central-difference" and (outlined or engine.id != "dem"):
-        history = core_history(as_disks(setup) if outlined else setup)
+        history = core_history(as_disks(setup) if outlined else setup, engine)
         rows = np.searchsorted(history.step, observed.step + history.step[-1] - observed.step[-1])
         expected = {}
         for name, pair in (("up", setup.watch[0]), ("right", setup.watch[1])):

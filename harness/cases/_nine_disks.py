@@ -81,6 +81,13 @@ DAMPING_FORM = Parameter(
     help="velocity that global damping sees: at t_n to second order, or v_{n-1/2}",
 )
 
+SLIP_AT = Parameter(
+    name="slip_at",
+    default="middle",
+    choices=("middle", "end"),
+    help="where in a step its slip is measured: in the middle, or with the normal of its end as Cundall & Strack do",
+)
+
 NINE_DISK_CD = (
     replace(
         THETA,
@@ -109,8 +116,9 @@ def contact_laws(params: Mapping[str, Any], kn: float) -> tuple[ContactLaw, Cont
     mu, wall_mu = friction(params)
     ks = kn * params["ks_over_kn"]
     disk_arm, wall_arm, velocity_at = ARMS[params["lever_arm"]]
-    disk = ContactLaw(kn=kn, ks=ks, mu=mu, lever_arm=disk_arm)
-    wall = ContactLaw(kn=kn, ks=ks, mu=wall_mu, lever_arm=wall_arm, wall_velocity_at=velocity_at)
+    slip_at = params["slip_at"]
+    disk = ContactLaw(kn=kn, ks=ks, mu=mu, lever_arm=disk_arm, slip_at=slip_at)
+    wall = ContactLaw(kn=kn, ks=ks, mu=wall_mu, lever_arm=wall_arm, wall_velocity_at=velocity_at, slip_at=slip_at)
     return disk, wall
 
 

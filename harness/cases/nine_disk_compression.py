@@ -22,6 +22,7 @@ from ninedisk.harness.cases._nine_disks import (
     LEVER_ARM,
     LOAD_CASES,
     NINE_DISK_CD,
+    SLIP_AT,
     cd_settings,
     contact_laws,
     nine_disks,
@@ -71,6 +72,7 @@ class Compression:
         Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in one cycle"),
         replace(LEVER_ARM, default="overlap"),
         DAMPING_FORM,
+        SLIP_AT,
         SHAPE,
         *NINE_DISK_CD,
     )

@@ -22,6 +22,7 @@ from ninedisk.harness.cases._nine_disks import (
     LOAD_CASES,
     NINE_DISK_CD,
     SIDE,
+    SLIP_AT,
     cd_settings,
     contact_laws,
     friction,
@@ -87,6 +88,7 @@ class Distortion:
         Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in one cycle"),
         replace(LEVER_ARM, in_id=True),
         DAMPING_FORM,
+        SLIP_AT,
         SHAPE,
         *NINE_DISK_CD,
     )

@@ -16,6 +16,8 @@ from ninedisk.harness.cases.nine_disk_compression import CASE as COMPRESSION
 from ninedisk.harness.cases.nine_disk_distortion import CASE as DISTORTION
 from ninedisk.harness.cases.sliding_dynamic import CASE as SLIDING
 from ninedisk.harness.cases.slip_to_roll import CASE as ROLLING
+from ninedisk.harness.engine import SupportLevel
+from ninedisk.harness.engines._spring import NOTE_SLIP_END
 from ninedisk.harness.engines.box2d import ENGINE as BOX2D
 from ninedisk.harness.engines.dart import ENGINE as DART
 from ninedisk.harness.engines.dem import ENGINE as DEM
@@ -26,6 +28,7 @@ from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
 from ninedisk.harness.engines.siconos import ENGINE as SICONOS
 from ninedisk.harness.engines.yade import ENGINE as YADE
 from ninedisk.harness.params import resolve
+from ninedisk.harness.registry import get_engine
 
 DRAKE, SAP, LAGGED = DRAKES
 
@@ -205,6 +208,21 @@ def test_another_arm_is_named_in_both_directions(judge_history):
         LAMMPS, "overlap"
     )
     assert "lever arm" not in why(LAMMPS, "radius")
+
+
+@pytest.mark.parametrize(
+    ("engine_id", "arm"), [("yade", "overlap"), ("lammps", "radius"), ("kratos", "radius"), ("liggghts", "radius")]
+)
+def test_slip_in_the_middle_of_the_step_is_the_same_physics_discretised_otherwise(engine_id, arm):
+    engine = get_engine(engine_id)
+    own, other = (
+        engine.supports(setup.scene, setup.numerics)
+        for slip_at in ("end", "middle")
+        for setup in [COMPRESSION.build(resolve(COMPRESSION, {"lever_arm": arm, "slip_at": slip_at}).params)]
+    )
+    assert own.level is SupportLevel.EXACT
+    assert (other.level, other.missing) == (SupportLevel.EQUIVALENT, ())
+    assert set(other.notes) - set(own.notes) == {NOTE_SLIP_END}
 
 
 def test_the_core_has_every_lever_arm():

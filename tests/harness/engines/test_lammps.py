@@ -45,7 +45,10 @@ FOUR = [(phi, ratio) for phi in (15.0, 30.0) for ratio in (1.0, 2.0 / 3.0)]
 
 
 def variant(case_id: str, **params: object) -> Setup:
+    """A variant with LAMMPS' own place of the slip in the step, where the case has a word for it."""
     case = get_case(case_id)
+    if any(parameter.name == "slip_at" for parameter in case.parameters):
+        params = {"slip_at": "end", **params}
     return case.build(resolve(case, params).params)
 
 
@@ -231,7 +234,7 @@ def test_preloaded_block_slides_as_the_closed_form(tilted: bool) -> None:
 @needs_lammps
 def test_preload_of_walls_and_disks_that_move_and_turn() -> None:
     """Stacked disks in a corner: two contacts with the floor, one with the side, one between them, three of them loaded."""
-    rough = ContactLaw(kn=1e5, ks=8e4, mu=0.5)
+    rough = ContactLaw(kn=1e5, ks=8e4, mu=0.5, slip_at="end")
     floor = Wall(name="floor", point=(0, 0), normal=(0, 1), law=rough, motion=(WallSegment(velocity=(0.3, 0.0)),))
     side = Wall(name="side", point=(-1, 0), normal=(1, 0), law=ContactLaw(kn=1e5, ks=5e4, mu=0.4))
     disks = Disks(x=[(-0.001, 0.999), (1.997, 0.998)], radius=1.0, mass=[1.0, 2.0], omega=[0.5, 0.0])  # type: ignore[arg-type]
@@ -354,8 +357,9 @@ def test_oblique_walls_with_every_kind_of_motion() -> None:
         mass=[1.0, 2.0, 0.5],  # type: ignore[arg-type]
         v=[(-1, 0), (1, -3), (0, -2)],  # type: ignore[arg-type]
     )
-    walls = every_motion(ContactLaw(kn=1e4, ks=1e4, mu=0.3))
-    scene = Scene(disks=disks, disk_disk=ContactLaw(kn=2e4, ks=1e4, mu=0.4), walls=walls, gravity=(0.0, -9.81), xi=0.5)
+    walls = every_motion(ContactLaw(kn=1e4, ks=1e4, mu=0.3, slip_at="end"))
+    between = ContactLaw(kn=2e4, ks=1e4, mu=0.4, slip_at="end")
+    scene = Scene(disks=disks, disk_disk=between, walls=walls, gravity=(0.0, -9.81), xi=0.5)
     numerics = Numerics(dt=0.01, n_steps=80, contact_dt=1e-4)
     assert Lammps().supports(scene, numerics).level is SupportLevel.EQUIVALENT
     lammps, core = both(scene, numerics, [(0, 3), (0, 1), (2, 4)])
@@ -495,7 +499,7 @@ def test_wall_motion_is_graded_honestly() -> None:
     scene, numerics = distortion("radius")
     off = [with_wall(w, motion=(WallSegment(duration=0.5 * numerics.dt, velocity=(1.0, 0.0)),)) for w in scene.walls]
     assert Lammps().supports(scene.replace(walls=off), numerics).level is SupportLevel.EQUIVALENT
-    mid = ContactLaw(kn=1e9, ks=1e9, mu=0.3, wall_velocity_at="mid-overlap")
+    mid = ContactLaw(kn=1e9, ks=1e9, mu=0.3, wall_velocity_at="mid-overlap", slip_at="end")
     walls = [with_wall(w, law=mid) for w in scene.walls]
     assert Lammps().supports(scene.replace(walls=walls), numerics).level is SupportLevel.APPROXIMATE
 
