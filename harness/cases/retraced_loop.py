@@ -36,7 +36,7 @@ SQUEEZE = 0.06
 """Overlap [m] with either smooth wall in the middle of the oscillation: more than the largest amplitude, so that springs stay linear."""
 
 SUNK = 0.05
-"""Overlap [m] with the turning wall at first."""
+"""Overlap [m] with the turning wall at first; with mu = 1 friction bears that much of fs/ks, and more between the disks."""
 
 SAMPLES = 20
 """Samples of a cycle."""
@@ -110,6 +110,13 @@ class RetracedLoop:
             raise ParameterError(
                 f"steps = {params['steps']} is not allowed: a cycle has {SAMPLES} samples; use a multiple of {SAMPLES}"
             )
+        drift = params["cycles"] * abs(predicted_drift(params, params["steps"], mid=True))
+        if not drift + params["amplitude"] < SUNK:
+            raise ParameterError(
+                f"cycles = {params['cycles']}, steps = {params['steps']} are not allowed: slip of the step's end would let the shear force "
+                f"drift by {drift:g} m, to the friction limit; the drift must stay below {SUNK - params['amplitude']:g} m "
+                "(fewer cycles, or more steps)"
+            )
         rough = ContactLaw(
             kn=KN, ks=KN, mu=1.0, lever_arm=params["arm"], slip_at=params["slip_at"],
             wall_velocity_at="mid-overlap" if params["arm"] == "overlap" else "surface",
@@ -118,16 +125,17 @@ class RetracedLoop:
         if params["kind"] == "pair":
             # Two springs act on the disk.
             smooth = ContactLaw(kn=0.5 * MASS * FREQUENCY**2)
-            disks = Disks(
-                x=[(0.0, 0.0), (AHEAD, ASIDE)], v=[(amplitude * FREQUENCY, 0.0), (0.0, 0.0)],
-                radius=[RADIUS, OTHER_RADIUS], mass=MASS, rotating=free,
-            )  # type: ignore[arg-type]  # fmt: skip
+            disks: dict[str, Any] = {
+                "x": [(0.0, 0.0), (AHEAD, ASIDE)],
+                "v": [(amplitude * FREQUENCY, 0.0), (0.0, 0.0)],
+                "radius": [RADIUS, OTHER_RADIUS],
+            }
             walls = tuple(
                 Wall(name=name, point=(-side * (RADIUS - SQUEEZE), 0.0), normal=(side, 0.0), law=smooth)
                 for name, side in (("left", 1.0), ("right", -1.0))
             )
         else:
-            disks = Disks(x=[(0.0, 0.0)], radius=RADIUS, mass=MASS, rotating=free)  # type: ignore[arg-type]
+            disks = {"x": [(0.0, 0.0)], "radius": RADIUS}
             half = 0.5 * PERIOD
             motion = tuple(
                 WallSegment(
@@ -143,7 +151,7 @@ class RetracedLoop:
             contact_dt=PERIOD / params["steps"],
             **cd_settings(params),
         )
-        scene = Scene(disks=disks, disk_disk=rough, walls=walls)
+        scene = Scene(disks=Disks(mass=MASS, rotating=free, **disks), disk_disk=rough, walls=walls)  # type: ignore[arg-type]
         return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
@@ -300,13 +308,14 @@ def _turning(
 def _rounding(params: Mapping[str, Any], engine: EngineInfo, count: int) -> float:
     """[m]: each step adds a difference of coordinates; contact dynamics solves to 1e-9."""
     roundings = float(np.spacing(2.0 * RADIUS)) * (8.0 + params["cycles"] * count)
-    return roundings + (1e-9 * params["amplitude"] if engine.contact == "cd" else 0.0)
+    return roundings + (1e-9 * float(params["amplitude"]) if engine.contact == "cd" else 0.0)
 
 
 def _midpoint(params: Mapping[str, Any], count: int) -> float:
     """Error [m] of the midpoint rule of a cycle's half: ``(way of a step)^2/24`` times what the integrand's slope changes by.
 
-    The slope of ``aside/|d|`` along the way is at most ``1/(2 |aside|)``, and so is that of the other integrands by the angle.
+    The slope of ``aside/|d|`` along the way is at most ``1/(2 |aside|)``, of either sign. On the wall the integrands by the part of the way
+    are the amplitude times ``sin(angle s)`` and ``angle s cos(angle s)/2``: their slopes change by less than twice the angle's square.
     """
     if params["kind"] == "pair":
         step = 2.0 * math.pi / count * params["amplitude"]
