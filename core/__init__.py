@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from ninedisk.core.errors import (
+    BehindWallError,
     CoreError,
+    InterruptedRunError,
     InvalidNumericsError,
     InvalidSceneError,
     NoEquilibriumError,
@@ -17,10 +19,12 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
 
 __all__ = [
+    "BehindWallError",
     "ContactLaw",
     "CoreError",
     "Disks",
     "History",
+    "InterruptedRunError",
     "InvalidNumericsError",
     "InvalidSceneError",
     "NoEquilibriumError",

@@ -48,6 +48,14 @@ class Figures(Protocol):
         ...
 
 
+class BehindWallError(CoreError):
+    """The centre of a disk has got behind a wall during a run: too fast for the step, too soft a contact, or walls that closed in on it."""
+
+
+class InterruptedRunError(CoreError):
+    """A run was stopped inside a step, whose state is neither that before nor that after it."""
+
+
 class SolverNotConvergedError(CoreError):
     """An iterative contact solver stopped before its tolerance.
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from ninedisk.core._validate import FloatArray, all_of_kind, at_least, body_numbers, finite, kind_of, shown, whole
 from ninedisk.core.disks import Disks
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.errors import BehindWallError, InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, SlipAt, WallVelocityAt
 from ninedisk.core.outlines import check_outlines, outlines_from, plain_outline
 from ninedisk.core.walls import Wall, WallSegment
@@ -124,6 +124,13 @@ class Scene:
         _, j = self.check_pair(pair)
         n = len(self.disks)
         return self.disk_disk if j < n else self.walls[j - n].law
+
+    def behind_wall(self, disk: int, wall: int, height: float, when: str, step: str) -> BehindWallError:
+        """The error of a disk whose centre is at this height <= 0 [m] above a wall during a run; ``step`` says which step to reduce."""
+        return BehindWallError(
+            f"the centre of disk {disk} is {-height:g} m behind wall {self.walls[wall].name!r} at {when}: it moves too far in a step, its "
+            f"contact is too soft, or walls close in on it; reduce {step}, raise kn, or mend the walls' motion"
+        )
 
     def _check_walls(self) -> None:
         for a, one in enumerate(self.walls):

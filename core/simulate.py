@@ -58,6 +58,8 @@ def simulate(
         If the contact step exceeds the critical one.
     NonFiniteStateError
         If the state stops being finite on the way.
+    BehindWallError
+        If the centre of a disk gets behind a wall on the way.
     SolverNotConvergedError, NoEquilibriumError
         Contact dynamics: if a step is not solved to its tolerance, or a static one has no solution.
     """

@@ -36,8 +36,13 @@ class Factorisation:
     def __init__(self, indptr: IntArray, indices: IntArray, kind: str = "auto") -> None:
         interpreted = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
         self.kind = ("qdldl" if interpreted else "supernodal") if kind == "auto" else kind
+        self._pattern = indptr, indices
         qdldl = self.kind == "qdldl"
         self._backend: _Backend = _Qdldl(indptr, indices) if qdldl else SupernodalCholesky(indptr, indices)
+
+    def __reduce__(self) -> tuple[type[Factorisation], tuple[IntArray, IntArray, str]]:
+        # A copy begins with the pattern: factors are machine objects and views, and every solution begins with `update`.
+        return Factorisation, (*self._pattern, self.kind)
 
     def update(self, data: FloatArray) -> bool:
         """Factorise the matrix with these entries; False if it is not positive definite to round-off."""

@@ -120,8 +120,23 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
         begin_set(tolerance, scheme, laws, state, near, dx, scratch.v)
     why = _solve(round_off, moved, turned, walls, scheme, laws, state, near, chosen, scratch)
     if why == DONE:
+        if _behind_wall(scheme, state, scratch):
+            return ALONE
         _accept(round_off, scheme, laws, state, chosen, scratch)
     return why
+
+
+@inline_kernel
+def _behind_wall(scheme: Scheme, state: State, scratch: Scratch) -> bool:
+    """Whether the step takes the centre of a free disk behind a wall."""
+    x, dx, after = state.x, scratch.dx, scratch.after
+    for w in range(after.shape[0]):
+        px, py, nx, ny = after[w, 0], after[w, 1], after[w, 2], after[w, 3]
+        for i in range(x.shape[0]):
+            height = (x[i, 0] + dx[i, 0] - px) * nx + (x[i, 1] + dx[i, 1] - py) * ny
+            if height <= 0.0 and (scheme.free[i, 0] or scheme.free[i, 1]):
+                return True
+    return False
 
 
 @inline_kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import time
 from collections import Counter
@@ -28,7 +29,14 @@ from ninedisk.core.cd.solver import ContactSolver
 from ninedisk.core.cd.statics import StaticStep, zero_energy_modes
 from ninedisk.core.cd.step import DynamicStep, Solved, Step, bodies_of
 from ninedisk.core.contacts.finder import PairFinder
-from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
+from ninedisk.core.errors import (
+    CoreError,
+    InterruptedRunError,
+    InvalidSceneError,
+    NoEquilibriumError,
+    NonFiniteStateError,
+    SolverNotConvergedError,
+)
 from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
@@ -50,6 +58,8 @@ PROGRESS_EVERY = 0.1
 
 class CdSession:
     """Contact dynamics on one scene.
+
+    A copy (`copy.copy`, `copy.deepcopy`, `pickle`) is a session of its own that goes on from the present state, to the same bits.
 
     Parameters
     ----------
@@ -103,6 +113,8 @@ class CdSession:
         self._wall_work = 0.0
         self._gains = np.zeros(6)
         self._step: Step | None = None
+        self._done = 0
+        self._stopped: CoreError | None = None
         self.remarks: list[str] = []
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
@@ -110,9 +122,12 @@ class CdSession:
         self._memory = initial_forces(scene, self._laws, self._finder, self._place(self._wall), self._grains)
         self._march = self._march_if_dynamic()
         self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen, self._grains)
+        self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0, 0.0)
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> History:
-        """Run to the last step.
+        """Run to the last step: from time 0, or from where the last call stopped, because the callback raised something for instance.
+
+        A session that has reached its last step gives the same history again; one that failed fails again.
 
         Parameters
         ----------
@@ -133,22 +148,44 @@ class CdSession:
             If rigid contacts contradict each other.
         NonFiniteStateError
             If the state stops being finite.
+        BehindWallError
+            If the centre of a disk gets behind a wall.
+        InterruptedRunError
+            If the last call was stopped inside a step.
         """
         check_progress(progress)
-        steps, told, done = self.numerics.n_steps, time.monotonic(), 0
-        self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0, 0.0)
+        steps, told = self.numerics.n_steps, time.monotonic()
         for step in self._recorder.stops(steps):
-            while done < step * self.substeps:
-                done = self._advance_to(step * self.substeps, done)
+            while self._done < step * self.substeps:
+                self._take_steps(step * self.substeps)
                 if progress is not None and time.monotonic() - told > PROGRESS_EVERY:
                     told = time.monotonic()
-                    progress(done // self.substeps, steps)
-            fed = float(self._gains[GAIN_TOTAL])
-            self._recorder.sample(step, self._x, self._v, self._wall, self._memory, self._wall_work, fed)
+                    progress(self._done // self.substeps, steps)
+            if self._done == step * self.substeps:
+                fed = float(self._gains[GAIN_TOTAL])
+                self._recorder.sample(step, self._x, self._v, self._wall, self._memory, self._wall_work, fed)
         if progress is not None:
             progress(steps, steps)
-        self._remark()
+        if not self.remarks:
+            self._remark()
         return self._recorder.history
+
+    def __copy__(self) -> CdSession:
+        return copy.deepcopy(self)
+
+    def _take_steps(self, last: int) -> None:
+        """Take steps up to step ``last``, at least one; what stops it inside a step stops every further attempt."""
+        if self._stopped is not None:
+            raise self._stopped
+        self._stopped = InterruptedRunError(
+            f"the run was stopped inside a step after step {self._done // self.substeps}, whose state is lost: begin a new session"
+        )
+        try:
+            self._done = self._advance_to(last, self._done)
+        except CoreError as error:
+            self._stopped = error
+            raise
+        self._stopped = None
 
     def warm_up(self) -> None:
         """Compile or load the kernels on one step of a copy; this session's state stays as it is."""
@@ -208,12 +245,28 @@ class CdSession:
             raise NonFiniteStateError(
                 f"the displacement of disk {int(np.argmin(np.isfinite(solved.dx).all(axis=1)))} is no finite number at step {step}"
             )
+        self._check_walls(self._x + solved.dx, after, step)
         self._wall_work += self._work_of_walls(frames, solved)
         self._x = self._x + solved.dx
         self._v = solved.dx / dt if static else solved.v
         self._memory = self._memory.renewed(frames.pairs, solved.r, frames.place)
         self._wall = after
         self._frames = frames
+
+    def _check_walls(self, x: FloatArray, wall: FloatArray, step: int) -> None:
+        free = np.flatnonzero(~self.scene.disks.held.all(axis=1))
+        if not (len(free) and len(wall)):
+            return
+        height = x[free, :2] @ wall[:, 2:4].T - np.sum(wall[:, 0:2] * wall[:, 2:4], axis=1)
+        if not height.min() > 0.0:
+            k, w = np.unravel_index(int(np.argmin(height)), height.shape)
+            raise self.scene.behind_wall(
+                int(free[k]),
+                int(w),
+                float(height[k, w]),
+                f"step {step} (t = {step * self.dt:g} s)",
+                f"dt = {self.dt:g} s",
+            )
 
     def _place(self, after: FloatArray) -> Place:
         """Where bodies are in a step at whose end the walls are as given."""

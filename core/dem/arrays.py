@@ -103,6 +103,8 @@ def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
         load=np.zeros((m, 3)),
         load_before=np.zeros((m, 3)),
         share=np.zeros((stripes, m, 3)),
+        behind=np.zeros((stripes, 3)),
+        passed=np.zeros(1, dtype=np.int64),
     )
 
 

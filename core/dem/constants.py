@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ninedisk.core.dem.critical import critical_time_step, packed_time_step
-from ninedisk.core.dem.state import DiskArrays, Kick, StepConstants
-from ninedisk.core.errors import NonFiniteStateError, UnstableTimeStepError
+from ninedisk.core.dem.state import DiskArrays, Kick, StepConstants, WallArrays
+from ninedisk.core.errors import BehindWallError, NonFiniteStateError, UnstableTimeStepError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
 
@@ -67,6 +67,14 @@ def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) 
         lagged=not central,
         sorted=in_order,
     )
+
+
+def behind_wall(scene: Scene, walls: WallArrays, step: int, contact_dt: float, critical: float) -> BehindWallError:
+    """The error of the disk that `WallArrays.behind` holds at contact step ``step``; steps in s."""
+    disk, wall, height = walls.behind[np.argmax(walls.behind[:, 0] > 0.0)].tolist()
+    when = f"contact step {step} (t = {step * contact_dt:g} s)"
+    name = f"contact_dt = {contact_dt:g} s (critical step of the initial state: {critical:g} s)"
+    return scene.behind_wall(int(disk) - 1, int(wall), height, when, name)
 
 
 def not_finite(disks: DiskArrays, step: int, contact_dt: float, critical: float) -> NonFiniteStateError:

@@ -88,6 +88,17 @@ def first_from(pairs: NeighbourList, low: int, high: int, disk: int) -> int:
     return low
 
 
+@inline_kernel
+def note_behind(disks: DiskArrays, walls: WallArrays, stripe: int, i: int, w: int, height: float) -> None:
+    """Note the disk in row i, whose centre lies ``height`` <= 0 above wall w; fixed disks, which have no contacts with walls, may.
+
+    Every disk behind a wall is in the wall's list, which has no lower limit: one that got there in a single step has moved farther than
+    the skin lasts, and the lists are new. Walls that face each other and cross leave every disk behind one of them.
+    """
+    walls.behind[stripe, 0], walls.behind[stripe, 1], walls.behind[stripe, 2] = 1.0 + disks.name[i], w, height
+    walls.passed[0] = 1
+
+
 @kernel
 def disk_wall_forces(
     disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, slip_dt: float, begin: int, end: int, stripe: int
@@ -125,6 +136,8 @@ def disk_wall_forces(
             if overlap <= 0.0:
                 pairs.shear[k] = 0.0
                 continue
+            if height <= 0.0 and disks.inv_mass[i] > 0.0:
+                note_behind(disks, walls, stripe, i, w, height)
             foot_x, foot_y = disks.x[i, 0] - height * ux, disks.x[i, 1] - height * uy
             qx, qy = foot_x - depth * overlap * ux - cx, foot_y - depth * overlap * uy - cy
             rate = (rate_x - spin * qy - seen[i, 0]) * ux + (rate_y + spin * qx - seen[i, 1]) * uy

@@ -29,7 +29,7 @@ from ninedisk.core.contacts.nurbs_kernels import pair_contacts
 from ninedisk.core.contacts.nurbs_state import CROSSED
 from ninedisk.core.contacts.nurbs_wall_kernels import wall_contacts
 from ninedisk.core.contacts.search_kernels import NeighbourList
-from ninedisk.core.dem.force_kernels import normal_force, shear_force
+from ninedisk.core.dem.force_kernels import normal_force, note_behind, shear_force
 from ninedisk.core.dem.grain_memory_kernels import arcs_of, inherit, remember
 from ninedisk.core.dem.grain_state import CODE, COUNT, FIRST, ROOM, SECOND, SIDE, Outlines
 from ninedisk.core.dem.state import (
@@ -246,7 +246,11 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
     """
     ux, uy = walls.now[w, 2], walls.now[w, 3]
     px, py = walls.now[w, 0] - disks.x[i, 0], walls.now[w, 1] - disks.x[i, 1]
-    if disks.radius[i] + px * ux + py * uy <= 0.0:
+    height = -(px * ux + py * uy)
+    if disks.radius[i] - height <= 0.0:
+        return True
+    if height <= 0.0 and disks.inv_mass[i] > 0.0:
+        note_behind(disks, walls, 0, i, w, height)
         return True
     a, b = int(disks.name[i]), disks.x.shape[0] + w
     count = wall_found(outlines, a, px, py, ux, uy, disks.radius[i], outlines.area[1 + w])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -19,6 +20,7 @@ from ninedisk.core.dem.arrays import (
     SORT_FROM,
     STRIPES,
     Lists,
+    aligned,
     disk_arrays,
     disk_views,
     first_lists,
@@ -27,12 +29,13 @@ from ninedisk.core.dem.arrays import (
     wall_arrays,
 )
 from ninedisk.core.dem.checkpoint import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
-from ninedisk.core.dem.constants import contact_step, law_row, not_finite, step_constants
+from ninedisk.core.dem.constants import behind_wall, contact_step, law_row, not_finite, step_constants
 from ninedisk.core.dem.counts import Counts, count
 from ninedisk.core.dem.grains import first_outlines, mended, restored, shear_of_grains
 from ninedisk.core.dem.outcome import history_of
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
 from ninedisk.core.dem.rebuild_kernels import rebuild
+from ninedisk.core.dem.state import DiskArrays
 from ninedisk.core.dem.step_kernels import advance
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.geometry.motion import compile_motion
@@ -47,6 +50,8 @@ STEPS_TIMES_DISKS = 16_000_000
 
 class DemSession:
     """The in-house DEM on one scene.
+
+    A copy (`copy.copy`, `copy.deepcopy`, `pickle`) is a session of its own that goes on from the present state, to the same bits.
 
     Parameters
     ----------
@@ -118,6 +123,18 @@ class DemSession:
         pairs = np.array(self.pairs, dtype=np.int64).reshape(len(self.pairs), 2)
         self._samples = sample_arrays(numerics.sampled_steps() * self.substeps, self.chosen, pairs, m)
 
+    def __getstate__(self) -> dict[str, Any]:
+        # Views share the memory of other arrays, which a copy of theirs would not.
+        return {name: value for name, value in self.__dict__.items() if name != "_views"}
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        self.__dict__.update(saved)
+        self._disks = DiskArrays(*(aligned(array) for array in self._disks))
+        self._views = disk_views(self._disks, self._lists, self._law)
+
+    def __copy__(self) -> DemSession:
+        return copy.deepcopy(self)
+
     def run(self, progress: Callable[[int, int], None] | None = None) -> History:
         """Run to the last step.
 
@@ -134,6 +151,8 @@ class DemSession:
         ------
         NonFiniteStateError
             If the state stops being finite.
+        BehindWallError
+            If the centre of a disk gets behind a wall.
         """
         check_progress(progress)
         target = self.numerics.n_steps * self.substeps
@@ -243,6 +262,8 @@ class DemSession:
         )
 
     def _advance(self, target: int) -> None:
+        if self._walls.passed[0]:
+            self._mend(state.BEHIND_WALL)
         while True:
             shared = (
                 self._disks,
@@ -279,6 +300,8 @@ class DemSession:
             self._lists = lists._replace(walls=grown(lists.walls), wall_spare=grown(lists.wall_spare))
         elif code == state.GRAINS_STOPPED and self._outlines is not None:
             self._outlines = mended(self._outlines, self.scene, int(self._clock[state.STEP]), self.contact_dt)
+        elif code == state.BEHIND_WALL:
+            raise behind_wall(self.scene, self._walls, int(self._clock[state.STEP]), self.contact_dt, self.critical_dt)
         else:
             raise not_finite(self._disks, int(self._clock[state.STEP]), self.contact_dt, self.critical_dt)
 

@@ -21,6 +21,10 @@ GRAINS_STOPPED = 4
 """What `advance` returns, beside the codes of `search_kernels`, if the memory of the outlines' contacts says why a step stopped."""
 
 
+BEHIND_WALL = 5
+"""What `advance` returns if the centre of a disk is behind a wall: `WallArrays.behind` says which."""
+
+
 class DiskArrays(NamedTuple):
     """State of n disks at ``t_n``: positions at ``t_n``, velocities at ``t_{n-1/2}`` (at n = 0: ``t_0``).
 
@@ -101,6 +105,10 @@ class WallArrays(NamedTuple):
         Force of the disks on the wall [N] and its torque about the origin [N m], at ``t_n`` and ``t_{n-1}``.
     share : shape (s, m, 3)
         Part of the load that each stripe contributes.
+    behind : shape (s, 3)
+        1 + number of a disk of each stripe whose centre is behind a wall, that wall, and the height [m]; 0 where there is none.
+    passed : ndarray of int64, shape (1,)
+        1 if there is such a disk in any stripe.
     """
 
     now: FloatArray
@@ -111,6 +119,8 @@ class WallArrays(NamedTuple):
     load: FloatArray
     load_before: FloatArray
     share: FloatArray
+    behind: FloatArray
+    passed: NDArray[np.int64]
 
 
 class Team(NamedTuple):

@@ -22,6 +22,7 @@ from ninedisk.core.dem.pair_kernels import disk_disk_forces, note_pairs
 from ninedisk.core.dem.rebuild_kernels import next_skin, rebuild
 from ninedisk.core.dem.sample_kernels import record
 from ninedisk.core.dem.state import (
+    BEHIND_WALL,
     BUILT,
     GRAINS_STOPPED,
     PENDING,
@@ -203,7 +204,7 @@ def advance(
     -------
     int
         OK when ``target`` is reached. Otherwise a code of `search_kernels`, or `GRAINS_STOPPED`, with ``clock[PENDING]`` = 1: the caller
-        mends the cause (grows a list) and calls again.
+        mends the cause (grows a list) and calls again; after `BEHIND_WALL` nothing can go on.
     """
     n, row = clock[STEP], clock[ROW]
     pending = clock[PENDING] == 1
@@ -261,7 +262,7 @@ def advance(
                 ),
             )
             wait_for_all(team.flags, me, crew)
-            if moved_on:
+            if moved_on and walls.passed[0] == 0:
                 far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))
         else:
             if me == 0:
@@ -269,6 +270,8 @@ def advance(
             wait_for_all(team.flags, me, crew)
             if outlines.memory.mark[CODE] != 0:
                 return GRAINS_STOPPED
+        if walls.passed[0] != 0:
+            return BEHIND_WALL
         if me == 0:
             gather_loads(walls)
             work[0] += wall_work_of_step(walls, slip_dt)

@@ -10,7 +10,13 @@ from scenes import KN, floor_scene, numerics, pair_scene, run
 
 from ninedisk.core import errors, simulate
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, NonFiniteStateError
+from ninedisk.core.errors import (
+    BehindWallError,
+    CoreError,
+    InvalidNumericsError,
+    InvalidSceneError,
+    NonFiniteStateError,
+)
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 
@@ -260,7 +266,7 @@ def test_contact_step_that_does_not_divide_the_step() -> None:
 
 @pytest.mark.parametrize("factor", [1.5, 3.0, 30.0])
 def test_blow_up_is_reported_with_its_step(factor: float) -> None:
-    """A disk between two walls far beyond the limit: the amplitude grows until it overflows, and no memory is harmed.
+    """A disk between two walls far beyond the limit: the amplitude grows until its centre is behind one of them.
 
     Once its amplitude exceeds the overlap, the disk touches one wall at a time, and omega falls by sqrt(2): what overflows
     is unstable there as well, that is beyond sqrt(2) times the limit.
@@ -269,7 +275,7 @@ def test_blow_up_is_reported_with_its_step(factor: float) -> None:
     disks = Disks(x=[[0.1, 0.0], [-0.1, 3.0]], v=[[1.0, 0.0], [-1.0, 0.0]], radius=1.5, mass=1.0)
     dt = factor * 2.0 / np.sqrt(2.0 * KN)
     with pytest.raises(
-        NonFiniteStateError, match=r"contact step \d+ .*contact_dt = .*reduce contact_dt \(critical step"
+        BehindWallError, match=r"behind wall '[lr]' at contact step \d+ .*reduce contact_dt = .*\(critical step"
     ):
         run(Scene(disks=disks, disk_disk=LAW, walls=walls), numerics(dt, 5000))
 
