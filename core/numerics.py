@@ -108,6 +108,11 @@ class Numerics:
             raise InvalidNumericsError(
                 f"options = {self.options!r} is not allowed: they must be a mapping from names to values"
             )
+        for key in self.options:
+            if not isinstance(key, str):
+                raise InvalidNumericsError(
+                    f"options have the name {key!r}, which is not allowed: names are texts, ENGINE.NAME, for instance 'cd.tolerance'"
+                )
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 raise InvalidNumericsError(

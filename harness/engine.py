@@ -12,9 +12,9 @@ import numpy as np
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engines._options import Option
 
 
 class SupportLevel(StrEnum):

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core._crew import check_threads
+from ninedisk.core._validate import real
+from ninedisk.core.cd.options import FACTORISERS
 from ninedisk.core.cd.residuals import Residuals, Sliding
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]
-
-FACTORISERS = ("auto", "supernodal", "qdldl")
-"""Sparse factorisations of the interior-point method: "auto" is the supernodal one, qdldl checks it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,13 +51,16 @@ class SolverOptions:
     factoriser: str = "auto"
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1.0:
+        if not 0.0 < real(self.tolerance) < 1.0:
             raise InvalidNumericsError(f"tolerance = {self.tolerance!r} is not allowed: it must lie in (0, 1)")
-        if self.max_iterations is not None and self.max_iterations < 1:
-            raise InvalidNumericsError(f"max_iterations = {self.max_iterations!r} is not allowed: it must be >= 1")
-        if not self.time_limit > 0.0:
+        most = 1.0 if self.max_iterations is None else real(self.max_iterations)
+        if not (most >= 1.0 and most.is_integer()):
+            raise InvalidNumericsError(
+                f"max_iterations = {self.max_iterations!r} is not allowed: it must be a whole number >= 1, or None"
+            )
+        if not real(self.time_limit) > 0.0:
             raise InvalidNumericsError(f"time_limit = {self.time_limit!r} is not allowed: it must be > 0 s")
-        if not 0.0 < self.relaxation < 2.0:
+        if not 0.0 < real(self.relaxation) < 2.0:
             raise InvalidNumericsError(f"relaxation = {self.relaxation!r} is not allowed: it must lie in (0, 2)")
         check_threads(self.threads)
         if self.factoriser not in FACTORISERS:

@@ -10,9 +10,9 @@ import numpy as np
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.engines._drake_world import ENGINE_VERSION, DrakeWorld, Surfaces
-from ninedisk.harness.engines._options import read_options
 from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, touch_length, write_contacts
 from ninedisk.harness.engines._spring import laws_in_use
 from ninedisk.harness.engines.drake import DISCRETE_OPTIONS, OPTIONS, shares_in_series

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engines._options import read_options
 from ninedisk.harness.engines._plane_geometry import (
     WallPoses,
     finite_state,

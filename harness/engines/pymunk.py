@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.engine import (
@@ -21,7 +22,6 @@ from ninedisk.harness.engine import (
     Support,
     run_session,
 )
-from ninedisk.harness.engines._options import Option
 from ninedisk.harness.engines._package_engine import package_version
 from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 
