@@ -21,7 +21,7 @@ class BodyGraph:
     bodies : ndarray of int, shape (c, 2)
         Bodies of each contact, -1 for none.
     factoriser : str
-        One of `result.FACTORISERS`.
+        One of `options.FACTORISERS`.
     """
 
     def __init__(self, n_bodies: int, bodies: NDArray[np.int32], factoriser: str = "auto") -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.frame_kernels import Laws
-from ninedisk.core.cd.settings import Stiffness
+from ninedisk.core.cd.options import Stiffness
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics

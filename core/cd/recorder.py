@@ -19,7 +19,17 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-ENERGIES = ("translation", "rotation", "kinetic", "elastic_normal", "elastic_shear", "elastic", "gravity", "wall_work", "impact_gain")
+ENERGIES = (
+    "translation",
+    "rotation",
+    "kinetic",
+    "elastic_normal",
+    "elastic_shear",
+    "elastic",
+    "gravity",
+    "wall_work",
+    "impact_gain",
+)
 
 
 class Recorder:

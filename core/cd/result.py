@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from ninedisk.core._crew import check_threads
 from ninedisk.core._validate import one_of, real, shown, whole
+from ninedisk.core.cd.options import FACTORISERS
 from ninedisk.core.cd.residuals import Residuals, Sliding
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]
-
-FACTORISERS = ("auto", "supernodal", "qdldl")
-"""Sparse factorisations of the interior-point method: "auto" is the supernodal one, qdldl checks it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -355,5 +355,8 @@ class CdSession:
         if problem is None or not path:
             return " (the option cd.save_failed = FILE keeps the problem of a step that fails)"
         notes = {"scene": json.dumps(self.scene.to_dict()), "numerics": json.dumps(self.numerics.to_dict())}
-        replace(problem, notes={**notes, "step": str(step)}).save(path)
+        try:
+            replace(problem, notes={**notes, "step": str(step)}).save(path)
+        except OSError as error:
+            return f" The problem could not be kept in {path}: {error.strerror}."
         return f" The problem is in {path}: ninedisk.core.cd.problem.ContactProblem.load reads it."

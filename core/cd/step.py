@@ -136,7 +136,8 @@ class DynamicStep:
 
     The associated rule asks for ``u_n + c >= mu |u_t|``, which ``c < 0`` may make impossible. That takes forces in the friction cones
     that balance each other (Farkas' lemma): a disk wedged between two walls that meet at the angle alpha, where the angles of friction
-    of both, ``arctan(mu)``, are together at least alpha (each at least alpha/2 if the disk can turn). In such a corner an approach with ``e > 0`` can have no solution.
+    of both, ``arctan(mu)``, are together at least alpha (each at least alpha/2 if the disk can turn). In such a corner an approach
+    with ``e > 0`` can have no solution.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ import numpy as np
 from ninedisk.core._crew import check_threads
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
 from ninedisk.core.watch import check_run
 
@@ -19,7 +20,7 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     InvalidSceneError
         If the scene has no disk or one that is held in a motion.
     InvalidNumericsError
-        If the numerics ask for the static limit, or the number of threads is not allowed.
+        If the numerics ask for the static limit or have options for the DEM, which has none, or the number of threads is not allowed.
     """
     check_run(scene, numerics)
     moved = scene.disks.held.any(axis=1) & ~scene.disks.fixed
@@ -31,3 +32,4 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     if numerics.regime != "dynamic":
         raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")
     check_threads(threads)
+    read_options("dem", {}, numerics)

@@ -9,10 +9,11 @@ from dataclasses import fields
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.options import Option
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.check_engine.claims import Probe
 from ninedisk.harness.check_engine.findings import Bench, Finding, finding
-from ninedisk.harness.engine import EngineError, EngineInfo, Option
+from ninedisk.harness.engine import EngineError, EngineInfo
 from ninedisk.harness.observation import check_history
 from ninedisk.harness.wire import MEANINGS
 

@@ -29,8 +29,8 @@ from pybullet_utils.bullet_client import BulletClient
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engine import read_options
 from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, touch_length, turn, write_contacts
 from ninedisk.harness.engines._rigid_package import product_factors
 from ninedisk.harness.engines.bullet import OPTIONS

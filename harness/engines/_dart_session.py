@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engine import read_options
 from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, touch_length, turn, write_contacts
 from ninedisk.harness.engines._rigid_package import product_factors
 from ninedisk.harness.engines.dart import FORCE_MIXING, OPTIONS

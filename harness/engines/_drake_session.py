@@ -10,8 +10,8 @@ import numpy as np
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engine import read_options
 from ninedisk.harness.engines._drake_world import ENGINE_VERSION, DrakeWorld, Surfaces
 from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, touch_length, write_contacts
 from ninedisk.harness.engines._spring import laws_in_use

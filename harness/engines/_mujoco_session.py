@@ -29,8 +29,9 @@ import numpy as np
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import ContactLaw, FloatArray, Scene
-from ninedisk.harness.engine import EngineError, read_options
+from ninedisk.harness.engine import EngineError
 from ninedisk.harness.engines._plane_geometry import WallPoses, finite_state, write_contacts
 from ninedisk.harness.engines.mujoco import OPTIONS
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution

@@ -9,8 +9,9 @@ import numpy as np
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engine import EngineRun, Option, Support, read_options
+from ninedisk.harness.engine import EngineRun, Support
 from ninedisk.harness.engines._package_engine import PackageEngine
 from ninedisk.harness.engines._rigid import NOTE_PRELOAD, rigid_support
 

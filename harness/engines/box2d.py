@@ -6,8 +6,9 @@ One step detects contacts at its begin, solves for velocities and then moves pos
 
 from __future__ import annotations
 
+from ninedisk.core.options import Option
 from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineInfo, Option
+from ninedisk.harness.engine import EngineInfo
 from ninedisk.harness.engines._package_engine import package_version
 from ninedisk.harness.engines._rigid_package import RigidPackageEngine
 

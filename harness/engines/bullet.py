@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineInfo, Option
+from ninedisk.harness.engine import EngineInfo
 from ninedisk.harness.engines._package_engine import package_version
 from ninedisk.harness.engines._rigid_package import RigidPackageEngine
 from ninedisk.harness.engines._spring import laws_in_use

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 
 import ninedisk
+from ninedisk.core.cd.options import OPTIONS
 from ninedisk.core.history import Pair
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
@@ -47,6 +48,7 @@ class CdEngine:
             threads=1,
             install="part of ninedisk",
             capabilities=CAPABILITIES,
+            options=OPTIONS,
         )
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
@@ -94,7 +96,7 @@ class CdEngine:
             "sliding": numerics.sliding,
             "regime": numerics.regime,
             "solver": numerics.solver,
-            "tolerance": session.settings.solver_options.tolerance,
+            **session.settings.told,
             "problems solved": ", ".join(f"{name} {count}" for name, count in sorted(session.solves.items())),
             "iterations": session.iterations,
             "largest natural-map residual": session.worst[0],

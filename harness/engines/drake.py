@@ -18,9 +18,10 @@ import numpy as np
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability, capabilities_needed
-from ninedisk.harness.engine import EngineInfo, EngineRun, Option, Support, SupportLevel, read_options
+from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines._package_engine import PackageEngine, package_version
 from ninedisk.harness.engines._rigid_package import RigidPackageEngine, prescribed_spins
 from ninedisk.harness.engines._spring import laws_in_use

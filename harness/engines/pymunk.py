@@ -12,6 +12,7 @@ from functools import partial
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.engine import (
@@ -19,9 +20,7 @@ from ninedisk.harness.engine import (
     EngineInfo,
     EngineNotInstalledError,
     EngineRun,
-    Option,
     Support,
-    read_options,
     run_session,
 )
 from ninedisk.harness.engines._package_engine import package_version

@@ -16,9 +16,10 @@ import numpy as np
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineInfo, EngineRun, Option, Support, read_options
+from ninedisk.harness.engine import EngineInfo, EngineRun, Support
 from ninedisk.harness.engines._plane_geometry import path, touch_length
 from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 from ninedisk.harness.external import ExternalEngine

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability, capabilities_needed
 from ninedisk.harness.engine import (
@@ -23,7 +24,6 @@ from ninedisk.harness.engine import (
     EngineTimeoutError,
     Support,
     SupportLevel,
-    read_options,
 )
 from ninedisk.harness.engines._rigid import rigid_support, without_spring_preload
 from ninedisk.harness.engines._spring import NOTE_SLIP_AT, OF_SLIP_AT, contact_steps, laws_in_use

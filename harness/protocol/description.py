@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ninedisk.core.errors import InvalidNumericsError
+from ninedisk.core.options import Option
 from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineInfo, Option
+from ninedisk.harness.engine import EngineInfo
 from ninedisk.harness.protocol.schemas import fault
 from ninedisk.harness.text import printable
 from ninedisk.harness.wire_fields import WireError
@@ -108,8 +109,9 @@ def _option(name: str, given: Mapping[str, Any]) -> Option:
     if "choices" in given:
         option = Option(default=given["default"], why=printable(given["why"]), choices=tuple(given["choices"]))
     else:
-        bounds = {key: given[key] for key in ("low", "high", "whole") if key in given}
-        option = Option(default=given["default"], why=printable(given["why"]), **bounds)
+        rest = {key: value for key, value in given.items() if key not in ("default", "why", "none")}
+        meaning = printable(given.get("none", ""))
+        option = Option(default=given["default"], why=printable(given["why"]), none=meaning, **rest)
     try:
         option.checked(name, option.default)
     except InvalidNumericsError as error:

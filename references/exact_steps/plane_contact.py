@@ -53,8 +53,9 @@ def plane_contact_theta(
         theta's own impact law    un = gap/(theta dt) + e u0_n + u1_n,    ut = e u0_t + u1_t
         Newton's                  un = (restitution u0_n if u0_n < 0, else u0_n) + u1_n,   ut = u1_t
 
-    the latter only where the free step would close the contact; one that opens can be pushed back with its own speed, no more. With those of the free step, ``P`` and ``Q`` in units of velocity
-    (impulse over mass) and ``k = I/(m R^2)``, ``un = un_f + P`` and ``ut = ut_f - Q (1 + 1/k)``; the contact
+    the latter only where the free step would close the contact; one that opens can be pushed back with its own speed, no more. With
+    those of the free step, ``P`` and ``Q`` in units of velocity (impulse over mass) and ``k = I/(m R^2)``, ``un = un_f + P`` and
+    ``ut = ut_f - Q (1 + 1/k)``; the contact
 
     - is inactive if ``un_f >= mu |ut_f|`` (associated rule) or ``un_f >= 0`` (Coulomb's);
     - sticks, un = ut = 0, if that Q is at most mu P;

@@ -9,9 +9,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from ninedisk.core.errors import InvalidNumericsError
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option
 from ninedisk.harness import run_case
 from ninedisk.harness.cli import app
-from ninedisk.harness.engine import Option
 from ninedisk.harness.errors import UsageError
 from ninedisk.harness.plan import plan_matrix
 from ninedisk.harness.registry import UnknownIdError, engine_table, get_engine
@@ -104,6 +105,89 @@ def test_mistakes_on_the_command_line(
     assert done.exit_code == 2
     assert said in " ".join(done.stderr.split())
     assert not (tmp_path / "results").exists()
+
+
+GIVEN = {
+    "cd.tolerance": ("1e-13", 1e-13),
+    "cd.max_iterations": ("400", 400),
+    "cd.time_limit": ("30", 30.0),
+    "cd.relaxation": ("1.25", 1.25),
+    "cd.threads": ("2", 2),
+    "cd.factoriser": ("qdldl", "qdldl"),
+    "cd.contacts": ("rigid", "rigid"),
+    "cd.save_failed": ("failed.npz", "failed.npz"),
+}
+
+
+def test_contact_dynamics_takes_all_its_options_from_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pandas as pd
+
+    assert {f"cd.{name}" for name in get_engine("cd").info().options} == set(GIVEN)
+    monkeypatch.chdir(tmp_path)
+    told = [part for name, (text, _) in GIVEN.items() for part in ("--option", f"{name}={text}")]
+    done = ninedisk("run", "binary-collision", "-e", "cd", "--set", "kind=elastic", *told)
+    assert done.exit_code == 0, done.output
+    (run,) = run_ids(tmp_path / "results")
+    cells = pd.read_parquet(tmp_path / "results" / "runs" / run / "cells.parquet")
+    ran = cells[cells.status == "pass"]
+    assert len(ran)
+    for row in ran.itertuples():
+        settings = json.loads(row.settings)
+        assert {name: settings[name] for name in GIVEN} == {name: value for name, (_, value) in GIVEN.items()}
+
+
+def test_contact_dynamics_takes_options_from_python_and_by_the_wire() -> None:
+    result = run_case("binary-collision", engine="cd", options={"cd.tolerance": 1e-9, "cd.max_iterations": None})
+    assert result.status == "pass"
+    assert result.setup is not None
+    assert result.setup.numerics.options == {"cd.tolerance": 1e-9, "cd.max_iterations": None}
+    sent = Numerics.from_dict(json.loads(json.dumps(result.setup.numerics.to_dict())))
+    run = get_engine("cd").run(result.setup.scene, sent, ())
+    assert run.settings["cd.tolerance"] == 1e-9
+    with pytest.raises(
+        InvalidNumericsError, match=r"cd\.tolerance = 2 is not allowed: it must be a number in \(0, 1\)"
+    ):
+        get_engine("cd").run(result.setup.scene, sent.replace(options={"cd.tolerance": 2}), ())
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ("cd.tolerance=0", "a number in (0, 1)"),
+        ("cd.max_iterations=1.5", "a whole number >= 1, or none (each solver's own)"),
+        ("cd.max_iterations=nan", "a whole number >= 1, or none (each solver's own)"),
+        ("cd.threads=65", "a whole number in [1, 64]"),
+        ("cd.contacts=soft", "one of auto, rigid, elastic"),
+        ("cd.tolerence=1e-3", "Did you mean 'tolerance'"),
+        ("dem.skin=1", "belongs to an engine that is not run"),
+    ],
+)
+def test_mistakes_in_options_of_contact_dynamics(option: str, words: str) -> None:
+    done = ninedisk("run", "binary-collision", "-e", "cd", "--option", option)
+    assert done.exit_code == 2
+    assert words in " ".join(done.stderr.split())
+
+
+def test_the_dem_has_no_options_and_says_so() -> None:
+    setup = run_case("binary-collision", engine="dem").setup
+    assert setup is not None
+    with pytest.raises(InvalidNumericsError, match=r"the option 'dem\.skin' is unknown: dem has no options, drop it"):
+        get_engine("dem").run(setup.scene, setup.numerics.replace(options={"dem.skin": 0.1}), ())
+
+
+def test_names_of_options_are_texts() -> None:
+    with pytest.raises(InvalidNumericsError, match="options have the name 3, which is not allowed"):
+        Numerics(dt=0.1, n_steps=1, options={3: 1.0})  # type: ignore[dict-item]
+
+
+def test_the_page_of_contact_dynamics_shows_ranges_and_defaults() -> None:
+    shown = " ".join(ninedisk("list", "engines", "cd").stdout.split())
+    assert all(name in shown for name in GIVEN)
+    assert "1e-12" in shown
+    assert "number in (0, 1)" in shown
+    assert "--option cd.tolerance=1e-12" in shown
 
 
 def test_the_page_of_an_engine_teaches_its_options() -> None:

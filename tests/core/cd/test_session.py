@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.result import SolverOptions
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
@@ -153,17 +154,54 @@ def test_what_is_refused() -> None:
     for numerics, word in (
         ({"solver": "newton"}, "solver = 'newton' is unknown"),
         ({"solver": "projected-gradient", "sliding": "coulomb"}, "associated rule only"),
-        ({"options": {"cd.tolerence": 1.0}}, "unknown option 'cd.tolerence'"),
-        ({"options": {"cd.tolerance": 0.0}}, "tolerance = 0.0"),
+        (
+            {"options": {"cd.tolerence": 1.0}},
+            r"'cd.tolerence' is unknown: use one of cd\.tolerance, cd\.max_iterations",
+        ),
+        ({"options": {"cd.tolerance": 0.0}}, r"cd\.tolerance = 0\.0 .* a number in \(0, 1\)"),
         ({"options": {"cd.tolerance": "tight"}}, "must be a number"),
+        ({"options": {"cd.tolerance": np.nan}}, r"cd\.tolerance = nan .* a number in \(0, 1\)"),
+        ({"options": {"cd.max_iterations": np.nan}}, r"cd\.max_iterations = nan .* a whole number >= 1, or none"),
+        ({"options": {"cd.max_iterations": 1.5}}, r"cd\.max_iterations = 1\.5 .* a whole number >= 1, or none"),
+        ({"options": {"cd.max_iterations": True}}, r"cd\.max_iterations = True .* a whole number >= 1, or none"),
+        ({"options": {"cd.time_limit": 0}}, r"cd\.time_limit = 0 .* a number > 0"),
+        ({"options": {"cd.time_limit": np.inf}}, r"cd\.time_limit = inf .* a number > 0"),
+        ({"options": {"cd.relaxation": 2.0}}, r"cd\.relaxation = 2\.0 .* a number in \(0, 2\)"),
+        ({"options": {"cd.factoriser": "lu"}}, r"cd\.factoriser = 'lu' .* auto, supernodal, qdldl"),
+        ({"options": {"cd.save_failed": 7}}, r"cd\.save_failed = 7 .* a text"),
         ({"options": {"cd.contacts": "soft"}}, "cd.contacts = 'soft'"),
-        ({"options": {"cd.threads": 0}}, r"cd\.threads = 0 .* whole number 1\.\.64"),
-        ({"options": {"cd.threads": "two"}}, r"cd\.threads = 'two' .* whole number 1\.\.64"),
+        ({"options": {"cd.threads": 0}}, r"cd\.threads = 0 .* whole number in \[1, 64\]"),
+        ({"options": {"cd.threads": "two"}}, r"cd\.threads = 'two' .* whole number in \[1, 64\]"),
     ):
         with pytest.raises(InvalidNumericsError, match=word):
             CdSession(scene, Numerics(dt=0.1, n_steps=1, **numerics))
     with pytest.raises(InvalidNumericsError, match=r"theta = 0.4"):
         Numerics(dt=0.1, n_steps=1, theta=0.4)
+
+
+@pytest.mark.parametrize("value", [np.nan, 1.5, 0, "many", True])
+def test_solver_options_refuse_what_is_no_number_of_iterations(value: object) -> None:
+    with pytest.raises(InvalidNumericsError, match=r"max_iterations = .* a whole number >= 1, or None"):
+        SolverOptions(max_iterations=value)  # type: ignore[arg-type]
+
+
+def test_options_act_as_numbers_of_any_kind() -> None:
+    options = {"cd.max_iterations": 1e3, "cd.threads": np.int64(2), "cd.tolerance": np.float32(0.5)}
+    told = CdSession(gas(2, 3.0, RIGID), Numerics(dt=0.1, n_steps=1, options=options)).settings
+    assert (told.solver_options.max_iterations, told.solver_options.threads, told.solver_options.tolerance) == (
+        1000,
+        2,
+        0.5,
+    )
+    assert told.told["cd.contacts"] == "auto"
+
+
+def test_a_file_that_cannot_be_written_does_not_hide_the_failure(tmp_path: Path) -> None:
+    scene = gas(5, 3.0, RIGID).replace(gravity=(0.0, -10.0))
+    options = {"cd.max_iterations": 1, "cd.save_failed": str(tmp_path / "no" / "failed.npz")}
+    numerics = Numerics(dt=0.2, n_steps=20, solver="gauss-seidel", options=options)
+    with pytest.raises(SolverNotConvergedError, match=r"could not be kept in .*failed\.npz: No such file"):
+        simulate(scene, numerics, method="cd")
 
 
 def test_a_failing_step_can_be_replayed(tmp_path: Path) -> None:

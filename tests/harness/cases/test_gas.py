@@ -59,7 +59,9 @@ def test_the_springs_drift_falls_with_the_square_of_the_phase(run_cell):
 
 
 def test_newton_s_law_in_contact_dynamics_keeps_the_energy_where_contacts_join_a_step_by_others_impulses(run_cell):
-    cell = run_cell(CASE, CD, {"impact": "newton", "duration": 1.2})  # a wall throws a disk into another within step 212
+    cell = run_cell(
+        CASE, CD, {"impact": "newton", "duration": 1.2}
+    )  # a wall throws a disk into another within step 212
     assert cell.failures == []
     assert {check.quantity for check in cell.checks} >= {"kinetic", "kinetic_final"}
 
