@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ninedisk.harness.capabilities import Capability
@@ -58,33 +58,6 @@ def show_case(case_id: str) -> None:
         out.print(f"example: {example}", markup=False, highlight=False)
 
 
-WORDS: Mapping[Capability, str] = {
-    Capability.LINEAR_CONTACT: "springs",
-    Capability.SHEAR_SPRING: "shear springs",
-    Capability.FRICTION: "friction",
-    Capability.CONTACT_DAMPING: "dashpots",
-    Capability.RESTITUTION: "restitution",
-    Capability.GLOBAL_DAMPING_CENTRAL: "damping",
-    Capability.GLOBAL_DAMPING_LAGGED: "damping",
-    Capability.MOVING_WALLS: "moving walls",
-    Capability.ROTATING_WALLS: "turning walls",
-    Capability.CURVED_WALL_MOTION: "walls on curves",
-    Capability.GRAVITY: "gravity",
-    Capability.BLOCKED_ROTATION: "blocked rotation",
-    Capability.HELD_MOTION: "held disks",
-    Capability.FIXED_DISKS: "fixed disks",
-    Capability.QUASI_STATIC: "static limit",
-    Capability.PRELOAD: "preload",
-    Capability.DISK_INERTIA: "disks' inertia",
-    Capability.LEVER_ARM_RADIUS: "arm R",
-    Capability.LEVER_ARM_OVERLAP: "arm R - overlap/2",
-    Capability.LEVER_ARM_TORQUE: "arm R - overlap/2 of the torque",
-    Capability.SLIP_MIDDLE: "slip of mid-step",
-    Capability.SLIP_END: "slip of step's end",
-}
-"""Capabilities in as few words as a table has room for."""
-
-
 def show_engines() -> None:
     """Every engine: whether it is installed, its version and licence, how it runs, what it expresses, what installs it."""
     shown = table("engine", "name", "version", "licence", "how it runs", "contacts", "expresses", "install", "from")
@@ -113,7 +86,7 @@ def _show_problems() -> None:
 def _engine_row(shown: Table, missing: list[str], engine: Engine, origin: str) -> None:
     info = engine.info()
     version = info.version if info.version is not None else "not installed"
-    has = ", ".join(dict.fromkeys(WORDS[capability] for capability in Capability if capability in info.capabilities))
+    has = ", ".join(dict.fromkeys(capability.short for capability in Capability if capability in info.capabilities))
     shown.add_row(info.id, info.name, version, info.licence, info.how_it_runs, info.contact, has, info.install, origin)
     if not info.installed and info.not_installed_because:
         missing.append(f"{info.id}: {info.not_installed_because}")

@@ -22,6 +22,7 @@ REFERENCE_DASHES = {
     "analytic": ((2.5, 1.0), 3.6),
     "converged": ((1.0, 1.0), 3.6),
     "published": ((5.0, 1.0, 1.0, 1.0), 3.0),
+    "consensus": ((5.0, 1.0, 1.0, 1.0), 2.4),
 }
 """Dash and width of a reference by the kind of its truth."""
 
@@ -78,7 +79,7 @@ def reference_looks(labels: dict[str, str]) -> dict[str, Look]:
     """
     looks: dict[str, Look] = {}
     for label, truth in labels.items():
-        dash, width = REFERENCE_DASHES.get(truth, ((5.0, 1.0, 1.0, 1.0), 2.4))
+        dash, width = REFERENCE_DASHES.get(truth, REFERENCE_DASHES["consensus"])
         alike = sum(labels[other] == truth for other in looks)
         looks[label] = Look(label, SOFT, tuple(length * (1.0 + 0.8 * alike) for length in dash), width)
     return looks

@@ -8,13 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import count, not_negative, positive
+from ninedisk.references._validate import array, count, fraction, not_negative, positive
 from ninedisk.references.analytic.spring_dashpot import free_contact
 
 FloatArray = NDArray[np.float64]
 
 GRID = 64
-"""Points per 1/omega, or per decay time of the faster mode, on which the end of a contact is bracketed."""
+"""Points per 1/omega, or per e-fold of time from beta = 1 on, on which the end of a contact is bracketed."""
+MOST_SPRINGS = 10_000
+"""Flights between contacts of springs: the end of each contact is found by a root."""
 SETTLED = 40.0
 """Decay times after which a contact that still pushes is at rest: exp(-40) is below round-off."""
 
@@ -34,11 +36,13 @@ class Bounces(NamedTuple):
 
     def apex(self, g: float) -> tuple[FloatArray, FloatArray]:
         """Heights [m] and times [s] of the highest points of the flights."""
+        positive(g=g)
         return self.gap + self.speed**2 / (2.0 * g), self.leave + self.speed / g
 
     def motion(self, t: ArrayLike, g: float) -> tuple[FloatArray, FloatArray]:
         """Gap [m] and velocity [m/s] during the flights; NaN in contacts and after the last flight."""
-        times = np.asarray(t, dtype=np.float64)
+        positive(g=g)
+        times = array("t", t)
         height, velocity = np.full(times.shape, np.nan), np.full(times.shape, np.nan)
         for leave, gap, speed, land in zip(self.leave, self.gap, self.speed, self.land, strict=True):
             inside = (times >= leave) & (times <= land)
@@ -69,7 +73,8 @@ def zeno_time(*, height: float, g: float, restitution: float) -> float:
         Coefficient of restitution, in [0, 1).
     """
     positive(height=height, g=g)
-    if not 0.0 <= restitution < 1.0:
+    fraction(restitution=restitution)
+    if restitution == 1.0:
         raise ValueError(
             f"restitution = {restitution!r} is not allowed: it must lie in [0, 1), or the bounces never end"
         )
@@ -92,8 +97,7 @@ def rigid_bounces(*, height: float, g: float, restitution: float, bounces: int) 
     """
     positive(height=height, g=g)
     count(bounces=bounces)
-    if not 0.0 <= restitution <= 1.0:
-        raise ValueError(f"restitution = {restitution!r} is not allowed: it must lie in [0, 1]")
+    fraction(restitution=restitution)
     speed = landing_speed(height=height, g=g) * restitution ** np.arange(1, bounces + 1, dtype=np.float64)
     land = math.sqrt(2.0 * height / g) + np.concatenate(([0.0], np.cumsum(2.0 * speed / g)))
     return Bounces(
@@ -157,11 +161,7 @@ def loaded_contact(*, kn: float, mass: float, beta: float, speed: float, g: floa
         overlap, rate = state(t)
         return np.asarray(omega * overlap + 2.0 * beta * rate)
 
-    # Decay rate of the slower mode, and the rate of the faster motion.
-    slow = beta if beta < 1.0 else 1.0 / (beta + math.sqrt(beta**2 - 1.0))
-    fast = max(1.0, 2.0 * beta)
-    longest = 2.0 * math.pi if beta == 0.0 else SETTLED / slow
-    grid = np.concatenate(([0.0], np.linspace(0.0, longest, math.ceil(longest * GRID * fast) + 1)[1:])) / omega
+    grid = np.concatenate(([0.0], _candidates(beta))) / omega
     pulls = np.flatnonzero(push(grid[1:]) < 0.0)
     if not len(pulls):
         return None
@@ -170,6 +170,21 @@ def loaded_contact(*, kn: float, mass: float, beta: float, speed: float, g: floa
     end = float(brentq(lambda t: float(push(t)), low, grid[first], xtol=1e-300, rtol=1e-15))
     overlap, rate = state(end)
     return LoadedContact(duration=end, speed=-float(rate), overlap=float(overlap))
+
+
+def _candidates(beta: float) -> FloatArray:
+    """Times, in units of 1/omega, between which the end of a contact is bracketed; some thousands, whatever the damping.
+
+    The force is ``g - delta''``. Below beta = 1 its swing decays, so that its first minimum is the lowest: what has not ended after one
+    period, or after `SETTLED` decay times, never does. From 1 on two exponentials decay at very different rates: the times are spread
+    over both, `GRID` of them for each e-fold.
+    """
+    if beta < 1.0:
+        period = 2.0 * math.pi / math.sqrt((1.0 - beta) * (1.0 + beta))
+        longest = period if beta == 0.0 else min(period, SETTLED / beta)
+        return np.linspace(0.0, longest, math.ceil(longest * GRID * max(1.0, 2.0 * beta)) + 1)[1:]
+    first, longest = 1.0 / (GRID * 2.0 * beta), SETTLED * (beta + math.sqrt(beta**2 - 1.0))
+    return np.geomspace(first, longest, math.ceil(GRID * math.log(longest / first)))
 
 
 def spring_bounces(*, height: float, g: float, kn: float, mass: float, beta: float, bounces: int) -> Bounces:
@@ -187,7 +202,7 @@ def spring_bounces(*, height: float, g: float, kn: float, mass: float, beta: flo
     A flight begins with the overlap that a dashpot without tension leaves, and ends with the gap 0. One that never frees itself
     from that overlap is no flight: the disk rests.
     """
-    count(bounces=bounces)
+    count(bounces=bounces, most=MOST_SPRINGS)
     velocity = landing_speed(height=height, g=g)
     rows = [(0.0, height, 0.0, velocity / g, 0.0)]
     for _ in range(bounces):

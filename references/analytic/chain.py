@@ -9,12 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import count, not_negative, positive
+from ninedisk.references._validate import count, fraction, not_negative, positive, sizes, times_of
 
 FloatArray = NDArray[np.float64]
 
 POINTS = 256
 """Points per period of the fastest mode between which a contact's opening or closing is bracketed."""
+MOST_DISKS, MOST_SPRINGS, MOST_BETA = 100, 20, 100.0
+"""Disks of a row of collisions; gaps of a row of springs, each event of which takes many exponentials; and its damping ratio."""
 EVENTS = 10_000
 """Events after which a row is given up: it collapses inelastically, with infinitely many collisions."""
 
@@ -31,7 +33,7 @@ class ChainHistory(NamedTuple):
 
     def velocities(self, t: ArrayLike) -> FloatArray:
         """Velocities at times ``t``, shape (s, n), for pieces of uniform motion; a time at an event counts as after it."""
-        return np.asarray(self.v[np.searchsorted(self.t, np.asarray(t, dtype=np.float64), side="right") - 1])
+        return np.asarray(self.v[np.searchsorted(self.t, times_of(t), side="right") - 1])
 
 
 def chain_of_collisions(*, gaps: Sequence[float], speed: float, restitution: float) -> ChainHistory:
@@ -54,9 +56,9 @@ def chain_of_collisions(*, gaps: Sequence[float], speed: float, restitution: flo
     ValueError
         If an argument is out of range, collisions coincide, or they do not end.
     """
-    positive(speed=speed, **{f"gap_{k}": gap for k, gap in enumerate(gaps)})
-    if not 0.0 <= restitution <= 1.0:
-        raise ValueError(f"restitution = {restitution!r} is not allowed: it must lie in [0, 1]")
+    positive(speed=speed)
+    gaps = sizes("gaps", gaps, most=MOST_DISKS - 1, strict=True)
+    fraction(restitution=restitution)
     n = len(gaps) + 1
     x, v = np.concatenate(([0.0], np.cumsum(np.asarray(gaps, dtype=np.float64)))), np.zeros(n)
     v[0] = speed
@@ -106,9 +108,8 @@ def touching_row(*, n: int, speed: float, restitution: float) -> FloatArray:
     Source: Moreau (1988), CISM Courses and Lectures 302: the complementarity problem whose solution has all impulses > 0.
     """
     positive(speed=speed)
-    count(others=n - 2)
-    if not 0.0 <= restitution <= 1.0:
-        raise ValueError(f"restitution = {restitution!r} is not allowed: it must lie in [0, 1]")
+    count(n=n, least=2)
+    fraction(restitution=restitution)
     v = np.full(n, (1.0 + restitution) * speed / n)
     v[0] -= restitution * speed
     return v
@@ -149,7 +150,10 @@ def chain_of_springs(
     here. With gaps in touch and beta = 0 the outcome depends neither on mass nor on stiffness.
     """
     positive(speed=speed, mass=mass, kn=kn)
-    not_negative(beta=beta, **{f"gap_{k}": gap for k, gap in enumerate(gaps)})
+    not_negative(beta=beta)
+    gaps = sizes("gaps", gaps, most=MOST_SPRINGS)
+    if not beta <= MOST_BETA:
+        raise ValueError(f"beta = {beta!r} is not allowed: the row would creep for too long; use at most {MOST_BETA:g}")
     row = _Row(len(gaps) + 1, mass, kn, beta)
     z = np.concatenate((np.concatenate(([0.0], np.cumsum(np.asarray(gaps, dtype=np.float64)))), np.zeros(row.n)))
     z[row.n] = speed
@@ -171,7 +175,6 @@ class _Row:
     """The linear systems of a row; a state is positions, then velocities."""
 
     def __init__(self, n: int, mass: float, kn: float, beta: float) -> None:
-        count(n=n)
         self.n, self.stiff = n, kn / mass
         self.rub = 2.0 * beta * math.sqrt(0.5 * mass * kn) / mass
         fast = math.sqrt(4.0 * self.stiff) * (1.0 + 2.0 * beta)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import not_negative, positive
+from ninedisk.references._validate import finite, fraction, not_negative, positive, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -42,9 +42,9 @@ def final_velocities(
     ValueError
         If a mass or the restitution is out of range.
     """
+    finite(v_1=v_1, v_2=v_2)
     positive(mass_1=mass_1, mass_2=mass_2)
-    if not 0.0 <= restitution <= 1.0:
-        raise ValueError(f"restitution = {restitution!r} is not allowed: it must lie in [0, 1]")
+    fraction(restitution=restitution)
     exchanged = (1.0 + restitution) * (v_1 - v_2) / (mass_1 + mass_2)
     return v_1 - mass_2 * exchanged, v_2 + mass_1 * exchanged
 
@@ -77,7 +77,7 @@ def collision_history(
     positive(speed=speed)
     not_negative(gap=gap)
     after_1, after_2 = final_velocities(v_1=speed, v_2=0.0, mass_1=mass_1, mass_2=mass_2, restitution=restitution)
-    before = np.asarray(t, dtype=np.float64) <= gap / speed
+    before = times_of(t) <= gap / speed
     vx_1, vx_2 = np.where(before, speed, after_1), np.where(before, 0.0, after_2)
     zero = np.zeros_like(vx_1)
     return CollisionHistory(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import not_negative, positive
+from ninedisk.references._validate import array, not_negative, positive, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -122,9 +122,7 @@ def continuous_row(
         If an argument is out of range.
     """
     not_negative(xi=xi, v_wall=v_wall, t_wall=t_wall)
-    times = np.asarray(t, dtype=np.float64)
-    if not np.all(np.isfinite(times) & (times >= 0.0)):
-        raise ValueError(f"t = {t!r} is not allowed: every time must be finite and >= 0")
+    times = times_of(t)
     omega = row_frequency(kn=kn, mass=mass)
     hold = np.maximum(times - t_wall, 0.0)
     x = v_wall / 2.0 * (ramp_response(times, omega, xi) - ramp_response(hold, omega, xi))
@@ -133,7 +131,10 @@ def continuous_row(
 
 
 def ramp_response(t: FloatArray, omega: float, xi: float) -> FloatArray:
-    """Response [s] of ``x'' + xi x' + omega^2 x = omega^2 t`` from rest at 0."""
+    """Response [s] of ``x'' + xi x' + omega^2 x = omega^2 t`` from rest at 0; omega [rad/s] > 0, xi [1/s] >= 0."""
+    positive(omega=omega)
+    not_negative(xi=xi)
+    t = array("t", t)
     half = xi / 2.0
     square = omega**2 - half**2
     if square > 0.0:

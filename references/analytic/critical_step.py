@@ -8,9 +8,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import not_negative, positive
+from ninedisk.references._validate import array, form_in_range, not_negative, positive
 
 FloatArray = NDArray[np.float64]
+
+MOST_SIZE = 1_000
+"""Rows of a matrix whose eigenvalues are found."""
 
 
 def row_frequencies(*, kn: float, mass: float) -> FloatArray:
@@ -58,10 +61,9 @@ def mode_limit(*, omega: float, damping_ratio: float = 0.0, form: Literal["centr
     """
     positive(omega=omega)
     not_negative(damping_ratio=damping_ratio)
+    form_in_range(form)
     if form == "central":
         return 2.0 / omega
-    if form != "lagged":
-        raise ValueError(f"form = {form!r} is unknown: use 'central' or 'lagged'")
     # sqrt(1 + z^2) - z = 1/(sqrt(1 + z^2) + z), without cancellation for a large z.
     return 2.0 / omega / (math.hypot(1.0, damping_ratio) + damping_ratio)
 
@@ -84,12 +86,21 @@ def lagged_limit(*, mass: ArrayLike, damping: ArrayLike, stiffness: ArrayLike) -
     ValueError
         If a matrix is not symmetric or the mass matrix is not positive definite.
     """
-    M, C, K = (np.asarray(matrix, dtype=np.float64) for matrix in (mass, damping, stiffness))
+    M, C, K = (array(name, given) for name, given in (("mass", mass), ("damping", damping), ("stiffness", stiffness)))
     for name, matrix in (("mass", M), ("damping", C), ("stiffness", K)):
         if matrix.ndim != 2 or not np.array_equal(matrix, matrix.T):
             raise ValueError(f"{name} of shape {matrix.shape} is not a symmetric matrix")
+        if matrix.shape != M.shape or not 1 <= len(matrix) <= MOST_SIZE:
+            raise ValueError(f"{name} of shape {matrix.shape} is not allowed: all are of one size, at most {MOST_SIZE}")
     if np.linalg.eigvalsh(M).min() <= 0.0:
         raise ValueError("mass is not positive definite: every body needs a mass > 0")
+    for name, matrix in (("damping", C), ("stiffness", K)):
+        if np.linalg.eigvalsh(matrix).min() < -1e-9 * np.abs(matrix).max():
+            raise ValueError(
+                f"{name} is not positive semi-definite: no spring pushes further, and no dashpot speeds up"
+            )
+    if not (C.any() or K.any()):
+        raise ValueError("stiffness and damping are both 0: every step is stable")
     n = len(M)
     # s = 1/dt: s^2 x = s M^-1 C/2 x + M^-1 K/4 x; the largest real s is the smallest dt.
     companion = np.block(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import not_negative, positive
+from ninedisk.references._validate import MOST, finite, not_negative, positive, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def shaken_contact(
     Parameters
     ----------
     t : array_like
-        Times [s].
+        Times [s], >= 0.
     kn, mass, g : float
         [N/m], [kg], [m/s^2], > 0.
     beta : float
@@ -52,9 +52,10 @@ def shaken_contact(
     """
     positive(kn=kn, mass=mass, g=g)
     not_negative(beta=beta, frequency=frequency)
+    finite(amplitude=amplitude, phase=phase)
     if beta >= 1.0:
         raise ValueError(f"beta = {beta!r} is not allowed: this closed form is that of beta < 1")
-    times, omega = np.asarray(t, dtype=np.float64), math.sqrt(kn / mass)
+    times, omega = times_of(t), math.sqrt(kn / mass)
     response = omega**2 - frequency**2 + 2j * beta * omega * frequency
     if response == 0.0:
         raise ValueError(f"frequency = {frequency!r} is not allowed: it is the undamped contact's own")
@@ -99,7 +100,11 @@ def shuttle(t: ArrayLike, *, speed: float, gap: float, way: float, omega_first: 
         Of the two contacts [rad/s], > 0.
     """
     positive(speed=speed, gap=gap, way=way, omega_first=omega_first, omega_second=omega_second)
-    times = np.asarray(t, dtype=np.float64)
+    if not gap <= way:
+        raise ValueError(
+            f"gap = {gap!r} m is not allowed: it must be at most way = {way!r} m, the distance of the planes"
+        )
+    times = times_of(t)
     lengths = (math.pi / omega_first, way / speed, math.pi / omega_second, way / speed)
     period = sum(lengths)
     # Time 0 lies in the last flight, gap before the first plane.
@@ -127,7 +132,12 @@ def shuttle(t: ArrayLike, *, speed: float, gap: float, way: float, omega_first: 
             np.full_like(phase, speed),
         ],
     )
-    periods = math.ceil(float(times.max(initial=0.0)) / period) + 1
+    passed = float(times.max(initial=0.0)) / period
+    if not passed < MOST:
+        raise ValueError(
+            f"t = {float(times.max()):g} s is not allowed: it must be less than {MOST} periods of {period:g} s"
+        )
+    periods = math.ceil(passed) + 1
     starts = gap / speed + period * np.arange(periods)
     changes = (starts[:, None] + np.concatenate([[0.0], ends[:3]])).ravel()
     return Shuttle(place, velocity, np.where(first, phase, np.nan), changes)

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import positive
+from ninedisk.references._validate import finite, pair, positive
 
 FloatArray = NDArray[np.float64]
 
@@ -46,6 +46,9 @@ class MovingEllipse:
 
     def __post_init__(self) -> None:
         positive(a=self.a, b=self.b, mass=self.mass, inertia=self.inertia)
+        finite(angle=self.angle, spin=self.spin)
+        pair("x", self.x)
+        pair("v", self.v)
 
     def centre(self, t: float) -> FloatArray:
         """Position at a time [m]."""
@@ -66,6 +69,7 @@ class MovingEllipse:
 
 def gap_and_way(one: MovingEllipse, two: MovingEllipse, t: float) -> tuple[float, float]:
     """Distance of two ellipses that are apart [m], and the direction of their common normal [rad]: that of the largest separation."""
+    finite(t=t)
     apart = two.centre(t) - one.centre(t)
 
     def separation(way: FloatArray) -> tuple[FloatArray, FloatArray]:

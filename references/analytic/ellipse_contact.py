@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import positive
+from ninedisk.references._validate import finite, pair, positive
 
 FloatArray = NDArray[np.float64]
 
@@ -37,6 +37,8 @@ class Ellipse:
 
     def __post_init__(self) -> None:
         positive(a=self.a, b=self.b)
+        finite(angle=self.angle)
+        pair("centre", self.centre)
 
     def at(self, parameter: ArrayLike) -> FloatArray:
         """Points ``centre + rotation (a cos p, b sin p)`` [m], shape (..., 2)."""

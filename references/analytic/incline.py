@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import not_negative, positive, slope
+from ninedisk.references._validate import not_negative, positive, slope, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -73,9 +73,7 @@ def incline(t: ArrayLike, *, mu: float, angle: float, g: float, mass: float) -> 
     """
     positive(mass=mass)
     a = acceleration(mu=mu, angle=angle, g=g)
-    times = np.asarray(t, dtype=np.float64)
-    if not np.all(np.isfinite(times) & (times >= 0.0)):
-        raise ValueError(f"t = {t!r} is not allowed: every time must be finite and >= 0")
+    times = times_of(t)
     normal = mass * g * math.cos(angle)
     shear = mu * normal if a > 0.0 else mass * g * math.sin(angle)
     return InclineHistory(

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import not_negative, positive
+from ninedisk.references._validate import finite, flag, fraction, not_negative, pair, positive, positive_or_inf
 from ninedisk.references.analytic.spring_dashpot import contact_duration, contact_history, restitution_of_beta
 
 FloatArray = NDArray[np.float64]
@@ -65,8 +65,9 @@ def rigid_rebound(
     -----
     Source: Walton (1993), in Particulate Two-Phase Flow, ch. 25, for spheres; the impulse balance holds for any k.
     """
-    positive(radius=radius, approach=-velocity[1])
-    not_negative(mu=mu, restitution=restitution)
+    _check(velocity, spin, radius, inertia_ratio, mu)
+    fraction(restitution=restitution)
+    flag(dilates=dilates)
     turn = 1.0 / inertia_ratio
     slip = velocity[0] - radius * spin
     normal = (1.0 + restitution) * -velocity[1]
@@ -113,8 +114,9 @@ def spring_rebound(
     -----
     Source: Di Maio & Di Renzo (2004), Chem. Eng. Sci. 59, 3461, for beta = 0; the sequence of phases is general.
     """
-    positive(radius=radius, approach=-velocity[1], mass=mass, kn=kn, ks=ks)
-    not_negative(mu=mu, beta=beta)
+    _check(velocity, spin, radius, inertia_ratio, mu)
+    positive(mass=mass, kn=kn, ks=ks)
+    not_negative(beta=beta)
     motion = _Tangential(-velocity[1], 1.0 / inertia_ratio + 1.0, mu, mass, kn, ks, beta)
     slip = velocity[0] - radius * spin
     lost = motion.lost(slip)
@@ -123,6 +125,16 @@ def spring_rebound(
         restitution_of_beta(beta) * -velocity[1],
         spin + lost / (inertia_ratio * radius),
     )
+
+
+def _check(velocity: tuple[float, float], spin: float, radius: float, inertia_ratio: float, mu: float) -> None:
+    """Raise ValueError where an argument that both kinds of rebound have is out of its range."""
+    if not pair("velocity", velocity)[1] < 0.0:
+        raise ValueError(f"velocity = {velocity!r} is not allowed: its second part leads to the plane and must be < 0")
+    finite(spin=spin)
+    positive(radius=radius)
+    positive_or_inf(inertia_ratio=inertia_ratio)
+    not_negative(mu=mu)
 
 
 class _Tangential:

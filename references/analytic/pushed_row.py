@@ -8,10 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import count, not_negative, positive
+from ninedisk.references._validate import MOST, count, finite, not_negative, positive, times_of
 from ninedisk.references.analytic.compression import ramp_response
 
 FloatArray = NDArray[np.float64]
+
+MOST_DISKS = 1_000
+"""Of a row: its modes are a square table."""
 
 
 class ChainModes(NamedTuple):
@@ -29,7 +32,7 @@ def chain_modes(*, n: int, kn: float, mass: float) -> ChainModes:
     Parameters
     ----------
     n : int
-        Number of disks, >= 1.
+        Number of disks, 1 .. `MOST_DISKS`.
     kn : float
         Normal stiffness of every contact [N/m], > 0.
     mass : float
@@ -40,8 +43,8 @@ def chain_modes(*, n: int, kn: float, mass: float) -> ChainModes:
     Source: e.g. Goldstein, *Classical Mechanics*, chapter 6; the sum of ``sin^2`` over the disks is ``(n + 1)/2``, and the wall acts on
     the first disk alone, hence ``drive_j = (kn/m) 2/(n + 1) sin(j pi/(n + 1))``.
     """
-    count(n=n)
-    positive(n=n, kn=kn, mass=mass)
+    count(n=n, least=1, most=MOST_DISKS)
+    positive(kn=kn, mass=mass)
     ext = np.longdouble
     pi = 4 * np.arctan(ext(1))
     j = np.arange(1, n + 1).astype(ext)
@@ -78,8 +81,13 @@ def chain_forces(
         Contact 0 is that of the moving wall, contact n that of the resting one.
     """
     not_negative(xi=xi, t_wall=t_wall)
+    finite(v_wall=v_wall)
     modes = chain_modes(n=n, kn=kn, mass=mass)
-    times = np.asarray(t, dtype=np.float64)
+    times = times_of(t)
+    if times.ndim != 1 or len(times) * n > 10 * MOST:
+        raise ValueError(
+            f"t of shape {times.shape} is not allowed: it must have one dimension, and at most {10 * MOST} times disks"
+        )
     q = np.empty((len(times), n))
     for j in range(n):
         omega = float(modes.omega[j])
@@ -99,7 +107,9 @@ def forces_of(
 
 def static_force(*, n: int, kn: float, way: float) -> float:
     """Change of every contact force once all is at rest [N]: ``kn w/(n + 1)``, n + 1 equal springs in series."""
-    positive(n=n, kn=kn)
+    count(n=n, least=1)
+    positive(kn=kn)
+    finite(way=way)
     return kn * way / (n + 1)
 
 
@@ -109,6 +119,7 @@ def mode_forces(*, n: int, kn: float, mass: float, v_wall: float) -> FloatArray:
     The swing of a mode under a ramp has the amplitude ``drive v/omega^3``, twice that once the ramp has stopped as well, and a
     contact sees the difference of two neighbours' shapes, ``2 sin(j pi/(2 (n + 1)))`` at most.
     """
+    finite(v_wall=v_wall)
     modes = chain_modes(n=n, kn=kn, mass=mass)
     j = np.arange(1, n + 1)
     steepest = 2.0 * np.sin(j * math.pi / (2 * (n + 1)))

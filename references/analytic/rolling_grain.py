@@ -22,7 +22,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import positive, slope
+from ninedisk.references._validate import array, count, finite, fraction, positive, slope
 
 FloatArray = NDArray[np.float64]
 
@@ -76,8 +76,12 @@ class RoundedPolygon:
 
     def __post_init__(self) -> None:
         positive(apothem=self.apothem)
-        if not (self.faces >= 3 and self.faces == int(self.faces) and 0.0 <= self.roundness < 1.0):
-            raise ValueError(f"{self} is not allowed: it needs >= 3 faces and a roundness in [0, 1)")
+        count(faces=self.faces, least=3)
+        fraction(roundness=self.roundness)
+        if self.roundness == 1.0:
+            raise ValueError(
+                "roundness = 1.0 is not allowed: it must be < 1; 1 is a disk, which rests nowhere on a slope"
+            )
 
     @property
     def start(self) -> float:
@@ -135,7 +139,7 @@ class EllipseShape:
     b: float
 
     def __post_init__(self) -> None:
-        positive(b=self.b)
+        positive(a=self.a, b=self.b)
         if not self.a > self.b:
             raise ValueError(f"a = {self.a!r} is not allowed: it must be > b = {self.b!r}")
 
@@ -178,7 +182,8 @@ def energy_gained(shape: RollingShape, phi: FloatArray, *, start: float, angle: 
     """Kinetic energy over mass [m^2/s^2] at each ``phi``, released from rest at ``start`` [rad], on a slope of ``angle`` [rad]."""
     slope(angle)
     positive(g=g)
-    half = 0.5 * (np.asarray(phi, dtype=np.float64) - start)
+    finite(start=start)
+    half = 0.5 * (array("phi", phi) - start)
     way = half * (shape.height(start + half[..., None] * (1.0 + NODES)) @ WEIGHTS)
     lift = shape.height(np.asarray(phi)) - shape.height(np.array([start]))[0]
     return np.asarray(g * (math.sin(angle) * way - math.cos(angle) * lift))
@@ -186,6 +191,7 @@ def energy_gained(shape: RollingShape, phi: FloatArray, *, start: float, angle: 
 
 def kinetic_of(shape: RollingShape, phi: FloatArray, spin: FloatArray) -> FloatArray:
     """Kinetic energy over mass [m^2/s^2] of the shape that rolls with ``spin`` [rad/s] at ``phi`` [rad]."""
+    phi, spin = array("phi", phi), array("spin", spin)
     return np.asarray(0.5 * (shape.gyration + shape.height(phi) ** 2 + shape.ahead(phi) ** 2) * np.square(spin))
 
 
@@ -201,6 +207,7 @@ def time_to(shape: RollingShape, end: float, *, start: float, angle: float, g: f
 
     With ``phi = start + (end - start) u^2`` the integrand ``dphi/spin`` is smooth: the spin begins as the root of the way.
     """
+    finite(end=end, start=start)
     u = 0.5 * (1.0 + NODES)
     spin = spin_at(shape, start + (end - start) * u**2, start=start, angle=angle, g=g)
     return float(0.5 * (2.0 * (end - start) * u / spin) @ WEIGHTS)
@@ -215,7 +222,7 @@ def forces_at(
     ``(k^2 + p^2 + p'^2) d omega/dt = g (p sin - p' cos) - p' (p + p'') omega^2``. A normal force below 0 means that it would leave
     the plane.
     """
-    at = np.asarray(phi, dtype=np.float64)
+    at = array("phi", phi)
     p, q, bend = shape.height(at), shape.ahead(at), shape.bend(at)
     square = 2.0 * energy_gained(shape, at, start=start, angle=angle, g=g) / (shape.gyration + p * p + q * q)
     rate = (g * (p * math.sin(angle) - q * math.cos(angle)) - q * (p + bend) * square) / (

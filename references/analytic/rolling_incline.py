@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import not_negative, positive, slope
+from ninedisk.references._validate import not_negative, positive, slope, times_of
 from ninedisk.references.analytic.slip_to_roll import UNIFORM_DISK
 
 FloatArray = NDArray[np.float64]
@@ -94,9 +94,7 @@ def roll_rates(
 
 def roll_down(t: ArrayLike, rates: RollRates) -> RollDown:
     """Motion from rest under constant rates at times ``t`` [s], >= 0; arrays of its shape."""
-    times = np.asarray(t, dtype=np.float64)
-    if not np.all(np.isfinite(times) & (times >= 0.0)):
-        raise ValueError(f"t = {t!r} is not allowed: every time must be finite and >= 0")
+    times = times_of(t)
     return RollDown(
         x=rates.along * times**2 / 2.0,
         vx=rates.along * times,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import positive
+from ninedisk.references._validate import positive, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def slip_to_roll(
     """
     positive(radius=radius)
     end = slip_end(mu=mu, speed=speed, g=g, inertia_ratio=inertia_ratio)
-    times = _times(t)
+    times = times_of(t)
     slip = np.minimum(times, end)
     final = rolling_speed(speed=speed, inertia_ratio=inertia_ratio)
     x = speed * slip - mu * g * slip**2 / 2.0 + final * (times - slip)
@@ -114,7 +114,7 @@ def slide_to_stop(t: ArrayLike, *, mu: float, speed: float, g: float) -> RollHis
     g : float
         Gravity [m/s^2], > 0.
     """
-    slip = np.minimum(_times(t), stop_time(mu=mu, speed=speed, g=g))
+    slip = np.minimum(times_of(t), stop_time(mu=mu, speed=speed, g=g))
     return RollHistory(x=speed * slip - mu * g * slip**2 / 2.0, vx=speed - mu * g * slip, spin=np.zeros_like(slip))
 
 
@@ -141,10 +141,3 @@ def spring_overshoot(*, mu: float, g: float, mass: float, ks: float, inertia_rat
     """
     positive(mu=mu, g=g, mass=mass, ks=ks, inertia_ratio=inertia_ratio)
     return mu * g * math.sqrt(mass * inertia_ratio / ((1.0 + inertia_ratio) * ks))
-
-
-def _times(t: ArrayLike) -> FloatArray:
-    times = np.asarray(t, dtype=np.float64)
-    if not np.all(np.isfinite(times) & (times >= 0.0)):
-        raise ValueError(f"t = {t!r} is not allowed: every time must be finite and >= 0")
-    return times

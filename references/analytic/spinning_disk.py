@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import positive
+from ninedisk.references._validate import positive, times_of
 from ninedisk.references.analytic.slip_to_roll import UNIFORM_DISK
 
 FloatArray = NDArray[np.float64]
@@ -65,9 +65,7 @@ def spinning_disk(
     Source: Newton's and Euler's equations with Coulomb friction mu m g at the lowest point, derived here.
     """
     end = slip_end(mu=mu, spin=spin, g=g, radius=radius, inertia_ratio=inertia_ratio)
-    times = np.asarray(t, dtype=np.float64)
-    if not np.all(np.isfinite(times) & (times >= 0.0)):
-        raise ValueError(f"t = {t!r} is not allowed: every time must be finite and >= 0")
+    times = times_of(t)
     slip = np.minimum(times, end)
     vx = mu * g * slip
     x = mu * g * slip**2 / 2.0 + mu * g * end * (times - slip)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import not_negative, positive
+from ninedisk.references._validate import array, not_negative, number, positive, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def beta_of_restitution(restitution: float) -> float:
     ValueError
         If the restitution is outside (0, 1]. No finite dashpot gives 0.
     """
-    if not 0.0 < restitution <= 1.0:
+    if not 0.0 < number(restitution) <= 1.0:
         raise ValueError(
             f"restitution = {restitution!r} is not allowed for a spring and dashpot: it must lie in (0, 1], since "
             "e = 0 needs an infinite damping ratio; choose a small e such as 0.001 (beta = 15.7), or an engine with an "
@@ -111,9 +111,7 @@ def contact_history(
     """
     positive(speed=speed)
     end = contact_duration(kn=kn, m_eff=m_eff, beta=beta)
-    times = np.asarray(t, dtype=np.float64)
-    if not np.all(np.isfinite(times) & (times >= 0.0)):
-        raise ValueError(f"t = {t!r} is not allowed: every time must be finite and >= 0")
+    times = times_of(t)
     omega = math.sqrt(kn / m_eff)
     overlap, rate = free_contact(np.minimum(times, end), omega, beta)
     leave = restitution_of_beta(beta)
@@ -126,6 +124,9 @@ def contact_history(
 
 def free_contact(t: FloatArray, omega: float, beta: float) -> tuple[FloatArray, FloatArray]:
     """Overlap [s] and rate [-] at times ``t`` [s] for unit approach velocity while the force acts; omega [rad/s], beta >= 0."""
+    positive(omega=omega)
+    not_negative(beta=beta)
+    t = array("t", t)
     square = (1.0 - beta) * (1.0 + beta)
     if square > 0.0:
         wd = omega * math.sqrt(square)

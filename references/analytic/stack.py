@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import count, positive
+from ninedisk.references._validate import count, positive, positive_or_inf
 
 FloatArray = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def pyramid_forces(*, weight: float, chord: float, half_width: float, kn: float 
     chord : float
         Distance of the centres in touch [m], ``2 R``.
     half_width : float
-        Horizontal distance of the centres where all touch without force [m], below ``chord``.
+        Horizontal distance of the centres where all touch without force [m], in (chord/2, chord): the lower disks do not touch.
     kn : float
         Stiffness of every contact [N/m], > 0; ``inf`` for rigid disks.
 
@@ -71,8 +71,11 @@ def pyramid_forces(*, weight: float, chord: float, half_width: float, kn: float 
     Source: equilibrium of three forces; derived here.
     """
     positive(weight=weight, chord=chord, half_width=half_width)
-    if not kn > 0.0:
-        raise ValueError(f"kn = {kn!r} is not allowed: it must be > 0, or inf")
+    positive_or_inf(kn=kn)
+    if not half_width > 0.5 * chord:
+        raise ValueError(
+            f"half_width = {half_width!r} m is not allowed: it must be more than {0.5 * chord!r} m, where the lower disks touch"
+        )
     angle = _angle(half_width, chord, kn)
     for _ in range(100):
         side = 0.5 * weight / math.cos(angle)

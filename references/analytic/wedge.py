@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import not_negative, positive
+from ninedisk.references._validate import finite, not_negative, positive, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -67,7 +67,8 @@ def wedge(t: ArrayLike, *, mu: float, g: float, mass: float, chord: float, half_
     """
     positive(g=g, mass=mass, chord=chord, half_width=half_width)
     not_negative(mu=mu)
-    times = np.asarray(t, dtype=np.float64)
+    finite(speed=speed)
+    times = times_of(t)
     b = half_width + speed * times
     if not ((b > 0.5 * chord).all() and (b < chord).all()):
         raise ValueError(

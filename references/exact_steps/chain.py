@@ -9,10 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import count, not_negative, positive, theta_in_range
+from ninedisk.references._validate import count, fraction, positive, sizes, theta_in_range
 
 FloatArray = NDArray[np.float64]
 
+MOST_STEPS = 100_000
+"""All sets of contacts are tried in each."""
 TOUCH = 1e-12
 """Gap [m] at the end of the free step up to which Newton's law acts: the rounding of coordinates."""
 
@@ -48,7 +50,7 @@ def chain_theta(
     Parameters
     ----------
     gaps : sequence of float
-        Gaps between neighbours [m], >= 0; at most seven.
+        Gaps between neighbours [m], >= 0; one to seven, all sets of contacts being tried.
     speed : float
         Velocity of the first disk [m/s], > 0.
     dt : float
@@ -65,12 +67,12 @@ def chain_theta(
     Source: theta scheme of Lim's thesis, appendix A.2, and Moreau's (1988) impact law, for more than one contact; solved here.
     """
     positive(speed=speed, dt=dt)
-    not_negative(**{f"gap_{k}": gap for k, gap in enumerate(gaps)})
-    count(n_steps=n_steps)
+    gaps = sizes("gaps", gaps, most=7)
+    count(n_steps=n_steps, most=MOST_STEPS)
+    if restitution is not None:
+        fraction(restitution=restitution)
     theta_in_range(theta)
     n = len(gaps) + 1
-    if not 2 <= n <= 8:
-        raise ValueError(f"{len(gaps)} gaps are not allowed: all sets of contacts are tried, use 1 to 7")
     back = (1.0 - theta) / theta
     gap, v = np.asarray(gaps, dtype=np.float64), np.zeros(n)
     v[0] = speed

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import count, not_negative, positive
+from ninedisk.references._validate import count, form_in_range, not_negative, positive
 
 FloatArray = NDArray[np.float64]
 
@@ -70,8 +70,7 @@ def smooth_row(
     positive(kn=kn, mass=mass, dt=dt)
     not_negative(xi=xi, v_wall=v_wall)
     count(n_load=n_load, n_steps=n_steps)
-    if form not in ("central", "lagged"):
-        raise ValueError(f"form = {form!r} is unknown: use 'central' or 'lagged'")
+    form_in_range(form)
     ext = np.longdouble
     step, stiffness, speed, rate = ext(dt), ext(kn), ext(v_wall), ext(xi)
     half = rate * step / 2

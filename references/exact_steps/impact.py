@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import count, positive, theta_in_range
+from ninedisk.references._validate import array, count, not_negative, positive, theta_in_range
 
 FloatArray = NDArray[np.float64]
 
@@ -52,8 +52,8 @@ def effective_restitution(*, gap: ArrayLike, speed: float, dt: float, theta: flo
     """
     positive(speed=speed, dt=dt)
     theta_in_range(theta)
-    start = np.asarray(gap, dtype=np.float64)
-    if not np.all(np.isfinite(start) & (start >= 0.0)):
+    start = array("gap", gap)
+    if not np.all(start >= 0.0):
         raise ValueError(f"gap = {gap!r} is not allowed: every gap must be finite and >= 0")
     weight = np.longdouble(theta)
     _, phase = _free_steps_and_phase(start, speed, dt)
@@ -118,6 +118,7 @@ def collision_step_theta(
     it does at the whole number.
     """
     positive(mass_1=mass_1, mass_2=mass_2)
+    not_negative(gap=gap)
     count(n_steps=n_steps)
     effective_restitution(gap=gap, speed=speed, dt=dt, theta=theta)
     ext = np.longdouble

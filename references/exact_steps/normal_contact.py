@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import count, not_negative, positive
+from ninedisk.references._validate import array, count, finite, not_negative, positive
 
 FloatArray = NDArray[np.float64]
 
@@ -73,7 +73,16 @@ def normal_contact_central(
     """
     positive(mass=mass, dt=dt)
     not_negative(g=g)
+    finite(y=y, vy=vy)
     count(n_steps=n_steps)
+    for k, plane in enumerate(planes):
+        if not isinstance(plane, Plane) or plane.side not in (1, -1):
+            raise ValueError(f"planes[{k}] = {plane!r:.200} is not allowed: it must be a Plane whose side is 1 or -1")
+        for name in ("place", "rate"):
+            if array(f"planes[{k}].{name}", getattr(plane, name), dimensions=(1,)).shape != (n_steps + 1,):
+                raise ValueError(f"planes[{k}].{name} is not allowed: it must have n_steps + 1 = {n_steps + 1} entries")
+        positive(**{f"planes[{k}].kn": plane.kn})
+        not_negative(**{f"planes[{k}].beta": plane.beta})
     step, place, velocity, seen = np.longdouble(dt), np.longdouble(y), np.longdouble(vy), np.longdouble(vy)
     found = NormalSteps(*(np.zeros((n_steps + 1, *more)) for more in ((), (), (len(planes),), (len(planes),))))
     for n in range(n_steps + 1):

@@ -7,7 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import count, not_negative, positive, theta_in_range
+from ninedisk.references._validate import (
+    count,
+    finite,
+    flag,
+    fraction,
+    not_negative,
+    pair,
+    positive,
+    positive_or_inf,
+    theta_in_range,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -107,10 +117,12 @@ def plane_contact_theta(
     not_negative(gap=gap, g=g, mu=mu)
     count(n_steps=n_steps)
     theta_in_range(theta)
-    if not inertia_ratio > 0.0:
-        raise ValueError(f"inertia_ratio = {inertia_ratio!r} is not allowed: it must be > 0, or inf")
-    if restitution is not None and not 0.0 <= restitution <= 1.0:
-        raise ValueError(f"restitution = {restitution!r} is not allowed: it must lie in [0, 1], or be None")
+    positive_or_inf(inertia_ratio=inertia_ratio)
+    finite(spin=spin)
+    velocity = pair("velocity", velocity)
+    flag(dilates=dilates)
+    if restitution is not None:
+        fraction(restitution=restitution)
     ext = np.longdouble
     step, weight, arm, turn, friction = ext(dt), ext(theta), ext(radius), 1 / ext(inertia_ratio), ext(mu)
     back = (1 - weight) / weight

@@ -7,8 +7,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import count, not_negative, positive, theta_in_range
-from ninedisk.references.analytic.pushed_row import ChainModes, chain_modes, forces_of
+from ninedisk.references._validate import MOST, count, finite, form_in_range, not_negative, positive, theta_in_range
+from ninedisk.references.analytic.pushed_row import MOST_DISKS, ChainModes, chain_modes, forces_of
 
 FloatArray = NDArray[np.float64]
 
@@ -38,6 +38,7 @@ def chain_central(
     -------
     ndarray, shape (n_steps + 1, n + 1)
     """
+    form_in_range(form)
     modes, wall, step, rate = _start(n, kn, mass, xi, dt, n_load, v_wall, n_steps)
     half = rate * step / 2
     keep, gain = ((1 - half) / (1 + half), 1 / (1 + half)) if form == "central" else (1 - 2 * half, np.longdouble(1))
@@ -81,7 +82,10 @@ def _start(n: int, kn: float, mass: float, xi: float, dt: float, n_load: int, v_
     """What both schemes start with; raises ValueError on arguments out of range."""
     positive(dt=dt)
     not_negative(xi=xi)
-    count(n_load=n_load, n_steps=n_steps)
+    finite(v_wall=v_wall)
+    count(n=n, least=1, most=MOST_DISKS)
+    count(n_load=n_load)
+    count(n_steps=n_steps, most=MOST // n)
     ext = np.longdouble
     wall = ext(v_wall) * ext(dt) * np.minimum(np.arange(n_steps + 1), n_load).astype(ext)
     return _Start(chain_modes(n=n, kn=kn, mass=mass), wall, ext(dt), ext(xi))

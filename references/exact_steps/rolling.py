@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import count, not_negative, positive
+from ninedisk.references._validate import count, not_negative, positive, positive_or_inf
 
 FloatArray = NDArray[np.float64]
 
@@ -92,8 +92,7 @@ def associated_rolling(
     positive(mass=mass, radius=radius, dt=dt)
     not_negative(mu=mu, g=g, gap_0=gap_0, speed=speed, pull=pull)
     count(n_steps=n_steps)
-    if not inertia_ratio > 0.0:
-        raise ValueError(f"inertia_ratio = {inertia_ratio!r} is not allowed: it must be > 0, or inf")
+    positive_or_inf(inertia_ratio=inertia_ratio)
     ext = np.longdouble
     step, friction, turn = ext(dt), ext(mu), 1 / ext(inertia_ratio)
     rows = np.full((n_steps + 1, 8), np.nan, dtype=ext)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import count, not_negative, positive
+from ninedisk.references._validate import count, finite, not_negative, positive
 
 FloatArray = NDArray[np.float64]
 
@@ -61,7 +61,10 @@ def quasistatic_sliding(
     -----
     Source: Lim's thesis, appendix A.3.1, equation (A.2).
     """
-    positive(normal_load=normal_load, magnitude_of_increment=abs(increment))
+    finite(increment=increment)
+    if increment == 0.0:
+        raise ValueError("increment = 0 is not allowed: nothing slides")
+    positive(normal_load=normal_load)
     not_negative(mu=mu, gap_0=gap_0)
     count(n_steps=n_steps)
     n = np.arange(n_steps + 1, dtype=np.float64)

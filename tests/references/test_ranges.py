@@ -1,0 +1,217 @@
+"""Every public function of the references checks its range: none answers outside of it, and none allocates by an argument without bound.
+
+The functions are found by introspection, so that a new one fails here until it is in the table of right arguments.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import math
+import pkgutil
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ninedisk.references import analytic, exact_steps
+from ninedisk.references.analytic.ellipse_collision import MovingEllipse
+from ninedisk.references.analytic.ellipse_contact import Ellipse
+from ninedisk.references.analytic.rolling_grain import EllipseShape
+from ninedisk.references.exact_steps.normal_contact import Plane
+
+SHAPE = EllipseShape(2.0, 1.0)
+MOVING = {"a": 1.0, "b": 0.5, "mass": 1.0, "inertia": 1.0, "angle": 0.1, "spin": 0.2}
+LEFT, RIGHT = MovingEllipse(**MOVING, x=(0.0, 0.0), v=(1.0, 0.0)), MovingEllipse(**MOVING, x=(3.0, 0.1), v=(0.0, 0.0))
+ONE, TWO = Ellipse(1.0, 0.5, (0.0, 0.0), 0.1), Ellipse(1.0, 0.5, (1.8, 0.1), 0.3)
+
+RIGHT_VALUES: dict[str, Any] = {
+    "amplitude": 1e-3, "angle": 0.3, "area": 100.0, "beta": 0.1, "bounces": 3, "c_disk_disk": 1.0, "c_wall": 1.0, "chord": 1.0,
+    "damping": np.eye(2), "damping_ratio": 0.1, "dilates": False, "dt": 1e-3, "end": 0.6, "form": "central", "frequency": 3.0,
+    "g": 9.81, "g0": 0.1, "gap": 0.1, "gap_0": 0.1, "gaps": [0.1, 0.2], "half_width": 0.7, "height": 0.5, "increment": 0.1,
+    "inertia_ratio": 0.5, "kn": 1e4, "ks": 1e4, "length": 10.0, "m_eff": 1.0, "mass": 1.0, "mass_1": 1.0, "mass_2": 2.0, "mu": 0.1, "n": 5,
+    "n_load": 5, "n_steps": 10, "normal_load": 1.0, "omega": 10.0, "omega_first": 10.0, "omega_second": 20.0, "one": LEFT, "phase": 0.1,
+    "phi": np.array([0.5, 0.6]), "pull": 1.0, "radius": 0.1, "restitution": 0.5, "shape": SHAPE, "speed": 1.0, "spin": 1.0, "start": 0.4,
+    "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
+    "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,
+}  # fmt: skip
+"""By the names of arguments, which mean the same thing everywhere."""
+
+OWN: dict[str, dict[str, Any]] = {
+    "compression.ramp_response": {"t": np.array([0.0, 0.1])},
+    "critical_step.lagged_limit": {"mass": np.eye(2)},
+    "ellipse_collision.gap_and_way": {"t": 0.0},
+    "ellipse_contact.ellipse_overlap": {"one": ONE, "two": TWO},
+    "normal_contact.normal_contact_central": {"planes": [Plane(1, np.zeros(11), np.zeros(11), 1e4)]},
+    "rolling_grain.kinetic_of": {"spin": np.array([1.0, 2.0])},
+    "rolling_incline.roll_down": {"rates": (1.0, 1.0, 1.0, 1.0, 1.0)},
+    "pushed_row.static_force": {"way": 0.01},
+    "wedge.wedge": {"speed": 0.01, "half_width": 0.7, "t": np.array([0.0, 0.1])},
+}
+"""Right arguments of functions of their own."""
+
+OBJECTS = {"shape", "one", "two", "rates", "planes", "modes", "q", "wall", "x"}
+"""Arguments that are made by another function or class of the references, which has checked them."""
+
+INTERNAL = {"pushed_row.forces_of", "compression.closed_row"}
+"""Functions that only other references call, with what they have computed."""
+
+ANY_SIGN = {
+    "amplitude",
+    "increment",
+    "phase",
+    "phi",
+    "speed",
+    "spin",
+    "start",
+    "end",
+    "v_1",
+    "v_2",
+    "v_wall",
+    "velocity",
+    "vy",
+    "way",
+    "y",
+}
+"""Arguments that may be negative, here or there."""
+COUNTS = {"bounces", "n", "n_load", "n_steps"}
+MOST_SECONDS, MOST_BYTES = 20.0, 400_000_000
+"""Of a call that succeeds."""
+
+
+def functions() -> Iterator[tuple[str, Callable[..., Any]]]:
+    for package in (analytic, exact_steps):
+        for found in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+            module = importlib.import_module(found.name)
+            for name, value in vars(module).items():
+                if inspect.isfunction(value) and value.__module__ == module.__name__ and not name.startswith("_"):
+                    yield f"{found.name.rpartition('.')[2]}.{name}", value
+
+
+FUNCTIONS = dict(functions())
+CHECKED = sorted(set(FUNCTIONS) - INTERNAL)
+
+
+def right(name: str) -> dict[str, Any]:
+    given = {**RIGHT_VALUES, **OWN.get(name, {})}
+    if name == "rolling_incline.roll_down":
+        from ninedisk.references.analytic.rolling_incline import RollRates
+
+        given["rates"] = RollRates(*given["rates"])
+    return {
+        argument: given[argument] for argument in inspect.signature(FUNCTIONS[name]).parameters if argument in given
+    }
+
+
+def finite(result: Any) -> bool:
+    """Whether a result holds finite numbers, but for the NaN that a first row or an unknown is filled with."""
+    if result is None or isinstance(result, bool):
+        return True
+    if isinstance(result, tuple):
+        return all(finite(part) for part in result)
+    values = np.atleast_1d(np.asarray(result, dtype=np.float64))
+    return not np.isinf(values).any()
+
+
+def test_the_table_knows_every_function_and_no_other() -> None:
+    assert len(FUNCTIONS) >= 60
+    assert set(OWN) | INTERNAL <= set(FUNCTIONS)
+    for name in CHECKED:
+        for argument, parameter in inspect.signature(FUNCTIONS[name]).parameters.items():
+            known = argument in right(name)
+            assert known or parameter.default is not inspect.Parameter.empty, f"give {argument} of {name} a right value"
+
+
+@pytest.mark.parametrize("name", CHECKED)
+def test_right_arguments_are_taken(name: str) -> None:
+    assert finite(FUNCTIONS[name](**right(name)))
+
+
+def odd_values(argument: str) -> dict[str, Any]:
+    """Values of an argument that have no meaning: each must be refused by name."""
+    found: dict[str, Any] = {
+        "nan": math.nan, "text": "wide", "None": None, "complex": 1j, "list": [[1.0], [1.0, 2.0]], "huge integer": 10**400, "mapping": {},
+    }  # fmt: skip
+    if argument not in ("t", "phi", "gap", "spin"):
+        found |= {"inf": math.inf, "-inf": -math.inf}
+    if argument not in ANY_SIGN and argument not in ("form", "dilates"):
+        found |= {"negative": -1.0}
+    if argument in COUNTS:
+        found |= {"half": 1.5, "10**12": 10**12, "1e300": 1e300}
+    if argument == "t":
+        found |= {
+            "negative": [-1.0],
+            "one is nan": [0.0, math.nan],
+            "one is inf": [math.inf],
+            "text inside": ["0"],
+            "truth values": [True],
+        }
+    if argument == "restitution":
+        found |= {"1.5": 1.5}
+    if argument == "theta":
+        found |= {"0.4": 0.4, "1.1": 1.1}
+    if argument in ("form", "dilates"):
+        found |= {"other word": "mid", "number": 1}
+    if argument == "velocity":
+        found |= {"away": (1.0, 1.0), "three": (1.0, 2.0, 3.0), "nan inside": (math.nan, -1.0)}
+    if argument == "gaps":
+        found |= {"none": [], "nan inside": [0.1, math.nan], "negative inside": [0.1, -0.1], "many": [0.1] * 100_000}
+    return found
+
+
+TAKEN = {
+    ("restitution", "None"), ("kn", "inf"), ("inertia_ratio", "inf"), ("form", "mapping"),
+    ("plane_contact.plane_contact_theta", "velocity", "away"),
+}  # fmt: skip
+"""What means something to some: a rigid contact, a body that cannot turn, the scheme's own impact law, a disk that leaves."""
+
+
+@pytest.mark.parametrize("name", CHECKED)
+def test_what_is_out_of_range_is_refused_by_name(name: str) -> None:
+    wrong = []
+    for argument in inspect.signature(FUNCTIONS[name]).parameters:
+        if argument in OBJECTS or argument not in right(name):
+            continue
+        for label, value in odd_values(argument).items():
+            begun = time.perf_counter()
+            try:
+                result = FUNCTIONS[name](**{**right(name), argument: value})
+            except ValueError as error:
+                if argument not in str(error):
+                    wrong.append(f"{argument} = {label}: the message does not name it: {error}")
+            except Exception as error:
+                wrong.append(f"{argument} = {label}: {type(error).__name__}: {error}")
+            else:
+                if (argument, label) not in TAKEN and (name, argument, label) not in TAKEN:
+                    wrong.append(f"{argument} = {label}: taken, with the result {result!r:.100}")
+            assert time.perf_counter() - begun < MOST_SECONDS, (argument, label)
+    assert not wrong, "\n".join(wrong)
+
+
+EXTREMES = (1e-100, 1e-30, 1e-6, 200.0, 1e6, 1e30, 1e100)
+"""Sizes that parameters of cases may have."""
+
+
+@pytest.mark.parametrize("name", CHECKED)
+def test_extreme_sizes_cost_nothing(name: str) -> None:
+    """One argument at a time: an answer without infinities, or an error that names it; never more memory or time than `MOST_BYTES`."""
+    tracemalloc.start()
+    try:
+        for argument, usual in right(name).items():
+            if argument in OBJECTS or not isinstance(usual, float):
+                continue
+            for value in EXTREMES:
+                tracemalloc.reset_peak()
+                begun = time.perf_counter()
+                try:
+                    with np.errstate(all="ignore"):
+                        FUNCTIONS[name](**{**right(name), argument: value})
+                except ValueError:
+                    pass
+                assert time.perf_counter() - begun < MOST_SECONDS, (argument, value)
+                assert tracemalloc.get_traced_memory()[1] < MOST_BYTES, (argument, value)
+    finally:
+        tracemalloc.stop()
