@@ -1,11 +1,15 @@
 """The one decorator of every kernel, and where compiled kernels are kept.
 
 Numba recompiles a cached function when its own file changes, but not when a jitted function that it calls from another
-file changes: a stale number with a cache hit. The cache folder is therefore keyed by a hash of all sources of the core.
+file changes: a stale number with a cache hit. The cache folder is therefore keyed by a hash of all sources of the core, and
+within it a kernel has its place by its module alone: clones, copies and installed wheels of the same sources share it.
+
+On a cache miss a kernel is compiled by one process; the others that want it wait and load what it leaves.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import tempfile
@@ -15,6 +19,8 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import caching
+from numba.core.compiler_lock import global_compiler_lock
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -72,12 +78,79 @@ def fused_kernel(function: Function) -> Function:
 def _kept(function: Function, options: dict[str, Any]) -> Function:
     settings: Any = numba.config
     before = settings.CACHE_DIR
+    compiled: Any = numba.njit(**options)(function)
+    if settings.DISABLE_JIT:
+        return cast(Function, compiled)
     settings.CACHE_DIR = cache_folder()
     try:
-        compiled: Any = numba.njit(cache=True, **options)(function)
+        kept = _SharedCache(function)
     finally:
         settings.CACHE_DIR = before
+    compiled._cache = kept
+    by_numba = compiled.compile
+
+    def compile_once(signature: Any) -> Any:
+        with global_compiler_lock:
+            try:
+                return by_numba(signature)
+            finally:
+                kept.release()
+
+    compiled.compile = compile_once
     return cast(Function, compiled)
+
+
+_numba: Any = caching  # its annotations are not those of its code
+# Older versions of Numba have the locator under a private name.
+_Locator: Any = getattr(_numba, "UserProvidedCacheLocator", None) or _numba._UserProvidedCacheLocator
+
+
+class _ByModule(_Locator):  # type: ignore[misc]
+    """Place of a kernel below the cache folder: that of its module below the core, wherever the core is installed."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        folder, core = Path(py_file).resolve().parent, Path(__file__).resolve().parent
+        if folder.is_relative_to(core):
+            return Path("core", folder.relative_to(core)).as_posix()
+        by_path: str = super().get_suitable_cache_subpath(py_file)  # a kernel of others
+        return by_path
+
+
+class _Compiled(_numba.CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = (_ByModule,)
+
+
+class _SharedCache(_numba.FunctionCache):  # type: ignore[misc]
+    """Numba's cache of one function, which on a miss is this process's alone until `release`.
+
+    Two processes never wait for each other: while a kernel is compiled only kernels that it calls are, and none calls itself.
+    """
+
+    _impl_class = _Compiled
+
+    def __init__(self, py_func: Callable[..., Any]) -> None:
+        super().__init__(py_func)
+        self._lock: int | None = None
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What is stored for a signature, or None; then nobody else compiles the function until `release`."""
+        found = super().load_overload(sig, target_context)
+        if found is not None or self._lock is not None:
+            return found
+        path = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
+        try:
+            self._lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+            fcntl.flock(self._lock, fcntl.LOCK_EX)
+        except OSError:
+            return None  # nothing can be locked here: everybody compiles
+        return super().load_overload(sig, target_context)
+
+    def release(self) -> None:
+        """Let others compile the function again; the system does so for a process that dies."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
 
 
 def inline_kernel(function: Function) -> Function:

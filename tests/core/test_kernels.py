@@ -6,6 +6,7 @@ import importlib
 import json
 import os
 import pkgutil
+import shutil
 import stat
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 
+import ninedisk
 from ninedisk import core
 from ninedisk.core._cache import OPTIONS, inline_kernel, source_hash
 
@@ -50,6 +52,7 @@ def test_every_function_of_the_dem_that_is_compiled_is_such_a_kernel() -> None:
 
 PROGRAM = """
 import json
+import sys
 import numba
 before = numba.config.CACHE_DIR
 from ninedisk.core import ContactLaw, Wall
@@ -64,24 +67,27 @@ print(json.dumps({
     "path": stats.cache_path,
     "pose": pose[0, :4].tolist(),
     "numba": [before, numba.config.CACHE_DIR],
+    "core": sys.modules[Wall.__module__].__file__,
 }))
 """
 
 
-def in_a_fresh_process(**environment: str) -> dict[str, object]:
-    """Place a wall with the compiled kernel and tell where its machine code came from."""
+def in_fresh_processes(count: int, **environment: str) -> list[dict[str, object]]:
+    """Place a wall with the compiled kernel, in several processes at once, and tell where its machine code came from."""
     clean = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
-        env={**clean, **environment},
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
-    answer: dict[str, object] = json.loads(done.stdout)
-    assert answer["pose"] == [3.0, 2.0, 0.0, 1.0]
-    return answer
+    command = [sys.executable, "-c", PROGRAM]
+    begun = [
+        subprocess.Popen(command, env={**clean, **environment}, stdout=subprocess.PIPE, text=True) for _ in range(count)
+    ]
+    said = [process.communicate(timeout=120)[0] for process in begun]
+    assert [process.returncode for process in begun] == [0] * count
+    answers: list[dict[str, object]] = [json.loads(text) for text in said]
+    assert all(answer["pose"] == [3.0, 2.0, 0.0, 1.0] for answer in answers)
+    return answers
+
+
+def in_a_fresh_process(**environment: str) -> dict[str, object]:
+    return in_fresh_processes(1, **environment)[0]
 
 
 @compiled
@@ -99,6 +105,20 @@ def test_second_process_finds_the_machine_code_of_the_first(variable: str, tmp_p
     # Numba's own setting is the user's: functions of others are not kept among ours.
     before, after = first["numba"]  # type: ignore[misc]
     assert before == after
+
+
+@compiled
+def test_a_kernel_is_compiled_once_for_all_processes_and_copies(tmp_path: Path) -> None:
+    """Of two processes that find nothing one compiles; the same sources elsewhere load what it left."""
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    answers = in_fresh_processes(2, **kept)
+    assert sorted((answer["hits"], answer["misses"]) for answer in answers) == [(0, 1), (1, 0)]
+    copy = tmp_path / "elsewhere" / "ninedisk"
+    shutil.copytree(Path(core.__file__).parent, copy / "core", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ninedisk.__file__, copy)
+    answer = in_a_fresh_process(PYTHONPATH=str(copy.parent), **kept)
+    assert (answer["hits"], answer["misses"]) == (1, 0)
+    assert Path(str(answer["core"])).is_relative_to(copy)
 
 
 @compiled
