@@ -41,13 +41,16 @@ class Scheme(NamedTuple):
 
 
 class State(NamedTuple):
-    """State of a run: centres and angles, velocities, walls, and the contact forces of the last step by pair, in ascending order."""
+    """State of a run: centres and angles, velocities, walls, and by pair, in ascending order, the contact forces of the last step and the
+    shear forces with which the next one begins.
+    """
 
     x: Floats
     v: Floats
     wall: Floats
     pairs: Ints
     forces: Floats
+    shear: Floats
     counts: Ints
     totals: Floats
 

@@ -19,6 +19,7 @@ from ninedisk.core.cd.frame_kernels import (
     MISSED,
     NEARBY,
     Laws,
+    carry_shear,
     contact_compliances,
     dynamic_offsets,
     gap_round_off,
@@ -118,7 +119,7 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
         begin_set(tolerance, scheme, laws, state, near, dx, scratch.v)
     why = _solve(round_off, moved, turned, walls, scheme, laws, state, near, chosen, scratch)
     if why == DONE:
-        _accept(state, chosen, scratch)
+        _accept(laws, state, chosen, scratch)
     return why
 
 
@@ -244,10 +245,13 @@ def _solve(
 
 
 @inline_kernel
-def _accept(state: State, chosen: Chosen, scratch: Scratch) -> None:
+def _accept(laws: Laws, state: State, chosen: Chosen, scratch: Scratch) -> None:
     """Make the solution the state; its forces are the memory of the next step."""
     totals, figures, counts = state.totals, scratch.figures, state.counts
-    for k in range(counts[CHOSEN]):
+    c = counts[CHOSEN]
+    carry_shear(chosen.pairs[:c], chosen.bodies[:c], chosen.row[:c], state.x, state.wall, scratch.after, chosen.normal[:c],
+                chosen.gap_before[:c], chosen.shift[:c], chosen.arms[:c], scratch.dx, laws, chosen.r[:c], state.shear[:c])  # fmt: skip
+    for k in range(c):
         p, q = chosen.r[k, 0], chosen.r[k, 1]
         totals[WORK] -= p * (chosen.gap[k] - chosen.gap_before[k]) + q * chosen.shift[k]
         state.pairs[k, 0], state.pairs[k, 1] = chosen.pairs[k, 0], chosen.pairs[k, 1]
