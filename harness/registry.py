@@ -48,6 +48,7 @@ BUILTIN_CASES: dict[str, str] = {
     "invariance/galilei": "ninedisk.harness.cases.invariance:CASES",
     "contact/reopening": "ninedisk.harness.cases.reopening:CASE",
     "contact/moving-wall": "ninedisk.harness.cases.moving_wall:CASE",
+    "contact/retraced-loop": "ninedisk.harness.cases.retraced_loop:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.rotating_box:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {

@@ -132,6 +132,16 @@ REOPENED = (
              "noted = views.damping.copy(); note_pairs(disks, views, pairs, law); views.damping[:] = noted")),
 )  # fmt: skip
 
+RETRACED = (
+    _python("slip-at", "slip is measured at the end of the step where it should be in the middle, and the other way round", "retrace",
+            ("dem.constants", 'law.slip_at == "middle"', 'law.slip_at != "middle"')),
+    _kernel("slip-at-the-begin", "slip between disks is measured with the normal of the step's begin", "retrace",
+            (PAIRS, "mx, my = dx + back * vx, dy + back * vy", "mx, my = dx + 2.0 * back * vx, dy + 2.0 * back * vy")),
+    _kernel("slip-of-a-later-wall", "slip in the middle of the step is measured with the wall's pose of its end", "retrace-wall",
+            (STEP, "place_walls(motion, t_half, t_half, t_half, walls.middle)",
+             "place_walls(motion, t, t_half, t_half, walls.middle)")),
+)  # fmt: skip
+
 LISTS = (
     _kernel("skin-too-generous", "disks may move twenty times as far as the skin allows before the lists are rebuilt", "hit-near",
             (STEP, _LIMIT, _LIMIT.replace("min(", "20.0 * min("))),
@@ -176,4 +186,4 @@ HOLES = tuple(
     )
 )  # fmt: skip
 
-DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *LISTS, *STRIPED, *HOLES)
+DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *LISTS, *STRIPED, *HOLES)

@@ -16,6 +16,7 @@ HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
 STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
 LENSES, OVALS, GRAINS, REST = "nurbs/overlap", "nurbs/collision", "nurbs/rolling", "nurbs/settle"
 REOPEN, WALL, STACK = "contact/reopening", "contact/moving-wall", "static/stack"
+RETRACE = "contact/retraced-loop"
 
 ENGINES = ("dem", "cd")
 
@@ -58,6 +59,8 @@ DEM_PANEL: dict[str, Probe] = {
     "reopen-wall": Probe(REOPEN, {"pair": "wall", "arm": "overlap"}),
     "push-wall": Probe(WALL, {}),
     "shake": Probe(WALL, {"motion": "shake"}),
+    "retrace": Probe(RETRACE, {}),
+    "retrace-wall": Probe(RETRACE, {"kind": "wall"}),
     "stack": Probe(STACK, {"start": "equilibrium", "n": 12, "duration": 0.02}),
     "press-outlines": Probe(PRESS, {"shape": "nurbs", "cycles": 10, "settle_cycles": 5, "wall_mu": "mu"}),
     "lenses": Probe(LENSES, {"shape": "ellipse", "pairs": 3}),

@@ -1,0 +1,100 @@
+"""Shear springs of contacts that retrace a path, step by step, with slip measured in the middle of the step or at its end."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.references._validate import count, positive
+
+FloatArray = NDArray[np.float64]
+
+
+def oscillation_central(*, frequency: float, speed: float, dt: float, n_steps: int) -> FloatArray:
+    """Places [m] at ``t_0 .. t_n`` of a linear oscillator that central differences start from rest's place, shape (n + 1,).
+
+    ``x_{n+1} - 2 x_n + x_{n-1} = -(frequency dt)^2 x_n`` has the solution ``C sin(n a)``, ``sin(a/2) = frequency dt/2``; with no force at
+    ``x_0 = 0`` the first step is ``speed dt``.
+
+    Parameters
+    ----------
+    frequency, speed, dt : float
+        [rad/s], [m/s], [s], > 0; ``frequency dt`` < 2.
+    n_steps : int
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+    """
+    positive(frequency=frequency, speed=speed, dt=dt)
+    count(n_steps=n_steps)
+    if frequency * dt >= 2.0:
+        raise ValueError(f"dt = {dt!r} is not allowed: the scheme is stable below 2/frequency = {2.0 / frequency:g} s")
+    turn = 2.0 * math.asin(0.5 * frequency * dt)
+    return np.asarray(speed * dt / math.sin(turn) * np.sin(turn * np.arange(n_steps + 1)), dtype=np.float64)
+
+
+def pair_shear(d: FloatArray, *, slip_at: str) -> FloatArray:
+    """``fs/ks`` [m] at ``t_0 .. t_n`` of two bodies without spin, from ``d = x_j - x_i`` [m], shape (n + 1, 2).
+
+    Velocities of half steps times dt are the differences of d; ``t`` is at right angles to ``d_n`` ("end"), or to the mean of
+    ``d_{n-1}`` and ``d_n`` ("middle"). The contact neither opens nor slides.
+
+    Raises
+    ------
+    ValueError
+        If ``slip_at`` is neither.
+    """
+    _known(slip_at)
+    places = np.asarray(d, dtype=np.longdouble)
+    step = np.diff(places, axis=0)
+    normal = places[1:] if slip_at == "end" else (places[1:] + places[:-1]) / 2
+    normal /= np.sqrt((normal**2).sum(axis=1))[:, None]
+    slid = step[:, 1] * normal[:, 0] - step[:, 0] * normal[:, 1]
+    return np.asarray(np.concatenate([[0.0], np.cumsum(slid)]), dtype=np.float64)
+
+
+def turning_wall_steps(
+    *, radius: float, overlap: float, way: float, angle: float, half: int, cycles: int, mid_overlap: bool, slip_at: str
+) -> FloatArray:
+    """``fs/ks`` [m] at every step of the disk at rest of `ninedisk.references.analytic.retraced_loop.turning_wall_shear`.
+
+    The wall takes ``half`` steps to go there, and as many back; in each of them it goes and turns by the same, which is its velocity in
+    the middle of the step, and the pose is that of the middle of the step or of its end.
+
+    Parameters
+    ----------
+    radius, overlap, way : float
+        [m], > 0.
+    angle : float
+        [rad], > 0.
+    half, cycles : int
+    mid_overlap : bool
+    slip_at : {"middle", "end"}
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+    """
+    positive(radius=radius, overlap=overlap, way=way, angle=angle, half=half)
+    count(half=half, cycles=cycles)
+    _known(slip_at)
+    steps = np.arange(1, 2 * half * cycles + 1, dtype=np.longdouble) - (0.5 if slip_at == "middle" else 0.0)
+    forth = (np.arange(2 * half * cycles) // half) % 2 == 0
+    sign = np.where(forth, np.longdouble(1.0), np.longdouble(-1.0)) / half
+    at = steps % (2 * half) / half
+    part = np.minimum(at, 2 - at)
+    # At the end of the way back the remainder is 0 and so is the part.
+    slid = way * np.sin(angle * part) + (np.longdouble(radius) - overlap) * angle
+    if mid_overlap:
+        slid = slid + angle * (overlap + way * part * np.cos(angle * part)) / 2
+    return np.asarray(np.concatenate([[0.0], np.cumsum(sign * slid)]), dtype=np.float64)
+
+
+def _known(slip_at: str) -> None:
+    if slip_at not in ("middle", "end"):
+        raise ValueError(f"slip_at = {slip_at!r} is unknown: use middle or end")
