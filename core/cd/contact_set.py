@@ -84,10 +84,10 @@ def solve_with_contacts(
     reach = max(2.0 * reach_of(dx), NEARBY * float(place.radius.min()))
     frames = near(reach)
     inside = closing(frames, dx) < max(margin, tolerance)
-    start, iterations = memory if start is None else start, 0
+    start, springs, iterations = memory if start is None else start, memory.springs(), 0
     while True:
         chosen = frames.pick(inside)
-        solved = step.solve(chosen, _forces(memory, chosen, grains), _forces(start, chosen, grains))
+        solved = step.solve(chosen, _forces(springs, chosen, grains), _forces(start, chosen, grains))
         start, iterations = memory.renewed(chosen.pairs, solved.r, chosen.place), iterations + solved.result.iterations
         needed = reach_of(solved.dx)
         if needed > reach:

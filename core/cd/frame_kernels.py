@@ -46,6 +46,7 @@ class Laws(NamedTuple):
     restitution: Floats
     arm_overlap: Floats
     wall_mid: Floats
+    slip_middle: NDArray[np.bool_]
 
 
 @kernel
@@ -278,3 +279,66 @@ def note_impact_work(
         if total > gains[GAIN_LARGEST]:
             gains[GAIN_LARGEST], gains[GAIN_STEP] = total, step
             gains[GAIN_I], gains[GAIN_J] = pairs[at, 0], pairs[at, 1]
+
+
+@kernel
+def carry_shear(
+    pairs: NDArray[np.int64],
+    bodies: NDArray[np.int32],
+    row: NDArray[np.int64],
+    x: Floats,
+    before: Floats,
+    after: Floats,
+    normal: Floats,
+    gap_before: Floats,
+    shift: Floats,
+    arms: Floats,
+    dx: Floats,
+    laws: Laws,
+    forces: Floats,
+    shear: Floats,
+) -> None:
+    """Shear forces with which the next step begins, shape (c,), from those of the step that was solved, (c, 2); x and dx are its own.
+
+    The program of a step has the slip ``s_0 = shift + H_t dx`` along the tangent of its start, which is of first order and drifts along
+    closed paths. With ``dx`` known, the spring's own slip is that along the tangent of the middle of the step, ``s_m``: with a and b the
+    difference of the positions before and after, ``m = (a + b)/2`` and ``-(b - a).t_m = -(a x b)/|m|`` between disks. So the next step
+    begins with ``q - ks (s_m - s_0)``, within the cone. The step itself keeps the frame of its start, its error is of first order
+    as before, but nothing of it stays: a retraced path leaves what the midpoint rule leaves.
+
+    Outlines have ``a = h n``, h the distance of the bodies along the normal: their contacts turn as those of disks would.
+    """
+    for k in range(pairs.shape[0]):
+        law, i, j = row[k], pairs[k, 0], pairs[k, 1]
+        shear[k] = forces[k, 1]
+        if not (laws.elastic[law] and laws.slip_middle[law]) or laws.ks[law] == 0.0 or laws.mu[law] == 0.0:
+            continue
+        nx, ny = normal[k, 0], normal[k, 1]
+        shorter = 0.5 * laws.arm_overlap[law] * max(0.0, -gap_before[k])
+        arm_i, arm_j = arms[k, 2] + shorter, 0.0
+        _, slip = contact_velocity(k, bodies, normal, arms, dx)
+        if j < x.shape[0]:
+            wx, wy = dx[j, 0] - dx[i, 0], dx[j, 1] - dx[i, 1]
+            h = (x[j, 0] - x[i, 0]) * nx + (x[j, 1] - x[i, 1]) * ny
+            mx, my = h * nx + 0.5 * wx, h * ny + 0.5 * wy
+            far = sqrt(mx * mx + my * my)
+            arm_j = arms[k, 3] + shorter
+            middle = (my * wx - mx * wy) / far + arm_j * dx[j, 2]
+            deep = max(0.0, arm_i + arm_j - far)
+            middle -= 0.5 * laws.arm_overlap[law] * deep * dx[j, 2]
+        else:
+            w = j - x.shape[0]
+            ux, uy = before[w, 2] + after[w, 2], before[w, 3] + after[w, 3]
+            length = sqrt(ux * ux + uy * uy)
+            ux, uy = ux / length, uy / length
+            turned = before[w, 2] * after[w, 3] - before[w, 3] * after[w, 2]
+            wx, wy = after[w, 0] - before[w, 0], after[w, 1] - before[w, 1]
+            height = (x[i, 0] + 0.5 * dx[i, 0] - before[w, 0] - 0.5 * wx) * ux
+            height += (x[i, 1] + 0.5 * dx[i, 1] - before[w, 1] - 0.5 * wy) * uy
+            deep = max(0.0, arm_i - height)
+            # Twice the sine of half the turn: the way of what is a unit below the surface.
+            middle = (dx[i, 0] - wx) * uy - (dx[i, 1] - wy) * ux - laws.wall_mid[law] * deep * turned / length
+            slip += shift[k]
+        middle += (arm_i - 0.5 * laws.arm_overlap[law] * deep) * dx[i, 2]
+        cap = laws.mu[law] * forces[k, 0]
+        shear[k] = max(-cap, min(cap, forces[k, 1] - laws.ks[law] * (middle - slip)))

@@ -41,6 +41,9 @@ class LawTable:
     arrays : Laws
         All of these, as the kernels read them.
 
+    slip_middle : ndarray of bool, shape (1 + m,)
+        Whether a shear spring's slip is that of the middle of the step; else it is that of the step's program, at its start.
+
     Raises
     ------
     InvalidSceneError
@@ -59,6 +62,7 @@ class LawTable:
         self.mu[self.elastic & (self.ks == 0.0)] = 0.0
         self.arm_overlap = np.array([float(law.lever_arm == "overlap") for law in laws])
         self.wall_mid = np.array([float(law.wall_velocity_at == "mid-overlap") for law in laws])
+        self.slip_middle = np.array([law.slip_at == "middle" for law in laws])
         self.restitution = np.full(len(laws), np.nan)
         for k, law in enumerate(laws):
             if law.contact == "area" and used[k]:
@@ -84,7 +88,9 @@ class LawTable:
                     )
                 self.restitution[k] = law.restitution
         self.newton = bool(np.isfinite(self.restitution).any())
-        self.arrays = Laws(self.kn, self.ks, self.mu, self.elastic, self.restitution, self.arm_overlap, self.wall_mid)
+        self.arrays = Laws(
+            self.kn, self.ks, self.mu, self.elastic, self.restitution, self.arm_overlap, self.wall_mid, self.slip_middle
+        )
 
 
 def _is_elastic(law: ContactLaw, contacts: Stiffness) -> bool:

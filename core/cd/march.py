@@ -108,7 +108,7 @@ class March:
         force, kept, prescribed, end, dx = (np.empty((n, 3)) for _ in range(5))
         self._scratch = Scratch(np.empty((m, 11)), force, kept, prescribed, end, dx, np.empty(SUMS), np.empty(6))
         self._counts, self._totals = np.zeros(6, dtype=np.int64), np.zeros(5)
-        self._pairs, self._forces = np.empty((0, 2), dtype=np.int64), np.empty((0, 2))
+        self._pairs, self._forces, self._shear = np.empty((0, 2), dtype=np.int64), np.empty((0, 2)), np.empty(0)
         self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), np.full(2, -np.inf))
         self._rest, self._resting = 1, 0
         self.iterations, self.worst = 0, (0.0, 0.0)
@@ -148,7 +148,7 @@ class March:
         listed_at = -1
         while True:
             target = min(last, done + max(1, PAIR_STEPS // (len(self._near.pairs) + 1)))
-            state = State(x, v, wall, self._pairs, self._forces, counts, totals, self._gains)
+            state = State(x, v, wall, self._pairs, self._forces, self._shear, counts, totals, self._gains)
             laws, motion = self._laws.arrays, self._motion
             why = march(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
             if why == MORE:
@@ -169,15 +169,16 @@ class March:
         self.iterations += int(counts[ITERATIONS])
         self.worst = (float(totals[WORST_MAP]), float(totals[WORST_GAP]))
         held = int(counts[HELD])
-        found = memory.renewed(self._pairs[:held].copy(), self._forces[:held].copy(), np.zeros((held, 2)))
+        forces, shear = self._forces[:held].copy(), self._shear[:held].copy()
+        found = memory.renewed(self._pairs[:held].copy(), forces, np.zeros((held, 2)), shear)
         return reached, found, float(totals[WORK])
 
     def _remember(self, memory: ContactMemory) -> None:
         """Take over the forces of a step that was taken singly."""
         held = len(memory.pairs)
         if held > len(self._pairs):
-            self._pairs, self._forces = np.empty((held, 2), dtype=np.int64), np.empty((held, 2))
-        self._pairs[:held], self._forces[:held] = memory.pairs, memory.forces
+            self._make_room(held)
+        self._pairs[:held], self._forces[:held], self._shear[:held] = memory.pairs, memory.forces, memory.shear
         self._counts[HELD] = held
 
     def _list(self, x: FloatArray, wall: FloatArray, needed: FloatArray) -> None:
@@ -217,9 +218,13 @@ class March:
             **_geometry(c),
         )
         if c > len(self._pairs):
-            kept = (self._pairs, self._forces)
-            self._pairs, self._forces = np.empty((c, 2), dtype=np.int64), np.empty((c, 2))
-            self._pairs[: len(kept[0])], self._forces[: len(kept[1])] = kept
+            held = len(self._pairs)
+            kept = (self._pairs, self._forces, self._shear)
+            self._make_room(c)
+            self._pairs[:held], self._forces[:held], self._shear[:held] = kept
+
+    def _make_room(self, c: int) -> None:
+        self._pairs, self._forces, self._shear = np.empty((c, 2), dtype=np.int64), np.empty((c, 2)), np.empty(c)
 
 
 def _geometry(c: int) -> dict[str, FloatArray]:

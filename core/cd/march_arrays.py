@@ -42,14 +42,16 @@ class Scheme(NamedTuple):
 
 
 class State(NamedTuple):
-    """State of a run: centres and angles, velocities, walls, the contact forces of the last step by pair, in ascending order, and
-    ``gains`` of `ninedisk.core.cd.frame_kernels.note_impact_work`."""
+    """State of a run: centres and angles, velocities, walls, and by pair, in ascending order, the contact forces of the last step and the
+    shear forces with which the next one begins; ``gains`` are those of `ninedisk.core.cd.frame_kernels.note_impact_work`.
+    """
 
     x: Floats
     v: Floats
     wall: Floats
     pairs: Ints
     forces: Floats
+    shear: Floats
     counts: Ints
     totals: Floats
     gains: Floats

@@ -20,6 +20,7 @@ from ninedisk.core.cd.frame_kernels import (
     MISSED,
     NEARBY,
     Laws,
+    carry_shear,
     contact_compliances,
     dynamic_offsets,
     gap_round_off,
@@ -264,14 +265,16 @@ def _solve(
 def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: Chosen, scratch: Scratch) -> None:
     """Make the solution the state; its forces are the memory of the next step."""
     totals, figures, counts = state.totals, scratch.figures, state.counts
+    c = counts[CHOSEN]
     if scheme.newton:
-        c = counts[CHOSEN]
         note_impact_work(
             counts[STEP] + 1, FED * scheme.tolerance, round_off / scheme.dt, chosen.bodies[:c], chosen.pairs, chosen.normal,
             chosen.gap, chosen.gap_before, chosen.shift, chosen.arms, chosen.row, chosen.blocks, laws,
             scratch.kept, scratch.prescribed, scratch.v, chosen.r, scheme.dt, state.gains,
         )  # fmt: skip
-    for k in range(counts[CHOSEN]):
+    carry_shear(chosen.pairs[:c], chosen.bodies[:c], chosen.row[:c], state.x, state.wall, scratch.after, chosen.normal[:c],
+                chosen.gap_before[:c], chosen.shift[:c], chosen.arms[:c], scratch.dx, laws, chosen.r[:c], state.shear[:c])  # fmt: skip
+    for k in range(c):
         p, q = chosen.r[k, 0], chosen.r[k, 1]
         totals[WORK] -= p * (chosen.gap[k] - chosen.gap_before[k]) + q * chosen.shift[k]
         state.pairs[k, 0], state.pairs[k, 1] = chosen.pairs[k, 0], chosen.pairs[k, 1]

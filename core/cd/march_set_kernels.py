@@ -75,9 +75,10 @@ def begin_set(
         while at < held and (state.pairs[at, 0] < i or (state.pairs[at, 0] == i and state.pairs[at, 1] < j)):
             at += 1
         p, q = 0.0, 0.0
+        near.shear[k] = 0.0
         if at < held and state.pairs[at, 0] == i and state.pairs[at, 1] == j:
             p, q = state.forces[at, 0], state.forces[at, 1]
-        near.shear[k] = q
+            near.shear[k] = state.shear[at]
         near.force[k, 0], near.force[k, 1] = project_on_cone(p, q, laws.mu[near.row[k]])
         near.inside[k] = _harmless(k, laws, near) and (p > 0.0 or near.closing[k] < tolerance)
     find_closing(scheme, near, flight)

@@ -22,6 +22,8 @@ class ContactMemory:
         Normal and shear forces ``(p, q)`` [N].
     places : ndarray, shape (c, 2)
         Places on both outlines, 0 on disks and walls.
+    shear : ndarray, shape (c,), optional
+        Shear forces with which the next step begins [N]; None: those of the last one.
 
     Attributes
     ----------
@@ -29,9 +31,12 @@ class ContactMemory:
         One number for each pair, ascending.
     """
 
-    def __init__(self, n_bodies: int, pairs: IntArray, forces: FloatArray, places: FloatArray) -> None:
+    def __init__(
+        self, n_bodies: int, pairs: IntArray, forces: FloatArray, places: FloatArray, shear: FloatArray | None = None
+    ) -> None:
         self._n = n_bodies
         self.pairs, self.forces, self.places = pairs, forces, places
+        self.shear = forces[:, 1] if shear is None else shear
         self.keys = self.keys_of(pairs)
 
     def keys_of(self, pairs: IntArray) -> IntArray:
@@ -58,6 +63,12 @@ class ContactMemory:
         """Which of the pairs are among the others, shape (c,)."""
         return np.isin(self.keys_of(pairs), self.keys_of(others))
 
-    def renewed(self, pairs: IntArray, forces: FloatArray, places: FloatArray) -> ContactMemory:
+    def renewed(
+        self, pairs: IntArray, forces: FloatArray, places: FloatArray, shear: FloatArray | None = None
+    ) -> ContactMemory:
         """Memory of the next step."""
-        return ContactMemory(self._n, pairs, forces, places)
+        return ContactMemory(self._n, pairs, forces, places, shear)
+
+    def springs(self) -> ContactMemory:
+        """The same with the shear forces with which the next step begins."""
+        return self.renewed(self.pairs, np.column_stack([self.forces[:, 0], self.shear]), self.places)

@@ -27,7 +27,7 @@ from ninedisk.core.cd.result import SolverResult
 from ninedisk.core.cd.settings import read_settings
 from ninedisk.core.cd.solver import ContactSolver
 from ninedisk.core.cd.statics import StaticStep, zero_energy_modes
-from ninedisk.core.cd.step import DynamicStep, Solved, Step, bodies_of
+from ninedisk.core.cd.step import DynamicStep, Solved, Step, bodies_of, carried_shear
 from ninedisk.core.contacts.finder import PairFinder
 from ninedisk.core.errors import (
     CoreError,
@@ -247,9 +247,10 @@ class CdSession:
             )
         self._check_walls(self._x + solved.dx, after, step)
         self._wall_work += self._work_of_walls(frames, solved)
+        shear = carried_shear(frames, place, solved, self._laws)
         self._x = self._x + solved.dx
         self._v = solved.dx / dt if static else solved.v
-        self._memory = self._memory.renewed(frames.pairs, solved.r, frames.place)
+        self._memory = self._memory.renewed(frames.pairs, solved.r, frames.place, shear)
         self._wall = after
         self._frames = frames
 

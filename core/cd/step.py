@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.contact_kernels import contact_velocities
-from ninedisk.core.cd.frame_kernels import FED, contact_compliances, dynamic_offsets, note_impact_work
+from ninedisk.core.cd.frame_kernels import FED, carry_shear, contact_compliances, dynamic_offsets, note_impact_work
 from ninedisk.core.cd.frames import Frames
 from ninedisk.core.cd.laws import LawTable
+from ninedisk.core.cd.place import Place
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.result import SolverResult
 from ninedisk.core.cd.solver import ContactSolver
@@ -215,3 +216,12 @@ class DynamicStep:
         theta = self._theta
         free = theta * v + (1.0 - theta) * self._v0
         return self._dt * np.where(self._bodies.free, free, self._prescribed)
+
+
+def carried_shear(frames: Frames, place: Place, solved: Solved, laws: LawTable) -> FloatArray:
+    """Shear forces with which the next step begins, shape (c,) [N]: see `carry_shear`."""
+    shear, bodies = np.empty(len(frames)), pair_bodies(frames, len(solved.dx))
+    geometry = (frames.normal, frames.gap_before, frames.shift, frames.arms)
+    poses = (place.x, place.before, place.after)
+    carry_shear(frames.pairs, bodies, frames.row, *poses, *geometry, solved.dx, laws.arrays, solved.r, shear)
+    return shear
