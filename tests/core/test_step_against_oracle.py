@@ -10,6 +10,8 @@ from oracle import Oracle
 from scenes import KN, difference, numerics, random_law, random_scene, run
 
 from ninedisk.core.dem.session import DemSession
+from ninedisk.core.errors import BehindWallError
+from ninedisk.core.history import History
 from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
 
 FIELDS = ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force")
@@ -23,11 +25,27 @@ TOLERANCE = 4e-12
 by some tens within the run: the largest difference over 3000 scenes is 4e-13. A changed term shows at 1e-6 or more."""
 
 
+def steps_behind_walls(scene: Scene, history: History) -> np.ndarray:
+    """Steps at which the centre of a disk is behind a wall."""
+    height = [
+        history.gap[:, c] + scene.disks.radius[i] for c, (i, j) in enumerate(history.pairs) if j >= len(scene.disks)
+    ]
+    return np.flatnonzero((np.array(height) <= 0.0).any(axis=0)) if height else np.empty(0, dtype=int)
+
+
 def assert_twins(scene: Scene, steps: int = STEPS, **how: object) -> Counter[str]:
-    """Compare a run with its twin; gives back what the contacts went through."""
+    """Compare a run with its twin; gives back what the contacts went through.
+
+    A run that takes a centre behind a wall ends at that very step; it is compared up to there.
+    """
     settings = numerics(DT, steps, **how)
     twin = Oracle(scene, settings)
     expected = twin.run()
+    lost = steps_behind_walls(scene, expected)
+    if len(lost):
+        with pytest.raises(BehindWallError, match=f"contact step {lost[0]} "):
+            run(scene, settings)
+        return Counter() if lost[0] < 2 else assert_twins(scene, int(lost[0]) - 1, **how)
     found = run(scene, settings)
     far = {
         name: value for name, value in difference(found, expected, FIELDS + ENERGIES).items() if not value < TOLERANCE
