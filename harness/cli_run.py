@@ -85,10 +85,14 @@ def execute(
         if json_file is not None:
             write_json(json_file, results)
     except StoreError as error:
-        show_summary(results, None)
+        show_summary(*_told(results), None)
         fail(str(error), FAILURE)
-    show_summary(results, folder)
+    show_summary(*_told(results), folder)
     return code
+
+
+def _told(results: Sequence[CaseResult]) -> tuple[list[Row], list[Row]]:
+    return [result.cell for result in results], [row for result in results for row in result.rows]
 
 
 def read_jobs(text: str | None) -> int:

@@ -1,9 +1,10 @@
-"""``ninedisk runs``, ``merge``, ``export`` and ``prune``: the commands that look after stores."""
+"""``ninedisk runs``, ``show``, ``merge``, ``export`` and ``prune``: the commands that look after stores."""
 
 from __future__ import annotations
 
+from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,9 +14,13 @@ Store = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of t
 """Option of every command that reads or writes results."""
 
 
+Row = dict[str, Any]
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
     app.command("runs", short_help="List the stored runs.")(runs)
+    app.command("show", short_help="Show a stored run: checks, reasons, what did not run.")(show)
     app.command("merge", short_help="Copy the runs of other stores into one.")(merge)
     app.command("export", short_help="Write stored runs as CSV, JSON or Parquet.")(export)
     app.command("prune", short_help="Remove old or half-written runs.")(prune)
@@ -52,6 +57,56 @@ def runs(store: Store = Path("results")) -> None:
         out.print(shown)
     else:
         out.print(f"no runs in {str(store)!r}; `ninedisk run --store {store}` makes one")
+
+
+@guarded
+def show(
+    which: Annotated[str, typer.Argument(metavar="[RUN]", help="A run as in `ninedisk compare`.")] = "latest",
+    case: Annotated[str, typer.Option("--case", metavar="GLOB", help="Only cases whose ids match.")] = "*",
+    engine: Annotated[str | None, typer.Option("--engine", "-e", metavar="ID", help="Only this engine.")] = None,
+    status: Annotated[
+        list[str] | None,
+        typer.Option("--status", metavar="STATUS", help="Only checks and cells of this status; repeat for several."),
+    ] = None,
+    store: Store = Path("results"),
+) -> None:
+    """Show what a run has stored: every check that does not pass, worst first, with its reason in full, and why cells did not run.
+
+    Passing checks are shown where --status pass, an engine or a case asks for them. Nothing is run.
+
+    \b
+    Examples:
+      ninedisk show
+      ninedisk show latest~1 --engine yade
+      ninedisk show --status fail --status error --case 'nine-disk/*'
+    """
+    from ninedisk.harness.cli_summary import show_summary
+    from ninedisk.harness.compare_sides import one_stored
+    from ninedisk.harness.errors import UsageError
+    from ninedisk.harness.records import STATUSES
+    from ninedisk.harness.store import read_about, read_table
+
+    if unknown := sorted(set(status or ()) - set(STATUSES)):
+        raise UsageError(f"--status {unknown[0]!r} is unknown: use one of {', '.join(STATUSES)}")
+    run_id = one_stored(which, store)
+    about = read_about(store, run_id)
+    few = set(status) if status else set(STATUSES) - (set() if engine or case != "*" else {"pass"})
+
+    def of(name: str) -> list[Row]:
+        rows: list[Row] = read_table(store, about, name).to_pylist()
+        return [row for row in rows if fnmatchcase(row["case"], case) and engine in (None, row["engine"])]
+
+    cells, rows = of("cells"), of("measurements")
+    if not cells:
+        engines = ", ".join(
+            sorted({row["engine"] for row in read_table(store, about, "cells", ["engine"]).to_pylist()})
+        )
+        raise UsageError(
+            f"the run {run_id} has no cell of --case {case} --engine {engine or 'ID'}; its engines: {engines}"
+        )
+    chosen = [row for row in rows if row["status"] in few]
+    shown_cells = [cell for cell in cells if cell["status"] in set(status or STATUSES)]
+    show_summary(shown_cells, chosen, store / "runs" / run_id, everything=True)
 
 
 @guarded

@@ -1,83 +1,145 @@
-"""What a run prints at its end: worst first, counts by status, where the results are."""
+"""What a run prints at its end, and what ``ninedisk show`` prints of a stored one: worst first, reasons, counts, where the results are."""
 
 from __future__ import annotations
 
 import math
+import shlex
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ninedisk.harness.cli_tables import console, table
 from ninedisk.harness.records import WORST_FIRST, row_tolerance
-from ninedisk.harness.results import CaseResult, Row
+from ninedisk.harness.results import Row
 
-MAX_ROWS = 40
-MAX_REASONS = 8
+if TYPE_CHECKING:
+    from rich.console import Console
+
+MAX_LINES = 28
+"""Lines of table, reasons and notes together: with what stands around them a run ends within 40 lines of the terminal."""
+
+LEAST_OF_TABLE = 10
+"""Lines that reasons and notes leave to the table."""
+
+MAX_REASONS, REASON_LINES = 8, 14
+MAX_NOTES, NOTES_BESIDE_REASONS = 8, 3
+MAX_LENGTH = 300
+"""Letters of a reason where there is no room for all of them."""
+
+BAD = ("error", "timeout", "fail", "gap-closed")
 _NOT_RUN = ("unsupported", "not-installed")
 
 
-def show_summary(results: Sequence[CaseResult], folder: Path | None) -> None:
-    """Print the table, the reasons of what went wrong, the counts, and the run's folder."""
+def show_summary(cells: Sequence[Row], rows: Sequence[Row], folder: Path | None, *, everything: bool = False) -> None:
+    """Print the worst checks, the reasons of what went wrong, the counts, and the run's folder.
+
+    Parameters
+    ----------
+    cells, rows : sequence of dict
+        With the columns of `records.CELL_COLUMNS` and `records.MEASUREMENT_COLUMNS`.
+    folder : Path or None
+        The stored run, ``STORE/runs/ID``; None: there is none.
+    everything : bool
+        All checks and reasons, whatever room they take.
+    """
     out = console()
-    rows = [row for result in results for row in result.rows]
     judged = sorted((row for row in rows if row["status"] not in _NOT_RUN), key=_worst_first)
-    if judged:
-        shown = table(
-            "status",
-            "case",
-            "variant",
-            "engine",
-            "quantity",
-            "error",
-            "tolerance",
-            "truth",
-            right=("error", "tolerance"),
-        )
-        for row in judged[:MAX_ROWS]:
-            shown.add_row(
-                row["status"], row["case"], row["variant"], row["engine"], row["quantity"] or "-",
-                _number(row["abs_error"]), _number(row_tolerance(row) if row["quantity"] else math.nan), row["truth"] or "-",
-            )  # fmt: skip
-        out.print(shown)
-    if len(judged) > MAX_ROWS:
-        rest = Counter(row["status"] for row in judged[MAX_ROWS:])
-        out.print(f"... and {len(judged) - MAX_ROWS} more: {_counts(rest)}")
-    for line in _reasons(judged):
-        out.print(line)
-    for line in _not_run(results):
-        out.print(line)
-    out.print(f"cells: {_counts(Counter(result.status for result in results))}")
-    out.print(f"checks: {_counts(Counter(row['status'] for row in judged))}")
+    reasons = _reasons(judged, everything)
+    notes = _not_run(cells, 10**9 if everything else NOTES_BESIDE_REASONS if reasons else MAX_NOTES)
+    room = max(LEAST_OF_TABLE, MAX_LINES - len(reasons) - len(notes))
+    left_out = 0 if everything else _print_table(out, judged, room)
+    if everything and judged:
+        out.print(_table(judged))
+    lines = []
+    if left_out:
+        lines.append(f"... and {left_out} more: {_counts(Counter(row['status'] for row in judged[-left_out:]))}")
+    lines += [*reasons, *notes]
+    lines.append(f"cells: {_counts(Counter(str(cell['status']) for cell in cells))}")
+    lines.append(f"checks: {_counts(Counter(row['status'] for row in judged))}")
     if folder is not None:
-        out.print(f"results: {folder}")
+        lines.append(f"results: {folder}")
+        if not everything:
+            store = shlex.quote(str(folder.parent.parent))
+            lines.append(f"all checks and reasons: ninedisk show {folder.name} --store {store}")
+    for line in lines:
+        out.print(line, soft_wrap=True)  # a command that is broken into two lines is none
+
+
+def _print_table(out: Console, judged: Sequence[Row], room: int) -> int:
+    """Print as many rows as fit into ``room`` lines of this terminal; the number of those left out."""
+    for count in range(min(len(judged), room), 0, -1):
+        with out.capture() as capture:
+            out.print(_table(judged[:count]))
+        if count == 1 or len(capture.get().splitlines()) <= room:
+            out.print(capture.get(), end="")
+            return len(judged) - count
+    return 0
+
+
+def _table(judged: Sequence[Row]) -> object:
+    shown = table(
+        "status", "case", "variant", "engine", "quantity", "error", "tolerance", "truth", right=("error", "tolerance")
+    )
+    for row in judged:
+        shown.add_row(
+            row["status"], row["case"], row["variant"], row["engine"], row["quantity"] or "-",
+            _number(row["abs_error"]), _number(row_tolerance(row) if row["quantity"] else math.nan), row["truth"] or "-",
+        )  # fmt: skip
+    return shown
 
 
 def _worst_first(row: Row) -> tuple[int, float]:
-    allowed, error = row_tolerance(row), row["abs_error"]
+    allowed, error = row_tolerance(row), float(row["abs_error"])
     ratio = error / allowed if allowed > 0.0 else error
     return WORST_FIRST.index(row["status"]), -(math.inf if math.isnan(ratio) else ratio)
 
 
-def _reasons(judged: Sequence[Row]) -> list[str]:
-    bad = [row for row in judged if row["status"] in ("error", "timeout", "fail", "gap-closed")]
-    lines = []
-    for row in bad[:MAX_REASONS]:
+def _reasons(judged: Sequence[Row], everything: bool) -> list[str]:
+    """Lines; where they are many, each reason has one, of its beginning and its end, so that none hides the others."""
+    bad = [row for row in judged if row["status"] in BAD or (everything and row["reason"])]
+    texts = []
+    for row in bad if everything else bad[:MAX_REASONS]:
         quantity = f" {row['quantity']}" if row["quantity"] else ""
-        lines.append(f"{row['status']}: {row['case']} [{row['variant']}] {row['engine']}{quantity}: {row['reason']}")
-    if len(bad) > MAX_REASONS:
-        lines.append(f"... and {len(bad) - MAX_REASONS} more, with their reasons, in the stored results")
+        texts.append(f"{row['status']}: {row['case']} [{row['variant']}] {row['engine']}{quantity}: {row['reason']}")
+    lines = [line for text in texts for line in text.splitlines()]
+    if not everything and len(lines) > REASON_LINES:
+        lines = [_short(text) for text in texts]
+    if not everything and len(bad) > MAX_REASONS:
+        lines.append(f"... and {len(bad) - MAX_REASONS} more")
     return lines
 
 
-def _not_run(results: Sequence[CaseResult]) -> list[str]:
-    cells: dict[tuple[str, str, str], int] = defaultdict(int)
-    for result in results:
-        if result.status in _NOT_RUN:
-            cells[result.status, str(result.cell["engine"]), result.reason] += 1
-    return [
-        f"{status}: {engine}, {count} cell{'s' if count > 1 else ''}: {reason}"
-        for (status, engine, reason), count in sorted(cells.items())
-    ]
+def _short(text: str) -> str:
+    """One line: what went wrong stands at the beginning, what the engine said last at the end."""
+    first, *rest = text.splitlines()
+    return f"{first[:MAX_LENGTH]} ... {rest[-1][:MAX_LENGTH]}" if rest else first[:MAX_LENGTH]
+
+
+def _not_run(cells: Sequence[Row], most: int) -> list[str]:
+    """One line for each engine and reason, in full; if these are more than ``most``, one for each status."""
+    found: dict[str, Counter[tuple[str, str]]] = defaultdict(Counter)
+    for cell in cells:
+        if cell["status"] in _NOT_RUN:
+            found[cell["status"]][str(cell["engine"]), str(cell["reason"])] += 1
+    if sum(len(kinds) for kinds in found.values()) <= most:
+        return [
+            f"{status}: {engine}, {_cells(count)}: {reason}"
+            for status, kinds in sorted(found.items())
+            for (engine, reason), count in sorted(kinds.items())
+        ]
+    lines = []
+    for status, kinds in sorted(found.items()):
+        engines = sorted({engine for engine, _ in kinds})
+        if status == "not-installed":
+            lines.append(f"{status}: {', '.join(engines)}; how to install them: ninedisk list engines")
+        else:
+            lines.append(f"{status}: {_cells(kinds.total())} on {', '.join(engines)}")
+    return lines
+
+
+def _cells(count: int) -> str:
+    return f"{count} cell{'s' if count > 1 else ''}"
 
 
 def _counts(counter: Counter[str]) -> str:

@@ -22,7 +22,7 @@ R = TypeVar("R")
 
 USAGE, FAILURE, INTERRUPTED = 2, 3, 130
 QUIET_SECONDS = 2.0
-LINE_SECONDS = 5.0
+LINE_SECONDS, MOST_SECONDS = 5.0, 300.0
 TRACEBACK_VARIABLE = "NINEDISK_TRACEBACK"
 UNUSABLE = frozenset(
     {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EISDIR, errno.EROFS}
@@ -68,10 +68,11 @@ def _is_users_mistake(error: Exception) -> bool:
 
 
 class CellProgress:
-    """Progress on standard error: a bar in a terminal, a line every few seconds elsewhere, nothing for short runs."""
+    """Progress on standard error: a bar in a terminal, lines ever further apart elsewhere, nothing for short runs."""
 
     def __init__(self) -> None:
         self._begin = self._last_line = time.monotonic()
+        self._pause = LINE_SECONDS
         self._terminal = sys.stderr.isatty()
         self._bar: Bar | None = None
         self._timer: threading.Timer | None = None
@@ -103,8 +104,8 @@ class CellProgress:
             if self._bar is not None:
                 self._bar.update(self._bar.task_ids[0], completed=done, total=total, description=label)
         now = time.monotonic()
-        if not self._terminal and now - self._begin > QUIET_SECONDS and now - self._last_line > LINE_SECONDS:
-            self._last_line = now
+        if not self._terminal and now - self._begin > QUIET_SECONDS and now - self._last_line > self._pause:
+            self._last_line, self._pause = now, min(2.0 * self._pause, MOST_SECONDS)
             typer.echo(f"[{done}/{total}] {label}".rstrip(), err=True)
 
     def _show(self) -> None:

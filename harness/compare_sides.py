@@ -54,6 +54,20 @@ def resolve(word: str, store: Path) -> list[Snapshot]:
     return in_order(load_snapshot(store, run_id) for run_id in wanted)
 
 
+def one_stored(word: str, store: Path) -> str:
+    """Id of the one run of a store that a word names: ``latest``, ``latest~N``, an id or an unambiguous beginning of one.
+
+    Raises
+    ------
+    UsageError
+        If the word names nothing.
+    """
+    if word in run_ids(store):
+        return word
+    ids = _ids_by_time(store)
+    return ids[_index(word, ids, store)]
+
+
 def _folder(path: Path) -> list[Snapshot]:
     if (path / "run.json").is_file():
         if path.parent.name != "runs":

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -28,6 +29,22 @@ def summary(rows: Path) -> str:
     return ", ".join(f"{count} {status}" for status, count in counts.most_common()) or "no measurements"
 
 
+def news(store: str) -> str:
+    """What errors and cells did since the run before, in one line; timings are left to ``ninedisk compare``."""
+    command = f"ninedisk compare latest~1 latest --store {shlex.quote(store)}"
+    with tempfile.TemporaryDirectory() as folder:
+        found = Path(folder) / "changes.json"
+        words = [sys.executable, "-m", "ninedisk", *shlex.split(command)[1:], "--json", str(found)]
+        done = subprocess.run(words, check=False, capture_output=True, text=True)
+        if not found.exists():
+            why = done.stderr.strip().removeprefix("error: ").splitlines()
+            return f"nothing to compare with: {why[0] if why else 'ninedisk compare failed'}"
+        changes = json.loads(found.read_text(encoding="utf-8"))["changes"]
+    counts = Counter(each["verdict"] for each in changes if each["kind"] != "timing" and each["verdict"] != "same")
+    told = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common()) or "nothing moved"
+    return f"{told} ({command})"
+
+
 def main() -> int:
     """Run, report, summarise; the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -46,6 +63,8 @@ def main() -> int:
     page = ninedisk("report", "--store", options.store, "--out", options.out)
 
     print(f"\nMeasurements: {counts}")
+    if run in (0, 1):
+        print(f"Since the run before: {news(options.store)}")
     if run == 1:
         print("Some checks fail: the page lists them first.")
     elif run > 1:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -54,11 +55,13 @@ def test_exit_status(
         return run
 
     monkeypatch.setattr(job, "ninedisk", ninedisk)
+    monkeypatch.setattr(job, "news", lambda store: f"news of {store}")
     monkeypatch.setattr(sys, "argv", ["main_job.py", "--out", str(tmp_path / "page")])
     assert job.main() == status
     assert calls == ["run", "report"]
     out = capsys.readouterr().out
     assert said in out
+    assert ("Since the run before: news of results" in out) is (run in (0, 1))
     assert (str(tmp_path / "page" / "index.html") in out) is (page == 0)
 
 
@@ -69,6 +72,21 @@ def test_a_run_without_rows_is_said_to_be_one(job: ModuleType, tmp_path: Path) -
 def test_engines_by_their_commands_join_all_others(job: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
     monkeypatch.setattr(job, "ninedisk", lambda *arguments: calls.append(arguments) or 0)
+    monkeypatch.setattr(job, "news", lambda _: "")
     monkeypatch.setattr(sys, "argv", ["main_job.py", "--engine-cmd", "node a.mjs", "--engine-cmd", "./b c"])
     assert job.main() == 0
     assert calls[0][:6] == ("run", "--all-engines", "--engine-cmd", "node a.mjs", "--engine-cmd", "./b c")
+
+
+def test_news_are_what_moved_since_the_run_before(job: ModuleType, tmp_path: Path) -> None:
+    def run(kind: str, *more: str) -> None:
+        words = ["run", "binary-collision", "--engine", "pymunk", "--set", f"kind={kind}", "--store", str(tmp_path)]
+        done = subprocess.run([sys.executable, "-m", "ninedisk", *words, *more], capture_output=True, text=True)
+        assert done.returncode in (0, 1), done.stdout + done.stderr
+
+    run("plastic")
+    assert "has 1 finished run" in job.news(str(tmp_path))
+    run("plastic")
+    assert job.news(str(tmp_path)) == f"nothing moved (ninedisk compare latest~1 latest --store {tmp_path})"
+    run("plastic", "--set", "speed=2")
+    assert " new" in job.news(str(tmp_path))
