@@ -50,7 +50,7 @@ class Scene:
     xi : float
         Global damping [1/s], >= 0: the equation of motion is ``m a + xi m v = F``, and likewise for spins.
     initial_shear : mapping from pair to float
-        Shear forces ``fs`` [N] that contacts carry at time 0 (preload).
+        Shear forces ``fs`` [N] that contacts carry at time 0 (preload); more than ``mu fn`` is cut off to that.
     outlines : sequence of NurbsCurve
         Boundaries that ``disks.outline`` refers to, each in the body's frame: centroid at the origin, at angle 0.
 

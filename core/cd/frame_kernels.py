@@ -63,14 +63,22 @@ def measure_frames(
     gap_before: Floats,
     shift: Floats,
     arms: Floats,
-) -> None:
-    """Frames of the pairs, shape (c, 2): disks at ``x``, shape (n, 2 or 3), walls, shape (m, 11), at both ends of the step."""
-    n = x.shape[0]
+) -> int:
+    """Frames of the pairs, shape (c, 2): disks at ``x``, shape (n, 2 or 3), walls, shape (m, 11), at both ends of the step.
+
+    Returns
+    -------
+    int
+        A pair whose centres coincide, which has no normal; -1: none.
+    """
+    n, same = x.shape[0], -1
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]
         if j < n:
             ax, ay = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1]
             distance = sqrt(ax * ax + ay * ay)
+            if distance == 0.0:
+                same, distance = k, 1.0
             normal[k, 0], normal[k, 1] = ax / distance, ay / distance
             gap[k] = gap_before[k] = distance - (radius[i] + radius[j])
             shift[k] = 0.0
@@ -91,6 +99,7 @@ def measure_frames(
         arms[k, 0] = arms[k, 1] = 0.0
         arms[k, 2] = radius[i] - shorter
         arms[k, 3] = radius[j] - shorter if j < n else 0.0
+    return same
 
 
 @inline_kernel

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd.frame_kernels import measure_frames
 from ninedisk.core.cd.laws import LawTable
+from ninedisk.core.errors import NonFiniteStateError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -78,10 +79,20 @@ def contact_frames(
     Returns
     -------
     Frames
+
+    Raises
+    ------
+    NonFiniteStateError
+        If the centres of two disks coincide: their contact has no normal.
     """
     n, c = len(x), len(pairs)
     row = np.where(pairs[:, 1] >= n, pairs[:, 1] - n + 1, 0)
     normal, arms = np.empty((c, 2)), np.empty((c, 4))
     gap, gap_before, shift = np.empty(c), np.empty(c), np.empty(c)
-    measure_frames(pairs, row, x, radius, before, after, laws.arrays, normal, gap, gap_before, shift, arms)
+    same = measure_frames(pairs, row, x, radius, before, after, laws.arrays, normal, gap, gap_before, shift, arms)
+    if same >= 0:
+        (i, j), (px, py) = pairs[same], x[pairs[same, 0], :2]
+        raise NonFiniteStateError(
+            f"the centres of disks {i} and {j} coincide at ({px:g}, {py:g}): their contact has no normal"
+        )
     return Frames(pairs, row, normal, gap, gap_before, shift, arms, np.zeros((c, 2)))

@@ -12,7 +12,7 @@ from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.memory import ContactMemory
 from ninedisk.core.cd.place import Place
 from ninedisk.core.contacts.finder import PairFinder
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.errors import InvalidSceneError, NonFiniteStateError
 from ninedisk.core.scene import Scene
 
 if TYPE_CHECKING:
@@ -29,16 +29,20 @@ def initial_forces(
 ) -> ContactMemory:
     """Forces at time 0: elastic contacts by their overlap and the scene's shear forces, rigid ones by nothing.
 
-    A shear force of a pair that touches at several places belongs to the deepest contact.
+    A shear force of a pair that touches at several places belongs to the deepest contact. More than ``mu`` times the normal force
+    is cut off to that, as the DEM does it: a contact cannot hold it.
 
     Raises
     ------
     InvalidSceneError
-        If rigid bodies overlap, or a shear force belongs to a contact that cannot hold one.
+        If rigid bodies overlap, centres coincide, or a shear force belongs to a contact that cannot hold one.
     """
     n, radius = len(scene.disks), scene.disks.radius
     reach = 1e-12 * float(radius.max())
-    frames = frames_within(reach, place, finder, laws, grains)
+    try:
+        frames = frames_within(reach, place, finder, laws, grains)
+    except NonFiniteStateError as error:
+        raise InvalidSceneError(f"{error}; move one") from error
     pairs, elastic, depth = frames.pairs, laws.elastic[frames.row], np.maximum(0.0, -frames.gap)
     smaller = np.where(pairs[:, 1] < n, radius[np.minimum(pairs[:, 1], n - 1)], np.inf)
     bad = ~elastic & (depth > TOUCHING * np.minimum(radius[pairs[:, 0]], smaller))
@@ -61,5 +65,6 @@ def initial_forces(
                 f"the initial shear force {shear:g} N belongs to {names}, whose contact does not hold one (open, rigid or "
                 "smooth): give it an overlap, elasticity, mu > 0 and ks > 0, or drop the entry"
             )
-        forces[k, 1] = shear
+        most = laws.mu[frames.row[k]] * forces[k, 0]
+        forces[k, 1] = min(max(shear, -most), most)
     return ContactMemory(scene.n_bodies, pairs, forces, frames.place)

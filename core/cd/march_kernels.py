@@ -112,8 +112,9 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
     walls, moved, turned = wall_way(x, state.wall, after), moved_since(x, near), wall_way(x, near.wall, after)
     if not covers(2.0, NEARBY * scheme.smallest, moved, turned, walls, tolerance, scheme, state, near, dx):
         return LISTS
-    measure_frames(near.pairs, near.row, x, scheme.radius, state.wall, after, laws,
-                   near.normal, near.gap, near.gap_before, near.shift, near.arms)  # fmt: skip
+    if measure_frames(near.pairs, near.row, x, scheme.radius, state.wall, after, laws,
+                      near.normal, near.gap, near.gap_before, near.shift, near.arms) >= 0:  # fmt: skip
+        return ALONE
     if state.counts[SWEEPS] == 0:
         for i in range(x.shape[0]):
             for d in range(3):

@@ -28,6 +28,7 @@ from ninedisk.core.cd.settings import read_settings
 from ninedisk.core.cd.solver import ContactSolver
 from ninedisk.core.cd.statics import StaticStep, zero_energy_modes
 from ninedisk.core.cd.step import DynamicStep, Solved, Step, bodies_of, carried_shear
+from ninedisk.core.cd.wedges import ADVICE, wedging_corners
 from ninedisk.core.contacts.finder import PairFinder
 from ninedisk.core.errors import (
     CoreError,
@@ -76,7 +77,7 @@ class CdSession:
     dt : float
         Step [s]: ``numerics.dt``; ``numerics.contact_dt`` where that is given and all contacts are elastic.
     remarks : list of str
-        What a reader of the results should know, filled by `run`.
+        What a reader of the results should know: corners that can contradict each other, and what `run` finds.
     solves : Counter
         Problems solved by each method.
     iterations : int
@@ -113,9 +114,9 @@ class CdSession:
         self._wall_work = 0.0
         self._gains = np.zeros(6)
         self._step: Step | None = None
-        self._done = 0
+        self._done, self._remarked = 0, False
         self._stopped: CoreError | None = None
-        self.remarks: list[str] = []
+        self.remarks = wedging_corners(scene, numerics) if self._laws.newton else []
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
         self._grains = self._grain_frames()
@@ -166,8 +167,9 @@ class CdSession:
                 self._recorder.sample(step, self._x, self._v, self._wall, self._memory, self._wall_work, fed)
         if progress is not None:
             progress(steps, steps)
-        if not self.remarks:
+        if not self._remarked:
             self._remark()
+            self._remarked = True
         return self._recorder.history
 
     def __copy__(self) -> CdSession:
@@ -210,8 +212,11 @@ class CdSession:
             self._advance(done + 1)
         except InfeasibleContactsError as error:
             self._contradiction(step, error)
+        except NonFiniteStateError as error:
+            raise NonFiniteStateError(f"step {step} (t = {step * self.numerics.dt:g} s): {error}") from error
         except (SolverNotConvergedError, NoEquilibriumError) as error:
-            message = f"step {step} (t = {step * self.numerics.dt:g} s): {error}{self._keep_problem(step)}"
+            said = str(error).removesuffix(".") + (self._wedged() or ".")
+            message = f"step {step} (t = {step * self.numerics.dt:g} s): {said}{self._keep_problem(step)}"
             if isinstance(error, SolverNotConvergedError):
                 raise SolverNotConvergedError(
                     message, iterations=error.iterations, residuals=error.residuals
@@ -243,7 +248,7 @@ class CdSession:
             self._step.note_impacts(step, frames, solved, self._solver.problem.blocks, self._gains)
         if not np.isfinite(solved.dx).all():
             raise NonFiniteStateError(
-                f"the displacement of disk {int(np.argmin(np.isfinite(solved.dx).all(axis=1)))} is no finite number at step {step}"
+                f"the displacement of disk {int(np.argmin(np.isfinite(solved.dx).all(axis=1)))} is no finite number"
             )
         self._check_walls(self._x + solved.dx, after, step)
         self._wall_work += self._work_of_walls(frames, solved)
@@ -346,9 +351,18 @@ class CdSession:
 
     def _contradiction(self, step: int, error: InfeasibleContactsError) -> NoReturn:
         raise InvalidSceneError(
-            f"step {step} (t = {step * self.numerics.dt:g} s): {error}; disks are numbered from 0, -1 is a wall"
+            f"step {step} (t = {step * self.numerics.dt:g} s): {error}; disks are numbered from 0, -1 is a wall{self._wedged()}"
             f"{self._keep_problem(step)}"
         ) from error
+
+    def _wedged(self) -> str:
+        """What may be behind a step without a solution under Newton's law; ends with a full stop as the sentence before it does."""
+        possible = self._laws.newton and bool((self._laws.restitution > 0.0).any() and (self._laws.mu > 0.0).any())
+        return (
+            f". Newton's restitution with friction can have no solution where bodies are wedged: {ADVICE}."
+            if possible
+            else ""
+        )
 
     def _keep_problem(self, step: int) -> str:
         """Save the problem that failed, if the option asks for it; the sentence that says so."""

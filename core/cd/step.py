@@ -135,10 +135,7 @@ class DynamicStep:
     contact of disks alone never does, as its W has no coupling of normal and shear. What is fed is in ``impact_gain`` of the history's
     energies and in the run's remarks. Walls that move add the work of their motion, which is counted as theirs.
 
-    The associated rule asks for ``u_n + c >= mu |u_t|``, which ``c < 0`` may make impossible. That takes forces in the friction cones
-    that balance each other (Farkas' lemma): a disk wedged between two walls that meet at the angle alpha, where the angles of friction
-    of both, ``arctan(mu)``, are together at least alpha (each at least alpha/2 if the disk can turn). In such a corner an approach
-    with ``e > 0`` can have no solution.
+    With friction and ``e > 0`` a step can have no solution where bodies are wedged, see `ninedisk.core.cd.wedges.wedging_corners`.
 
     Parameters
     ----------

@@ -79,10 +79,11 @@ def behind_wall(scene: Scene, walls: WallArrays, step: int, contact_dt: float, c
 
 def not_finite(disks: DiskArrays, step: int, contact_dt: float, critical: float) -> NonFiniteStateError:
     """The error of a position that stopped being finite by contact step ``step``; steps in s."""
-    bad = np.flatnonzero(~np.isfinite(disks.x).all(axis=1))
-    named = f"disk {disks.name[bad].min()}" if len(bad) else "a disk"
+    bad = np.sort(disks.name[~np.isfinite(disks.x).all(axis=1)])
+    some = "a disk" if len(bad) == 0 else f"disk {bad[0]}" if len(bad) == 1 else f"disks {bad[0]} and {bad[1]}"
+    named = some if len(bad) <= 2 else f"{some} and {len(bad) - 2} more"
     return NonFiniteStateError(
-        f"the position of {named} is no finite number at contact step {step} (t = {step * contact_dt:g} s): "
-        f"contact_dt = {contact_dt:g} s is unstable here, or two centres coincide; reduce contact_dt (critical "
-        f"step of the initial state: {critical:g} s)"
+        f"the position of {named} is no finite number at contact step {step} (t = {step * contact_dt:g} s): two centres coincided "
+        f"at the step before, so that their contact had no normal, or contact_dt = {contact_dt:g} s is unstable here; reduce "
+        f"contact_dt (critical step of the initial state: {critical:g} s)"
     )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import ninedisk
 from ninedisk.core.cd.options import OPTIONS
+from ninedisk.core.cd.wedges import wedging_corners
 from ninedisk.core.history import Pair
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
@@ -61,6 +62,7 @@ class CdEngine:
             notes.append(NOTE_DAMPING)
         if any(not law.regularised for law in _laws(scene)) and numerics.regime == "dynamic":
             notes.append(NOTE_ELASTIC)
+        notes += wedging_corners(scene, numerics)
         missing = rigid_needs(scene, numerics) - CAPABILITIES
         if missing & OF_SLIP_AT:
             missing -= OF_SLIP_AT

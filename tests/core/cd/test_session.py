@@ -12,7 +12,7 @@ import pytest
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.result import SolverOptions
 from ninedisk.core.cd.session import CdSession
-from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, SolverNotConvergedError
+from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError, SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
@@ -133,6 +133,44 @@ def test_initial_shear_and_overlap_of_elastic_contacts() -> None:
     assert history.fs[0, 0] == 200.0
     expected = 200.0 * np.cos(math.sqrt(1e6 / 100.0) * history.t)
     assert np.abs(history.fs[:, 0] - expected).max() <= 200.0 * 0.5 * 100.0**2 * 1e-5 * history.t[-1] * 1.1
+
+
+@pytest.mark.parametrize("sliding", ["associated", "coulomb"])
+@pytest.mark.parametrize("preload", [-2000.0, 400.0])
+def test_a_preload_that_friction_cannot_hold_is_cut_off_as_in_the_dem(preload: float, sliding: Any) -> None:
+    wall = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=SOFT)
+    disks = Disks(x=[[0.0, 0.999]], radius=1.0, mass=100.0)
+    scene = Scene(disks=disks, disk_disk=SOFT, walls=(wall,), gravity=(0.0, -10.0), initial_shear={(0, 1): preload})
+    numerics = Numerics(dt=1e-4, n_steps=200, sliding=sliding)
+    dem, cd = (simulate(scene, numerics, [(0, 1)], method=method) for method in ("dem", "cd"))
+    held = math.copysign(300.0, preload)
+    for history in (dem, cd):
+        assert history.fn[0, 0] == pytest.approx(1000.0, rel=1e-12)
+        assert history.fs[0, 0] == pytest.approx(held, rel=1e-12)
+    # A spring that is cut off to its limit turns back at once: the disk never slides, and by neither rule it is lifted.
+    assert np.abs(cd.x[:, 0, 1] - 0.999).max() < 1e-12
+    # First order at theta = 1: in 20 ms the amplitude falls by omega^2 dt t/2 = 3 %, omega^2 = 3 ks/m, and the phase follows.
+    assert np.abs(cd.x[:, 0, 0] - dem.x[:, 0, 0]).max() < 0.1 * np.abs(dem.x[:, 0, 0]).max()
+
+
+@pytest.mark.parametrize("method", ["dem", "cd"])
+def test_coincident_centres_are_named_where_they_happen(method: Any) -> None:
+    three = Disks(x=[[1.0, 2.0], [1.0, 2.0], [9.0, 9.0]], radius=1.0, mass=1.0)
+    with pytest.raises(
+        InvalidSceneError, match=r"disks 0 and 1 coincide at \(1, 2\): their contact has no normal; move one"
+    ):
+        simulate(Scene(disks=three, disk_disk=ContactLaw(kn=1e5)), Numerics(dt=1e-3, n_steps=2), method=method)
+    # Springs that are next to none let the disks pass through each other; after four steps the centres are one.
+    meet = Disks(x=[[-1.0, 0.0], [1.0, 0.0], [9.0, 9.0]], v=[[1.0, 0.0], [-1.0, 0.0], [0.0, 0.0]], radius=0.5, mass=1.0)
+    scene = Scene(disks=meet, disk_disk=ContactLaw(kn=1e-200))
+    for options in ({}, {"solver": "interior-point"}) if method == "cd" else ({},):
+        numerics = Numerics(dt=0.25, n_steps=8, contact_dt=0.25, **options)  # type: ignore[arg-type]
+        with pytest.raises(NonFiniteStateError, match=r"disks 0 and 1 .*no normal") as caught:
+            simulate(scene, numerics, method=method)
+        assert "step 5 (t = 1.25 s)" in str(caught.value)
+        history = simulate(scene, numerics.replace(n_steps=4), [(0, 1)], method=method)
+        assert history.gap[-1, 0] == -1.0
+        assert np.isfinite(history.fn[1:]).all()
 
 
 def test_what_is_refused() -> None:
