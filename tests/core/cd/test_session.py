@@ -219,7 +219,7 @@ def test_what_is_refused() -> None:
 
 @pytest.mark.parametrize("value", [np.nan, 1.5, 0, "many", True])
 def test_solver_options_refuse_what_is_no_number_of_iterations(value: object) -> None:
-    with pytest.raises(InvalidNumericsError, match=r"max_iterations = .* a whole number >= 1, or None"):
+    with pytest.raises(InvalidNumericsError, match=r"max_iterations = .* whole number"):
         SolverOptions(max_iterations=value)  # type: ignore[arg-type]
 
 

@@ -272,6 +272,27 @@ def test_what_is_out_of_scope_is_no_capability() -> None:
             read_description(json.dumps({**told, "out_of_scope": wrong}), how_it_runs="x")
 
 
+def test_options_of_every_kind_are_described_by_the_wire() -> None:
+    options = {
+        "part": {"default": 0.5, "why": "w", "high": 1.0, "low_open": True, "high_open": True},
+        "most": {"default": None, "why": "w", "low": 1, "whole": True, "none": "its own"},
+        "file": {"default": "", "why": "w", "text": True},
+        "kind": {"default": "a", "why": "w", "choices": ["a", "b"]},
+    }
+    found = read_description(json.dumps({**ABOUT, "options": options}), how_it_runs="x").info.options
+    assert [option.allowed for option in found.values()] == [
+        "a number in (0, 1)",
+        "a whole number >= 1, or none (its own)",
+        "a text",
+        "one of a, b",
+    ]
+    for name, wrong in (("part", 1.0), ("most", 0), ("file", None)):
+        with pytest.raises(EngineError):
+            read_description(
+                json.dumps({**ABOUT, "options": {name: {**options[name], "default": wrong}}}), how_it_runs="x"
+            )
+
+
 def test_they_are_written_whole(tmp_path: Path) -> None:
     written = write_schemas(NAMES, tmp_path / "new" / "folder")
     assert [json.loads(path.read_text())["$id"] for path in written] == [SCHEMAS[name]["$id"] for name in NAMES]
