@@ -204,6 +204,11 @@ class RetracedLoop:
             drift, left = 1.1 * abs(predicted_drift(params, count, mid=mid)), 0.0
             within += 2.0 * drift
             told = "what slip of the step's end adds to first order, and a tenth more for the next order"
+        elif engine.contact == "cd":
+            # The last step's force still has the tangent of its begin; rates of an oscillation are at most twice their mean square.
+            one = 2.0 * abs(predicted_drift(params, count, mid=mid)) / count
+            left, within = within + one, within + one
+            told += ", and one step's error of first order, which the next step mends"
         cycles, path = float(params["cycles"]), "line integral of slip along the path: 0 after a cycle"
         # An engine that feels a wall in another place has another integral within a cycle.
         way = float(params["amplitude"]) * _part(observed.t)
@@ -261,9 +266,12 @@ def _path(params: Mapping[str, Any], way: FloatArray, *, mid: bool) -> FloatArra
 
 
 def _place(params: Mapping[str, Any], engine: EngineInfo) -> str:
-    """Where this engine measures slip: where the scene asks for it if it can, else where it can."""
+    """Where this engine measures slip: where the scene asks for it if it can, else where it can.
+
+    Contact dynamics has a step's begin where it should have the end: an error of the same size and the other sign.
+    """
     asked = str(params["slip_at"])
-    if SLIP_AT[asked] in engine.capabilities:  # type: ignore[index]
+    if engine.contact == "cd" or SLIP_AT[asked] in engine.capabilities:  # type: ignore[index]
         return asked
     return "end" if Capability.SLIP_END in engine.capabilities else "middle"
 

@@ -47,10 +47,20 @@ def test_the_matrix_passes(run_cell, params):
 
 
 @pytest.mark.parametrize("params", CASE.matrix(), ids=lambda params: resolve(CASE, params).id)
-def test_contact_dynamics_keeps_no_shear(run_cell, params):
+def test_the_matrix_passes_on_contact_dynamics(run_cell, params):
     cell = run_cell(CASE, CD, params)
     assert cell.failures == []
     assert len(cell.checks) == 2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_contact_dynamics_keeps_one_step_s_error_whatever_the_number_of_cycles(run_cell, kind):
+    kept = []
+    for cycles in (2, 8):
+        cell = run_cell(CASE, CD, {"kind": kind, "cycles": cycles})
+        assert cell.failures == []
+        kept.append(cycles * abs(drift(cell)))
+    assert kept[1] < 1.1 * kept[0] < 2e-5
 
 
 @pytest.mark.parametrize("kind", KINDS)
