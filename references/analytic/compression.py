@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import array, not_negative, positive, times_of
+from ninedisk.references._validate import not_negative, positive, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -134,7 +134,7 @@ def ramp_response(t: FloatArray, omega: float, xi: float) -> FloatArray:
     """Response [s] of ``x'' + xi x' + omega^2 x = omega^2 t`` from rest at 0; omega [rad/s] > 0, xi [1/s] >= 0."""
     positive(omega=omega)
     not_negative(xi=xi)
-    t = array("t", t)
+    t = times_of(t)
     half = xi / 2.0
     square = omega**2 - half**2
     if square > 0.0:

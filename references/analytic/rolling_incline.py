@@ -84,6 +84,7 @@ def roll_rates(
     """
     positive(g=g, mass=mass, radius=radius)
     not_negative(mu=mu)
+    slope(angle)
     normal, pull = g * math.cos(angle), g * math.sin(angle)
     if mu >= rolling_mu(angle=angle, inertia_ratio=inertia_ratio):
         along = pull / (1.0 + inertia_ratio)

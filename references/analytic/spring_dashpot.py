@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import array, not_negative, number, positive, times_of
+from ninedisk.references._validate import not_negative, number, positive, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -33,6 +33,7 @@ def restitution_of_beta(beta: float) -> float:
     Source: Schwager & Poeschel (2007), doi:10.1007/s10035-007-0065-z; rederived. The textbook ``exp(-pi beta/s)``
     lets the contact pull.
     """
+    not_negative(beta=beta)
     return math.exp(-_log_loss(beta))
 
 
@@ -126,7 +127,7 @@ def free_contact(t: FloatArray, omega: float, beta: float) -> tuple[FloatArray, 
     """Overlap [s] and rate [-] at times ``t`` [s] for unit approach velocity while the force acts; omega [rad/s], beta >= 0."""
     positive(omega=omega)
     not_negative(beta=beta)
-    t = array("t", t)
+    t = times_of(t)
     square = (1.0 - beta) * (1.0 + beta)
     if square > 0.0:
         wd = omega * math.sqrt(square)
