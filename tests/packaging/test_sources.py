@@ -1,4 +1,4 @@
-"""Sources stay small and finished. (Docstrings of public modules, classes and functions are ruff's business.)"""
+"""Sources are finished. (Docstrings of public modules, classes and functions are ruff's business.)"""
 
 from __future__ import annotations
 
