@@ -315,7 +315,7 @@ def _turning(
 
 def _rounding(params: Mapping[str, Any], engine: EngineInfo, count: int) -> float:
     """[m]: each step adds a difference of coordinates; contact dynamics solves to 1e-9."""
-    roundings = float(np.spacing(2.0 * RADIUS)) * (8.0 + params["cycles"] * count)
+    roundings = float(np.spacing(2.0 * RADIUS) * (8.0 + params["cycles"] * count))
     return roundings + (1e-9 * float(params["amplitude"]) if engine.contact == "cd" else 0.0)
 
 
