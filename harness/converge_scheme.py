@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.harness.capabilities import Capability
 from ninedisk.harness.case import Case, Setup
 from ninedisk.harness.engine import EngineInfo
 from ninedisk.harness.engines._spring import laws_in_use
@@ -30,7 +31,8 @@ ROUNDINGS = 64.0
 def expected_order(case: Case, params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> tuple[float | None, str]:
     """Order in the step that the engine's scheme has on this scene, and why; None where the engine declares none.
 
-    A case whose contacts never slip, although its laws have friction, says so by a method ``slips(params)``.
+    A case whose contacts never slip, although its laws have friction, says so by a method ``slips(params)``; one whose contacts neither
+    open nor close nor begin or cease to slide, by a method ``sticks(params)``.
     """
     scheme = engine.scheme
     if scheme == "runge-kutta-3":
@@ -41,9 +43,17 @@ def expected_order(case: Case, params: Mapping[str, Any], setup: Setup, engine: 
         if any(law.beta > 0.0 for law in laws_in_use(setup.scene)):
             return 1.0, "central differences; a dashpot's force jumps at touch, anywhere within a step"
         slips = getattr(case, "slips", None)
-        rough = any(law.ks > 0.0 and law.mu > 0.0 for law in laws_in_use(setup.scene))
+        rough = [law for law in laws_in_use(setup.scene) if law.ks > 0.0 and law.mu > 0.0]
         if rough and (slips is None or slips(params)):
-            return 1.0, "central differences; slip is that of the half step, turned to the contact at the step's end"
+            late = Capability.SLIP_MIDDLE not in engine.capabilities
+            if late or any(law.slip_at == "end" for law in rough):
+                return (
+                    1.0,
+                    "central differences; slip is that of the half step, turned to the contact at the step's end",
+                )
+            if getattr(case, "sticks", lambda _: False)(params):
+                return 2.0, "central differences, slip of the middle of the step; contacts stick, and stay closed"
+            return 1.0, "central differences; contacts open, close, stick and slip anywhere within a step"
         return 2.0, "central differences" + ("; by symmetry no contact slips" if rough else "")
     if scheme in FIRST_ORDER:
         return 1.0, f"{scheme}: contacts act for whole steps"

@@ -20,10 +20,9 @@ if TYPE_CHECKING:
 
 def core_history(setup: Setup, engine: EngineInfo) -> History:
     """History of the in-house DEM on ``setup``, same steps, slip where in the step ``engine`` has it; computed once per set-up."""
-    scene = setup.scene
-    for asked, other in zip(SLIP_AT, reversed(SLIP_AT), strict=True):
-        if scene.disk_disk.slip_at == asked and SLIP_AT[asked] not in engine.capabilities:
-            scene = with_slip_at(setup.scene, other)
+    scene, asked = setup.scene, setup.scene.disk_disk.slip_at
+    if SLIP_AT[asked] not in engine.capabilities:
+        scene = with_slip_at(scene, "end" if asked == "middle" else "middle")
     return _run(json.dumps([scene.to_dict(), setup.numerics.to_dict(), setup.watch], sort_keys=True))
 
 

@@ -104,6 +104,10 @@ class RetracedLoop:
             )
         ]
 
+    def sticks(self, params: Mapping[str, Any]) -> bool:  # noqa: ARG002
+        """All contacts stay closed, and none slides: `build` sees to that."""
+        return True
+
     def build(self, params: Mapping[str, Any]) -> Setup:
         """The disk in the origin; the passed disk below it between the smooth walls, or the turning wall below it."""
         if params["steps"] % SAMPLES:
@@ -315,8 +319,8 @@ def _turning(
 
 def _rounding(params: Mapping[str, Any], engine: EngineInfo, count: int) -> float:
     """[m]: each step adds a difference of coordinates; contact dynamics solves to 1e-9."""
-    roundings = float(np.spacing(2.0 * RADIUS) * (8.0 + params["cycles"] * count))
-    return roundings + (1e-9 * float(params["amplitude"]) if engine.contact == "cd" else 0.0)
+    roundings = float(np.spacing(2.0 * RADIUS)) * (8.0 + params["cycles"] * count)
+    return float(roundings) + (1e-9 * float(params["amplitude"]) if engine.contact == "cd" else 0.0)
 
 
 def _midpoint(params: Mapping[str, Any], count: int) -> float:

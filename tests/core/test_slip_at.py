@@ -85,8 +85,8 @@ def test_a_pair_that_retraces_its_path_returns(seed: int, arm: str) -> None:
         spins = np.repeat(np.diff(0.3 * loop["b"] * s, prepend=0.0)[:, None] / dt, 2, axis=1)
         found = drifts(pair_shear(pair_path(s, loop), dt, loop["size"], law, spins), steps)
         size, a, b = (loop[name] for name in ("size", "a", "b"))
-        # -(dt/2) times the integral of r' phi', each the amplitude times a cosine; arms R - overlap/2 shrink as r does, and make the same of
-        # the spins, twice 0.3 phi, with half of r'.
+        # -(dt/2) times the integral of r' phi', each the amplitude times a cosine; with arms R - overlap/2, which grow by half of r', the
+        # spins of 0.3 phi' add the same.
         predicted = -(np.pi**2) / steps * size * a * b * (1.0 if arm == "radius" else 1.3)
         return float(np.abs(found).max() / (size * max(a, b))), float(np.abs(found - predicted).max() / abs(predicted))
 
@@ -130,7 +130,7 @@ def wall_shear(s: Array, loop: dict[str, float], steps: int, law: ContactLaw, ou
     def pose(t: float) -> Array:
         place, turn = (amount * np.sin(frequency * t + phase) for amount in (loop["a"] * size, loop["b"]))
         rate = frequency * np.cos(frequency * t + phase)
-        x, y = point + [0.0, place]
+        x, y = point[0], point[1] + place
         return np.array(
             [x, y, -np.sin(turn), np.cos(turn), x, y, 0.0, loop["a"] * size * rate, loop["b"] * rate, 0.0, 0.0]
         )
