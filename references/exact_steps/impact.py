@@ -124,7 +124,7 @@ def collision_step_theta(
     ext = np.longdouble
     v, step, weight = ext(speed), ext(dt), ext(theta)
     free, phase = _free_steps_and_phase(np.asarray(gap, dtype=np.float64), speed, dt)
-    whole = int(min(free, n_steps + 1))  # beyond the last step it does not matter when they meet
+    whole = int(np.minimum(free, n_steps + 1))  # beyond the last step it does not matter when they meet
     w = (phase - 1 + weight) / weight
     after = -w * (1 - weight) / weight if w > 0 else w
 

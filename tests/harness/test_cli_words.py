@@ -99,7 +99,7 @@ def test_help_documents_every_argument_and_option(words: str) -> None:
     for parameter in command.params:
         if getattr(parameter, "hidden", False):
             continue
-        if isinstance(parameter, click.Option):
+        if parameter.param_type_name == "option":
             assert all(name in text for name in parameter.opts), parameter.opts
         said = getattr(parameter, "help", None)
         assert said, f"{words}: {parameter.name} has no help"
