@@ -57,7 +57,7 @@ def pyramid_forces(*, weight: float, chord: float, half_width: float, kn: float 
     chord : float
         Distance of the centres in touch [m], ``2 R``.
     half_width : float
-        Horizontal distance of the centres where all touch without force [m], in (chord/2, chord): the lower disks do not touch.
+        Horizontal distance of the centres where all touch without force [m], in [chord/2, chord): the lower disks do not press each other.
     kn : float
         Stiffness of every contact [N/m], > 0; ``inf`` for rigid disks.
 
@@ -72,9 +72,9 @@ def pyramid_forces(*, weight: float, chord: float, half_width: float, kn: float 
     """
     positive(weight=weight, chord=chord, half_width=half_width)
     positive_or_inf(kn=kn)
-    if not half_width > 0.5 * chord:
+    if not half_width >= 0.5 * chord:
         raise ValueError(
-            f"half_width = {half_width!r} m is not allowed: it must be more than {0.5 * chord!r} m, where the lower disks touch"
+            f"half_width = {half_width!r} m is not allowed: it must be at least {0.5 * chord!r} m, where the lower disks touch"
         )
     angle = _angle(half_width, chord, kn)
     for _ in range(100):
