@@ -70,6 +70,8 @@ def test_ctrl_c(tmp_path: Path, fake_environment: dict[str, str], jobs: str) -> 
     process = subprocess.Popen(
         command("run", "fake/fall", "-e", "fake-slow", "--json", "rows.json", "--jobs", jobs),
         cwd=tmp_path, env=fake_environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # Where the tests run in the background (nohup, a job of a script) Ctrl-C is ignored, and children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     wait_for(tmp_path / "slow.started")
     worker = int((tmp_path / "slow.started").read_text())

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -126,7 +127,9 @@ def test_interrupt_kills_the_command(tmp_path: Path) -> None:
         'time.sleep(600)", sys.argv[1]])'
     )
     pid_file = tmp_path / "pid"
-    parent = subprocess.Popen(python(code, str(pid_file)), stderr=subprocess.DEVNULL)
+    # Where the tests run in the background (nohup, a job of a script) Ctrl-C is ignored, and children inherit that.
+    heeds = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    parent = subprocess.Popen(python(code, str(pid_file)), stderr=subprocess.DEVNULL, preexec_fn=heeds)
     end = time.monotonic() + 20.0
     while not (pid_file.exists() and pid_file.read_text()) and time.monotonic() < end:
         time.sleep(0.02)
