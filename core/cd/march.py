@@ -92,6 +92,7 @@ class March:
             relaxation=solver.options.relaxation,
             stretch=STRETCH if solver.options.tolerance >= LOOSE else 1.0,
             coulomb=solver.sliding == "coulomb",
+            holds_rest=solver.holds_rest,
             smallest=float(radius.min()),
             xi=float(bodies.xi),
             radius=radius,
