@@ -37,10 +37,10 @@ def solve_with_contacts(
     """Solve a step on a set of contacts that grows until no pair outside it is violated.
 
     A pair enters if its gap at the end of the step, minus ``mu`` times its slip under the associated rule, is not
-    positive: first for the motion without contacts, then for each solution, and a solution starts from the one before. The
-    search covers every pair that the displacements found can bring that far, so the final solution violates no contact,
-    listed or not. The gap is that along the normal at the start of the step: exact on disks and walls, or on the safe side; on
-    outlines that turn by an angle a and have the radius of curvature rho it errs by ``rho a^2/2``.
+    positive: first for the motion without contacts, then for each solution, and a solution starts from the one before. Contacts of
+    the guess that are near enter at once. The search covers every pair that the displacements found can bring that far, so the
+    final solution violates no contact, listed or not. The gap is that along the normal at the start of the step: exact on disks and
+    walls, or on the safe side; on outlines that turn by an angle a and have the radius of curvature rho it errs by ``rho a^2/2``.
 
     Parameters
     ----------
@@ -85,6 +85,8 @@ def solve_with_contacts(
     frames = near(reach)
     inside = closing(frames, dx) < max(margin, tolerance)
     start, springs, iterations = memory if start is None else start, memory.springs(), 0
+    # Under Newton's law a contact is one only once its gap closes.
+    inside |= start.same(frames.pairs, start.pairs) & np.isnan(laws.restitution[frames.row])
     while True:
         chosen = frames.pick(inside)
         solved = step.solve(chosen, _forces(springs, chosen, grains), _forces(start, chosen, grains))

@@ -15,10 +15,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.coulomb_newton import ProximalNewton
 from ninedisk.core.cd.coulomb_shift import ShiftedPath
 from ninedisk.core.cd.feasibility import InfeasibleContactsError, check_feasible
 from ninedisk.core.cd.interior_point import InteriorPoint
+from ninedisk.core.cd.polish import Polish
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.residuals import measure
 from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch, not_converged
@@ -30,12 +30,14 @@ FloatArray = NDArray[np.float64]
 
 MAX_ITERATIONS = 5_000
 """Factorisations."""
-STALL, NEWTON_STALL = 40, 200
-"""Iterations without progress after which the path is left, and steps after which the search ends."""
+STALL = 40
+"""Iterations without progress after which a path is left."""
 PATHS_SHARE = 0.25
 """Of the time left, for `ShiftedPath`: it arrives soon or not at all, and then the law's own path, though slower, gets closer."""
 FIRST_FORCE = 10.0
 """Forces at the start, over those that would stop the fastest approach of two bodies."""
+PIVOTS = 400
+"""Pivots that the polish of a path's end may take."""
 CENTRAL = 1e-3
 """No product falls below this fraction of their mean."""
 BACK = 0.8
@@ -69,8 +71,7 @@ class CoulombInteriorPoint:
         """Solve the problem, from nothing.
 
         Where nothing slides, the solution of the associated rule is the one. Else `ShiftedPath` is followed and, where that stalls,
-        the law's own path. Where this ends before the tolerance is reached, too, `ProximalNewton` goes on from the best forces found;
-        its factorisations count as iterations, too.
+        the law's own path; the end of each is polished. All factorisations count as iterations.
 
         Returns
         -------
@@ -92,12 +93,9 @@ class CoulombInteriorPoint:
         if not search.over(STALL):
             matrix = UnsymmetricMatrix(problem)
             search.follow(ShiftedPath(problem, matrix), share=PATHS_SHARE)
+            search.polish()
             search.follow(_Run(problem, matrix), share=1.0)
-            newton = ProximalNewton(problem, search.r, matrix)
-            search.since = 0
-            while not search.over(NEWTON_STALL) and (count := newton.advance()):
-                search.iterations += count
-                search.judge(problem.body_velocity(newton.r), newton.r)
+            search.polish()
         return search.result()
 
 
@@ -140,6 +138,17 @@ class _Search:
         while not self.over(STALL) and self.clock.left >= for_others and run.iterate():
             self.iterations += 1
             self.judge(run.v.reshape(-1, 3), starting_forces(self.problem, run.r))
+
+    def polish(self) -> None:
+        """Make the best forces exact, if that is possible."""
+        if self.over(self.limit):
+            return
+        polish = Polish(self.problem, self.options.tolerance, self.clock)
+        exact = polish.improve(self.r, PIVOTS)
+        self.iterations += polish.count
+        if exact is not None:
+            self.best, self.r = exact[1], exact[0]
+            self.v = self.problem.body_velocity(self.r)
 
     def over(self, stall: int) -> bool:
         """Whether the tolerance or a limit is reached, or ``stall`` points brought no progress."""

@@ -214,9 +214,13 @@ def dynamic_offsets(
     prescribed: Floats,
     dt: float,
     theta: float,
+    round_off: float,
     offset: Floats,
 ) -> None:
     """Offsets ``g`` of `ninedisk.core.cd.step.DynamicStep`, shape (c, 2).
+
+    A gap of rigid bodies within `MISSED` times the rounding of gaps is none: bodies at rest have more contacts than freedom, gaps that
+    are round-off contradict each other, and divided by a small step they would be velocities that no force at rest allows.
 
     ``kept`` and ``prescribed``, shape (n, 3), are the velocities at the start of the step of the unknowns that are free and of
     those that are not, 0 elsewhere. Under Newton's law (restitution not NaN) walls count by their displacement over the step,
@@ -227,7 +231,9 @@ def dynamic_offsets(
         kept_n, kept_t = contact_velocity(k, bodies, normal, arms, kept)
         e = laws.restitution[row[k]]
         if np.isnan(e):
-            offset[k, 0] = gap[k] / (theta * dt) + (held_n / theta + (1.0 - theta) / theta * kept_n)
+            touching = not laws.elastic[row[k]] and abs(gap[k]) <= MISSED * round_off
+            room = 0.0 if touching else gap[k]
+            offset[k, 0] = room / (theta * dt) + (held_n / theta + (1.0 - theta) / theta * kept_n)
             offset[k, 1] = shift[k] / (theta * dt) + (held_t / theta + (1.0 - theta) / theta * kept_t)
         else:
             un = (gap[k] - gap_before[k]) / dt + held_n

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from ninedisk.core.cd.feasibility import PROOF_AFTER, check_feasible
 from ninedisk.core.cd.gauss_seidel_kernels import next_batch, sweep
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import Sliding, measure
+from ninedisk.core.cd.residuals import Residuals, Sliding, measure
 from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch, not_converged
 from ninedisk.core.cd.start import starting_forces
 from ninedisk.core.cd.stripes import Stripes
@@ -53,45 +54,80 @@ def solve_gauss_seidel(
         If no motion satisfies the contacts; that is looked into after `PROOF_AFTER` sweeps.
     """
     options = options or SolverOptions()
-    clock = Stopwatch(options.time_limit)
     limit = options.max_iterations or MAX_SWEEPS
-    r = starting_forces(problem, start)
-    advance = _sweeps(problem, options, sliding == "coulomb", r)
-    done = 0
-    best, proof_sought = None, False
-    while True:
-        v = problem.body_velocity(r)
-        residuals = measure(problem, v, r, sliding=sliding)
-        if best is None or residuals.worst < best.worst:
-            best = residuals
-        if residuals.reached(options.tolerance):
-            return SolverResult(
-                solver="gauss-seidel",
-                sliding=sliding,
-                v=v,
-                r=r,
-                iterations=done,
-                residuals=residuals,
-                seconds=clock.seconds,
-            )
-        if done >= PROOF_AFTER and not proof_sought:
-            check_feasible(problem, sliding=sliding, seconds=options.time_limit)
-            proof_sought = True
-        if done >= limit or clock.over:
-            break
-        batch = min(next_batch(done), limit - done, max(1, 20_000_000 // (problem.n_contacts + 1)))
-        advance(batch, v, r)
-        done += batch
-    not_converged(
-        "gauss-seidel",
-        options,
-        done,
-        best,
-        clock,
-        "Use the interior-point solver, loosen the tolerance, or raise max_iterations or time_limit."
-        if sliding == "associated"
-        else "Raise max_iterations or time_limit, try a relaxation between 0.5 and 1.5, or loosen the tolerance.",
-    )
+    sweeps = GaussSeidel(problem, options, sliding, start)
+    found = sweeps.solve(min(PROOF_AFTER, limit))
+    if found is None and sweeps.done >= PROOF_AFTER:
+        check_feasible(problem, sliding=sliding, seconds=options.time_limit)
+        found = sweeps.solve(limit)
+    return found or sweeps.give_up()
+
+
+class GaussSeidel:
+    """Sweeps that can be interrupted, and go on where they ended.
+
+    Parameters
+    ----------
+    problem, options, sliding, start
+        As in `solve_gauss_seidel`.
+
+    Attributes
+    ----------
+    r : ndarray, shape (c, 2)
+        Contact forces reached, inside the cones; not to be changed.
+    done : int
+        Sweeps.
+    """
+
+    def __init__(
+        self, problem: ContactProblem, options: SolverOptions, sliding: Sliding, start: FloatArray | None = None
+    ) -> None:
+        self.problem, self.options, self.sliding = problem, options, sliding
+        self.r, self.done = starting_forces(problem, start), 0
+        self._advance = _sweeps(problem, options, sliding == "coulomb", self.r)
+        self._clock = Stopwatch(options.time_limit)
+        self._best: Residuals | None = None
+
+    def solve(self, limit: int) -> SolverResult | None:
+        """Sweep until the tolerance is reached, or ``limit`` sweeps in all or the time limit: then None."""
+        problem, r, clock = self.problem, self.r, self._clock
+        while True:
+            v, residuals = problem.body_velocity(r), self.residuals()
+            if self._best is None or residuals.worst < self._best.worst:
+                self._best = residuals
+            if residuals.reached(self.options.tolerance):
+                return SolverResult(
+                    solver="gauss-seidel",
+                    sliding=self.sliding,
+                    v=v,
+                    r=r,
+                    iterations=self.done,
+                    residuals=residuals,
+                    seconds=clock.seconds,
+                )
+            if self.done >= limit or clock.over:
+                return None
+            batch = min(next_batch(self.done), limit - self.done, max(1, 20_000_000 // (problem.n_contacts + 1)))
+            self._advance(batch, v, r)
+            self.done += batch
+
+    def residuals(self) -> Residuals:
+        """Those of the forces reached."""
+        return measure(self.problem, self.problem.body_velocity(self.r), self.r, sliding=self.sliding)
+
+    def give_up(self) -> NoReturn:
+        """Raise `SolverNotConvergedError` with the best figures so far."""
+        assert self._best is not None
+        not_converged(
+            "gauss-seidel",
+            self.options,
+            self.done,
+            self._best,
+            self._clock,
+            "Use the interior-point solver, loosen the tolerance, or raise max_iterations or time_limit."
+            if self.sliding == "associated"
+            else "Raise max_iterations or time_limit, try a relaxation between 0.5 and 1.5, or loosen the tolerance.",
+        )
 
 
 def _sweeps(

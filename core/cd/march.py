@@ -96,6 +96,7 @@ class March:
             stretch=STRETCH if solver.options.tolerance >= LOOSE else 1.0,
             coulomb=solver.sliding == "coulomb",
             newton=laws.newton,
+            holds_rest=solver.holds_rest,
             smallest=float(radius.min()),
             xi=float(bodies.xi),
             radius=radius,

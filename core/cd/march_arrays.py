@@ -20,7 +20,8 @@ disks and for those with walls [m]."""
 
 
 class Scheme(NamedTuple):
-    """Constants of a run; arrays of shape (n, 3) as in `ninedisk.core.cd.step.Bodies`."""
+    """Constants of a run; arrays of shape (n, 3) as in `ninedisk.core.cd.step.Bodies`. ``holds_rest``: where all bodies rest, the solver
+    asks for equilibrium first."""
 
     dt: float
     theta: float
@@ -31,6 +32,7 @@ class Scheme(NamedTuple):
     stretch: float
     coulomb: bool
     newton: bool
+    holds_rest: bool
     smallest: float
     xi: float
     radius: Floats

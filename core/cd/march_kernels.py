@@ -26,6 +26,7 @@ from ninedisk.core.cd.frame_kernels import (
     gap_round_off,
     measure_frames,
     note_impact_work,
+    surface_way,
     wall_way,
 )
 from ninedisk.core.cd.gauss_seidel_kernels import next_batch, sweep
@@ -115,12 +116,14 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
     if measure_frames(near.pairs, near.row, x, scheme.radius, state.wall, after, laws,
                       near.normal, near.gap, near.gap_before, near.shift, near.arms) >= 0:  # fmt: skip
         return ALONE
+    rests = False
     if state.counts[SWEEPS] == 0:
         for i in range(x.shape[0]):
             for d in range(3):
                 scratch.v[i, d] = scheme.dt * state.v[i, d]
         begin_set(tolerance, scheme, laws, state, near, dx, scratch.v)
-    why = _solve(round_off, moved, turned, walls, scheme, laws, state, near, chosen, scratch)
+        rests = scheme.holds_rest and surface_way(scratch.v, scheme.radius) <= tolerance
+    why = _solve(rests, round_off, moved, turned, walls, scheme, laws, state, near, chosen, scratch)
     if why == DONE:
         if _behind_wall(scheme, state, scratch):
             return ALONE
@@ -167,13 +170,13 @@ def _displacements(scheme: Scheme, v: Floats, scratch: Scratch) -> None:
 
 
 @inline_kernel
-def _pose(c: int, scheme: Scheme, laws: Laws, chosen: Chosen, scratch: Scratch) -> bool:
+def _pose(c: int, round_off: float, scheme: Scheme, laws: Laws, chosen: Chosen, scratch: Scratch) -> bool:
     """The contact problem of the chosen contacts; False if one can neither open nor close."""
     bodies, normal, arms, row = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.row[:c]
     compliance, offset, blocks, b = chosen.compliance[:c], chosen.offset[:c], chosen.blocks[:c], chosen.b[:c]
     contact_compliances(row, laws, scheme.theta * scheme.dt, compliance)
     dynamic_offsets(bodies, normal, chosen.gap, chosen.gap_before, chosen.shift, arms, row, laws,
-                    scratch.kept, scratch.prescribed, scheme.dt, scheme.theta, offset)  # fmt: skip
+                    scratch.kept, scratch.prescribed, scheme.dt, scheme.theta, round_off, offset)  # fmt: skip
     delassus_blocks(bodies, normal, arms, scheme.inverse_mass, compliance, blocks)
     for k in range(c):
         if not blocks[k, 0] > 0.0:
@@ -197,6 +200,7 @@ def _fly(scheme: Scheme, scratch: Scratch) -> None:
 
 @inline_kernel
 def _solve(
+    rests: bool,
     round_off: float,
     moved: float,
     turned: float,
@@ -215,7 +219,7 @@ def _solve(
     tolerance, resolution = MISSED * round_off, round_off / (scheme.theta * scheme.dt)
     v, r, sums, figures, counts = scratch.v, chosen.r, scratch.sums, scratch.figures, state.counts
     c = choose(laws, near, chosen)
-    if c > scheme.most or not _pose(c, scheme, laws, chosen, scratch):
+    if c > scheme.most or not _pose(c, round_off, scheme, laws, chosen, scratch):
         return ALONE
     budget, looked = counts[SWEEPS] + max(1, CONTACT_SWEEPS // (c + 1)), counts[SWEEPS]
     best, best_at = np.inf, counts[SWEEPS]
@@ -228,6 +232,8 @@ def _solve(
         sum_kinetic(scheme.inverse_mass, v, v, sums)
         figures_of(sums, c, resolution, figures)
         finished = reached(figures, scheme.tolerance)
+        if rests and done == 0 and not finished:
+            return ALONE
         if finished or done - looked >= LOOK_AFTER:
             looked = done
             _displacements(scheme, state.v, scratch)
@@ -242,7 +248,7 @@ def _solve(
                 if missed > 0:
                     best, best_at = np.inf, done
                     c = choose(laws, near, chosen)
-                    if c > scheme.most or not _pose(c, scheme, laws, chosen, scratch):
+                    if c > scheme.most or not _pose(c, round_off, scheme, laws, chosen, scratch):
                         return ALONE
                     continue
             elif finished:

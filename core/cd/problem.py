@@ -208,21 +208,26 @@ class ContactProblem:
         quadratic = float((mass * dv * dv).sum() + (self.compliance * r * r).sum())
         return 0.5 * quadratic + float((self.b * r).sum())
 
-    def jacobian(self) -> sp.csr_array:
-        """``H``, shape (2 c, 3 b), on the free unknowns; rows ``2 k`` normal, ``2 k + 1`` tangential."""
-        c = self.n_contacts
+    def rows(self) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Normal and tangential row of each contact over the unknowns of its bodies, shape (c, 2, 6), and these unknowns, shape (c, 6).
+
+        Unknowns that are not free have zeros, and those of a prescribed body the number of some unknown.
+        """
         n, a = self.normal, self.arms
         normal_row = np.column_stack([-n[:, 0], -n[:, 1], a[:, 0], n[:, 0], n[:, 1], a[:, 1]])
         shear_row = np.column_stack([-n[:, 1], n[:, 0], a[:, 2], n[:, 1], -n[:, 0], a[:, 3]])
-        data = np.stack([normal_row, shear_row], axis=1)
-        body = np.repeat(self.bodies.astype(np.int64), 3, axis=1)
-        column = 3 * body + np.tile(np.arange(3), 2)
-        valid = np.repeat((body >= 0)[:, None, :], 2, axis=1)
-        columns = np.repeat(column[:, None, :], 2, axis=1)
-        rows = np.broadcast_to((2 * np.arange(c)[:, None] + np.arange(2))[:, :, None], data.shape)
-        shape = (2 * c, 3 * self.n_bodies)
-        h = sp.csr_array((data[valid], (rows[valid], columns[valid])), shape=shape)
-        return sp.csr_array(h @ sp.diags_array(self.free.ravel()))
+        body = np.repeat(np.maximum(self.bodies, 0).astype(np.int64), 3, axis=1)
+        unknowns = 3 * body + np.tile(np.arange(3), 2)
+        free = np.repeat(self.bodies >= 0, 3, axis=1) * self.free.ravel()[unknowns]
+        return np.stack([normal_row, shear_row], axis=1) * free[:, None, :], unknowns
+
+    def jacobian(self) -> sp.csr_array:
+        """``H``, shape (2 c, 3 b), on the free unknowns; rows ``2 k`` normal, ``2 k + 1`` tangential."""
+        data, unknowns = self.rows()
+        columns = np.repeat(unknowns[:, None, :], 2, axis=1)
+        rows = np.broadcast_to(np.arange(2 * self.n_contacts).reshape(-1, 2, 1), data.shape)
+        shape, held = (2 * self.n_contacts, 3 * self.n_bodies), data != 0.0
+        return sp.csr_array((data[held], (rows[held], columns[held])), shape=shape)
 
     def delassus(self) -> sp.csr_array:
         """``W = H M^-1 H' + C``, shape (2 c, 2 c), as a sparse matrix."""

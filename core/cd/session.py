@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd.contact_set import solve_with_contacts
 from ninedisk.core.cd.feasibility import InfeasibleContactsError
-from ninedisk.core.cd.frame_kernels import GAIN_I, GAIN_J, GAIN_LARGEST, GAIN_STEP, GAIN_STEPS, GAIN_TOTAL
+from ninedisk.core.cd.frame_kernels import (
+    GAIN_I,
+    GAIN_J,
+    GAIN_LARGEST,
+    GAIN_STEP,
+    GAIN_STEPS,
+    GAIN_TOTAL,
+    MISSED,
+    surface_way,
+)
 from ninedisk.core.cd.frames import Frames
 from ninedisk.core.cd.initial import initial_forces
 from ninedisk.core.cd.laws import LawTable
@@ -288,7 +297,9 @@ class CdSession:
 
     def _dynamic_step(self, place: Place) -> DynamicStep:
         theta = self.numerics.theta
-        return DynamicStep(self._bodies, self._laws, self._solver, self._v, self.dt, theta, place.round_off())
+        round_off = place.round_off()
+        at_rest = surface_way(self.dt * self._v, place.radius) <= MISSED * round_off
+        return DynamicStep(self._bodies, self._laws, self._solver, self._v, self.dt, theta, round_off, at_rest)
 
     def _march_if_dynamic(self) -> March | None:
         """Takes steps of disks together where they are dynamic and begin with Gauss-Seidel."""

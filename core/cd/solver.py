@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
-from ninedisk.core.cd.feasibility import PROOF_AFTER
-from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.feasibility import PROOF_AFTER, InfeasibleContactsError, check_feasible
+from ninedisk.core.cd.gauss_seidel import GaussSeidel, solve_gauss_seidel
 from ninedisk.core.cd.interior_point import InteriorPoint
+from ninedisk.core.cd.lemke import solve_lemke
+from ninedisk.core.cd.polish import Polish
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.projected_gradient import solve_projected_gradient
-from ninedisk.core.cd.residuals import Sliding
+from ninedisk.core.cd.residuals import Residuals, Sliding, measure, rounding_floor
 from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
@@ -22,8 +24,12 @@ FloatArray = NDArray[np.float64]
 SOLVERS = ("auto", "interior-point", "projected-gradient", "gauss-seidel")
 TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
-COULOMB_SWEEPS = 5_000
-"""Sweeps for Coulomb's law that "auto" tries before the interior point: forces that they have not found they approach ever more slowly."""
+STAGES = ((200, 20), (5_000, 200), (20_000, 400), (80_000, 400))
+"""Sweeps for Coulomb's law after which "auto" polishes the forces found, and pivots that this may take."""
+PATH_AFTER = 5_000
+"""Sweeps after which "auto" looks for the forces by another way, too."""
+LEMKE_CONTACTS = 500
+"""Contacts up to which "auto" takes Lemke's method: its tableau grows with their square, its time with their cube."""
 LONGEST_WITHOUT_TRIAL = 15
 """Problems without a trial of Gauss-Seidel, at most, after trials in vain."""
 MANY = 2**62
@@ -38,7 +44,10 @@ TRIAL_CONTACTS = 5_000
 class ContactSolver:
     """Solves the problems of successive steps; keeps what can be reused.
 
-    ``"auto"`` takes Gauss-Seidel for Coulomb friction, and the interior point where `COULOMB_SWEEPS` do not reach the tolerance.
+    For Coulomb friction ``"auto"`` takes Gauss-Seidel, started from the last step's forces. Where the sweeps do not reach the
+    tolerance, `Polish` makes the forces found exact; if it cannot, more sweeps follow, then `solve_lemke` on up to `LEMKE_CONTACTS`
+    contacts, the interior point, and more sweeps. Where bodies rest it first asks whether they can stay: the solution of the
+    associated rule, if nothing slides in it, solves Coulomb's law, too, which may have others in which everything collapses.
     For the associated rule it gives Gauss-Seidel, started from the last step's forces, `TRIAL_SWEEPS` sweeps: enough where few
     contacts touch each body, or where their compliance dominates. Where they do not reach the tolerance the interior point takes
     over, whose number of iterations hardly depends on the problem.
@@ -83,12 +92,17 @@ class ContactSolver:
         return self._trial.max_iterations or 0 if self.name == "auto" else 0
 
     @property
+    def holds_rest(self) -> bool:
+        """Whether it asks for equilibrium where bodies rest."""
+        return self.sliding == "coulomb" and self.name == "auto"
+
+    @property
     def most_contacts(self) -> int:
         """Contacts above which it does not begin with Gauss-Seidel."""
         trial = self.sliding == "associated" and self.name == "auto" and self.options.tolerance < LOOSE
         return TRIAL_CONTACTS if trial else MANY
 
-    def solve(self, problem: ContactProblem, start: FloatArray | None = None) -> SolverResult:
+    def solve(self, problem: ContactProblem, start: FloatArray | None = None, *, at_rest: bool = False) -> SolverResult:
         """Solve one problem.
 
         Parameters
@@ -96,6 +110,8 @@ class ContactSolver:
         problem : ContactProblem
         start : ndarray, shape (c, 2), optional
             Contact forces of a neighbouring problem.
+        at_rest : bool
+            Whether bodies rest, so that equilibrium is to be taken where it exists.
 
         Raises
         ------
@@ -106,7 +122,7 @@ class ContactSolver:
         if self.sliding == "coulomb" and self.name == "interior-point":
             return CoulombInteriorPoint(self.options).solve(problem)
         if self.sliding == "coulomb" and self.name == "auto":
-            return self._coulomb(problem, start)
+            return self._coulomb(problem, start, at_rest)
         if self.name == "gauss-seidel":
             return solve_gauss_seidel(problem, self.options, sliding=self.sliding, start=start)
         if self.name == "projected-gradient":
@@ -121,24 +137,65 @@ class ContactSolver:
                 return result
         return self._interior.solve(problem)
 
-    def _coulomb(self, problem: ContactProblem, start: FloatArray | None) -> SolverResult:
-        """Sweeps, then the interior point, then as many sweeps as are allowed, all within the time limit."""
-        clock = Stopwatch(self.options.time_limit)
-        if (self.options.max_iterations or COULOMB_SWEEPS + 1) > COULOMB_SWEEPS:
-            trial = replace(self.options, max_iterations=COULOMB_SWEEPS)
+    def _coulomb(self, problem: ContactProblem, start: FloatArray | None, at_rest: bool) -> SolverResult:
+        """Sweeps, their forces polished; then pivots, or the interior point; then as many sweeps as are allowed; all in the time limit."""
+        options, clock, limit = self.options, Stopwatch(self.options.time_limit), self.options.max_iterations or MANY
+        polish, count = Polish(problem, options.tolerance, clock), 0
+        sweeps = GaussSeidel(problem, options, "coulomb", start)
+
+        def result(name: str, forces: tuple[FloatArray, Residuals]) -> SolverResult:
+            return SolverResult(
+                solver=name,
+                sliding="coulomb",
+                v=problem.body_velocity(forces[0]),
+                r=forces[0],
+                iterations=sweeps.done + polish.count + count,
+                residuals=forces[1],
+                seconds=clock.seconds,
+            )
+
+        if at_rest:
+            found = sweeps.solve(0) or self._equilibrium(problem, polish, clock)
+            if found:
+                return found
+        for stage, pivots in STAGES:
+            if found := sweeps.solve(min(stage, limit)):
+                return replace(found, iterations=found.iterations + polish.count + count)
+            if stage >= limit or clock.over:
+                sweeps.give_up()
+            if polished := polish.improve(sweeps.r, pivots):
+                return result("polish", polished)
+            if stage != PATH_AFTER:
+                continue
+            check_feasible(problem, sliding="coulomb", seconds=clock.left)
+            if problem.n_contacts <= LEMKE_CONTACTS:
+                forces, count = solve_lemke(problem)
+                if forces is not None and (polished := polish.improve(forces, pivots)):
+                    return result("lemke", polished)
+            if (residuals := sweeps.residuals()).worst <= rounding_floor(problem, sweeps.r):
+                return result("gauss-seidel", (sweeps.r, residuals))
             try:
-                return solve_gauss_seidel(problem, trial, sliding="coulomb", start=start)
-            except SolverNotConvergedError:
-                if clock.over:
-                    raise
-            left = replace(self.options, max_iterations=None, time_limit=clock.left / 2.0)
-            try:
-                return CoulombInteriorPoint(left).solve(problem)
-            except SolverNotConvergedError:
-                if clock.over:
-                    raise
-        left = replace(self.options, time_limit=clock.left)
-        return solve_gauss_seidel(problem, left, sliding="coulomb", start=start)
+                path = CoulombInteriorPoint(replace(options, max_iterations=None, time_limit=clock.left / 2.0))
+                found = path.solve(problem)
+                return replace(found, iterations=found.iterations + sweeps.done + polish.count + count)
+            except SolverNotConvergedError as error:
+                count += error.iterations
+        found = sweeps.solve(limit) or sweeps.give_up()
+        return replace(found, iterations=found.iterations + polish.count + count)
+
+    def _equilibrium(self, problem: ContactProblem, polish: Polish, clock: Stopwatch) -> SolverResult | None:
+        """The solution in which nothing slides, if there is one: that of the associated rule, whose velocities are unique."""
+        try:
+            found = InteriorPoint(replace(self.options, time_limit=clock.left)).solve(problem)
+        except (SolverNotConvergedError, InfeasibleContactsError):
+            return None
+        exact = polish.improve(found.r, 0)
+        r = found.r if exact is None else exact[0]
+        v = problem.body_velocity(r)
+        residuals = measure(problem, v, r, sliding="coulomb")
+        if not residuals.reached(self.options.tolerance):
+            return None
+        return replace(found, sliding="coulomb", v=v, r=r, residuals=residuals)
 
     def _trial_is_due(self) -> bool:
         """After trials in vain, 1, 3, 7, .. problems go without one: their like follow each other."""

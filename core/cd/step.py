@@ -148,6 +148,8 @@ class DynamicStep:
         Step [s] and parameter of the scheme.
     round_off : float
         Rounding error of a gap [m].
+    at_rest : bool
+        Whether no body moves in the step's time by more than a gap's rounding, if ``v0`` lasts.
     """
 
     def __init__(
@@ -159,10 +161,11 @@ class DynamicStep:
         dt: float,
         theta: float,
         round_off: float,
+        at_rest: bool = False,
     ) -> None:
-        self._bodies, self._laws, self._solver = bodies, laws, solver
+        self._bodies, self._laws, self._solver, self._at_rest = bodies, laws, solver, at_rest
         self._v0, self._dt, self._theta = v0, dt, theta
-        self._resolution = round_off / (theta * dt)
+        self._round_off, self._resolution = round_off, round_off / (theta * dt)
         self._mass = dynamic_mass(bodies, dt, theta)
         kept = bodies.mass * v0 * (1.0 / dt - (1.0 - theta) * bodies.xi)
         self._force = np.where(bodies.free, bodies.load + kept, 0.0)
@@ -178,7 +181,7 @@ class DynamicStep:
         bodies, offset = pair_bodies(frames, len(self._mass)), np.empty((len(frames), 2))
         geometry = (frames.normal, frames.gap, frames.gap_before, frames.shift, frames.arms, frames.row)
         kept = np.where(self._bodies.free, self._v0, 0.0)
-        dynamic_offsets(bodies, *geometry, laws.arrays, kept, self._prescribed, dt, theta, offset)
+        dynamic_offsets(bodies, *geometry, laws.arrays, kept, self._prescribed, dt, theta, self._round_off, offset)
         return ContactProblem(
             mass=self._mass,
             force=self._force,
@@ -194,7 +197,7 @@ class DynamicStep:
 
     def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
         """Solve the step with these contacts; raises as `ContactSolver.solve`."""
-        result = self._solver.solve(self.problem(frames, forces), start)
+        result = self._solver.solve(self.problem(frames, forces), start, at_rest=self._at_rest)
         return Solved(self._displacement(result.v), result.v + self._prescribed, result.r, result)
 
     def note_impacts(self, step: int, frames: Frames, solved: Solved, blocks: FloatArray, gains: FloatArray) -> None:

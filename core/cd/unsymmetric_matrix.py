@@ -27,23 +27,28 @@ class UnsymmetricMatrix:
 
     def __init__(self, problem: ContactProblem) -> None:
         self.h = problem.jacobian()
+        self._rows, self._unknowns = problem.rows()
         self._mass = np.where(problem.free > 0.0, problem.mass, 1.0).ravel()
-        self._shape = (2 * problem.n_contacts, 2 * problem.n_contacts)
-        self._place = np.arange(3 * problem.n_bodies)
+        self._pattern(np.arange(3 * problem.n_bodies))
         # One ordering for all factorisations: the graph does not change.
-        lu = _factors(
-            self._made(np.tile(np.eye(2), (problem.n_contacts, 1, 1)) * problem.rho[:, None, None]), "MMD_AT_PLUS_A"
-        )
-        self._place = np.argsort(lu.perm_c)
+        lu = _factors(self._made(np.eye(2) * problem.rho[:, None, None]), "MMD_AT_PLUS_A")
+        self._pattern(np.asarray(lu.perm_c))
         self._lu: Any = None
 
-    def _made(self, d: FloatArray) -> sp.csc_array:
-        c = len(d)
-        blocks = sp.bsr_array((d, np.arange(c), np.arange(c + 1)), shape=self._shape)
-        k = sp.csc_array(self.h.T @ (blocks @ self.h) + sp.diags_array(self._mass))
-        ordered = sp.csc_array(k[self._place][:, self._place])
-        ordered.sort_indices()
-        return ordered
+    def _pattern(self, position: NDArray[np.integer[Any]]) -> None:
+        """Places of the entries of all contacts and of the masses, for unknowns in these positions."""
+        n, unknowns = len(position), position[self._unknowns]
+        row = np.append(np.repeat(unknowns, 6, axis=1).ravel(), position)
+        column = np.append(np.tile(unknowns, (1, 6)).ravel(), position)
+        places, self._slot = np.unique(column.astype(np.int64) * n + row, return_inverse=True)
+        self._indices = (places % n).astype(np.int32)
+        self._indptr = np.searchsorted(places, n * np.arange(n + 1)).astype(np.int32)
+        self._place = np.argsort(position)
+
+    def _made(self, d: FloatArray) -> sp.csc_matrix:
+        blocks = np.swapaxes(self._rows, 1, 2) @ (d @ self._rows)
+        data = np.bincount(self._slot, np.append(blocks.ravel(), self._mass), len(self._indices))
+        return sp.csc_matrix((data, self._indices, self._indptr), shape=(len(self._place),) * 2)
 
     def factorise(self, d: FloatArray) -> bool:
         """Factorise with the blocks ``d``, shape (c, 2, 2); False if that is impossible."""
@@ -66,12 +71,8 @@ class UnsymmetricMatrix:
         return out
 
 
-def _factors(matrix: sp.csc_array, order: str) -> Any:
+def _factors(matrix: sp.csc_matrix, order: str) -> Any:
     import scipy.sparse.linalg as linalg
 
-    # The solver takes 32-bit indices.
-    narrow = sp.csc_matrix(
-        (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)), shape=matrix.shape
-    )
     solver: Any = linalg.splu
-    return solver(narrow, permc_spec=order, diag_pivot_thresh=PIVOT, options={"SymmetricMode": True})
+    return solver(matrix, permc_spec=order, diag_pivot_thresh=PIVOT, options={"SymmetricMode": True})

@@ -14,7 +14,7 @@ the first, or in two places."""
 
 _kernel, _python = partial(planted, "cd", "kernel"), partial(planted, "cd", "python")
 
-_OPENING = "offset[k, 0] = gap[k] / (theta * dt) + (held_n"
+_OPENING = "room = 0.0 if touching else gap[k]"
 
 DEFECTS = (
     _kernel("reaction", "the reaction on the second disk is a millionth too large", "hit",

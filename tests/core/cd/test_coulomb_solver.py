@@ -1,4 +1,4 @@
-"""Interior point and proximal Newton for Coulomb's law, against closed forms, Gauss-Seidel and the law itself."""
+"""Interior point for Coulomb's law, against closed forms, Gauss-Seidel and the law itself."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from problems import FLOOR
 from ninedisk.core.cd import coulomb_interior_point, coulomb_shift
 from ninedisk.core.cd import solver as solver_module
 from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
-from ninedisk.core.cd.coulomb_newton import ProximalNewton
 from ninedisk.core.cd.feasibility import InfeasibleContactsError
 from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.problem import ContactProblem
@@ -130,25 +129,6 @@ def test_the_result_does_not_depend_on_the_units() -> None:
     assert other.r / (mass * length) == pytest.approx(one.r, rel=1e-6, abs=1e-8)
 
 
-def test_newton_goes_on_from_rough_forces() -> None:
-    problem = heap(200)
-    with pytest.raises(SolverNotConvergedError):
-        solve_gauss_seidel(problem, replace(TIGHT, max_iterations=60), sliding="coulomb")
-    rough = solve_gauss_seidel(problem, SolverOptions(tolerance=1e-2), sliding="coulomb").r
-    newton = ProximalNewton(problem, rough, coulomb_interior_point.UnsymmetricMatrix(problem))
-    for _ in range(60):
-        assert newton.advance() > 0
-    judged = measure(problem, problem.body_velocity(newton.r), newton.r, sliding="coulomb")
-    assert judged.reached(1e-9)
-
-
-def test_newton_takes_over_where_the_path_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = heap(200)
-    monkeypatch.setattr(coulomb_interior_point._Run, "iterate", lambda _: False)
-    monkeypatch.setattr(coulomb_interior_point.ShiftedPath, "iterate", lambda _: False)
-    assert solve(problem, replace(TIGHT, tolerance=1e-9)).residuals.reached(1e-9)
-
-
 def test_the_matrix_is_that_of_the_dense_product() -> None:
     problem = problems.problem(problems.BUILDERS.index(problems.blocked))
     rng = np.random.default_rng(5)
@@ -167,12 +147,16 @@ def test_the_matrix_is_that_of_the_dense_product() -> None:
 
 
 def test_auto_takes_what_reaches_the_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Sweeps where they do, else the interior point, else sweeps to the limit."""
+    """Sweeps where they do, else their polish, else pivots or the interior point, else sweeps to the limit; all of them count."""
     solver = ContactSolver("auto", TIGHT, "coulomb")
     assert solver.solve(on_floor(1.0, 0.5)).solver == "gauss-seidel"
-    monkeypatch.setattr(solver_module, "COULOMB_SWEEPS", 500)
     problem = heap(600)
-    assert solver.solve(problem).solver == "interior-point"
+    monkeypatch.setattr(solver_module.Polish, "improve", lambda *_: None)
+    monkeypatch.setattr(solver_module, "STAGES", ((500, 20),))
+    monkeypatch.setattr(solver_module, "PATH_AFTER", 500)
+    found = solver.solve(problem)
+    assert found.solver == "interior-point"
+    assert found.iterations > 500
     limited = ContactSolver("auto", replace(TIGHT, max_iterations=700), "coulomb")
     monkeypatch.setattr(coulomb_interior_point, "MAX_ITERATIONS", 3)
     with pytest.raises(SolverNotConvergedError, match=r"gauss-seidel stopped .* after 700 iterations"):

@@ -1,0 +1,292 @@
+"""Coulomb's law where sweeps do not arrive: polish and pivots, on problems of settling disks, and pyramids that stay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+from test_coulomb_solver import law_broken
+
+from ninedisk.core.cd import lemke_kernels, polish
+from ninedisk.core.cd.gauss_seidel import GaussSeidel
+from ninedisk.core.cd.lemke import solve_lemke
+from ninedisk.core.cd.polish import MINUS, PLUS, STICK, Polish
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.residuals import measure
+from ninedisk.core.cd.result import SolverOptions, Stopwatch
+from ninedisk.core.cd.session import CdSession
+from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
+
+FloatArray = NDArray[np.float64]
+TOLERANCE = 1e-12
+OPTIONS = SolverOptions(tolerance=TOLERANCE)
+SAVED = sorted((Path(__file__).parent / "data").glob("settling-*.npz"))
+GRAVITY = 9.81
+
+
+def swept(problem: ContactProblem, sweeps: int) -> FloatArray:
+    """Forces after some sweeps, which do not reach the tolerance."""
+    run = GaussSeidel(problem, OPTIONS, "coulomb")
+    assert run.solve(sweeps) is None
+    return run.r
+
+
+def polish_of(problem: ContactProblem) -> Polish:
+    return Polish(problem, TOLERANCE, Stopwatch(60.0))
+
+
+def worst(problem: ContactProblem, r: FloatArray) -> float:
+    return measure(problem, problem.body_velocity(r), r, sliding="coulomb").worst
+
+
+@pytest.mark.parametrize("path", SAVED, ids=lambda path: path.stem)
+def test_polish_of_problems_that_sweeps_do_not_solve(path: Path) -> None:
+    problem = ContactProblem.load(path)
+    rough = swept(problem, 5_000)
+    found = polish_of(problem).improve(rough, 200)
+    assert found is not None
+    r, residuals = found
+    assert residuals.worst == worst(problem, r) <= TOLERANCE
+    assert law_broken(problem, r) < 1e-6
+    # The solution next to the forces found, not just any: these are within 1e-4 of one, and it changes hardly more than hyperstatic forces.
+    before, after = problem.body_velocity(rough), problem.body_velocity(r)
+    assert np.abs(after - before).max() < 1e-3 * np.abs(before).max()
+
+
+@pytest.mark.parametrize("path", SAVED, ids=lambda path: path.stem)
+def test_lemke_on_saved_problems(path: Path) -> None:
+    problem = ContactProblem.load(path)
+    r, pivots = solve_lemke(problem)
+    assert r is not None
+    assert worst(problem, r) < 1e-10
+    assert pivots < 6 * problem.n_contacts
+
+
+@pytest.mark.parametrize("path", SAVED, ids=lambda path: path.stem)
+def test_the_solver_counts_all_its_iterations(path: Path) -> None:
+    problem = ContactProblem.load(path)
+    found = ContactSolver("auto", OPTIONS, "coulomb").solve(problem)
+    assert found.residuals.worst <= TOLERANCE
+    assert found.solver in ("polish", "lemke")
+    assert found.iterations > 200
+
+
+def test_polish_refuses_what_is_not_exact(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Planted defects: a status flipped, the slip's sign turned, the cone multiplied. Nothing of it is accepted."""
+    problem = ContactProblem.load(SAVED[-1])
+    exact = polish_of(problem).improve(swept(problem, 5_000), 200)
+    assert exact is not None
+    r = exact[0]
+    assert polish_of(problem).improve(r, 0) is not None
+    original = polish.statuses
+    loaded = int(np.argmax(r[:, 0]))
+    with monkeypatch.context() as patch:
+
+        def flipped(problem: ContactProblem, z: FloatArray) -> NDArray[np.int64]:
+            status = original(problem, z)
+            status[loaded] = PLUS if status[loaded] != PLUS else MINUS
+            return status
+
+        patch.setattr(polish, "statuses", flipped)
+        assert polish_of(problem).improve(r, 0) is None
+    with monkeypatch.context() as patch:
+        patch.setattr(polish, "SIDE", -polish.SIDE)
+        assert polish_of(problem).improve(r, 0) is None
+    wider = Polish(replace(problem, mu=1.1 * problem.mu), TOLERANCE, Stopwatch(60.0)).improve(r, 200)
+    assert wider is None or worst(problem, wider[0]) > TOLERANCE
+
+
+def tiny(seed: int) -> ContactProblem:
+    """One to three contacts among up to three bodies and a wall, with masses, normals and loads at random; some smooth, some elastic."""
+    rng = np.random.default_rng([51, seed])
+    c, b = int(rng.integers(1, 4)), int(rng.integers(1, 4))
+    pairs = [
+        sorted(rng.choice(b, 2, replace=False)) if b > 1 and rng.random() < 0.6 else [int(rng.integers(b)), -1]
+        for _ in range(c)
+    ]
+    angle = rng.uniform(0.0, 2.0 * np.pi, c)
+    return ContactProblem(
+        mass=rng.uniform(0.3, 3.0, (b, 3)),
+        force=rng.normal(size=(b, 3)),
+        bodies=pairs,
+        normal=np.column_stack([np.cos(angle), np.sin(angle)]),
+        arms=np.column_stack([np.zeros((c, 2)), np.ones(c), [float(j >= 0) for _, j in pairs]]),
+        offset=rng.normal(size=(c, 2)) * [0.3, 0.3],
+        mu=rng.choice([0.0, 0.3, 0.8], c),
+        compliance=rng.uniform(0.0, 0.5, (c, 2)) * (rng.random((c, 2)) < 0.3),
+    )
+
+
+def enumerated(problem: ContactProblem) -> list[FloatArray]:
+    """All isolated solutions: every combination of statuses, its linear system by a dense solver, kept if no inequality is broken."""
+    c, w, b = problem.n_contacts, problem.delassus().toarray(), problem.b.ravel()
+    solutions = []
+    for status in product(range(4), repeat=c):
+        a, right = np.eye(2 * c), np.zeros(2 * c)
+        for k, s in enumerate(status):
+            n, t = 2 * k, 2 * k + 1
+            if s == 0:
+                continue
+            a[n], right[n] = w[n], -b[n]
+            if s == STICK:
+                a[t], right[t] = w[t], -b[t]
+            else:
+                a[t, n] = -problem.mu[k] if s == PLUS else problem.mu[k]
+        if abs(np.linalg.det(a)) < 1e-12:
+            continue
+        r = np.linalg.solve(a, right).reshape(-1, 2)
+        if law_broken(problem, r) < 1e-9:
+            solutions.append(r)
+    return solutions
+
+
+def test_lemke_finds_one_of_the_solutions_that_exist() -> None:
+    found = slid = 0
+    for seed in range(300):
+        problem = tiny(seed)
+        solutions = enumerated(problem)
+        r, _ = solve_lemke(problem)
+        if r is None or not solutions:
+            # A ray, or forces that are not isolated: then the law itself must not be broken by what is found.
+            assert r is None or law_broken(problem, r) < 1e-9
+            continue
+        nearest = min(float(np.abs(r - other).max()) for other in solutions)
+        assert nearest < 1e-9 or law_broken(problem, r) < 1e-9
+        found += nearest < 1e-9
+        slid += bool(
+            (np.abs(np.abs(r[:, 1]) - problem.mu * r[:, 0])[(problem.mu > 0.0) & (r[:, 0] > 0.0)] < 1e-12).any()
+        )
+    assert found > 250
+    assert slid > 50
+
+
+def test_lemke_needs_the_lexicographic_rule_no_more_pivots_than_allowed() -> None:
+    """A limit of pivots ends it, and a problem without a solution ends in a ray."""
+    closing = ContactProblem(
+        mass=[[1.0, 1.0, 1.0]],
+        force=[[0.0, 0.0, 0.0]],
+        bodies=[[0, -1], [0, -1]],
+        normal=[[0.0, 1.0], [0.0, -1.0]],
+        arms=np.zeros((2, 4)),
+        offset=[[-1.0, 0.0], [-1.0, 0.0]],
+        mu=[0.0, 0.0],
+    )
+    assert solve_lemke(closing)[0] is None
+    t = np.array([[1.0, 0.0, 1.0, -1.0], [0.0, 1.0, 1.0, -2.0]])
+    names = np.empty((3, 5), dtype=np.int64)
+    assert lemke_kernels.lemke(t.copy(), *names, 1)[0] == lemke_kernels.ENDED
+    end, _ = lemke_kernels.lemke(t, *names, 10)
+    assert end == lemke_kernels.SOLVED
+    assert t[names[1][2:4], -1] == pytest.approx([1.0, 2.0], abs=1e-14)
+
+
+def rigid(mu: float) -> ContactLaw:
+    return ContactLaw(kn=1e8, ks=1e8, mu=mu, restitution=0.0, regularised=True)
+
+
+def settling(seed: int, mu: float, n: int = 40, width: int = 6) -> Scene:
+    """Disks of radius 1 on a lattice with gaps, jittered, that fall into a box."""
+    rng = np.random.default_rng(seed)
+    i = np.arange(n)
+    x = np.column_stack([(i % width + 0.5) * 2.05, (i // width + 0.5) * 2.05]) + rng.uniform(-0.02, 0.02, (n, 2))
+    law = rigid(mu)
+    walls = (
+        Wall(name="left", point=(0.0, 0.0), normal=(1.0, 0.0), law=law),
+        Wall(name="right", point=(2.05 * width, 0.0), normal=(-1.0, 0.0), law=law),
+        Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law),
+    )
+    return Scene(disks=Disks(x=x, radius=1.0, mass=1.0), disk_disk=law, walls=walls, gravity=(0.0, -GRAVITY))
+
+
+def check_settling(scene: Scene, dt: float, steps: int) -> CdSession:
+    """Every step to the tolerance or the floor of round-off, and no step gains energy."""
+    session = CdSession(scene, Numerics(dt=dt, n_steps=steps, sliding="coulomb"))
+    history = session.run()
+    kinetic = 0.5 * (history.v**2).sum((1, 2)) + 0.5 * (scene.disks.inertia * history.omega**2).sum(1)
+    energy = kinetic + GRAVITY * history.x[:, :, 1].sum(1)
+    assert (np.diff(energy) <= 1e-10 * kinetic.max()).all()
+    assert max(session.worst) < 1e-11
+    return session
+
+
+@pytest.mark.parametrize(("seed", "mu"), [(5, 0.3), (3, 0.6)])
+def test_settling_disks(seed: int, mu: float) -> None:
+    session = check_settling(settling(seed, mu), 0.01, 240)
+    assert session.solves["polish"] > 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mu", [0.3, 0.6])
+@pytest.mark.parametrize("seed", range(8))
+def test_more_settling_disks(seed: int, mu: float) -> None:
+    check_settling(settling(seed, mu), 0.01, 400)
+
+
+def pyramid(layers: int, mu: float) -> Scene:
+    """Rows of touching disks of radius 1, one fewer in each, on a floor."""
+    x = [(2.0 * i + j, 1.0 + j * np.sqrt(3.0)) for j in range(layers) for i in range(layers - j)]
+    law = rigid(mu)
+    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
+    return Scene(
+        disks=Disks(x=np.array(x), radius=1.0, mass=1.0), disk_disk=law, walls=(floor,), gravity=(0.0, -GRAVITY)
+    )
+
+
+def least_friction(layers: int) -> float:
+    """Least coefficient with which statics has forces for the pyramid, by bisection over linear programs written out here."""
+    x = pyramid(layers, 1.0).disks.x
+    n = len(x)
+    contacts = [(i, -1, 0.0, -1.0) for i in range(n) if x[i, 1] < 1.01]
+    contacts += [
+        (i, j, *((x[j] - x[i]) / 2.0)) for i in range(n) for j in range(i + 1, n) if np.hypot(*(x[j] - x[i])) < 2.01
+    ]
+    balance, c = np.zeros((3 * n, 2 * len(contacts))), len(contacts)
+    for k, (i, j, nx, ny) in enumerate(contacts):
+        for body, sign in ((i, 1.0), (j, -1.0)):
+            if body >= 0:
+                balance[3 * body : 3 * body + 2, 2 * k] = -sign * nx, -sign * ny
+                balance[3 * body : 3 * body + 2, 2 * k + 1] = -sign * ny, sign * nx
+                balance[3 * body + 2, 2 * k + 1] = 1.0
+    weight = np.tile([0.0, 1.0, 0.0], n)
+
+    def holds(mu: float) -> bool:
+        cone = np.kron(np.eye(c), [[-mu, 1.0], [-mu, -1.0]])
+        bounds = [(0.0, None), (None, None)] * c
+        return bool(linprog(np.zeros(2 * c), cone, np.zeros(2 * c), balance, weight, bounds).status == 0)  # type: ignore[call-overload]
+
+    low, high = 0.0, 2.0
+    while high - low > 1e-4:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
+
+
+def largest_acceleration(scene: Scene, dt: float, steps: int) -> float:
+    """Over that of gravity."""
+    history = CdSession(scene, Numerics(dt=dt, n_steps=steps, sliding="coulomb")).run()
+    return float(np.abs(np.diff(history.v, axis=0)).max()) / dt / GRAVITY
+
+
+@pytest.mark.parametrize("dt", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("layers", [3, 4, 6])
+def test_a_pyramid_stays_or_collapses(layers: int, dt: float) -> None:
+    least = least_friction(layers)
+    assert largest_acceleration(pyramid(layers, 1.2 * least), dt, 100) < 1e-10
+    assert largest_acceleration(pyramid(layers, 1.0), dt, 100) < 1e-10
+    assert largest_acceleration(pyramid(layers, 0.8 * least), dt, 2) > 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dt", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("layers", [3, 6, 9])
+def test_a_pyramid_stays_long(layers: int, dt: float) -> None:
+    least = least_friction(layers)
+    assert largest_acceleration(pyramid(layers, 1.2 * least), dt, 1_000) < 1e-10
+    assert largest_acceleration(pyramid(layers, 0.8 * least), dt, 1) > 0.01
