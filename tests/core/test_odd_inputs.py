@@ -249,7 +249,7 @@ TARGETS: dict[str, Target] = {
         {"kn": 1.0},
         {
             "kn": SIZE, "ks": AMOUNT, "mu": AMOUNT, "beta": AMOUNT, "restitution": optional(between(0.0, 1.0)), "regularised": flag,
-            "lever_arm": word("radius"), "wall_velocity_at": word("surface"), "contact": word("chord"),
+            "lever_arm": word("radius"), "wall_velocity_at": word("surface"), "slip_at": word("middle"), "contact": word("chord"),
         },
     ),
     "WallSegment": Target(

@@ -141,7 +141,8 @@ def imploding(n: int, walls: tuple[Wall, ...] = ()) -> Scene:
     side = int(np.ceil(np.sqrt(n)))
     x = 3.0 * np.array([[k % side, k // side] for k in range(n)]) + rng.uniform(-0.1, 0.1, (n, 2))
     x += 2.0 - np.array([0.0, x[:, 1].min()])
-    v = -60.0 * (x - x.mean(axis=0)) if not walls else np.tile([0.0, -150.0], (n, 1)) * x[:, 1:]
+    # Beside walls all come down to y = -0.5 by step 12, within the overlaps of those walls.
+    v = -60.0 * (x - x.mean(axis=0)) if not walls else np.array([0.0, -1.0]) * (x[:, 1:] + 0.5) / 12e-3
     soft = ContactLaw(kn=1.0, ks=0.5, mu=0.5)
     return Scene(disks=Disks(x=x, v=v, radius=1.0, mass=1.0), disk_disk=soft, walls=walls)
 
@@ -164,7 +165,8 @@ def test_full_disk_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyP
     for name in ("x", "v", "omega", "angle"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
     twin = Oracle(scene, numerics(1e-3, 20)).run()
-    assert max(difference(expected, twin, FIELDS).values()) < 1e-11
+    # All fly along the lines of centres: spins of 4e-5 rad/s are what slips leave of speeds of 570 m/s, and feel their rounding.
+    assert max(difference(expected, twin, FIELDS).values()) < 1e-10
 
 
 def test_full_wall_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
