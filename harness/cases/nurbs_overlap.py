@@ -136,8 +136,9 @@ def expected_gaps(params: Mapping[str, Any], setup: Setup, history: History) -> 
     disks, axes = setup.scene.disks, AXES["ellipse"]
     found = np.full(history.gap.shape, math.nan)
     for row, column in np.ndindex(found.shape):
-        one, two = (_ellipse(axes[disks.outline[k]], history.x[row, k], disks.angle[k]) for k in history.pairs[column])
         if np.isfinite(history.x[row]).all():
+            pair = history.pairs[column]
+            one, two = (_ellipse(axes[disks.outline[k]], history.x[row, k], disks.angle[k]) for k in pair)
             found[row, column] = -ellipse_overlap(one, two)
     return found
 

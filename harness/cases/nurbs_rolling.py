@@ -129,12 +129,12 @@ class RollingGrain:
         """
         start = release(params)
         turned, spin = 0.0 - history.angle[:, GRAIN], 0.0 - history.omega[:, GRAIN]
-        phi = start.phi + turned
-        with np.errstate(invalid="ignore"):
-            gained = energy_gained(start.shape, phi, start=start.phi, angle=start.angle, g=G)
-            unbalance = (kinetic_of(start.shape, phi, spin) - gained) / G
-            # Whatever comes after the first landing is not rolling any more.
-            unbalance[np.maximum.accumulate(np.nan_to_num(turned, nan=np.inf)) > start.reach] = np.nan
+        unbalance = np.full_like(turned, np.nan)
+        # Whatever comes after the first landing is not rolling any more.
+        rolling = np.maximum.accumulate(np.nan_to_num(turned, nan=np.inf)) <= start.reach
+        phi = start.phi + turned[rolling]
+        gained = energy_gained(start.shape, phi, start=start.phi, angle=start.angle, g=G)
+        unbalance[rolling] = (kinetic_of(start.shape, phi, spin[rolling]) - gained) / G
         series = {
             "turned": ("rad", turned),
             "spin": ("rad/s", spin),

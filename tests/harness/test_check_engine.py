@@ -49,7 +49,8 @@ class Planted(DemEngine):
         return self.support or super().supports(scene, numerics)
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        return self.answer(super().run(self.scene(scene), self.numerics(numerics), watch))
+        own = self.numerics(numerics).replace(options={})  # the DEM knows none of the options that are planted
+        return self.answer(super().run(self.scene(scene), own, watch))
 
 
 def history(**changes: Change) -> Change:
