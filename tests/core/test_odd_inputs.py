@@ -250,6 +250,7 @@ TARGETS: dict[str, Target] = {
         {
             "kn": SIZE, "ks": AMOUNT, "mu": AMOUNT, "beta": AMOUNT, "restitution": optional(between(0.0, 1.0)), "regularised": flag,
             "lever_arm": word("radius"), "wall_velocity_at": word("surface"), "contact": word("chord"),
+            "slip_at": word("middle"),
         },
     ),
     "WallSegment": Target(
