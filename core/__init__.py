@@ -12,6 +12,7 @@ from ninedisk.core.errors import (
     NonFiniteStateError,
     SolverNotConvergedError,
     UnstableTimeStepError,
+    UnwritableFileError,
 )
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
@@ -33,6 +34,7 @@ __all__ = [
     "Scene",
     "SolverNotConvergedError",
     "UnstableTimeStepError",
+    "UnwritableFileError",
     "Wall",
     "WallSegment",
     "simulate",

@@ -52,6 +52,10 @@ class BehindWallError(CoreError):
     """The centre of a disk has got behind a wall during a run: too fast for the step, too soft a contact, or walls that closed in on it."""
 
 
+class UnwritableFileError(CoreError):
+    """A file or folder that cannot be written; what stood there before is unchanged."""
+
+
 class InterruptedRunError(CoreError):
     """A run was stopped inside a step, whose state is neither that before nor that after it."""
 

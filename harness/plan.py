@@ -13,8 +13,11 @@ from ninedisk.harness.errors import UsageError, close_matches
 from ninedisk.harness.params import format_value, resolve
 from ninedisk.harness.registry import BrokenEntryError, get_case, get_engine
 
-MOST_CONTACT_STEPS = 10**8
-"""Contact steps of a run: more take hours for a single disk, and their exact solutions do not fit into a memory."""
+MOST_CONTACT_STEPS = 10**7
+"""Contact steps of a run: fifty times what the longest variant of a matrix takes, a minute for a few disks."""
+
+MOST_STEPS = 10**6
+"""Steps ``dt`` of a run: contact dynamics and the exact solutions of schemes take some 0.1 ms for each, minutes in all."""
 
 MOST_NUMBERS = 10**8
 """Numbers of a history, 0.8 GB."""
@@ -169,7 +172,7 @@ def _cells(
     setup: Setup | Exception
     try:
         setup = case.build(variant.params)
-        refuse_oversized(setup)
+        refuse_oversized(setup, variant)
     except (CoreError, ParameterError) as error:
         if user_set:
             raise type(error)(f"{case.id} [{variant.id}]: {error}") from error
@@ -192,28 +195,34 @@ def _cells(
     return cells
 
 
-def refuse_oversized(setup: Setup) -> None:
+def refuse_oversized(setup: Setup, variant: Variant) -> None:
     """Refuse a run that no machine finishes or holds, before anything of its size is made.
 
     Raises
     ------
     ParameterError
-        Naming what it asks for and the limit.
+        Naming what it asks for, the limit, and the parameters that set it.
     """
     numerics, scene = setup.numerics, setup.scene
+    way_out = (
+        f"the parameters [{variant.id}] set it: move them towards their defaults, or use a longer step or a shorter run"
+    )
+    if numerics.n_steps > MOST_STEPS:
+        raise ParameterError(
+            f"the run would take {numerics.n_steps:.3g} steps dt, at most {MOST_STEPS:.0e} are allowed; {way_out}"
+        )
     steps = numerics.n_steps * (1 if numerics.contact_dt is None else numerics.substeps(numerics.contact_dt))
     if steps > MOST_CONTACT_STEPS:
         raise ParameterError(
-            f"the run would take {steps:.3g} contact steps, at most {MOST_CONTACT_STEPS:.0e} are allowed: "
-            f"use a longer step or a shorter run"
+            f"the run would take {steps:.3g} contact steps, at most {MOST_CONTACT_STEPS:.0e} are allowed; {way_out}"
         )
     last = numerics.n_steps if numerics.sample_until is None else min(numerics.sample_until, numerics.n_steps)
     samples = 2 + max(0, last - numerics.sample_from) // numerics.sample_every
     numbers = samples * (7 * len(scene.disks) + 5 * len(scene.walls) + 3 * len(setup.watch))
     if numbers > MOST_NUMBERS:
         raise ParameterError(
-            f"the run would record {samples:.3g} samples, {numbers:.3g} numbers, at most {MOST_NUMBERS:.0e} are allowed: "
-            f"use a longer step or a shorter run"
+            f"the run would record {samples:.3g} samples, {numbers:.3g} numbers, at most {MOST_NUMBERS:.0e} are allowed; "
+            f"{way_out}"
         )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.core._archive import read_arrays
+from ninedisk.core._archive import read_arrays, whole_file
 from ninedisk.core._validate import LARGEST, at_least, kind_of, numbers, real, shown
 from ninedisk.core.cd import contact_kernels as kernels
 from ninedisk.core.errors import InvalidSceneError
@@ -239,14 +239,19 @@ class ContactProblem:
         """Write the problem to an ``.npz`` file: the fields of this class, and ``(W, q, mu)`` for other codes.
 
         ``W_data, W_indices, W_indptr`` are the Delassus matrix in compressed sparse rows and ``q`` is ``b`` flattened,
-        in Siconos' notation.
+        in Siconos' notation. The file appears whole or not at all.
+
+        Raises
+        ------
+        UnwritableFileError
+            If it cannot be written.
         """
         w = self.delassus()
         arrays = {name: getattr(self, name) for name in _FIELDS}
         arrays |= {"W_data": w.data, "W_indices": w.indices, "W_indptr": w.indptr, "q": self.b.ravel()}
         arrays["resolution"] = np.array(self.resolution)
         arrays |= {f"note_{key}": np.array(text) for key, text in self.notes.items()}
-        with open(path, "wb") as stream:
+        with whole_file(path) as stream:
             np.savez_compressed(stream, **arrays)
 
     @classmethod

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._archive import read_arrays
+from ninedisk.core._archive import read_arrays, whole_file
 from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.numerics import Numerics
@@ -36,18 +34,16 @@ def write_checkpoint(
         As the run was begun.
     arrays : mapping from name to ndarray
         State of the run.
+
+    Raises
+    ------
+    UnwritableFileError
+        If it cannot be written.
     """
-    target = Path(path)
     head = json.dumps({"format": FORMAT, "scene": scene.to_dict(), "numerics": numerics.to_dict()})
     payload: dict[str, Any] = {"head": np.array(head), **arrays}
-    handle, name = tempfile.mkstemp(dir=target.parent or Path("."), prefix=f".{target.name}.")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            np.savez(stream, **payload)
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    with whole_file(path) as stream:
+        np.savez(stream, **payload)
 
 
 def read_checkpoint(path: str | os.PathLike[str]) -> tuple[Scene, Numerics, dict[str, NDArray[Any]]]:

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core._archive import made_folder, whole_file
 from ninedisk.core._validate import one_of
 from ninedisk.core.errors import InvalidNumericsError
 
@@ -34,12 +35,13 @@ class FrameWriter:
     ------
     InvalidNumericsError
         If the form is unknown.
+    UnwritableFileError
+        If the folder cannot be made.
     """
 
     def __init__(self, folder: str | os.PathLike[str], form: Format = "npz") -> None:
         one_of("form", form, ("npz", "vtk"), error=InvalidNumericsError)
-        self.folder, self.form = Path(folder), form
-        self.folder.mkdir(parents=True, exist_ok=True)
+        self.folder, self.form = made_folder(folder), form
         self._times: list[float] = []
 
     def write(self, t: float, state: Mapping[str, FloatArray]) -> Path:
@@ -56,16 +58,19 @@ class FrameWriter:
         -------
         Path
             The file; it appears whole or not at all.
+
+        Raises
+        ------
+        UnwritableFileError
+            If it cannot be written.
         """
         name = f"frame-{len(self._times):06d}.{'npz' if self.form == 'npz' else 'vtp'}"
-        partial = self.folder / f".{name}"
-        if self.form == "npz":
-            arrays: dict[str, FloatArray] = {"t": np.array(t), **state}
-            with open(partial, "wb") as stream:
+        with whole_file(self.folder / name) as stream:
+            if self.form == "npz":
+                arrays: dict[str, FloatArray] = {"t": np.array(t), **state}
                 np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
-        else:
-            partial.write_text(_polydata(state), encoding="ascii")
-        os.replace(partial, self.folder / name)
+            else:
+                stream.write(_polydata(state).encode("ascii"))
         self._times.append(t)
         if self.form == "vtk":
             self._index()
@@ -74,9 +79,8 @@ class FrameWriter:
     def _index(self) -> None:
         rows = "\n".join(f'<DataSet timestep="{t!r}" file="frame-{k:06d}.vtp"/>' for k, t in enumerate(self._times))
         text = f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0">\n<Collection>\n{rows}\n</Collection>\n</VTKFile>\n'
-        partial = self.folder / ".frames.pvd"
-        partial.write_text(text, encoding="ascii")
-        os.replace(partial, self.folder / "frames.pvd")
+        with whole_file(self.folder / "frames.pvd") as stream:
+            stream.write(text.encode("ascii"))
 
 
 def _polydata(state: Mapping[str, FloatArray]) -> str:

@@ -202,6 +202,11 @@ class DemSession:
         ----------
         path : path-like
             File in NumPy's ``.npz`` format; it appears whole or not at all.
+
+        Raises
+        ------
+        UnwritableFileError
+            If it cannot be written.
         """
         write_checkpoint(path, self.scene, self.numerics, self._state())
 

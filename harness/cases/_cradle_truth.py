@@ -38,9 +38,21 @@ def _springs(gaps: tuple[float, ...], speed: float, mass: float, kn: float, beta
 
 
 def spring_chain(params: Mapping[str, Any], setup: Setup) -> tuple[ChainHistory, float]:
-    """The row of springs of this variant."""
+    """The row of springs of this variant.
+
+    Raises
+    ------
+    ParameterError
+        If the row moves by less than the rounding of its gaps, or does not end.
+    """
     law = setup.scene.disk_disk
-    return _springs(gaps_of(params), params["speed"], params["mass"], law.kn, law.beta)
+    try:
+        return _springs(gaps_of(params), params["speed"], params["mass"], law.kn, law.beta)
+    except ValueError as error:
+        raise ParameterError(
+            f"gap = {params['gap']:g} m, speed = {params['speed']:g} m/s, mass = {params['mass']:g} kg, kn = {params['kn']:g} N/m "
+            f"and restitution = {params['restitution']:g} together are not allowed: {error}; move them towards their defaults"
+        ) from error
 
 
 def collisions(params: Mapping[str, Any]) -> ChainHistory:

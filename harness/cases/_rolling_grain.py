@@ -108,6 +108,12 @@ def standing(shape: RoundedPolygon, angle: float, overlap: float) -> float:
         If the springs are so soft that it would tip over on them.
     """
     rho, c, half = shape.roundness * shape.apothem, shape.corner, math.pi / shape.faces
+    if 0.0 < rho < overlap:
+        raise ParameterError(
+            f"roundness = {shape.roundness:g} is not allowed: the corner's radius, {rho:.1e} m, would be less than "
+            f"the {overlap:.1e} m by which the grain sinks into the plane; use 0 (sharp), at least "
+            f"{overlap / shape.apothem:.1e}, or a larger kn"
+        )
 
     def ahead_of_weight(lean: float) -> float:
         """Distance [m] of the chord's middle ahead of where the weight meets the plane."""

@@ -17,7 +17,7 @@ POINTS = 256
 """Points per period of the fastest mode between which a contact's opening or closing is bracketed."""
 MOST_DISKS, MOST_SPRINGS = 100, 20
 """Disks of a row of collisions; gaps of a row of springs, each event of which takes many exponentials."""
-STRIDES, CONTACTS = 100_000, 200
+STRIDES, CONTACTS = 30_000, 200
 """Points in time, and events, after which a row of springs is given up: it creeps, or moves by less than the rounding of its gaps."""
 EVENTS = 10_000
 """Events after which a row is given up: it collapses inelastically, with infinitely many collisions."""

@@ -178,7 +178,9 @@ def test_the_dem_has_no_options_and_says_so() -> None:
 
 
 def test_names_of_options_are_texts() -> None:
-    with pytest.raises(InvalidNumericsError, match=r"options = \{3: 1.0\} is not allowed: they must be a mapping from names"):
+    with pytest.raises(
+        InvalidNumericsError, match=r"options = \{3: 1.0\} is not allowed: they must be a mapping from names"
+    ):
         Numerics(dt=0.1, n_steps=1, options={3: 1.0})  # type: ignore[dict-item]
 
 
