@@ -111,9 +111,12 @@ def _reasons(judged: Sequence[Row], everything: bool) -> list[str]:
 
 
 def _short(text: str) -> str:
-    """One line: what went wrong stands at the beginning, what the engine said last at the end."""
-    first, *rest = text.splitlines()
-    return f"{first[:MAX_LENGTH]} ... {rest[-1][:MAX_LENGTH]}" if rest else first[:MAX_LENGTH]
+    """One line: what went wrong stands at the beginning, the way out or what the engine said last at the end."""
+    lines = [
+        line if len(line) <= MAX_LENGTH else f"{line[: MAX_LENGTH // 2]} ... {line[-MAX_LENGTH // 2 :]}"
+        for line in text.splitlines()
+    ]
+    return " ... ".join([lines[0], *lines[1:][-1:]])
 
 
 def _not_run(cells: Sequence[Row], most: int) -> list[str]:
