@@ -9,10 +9,11 @@ from functools import partial
 import numpy as np
 
 from ninedisk.core.disks import Disks
-from ninedisk.core.law import ContactLaw, LeverArm
+from ninedisk.core.law import ContactLaw, LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.bench.packings import packing
+from ninedisk.harness.matched import with_slip_at
 
 SIZES = (100, 1_000, 10_000)
 LARGE = (100_000, 1_000_000)
@@ -58,9 +59,9 @@ class DemProblem:
         """The whole run as one sampling interval; dashpots see the velocity of half a step before, as in all the engines."""
         return Numerics(dt=self.contact_dt * self.steps, n_steps=1, contact_dt=self.contact_dt, damping_form="lagged")
 
-    def with_arms(self, disks: LeverArm, walls: LeverArm) -> DemProblem:
-        """The same with the lever arms of one engine."""
-        scene = self.scene
+    def with_conventions(self, disks: LeverArm, walls: LeverArm, slip_at: SlipAt) -> DemProblem:
+        """The same with the lever arms of one engine, and slip measured where in the step it has it."""
+        scene = with_slip_at(self.scene, slip_at)
         turned = [replace(wall, law=replace(wall.law, lever_arm=walls)) for wall in scene.walls]
         law = replace(scene.disk_disk, lever_arm=disks)
         return replace(self, scene=scene.replace(disk_disk=law, walls=tuple(turned)))

@@ -90,16 +90,17 @@ def _peer_row(problem: DemProblem, peer: Peer, threads: int, measured: Measured,
     head = _head(problem, peer.id, threads, measured)
     if not measured.samples:
         return head | timings(measured, None, "")
-    tell(f"dem, with the lever arms of {peer.id}, for the check")
+    tell(f"dem, with the conventions of {peer.id}, for the check")
     try:
-        ours = run_core(problem.with_arms(*peer.arms), 1, float("inf"))
+        ours = run_core(problem.with_conventions(*peer.arms, peer.slip_at), 1, float("inf"))
     except CoreError as error:
         return head | {"status": "error", "reason": f"no in-house run to check against: {error}"}
     start = problem.scene.disks.x
     errors = [position_error(sample, ours, start) for sample in measured.samples]
     worst = max(errors)
     head |= {
-        "check": f"positions against the in-house DEM with the same lever arms, over the largest displacement ({peer.why})",
+        "check": f"positions against the in-house DEM with the same lever arms and slip of the step's {peer.slip_at}, "
+        f"over the largest displacement ({peer.why})",
         "check_value": worst,
         "check_bound": peer.bound,
         "resident_per_disk": float(np.median([sample.facts["resident"] for sample in measured.samples])),

@@ -10,17 +10,20 @@ pair out of contact gets its zero after its forces have been found.
 
 - `gather`: dx, dy, reach: 3; difference of the velocities 2; R_i omega_i + R_j omega_j 3, omega_i + omega_j: together 9,
 - `gather_seen`, where dashpots see extrapolated velocities: 2,
-- `pair_forces`: d 4, overlap, 1/d, nx, ny: 8; rate of the overlap 3; kn overlap, damping times rate, the sum: 3; slip rate 3 + 4; times
-  dt; mu fn; fs 2; force 3 + 3; what the overlap takes from the torques 2: 33,
+- `pair_forces`: d 4, overlap, 1/d, nx, ny: 8; rate of the overlap 3; kn overlap, damping times rate, the sum: 3; difference of the
+  positions half a step before 4, 1 over its length 5; slip rate by translation 4, by rotation, whose arms see the overlap of then,
+  4 + 5; times dt; mu fn; fs 2; force 3 + 3; what the overlap takes from the torques 2: 48,
 - `scatter`: sums of both forces 4; of both torques 3 + 3: 10.
 
 `disk_wall_forces` does
 
+- for each wall: velocity of the point of its surface by its spin 3 + 3: 6,
 - for each listed pair: height 5, overlap: 6,
-- for each contact besides: foot 4, point of the wall's velocity 8, that velocity 4, rate 9, kn overlap, gx, gy: 2, sums of the disk's
-  force 2 and of the wall's load 2 + 4: 36,
+- for each contact besides: foot 4, point of the wall's velocity 8, rate with that velocity 9, kn overlap, gx, gy: 2, sums of the disk's
+  force 2 and of the wall's load 2 + 4: 32,
 - with dashpots: coefficient 3 (2 beta is a constant of the wall), product and sum: 5,
-- with friction: arm 2, slip rate 5 + 4, times dt, mu fn, fs 2, its part of the force 4, of the torque 2: 21.
+- with friction: arm 2, slip rate by translation 5, height where slip is measured 9, overlap there, what the wall's spin takes from the
+  slip rate down there 3, slip rate by rotation 4, times dt, mu fn, fs 2, its part of the force 4, of the torque 2: 34.
 
 `kick_and_drift` does for each disk: velocities 12 (gravity times 1, or 0 for a fixed disk, among them), way 2, positions 2, displacement
 since the rebuild 2, spin 4, angle 2, square of the displacement 3: 27; where dashpots see extrapolated velocities 6 more.
@@ -34,7 +37,8 @@ the list are read once for a block of disks and not counted.
 
 Nor is the scratch of `disk_disk_forces`: each chunk of pairs overwrites the same 9 kB, which need not leave the first cache, so that
 they take nothing from the bandwidth that the bytes are held against. A pair writes 11 numbers there (7 differences and 4 results; 2 more
-where dashpots see extrapolated velocities) and reads 13.
+where dashpots see extrapolated velocities) and reads 14: the results, the differences of the velocities twice, once for the rate of the
+overlap, and the sum of the radii twice, for the overlaps at both times.
 """
 
 from __future__ import annotations
@@ -45,8 +49,8 @@ from ninedisk.core.dem.counts import Counts
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
 
-PAIR, PAIR_EXTRAPOLATION = 9 + 33 + 10, 2
-WALL_PAIR, WALL_CONTACT, WALL_DASHPOT, WALL_FRICTION = 6, 36, 5, 21
+PAIR, PAIR_EXTRAPOLATION = 9 + 48 + 10, 2
+WALL, WALL_PAIR, WALL_CONTACT, WALL_DASHPOT, WALL_FRICTION = 6, 6, 32, 5, 34
 DISK, EXTRAPOLATION = 27, 6
 """Operations on floats, see above."""
 
@@ -83,7 +87,7 @@ def work_of(scene: Scene, numerics: Numerics, counts: Counts) -> Work:
     walls = [WALL_CONTACT + WALL_DASHPOT * (law.beta > 0.0) + WALL_FRICTION * _rough(law) for law in laws[1:]]
     at_wall = sum(walls) / max(1, len(walls))
     flops: float = n * (DISK + EXTRAPOLATION * ahead) + counts.pairs * (PAIR + PAIR_EXTRAPOLATION * ahead)
-    flops += WALL_PAIR * counts.wall_pairs + at_wall * counts.wall_contacts
+    flops += WALL * len(walls) + WALL_PAIR * counts.wall_pairs + at_wall * counts.wall_contacts
     extra = EXTRAPOLATED * ahead
     held = n * (DISK_READ + extra) + PAIR_READ * counts.pairs + WALL_PAIR_READ * counts.wall_pairs
     written = n * (DISK_WRITTEN + extra) + PAIR_WRITTEN * (counts.pairs + counts.wall_pairs)

@@ -14,6 +14,7 @@ import numpy as np
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
+from ninedisk.harness.matched import core_history
 from ninedisk.harness.registry import get_case, get_engine
 from ninedisk.harness.results import Row
 from ninedisk.harness.warden import owned
@@ -130,16 +131,14 @@ def _run_case(engine: str, arm: str, limit: float) -> Sample:  # noqa: ARG001
 
 
 def _run_last(engine: Engine, params: Mapping[str, Any], limit: float) -> Sample:  # noqa: ARG001
-    """All steps as one sampling interval, held against the core's last positions."""
-    from ninedisk.core.simulate import simulate
-
+    """All steps as one sampling interval, held against the last positions of the core with the engine's place of the slip."""
     info = engine.info()
     if not info.installed:
         raise EngineNotInstalledError(f"{info.name} is not installed ({info.not_installed_because}): {info.install}")
     setup = built(params)
     step, count = setup.numerics.contact_dt, setup.numerics.n_steps
     numerics = setup.numerics.replace(dt=step * count, n_steps=1, sample_from=0)
-    expected = simulate(setup.scene, setup.numerics, setup.watch)
+    expected = core_history(setup, info)
     done = engine.run(setup.scene, numerics, setup.watch)
     moved = float(np.abs(expected.x[-1] - expected.x[0]).max())
     apart = float(np.abs(done.history.x[-1] - expected.x[-1]).max()) / moved

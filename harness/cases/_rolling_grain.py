@@ -11,6 +11,7 @@ import numpy as np
 from ninedisk.harness.case import FloatArray, Observed, ParameterError, Setup
 from ninedisk.harness.cases._shared import round_off_speed, single, slack_time, soft_reason, softness
 from ninedisk.harness.engine import EngineInfo
+from ninedisk.harness.matched import slip_of
 from ninedisk.references.analytic.rolling_grain import (
     NODES,
     WEIGHTS,
@@ -150,20 +151,22 @@ def grain_bounds(
 ) -> GrainBounds:
     """Tolerances of the rigid grain's truths for this engine."""
     if engine.contact == "spring":
-        return _springs(params, setup, observed, start)
+        return _springs(params, setup, observed, engine, start)
     return _rigid(params, setup, observed, engine, start)
 
 
-def _springs(params: Mapping[str, Any], setup: Setup, observed: Observed, start: Release) -> GrainBounds:
+def _springs(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, start: Release
+) -> GrainBounds:
     """Everything is off by parts of the overlap d over the grain's size; standing, by nothing but rounding.
 
     The chord's middle is not where rigid outlines touch. Leaning by w, a polygon's chord begins at its corner and is up to d/w
     long: the weight's arm lacks d/(2 w), its work ``d/2 ln(w/LEAN)``, until at ``w = sqrt(2 d/rho)`` a corner of radius rho has all of the
     chord and its middle under its centre. On an ellipse the middle is off by ``d/3 dR/ds`` along the
     arc s, R the radius of curvature, which makes ``d/3 ln(R/R_0)``. The springs themselves hold d/2 and ``d tan^2/2``, the
-    height is off by d, and heights that are off by d change the kinetic energy by ``2 d/size``. Slip is measured with the arms at
-    the end of each contact step: where p changes, centroid and spin differ by ``contact_dt/2 p' omega^2``, which is v times that of
-    kinetic energy.
+    height is off by d, and heights that are off by d change the kinetic energy by ``2 d/size``. Slip with the arms in the middle of each
+    contact step errs by its second order, which is granted nothing; with those at its end, where p changes, centroid and spin differ by
+    ``contact_dt/2 p' omega^2``, which is v times that of kinetic energy.
     """
     disks, kn = setup.scene.disks, params["kn"]
     contact_dt = float(setup.numerics.contact_dt or setup.numerics.dt)
@@ -175,7 +178,8 @@ def _springs(params: Mapping[str, Any], setup: Setup, observed: Observed, start:
         spin = spin_at(start.shape, start.phi + ways, start=start.phi, angle=start.angle, g=G)
     phi = start.phi + ways
     p, q = start.shape.height(phi), start.shape.ahead(phi)
-    late = 0.5 * contact_dt * float(np.nanmax(np.abs(p * q * spin**3), initial=0.0)) / G
+    behind = 0.5 * contact_dt if slip_of(setup.scene, engine) == "end" else 0.0
+    late = behind * float(np.nanmax(np.abs(p * q * spin**3), initial=0.0)) / G
     missing = d * _arm_work(start, ways, d)
     top = float(np.nanmax(gained, initial=0.0))
     held = 1.5 + 0.5 * math.tan(start.angle) ** 2 + 2.0 * top / start.height
@@ -196,7 +200,7 @@ def _springs(params: Mapping[str, Any], setup: Setup, observed: Observed, start:
             "x_disk": d * (1.0 + _fall(start, t_end) / radius),
         },
         why={
-            "unbalance": f"overlap {d:.1e} m: arm of the chord's middle, springs, depth; contact step: {late:.1e} m by its arms",
+            "unbalance": f"overlap {d:.1e} m: arm of the chord's middle, springs, depth; contact step: {late:.1e} m by slip at its end",
             "t_half": "twice what that energy makes of the time",
             "turned": f"{still} of heights over the overlap, the square root of {steps**2:.0f} steps",
             "spin": f"{still} of a height, a step",

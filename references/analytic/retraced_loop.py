@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import positive
+from ninedisk.references._validate import array, finite, flag, positive
 
 FloatArray = NDArray[np.float64]
 
@@ -36,15 +36,16 @@ def passing_shear(way: ArrayLike, *, ahead: float, aside: float) -> FloatArray:
     Raises
     ------
     ValueError
-        If ``aside`` is 0: the centres would meet.
+        If an argument is not finite, or ``aside`` is 0: the centres would meet.
 
     Notes
     -----
     Source: derived here.
     """
-    if not (math.isfinite(ahead) and math.isfinite(aside) and aside != 0.0):
-        raise ValueError(f"ahead, aside = {ahead!r}, {aside!r} are not allowed: they must be finite, and aside not 0")
-    left = ahead - np.asarray(way, dtype=np.float64)
+    finite(ahead=ahead, aside=aside)
+    if aside == 0.0:
+        raise ValueError(f"aside = {aside!r} is not allowed: the centres would meet; it must be above or below 0")
+    left = ahead - array("way", way)
     return np.asarray(aside * (math.asinh(ahead / abs(aside)) - np.arcsinh(left / abs(aside))))
 
 
@@ -59,6 +60,11 @@ def passing_drift(*, amplitude: float, frequency: float, ahead: float, aside: fl
         [m], [rad/s], [s], > 0.
     ahead, aside : float
         As for `passing_shear`.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
 
     Notes
     -----
@@ -87,18 +93,28 @@ def turning_wall_shear(
     part : array_like
         s [-], in [0, 1].
     radius, overlap : float
-        Of the disk, and of the contact at s = 0 [m].
+        Of the disk, and of the contact at s = 0 [m], > 0; the disk's centre is in front of the wall: ``overlap < radius``.
     way, angle : float
         [m], [rad], > 0.
     mid_overlap : bool
         Whether the wall's velocity is that in the middle of the overlap.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
 
     Notes
     -----
     Source: derived here.
     """
     positive(radius=radius, overlap=overlap, way=way, angle=angle)
-    s = np.asarray(part, dtype=np.float64)
+    flag(mid_overlap=mid_overlap)
+    if overlap >= radius:
+        raise ValueError(f"overlap = {overlap!r} m is not allowed: it must be below the radius {radius!r} m")
+    s = array("part", part)
+    if ((s < 0.0) | (s > 1.0)).any():
+        raise ValueError(f"part = {part!r:.200} is not allowed: every part of the way must lie in [0, 1]")
     towards = way * (1.0 - np.cos(angle * s)) / angle
     surface = towards + (radius - overlap) * angle * s
     # By parts, of angle way s cos(angle s).
@@ -119,10 +135,16 @@ def turning_wall_drift(*, way: float, angle: float, period: float, dt: float, mi
     mid_overlap : bool
         As for `turning_wall_shear`.
 
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+
     Notes
     -----
     Source: derived here.
     """
     positive(way=way, angle=angle, period=period, dt=dt)
+    flag(mid_overlap=mid_overlap)
     grown = way * math.sin(angle) + (0.5 * angle * way * math.cos(angle) if mid_overlap else 0.0)
     return 2.0 * dt / period * grown

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import count, positive
+from ninedisk.references._validate import MOST, array, count, flag, positive
 
 FloatArray = NDArray[np.float64]
 
@@ -31,8 +31,11 @@ def oscillation_central(*, frequency: float, speed: float, dt: float, n_steps: i
     """
     positive(frequency=frequency, speed=speed, dt=dt)
     count(n_steps=n_steps)
-    if frequency * dt >= 2.0:
-        raise ValueError(f"dt = {dt!r} is not allowed: the scheme is stable below 2/frequency = {2.0 / frequency:g} s")
+    if not 0.0 < frequency * dt < 2.0:
+        raise ValueError(
+            f"dt = {dt!r} is not allowed with frequency = {frequency!r}: the scheme is stable below 2/frequency, and frequency dt must be "
+            "above 0"
+        )
     turn = 2.0 * math.asin(0.5 * frequency * dt)
     return np.asarray(speed * dt / math.sin(turn) * np.sin(turn * np.arange(n_steps + 1)), dtype=np.float64)
 
@@ -46,13 +49,20 @@ def pair_shear(d: FloatArray, *, slip_at: str) -> FloatArray:
     Raises
     ------
     ValueError
-        If ``slip_at`` is neither.
+        If ``slip_at`` is neither, or ``d`` is no table of finite pairs that are apart at all of those times.
     """
     _known(slip_at)
+    if array("d", d, dimensions=(2,)).shape[1] != 2 or not len(d):
+        raise ValueError(f"d of shape {np.shape(d)} is not allowed: it must be (n + 1, 2)")
     places = np.asarray(d, dtype=np.longdouble)
     step = np.diff(places, axis=0)
     normal = places[1:] if slip_at == "end" else (places[1:] + places[:-1]) / 2
-    normal /= np.sqrt((normal**2).sum(axis=1))[:, None]
+    apart = np.sqrt((normal**2).sum(axis=1))
+    if not (apart > 0.0).all():
+        raise ValueError(
+            f"d is not allowed: the centres meet in step {int(np.argmin(apart)) + 1}, where there is no normal"
+        )
+    normal /= apart[:, None]
     slid = step[:, 1] * normal[:, 0] - step[:, 0] * normal[:, 1]
     return np.asarray(np.concatenate([[0.0], np.cumsum(slid)]), dtype=np.float64)
 
@@ -68,10 +78,11 @@ def turning_wall_steps(
     Parameters
     ----------
     radius, overlap, way : float
-        [m], > 0.
+        [m], > 0; ``overlap < radius``.
     angle : float
         [rad], > 0.
     half, cycles : int
+        At least 1 and 0; ``2 half cycles`` steps are at most `MOST`.
     mid_overlap : bool
     slip_at : {"middle", "end"}
 
@@ -80,8 +91,17 @@ def turning_wall_steps(
     ValueError
         If an argument is out of range.
     """
-    positive(radius=radius, overlap=overlap, way=way, angle=angle, half=half)
-    count(half=half, cycles=cycles)
+    positive(radius=radius, overlap=overlap, way=way, angle=angle)
+    if overlap >= radius:
+        raise ValueError(f"overlap = {overlap!r} m is not allowed: it must be below the radius {radius!r} m")
+    count(least=1, half=half)
+    count(cycles=cycles)
+    if 2 * half * cycles > MOST:
+        raise ValueError(
+            f"half, cycles = {half!r}, {cycles!r} are not allowed: 2 half cycles steps must be at most {MOST}"
+        )
+    half, cycles = int(half), int(cycles)
+    flag(mid_overlap=mid_overlap)
     _known(slip_at)
     steps = np.arange(1, 2 * half * cycles + 1, dtype=np.longdouble) - (0.5 if slip_at == "middle" else 0.0)
     forth = (np.arange(2 * half * cycles) // half) % 2 == 0
@@ -96,5 +116,5 @@ def turning_wall_steps(
 
 
 def _known(slip_at: str) -> None:
-    if slip_at not in ("middle", "end"):
+    if not (isinstance(slip_at, str) and slip_at in ("middle", "end")):
         raise ValueError(f"slip_at = {slip_at!r} is unknown: use middle or end")

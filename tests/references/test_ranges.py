@@ -29,12 +29,14 @@ LEFT, RIGHT = MovingEllipse(**MOVING, x=(0.0, 0.0), v=(1.0, 0.0)), MovingEllipse
 ONE, TWO = Ellipse(1.0, 0.5, (0.0, 0.0), 0.1), Ellipse(1.0, 0.5, (1.8, 0.1), 0.3)
 
 RIGHT_VALUES: dict[str, Any] = {
-    "amplitude": 1e-3, "angle": 0.3, "area": 100.0, "beta": 0.1, "bounces": 3, "c_disk_disk": 1.0, "c_wall": 1.0, "chord": 1.0,
-    "damping": np.eye(2), "damping_ratio": 0.1, "dilates": False, "dt": 1e-3, "end": 0.6, "form": "central", "frequency": 3.0,
-    "g": 9.81, "g0": 0.1, "gap": 0.1, "gap_0": 0.1, "gaps": [0.1, 0.2], "half_width": 0.7, "height": 0.5, "increment": 0.1,
-    "inertia_ratio": 0.5, "kn": 1e4, "ks": 1e4, "length": 10.0, "m_eff": 1.0, "mass": 1.0, "mass_1": 1.0, "mass_2": 2.0, "mu": 0.1, "n": 5,
-    "n_load": 5, "n_steps": 10, "normal_load": 1.0, "omega": 10.0, "omega_first": 10.0, "omega_second": 20.0, "one": LEFT, "phase": 0.1,
-    "phi": np.array([0.5, 0.6]), "pull": 1.0, "radius": 0.1, "restitution": 0.5, "shape": SHAPE, "speed": 1.0, "spin": 1.0, "start": 0.4,
+    "ahead": 0.2, "amplitude": 1e-3, "angle": 0.3, "area": 100.0, "aside": -0.55, "beta": 0.1, "bounces": 3, "c_disk_disk": 1.0,
+    "c_wall": 1.0, "chord": 1.0, "cycles": 3, "d": np.array([[0.2, -0.55], [0.19, -0.55], [0.2, -0.55]]), "damping": np.eye(2),
+    "damping_ratio": 0.1, "dilates": False, "dt": 1e-3, "end": 0.6, "form": "central", "frequency": 3.0, "g": 9.81, "g0": 0.1, "gap": 0.1,
+    "gap_0": 0.1, "gaps": [0.1, 0.2], "half": 5, "half_width": 0.7, "height": 0.5, "increment": 0.1, "inertia_ratio": 0.5, "kn": 1e4,
+    "ks": 1e4, "length": 10.0, "m_eff": 1.0, "mass": 1.0, "mass_1": 1.0, "mass_2": 2.0, "mid_overlap": True, "mu": 0.1, "n": 5,
+    "n_load": 5, "n_steps": 10, "normal_load": 1.0, "omega": 10.0, "omega_first": 10.0, "omega_second": 20.0, "one": LEFT,
+    "overlap": 0.05, "part": np.array([0.0, 0.5, 1.0]), "period": 1.0, "phase": 0.1, "phi": np.array([0.5, 0.6]), "pull": 1.0,
+    "radius": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "speed": 1.0, "spin": 1.0, "start": 0.4,
     "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
     "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,
 }  # fmt: skip
@@ -60,7 +62,9 @@ INTERNAL = {"pushed_row.forces_of", "compression.closed_row"}
 """Functions that only other references call, with what they have computed."""
 
 ANY_SIGN = {
+    "ahead",
     "amplitude",
+    "aside",
     "increment",
     "phase",
     "phi",
@@ -77,7 +81,7 @@ ANY_SIGN = {
     "y",
 }
 """Arguments that may be negative, here or there."""
-COUNTS = {"bounces", "n", "n_load", "n_steps"}
+COUNTS = {"bounces", "cycles", "half", "n", "n_load", "n_steps"}
 MOST_SECONDS, MOST_BYTES = 20.0, 400_000_000
 """Of a call that succeeds."""
 
@@ -155,6 +159,16 @@ def odd_values(argument: str) -> dict[str, Any]:
         found |= {"0.4": 0.4, "1.1": 1.1}
     if argument in ("form", "dilates"):
         found |= {"other word": "mid", "number": 1}
+    if argument == "slip_at":
+        found |= {"other word": "mid", "number": 1}
+    if argument == "aside":
+        found |= {"0": 0.0}
+    if argument == "part":
+        found |= {"1.1": [0.5, 1.1]}
+    if argument == "overlap":
+        found |= {"the radius": RIGHT_VALUES["radius"]}
+    if argument == "d":
+        found |= {"one": [0.1, 0.2], "none": np.empty((0, 2)), "three": [[1.0, 2.0, 3.0]], "meet": [[0.0, 0.0]] * 2}
     if argument == "velocity":
         found |= {"away": (1.0, 1.0), "three": (1.0, 2.0, 3.0), "nan inside": (math.nan, -1.0)}
     if argument == "gaps":

@@ -54,7 +54,7 @@ def test_lammps_agrees_to_round_off_over_a_hundred_steps(settled: DemProblem) ->
     """Same scheme, same law, other code: nothing but rounding differs; a hundred steps hardly amplify it."""
     short = replace(settled, steps=100)
     found = run_peer(LAMMPS, get_engine("lammps"), short, 60.0)
-    ours = run_core(short.with_arms(*LAMMPS.arms), 1, 60.0)
+    ours = run_core(short.with_conventions(*LAMMPS.arms, LAMMPS.slip_at), 1, 60.0)
     assert dem_suite.position_error(found, ours, short.scene.disks.x) < 1e-9
     assert found.facts["kinetic"] == pytest.approx(ours.facts["kinetic"], rel=1e-9)
 
@@ -77,6 +77,12 @@ def test_other_contact_parameters_are_seen(
 @needs("lammps")
 def test_other_lever_arms_are_seen(settled: DemProblem, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dem_suite, "PEERS", (replace(LAMMPS, arms=YADE.arms),))
+    assert run(settled, "lammps")["lammps"]["status"] == "fail"
+
+
+@needs("lammps")
+def test_slip_of_another_place_in_the_step_is_seen(settled: DemProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dem_suite, "PEERS", (replace(LAMMPS, slip_at="middle"),))
     assert run(settled, "lammps")["lammps"]["status"] == "fail"
 
 

@@ -184,7 +184,7 @@ def test_work_is_what_the_kernels_do(law: ContactLaw, form: Any, gap: float, mon
         assert memory.bytes(memory.read) + memory.bytes(memory.written) == round(work.traffic * n)
     ahead = form == "central" and law.beta > 0.0
     assert memory.times(memory.written, "scratch") == (11 + 2 * ahead) * counts.pairs
-    assert memory.times(memory.read, "scratch") == 13 * counts.pairs
+    assert memory.times(memory.read, "scratch") == 14 * counts.pairs
     assert len({place for name, place in memory.written if name == "scratch"}) == (7 + 2 * ahead) * pair_kernels.CHUNK
     assert memory.times(memory.read, "pairs.start") == 2
 

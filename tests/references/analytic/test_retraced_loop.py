@@ -56,7 +56,7 @@ def test_shear_on_a_turning_wall_is_the_integral_of_its_velocity(mid):
 
 
 def test_arguments_out_of_range_are_refused():
-    with pytest.raises(ValueError, match="aside not 0"):
+    with pytest.raises(ValueError, match="aside = 0"):
         passing_shear(0.1, ahead=0.2, aside=0.0)
     with pytest.raises(ValueError, match="dt"):
         passing_drift(amplitude=0.1, frequency=1.0, ahead=0.2, aside=0.1, dt=0.0)
