@@ -44,7 +44,9 @@ def register(app: typer.Typer, write_page: WritePage) -> None:
         ] = None,
         size: Annotated[
             list[int] | None,
-            typer.Option("--size", metavar="N", min=4, help="Numbers of disks instead of the usual ones; repeat."),
+            typer.Option(
+                "--size", metavar="N", min=4, max=1_000_000, help="Numbers of disks instead of the usual ones; repeat."
+            ),
         ] = None,
         large: Annotated[
             bool, typer.Option("--large", help="Also 100,000 (dem: and 1,000,000) disks: hours, not minutes.")

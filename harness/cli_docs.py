@@ -40,7 +40,9 @@ def register(app: typer.Typer, write_docs: WriteDocs) -> None:
         """
         from ninedisk.harness.cli_support import CellProgress
         from ninedisk.harness.docs import docs_record, guides_in, read_guides
+        from ninedisk.harness.whole_file import check_folder
 
+        check_folder("--out", out)
         texts = read_guides(guides_in(guides))
         with CellProgress() as progress:
             record = docs_record(progress)

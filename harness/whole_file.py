@@ -31,6 +31,30 @@ def check_writable(flag: str, path: Path) -> None:
         ) from error
 
 
+def check_folder(flag: str, path: Path) -> None:
+    """Refuse a folder that cannot be made or written, before anything runs; one that is missing is not made yet.
+
+    Raises
+    ------
+    UsageError
+        Naming the option ``flag`` and the path.
+    """
+    try:
+        if path.exists() and not path.is_dir():
+            raise UsageError(f"{flag} {str(path)!r} is a file: give a folder")
+        above = next(each for each in (path, *path.absolute().parents) if each.exists())
+        if not (above.is_dir() and os.access(above, os.W_OK | os.X_OK)):
+            raise UsageError(
+                f"{flag} {str(path)!r} cannot be written: {str(above)!r} is no folder that can be; give another one"
+            )
+    except (OSError, ValueError) as error:
+        if isinstance(error, UsageError):
+            raise
+        raise UsageError(
+            f"{flag} {str(path)!r} cannot be written ({getattr(error, 'strerror', None) or error})"
+        ) from error
+
+
 def write_whole(flag: str, path: Path, text: str) -> None:
     """Write a text file, whole or not at all.
 

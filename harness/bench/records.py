@@ -85,8 +85,9 @@ def prepare_folder(folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"--out {str(folder)!r} cannot be written ({error.strerror or error})") from error
+    except (OSError, ValueError) as error:  # a name may hold a zero byte
+        why = getattr(error, "strerror", None) or error
+        raise UsageError(f"--out {str(folder)!r} cannot be written ({why}): give another folder") from error
     if not os.access(folder, os.W_OK | os.X_OK):
         raise UsageError(f"--out {str(folder)!r} cannot be written: give another folder")
 
