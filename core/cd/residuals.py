@@ -79,16 +79,3 @@ def measure(problem: ContactProblem, v: FloatArray, r: FloatArray, *, sliding: S
     sums_of.sum_kinetic(problem.inverse_mass, v, problem.body_velocity(r), sums)
     sums_of.figures_of(sums, problem.n_contacts, problem.resolution, figures)
     return Residuals(*figures.tolist())
-
-
-def rounding_floor(problem: ContactProblem, r: FloatArray) -> float:
-    """What the offsets' resolution explains of natural map and duality gap near the forces ``r``, shape (c, 2): the smaller figure.
-
-    Forces whose figures are below solve a problem that differs from this one by less than the rounding of the coordinates that it was
-    made from: offsets that are off by the resolution d change the natural map by ``|rho d|/|r|`` and the gap by ``|r|_1 d/E``.
-    """
-    force = float(np.linalg.norm(r))
-    energy = abs(float((problem.b * r).sum()))
-    if force == 0.0 or energy == 0.0:
-        return 0.0
-    return problem.resolution * min(float(np.linalg.norm(problem.rho)) / force, float(np.abs(r).sum()) / energy)

@@ -11,11 +11,10 @@ from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
 from ninedisk.core.cd.feasibility import PROOF_AFTER, InfeasibleContactsError, check_feasible
 from ninedisk.core.cd.gauss_seidel import GaussSeidel, solve_gauss_seidel
 from ninedisk.core.cd.interior_point import InteriorPoint
-from ninedisk.core.cd.lemke import solve_lemke
 from ninedisk.core.cd.polish import Polish
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.projected_gradient import solve_projected_gradient
-from ninedisk.core.cd.residuals import Residuals, Sliding, measure, rounding_floor
+from ninedisk.core.cd.residuals import Residuals, Sliding, measure
 from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
@@ -29,7 +28,8 @@ STAGES = ((200, 20), (5_000, 200), (20_000, 400), (80_000, 400))
 PATH_AFTER = 5_000
 """Sweeps after which "auto" looks for the forces by another way, too."""
 LEMKE_CONTACTS = 500
-"""Contacts up to which "auto" takes Lemke's method: its tableau grows with their square, its time with their cube."""
+"""Contacts up to which "auto" follows the path from nothing: some 3 pivots for each contact, each of which costs as much as a matrix
+that grows with the contacts."""
 LONGEST_WITHOUT_TRIAL = 15
 """Problems without a trial of Gauss-Seidel, at most, after trials in vain."""
 MANY = 2**62
@@ -45,7 +45,7 @@ class ContactSolver:
     """Solves the problems of successive steps; keeps what can be reused.
 
     For Coulomb friction ``"auto"`` takes Gauss-Seidel, started from the last step's forces. Where the sweeps do not reach the
-    tolerance, `Polish` makes the forces found exact; if it cannot, more sweeps follow, then `solve_lemke` on up to `LEMKE_CONTACTS`
+    tolerance, `Polish` makes the forces found exact; if it cannot, more sweeps follow, then Lemke's method on up to `LEMKE_CONTACTS`
     contacts, the interior point, and more sweeps. Where bodies rest it first asks whether they can stay: the solution of the
     associated rule, if nothing slides in it, solves Coulomb's law, too, which may have others in which everything collapses.
     For the associated rule it gives Gauss-Seidel, started from the last step's forces, `TRIAL_SWEEPS` sweeps: enough where few
@@ -168,12 +168,8 @@ class ContactSolver:
             if stage != PATH_AFTER:
                 continue
             check_feasible(problem, sliding="coulomb", seconds=clock.left)
-            if problem.n_contacts <= LEMKE_CONTACTS:
-                forces, count = solve_lemke(problem)
-                if forces is not None and (polished := polish.improve(forces, pivots)):
-                    return result("lemke", polished)
-            if (residuals := sweeps.residuals()).worst <= rounding_floor(problem, sweeps.r):
-                return result("gauss-seidel", (sweeps.r, residuals))
+            if problem.n_contacts <= LEMKE_CONTACTS and (polished := polish.from_nothing(sweeps.r, pivots)):
+                return result("lemke", polished)
             try:
                 path = CoulombInteriorPoint(replace(options, max_iterations=None, time_limit=clock.left / 2.0))
                 found = path.solve(problem)
