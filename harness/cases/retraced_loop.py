@@ -258,7 +258,10 @@ def _part(t: FloatArray) -> FloatArray:
 def _path(params: Mapping[str, Any], way: FloatArray, *, mid: bool) -> FloatArray:
     """fs/ks [m] by the place on the path."""
     if params["kind"] == "pair":
-        return passing_shear(way, ahead=AHEAD, aside=ASIDE)
+        shear = np.full_like(way, np.nan)
+        known = np.isfinite(way)  # a history without numbers tells which checks there are
+        shear[known] = passing_shear(way[known], ahead=AHEAD, aside=ASIDE)
+        return shear
     amplitude = float(params["amplitude"])
     return turning_wall_shear(
         way / amplitude, radius=RADIUS, overlap=SUNK, way=amplitude, angle=_angle(params), mid_overlap=mid
