@@ -58,8 +58,8 @@ quick: $(DEVELOPED) ## Pass the tests that take little: the loop while one works
 	  --ignore=tests/harness/engines --ignore=tests/harness/bench --ignore=tests/harness/fuzz --ignore=tests/core/nurbs \
 	  --ignore-glob="*/cases/test_nurbs*" --ignore-glob="*/cases/test_engine_traits.py" --ignore-glob="*/test_cluster.py" \
 	  --ignore-glob="*/test_cli_process.py" --ignore-glob="*/test_new_engine.py" --ignore-glob="*/test_pytest_plugin.py" \
-  --ignore-glob="*_browser.py" --ignore-glob="*/reports/test_numbers.py" --ignore-glob="*/packaging/test_docs.py" \
-  --ignore-glob="*/core/test_kernels.py"
+	  --ignore-glob="*_browser.py" --ignore-glob="*/reports/test_numbers.py" --ignore-glob="*/packaging/test_docs.py" \
+	  --ignore-glob="*/core/test_kernels.py"
 
 # Two runs, because a clock that is read while other tests keep the processors busy proves nothing. Cells that `make report`
 # has run with the very same code on this machine are judged as they are stored.

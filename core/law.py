@@ -55,11 +55,11 @@ class ContactLaw:
         Where in a step its slip is measured: velocities are those of the middle of the step, and so are normal, overlap and the wall's
         pose ("middle"), or these are those of its end ("end": Cundall & Strack 1979, YADE, LAMMPS, LIGGGHTS, Kratos).
 
-        With the distance r and the angle phi of the normal, "end" adds ``-(dt/2) r' phi' dt`` to the slip of each step: its error is
+        With the distance r and the angle phi of the normal, "end" adds ``-(dt/2) r' phi' dt`` to fs/ks in each step: its error is
         of first order and its integral along a closed path is not 0, so that shear forces drift with every cycle ("ratchet"). With
-        "middle" each step's slip is the midpoint rule of its integral, and a retraced path leaves O(dt^3). Contact dynamics knows a
-        step's way once it has solved it: "middle" then mends the spring's state, and "end" leaves it as the step's program has it, with
-        the tangent of its start.
+        "middle" each step's slip is the midpoint rule of its integral, and a retraced path of disks leaves O(dt^3). Contact dynamics
+        knows a step's way once it has solved it: "middle" then mends the spring's state, and "end" leaves it as the step's program has
+        it, with the tangent of its start; its outlines keep the arms of the start, and with them an error of first order.
     contact : {"chord", "area"}
         Normal force of outlines: ``kn`` times the overlap ("chord"), which away from circles has no potential, or the gradient of an
         energy of the common area ("area"). Its derivation, with A the common area of a contact and c its chord:

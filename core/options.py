@@ -80,7 +80,7 @@ class Option:
             Naming the setting, the value and what is allowed.
         """
         if self.choices:
-            if value not in self.choices:
+            if not isinstance(value, str) or value not in self.choices:
                 raise InvalidNumericsError(f"{name} = {value!r} is unknown: use one of {', '.join(self.choices)}")
             return value
         if value is None and self.none:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from ninedisk.harness.cli_support import guarded
+from ninedisk.harness.results import Row
 
 Store = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the stored results.")]
 """Option of every command that reads or writes results."""
-
-
-Row = dict[str, Any]
 
 
 def register(app: typer.Typer) -> None:
@@ -106,7 +104,7 @@ def show(
         )
     chosen = [row for row in rows if row["status"] in few]
     shown_cells = [cell for cell in cells if cell["status"] in set(status or STATUSES)]
-    show_summary(shown_cells, chosen, store / "runs" / run_id, everything=True)
+    show_summary(shown_cells, chosen, store / "runs" / run_id, everything=True, counted=rows)
 
 
 @guarded

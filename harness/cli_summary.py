@@ -31,7 +31,14 @@ BAD = ("error", "timeout", "fail", "gap-closed")
 _NOT_RUN = ("unsupported", "not-installed")
 
 
-def show_summary(cells: Sequence[Row], rows: Sequence[Row], folder: Path | None, *, everything: bool = False) -> None:
+def show_summary(
+    cells: Sequence[Row],
+    rows: Sequence[Row],
+    folder: Path | None,
+    *,
+    everything: bool = False,
+    counted: Sequence[Row] | None = None,
+) -> None:
     """Print the worst checks, the reasons of what went wrong, the counts, and the run's folder.
 
     Parameters
@@ -42,6 +49,8 @@ def show_summary(cells: Sequence[Row], rows: Sequence[Row], folder: Path | None,
         The stored run, ``STORE/runs/ID``; None: there is none.
     everything : bool
         All checks and reasons, whatever room they take.
+    counted : sequence of dict, optional
+        The rows whose statuses are counted, if more than are shown.
     """
     out = console()
     judged = sorted((row for row in rows if row["status"] not in _NOT_RUN), key=_worst_first)
@@ -56,7 +65,8 @@ def show_summary(cells: Sequence[Row], rows: Sequence[Row], folder: Path | None,
         lines.append(f"... and {left_out} more: {_counts(Counter(row['status'] for row in judged[-left_out:]))}")
     lines += [*reasons, *notes]
     lines.append(f"cells: {_counts(Counter(str(cell['status']) for cell in cells))}")
-    lines.append(f"checks: {_counts(Counter(row['status'] for row in judged))}")
+    counts = Counter(row["status"] for row in (rows if counted is None else counted) if row["status"] not in _NOT_RUN)
+    lines.append(f"checks: {_counts(counts)}")
     if folder is not None:
         lines.append(f"results: {folder}")
         if not everything:

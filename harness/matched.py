@@ -21,17 +21,16 @@ if TYPE_CHECKING:
 def core_history(setup: Setup, engine: EngineInfo) -> History:
     """History of the in-house DEM on ``setup``, same steps, slip where in the step ``engine`` has it; computed once per set-up."""
     scene = setup.scene
-    if (slip_at := slip_of(scene, engine)) != scene.disk_disk.slip_at:
+    if (slip_at := slip_of(scene.disk_disk.slip_at, engine)) != scene.disk_disk.slip_at:
         scene = with_slip_at(scene, slip_at)
     return _run(json.dumps([scene.to_dict(), setup.numerics.to_dict(), setup.watch], sort_keys=True))
 
 
-def slip_of(scene: Scene, engine: EngineInfo) -> SlipAt:
-    """Where in the step ``engine`` measures the slips of ``scene``: where the scene asks for, if it can."""
-    asked = scene.disk_disk.slip_at
+def slip_of(asked: SlipAt, engine: EngineInfo) -> SlipAt:
+    """Where in the step ``engine`` measures slip: where the scene asks for it, if it can."""
     if SLIP_AT[asked] in engine.capabilities:
         return asked
-    return "end" if asked == "middle" else "middle"
+    return "end" if SLIP_AT["end"] in engine.capabilities else "middle"
 
 
 def with_slip_at(scene: Scene, slip_at: SlipAt) -> Scene:

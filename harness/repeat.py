@@ -43,4 +43,5 @@ def _settings(cell: Cell) -> list[str]:
 def _options(cell: Cell) -> list[str]:
     given = {} if isinstance(cell.setup, Exception) else cell.setup.numerics.options
     own = {name: value for name, value in given.items() if name.startswith(f"{cell.engine_id}.")}
-    return [word for name, value in own.items() for word in ("--option", f"{name}={format_value(value)}")]
+    texts = {name: value if isinstance(value, str) else format_value(value) for name, value in own.items()}
+    return [word for name, text in texts.items() for word in ("--option", f"{name}={text}")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
 from ninedisk.harness.case import Check, Setup
@@ -29,9 +29,6 @@ from ninedisk.harness.repeat import request_command
 from ninedisk.harness.results import CaseResult, Row, complete
 from ninedisk.harness.tables import measurement_row, plain_json, reference_blocks, series_blocks
 from ninedisk.harness.verdict import cell_verdict
-
-if TYPE_CHECKING:
-    pass
 
 Progress = Callable[[int, int, str], None]
 """Called with (cells done, cells in all, name of the cell that begins)."""

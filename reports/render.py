@@ -71,7 +71,8 @@ def render(jobs: Sequence[Job], progress: Callable[[int, int], None], workers: i
 
 def _end_with(parent: int) -> None:
     """In a worker: end it by the usual signals, and when its parent is gone, whose pipes its siblings hold open."""
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
     def watch() -> None:
         while os.getppid() == parent:

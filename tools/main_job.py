@@ -15,10 +15,12 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
+from ninedisk.harness.warden import owned
+
 
 def ninedisk(*arguments: str) -> int:
     """Run the command line of the environment that this script runs in; its exit code."""
-    return subprocess.run([sys.executable, "-m", "ninedisk", *arguments], check=False).returncode
+    return subprocess.run([sys.executable, "-m", "ninedisk", *arguments], check=False, env=owned()).returncode
 
 
 def summary(rows: Path) -> str:
@@ -63,7 +65,7 @@ def main() -> int:
     page = ninedisk("report", "--store", options.store, "--out", options.out)
 
     print(f"\nMeasurements: {counts}")
-    if run in (0, 1):
+    if run in (0, 1, 3):
         print(f"Since the run before: {news(options.store)}")
     if run == 1:
         print("Some checks fail: the page lists them first.")

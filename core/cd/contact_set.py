@@ -85,8 +85,9 @@ def solve_with_contacts(
     frames = near(reach)
     inside = closing(frames, dx) < max(margin, tolerance)
     start, springs, iterations = memory if start is None else start, memory.springs(), 0
-    # Under Newton's law a contact is one only once its gap closes.
-    inside |= start.same(frames.pairs, start.pairs) & np.isnan(laws.restitution[frames.row])
+    # Under Newton's law a contact is one only once its gap closes; one with a stretched shear spring would hold on by it (associated rule).
+    stretched = laws.elastic[frames.row] & (_forces(springs, frames, grains)[:, 1] != 0.0)
+    inside |= start.same(frames.pairs, start.pairs) & np.isnan(laws.restitution[frames.row]) & ~stretched
     while True:
         chosen = frames.pick(inside)
         solved = step.solve(chosen, _forces(springs, chosen, grains), _forces(start, chosen, grains))

@@ -38,11 +38,10 @@ class LawTable:
         Whether any contact obeys Newton's law.
     arm_overlap, wall_mid : ndarray, shape (1 + m,)
         1 where the lever arm is R - overlap/2, and where a wall's motion is taken in the middle of the overlap; else 0.
-    arrays : Laws
-        All of these, as the kernels read them.
-
     slip_middle : ndarray of bool, shape (1 + m,)
         Whether a shear spring's slip is that of the middle of the step; else it is that of the step's program, at its start.
+    arrays : Laws
+        All of these, as the kernels read them.
 
     Raises
     ------

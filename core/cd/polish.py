@@ -129,6 +129,8 @@ class Polish:
 
     def _judged(self, forces: FloatArray) -> tuple[FloatArray, Residuals] | None:
         """The forces inside their cones and their residuals, if the law accepts them."""
+        if not np.isfinite(forces).all():
+            return None
         inside = starting_forces(self.problem, forces)
         residuals = measure(self.problem, self.problem.body_velocity(inside), inside, sliding="coulomb")
         return (inside, residuals) if residuals.reached(self.tolerance) else None
@@ -177,7 +179,8 @@ class Polish:
             contact, border = divmod(int(np.argmin(steps)), 3)
             step = float(steps[contact, border])
             if ahead < 0.0 and step >= t:
-                return self._inside(z - t * rate, status), status
+                ended = self._inside(z - t * rate, status)
+                return (ended, status) if np.isfinite(ended).all() else None
             if step == np.inf:
                 return None
             z, t, crossed = z + ahead * step * rate, t + ahead * step, (contact, border)

@@ -46,6 +46,7 @@ from ninedisk.core.errors import (
     NoEquilibriumError,
     NonFiniteStateError,
     SolverNotConvergedError,
+    UnwritableFileError,
 )
 from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.history import History, Pair
@@ -383,6 +384,6 @@ class CdSession:
         notes = {"scene": json.dumps(self.scene.to_dict()), "numerics": json.dumps(self.numerics.to_dict())}
         try:
             replace(problem, notes={**notes, "step": str(step)}).save(path)
-        except OSError as error:
-            return f" The problem could not be kept in {path}: {error.strerror}."
+        except UnwritableFileError as error:
+            return f" The problem could not be kept: {error}."
         return f" The problem is in {path}: ninedisk.core.cd.problem.ContactProblem.load reads it."

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
 from ninedisk.core.cd.feasibility import PROOF_AFTER, InfeasibleContactsError, check_feasible
-from ninedisk.core.cd.gauss_seidel import GaussSeidel, solve_gauss_seidel
+from ninedisk.core.cd.gauss_seidel import MAX_SWEEPS, GaussSeidel, solve_gauss_seidel
 from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.polish import Polish
 from ninedisk.core.cd.problem import ContactProblem
@@ -24,7 +24,7 @@ SOLVERS = ("auto", "interior-point", "projected-gradient", "gauss-seidel")
 TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
 STAGES = ((200, 20), (5_000, 200), (20_000, 400), (80_000, 400))
-"""Sweeps for Coulomb's law after which "auto" polishes the forces found, and pivots that this may take."""
+"""Sweeps for Coulomb's law after which "auto" polishes the forces found, and pivots that a round of this may take."""
 PATH_AFTER = 5_000
 """Sweeps after which "auto" looks for the forces by another way, too."""
 LEMKE_CONTACTS = 500
@@ -139,7 +139,11 @@ class ContactSolver:
 
     def _coulomb(self, problem: ContactProblem, start: FloatArray | None, at_rest: bool) -> SolverResult:
         """Sweeps, their forces polished; then pivots, or the interior point; then as many sweeps as are allowed; all in the time limit."""
-        options, clock, limit = self.options, Stopwatch(self.options.time_limit), self.options.max_iterations or MANY
+        options, clock, limit = (
+            self.options,
+            Stopwatch(self.options.time_limit),
+            self.options.max_iterations or MAX_SWEEPS,
+        )
         polish, count = Polish(problem, options.tolerance, clock), 0
         sweeps = GaussSeidel(problem, options, "coulomb", start)
 
@@ -191,7 +195,9 @@ class ContactSolver:
         residuals = measure(problem, v, r, sliding="coulomb")
         if not residuals.reached(self.options.tolerance):
             return None
-        return replace(found, sliding="coulomb", v=v, r=r, residuals=residuals)
+        return replace(
+            found, sliding="coulomb", v=v, r=r, residuals=residuals, iterations=found.iterations + polish.count
+        )
 
     def _trial_is_due(self) -> bool:
         """After trials in vain, 1, 3, 7, .. problems go without one: their like follow each other."""

@@ -147,19 +147,21 @@ def _packed_rate(scene: Scene, form: DampingForm) -> float:
     if n == 0:
         return drag
     smallest = float(radius.min())
-    room = np.minimum(np.floor(np.pi / np.arcsin(smallest / (radius + smallest))), n - 1.0)
+    # Six equal disks fit around one exactly, which round-off must not make five.
+    room = np.floor(np.pi / np.arcsin(smallest / (radius + smallest)) * (1.0 + 1e-9))
     stiffness, damping = np.zeros(n), np.zeros(n)
     heaviest = float(inverse.min())
-    for law, count, other in [(scene.disk_disk, room, heaviest)] + [
+    for law, count, other in [(scene.disk_disk, np.minimum(room, n - 1.0), heaviest)] + [
         (wall.law, np.ones(n), 0.0) for wall in scene.walls
     ]:
         kn, ks = law.kn * stiffening(scene, law), law.shear_stiffness
-        # Up to two contacts may lie in one line.
-        across = np.where(count <= 2.0, count * max(kn, ks), 0.5 * count * (kn + ks))
+        # Of contacts at angles that keep their distance the sum of cos^2 along any line is at most half their room and one more.
+        along = np.minimum(count, 0.5 * room + 1.0)
+        across = count * min(kn, ks) + along * abs(kn - ks)
         with np.errstate(over="ignore"):
             stiffness += across * inverse + count * (ks * radius**2 + kn * aside**2) * turn
             c = _dashpots(law, inverse + other)
-            damping += c * (np.where(count <= 2.0, count, 0.5 * count) * inverse + count * aside**2 * turn)
+            damping += c * (along * inverse + count * aside**2 * turn)
     return _rate(2.0 * stiffness, 2.0 * share * damping + drag)
 
 

@@ -122,7 +122,7 @@ def run(
 def _row(arm: str, who: tuple[str, Engine], divisions: int, measured: Measured, base: Measured, limit: Limit) -> Row:
     name, engine = who
     setup = built(parameters(arm))
-    numerics, slip_at = setup.numerics, slip_of(setup.scene, engine.info())
+    numerics, slip_at = setup.numerics, slip_of(setup.scene.disk_disk.slip_at, engine.info())
     steps = numerics.n_steps * divisions
     row: Row = {
         "suite": "dem",

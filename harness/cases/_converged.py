@@ -9,6 +9,7 @@ import numpy as np
 
 from ninedisk.harness.case import Check, Observed
 from ninedisk.harness.engine import EngineInfo
+from ninedisk.harness.matched import slip_of
 
 MARGIN = 2.0
 """Factor on the measured step error: it comes from one pair of steps, and friction makes the order wander around 2."""
@@ -36,7 +37,8 @@ def converged_checks(
     observed : Observed
         For the sampled steps.
     engine : EngineInfo
-        Central-difference engines are granted the step error that refinement measured, others ``first_order_rtol``.
+        Central-difference engines are granted the step error that refinement measured with slip where they have it, others
+        ``first_order_rtol``.
     series, scalars : sequence of str
         Quantities to check, where the table has them.
     first_order_rtol : float
@@ -68,7 +70,8 @@ def converged_checks(
         if other_arm:
             atol, why = other_arm_rtol * scale + uncertainty, other_arm
         elif engine.scheme == "central-difference":
-            measured = table.scalars[f"step_error_{params['damping_form']}_{name}"].value / params["substeps"]
+            scheme = f"{params['damping_form']}_{slip_of(params['slip_at'], engine)}"
+            measured = table.scalars[f"step_error_{scheme}_{name}"].value / params["substeps"]
             atol = MARGIN * measured + uncertainty
             why = (
                 f"error of the tabulated step by refinement of the in-house DEM ({measured:.2g}), times {MARGIN:g}, plus the "

@@ -15,7 +15,7 @@ from ninedisk.harness.cases._converged import consensus_checks, converged_checks
 from ninedisk.harness.cases._grains import as_disks
 from ninedisk.harness.cases._nine_disks import LOAD_CASES, MASS, RADIUS, friction, shear_growth
 from ninedisk.harness.engine import EngineInfo
-from ninedisk.harness.matched import core_history
+from ninedisk.harness.matched import core_history, slip_of
 from ninedisk.references.analytic.compression import row_frequency
 
 HISTORIES = ("fn_up", "fs_up", "fn_right", "fs_right")
@@ -157,7 +157,8 @@ def _first_slip(params: Mapping[str, Any], engine: EngineInfo) -> list[Check]:
         entry = table.scalars.get(f"first_slip_{name}")
         if entry is None:
             continue
-        measured = table.scalars[f"step_error_{params['damping_form']}_first_slip_{name}"].value
+        scheme = f"{params['damping_form']}_{slip_of(params['slip_at'], engine)}"
+        measured = table.scalars[f"step_error_{scheme}_first_slip_{name}"].value
         found.append(
             Check(
                 quantity=f"first_slip_{name}",

@@ -178,7 +178,7 @@ def _springs(
         spin = spin_at(start.shape, start.phi + ways, start=start.phi, angle=start.angle, g=G)
     phi = start.phi + ways
     p, q = start.shape.height(phi), start.shape.ahead(phi)
-    behind = 0.5 * contact_dt if slip_of(setup.scene, engine) == "end" else 0.0
+    behind = 0.5 * contact_dt if slip_of(setup.scene.disk_disk.slip_at, engine) == "end" else 0.0
     late = behind * float(np.nanmax(np.abs(p * q * spin**3), initial=0.0)) / G
     missing = d * _arm_work(start, ways, d)
     top = float(np.nanmax(gained, initial=0.0))

@@ -19,8 +19,10 @@ def capability(bench: Bench, probe: Probe, asked: Capability) -> Finding:
         lacks = ", ".join(sorted(each.name for each in lacking))
         mend = "declare it in info(), or answer NO or APPROXIMATE, or say in a note why this scene does not need it"
         return finding(name, [(f"the scene is {support.level} although info() lacks {lacks}", mend)])
-    # An engine may lack the place of the slip and run the scene all the same, as its note says: that place is no claim of its own.
-    may_lack = support.level is SupportLevel.APPROXIMATE or asked in SLIP_AT.values()
+    # An engine may lack the place of the slip and run the scene all the same, if it says so: that place is no claim of its own.
+    may_lack = support.level is SupportLevel.APPROXIMATE or (
+        asked in SLIP_AT.values() and support.level is SupportLevel.EQUIVALENT
+    )
     return judged(name, bench, probe, support, claimed=asked in bench.info.capabilities or not may_lack)
 
 

@@ -12,7 +12,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.capabilities import Capability, capabilities_needed
 from ninedisk.harness.engine import Support, SupportLevel
-from ninedisk.harness.engines._spring import laws_in_use
+from ninedisk.harness.engines._spring import NOTE_SLIP_AT, OF_SLIP_AT, laws_in_use
 
 NOTE_PRELOAD = "rigid contacts: the preload of the regularising springs is left out, disks start touching"
 NOTE_RESTITUTION = "the scene prescribes no restitution: 0 is used"
@@ -62,13 +62,15 @@ def rigid_support(
     if any(law.restitution for law in laws):
         need.add(Capability.RESTITUTION)
     missing = need - capabilities
-    if missing:
+    if missing - OF_SLIP_AT:
         return Support(SupportLevel.NO, missing=tuple(sorted(missing)))
     if refused:
         return Support(SupportLevel.NO, notes=tuple(refused))
     differs = [preload_note] if has_spring_preload(scene) else []
     if any(law.restitution is None for law in laws):
         differs.append(NOTE_RESTITUTION)
+    if missing:
+        differs.append(NOTE_SLIP_AT)
     level = SupportLevel.EQUIVALENT if differs else SupportLevel.EXACT
     return Support(SupportLevel.APPROXIMATE if approximations else level, notes=(*differs, *remarks, *approximations))
 

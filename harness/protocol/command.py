@@ -103,9 +103,8 @@ class CommandEngine(ExternalEngine):
         if missing - OF_SLIP_AT:
             return Support(SupportLevel.NO, tuple(sorted(missing - OF_SLIP_AT)), near)
         notes = (NOTE_SPRINGS, *near) if any(law.regularised for law in laws_in_use(scene)) else near
-        if notes or not missing:
-            return Support(SupportLevel.APPROXIMATE if notes else SupportLevel.EXACT, (), notes)
-        return Support(SupportLevel.EQUIVALENT, (), (NOTE_SLIP_AT,))
+        level = SupportLevel.APPROXIMATE if notes else SupportLevel.EQUIVALENT if missing else SupportLevel.EXACT
+        return Support(level, (), (*notes, NOTE_SLIP_AT) if missing else notes)
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the command.

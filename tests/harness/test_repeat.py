@@ -43,6 +43,13 @@ def test_the_command_of_each_variant_runs_that_one_alone(case_id: str) -> None:
         assert (again.name, again.variant.params) == (cell.name, cell.variant.params)
 
 
+def test_options_that_are_texts_are_told_as_they_are() -> None:
+    cell = plan_case("binary-collision", "cd", {"kind": "plastic"}, {"cd.save_failed": "some/folder/x y.npz"})
+    (again,) = planned(run_command(cell))
+    assert not isinstance(again.setup, Exception)
+    assert again.setup.numerics.options == {"cd.save_failed": "some/folder/x y.npz"}
+
+
 def test_options_of_the_engine_are_part_of_it() -> None:
     cell = plan_case("binary-collision", "pymunk", {"kind": "plastic"}, {"pymunk.iterations": 7})
     (again,) = planned(run_command(cell))

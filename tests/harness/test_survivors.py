@@ -67,11 +67,14 @@ def test_nothing_outlives_a_command(
     number: signal.Signals,
 ) -> None:
     key, value = mark.split("=")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "ninedisk", *COMMANDS[name]],
-        cwd=tmp_path, env={**fake_environment, key: value}, preexec_fn=hears_signals,
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
-    )  # fmt: skip
+    log = tmp_path / "printed"
+    # Into a file: the end of a pipe would be that of the last process that holds it.
+    with log.open("w") as out:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "ninedisk", *COMMANDS[name]],
+            cwd=tmp_path, env={**fake_environment, key: value}, preexec_fn=hears_signals,
+            stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, start_new_session=True,
+        )  # fmt: skip
     word, count = BUSY.get(name, ("", 0))
     end = time.monotonic() + 120.0
     while not (
@@ -79,15 +82,16 @@ def test_nothing_outlives_a_command(
         if not word
         else sum(word in said for said in carrying(mark).values()) >= count
     ):
-        assert process.poll() is None, process.communicate()[0]
+        assert process.poll() is None, log.read_text()
         assert time.monotonic() < end, "it did not begin to work"
         time.sleep(0.05)
     assert len(carrying(mark)) > count
     process.send_signal(number)
-    printed, _ = process.communicate(timeout=30)
+    process.wait(timeout=10)
     left_at = time.monotonic() + SECONDS
-    assert process.returncode == (-number if number == signal.SIGKILL else 130), printed
-    assert "Traceback" not in printed
     while carrying(mark) and time.monotonic() < left_at:
         time.sleep(0.02)
     assert carrying(mark) == {}
+    printed = log.read_text()
+    assert process.returncode == (-number if number == signal.SIGKILL else 130), printed
+    assert "Traceback" not in printed

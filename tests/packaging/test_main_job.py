@@ -61,7 +61,7 @@ def test_exit_status(
     assert calls == ["run", "report"]
     out = capsys.readouterr().out
     assert said in out
-    assert ("Since the run before: news of results" in out) is (run in (0, 1))
+    assert ("Since the run before: news of results" in out) is (run in (0, 1, 3))
     assert (str(tmp_path / "page" / "index.html") in out) is (page == 0)
 
 
