@@ -204,7 +204,7 @@ def read_table(store: Path, about: Mapping[str, Any], name: str, columns: Sequen
         if missing and about["schema_version"] == SCHEMA_VERSION:
             raise StoreError(f"run {run_id!r} is damaged: {name}.parquet lacks the column(s) {', '.join(missing)}")
         return pa.table({c: table[c] if c in held else empty_column(kinds[c], file.metadata.num_rows) for c in kinds})
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
         raise StoreError(f"run {run_id!r} is damaged: {error}") from error
 
 
