@@ -156,7 +156,7 @@ def _table(run: _Run, name: str, only: Sequence[str] = ()) -> Any:
         file = pq.ParquetFile(path)
         wanted = [column for column in file.schema_arrow.names if column in (only or TABLES[name])]
         table = file.read(columns=wanted, use_threads=False)
-    except (OSError, pa.ArrowException) as problem:
+    except (OSError, UnicodeDecodeError, pa.ArrowException) as problem:
         raise ReportError(f"{path} cannot be read ({problem}): delete that run or copy it again") from problem
     types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
     columns = []
