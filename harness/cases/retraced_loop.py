@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.law import SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.harness.capabilities import LEVER_ARMS, SLIP_AT, Capability
+from ninedisk.harness.capabilities import LEVER_ARMS
 from ninedisk.harness.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.cases._nine_disks import NINE_DISK_CD, cd_settings
 from ninedisk.harness.engine import EngineInfo
+from ninedisk.harness.matched import slip_of
 from ninedisk.references.analytic.retraced_loop import (
     passing_drift,
     passing_shear,
@@ -268,15 +270,12 @@ def _path(params: Mapping[str, Any], way: FloatArray, *, mid: bool) -> FloatArra
     )
 
 
-def _place(params: Mapping[str, Any], engine: EngineInfo) -> str:
+def _place(params: Mapping[str, Any], engine: EngineInfo) -> SlipAt:
     """Where this engine measures slip: where the scene asks for it if it can, else where it can.
 
     Contact dynamics has a step's begin where it should have the end: an error of the same size and the other sign.
     """
-    asked = str(params["slip_at"])
-    if engine.contact == "cd" or SLIP_AT[asked] in engine.capabilities:  # type: ignore[index]
-        return asked
-    return "end" if Capability.SLIP_END in engine.capabilities else "middle"
+    return params["slip_at"] if engine.contact == "cd" else slip_of(params["slip_at"], engine)
 
 
 def _centres(params: Mapping[str, Any], count: int) -> FloatArray:
