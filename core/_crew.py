@@ -6,7 +6,7 @@ from collections.abc import Callable
 from threading import Thread
 from typing import Any
 
-from ninedisk.core._validate import whole
+from ninedisk.core.validate import whole
 
 MOST_THREADS = 64
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.core._validate import LARGEST, SMALLEST, FloatArray, finite, numbers, shown
 from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.validate import LARGEST, SMALLEST, FloatArray, finite, numbers, shown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,7 +26,7 @@ class Disks:
         the contact search uses it, contacts do not.
     inertia : array_like, shape (n,), scalar or None
         Moments of inertia [kg m^2], > 0; None means uniform disks, ``m R^2 / 2``, and is refused if a grain has an outline
-        (`ninedisk.core.geometry.nurbs_grain.uniform_grain` gives the values of a uniform one).
+        (`ninedisk.core.nurbs.nurbs_grain.uniform_grain` gives the values of a uniform one).
     v : array_like, shape (n, 2), optional
         Velocities [m/s] at time 0.
     omega : array_like, shape (n,), optional
@@ -71,7 +71,7 @@ class Disks:
         if self.inertia is None and np.any(outline >= 0):
             raise InvalidSceneError(
                 f"disks.inertia is missing and grain {int(np.argmax(outline >= 0))} has an outline: give the moments of inertia "
-                "(ninedisk.core.geometry.nurbs_grain.uniform_grain gives that of a uniform grain)"
+                "(ninedisk.core.nurbs.nurbs_grain.uniform_grain gives that of a uniform grain)"
             )
         radius, mass = column("radius", self.radius), column("mass", self.mass)
         _in_range("radius", radius)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ninedisk.core._validate import at_least, flag, one_of, real, shown
 from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.validate import at_least, flag, one_of, real, shown
 
 LeverArm = Literal["radius", "overlap", "torque-overlap"]
 WallVelocityAt = Literal["surface", "mid-overlap"]

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ninedisk.core._validate import at_least, flag, one_of, shown, whole, within
 from ninedisk.core.errors import CoreError, InvalidNumericsError
+from ninedisk.core.validate import at_least, flag, one_of, shown, whole, within
 
 DampingForm = Literal["central", "lagged"]
 Impact = Literal["theta", "newton"]

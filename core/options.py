@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ninedisk.core._validate import real
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.validate import real
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ninedisk.core._validate import items_of
 from ninedisk.core.disks import Disks
 from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.validate import items_of
 
 if TYPE_CHECKING:
-    from ninedisk.core.geometry.nurbs import NurbsCurve
-
+    from ninedisk.core.nurbs.curve import NurbsCurve
 CENTRED = 1e-9
 """Distance of the centroid from the frame's origin, over the largest distance of the outline, that counts as rounding: moving a curve
 leaves 1e-16 of the distance by which it was moved."""
@@ -35,9 +34,9 @@ def check_outlines(outlines: Sequence[NurbsCurve], disks: Disks) -> tuple[NurbsC
     if not given:
         return given
     # The curves' modules load Numba, which a scene of disks need not wait for.
-    from ninedisk.core.geometry.nurbs import NurbsCurve
-    from ninedisk.core.geometry.nurbs_grain import farthest
-    from ninedisk.core.geometry.nurbs_mass import area_moments
+    from ninedisk.core.nurbs.curve import NurbsCurve
+    from ninedisk.core.nurbs.mass import area_moments
+    from ninedisk.core.nurbs.nurbs_grain import farthest
 
     for k, curve in enumerate(given):
         if not isinstance(curve, NurbsCurve):
@@ -46,7 +45,7 @@ def check_outlines(outlines: Sequence[NurbsCurve], disks: Disks) -> tuple[NurbsC
         if not float(np.hypot(*centroid)) <= CENTRED * reach:
             raise InvalidSceneError(
                 f"outlines[{k}] has its centroid at ({centroid[0]:g}, {centroid[1]:g}) m; it must be the origin of the body's frame: "
-                "shift it by ninedisk.core.geometry.nurbs_mass.centred"
+                "shift it by ninedisk.core.nurbs.mass.centred"
             )
         mine = np.flatnonzero(disks.outline == k)
         small = mine[disks.radius[mine] < reach * (1.0 - ENCLOSED)]
@@ -54,7 +53,7 @@ def check_outlines(outlines: Sequence[NurbsCurve], disks: Disks) -> tuple[NurbsC
             i = int(small[0])
             raise InvalidSceneError(
                 f"disks.radius[{i}] = {disks.radius[i]:.17g} is not allowed: outline {k} reaches {reach:.17g} m from its centroid, and the "
-                "radius of a grain is that of a circle around it (ninedisk.core.geometry.nurbs_grain.uniform_grain gives the smallest)"
+                "radius of a grain is that of a circle around it (ninedisk.core.nurbs.nurbs_grain.uniform_grain gives the smallest)"
             )
     return given
 
@@ -73,6 +72,6 @@ def outlines_from(data: Sequence[Mapping[str, Any]]) -> tuple[NurbsCurve, ...]:
     """Outlines from `plain_outline` data, the same to the last bit."""
     if not data:
         return ()
-    from ninedisk.core.geometry.nurbs import NurbsCurve
+    from ninedisk.core.nurbs.curve import NurbsCurve
 
     return tuple(NurbsCurve(**curve) for curve in data)

@@ -20,15 +20,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ninedisk.core._validate import FloatArray, all_of_kind, at_least, body_numbers, finite, kind_of, shown, whole
 from ninedisk.core.disks import Disks
 from ninedisk.core.errors import BehindWallError, InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, SlipAt, WallVelocityAt
 from ninedisk.core.outlines import check_outlines, outlines_from, plain_outline
+from ninedisk.core.validate import FloatArray, all_of_kind, at_least, body_numbers, finite, kind_of, shown, whole
 from ninedisk.core.walls import Wall, WallSegment
 
 if TYPE_CHECKING:
-    from ninedisk.core.geometry.nurbs import NurbsCurve
+    from ninedisk.core.nurbs.curve import NurbsCurve
 
 __all__ = ["ContactLaw", "Disks", "FloatArray", "LeverArm", "Scene", "SlipAt", "Wall", "WallSegment", "WallVelocityAt"]
 

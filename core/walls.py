@@ -7,9 +7,9 @@ from math import hypot
 
 import numpy as np
 
-from ninedisk.core._validate import LARGEST, SMALLEST, all_of_kind, finite, kind_of, real, shown
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
+from ninedisk.core.validate import LARGEST, SMALLEST, all_of_kind, finite, kind_of, real, shown
 
 
 @dataclass(frozen=True, kw_only=True)

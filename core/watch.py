@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._validate import body_numbers, items_of, kind_of, shown
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.validate import body_numbers, items_of, kind_of, shown
 
 
 def check_run(scene: Scene, numerics: Numerics) -> None:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ninedisk.harness.matrix import run_case, run_matrix
-    from ninedisk.harness.results import CaseResult
+    from ninedisk.harness.results.tables import CaseResult
+    from ninedisk.harness.run.matrix import run_case, run_matrix
 
 __all__ = ["CaseResult", "run_case", "run_matrix"]
 
 _HOMES = {
-    "CaseResult": "ninedisk.harness.results",
-    "run_case": "ninedisk.harness.matrix",
-    "run_matrix": "ninedisk.harness.matrix",
+    "CaseResult": "ninedisk.harness.results.tables",
+    "run_case": "ninedisk.harness.run.matrix",
+    "run_matrix": "ninedisk.harness.run.matrix",
 }
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ninedisk.reports import text
 from ninedisk.reports.load import Row
-from ninedisk.reports.panel import EXPLAINED, CaseData, Panel, is_rated, worst_first
+from ninedisk.reports.model import EXPLAINED, CaseData, Panel, is_rated, worst_first
 from ninedisk.reports.words import shade, symbol
 
 SHOWN = 40

@@ -9,7 +9,7 @@ import numpy as np
 from ninedisk.reports.chains import contact_forces, ends, springs
 from ninedisk.reports.draw_scene import Configuration
 from ninedisk.reports.figures import varying
-from ninedisk.reports.panel import CaseData
+from ninedisk.reports.model import CaseData
 from ninedisk.reports.plans import PLANS, FigurePlan
 from ninedisk.reports.scene_view import WallView, read_scene
 from ninedisk.reports.scenes import read_frames

@@ -9,7 +9,7 @@ from typing import Any
 from ninedisk.reports.draw_points import Dots, PointChart, fitted_order
 from ninedisk.reports.figures import varying
 from ninedisk.reports.load import Row
-from ninedisk.reports.panel import CaseData
+from ninedisk.reports.model import CaseData
 from ninedisk.reports.plans import VALUE_PLANS
 from ninedisk.reports.style import Look
 from ninedisk.reports.text import as_float, parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from ninedisk.harness.records import History
+from ninedisk.harness.results.schema import History
 from ninedisk.reports.dashboard_pages import Pages
 from ninedisk.reports.folder import fresh_folder
 from ninedisk.reports.pages import HERE

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from markupsafe import Markup, escape
 
-from ninedisk.harness.records import Line, Point, Shift
+from ninedisk.harness.results.schema import Line, Point, Shift
 from ninedisk.reports import text
 from ninedisk.reports.dashboard_marks import over_tolerance
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ninedisk.harness.records import History, Line, Shift
+from ninedisk.harness.results.schema import History, Line, Shift
 from ninedisk.reports import text
 
 SEVERITIES = {

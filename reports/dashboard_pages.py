@@ -7,8 +7,9 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ninedisk.harness.records import History, Line, RunFacts
-from ninedisk.reports import compare_page, text
+from ninedisk.harness.results.schema import History, Line, RunFacts
+from ninedisk.reports import studies as compare_page
+from ninedisk.reports import text
 from ninedisk.reports.dashboard_chart import SPARK, chart, value
 from ninedisk.reports.dashboard_marks import SEVERITIES, Group, Mark, groups, marks
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.reports.draw_history import log_label
+from ninedisk.reports.draw import log_label
 from ninedisk.reports.style import INK, SOFT, Look, rc_params
 from ninedisk.reports.svg import write_svg
 

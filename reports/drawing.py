@@ -15,8 +15,8 @@ from ninedisk.reports.convergence import convergences, values_against_step
 from ninedisk.reports.draw_points import PointChart
 from ninedisk.reports.draw_scene import Configuration, numeral
 from ninedisk.reports.figures import case_figures, looks_of
+from ninedisk.reports.model import CaseData, Panel
 from ninedisk.reports.pack import Arrays, pack_case
-from ninedisk.reports.panel import CaseData, Panel
 from ninedisk.reports.plans import SETUP_FIGURES, FigurePlan
 from ninedisk.reports.render import Job, Picture
 from ninedisk.reports.scene_view import SceneView, read_scene

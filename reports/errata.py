@@ -8,7 +8,7 @@ from statistics import median
 from typing import Any
 
 from ninedisk.reports.load import Row
-from ninedisk.reports.panel import CaseData, Panel
+from ninedisk.reports.model import CaseData, Panel
 from ninedisk.reports.text import as_float, number, parameters
 
 DERIVATIONS: dict[str, tuple[str, ...]] = {

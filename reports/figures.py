@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ninedisk.reports.curves import Curve
-from ninedisk.reports.draw_history import HistoryPanel, Line, error_label, error_limits, round_off, value_limits
-from ninedisk.reports.panel import CaseData, Panel
+from ninedisk.reports.draw import HistoryPanel, Line, error_label, error_limits, round_off, value_limits
+from ninedisk.reports.model import CaseData, Panel
 from ninedisk.reports.plans import GENERIC, PLANS, FigurePlan, Plotted
 from ninedisk.reports.style import Look, engine_looks, reference_looks
 from ninedisk.reports.text import parameter, parameters

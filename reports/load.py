@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ninedisk.harness.records import RUN_KEYS, SCHEMA_VERSION, TABLES
+from ninedisk.harness.results.schema import RUN_KEYS, SCHEMA_VERSION, TABLES
 from ninedisk.reports.curves import Curve, References, Series, keep_rows, split_references, split_series
 from ninedisk.reports.errors import ReportError
 
@@ -27,7 +27,7 @@ class Stored:
     runs : list of dict
         ``run.json`` of every run that contributes a row, newest first.
     cells, measurements, claims : list of dict
-        Rows with the columns of `ninedisk.harness.records`.
+        Rows with the columns of `ninedisk.harness.results.schema`.
     series, references : mapping
         Curves by (case, variant, engine, quantity), and by (case, variant, quantity).
     outdated : list of str

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ninedisk.reports.curves import Curve
 from ninedisk.reports.figures import Looks, tolerances
-from ninedisk.reports.panel import CaseData, Panel
+from ninedisk.reports.model import CaseData, Panel
 from ninedisk.reports.style import Look
 
 

@@ -17,7 +17,7 @@ from ninedisk.reports.case_tables import SHOWN
 from ninedisk.reports.drawing import Chart
 from ninedisk.reports.errata import errata, measured
 from ninedisk.reports.load import Row
-from ninedisk.reports.panel import CaseData, EngineFacts, Panel, Summary, summarise
+from ninedisk.reports.model import CaseData, EngineFacts, Panel, Summary, summarise
 from ninedisk.reports.words import pair_shade, shade, symbol
 
 HERE = Path(__file__).parent

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ninedisk.reports.draw_history import HistoryPanel, draw_history
+from ninedisk.reports.draw import HistoryPanel, draw_history
 from ninedisk.reports.draw_points import PointChart, draw_points
 from ninedisk.reports.draw_scene import Configuration, draw_configuration, draw_sketch
 from ninedisk.reports.scene_view import SceneView
@@ -47,8 +47,6 @@ def render(jobs: Sequence[Job], progress: Callable[[int, int], None], workers: i
     Workers are forked, so that they neither load matplotlib again nor import the caller's main module; without fork, or
     if a worker dies, the rest is drawn here.
     """
-    import matplotlib.backends.backend_svg
-    import matplotlib.figure  # noqa: F401
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
     count = min(workers or cores, MOST_WORKERS)

@@ -9,8 +9,8 @@ import numpy as np
 
 from ninedisk.reports.chains import FloatArray, contact_forces, springs
 from ninedisk.reports.load import Row
+from ninedisk.reports.model import CaseData
 from ninedisk.reports.pack import Arrays
-from ninedisk.reports.panel import CaseData
 from ninedisk.reports.text import decoded
 
 STILL = 1e-3

@@ -11,7 +11,7 @@ from ninedisk.reports import pages
 from ninedisk.reports.draw_points import PointChart
 from ninedisk.reports.drawing import CaseDrawing, Chart, svg_image
 from ninedisk.reports.load import Stored
-from ninedisk.reports.panel import build_panel
+from ninedisk.reports.model import build_panel
 from ninedisk.reports.render import Job, render
 from ninedisk.reports.speed import engine_speed
 

@@ -6,7 +6,7 @@ import math
 
 from ninedisk.reports.convergence import CONTINUOUS
 from ninedisk.reports.draw_points import Dots, PointChart, spread
-from ninedisk.reports.panel import CaseData, Panel
+from ninedisk.reports.model import CaseData, Panel
 from ninedisk.reports.style import PALETTE, SOFT, Look
 from ninedisk.reports.text import as_float
 

@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-pytest_plugins = ["ninedisk.harness.pytest_plugin", "pytester"]
+pytest_plugins = ["ninedisk.harness.suite.plugin", "pytester"]
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
-from ninedisk.harness.warden import owned
+from ninedisk.harness.run.warden import owned
 
 
 def ninedisk(*arguments: str) -> int:

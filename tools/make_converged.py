@@ -16,10 +16,10 @@ import numpy as np
 from rich.progress import track
 
 from ninedisk.core.simulate import simulate
-from ninedisk.harness.case import Case, Observed
-from ninedisk.harness.cases.nine_disk_compression import CASE as COMPRESSION
-from ninedisk.harness.cases.nine_disk_distortion import CASE as DISTORTION
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import Case, Observed
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.nine_disk.compression import CASE as COMPRESSION
+from ninedisk.harness.cases.nine_disk.distortion import CASE as DISTORTION
 from ninedisk.references.converged_tables import ConvergedCurve, ConvergedScalar
 from ninedisk.references.converged_writer import write_converged
 

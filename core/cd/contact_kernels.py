@@ -1,110 +1,359 @@
-"""Kernels of the contact map: from body velocities to contact velocities and back.
+"""Kernels of contact geometry and of the contacts' part in a step: one definition for single steps and for many at once.
 
-A contact between bodies i and j has the unit normal ``n`` from i to j, ``t = (-n_y, n_x)``, and the rows
-
-    normal       u_n = -n.v_i + a_ni w_i + n.v_j + a_nj w_j     (opening)
-    tangential   u_t =  t.v_i + a_ti w_i - t.v_j + a_tj w_j     (motion of i's surface along t)
-
-over the three unknowns ``(v_x, v_y, w)`` of each body, ``arms = (a_ni, a_nj, a_ti, a_tj)``; the force of the contact on
-body i is then ``-p n + q t``. A body index of -1 stands for a body whose motion is prescribed; its share of ``u`` belongs
-to the offset.
+Array arguments of c contacts are those of `ninedisk.core.cd.contacts.Frames`: ``normal`` (c, 2), ``gap``, ``gap_before``, ``shift`` (c,),
+``arms`` (c, 4); ``row`` (c,) is the contact's row of the law table.
 """
 
 from __future__ import annotations
+
+from math import hypot, inf, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd._jit import inline_kernel, kernel
+from ninedisk.core.cd.problem_kernels import contact_velocity
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
+
+ROUND_OFF = 8.881784197001252e-16
+"""Of the largest coordinate, four units in the last place: gaps are differences of a few of them."""
+
+
+MISSED = 16.0
+"""Multiple of a gap's rounding beyond which a contact outside the set is violated: that of the gap, of the displacements and of
+those of earlier steps that a contact still carries."""
+
+NEARBY = 1e-2
+"""Gap over the smallest radius of the pairs that are looked at in any case: contact forces move disks that would rest without."""
+
+GAIN_STEPS, GAIN_TOTAL, GAIN_LARGEST, GAIN_STEP, GAIN_I, GAIN_J = range(6)
+"""Entries of ``gains``: steps in which impacts fed energy; that energy [J]; the largest of a step [J]; that step, and the bodies of the
+contact that fed most in it."""
+
+FED = 100.0
+"""Multiple of a solver's tolerance that the energy fed has to exceed: figures are norms over all contacts, relative to the forces."""
+
+
+class Laws(NamedTuple):
+    """Columns of `ninedisk.core.cd.laws.LawTable`, shape (1 + m,) each."""
+
+    kn: Floats
+    ks: Floats
+    mu: Floats
+    elastic: NDArray[np.bool_]
+    restitution: Floats
+    arm_overlap: Floats
+    wall_mid: Floats
+    slip_middle: NDArray[np.bool_]
+
+
+@kernel
+def measure_frames(
+    pairs: NDArray[np.int64],
+    row: NDArray[np.int64],
+    x: Floats,
+    radius: Floats,
+    before: Floats,
+    after: Floats,
+    laws: Laws,
+    normal: Floats,
+    gap: Floats,
+    gap_before: Floats,
+    shift: Floats,
+    arms: Floats,
+) -> int:
+    """Frames of the pairs, shape (c, 2): disks at ``x``, shape (n, 2 or 3), walls, shape (m, 11), at both ends of the step.
+
+    Returns
+    -------
+    int
+        A pair whose centres coincide, which has no normal; -1: none.
+    """
+    n, same = x.shape[0], -1
+    for k in range(pairs.shape[0]):
+        i, j = pairs[k, 0], pairs[k, 1]
+        if j < n:
+            ax, ay = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1]
+            distance = sqrt(ax * ax + ay * ay)
+            if distance == 0.0:
+                same, distance = k, 1.0
+            normal[k, 0], normal[k, 1] = ax / distance, ay / distance
+            gap[k] = gap_before[k] = distance - (radius[i] + radius[j])
+            shift[k] = 0.0
+        else:
+            w = j - n
+            nx, ny = after[w, 2], after[w, 3]
+            height = (x[i, 0] - after[w, 0]) * nx + (x[i, 1] - after[w, 1]) * ny
+            normal[k, 0], normal[k, 1] = -nx, -ny
+            gap[k] = height - radius[i]
+            gap_before[k] = (
+                (x[i, 0] - before[w, 0]) * before[w, 2] + (x[i, 1] - before[w, 1]) * before[w, 3] - radius[i]
+            )
+            deep = height + laws.wall_mid[row[k]] * 0.5 * max(0.0, -gap[k])
+            mx, my = material_shift(x[i, 0] - deep * nx, x[i, 1] - deep * ny, w, before, after)
+            # t = (-n_y, n_x) of the contact's normal n = -inward.
+            shift[k] = -(mx * ny - my * nx)
+        shorter = 0.5 * laws.arm_overlap[row[k]] * max(0.0, -gap_before[k])
+        arms[k, 0] = arms[k, 1] = 0.0
+        arms[k, 2] = radius[i] - shorter
+        arms[k, 3] = radius[j] - shorter if j < n else 0.0
+    return same
 
 
 @inline_kernel
-def contact_velocity(k: int, bodies: Ints, normal: Floats, arms: Floats, v: Floats) -> tuple[float, float]:
-    """Normal and tangential velocity of contact ``k`` that the body velocities ``v``, shape (b, 3), cause."""
-    nx, ny = normal[k, 0], normal[k, 1]
-    i, j = bodies[k, 0], bodies[k, 1]
-    un = ut = 0.0
-    if i >= 0:
-        un = -nx * v[i, 0] - ny * v[i, 1] + arms[k, 0] * v[i, 2]
-        ut = -ny * v[i, 0] + nx * v[i, 1] + arms[k, 2] * v[i, 2]
-    if j >= 0:
-        un += nx * v[j, 0] + ny * v[j, 1] + arms[k, 1] * v[j, 2]
-        ut += ny * v[j, 0] - nx * v[j, 1] + arms[k, 3] * v[j, 2]
-    return un, ut
+def material_shift(px: float, py: float, w: int, before: Floats, after: Floats) -> tuple[float, float]:
+    """Displacement over the step [m] of the material of wall ``w`` that is at the point p at its end."""
+    ax, ay = px - after[w, 0], py - after[w, 1]
+    bx, by = ax, ay
+    # A wall that does not turn keeps its normal to the last bit: no round-off of a rotation by nothing.
+    if before[w, 2] != after[w, 2] or before[w, 3] != after[w, 3]:
+        cos = before[w, 2] * after[w, 2] + before[w, 3] * after[w, 3]
+        sin = after[w, 2] * before[w, 3] - after[w, 3] * before[w, 2]
+        bx, by = cos * ax - sin * ay, cos * ay + sin * ax
+    return after[w, 0] - before[w, 0] + ax - bx, after[w, 1] - before[w, 1] + ay - by
+
+
+@kernel
+def wall_way(x: Floats, before: Floats, after: Floats) -> float:
+    """Bound on the displacement of a wall's surface near the disks between two poses [m]."""
+    turns = False
+    for w in range(after.shape[0]):
+        turns |= before[w, 2] != after[w, 2] or before[w, 3] != after[w, 3]
+    left, right, low, high = inf, -inf, inf, -inf
+    if turns:
+        for i in range(x.shape[0]):
+            left, right = min(left, x[i, 0]), max(right, x[i, 0])
+            low, high = min(low, x[i, 1]), max(high, x[i, 1])
+    largest = 0.0
+    for w in range(after.shape[0]):
+        way = hypot(after[w, 0] - before[w, 0], after[w, 1] - before[w, 1])
+        turned = hypot(after[w, 2] - before[w, 2], after[w, 3] - before[w, 3])
+        if turned > 0.0:
+            # No disk is farther from the wall's point than the far corner of the box around all of them.
+            px, py = after[w, 0], after[w, 1]
+            far = hypot(max(right - px, px - left), max(high - py, py - low))
+            # The chord of the normal's turn times pi/2 bounds the angle.
+            way += 0.5 * pi * turned * far
+        largest = max(largest, way)
+    return largest
+
+
+@kernel
+def gap_round_off(x: Floats, radius: Floats, after: Floats) -> float:
+    """Error of a gap [m] that the rounding of coordinates explains."""
+    largest = 0.0
+    for i in range(x.shape[0]):
+        largest = max(largest, abs(x[i, 0]), abs(x[i, 1]), radius[i])
+    for w in range(after.shape[0]):
+        largest = max(largest, abs(after[w, 0]), abs(after[w, 1]))
+    return ROUND_OFF * largest
+
+
+@kernel
+def surface_way(dx: Floats, radius: Floats) -> float:
+    """Largest displacement of a point of a disk's outline [m], under displacements of shape (n, 3)."""
+    largest = 0.0
+    for i in range(dx.shape[0]):
+        largest = max(largest, hypot(dx[i, 0], dx[i, 1]) + radius[i] * abs(dx[i, 2]))
+    return largest
+
+
+@kernel
+def closing_gaps(
+    bodies: NDArray[np.int32],
+    normal: Floats,
+    arms: Floats,
+    gap: Floats,
+    shift: Floats,
+    row: NDArray[np.int64],
+    dilation: Floats,
+    dx: Floats,
+    out: Floats,
+) -> None:
+    """Gap after the displacements ``dx``, shape (n, 3), less ``dilation`` (of a law row) times the slip [m], shape (c,)."""
+    for k in range(bodies.shape[0]):
+        un, ut = contact_velocity(k, bodies, normal, arms, dx)
+        out[k] = gap[k] + un - dilation[row[k]] * abs(shift[k] + ut)
+
+
+@kernel
+def contact_compliances(row: NDArray[np.int64], laws: Laws, scale: float, out: Floats) -> None:
+    """``(1/kn, 1/ks)/scale``, shape (c, 2); 0 where the contact is rigid or carries no shear force."""
+    for k in range(row.shape[0]):
+        out[k, 0] = out[k, 1] = 0.0
+        if laws.elastic[row[k]]:
+            out[k, 0] = 1.0 / laws.kn[row[k]] / scale
+            if laws.ks[row[k]] > 0.0:
+                out[k, 1] = 1.0 / laws.ks[row[k]] / scale
 
 
 @inline_kernel
-def add_contact_force(
-    k: int, p: float, q: float, bodies: Ints, normal: Floats, arms: Floats, weight: Floats, out: Floats
+def newton_offset(e: float, before: float) -> float:
+    """What the opening velocity at the end of a step is increased by under Newton's law, ``before`` the one at its start [m/s].
+
+    The condition ``0 <= P`` complementary to ``u_n + newton_offset >= 0`` lets a contact that closes rebound with e, and one
+    that opens be pushed back with the speed that it had, no more and no less: then ``u_n + before`` is ``(1 - e) min(0, before)``
+    wherever ``P > 0``, and no contact feeds energy (see `ninedisk.core.cd.step.DynamicStep`).
+    """
+    return e * before if before < 0.0 else before
+
+
+@kernel
+def dynamic_offsets(
+    bodies: NDArray[np.int32],
+    normal: Floats,
+    gap: Floats,
+    gap_before: Floats,
+    shift: Floats,
+    arms: Floats,
+    row: NDArray[np.int64],
+    laws: Laws,
+    kept: Floats,
+    prescribed: Floats,
+    dt: float,
+    theta: float,
+    round_off: float,
+    offset: Floats,
 ) -> None:
-    """Add ``weight * H' (p, q)`` of contact ``k`` to ``out``; ``weight`` and ``out`` have the shape (b, 3)."""
-    nx, ny = normal[k, 0], normal[k, 1]
-    i, j = bodies[k, 0], bodies[k, 1]
-    fx, fy = -nx * p - ny * q, -ny * p + nx * q
-    if i >= 0:
-        out[i, 0] += weight[i, 0] * fx
-        out[i, 1] += weight[i, 1] * fy
-        out[i, 2] += weight[i, 2] * (arms[k, 0] * p + arms[k, 2] * q)
-    if j >= 0:
-        out[j, 0] -= weight[j, 0] * fx
-        out[j, 1] -= weight[j, 1] * fy
-        out[j, 2] += weight[j, 2] * (arms[k, 1] * p + arms[k, 3] * q)
+    """Offsets ``g`` of `ninedisk.core.cd.step.DynamicStep`, shape (c, 2).
 
+    A gap of rigid bodies within `MISSED` times the rounding of gaps is none: bodies at rest have more contacts than freedom, gaps that
+    are round-off contradict each other, and divided by a small step they would be velocities that no force at rest allows.
 
-@kernel
-def contact_velocities(bodies: Ints, normal: Floats, arms: Floats, v: Floats, u: Floats) -> None:
-    """``u = H v``: contact velocities, shape (c, 2), of the body velocities ``v``, shape (b, 3)."""
+    ``kept`` and ``prescribed``, shape (n, 3), are the velocities at the start of the step of the unknowns that are free and of
+    those that are not, 0 elsewhere. Under Newton's law (restitution not NaN) walls count by their displacement over the step,
+    held disks by their speed.
+    """
     for k in range(bodies.shape[0]):
-        u[k, 0], u[k, 1] = contact_velocity(k, bodies, normal, arms, v)
+        held_n, held_t = contact_velocity(k, bodies, normal, arms, prescribed)
+        kept_n, kept_t = contact_velocity(k, bodies, normal, arms, kept)
+        e = laws.restitution[row[k]]
+        if np.isnan(e):
+            touching = not laws.elastic[row[k]] and abs(gap[k]) <= MISSED * round_off
+            room = 0.0 if touching else gap[k]
+            offset[k, 0] = room / (theta * dt) + (held_n / theta + (1.0 - theta) / theta * kept_n)
+            offset[k, 1] = shift[k] / (theta * dt) + (held_t / theta + (1.0 - theta) / theta * kept_t)
+        else:
+            un = (gap[k] - gap_before[k]) / dt + held_n
+            offset[k, 0] = un + newton_offset(e, un + kept_n)
+            offset[k, 1] = shift[k] / dt + held_t
 
 
 @kernel
-def body_velocities(
-    bodies: Ints, normal: Floats, arms: Floats, inverse_mass: Floats, force: Floats, r: Floats, v: Floats
+def note_impact_work(
+    step: int,
+    slack: float,
+    resolution: float,
+    bodies: NDArray[np.int32],
+    pairs: NDArray[np.int64],
+    normal: Floats,
+    gap: Floats,
+    gap_before: Floats,
+    shift: Floats,
+    arms: Floats,
+    row: NDArray[np.int64],
+    blocks: Floats,
+    laws: Laws,
+    kept: Floats,
+    prescribed: Floats,
+    v: Floats,
+    r: Floats,
+    dt: float,
+    gains: Floats,
 ) -> None:
-    """``v = M^-1 (f + H' r)``: velocities, shape (b, 3), under the loads ``force`` and the contact forces ``r``."""
-    for i in range(v.shape[0]):
-        for d in range(3):
-            v[i, d] = inverse_mass[i, d] * force[i, d]
+    """Add the energy that contacts under Newton's law feed in a step to ``gains``, shape (6,), where it is more than round-off.
+
+    Impulses ``dt r`` do the work ``dt r.(u_0 + u_1)/2`` on the bodies, with ``u_0, u_1`` the contact velocities at both ends of the
+    step (walls apart, whose work is counted as theirs). It counts if it exceeds ``slack`` times what the impulses exchange, for the
+    solver's tolerance, and what contact velocities of the size ``resolution`` [m/s] make of it.
+
+    ``kept`` and ``prescribed`` are those of `dynamic_offsets`, ``v`` the velocities at the end of the step, 0 where prescribed, and
+    ``blocks`` the Delassus blocks.
+    """
+    total, size, most, at = 0.0, 0.0, 0.0, -1
     for k in range(bodies.shape[0]):
-        if r[k, 0] != 0.0 or r[k, 1] != 0.0:
-            add_contact_force(k, r[k, 0], r[k, 1], bodies, normal, arms, inverse_mass, v)
+        p, q = r[k, 0], r[k, 1]
+        if np.isnan(laws.restitution[row[k]]) or (p == 0.0 and q == 0.0):
+            continue
+        held_n, held_t = contact_velocity(k, bodies, normal, arms, prescribed)
+        n_0, t_0 = contact_velocity(k, bodies, normal, arms, kept)
+        n_1, t_1 = contact_velocity(k, bodies, normal, arms, v)
+        wall_n, wall_t = (gap[k] - gap_before[k]) / dt + held_n, shift[k] / dt + held_t
+        work = 0.5 * dt * (p * (2.0 * wall_n + n_0 + n_1) + q * (2.0 * wall_t + t_0 + t_1))
+        force = p + abs(q)
+        speed = abs(wall_n + n_0) + abs(wall_n + n_1) + abs(wall_t + t_0) + abs(wall_t + t_1)
+        size += dt * force * (slack * (speed + force * max(blocks[k, 0], blocks[k, 2])) + resolution)
+        total += work
+        if work > most:
+            most, at = work, k
+    if total > size:
+        gains[GAIN_STEPS] += 1.0
+        gains[GAIN_TOTAL] += total
+        if total > gains[GAIN_LARGEST]:
+            gains[GAIN_LARGEST], gains[GAIN_STEP] = total, step
+            gains[GAIN_I], gains[GAIN_J] = pairs[at, 0], pairs[at, 1]
 
 
 @kernel
-def contact_forces_on_bodies(bodies: Ints, normal: Floats, arms: Floats, free: Floats, r: Floats, out: Floats) -> None:
-    """``out = H' r`` on the free unknowns (``free`` is 1 or 0), shape (b, 3)."""
-    for i in range(out.shape[0]):
-        for d in range(3):
-            out[i, d] = 0.0
-    for k in range(bodies.shape[0]):
-        add_contact_force(k, r[k, 0], r[k, 1], bodies, normal, arms, free, out)
-
-
-@kernel
-def delassus_blocks(
-    bodies: Ints, normal: Floats, arms: Floats, inverse_mass: Floats, compliance: Floats, blocks: Floats
+def carry_shear(
+    pairs: NDArray[np.int64],
+    bodies: NDArray[np.int32],
+    row: NDArray[np.int64],
+    x: Floats,
+    before: Floats,
+    after: Floats,
+    normal: Floats,
+    gap_before: Floats,
+    shift: Floats,
+    arms: Floats,
+    dx: Floats,
+    laws: Laws,
+    forces: Floats,
+    shear: Floats,
 ) -> None:
-    """Diagonal blocks of ``W = H M^-1 H' + C``: ``blocks[k] = (W_nn, W_nt, W_tt)``, shape (c, 3)."""
-    for k in range(bodies.shape[0]):
+    """Shear forces with which the next step begins, shape (c,), from those of the step that was solved, (c, 2); x and dx are its own.
+
+    The program of a step has the slip ``s_0 = shift + H_t dx`` along the tangent of its start, which is of first order and drifts along
+    closed paths. With ``dx`` known, the spring's own slip is that along the tangent of the middle of the step, ``s_m``: with a and b the
+    difference of the positions before and after, ``m = (a + b)/2`` and ``-(b - a).t_m = -(a x b)/|m|`` between disks. So the next step
+    begins with ``q - ks (s_m - s_0)``, within the cone. The step itself keeps the frame of its start, its error is of first order
+    as before, but nothing of it stays: a retraced path leaves what the midpoint rule leaves.
+
+    Outlines have ``a = h n``, h the distance of the bodies along the normal: their contacts turn as those of disks would.
+    """
+    for k in range(pairs.shape[0]):
+        law, i, j = row[k], pairs[k, 0], pairs[k, 1]
+        shear[k] = forces[k, 1]
+        if not (laws.elastic[law] and laws.slip_middle[law]) or laws.ks[law] == 0.0 or laws.mu[law] == 0.0:
+            continue
         nx, ny = normal[k, 0], normal[k, 1]
-        nn, nt, tt = compliance[k, 0], 0.0, compliance[k, 1]
-        for side in range(2):
-            b = bodies[k, side]
-            if b >= 0:
-                mx, my, mw = inverse_mass[b, 0], inverse_mass[b, 1], inverse_mass[b, 2]
-                an, at = arms[k, side], arms[k, 2 + side]
-                nn += nx * nx * mx + ny * ny * my + an * an * mw
-                nt += nx * ny * (mx - my) + an * at * mw
-                tt += ny * ny * mx + nx * nx * my + at * at * mw
-        blocks[k, 0], blocks[k, 1], blocks[k, 2] = nn, nt, tt
-
-
-@kernel
-def contact_scales(blocks: Floats, mu: Floats, rho: Floats) -> None:
-    """``rho``, shape (c,): the inverse of the largest diagonal entry of each Delassus block; without friction the normal one."""
-    for k in range(mu.shape[0]):
-        rho[k] = 1.0 / (max(blocks[k, 0], blocks[k, 2]) if mu[k] > 0.0 else blocks[k, 0])
+        shorter = 0.5 * laws.arm_overlap[law] * max(0.0, -gap_before[k])
+        arm_i, arm_j = arms[k, 2] + shorter, 0.0
+        _, slip = contact_velocity(k, bodies, normal, arms, dx)
+        if j < x.shape[0]:
+            wx, wy = dx[j, 0] - dx[i, 0], dx[j, 1] - dx[i, 1]
+            h = (x[j, 0] - x[i, 0]) * nx + (x[j, 1] - x[i, 1]) * ny
+            mx, my = h * nx + 0.5 * wx, h * ny + 0.5 * wy
+            far = sqrt(mx * mx + my * my)
+            arm_j = arms[k, 3] + shorter
+            middle = (my * wx - mx * wy) / far + arm_j * dx[j, 2]
+            deep = max(0.0, arm_i + arm_j - far)
+            middle -= 0.5 * laws.arm_overlap[law] * deep * dx[j, 2]
+        else:
+            w = j - x.shape[0]
+            ux, uy = before[w, 2] + after[w, 2], before[w, 3] + after[w, 3]
+            length = sqrt(ux * ux + uy * uy)
+            ux, uy = ux / length, uy / length
+            turned = before[w, 2] * after[w, 3] - before[w, 3] * after[w, 2]
+            wx, wy = after[w, 0] - before[w, 0], after[w, 1] - before[w, 1]
+            height = (x[i, 0] + 0.5 * dx[i, 0] - before[w, 0] - 0.5 * wx) * ux
+            height += (x[i, 1] + 0.5 * dx[i, 1] - before[w, 1] - 0.5 * wy) * uy
+            deep = max(0.0, arm_i - height)
+            # Half the overlap times twice the sine of half the turn: the way of the middle of the overlap.
+            middle = (dx[i, 0] - wx) * uy - (dx[i, 1] - wy) * ux - laws.wall_mid[law] * deep * turned / length
+            slip += shift[k]
+        middle += (arm_i - 0.5 * laws.arm_overlap[law] * deep) * dx[i, 2]
+        cap = laws.mu[law] * forces[k, 0]
+        shear[k] = max(-cap, min(cap, forces[k, 1] - laws.ks[law] * (middle - slip)))

@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.frame_kernels import MISSED, NEARBY, closing_gaps, surface_way
-from ninedisk.core.cd.frames import Frames, contact_frames
+from ninedisk.core.cd.contact_kernels import MISSED, NEARBY, closing_gaps, surface_way
+from ninedisk.core.cd.contacts import Frames, contact_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.memory import ContactMemory
 from ninedisk.core.cd.place import Place
 from ninedisk.core.cd.residuals import Sliding
 from ninedisk.core.cd.step import Solved, Step, pair_bodies
-from ninedisk.core.contacts.finder import PairFinder
+from ninedisk.core.dem.neighbours import PairFinder
 
 if TYPE_CHECKING:
     from ninedisk.core.cd.grain_frames import GrainFrames
-
 FloatArray = NDArray[np.float64]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd._jit import inline_kernel, kernel
-from ninedisk.core.cd.frame_kernels import Floats, Laws, material_shift
+from ninedisk.core.cd.contact_kernels import Floats, Laws, material_shift
 
 FARTHEST = 0.1
 """Way along an outline, over its length, that a contact is followed in one step; a strictly convex pair's one contact always is."""

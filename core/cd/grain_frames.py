@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.frames import Frames, contact_frames
+from ninedisk.core.cd.contacts import Frames, contact_frames
 from ninedisk.core.cd.grain_frame_kernels import carry_over, complete_frames, gaps_before, mark_covered
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.memory import ContactMemory
 from ninedisk.core.cd.place import Place
-from ninedisk.core.contacts.nurbs import NurbsGrains
-from ninedisk.core.contacts.nurbs_features import NurbsFeatures
-from ninedisk.core.contacts.nurbs_state import ContactRows
-from ninedisk.core.geometry.nurbs_bodies import body_shapes
+from ninedisk.core.nurbs.features import NurbsFeatures
+from ninedisk.core.nurbs.intersect import NurbsGrains
+from ninedisk.core.nurbs.nurbs_bodies import body_shapes
+from ninedisk.core.nurbs.state import ContactRows
 from ninedisk.core.scene import Scene
 
 FloatArray = NDArray[np.float64]

@@ -11,13 +11,12 @@ from ninedisk.core.cd.contact_set import frames_within
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.memory import ContactMemory
 from ninedisk.core.cd.place import Place
-from ninedisk.core.contacts.finder import PairFinder
+from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError, NonFiniteStateError
 from ninedisk.core.scene import Scene
 
 if TYPE_CHECKING:
     from ninedisk.core.cd.grain_frames import GrainFrames
-
 FloatArray = NDArray[np.float64]
 
 TOUCHING = 1e-9

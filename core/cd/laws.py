@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.frame_kernels import Laws
+from ninedisk.core.cd.contact_kernels import Laws
 from ninedisk.core.cd.options import Stiffness
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw

@@ -45,7 +45,7 @@ class Scheme(NamedTuple):
 
 class State(NamedTuple):
     """State of a run: centres and angles, velocities, walls, and by pair, in ascending order, the contact forces of the last step and the
-    shear forces with which the next one begins; ``gains`` are those of `ninedisk.core.cd.frame_kernels.note_impact_work`.
+    shear forces with which the next one begins; ``gains`` are those of `ninedisk.core.cd.contact_kernels.note_impact_work`.
     """
 
     x: Floats

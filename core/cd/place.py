@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.frame_kernels import gap_round_off, wall_way
+from ninedisk.core.cd.contact_kernels import gap_round_off, wall_way
 
 FloatArray = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.core._archive import read_arrays, whole_file
-from ninedisk.core._validate import LARGEST, at_least, kind_of, numbers, real, shown
-from ninedisk.core.cd import contact_kernels as kernels
+from ninedisk.core.archive import read_arrays, whole_file
+from ninedisk.core.cd import problem_kernels as kernels
 from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.validate import LARGEST, at_least, kind_of, numbers, real, shown
 
 FloatArray = NDArray[np.float64]
 TINY = float(np.finfo(np.float64).tiny)

@@ -16,7 +16,6 @@ from ninedisk.core.scene import Scene
 
 if TYPE_CHECKING:
     from ninedisk.core.cd.grain_frames import GrainFrames
-
 FloatArray = NDArray[np.float64]
 
 ENERGIES = (

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd._jit import inline_kernel, kernel
 from ninedisk.core.cd.cone_kernels import project_on_cone
-from ninedisk.core.cd.contact_kernels import contact_velocity
+from ninedisk.core.cd.problem_kernels import contact_velocity
 
 Floats = NDArray[np.float64]
 

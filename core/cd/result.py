@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core._crew import check_threads
-from ninedisk.core._validate import one_of, real, shown, whole
 from ninedisk.core.cd.options import FACTORISERS
 from ninedisk.core.cd.residuals import Residuals, Sliding
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
+from ninedisk.core.validate import one_of, real, shown, whole
 
 FloatArray = NDArray[np.float64]
 

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.contact_set import solve_with_contacts
-from ninedisk.core.cd.feasibility import InfeasibleContactsError
-from ninedisk.core.cd.frame_kernels import (
+from ninedisk.core.cd.batch import March
+from ninedisk.core.cd.contact_kernels import (
     GAIN_I,
     GAIN_J,
     GAIN_LARGEST,
@@ -25,20 +24,21 @@ from ninedisk.core.cd.frame_kernels import (
     MISSED,
     surface_way,
 )
-from ninedisk.core.cd.frames import Frames
+from ninedisk.core.cd.contact_set import solve_with_contacts
+from ninedisk.core.cd.contacts import Frames
 from ninedisk.core.cd.initial import initial_forces
 from ninedisk.core.cd.laws import LawTable
-from ninedisk.core.cd.march import March
 from ninedisk.core.cd.place import Place
 from ninedisk.core.cd.recorder import Recorder
 from ninedisk.core.cd.residual_kernels import UNRESOLVED
 from ninedisk.core.cd.result import SolverResult
 from ninedisk.core.cd.settings import read_settings
-from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
+from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.cd.statics import StaticStep, zero_energy_modes
 from ninedisk.core.cd.step import DynamicStep, Solved, Step, bodies_of, carried_shear
 from ninedisk.core.cd.wedges import ADVICE, wedging_corners
-from ninedisk.core.contacts.finder import PairFinder
+from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import (
     CoreError,
     InterruptedRunError,
@@ -48,15 +48,14 @@ from ninedisk.core.errors import (
     SolverNotConvergedError,
     UnwritableFileError,
 )
-from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.history import History, Pair
+from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.core.watch import check_progress, check_room, check_run, chosen_particles, watched_pairs
 
 if TYPE_CHECKING:
     from ninedisk.core.cd.grain_frames import GrainFrames
-
 FloatArray = NDArray[np.float64]
 
 NEAR = 1e-3

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.frames import Frames
+from ninedisk.core.cd.contacts import Frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.cd.step import Bodies, Solved, compliances, pair_bodies, relative
 from ninedisk.core.errors import NoEquilibriumError, SolverNotConvergedError
 

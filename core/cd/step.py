@@ -7,14 +7,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.contact_kernels import contact_velocities
-from ninedisk.core.cd.frame_kernels import FED, carry_shear, contact_compliances, dynamic_offsets, note_impact_work
-from ninedisk.core.cd.frames import Frames
+from ninedisk.core.cd.contact_kernels import FED, carry_shear, contact_compliances, dynamic_offsets, note_impact_work
+from ninedisk.core.cd.contacts import Frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.place import Place
 from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.problem_kernels import contact_velocities
 from ninedisk.core.cd.result import SolverResult
-from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.scene import Scene
 
 FloatArray = NDArray[np.float64]

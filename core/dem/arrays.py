@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._sync import PAD
-from ninedisk.core.contacts.lists import PAIRS_PER_DISK, empty_list
-from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.constants import law_row
+from ninedisk.core.dem.lists import PAIRS_PER_DISK, empty_list
+from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.pair_kernels import SCRATCH, note_pairs
 from ninedisk.core.dem.state import DiskArrays, Samples, Team, Views, WallArrays
-from ninedisk.core.geometry.motion import wall_poses
-from ninedisk.core.geometry.motion_kernels import WallMotion
+from ninedisk.core.motion import wall_poses
+from ninedisk.core.motion_kernels import WallMotion
 from ninedisk.core.scene import Scene
+from ninedisk.core.threads import PAD
 
 SORT_FROM = 2_000
 """Number of disks from which they are kept in the order of the cells: a smaller scene fits into the fast caches anyway, and the

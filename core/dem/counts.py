@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ninedisk.core._cache import kernel
-from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.compile import kernel
 from ninedisk.core.dem.grain_state import COUNT, SIDE, Outlines
+from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.state import DiskArrays, WallArrays
 
 

@@ -25,12 +25,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ninedisk.core.contacts.finder import PairFinder
 from ninedisk.core.dem.critical_kernels import lanczos
 from ninedisk.core.dem.grain_arrays import needs_outlines
 from ninedisk.core.dem.grain_network import disk_springs, grain_network, normal_arms, stiffening
+from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.motion import compile_motion, wall_poses
+from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import DampingForm
 from ninedisk.core.scene import ContactLaw, FloatArray, Scene
 

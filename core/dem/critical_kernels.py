@@ -7,7 +7,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import inline_kernel, kernel
+from ninedisk.core.compile import inline_kernel, kernel
 
 ROUND_OFF = 1e-14
 """Length of a new vector, over the largest entry of the tridiagonal matrix, below which there is no further direction."""

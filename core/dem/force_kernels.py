@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from math import sqrt
 
-from ninedisk.core._cache import inline_kernel, kernel
-from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.compile import inline_kernel, kernel
+from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.state import (
     BETA,
     KN,

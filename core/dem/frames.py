@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._archive import made_folder, whole_file
-from ninedisk.core._validate import one_of
+from ninedisk.core.archive import made_folder, whole_file
 from ninedisk.core.errors import InvalidNumericsError
+from ninedisk.core.validate import one_of
 
 FloatArray = NDArray[np.float64]
 Format = Literal["npz", "vtk"]

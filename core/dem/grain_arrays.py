@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ninedisk.core._validate import FloatArray
-from ninedisk.core.contacts.nurbs_state import MOST_ROOTS, contact_rows, workspace
 from ninedisk.core.dem.grain_state import Memory, Outlines
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_bodies import body_shapes
-from ninedisk.core.geometry.nurbs_mass import area_moments
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.mass import area_moments
+from ninedisk.core.nurbs.nurbs_bodies import body_shapes
+from ninedisk.core.nurbs.state import MOST_ROOTS, contact_rows, workspace
 from ninedisk.core.scene import Scene
+from ninedisk.core.validate import FloatArray
 
 CONTACTS_PER_BODY = 3
 """First guess of contacts a body: a packing of convex grains has 2, each shared by two."""

@@ -23,15 +23,11 @@ from math import cos, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import inline_kernel, kernel
-from ninedisk.core.contacts.nurbs_area_kernels import segment_area
-from ninedisk.core.contacts.nurbs_kernels import pair_contacts
-from ninedisk.core.contacts.nurbs_state import CROSSED
-from ninedisk.core.contacts.nurbs_wall_kernels import wall_contacts
-from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.force_kernels import normal_force, note_behind, shear_force
 from ninedisk.core.dem.grain_memory_kernels import arcs_of, inherit, remember
 from ninedisk.core.dem.grain_state import CODE, COUNT, FIRST, ROOM, SECOND, SIDE, Outlines
+from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.state import (
     BETA,
     KN,
@@ -45,7 +41,11 @@ from ninedisk.core.dem.state import (
     StepConstants,
     WallArrays,
 )
-from ninedisk.core.geometry.nurbs_kernels import Pose
+from ninedisk.core.nurbs.curve_kernels import Pose
+from ninedisk.core.nurbs.intersect_kernels import pair_contacts
+from ninedisk.core.nurbs.nurbs_area_kernels import segment_area
+from ninedisk.core.nurbs.state import CROSSED
+from ninedisk.core.nurbs.wall_kernels import wall_contacts
 
 
 @inline_kernel

@@ -11,7 +11,7 @@ it is closed. With its shear force a contact inherits the normal and the arms of
 
 from __future__ import annotations
 
-from ninedisk.core._cache import inline_kernel
+from ninedisk.core.compile import inline_kernel
 from ninedisk.core.dem.grain_state import (
     ARM_A,
     ARM_B,

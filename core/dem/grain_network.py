@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ninedisk.core.contacts.finder import PairFinder
-from ninedisk.core.contacts.nurbs import NurbsGrains
-from ninedisk.core.contacts.nurbs_state import ContactRows, IntArray
 from ninedisk.core.dem.grain_arrays import equal_radii, outline_arrays
+from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.motion import compile_motion, wall_poses
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_grain import farthest
-from ninedisk.core.geometry.nurbs_table import outline_points
+from ninedisk.core.motion import compile_motion, wall_poses
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.intersect import NurbsGrains
+from ninedisk.core.nurbs.nurbs_grain import farthest
+from ninedisk.core.nurbs.state import ContactRows, IntArray
+from ninedisk.core.nurbs.table import outline_points
 from ninedisk.core.scene import ContactLaw, FloatArray, Scene
 
 FLATTEST = 100.0

@@ -7,11 +7,11 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import inline_kernel, kernel
-from ninedisk.core.contacts.nurbs_gap_kernels import gap_of_shapes, reach_of_shape
+from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.grain_state import COUNT, ENERGY, FN, FS, OVERLAP, SIDE, Outlines
 from ninedisk.core.dem.state import KS, DiskArrays, Samples, WallArrays
-from ninedisk.core.geometry.nurbs_kernels import Pose
+from ninedisk.core.nurbs.curve_kernels import Pose
+from ninedisk.core.nurbs.nurbs_gap_kernels import gap_of_shapes, reach_of_shape
 
 
 @inline_kernel

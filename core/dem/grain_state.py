@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.contacts.nurbs_state import ContactRows, Workspace
-from ninedisk.core.geometry.nurbs_kernels import ShapeTable
+from ninedisk.core.nurbs.curve_kernels import ShapeTable
+from ninedisk.core.nurbs.state import ContactRows, Workspace
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.contacts.nurbs import REASONS
 from ninedisk.core.dem.grain_arrays import larger_memory, needs_outlines, outline_arrays
 from ninedisk.core.dem.grain_state import CODE, COUNT, FIRST, FS, ROOM, SECOND, SIDE, Memory, Outlines
 from ninedisk.core.errors import NonFiniteStateError
 from ninedisk.core.history import Pair
+from ninedisk.core.nurbs.intersect import REASONS
 from ninedisk.core.scene import Scene
 
 

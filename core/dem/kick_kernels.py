@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import inline_kernel, kernel
+from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.state import DiskArrays, Kick, Views
 
 NUMBER = np.int32(0x7FFFFFFF)

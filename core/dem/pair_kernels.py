@@ -13,9 +13,9 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import fused_inline_kernel, fused_kernel, kernel
-from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.compile import fused_inline_kernel, fused_kernel, kernel
 from ninedisk.core.dem.force_kernels import dashpot, shear_force
+from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_MIDDLE, SLIP_OVERLAP, TORQUE_OVERLAP, DiskArrays, Views
 
 Index = int | np.uint64

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ninedisk.core.contacts.nurbs import NurbsGrains
-from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.grain_state import COUNT, MIDDLE_A, Outlines
+from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.state import DiskArrays
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.history import Pair
+from ninedisk.core.nurbs.intersect import NurbsGrains
 from ninedisk.core.scene import Scene
 
 

@@ -7,8 +7,8 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import inline_kernel, kernel
-from ninedisk.core.contacts.search_kernels import (
+from ninedisk.core.compile import inline_kernel, kernel
+from ninedisk.core.dem.neighbour_kernels import (
     NOT_FINITE,
     OK,
     Cells,

@@ -7,10 +7,10 @@ from math import atan2, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import fused_kernel, inline_kernel, kernel
-from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
 from ninedisk.core.dem.force_kernels import normal_force
 from ninedisk.core.dem.kick_kernels import falls
+from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.state import BETA, KN, KS, DiskArrays, Samples, StepConstants, Views, WallArrays
 
 

@@ -11,9 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core._crew import together
-from ninedisk.core._validate import whole
-from ninedisk.core.contacts.lists import check_crowd, empty_cells, grown
-from ninedisk.core.contacts.search_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL
 from ninedisk.core.dem import state
 from ninedisk.core.dem.admission import check_admission
 from ninedisk.core.dem.arrays import (
@@ -28,20 +25,23 @@ from ninedisk.core.dem.arrays import (
     team_arrays,
     wall_arrays,
 )
-from ninedisk.core.dem.checkpoint import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.constants import behind_wall, contact_step, law_row, not_finite, step_constants
 from ninedisk.core.dem.counts import Counts, count
+from ninedisk.core.dem.files import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.grains import first_outlines, mended, restored, shear_of_grains
+from ninedisk.core.dem.lists import check_crowd, empty_cells, grown
+from ninedisk.core.dem.neighbour_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL
 from ninedisk.core.dem.outcome import history_of
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
 from ninedisk.core.dem.rebuild_kernels import rebuild
 from ninedisk.core.dem.state import DiskArrays
 from ninedisk.core.dem.step_kernels import advance
 from ninedisk.core.errors import InvalidNumericsError
-from ninedisk.core.geometry.motion import compile_motion
 from ninedisk.core.history import History, Pair
+from ninedisk.core.motion import compile_motion
 from ninedisk.core.numerics import MOST_STEPS, Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.validate import whole
 from ninedisk.core.watch import check_progress, check_room, chosen_particles, watched_pairs
 
 STEPS_TIMES_DISKS = 16_000_000

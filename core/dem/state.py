@@ -137,7 +137,7 @@ class Team(NamedTuple):
     border : ndarray of int64, shape (s,)
         First row of each stripe whose disk no pair of the stripe before touches.
     flags : ndarray of int64, shape (t * PAD,)
-        Barrier, see `ninedisk.core._sync`.
+        Barrier, see `ninedisk.core.threads`.
     far : ndarray, shape (t * PAD,)
         Largest squared displacement since the last rebuild among each thread's disks [m^2].
     code : ndarray of int64, shape (1,)

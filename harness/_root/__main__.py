@@ -5,7 +5,7 @@ from __future__ import annotations
 
 def main() -> None:
     """Run the command line."""
-    from ninedisk.harness.cli import main as run
+    from ninedisk.harness.cli.app import main as run
 
     run()
 

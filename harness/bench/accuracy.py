@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.law import SlipAt
+from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError
+from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, interleave, timings
 from ninedisk.harness.bench.nine_disks import CASE, built, expresses, parameters
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError
-from ninedisk.harness.matched import slip_of
-from ninedisk.harness.registry import get_engine
-from ninedisk.harness.results import Row
+from ninedisk.harness.results.tables import Row
+from ninedisk.harness.run.matched import slip_of
 
 FloatArray = NDArray[np.float64]
 

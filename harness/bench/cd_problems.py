@@ -11,9 +11,9 @@ import numpy as np
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.result import SolverOptions
 from ninedisk.core.disks import Disks
-from ninedisk.core.gallery import DENSITY, GRAVITY
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.packings import DENSITY, GRAVITY
 from ninedisk.core.scene import Scene
 from ninedisk.core.walls import Wall
 from ninedisk.harness.bench.packings import packing
@@ -68,13 +68,13 @@ def resting(scene: Scene) -> ContactProblem:
     scene : Scene
         Disks that touch or overlap; their own laws do not matter.
     """
-    from ninedisk.core.cd.frames import contact_frames
+    from ninedisk.core.cd.contacts import contact_frames
     from ninedisk.core.cd.laws import LawTable
     from ninedisk.core.cd.place import Place
-    from ninedisk.core.cd.solver import ContactSolver
+    from ninedisk.core.cd.solvers.solver import ContactSolver
     from ninedisk.core.cd.step import DynamicStep, bodies_of
-    from ninedisk.core.contacts.finder import PairFinder
-    from ninedisk.core.geometry.motion import compile_motion, wall_poses
+    from ninedisk.core.dem.neighbours import PairFinder
+    from ninedisk.core.motion import compile_motion, wall_poses
 
     law = ContactLaw(kn=1.0, mu=MU, regularised=True)
     rigid = scene.replace(

@@ -19,26 +19,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
-from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
-from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.projected_gradient import solve_projected_gradient
 from ninedisk.core.cd.residuals import Residuals, Sliding, measure
 from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.cd.solvers.coulomb import CoulombInteriorPoint
+from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.solvers.interior_point import InteriorPoint
+from ninedisk.core.cd.solvers.projected_gradient import solve_projected_gradient
 from ninedisk.core.errors import SolverNotConvergedError
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
 from ninedisk.harness.bench.dem_engines import cores
 from ninedisk.harness.bench.measure import NotReachedError, Sample
-from ninedisk.harness.engine import EngineError, EngineNotInstalledError
-from ninedisk.harness.engines._package_engine import package_version
-from ninedisk.harness.engines.siconos import (
+from ninedisk.harness.engines.package import package_version
+from ninedisk.harness.engines.siconos.adapter import (
     INSTALL,
     SYSTEM_PYTHON,
     clean_environment,
     installed_siconos,
     system_python,
 )
-from ninedisk.harness.isolation import run_isolated
+from ninedisk.harness.run.isolation import run_isolated
 
 FloatArray = NDArray[np.float64]
 DRIVER = Path(__file__).parent / "drivers" / "siconos_bench.py"

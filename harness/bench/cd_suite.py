@@ -11,17 +11,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.gauss_seidel import STRIPED_FROM
-from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.residuals import Sliding
 from ninedisk.core.cd.result import SolverOptions
+from ninedisk.core.cd.solvers.gauss_seidel import STRIPED_FROM
+from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.bench.cd_problems import turned_gravity
 from ninedisk.harness.bench.cd_solvers import Solver, Task, warm_up
 from ninedisk.harness.bench.measure import Contender, Measured, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.results import Row
+from ninedisk.harness.results.tables import Row
 
 FloatArray = NDArray[np.float64]
 

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 import ninedisk
 from ninedisk.core.law import LeverArm, SlipAt
 from ninedisk.core.scene import ContactLaw
+from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError
 from ninedisk.harness.bench.dem_problems import SKIN, SKIN_FLOWING, DemProblem
 from ninedisk.harness.bench.measure import Sample
-from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError
-from ninedisk.harness.isolation import run_isolated
+from ninedisk.harness.run.isolation import run_isolated
 
 DRIVERS = Path(__file__).parent / "drivers"
 FloatArray = NDArray[np.float64]

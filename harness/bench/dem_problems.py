@@ -13,7 +13,7 @@ from ninedisk.core.law import ContactLaw, LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.bench.packings import packing
-from ninedisk.harness.matched import with_slip_at
+from ninedisk.harness.run.matched import with_slip_at
 
 SIZES = (100, 1_000, 10_000)
 LARGE = (100_000, 1_000_000)

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from ninedisk.core.dem.arrays import SORT_FROM
 from ninedisk.core.errors import CoreError
+from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.bench.dem_engines import PEERS, Peer, core_memory, cores, run_core, runner
 from ninedisk.harness.bench.dem_problems import DemProblem
 from ninedisk.harness.bench.dem_work import counted, roofline
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.engine import Engine
-from ninedisk.harness.results import Row
+from ninedisk.harness.results.tables import Row
 
 UNIT = "particle-steps/s"
 MOST_THREADS = 4

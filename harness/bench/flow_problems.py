@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core import gallery
-from ninedisk.core.contacts.finder import PairFinder
-from ninedisk.core.geometry.motion import compile_motion, wall_poses
+from ninedisk.core import packings
+from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.law import ContactLaw
+from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall
 from ninedisk.harness.bench.packings import kept, packing
@@ -71,7 +71,7 @@ def problems(sizes: list[int], tell: Tell | None = None) -> dict[str, Callable[[
     for n in sizes:
         made[f"drum-{n}"] = lambda n=n: FlowProblem(name=f"drum-{n}", scene=apart(turning_drum(n, tell)))  # type: ignore[misc]
         made[f"collapse-{n}"] = lambda n=n: FlowProblem(  # type: ignore[misc]
-            name=f"collapse-{n}", scene=apart(gallery.collapse(packing(n, progress=tell)))
+            name=f"collapse-{n}", scene=apart(packings.collapse(packing(n, progress=tell)))
         )
         made[f"hopper-{n}"] = lambda n=n: FlowProblem(name=f"hopper-{n}", scene=apart(open_hopper(n, tell)))  # type: ignore[misc]
     return made
@@ -79,20 +79,20 @@ def problems(sizes: list[int], tell: Tell | None = None) -> dict[str, Callable[[
 
 def turning_drum(n: int, tell: Tell | None = None) -> Scene:
     """A drum of ``n`` disks after `LEAD` turns on the in-house DEM, with the velocities of that time."""
-    rim = math.hypot(*gallery.drum(n).walls[0].point)
-    turns = math.sqrt(FROUDE * gallery.GRAVITY / rim) / (2.0 * math.pi)
+    rim = math.hypot(*packings.drum(n).walls[0].point)
+    turns = math.sqrt(FROUDE * packings.GRAVITY / rim) / (2.0 * math.pi)
     name = f"drum-{n}-{FROUDE:g}-{LEAD:g}"
-    return kept(name, lambda: _after(LEAD / turns, gallery.drum(n, turns_per_second=turns), tell))
+    return kept(name, lambda: _after(LEAD / turns, packings.drum(n, turns_per_second=turns), tell))
 
 
 def open_hopper(n: int, tell: Tell | None = None) -> Scene:
     """A hopper of ``n`` grains `OPEN` seconds after its plug has gone, with the velocities of that time and all walls at rest."""
 
     def full() -> Scene:
-        return gallery.settle(gallery.hopper(n, outlet=OUTLET), progress=tell)
+        return packings.settle(packings.hopper(n, outlet=OUTLET), progress=tell)
 
     def flowing() -> Scene:
-        scene = _after(OPEN, gallery.discharge(kept(f"hopper-{n}-{OUTLET:g}", full)), tell)
+        scene = _after(OPEN, packings.discharge(kept(f"hopper-{n}-{OUTLET:g}", full)), tell)
         return scene.replace(walls=tuple(replace(wall, motion=()) for wall in scene.walls))
 
     return kept(f"hopper-{n}-{OUTLET:g}-{OPEN:g}", flowing)

@@ -15,11 +15,11 @@ from functools import partial
 from pathlib import Path
 
 import ninedisk
+from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.engine import EngineError, EngineTimeoutError
-from ninedisk.harness.results import Row
-from ninedisk.harness.warden import owned
+from ninedisk.harness.results.tables import Row
+from ninedisk.harness.run.warden import owned
 
 ENGINES = ("dem", "cd", "pymunk")
 CACHE = "NUMBA_CACHE_DIR"
@@ -64,7 +64,7 @@ def run(
 
 
 def _of_the_appendix() -> tuple[str, ...]:
-    from ninedisk.harness.registry import case_table, get_case
+    from ninedisk.harness.api.registry import case_table, get_case
 
     return tuple(name for name in case_table() if get_case(name).source.startswith(APPENDIX))
 

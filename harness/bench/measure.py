@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ninedisk.core.errors import CoreError
-from ninedisk.harness.engine import EngineError, EngineNotInstalledError, EngineTimeoutError
-from ninedisk.harness.results import Row
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError
+from ninedisk.harness.results.tables import Row
 
 Tell = Callable[[str], None]
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
+from ninedisk.harness.api.registry import get_case, get_engine
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
-from ninedisk.harness.matched import core_history
-from ninedisk.harness.registry import get_case, get_engine
-from ninedisk.harness.results import Row
-from ninedisk.harness.warden import owned
+from ninedisk.harness.results.tables import Row
+from ninedisk.harness.run.matched import core_history
+from ninedisk.harness.run.warden import owned
 
 CASE = "nine-disk/distortion"
 ARMS = ("radius", "overlap", "torque-overlap-disks")
@@ -30,7 +30,7 @@ second or third digit."""
 EVERY, ALONE = "dem, every step recorded", "dem, process of its own"
 
 PROGRAM = """
-from ninedisk.harness.registry import get_case
+from ninedisk.harness.api.registry import get_case
 from ninedisk.core.simulate import simulate
 case = get_case({case!r})
 setup = case.build({params!r})
@@ -113,7 +113,7 @@ def _run_case(engine: str, arm: str, limit: float) -> Sample:  # noqa: ARG001
 
     What the harness itself spends on observing and judging is no part of an engine's time.
     """
-    from ninedisk.harness.matrix import run_case
+    from ninedisk.harness.run.matrix import run_case
 
     result = run_case(CASE, engine=engine, params={"lever_arm": arm})
     if result.status == "not-installed":
@@ -200,7 +200,7 @@ def _run_alone(params: Mapping[str, Any], limit: float) -> Sample:
 
 def parameters(arm: str) -> dict[str, Any]:
     """Parameters of the case's default variant with this lever arm."""
-    from ninedisk.harness.params import resolve
+    from ninedisk.harness.api.params import resolve
 
     return dict(resolve(get_case(CASE), {"lever_arm": arm}).params)
 

@@ -8,8 +8,8 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from ninedisk.core import gallery
-from ninedisk.core._cache import source_hash
+from ninedisk.core import packings
+from ninedisk.core.compile import source_hash
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.scene import Scene
 
@@ -37,8 +37,8 @@ def packing(n: int, *, aspect: float = 1.0, progress: Callable[[int, int], None]
     """
     if n > LARGEST_SETTLED:
         one = packing(LARGEST_SETTLED, aspect=aspect, progress=progress).replace(initial_shear={})
-        return gallery.side_by_side(one, n // LARGEST_SETTLED)
-    return kept(f"packing-{n}-{aspect:g}", lambda: gallery.settled_packing(n, aspect=aspect, progress=progress))
+        return packings.side_by_side(one, n // LARGEST_SETTLED)
+    return kept(f"packing-{n}-{aspect:g}", lambda: packings.settled_packing(n, aspect=aspect, progress=progress))
 
 
 def kept(name: str, make: Callable[[], Scene]) -> Scene:
@@ -72,4 +72,4 @@ def _folder() -> Path:
 
 def _recipe() -> str:
     """Hash of the gallery's sources: another recipe makes another packing."""
-    return source_hash(Path(gallery.__file__).parent)[:12]
+    return source_hash(Path(packings.__file__).parent)[:12]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from ninedisk.harness.results import Row
+from ninedisk.harness.results.tables import Row
 
 Wanted = Callable[[str], bool]
 
@@ -57,8 +57,8 @@ def _sizes(request: Request, usual: tuple[int, ...], more: tuple[int, ...]) -> l
 
 
 def _dem(request: Request, tell: Tell) -> Iterator[list[Row]]:
+    from ninedisk.harness.api.registry import engines_that_load
     from ninedisk.harness.bench import accuracy, dem_problems, dem_suite, nine_disks
-    from ninedisk.harness.registry import engines_that_load
 
     engines = engines_that_load(lambda name: name != "dem" and request.engine_wanted(name))
     sizes = _sizes(request, dem_problems.SIZES, dem_problems.LARGE)
@@ -93,8 +93,9 @@ def _cd(request: Request, tell: Tell) -> Iterator[list[Row]]:
 
 
 def _flow(request: Request, tell: Tell) -> Iterator[list[Row]]:
-    from ninedisk.harness.bench import flow_problems, flow_suite
-    from ninedisk.harness.registry import engine_table, get_engine
+    from ninedisk.harness.api.registry import engine_table, get_engine
+    from ninedisk.harness.bench import flow as flow_suite
+    from ninedisk.harness.bench import flow_problems
 
     sizes = _sizes(request, flow_problems.SIZES, flow_problems.LARGE)
     names = [name for name in flow_problems.problems(sizes) if request.problem_wanted(name)]

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ninedisk.harness.errors import StoreError, UsageError
-from ninedisk.harness.results import Row, complete
+from ninedisk.harness.api.errors import StoreError, UsageError
+from ninedisk.harness.results.tables import Row, complete
 
 BENCH_VERSION = 4
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._cache import fused_kernel
+from ninedisk.core.compile import fused_kernel
 
 FloatArray = NDArray[np.float64]
 

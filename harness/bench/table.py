@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from ninedisk.harness.cli_tables import console, table
-from ninedisk.harness.results import Row
-from ninedisk.harness.text import printable
+from ninedisk.harness.api.text import printable
+from ninedisk.harness.cli.cli_tables import console, table
+from ninedisk.harness.results.tables import Row
 
 MAX_REASON = 200
 

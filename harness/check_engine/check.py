@@ -5,14 +5,14 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Callable, Iterator, Sequence
 
-from ninedisk.harness.capabilities import Capability
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import Engine, EngineError, SupportLevel
+from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.check_engine import conduct, form, honesty
 from ninedisk.harness.check_engine.claims import Probe
 from ninedisk.harness.check_engine.findings import REFUSED, Bench, Finding, attempt
 from ninedisk.harness.check_engine.probes import probe_of
 from ninedisk.harness.check_engine.scenes import fall, free_flight, weights
-from ninedisk.harness.engine import Engine, EngineError, SupportLevel
-from ninedisk.harness.errors import UsageError
 
 Progress = Callable[[int, int, str], None]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ninedisk.core.history import History
-from ninedisk.harness.case import Setup
-from ninedisk.harness.engine import EngineInfo
+from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import EngineInfo
 
 COARSE = 0.3
 """Part of a quantity's scale that a run which is graded approximate may be off: conventions stay below, a wrong unit, sign or

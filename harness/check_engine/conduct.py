@@ -11,11 +11,11 @@ from ninedisk.core.errors import CoreError
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.harness.api.engine import EngineError, SupportLevel
 from ninedisk.harness.check_engine.claims import COARSE, Probe, round_off
 from ninedisk.harness.check_engine.contacts import OMEGA
 from ninedisk.harness.check_engine.findings import Bench, Finding, finding
 from ninedisk.harness.check_engine.scenes import KN, on_floor
-from ninedisk.harness.engine import EngineError, SupportLevel
 
 REFUSAL = "raise CoreError or EngineError with a message that names the bad value and the way out"
 

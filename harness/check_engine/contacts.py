@@ -10,11 +10,11 @@ from ninedisk.core.history import History
 from ninedisk.core.law import LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.case import Setup
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.check_engine.claims import Claim, Probe, contact_error, round_off
 from ninedisk.harness.check_engine.scenes import FLOOR, KN, G, M, R, has_springs, law, on_floor, some_disks
-from ninedisk.harness.engine import EngineInfo
 from ninedisk.references.analytic.spring_dashpot import contact_duration, contact_history
 
 STEPS = 100

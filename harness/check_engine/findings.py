@@ -6,9 +6,9 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from ninedisk.harness.api.engine import Engine, EngineInfo, EngineRun
 from ninedisk.harness.check_engine.claims import Probe
-from ninedisk.harness.engine import Engine, EngineInfo, EngineRun
-from ninedisk.harness.runner import last_lines
+from ninedisk.harness.run.runner import last_lines
 
 PASS, FAIL, REFUSED = "pass", "fail", "refused"
 """``refused``: the engine says that it cannot express the scene, and why; that is no defect."""

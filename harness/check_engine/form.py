@@ -10,12 +10,12 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.options import Option
-from ninedisk.harness.capabilities import Capability
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import EngineError, EngineInfo
 from ninedisk.harness.check_engine.claims import Probe
 from ninedisk.harness.check_engine.findings import Bench, Finding, finding
-from ninedisk.harness.engine import EngineError, EngineInfo
-from ninedisk.harness.observation import check_history
-from ninedisk.harness.wire import MEANINGS
+from ninedisk.harness.run.observation import check_history
+from ninedisk.harness.wire.protocol import MEANINGS
 
 CONTACTS = ("spring", "impulse", "cd", "soft")
 MUST_BE_NUMBERS = ("step", "t", "x", "v")

@@ -7,11 +7,11 @@ import math
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene, Wall
-from ninedisk.harness.case import Setup
-from ninedisk.harness.cases._grains import grains
+from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.cases.nurbs.grains import grains
 from ninedisk.harness.check_engine.claims import Claim, Probe, contact_error
 from ninedisk.harness.check_engine.scenes import FLOOR, KN, G, M, R, law, on_floor, resting_overlap
-from ninedisk.harness.engine import EngineInfo
 
 FLAT = 0.6
 """Half-axis of the ellipse across the floor, over that along it."""
@@ -19,8 +19,8 @@ FLAT = 0.6
 
 def ellipse_at_rest(info: EngineInfo) -> Probe:
     """An ellipse of half-axes R and 0.6 R, given upright and turned by a right angle: it rests at the height of the smaller one."""
-    from ninedisk.core.geometry.nurbs_grain import uniform_grain
-    from ninedisk.core.geometry.nurbs_shapes import ellipse
+    from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+    from ninedisk.core.nurbs.shapes import ellipse
 
     grain = uniform_grain(ellipse(FLAT * R, R), M / (math.pi * FLAT * R**2))
     overlap, contact = resting_overlap(info), law(info)

@@ -7,10 +7,10 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.case import Setup
+from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.check_engine.claims import Claim, Probe, contact_error, round_off
 from ninedisk.harness.check_engine.scenes import G, M, R, has_springs, law, resting_overlap, some_disks
-from ninedisk.harness.engine import EngineInfo
 
 
 def held(info: EngineInfo) -> Probe:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ninedisk.harness.capabilities import SLIP_AT, Capability, capabilities_needed
+from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_needed
+from ninedisk.harness.api.engine import Support, SupportLevel
 from ninedisk.harness.check_engine.claims import Probe
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED, Bench, Finding, finding
-from ninedisk.harness.engine import Support, SupportLevel
 
 
 def capability(bench: Bench, probe: Probe, asked: Capability) -> Finding:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from ninedisk.core.law import LeverArm
-from ninedisk.harness.capabilities import LEVER_ARMS, Capability
+from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability
+from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.check_engine.claims import Probe
 from ninedisk.harness.check_engine.contacts import driven, impact, passing, rolling, squeezed
 from ninedisk.harness.check_engine.grains import ellipse_at_rest, lens_on_floor
 from ninedisk.harness.check_engine.held import fixed, held
 from ninedisk.harness.check_engine.scenes import damped, fall, rebound, sliding
-from ninedisk.harness.engine import EngineInfo
 
 SHALLOW = 1e-4
 """Overlap over radius at which all lever arms are the same to that part."""

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.case import Setup
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.check_engine.claims import Claim, Probe, contact_error, round_off
-from ninedisk.harness.engine import EngineInfo
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution, contact_duration
 
 R, M, KN, G = 0.5, 2.0, 1e6, 9.81

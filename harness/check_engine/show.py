@@ -7,10 +7,10 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from ninedisk.harness.api.text import printable
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED, Finding
-from ninedisk.harness.cli_tables import console, table
-from ninedisk.harness.text import printable
-from ninedisk.harness.whole_file import write_whole
+from ninedisk.harness.cli.cli_tables import console, table
+from ninedisk.harness.results.whole_file import write_whole
 
 
 def show(engine_id: str, findings: Sequence[Finding]) -> None:

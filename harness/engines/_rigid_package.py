@@ -11,9 +11,9 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engine import EngineRun, Support
-from ninedisk.harness.engines._package_engine import PackageEngine
-from ninedisk.harness.engines._rigid import NOTE_PRELOAD, rigid_support
+from ninedisk.harness.api.engine import EngineRun, Support
+from ninedisk.harness.engines.package import PackageEngine
+from ninedisk.harness.engines.rigid import NOTE_PRELOAD, rigid_support
 
 _SMALL = 1e-8
 """Factor of a disk whose pairs with disks have the coefficient 0 while walls have another: 1e-16 is left between disks."""

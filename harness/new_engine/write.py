@@ -11,8 +11,8 @@ from pathlib import Path
 from string import Template
 
 import ninedisk
-from ninedisk.harness.errors import UsageError
-from ninedisk.harness.registry import engine_table
+from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.api.registry import engine_table
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 LONGEST = 40

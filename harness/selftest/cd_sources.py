@@ -6,8 +6,8 @@ from functools import partial
 
 from ninedisk.harness.selftest.planted import planted
 
-CONTACT, STEP = "cd.contact_kernels", "cd.step"
-FRAMES, MARCH, MARCH_SET = "cd.frame_kernels", "cd.march_kernels", "cd.march_set_kernels"
+CONTACT, STEP = "cd.problem_kernels", "cd.step"
+FRAMES, MARCH, MARCH_SET = "cd.contact_kernels", "cd.batch_kernels", "cd.march_set_kernels"
 """What single steps and steps taken together share, and the part of the latter that is their own: a defect of both is planted in
 the first, or in two places."""
 
@@ -23,7 +23,7 @@ DEFECTS = (
             (CONTACT, "out[j, 2] += weight[j, 2] * (arms[k, 1] * p + arms[k, 3] * q)",
              "out[j, 2] += 0.0 * weight[j, 2] * (arms[k, 1] * p + arms[k, 3] * q)")),
     _kernel("wall-turn", "walls turn the other way", "shear-caps",
-            ("geometry.motion_kernels", "c, s = cos(motion.spin[k] * tau), sin(motion.spin[k] * tau)",
+            ("motion_kernels", "c, s = cos(motion.spin[k] * tau), sin(motion.spin[k] * tau)",
              "c, s = cos(motion.spin[k] * tau), -sin(motion.spin[k] * tau)")),
     _kernel("wall-late", "contacts see the walls where they were at the start of the step", "press",
             (FRAMES, _OPENING, _OPENING.replace("gap[k]", "gap_before[k]"))),

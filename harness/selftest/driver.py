@@ -21,8 +21,8 @@ def main() -> None:
     plant([Edit(*edit) for edit in job["edits"]])
     # A wrong engine may well overflow; what it computes is judged elsewhere.
     warnings.simplefilter("ignore")
-    from ninedisk.harness.registry import get_engine
-    from ninedisk.harness.wire import WIRE_VERSION, Answer, decode_request, encode_answer
+    from ninedisk.harness.api.registry import get_engine
+    from ninedisk.harness.wire.protocol import WIRE_VERSION, Answer, decode_request, encode_answer
 
     engine = get_engine(job["engine"])
     for text in job["requests"]:

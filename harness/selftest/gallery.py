@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
-from ninedisk.harness.errors import UsageError, close_matches
+from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.selftest import cd_sources, dem_sources, grain_sources, histories, setups
 from ninedisk.harness.selftest.defect import Defect
 from ninedisk.harness.selftest.edits import Edit

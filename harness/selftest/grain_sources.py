@@ -7,9 +7,9 @@ from functools import partial
 from ninedisk.harness.selftest.planted import planted
 
 FORCES, MEMORY = "dem.grain_kernels", "dem.grain_memory_kernels"
-LENS, AREA, WALL = "contacts.nurbs_lens_kernels", "contacts.nurbs_area_kernels", "contacts.nurbs_wall_kernels"
+LENS, AREA, WALL = "nurbs.lens_kernels", "nurbs.nurbs_area_kernels", "nurbs.wall_kernels"
 
-MEETINGS, FEATURES = "cd.grain_frame_kernels", "contacts.nurbs_feature_list_kernels"
+MEETINGS, FEATURES = "cd.grain_frame_kernels", "nurbs.nurbs_feature_list_kernels"
 
 _kernel, _cd_kernel = partial(planted, "dem", "kernel"), partial(planted, "cd", "kernel")
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ninedisk.harness.plan import Cell, plan_case
+from ninedisk.harness.run.plan import Cell, plan_case
 
 PRESS, SHEAR = "nine-disk/compression", "nine-disk/distortion"
 HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"

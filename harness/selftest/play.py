@@ -15,15 +15,15 @@ import numpy as np
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.case import Setup
-from ninedisk.harness.engine import Engine, EngineError, EngineInfo, EngineRun, Support
-from ninedisk.harness.isolation import run_isolated
-from ninedisk.harness.plan import Cell
-from ninedisk.harness.results import CaseResult
-from ninedisk.harness.runner import run_cell
+from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, EngineRun, Support
+from ninedisk.harness.results.tables import CaseResult
+from ninedisk.harness.run.isolation import run_isolated
+from ninedisk.harness.run.plan import Cell
+from ninedisk.harness.run.runner import run_cell
 from ninedisk.harness.selftest.defect import Defect
 from ninedisk.harness.selftest.edits import Edit, check_edits
-from ninedisk.harness.wire import Request, decode_answer, encode_request
+from ninedisk.harness.wire.protocol import Request, decode_answer, encode_request
 
 TIME_LIMIT = 300.0
 """Seconds for one wrong engine on its whole panel; the right ones take some ten, a minute where kernels are interpreted."""

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Any
 
-from ninedisk.harness.isolation import end_commands
-from ninedisk.harness.plan import Cell
-from ninedisk.harness.results import CaseResult, Row
+from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.run.isolation import end_commands
+from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.selftest.defect import Defect
 from ninedisk.harness.selftest.edits import check_edits
 from ninedisk.harness.selftest.gallery import CLEAN

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
-from ninedisk.harness.plan import Cell
-from ninedisk.harness.records import row_tolerance
-from ninedisk.harness.repeat import run_command
-from ninedisk.harness.results import Row
+from ninedisk.harness.results.schema import row_tolerance
+from ninedisk.harness.results.tables import Row
+from ninedisk.harness.run.plan import Cell
+from ninedisk.harness.run.repeat import run_command
 
 
 def failure_text(name: str, row: Row) -> str:

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from ninedisk.harness.errors import UsageError
+from ninedisk.harness.api.errors import UsageError
 
 
 @dataclass(frozen=True, kw_only=True)

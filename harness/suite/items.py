@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from ninedisk.harness.dry_run import check_ids, dry_checks
-from ninedisk.harness.engine import SupportLevel
-from ninedisk.harness.plan import Cell, plan_matrix
-from ninedisk.harness.protocol.given import engines_given
-from ninedisk.harness.registry import match_cases
-from ninedisk.harness.results import CaseResult, Row
-from ninedisk.harness.runner import last_lines, run_cell
+from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.api.registry import match_cases
+from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.run.dry_run import check_ids, dry_checks
+from ninedisk.harness.run.plan import Cell, plan_matrix
+from ninedisk.harness.run.runner import last_lines, run_cell
 from ninedisk.harness.suite.failure import failure_text, where_to_look
 from ninedisk.harness.suite.gaps import KnownGap, gap_of, read_gaps
 from ninedisk.harness.suite.reuse import StoredCells, open_store
 from ninedisk.harness.suite.tiers import tiers
+from ninedisk.harness.wire.given import engines_given
 
 CELL = "cell"
 """Name of the test that stands for the cell as a whole."""

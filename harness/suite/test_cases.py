@@ -1,4 +1,4 @@
-"""Every case variant on every engine against every truth; see `ninedisk.harness.pytest_plugin` for ids and options."""
+"""Every case variant on every engine against every truth; see `ninedisk.harness.suite.plugin` for ids and options."""
 
 from __future__ import annotations
 

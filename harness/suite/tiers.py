@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ninedisk.harness.case import Variant
+from ninedisk.harness.api.case import Variant
 
 TIERS = {
     "smoke": "the first variant of each case",

@@ -10,9 +10,9 @@ from scenes import KN, numerics
 
 from ninedisk.core import BehindWallError, ContactLaw, Disks, Scene, Wall, WallSegment, simulate
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.geometry.nurbs_grain import uniform_grain
-from ninedisk.core.geometry.nurbs_shapes import ellipse
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.shapes import ellipse
 
 LAW = ContactLaw(kn=KN)
 FLOOR = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=LAW)

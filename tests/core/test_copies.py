@@ -15,10 +15,10 @@ from ninedisk.core import ContactLaw, Disks, InterruptedRunError, Scene, SolverN
 from ninedisk.core.cd import session as cd_session
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.geometry.nurbs_grain import uniform_grain
-from ninedisk.core.geometry.nurbs_shapes import ellipse
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.shapes import ellipse
 
 COPIES: dict[str, Callable[[Any], Any]] = {
     "deepcopy": copy.deepcopy,

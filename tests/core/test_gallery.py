@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.core import gallery
+from ninedisk.core import packings
 from ninedisk.core.dem.frames import FrameWriter
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
@@ -32,11 +32,11 @@ def deepest(scene: Scene) -> float:
 
 
 SCENES = {
-    "poured": lambda: gallery.poured(12, 10),
-    "drum": lambda: gallery.drum(150),
-    "biaxial": lambda: gallery.biaxial(12, 10, strain=0.2),
-    "hopper": lambda: gallery.hopper(60, outlet=3.0),
-    "silo": lambda: gallery.hopper(60, outlet=3.0, half_angle=0.5 * np.pi),
+    "poured": lambda: packings.poured(12, 10),
+    "drum": lambda: packings.drum(150),
+    "biaxial": lambda: packings.biaxial(12, 10, strain=0.2),
+    "hopper": lambda: packings.hopper(60, outlet=3.0),
+    "silo": lambda: packings.hopper(60, outlet=3.0, half_angle=0.5 * np.pi),
 }
 
 
@@ -53,14 +53,14 @@ def test_scenes_start_apart_and_run(name: str) -> None:
 
 @pytest.fixture(scope="module")
 def packing() -> Scene:
-    return gallery.settled_packing(150)
+    return packings.settled_packing(150)
 
 
 def test_a_settled_packing_rests_with_small_overlaps(packing: Scene) -> None:
     """Walls bear the weight, overlaps are below 1 % of a diameter, nothing moves by more than a tenth of an overlap."""
     assert 0.0 < deepest(packing) < 0.01
     history = simulate(packing, Numerics(dt=0.2, n_steps=10))
-    weight = float(packing.disks.mass.sum()) * gallery.GRAVITY
+    weight = float(packing.disks.mass.sum()) * packings.GRAVITY
     floor = packing.wall_index("bottom") - len(packing.disks)
     sides = float(history.wall_force[-1, :2, 1].sum())
     assert -float(history.wall_force[-1, floor, 1]) - sides == pytest.approx(weight, rel=1e-3)
@@ -68,10 +68,10 @@ def test_a_settled_packing_rests_with_small_overlaps(packing: Scene) -> None:
 
 
 def test_copies_and_collapse(packing: Scene) -> None:
-    three = gallery.side_by_side(packing, 3)
+    three = packings.side_by_side(packing, 3)
     assert len(three.disks) == 3 * len(packing.disks)
     assert deepest(three) < 0.02
-    history = simulate(gallery.collapse(packing), Numerics(dt=0.1, n_steps=20))
+    history = simulate(packings.collapse(packing), Numerics(dt=0.1, n_steps=20))
     spread = np.ptp(history.x[:, :, 0], axis=1)
     assert spread[-1] > 1.2 * spread[0]
 
@@ -79,17 +79,17 @@ def test_copies_and_collapse(packing: Scene) -> None:
 @pytest.mark.parametrize(
     ("make", "word"),
     [
-        (lambda: gallery.poured(0, 3), "columns = 0"),
-        (lambda: gallery.poured(3, 3, overlap=0.5), "overlap = 0.5"),
-        (lambda: gallery.drum(10, sides=2), "sides = 2"),
-        (lambda: gallery.drum(10, fill=0.9), "fill = 0.9"),
-        (lambda: gallery.biaxial(3, 3, strain=0.0), "strain = 0.0"),
-        (lambda: gallery.settled_packing(10, aspect=-1.0), "aspect = -1.0"),
-        (lambda: gallery.settle(gallery.biaxial(3, 3)), "without gravity"),
-        (lambda: gallery.side_by_side(gallery.drum(10), 2), "takes a box"),
-        (lambda: gallery.hopper(10, outlet=1.0), "outlet = 1.0"),
-        (lambda: gallery.hopper(10, half_angle=1.6), "half_angle = 1.6"),
-        (lambda: gallery.discharge(gallery.drum(10)), "no wall 'plug'"),
+        (lambda: packings.poured(0, 3), "columns = 0"),
+        (lambda: packings.poured(3, 3, overlap=0.5), "overlap = 0.5"),
+        (lambda: packings.drum(10, sides=2), "sides = 2"),
+        (lambda: packings.drum(10, fill=0.9), "fill = 0.9"),
+        (lambda: packings.biaxial(3, 3, strain=0.0), "strain = 0.0"),
+        (lambda: packings.settled_packing(10, aspect=-1.0), "aspect = -1.0"),
+        (lambda: packings.settle(packings.biaxial(3, 3)), "without gravity"),
+        (lambda: packings.side_by_side(packings.drum(10), 2), "takes a box"),
+        (lambda: packings.hopper(10, outlet=1.0), "outlet = 1.0"),
+        (lambda: packings.hopper(10, half_angle=1.6), "half_angle = 1.6"),
+        (lambda: packings.discharge(packings.drum(10)), "no wall 'plug'"),
     ],
 )
 def test_values_out_of_range_are_named(make: Any, word: str) -> None:
@@ -98,7 +98,7 @@ def test_values_out_of_range_are_named(make: Any, word: str) -> None:
 
 
 def test_frames_hold_the_state_in_the_scenes_order(tmp_path: Path) -> None:
-    scene = gallery.poured(8, 8)
+    scene = packings.poured(8, 8)
     session = DemSession(scene, Numerics(dt=0.01, n_steps=30))
     writers = [FrameWriter(tmp_path / form, form) for form in ("npz", "vtk")]  # type: ignore[arg-type]
     for _ in range(3):

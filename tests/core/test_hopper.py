@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ninedisk.core import gallery
+from ninedisk.core import packings
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.errors import InvalidSceneError
@@ -21,14 +21,14 @@ OUTLET = 4.0
 
 @pytest.fixture(scope="module")
 def full() -> Scene:
-    return gallery.settle(gallery.hopper(80, outlet=OUTLET))
+    return packings.settle(packings.hopper(80, outlet=OUTLET))
 
 
 def test_a_closed_hopper_holds_its_grains_and_an_open_one_lets_them_through_the_outlet_alone(full: Scene) -> None:
     disks, grains = full.disks, ~full.disks.fixed
     assert disks.x[grains, 1].min() > 0.0 - 0.5, "above the plug"
     assert (disks.v == 0.0).all()
-    history = simulate(gallery.discharge(full), Numerics(dt=0.05, n_steps=200))
+    history = simulate(packings.discharge(full), Numerics(dt=0.05, n_steps=200))
     assert np.array_equal(history.x[:, ~grains], np.broadcast_to(disks.x[~grains], history.x[:, ~grains].shape))
     y = history.x[:, grains, 1]
     assert (y[-1] < -1.0).mean() > 0.9, "empty but for those that lie on the slopes"
@@ -41,7 +41,7 @@ def test_a_closed_hopper_holds_its_grains_and_an_open_one_lets_them_through_the_
 @pytest.mark.parametrize("spacing", [1.0, 0.8])
 def test_fixed_disks_have_no_contacts_among_themselves_and_with_walls(spacing: float) -> None:
     """They touch or overlap, in springs and in rigid contacts; a grain that rests on them loads them as a wall is loaded."""
-    scene = gallery.hopper(1, outlet=1.5)
+    scene = packings.hopper(1, outlet=1.5)
     x = np.array([[0.0, 0.5], *([[spacing * (k - 4), -0.5] for k in range(9)])])
     is_fixed = np.arange(10) > 0
     still = np.column_stack([is_fixed, is_fixed])
@@ -55,11 +55,11 @@ def test_fixed_disks_have_no_contacts_among_themselves_and_with_walls(spacing: f
     row = 5  # the fixed disk right below the grain
     rigid = CdSession(scene, Numerics(dt=1e-3, n_steps=20), watch=[(0, row), (row, row + 1), (row, 10)]).run()
     assert np.array_equal(rigid.x[-1, is_fixed], x[is_fixed])
-    assert rigid.fn[-1] == pytest.approx([700.0 * gallery.GRAVITY, 0.0, 0.0], rel=1e-9)
+    assert rigid.fn[-1] == pytest.approx([700.0 * packings.GRAVITY, 0.0, 0.0], rel=1e-9)
     damped = scene.replace(disk_disk=replace(law, beta=0.5), walls=(replace(plug, law=replace(law, beta=0.5)),))
     springs = DemSession(damped, Numerics(dt=1e-2, n_steps=100), watch=[(0, row)]).run()
     assert np.array_equal(springs.x[-1, is_fixed], x[is_fixed])
-    assert springs.fn[-1] == pytest.approx([700.0 * gallery.GRAVITY], rel=1e-6)
+    assert springs.fn[-1] == pytest.approx([700.0 * packings.GRAVITY], rel=1e-6)
     for energy in springs.energy.values():
         assert np.isfinite(energy).all()
     moving = scene.replace(disks=replace(disks, v=np.where(still, 0.1, 0.0)))
@@ -84,14 +84,14 @@ def test_discharge_obeys_beverloos_law() -> None:
     slope = np.polyfit(width, np.log(0.5 * (early + late)), 1)[0]
     assert slope == pytest.approx(1.5, abs=0.1)
     # C over the plane's filled part, 0.8: between half and twice Beverloo's 0.58 for three dimensions
-    factor = 0.5 * (early + late) / (0.8 * gallery.DENSITY * math.sqrt(gallery.GRAVITY) * np.exp(1.5 * width))
+    factor = 0.5 * (early + late) / (0.8 * packings.DENSITY * math.sqrt(packings.GRAVITY) * np.exp(1.5 * width))
     assert ((factor > 0.5) & (factor < 1.5)).all()
 
 
 def _rates(n: int, outlet: float, seed: int) -> tuple[float, float]:
     """Mass flows [kg/s] while the parts 0.1 to 0.3 and 0.3 to 0.5 of the grains come out."""
-    scene = gallery.discharge(gallery.settle(gallery.hopper(n, outlet=outlet, seed=seed)))
-    whole = n / (math.sqrt(gallery.GRAVITY) * (outlet - 1.3) ** 1.5)
+    scene = packings.discharge(packings.settle(packings.hopper(n, outlet=outlet, seed=seed)))
+    whole = n / (math.sqrt(packings.GRAVITY) * (outlet - 1.3) ** 1.5)
     history = simulate(scene, Numerics(dt=0.8 * whole / 200, n_steps=200), particles=range(n))
     out = (scene.disks.mass[:n] * (history.x[:, :, 1] < -0.5)).sum(axis=1) / float(scene.disks.mass[:n].sum())
     assert out[-1] > 0.5

@@ -19,7 +19,7 @@ from numba.core.registry import CPUDispatcher
 
 import ninedisk
 from ninedisk import core
-from ninedisk.core._cache import OPTIONS, inline_kernel, source_hash
+from ninedisk.core.compile import OPTIONS, inline_kernel, source_hash
 
 compiled = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -56,8 +56,8 @@ import sys
 import numba
 before = numba.config.CACHE_DIR
 from ninedisk.core import ContactLaw, Wall
-from ninedisk.core.geometry.motion import compile_motion, wall_poses
-from ninedisk.core.geometry.motion_kernels import place_walls
+from ninedisk.core.motion import compile_motion, wall_poses
+from ninedisk.core.motion_kernels import place_walls
 wall = Wall(name="w", point=(3.0, 2.0), normal=(0.0, 1.0), law=ContactLaw(kn=1.0))
 pose = wall_poses(compile_motion([wall]), 1.0)
 stats = place_walls.stats

@@ -22,10 +22,16 @@ from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, WallSegment,
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.result import SolverOptions
 from ninedisk.core.cd.session import CdSession
-from ninedisk.core.contacts.nurbs import NurbsGrains
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.errors import CoreError
-from ninedisk.core.gallery import (
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.intersect import NurbsGrains
+from ninedisk.core.nurbs.mass import area_moments
+from ninedisk.core.nurbs.nurbs_grain import extent, uniform_grain
+from ninedisk.core.nurbs.nurbs_image import traced
+from ninedisk.core.nurbs.nurbs_polygons import polygon, regular_polygon
+from ninedisk.core.nurbs.shapes import ellipse, fitted
+from ninedisk.core.packings import (
     biaxial,
     collapse,
     contact_law,
@@ -36,12 +42,6 @@ from ninedisk.core.gallery import (
     settled_packing,
     side_by_side,
 )
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_grain import extent, uniform_grain
-from ninedisk.core.geometry.nurbs_image import traced
-from ninedisk.core.geometry.nurbs_mass import area_moments
-from ninedisk.core.geometry.nurbs_polygons import polygon, regular_polygon
-from ninedisk.core.geometry.nurbs_shapes import ellipse, fitted
 
 LAW = ContactLaw(kn=1e4, ks=1e4, mu=0.5)
 DISKS = Disks(x=[[0.0, 0.0], [1.9, 0.0]], radius=1.0, mass=1.0)

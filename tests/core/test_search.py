@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from oracle import Oracle
 from scenes import KN, difference, numerics, run
 
-from ninedisk.core.contacts.lists import empty_cells, empty_list
-from ninedisk.core.contacts.search_kernels import (
+from ninedisk.core.dem import arrays as arrays_module
+from ninedisk.core.dem import constants
+from ninedisk.core.dem.lists import empty_cells, empty_list
+from ninedisk.core.dem.neighbour_kernels import (
     NOT_FINITE,
     OK,
     PAIRS_FULL,
@@ -19,12 +21,10 @@ from ninedisk.core.contacts.search_kernels import (
     build_wall_pairs,
     sort_into_cells,
 )
-from ninedisk.core.dem import arrays as arrays_module
-from ninedisk.core.dem import constants
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
-from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.history import History
+from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 
 LAW = ContactLaw(kn=KN, ks=0.5 * KN, mu=0.5, beta=0.05)

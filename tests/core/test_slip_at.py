@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, WallSegment
-from ninedisk.core.contacts.lists import empty_list
-from ninedisk.core.contacts.search_kernels import NeighbourList
 from ninedisk.core.dem.arrays import disk_arrays, disk_views, first_lists, wall_arrays
 from ninedisk.core.dem.constants import law_row, step_constants
 from ninedisk.core.dem.force_kernels import disk_wall_forces
 from ninedisk.core.dem.grain_arrays import outline_arrays
 from ninedisk.core.dem.grain_kernels import grain_forces
+from ninedisk.core.dem.lists import empty_list
+from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.pair_kernels import SCRATCH, disk_disk_forces, note_pairs
-from ninedisk.core.geometry.motion import compile_motion
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_grain import uniform_grain
-from ninedisk.core.geometry.nurbs_shapes import ellipse
+from ninedisk.core.motion import compile_motion
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.shapes import ellipse
 from ninedisk.core.simulate import simulate
 
 KS = 1e4

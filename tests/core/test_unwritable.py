@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from ninedisk.core import ContactLaw, CoreError, Disks, Numerics, Scene, UnwritableFileError
-from ninedisk.core._archive import whole_file
+from ninedisk.core.archive import whole_file
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.dem.checkpoint import write_checkpoint
+from ninedisk.core.dem.files import write_checkpoint
 from ninedisk.core.dem.frames import FrameWriter
 
 SCENE = Scene(disks=Disks(x=[[0.0, 0.0]], radius=1.0, mass=1.0), disk_disk=ContactLaw(kn=1e4))

@@ -13,9 +13,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from ninedisk.harness import registry
-from ninedisk.harness.records import CELL_COLUMNS
-from ninedisk.harness.results import CaseResult
+from ninedisk.harness.api import registry
+from ninedisk.harness.results.schema import CELL_COLUMNS
+from ninedisk.harness.results.tables import CaseResult
 
 SOURCE = Path(__file__).parent / "data" / "ninedisk_fakes.py"
 

@@ -16,14 +16,14 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
-from ninedisk.harness.capabilities import Capability, capabilities_needed
+from ninedisk.harness.api.capabilities import Capability, capabilities_needed
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED
 from ninedisk.harness.check_engine.probes import probe_of
-from ninedisk.harness.cli import app
-from ninedisk.harness.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.engines.dem import DemEngine
-from ninedisk.harness.registry import get_engine
+from ninedisk.harness.cli.app import app
+from ninedisk.harness.engines.dem.adapter import DemEngine
 
 Change = Callable[[Any], Any]
 

@@ -14,9 +14,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from ninedisk.harness.cli import app
-from ninedisk.harness.docs import case_record
-from ninedisk.harness.registry import BUILTIN_CASES, get_case
+from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
+from ninedisk.harness.cli.app import app
+from ninedisk.harness.cli.docs_part import case_record
 from ninedisk.reports.docs import write_docs
 from ninedisk.reports.errors import ReportError
 

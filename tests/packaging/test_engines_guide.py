@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
+from ninedisk.harness.api.engine import Engine, EngineInfo, Session, SupportLevel
 from ninedisk.harness.check_engine.check import check_engine
-from ninedisk.harness.engine import Engine, EngineInfo, Session, SupportLevel
-from ninedisk.harness.engines.dem import DemEngine
+from ninedisk.harness.engines.dem.adapter import DemEngine
 from ninedisk.harness.suite.gaps import KnownGap, read_gaps
 
 pytestmark = pytest.mark.tree

@@ -15,9 +15,9 @@ import pytest
 # First match wins. The core is meant to run where only a compiler of kernels exists; sparse algebra serves contact
 # dynamics alone, and factorisations one module of it.
 THIRD_PARTIES = (
-    (r"ninedisk\.core\.(_sync|cd\.vector_kernels)", {"numpy", "numba", "llvmlite.ir"}),
-    (r"ninedisk\.core\.cd\.factorise", {"numpy", "numba", "scipy.sparse", "qdldl"}),
-    (r"ninedisk\.core\.cd\.feasibility", {"numpy", "numba", "scipy.sparse", "scipy.optimize.linprog"}),
+    (r"ninedisk\.core\.(threads|cd\.solvers\.(vector|factorise)_kernels)", {"numpy", "numba", "llvmlite.ir"}),
+    (r"ninedisk\.core\.cd\.solvers\.factorise", {"numpy", "numba", "scipy.sparse", "qdldl"}),
+    (r"ninedisk\.core\.cd\.solvers\.feasibility", {"numpy", "numba", "scipy.sparse", "scipy.optimize.linprog"}),
     (r"ninedisk\.core\.cd(\..+)?", {"numpy", "numba", "scipy.sparse"}),
     (r"ninedisk\.core(\..+)?", {"numpy", "numba"}),
 )
@@ -32,7 +32,7 @@ KERNELS_MAY_IMPORT = {
     "numpy",
     "numba",
     "llvmlite.ir",
-    "ninedisk.core._cache",
+    "ninedisk.core.compile",
 }
 PUBLIC_LAYER = {f"ninedisk.core.{name}" for name in ("scene", "numerics", "history", "errors", "simulate")}
 
@@ -153,9 +153,9 @@ def test_yade_is_imported_by_its_drivers_only(sources: dict[str, Path]) -> None:
         ("ninedisk.core.cd.problem", "scipy.sparse.csc_array", False),
         ("ninedisk.core.cd.problem", "scipy.optimize.root", True),
         ("ninedisk.core.cd.problem", "qdldl", True),
-        ("ninedisk.core.cd.factorise", "qdldl.Solver", False),
+        ("ninedisk.core.cd.solvers.factorise", "qdldl.Solver", False),
         ("ninedisk.core.cdx", "scipy.sparse", True),
-        ("ninedisk.harness.store", "pandas", False),
+        ("ninedisk.harness.results.store", "pandas", False),
     ],
 )
 def test_the_rules_tell_right_from_wrong(module: str, name: str, refused: bool) -> None:
@@ -188,7 +188,7 @@ def test_our_packages_depend_one_way(root: Path, sources: dict[str, Path], tmp_p
 def test_an_import_against_the_direction_is_found(root: Path, sources: dict[str, Path], tmp_path: Path) -> None:
     pytest.importorskip("importlinter", reason="import-linter comes with the extra `dev`")
     planted = tmp_path / "planted.py"
-    planted.write_text("from ninedisk.harness import case\n")
+    planted.write_text("from ninedisk.harness.api import case\n")
     done = lint_imports(root, linked(tmp_path / "packages", {**sources, "ninedisk.core.planted": planted}))
     assert done.returncode == 1, done.stdout + done.stderr
-    assert "ninedisk.core.planted -> ninedisk.harness.case" in done.stdout
+    assert "ninedisk.core.planted -> ninedisk.harness.api.case" in done.stdout

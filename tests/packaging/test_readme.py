@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ninedisk.harness import records
+from ninedisk.harness.results import schema as records
 
 pytestmark = pytest.mark.tree
 README = Path(__file__).resolve().parents[2] / "README.md"

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from ninedisk.harness.records import SCHEMA_VERSION, TABLES
+from ninedisk.harness.results.schema import SCHEMA_VERSION, TABLES
 
 Row = dict[str, Any]
 TYPES = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.records import TABLES
+from ninedisk.harness.results.schema import TABLES
 
 Row = dict[str, Any]
 ENGINES = {  # id: name, version, support, relative error of its histories

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from ninedisk.harness.history import history
-from ninedisk.harness.records import History
+from ninedisk.harness.results.history import history
+from ninedisk.harness.results.schema import History
 from ninedisk.reports.dashboard import build_dashboard
 from ninedisk.reports.dashboard_marks import groups, marks
 from ninedisk.reports.errors import ReportError

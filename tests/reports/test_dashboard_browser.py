@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from ninedisk.harness.compare import compare, side
-from ninedisk.harness.history import history
-from ninedisk.reports.compare_page import write_comparison
+from ninedisk.harness.results.compare import compare, side
+from ninedisk.harness.results.history import history
 from ninedisk.reports.dashboard import build_dashboard
+from ninedisk.reports.studies import write_comparison
 
 CHROMIUM = shutil.which("chromium")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")

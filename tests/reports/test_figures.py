@@ -10,13 +10,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ninedisk.reports import draw_history, plans
+from ninedisk.reports import draw as draw_history
+from ninedisk.reports import plans
 from ninedisk.reports.configurations import case_configurations
-from ninedisk.reports.draw_history import error_limits, round_off, thin, value_limits
+from ninedisk.reports.draw import error_limits, round_off, thin, value_limits
 from ninedisk.reports.drawing import CaseDrawing
 from ninedisk.reports.figures import case_figures, looks_of
 from ninedisk.reports.load import load_store
-from ninedisk.reports.panel import build_panel
+from ninedisk.reports.model import build_panel
 from ninedisk.reports.render import Job, render
 from ninedisk.reports.scene_view import read_scene
 
@@ -146,8 +147,8 @@ def test_sketch_reads_every_motion_and_survives_nonsense(panel_store):
 
 def test_grains_are_drawn_as_their_outlines(tmp_path):
     """An ellipse's polygon has its extent, turned as given; its forces are not those of the circle around it."""
-    from ninedisk.harness.cases.nurbs_collision import CASE
-    from ninedisk.harness.params import resolve
+    from ninedisk.harness.api.params import resolve
+    from ninedisk.harness.cases.nurbs.collision import CASE
     from ninedisk.reports.chains import springs
     from ninedisk.reports.draw_scene import Configuration, draw_configuration, draw_sketch
     from ninedisk.reports.scene_view import turned

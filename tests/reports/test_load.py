@@ -8,7 +8,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from ninedisk.harness.records import SCHEMA_VERSION
+from ninedisk.harness.results.schema import SCHEMA_VERSION
 from ninedisk.reports import load
 from ninedisk.reports.errors import ReportError
 from ninedisk.reports.load import load_store

@@ -18,8 +18,8 @@ from ninedisk.reports.convergence import convergences, values_against_step
 from ninedisk.reports.errata import errata
 from ninedisk.reports.figures import looks_of
 from ninedisk.reports.load import load_store
+from ninedisk.reports.model import build_panel
 from ninedisk.reports.pack import Arrays, pack_case, unpack
-from ninedisk.reports.panel import build_panel
 from ninedisk.reports.scenes import moving_scenes
 from ninedisk.reports.speed import case_speed, engine_speed
 from ninedisk.reports.style import engine_looks

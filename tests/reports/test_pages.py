@@ -11,7 +11,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 from ninedisk.reports.load import load_store
-from ninedisk.reports.panel import build_panel
+from ninedisk.reports.model import build_panel
 
 
 class Page(HTMLParser):

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.harness.records import STATUSES
+from ninedisk.harness.results.schema import STATUSES
 from ninedisk.reports import text
 from ninedisk.reports.compare_engines import difference_matrix
 from ninedisk.reports.curves import Curve, differences
-from ninedisk.reports.panel import error_ratio, summarise, worst_first
+from ninedisk.reports.model import error_ratio, summarise, worst_first
 from ninedisk.reports.words import SHADES, STATUS_MEANING, STATUS_SYMBOL, shade
 
 

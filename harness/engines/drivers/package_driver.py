@@ -9,8 +9,8 @@ import json
 import sys
 
 from ninedisk.core.errors import CoreError
-from ninedisk.harness.engine import EngineError, run_session
-from ninedisk.harness.wire import WIRE_VERSION, Answer, decode_request, encode_answer
+from ninedisk.harness.api.engine import EngineError, run_session
+from ninedisk.harness.wire.protocol import WIRE_VERSION, Answer, decode_request, encode_answer
 
 
 def main():

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
-from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.projected_gradient import solve_projected_gradient
 from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.solvers.interior_point import InteriorPoint
+from ninedisk.core.cd.solvers.projected_gradient import solve_projected_gradient
 
 Solve = Callable[..., SolverResult]
 

@@ -14,11 +14,11 @@ import pytest
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.body_matrix import BodyGraph, BodyMatrix
-from ninedisk.core.cd.cholesky import SupernodalCholesky
-from ninedisk.core.cd.cholesky_kernels import BODIES, CHILDREN, PIVOTS, ROWS
-from ninedisk.core.cd.ordering import elimination_order
 from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.solvers.body_matrix import BodyGraph, BodyMatrix
+from ninedisk.core.cd.solvers.cholesky import SupernodalCholesky
+from ninedisk.core.cd.solvers.factorise_kernels import BODIES, CHILDREN, PIVOTS, ROWS
+from ninedisk.core.cd.solvers.ordering import elimination_order
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -287,7 +287,7 @@ def test_the_order_keeps_factors_as_sparse_as_the_best_known_orders_do() -> None
 
 INTERPRETED = """
 import numpy as np
-from ninedisk.core.cd.factorise import Factorisation
+from ninedisk.core.cd.solvers.factorise import Factorisation
 full = np.eye(3) * 4.0 + 1.0
 found = Factorisation(np.array([0, 1, 3, 6]), np.array([0, 0, 1, 0, 1, 2]))
 assert found.update(np.array([5.0, 1.0, 5.0, 1.0, 1.0, 5.0]))

@@ -10,15 +10,16 @@ import pytest
 from numpy.typing import NDArray
 from problems import FLOOR
 
-from ninedisk.core.cd import coulomb_interior_point, coulomb_shift
-from ninedisk.core.cd import solver as solver_module
-from ninedisk.core.cd.coulomb_interior_point import CoulombInteriorPoint
-from ninedisk.core.cd.feasibility import InfeasibleContactsError
-from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.residuals import measure
 from ninedisk.core.cd.result import SolverOptions, SolverResult
-from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.cd.solvers import coulomb as coulomb_interior_point
+from ninedisk.core.cd.solvers import coulomb_shift
+from ninedisk.core.cd.solvers import solver as solver_module
+from ninedisk.core.cd.solvers.coulomb import CoulombInteriorPoint
+from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
+from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.errors import SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]

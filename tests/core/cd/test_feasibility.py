@@ -12,8 +12,8 @@ from methods import Solve, each_solver
 from numpy.typing import NDArray
 from problems import FLOOR, LEFT, RIGHT, ROOF
 
-from ninedisk.core.cd.feasibility import InfeasibleContactsError, check_feasible
 from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError, check_feasible
 
 FloatArray = NDArray[np.float64]
 

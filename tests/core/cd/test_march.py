@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.core.cd.feasibility import InfeasibleContactsError
 from ninedisk.core.cd.session import CdSession
+from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
 from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics

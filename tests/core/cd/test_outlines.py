@@ -12,11 +12,11 @@ from scipy.integrate import quad
 from test_nine_disks import box, run
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_grain import UniformGrain, uniform_grain
-from ninedisk.core.geometry.nurbs_shapes import disk, ellipse, fitted
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.nurbs_grain import UniformGrain, uniform_grain
+from ninedisk.core.nurbs.shapes import disk, ellipse, fitted
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
 

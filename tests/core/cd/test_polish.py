@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from test_coulomb_solver import law_broken
 
-from ninedisk.core.cd import polish
-from ninedisk.core.cd.gauss_seidel import GaussSeidel
-from ninedisk.core.cd.polish import MINUS, PLUS, STICK, Polish
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.residuals import measure
 from ninedisk.core.cd.result import SolverOptions, Stopwatch
 from ninedisk.core.cd.session import CdSession
-from ninedisk.core.cd.solver import ContactSolver
+from ninedisk.core.cd.solvers import polish
+from ninedisk.core.cd.solvers.gauss_seidel import GaussSeidel
+from ninedisk.core.cd.solvers.polish import MINUS, PLUS, STICK, Polish
+from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 

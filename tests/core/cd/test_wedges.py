@@ -12,7 +12,7 @@ from ninedisk.core.cd.wedges import wedging_corners
 from ninedisk.core.errors import InvalidSceneError, SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.engines.cd import ENGINE
+from ninedisk.harness.engines.cd.adapter import ENGINE
 
 OPTIONS = {"cd.max_iterations": 5_000}
 

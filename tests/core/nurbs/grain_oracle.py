@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ninedisk.core import ContactLaw, Scene
-from ninedisk.core.contacts.nurbs import NurbsGrains
+from ninedisk.core.nurbs.intersect import NurbsGrains
 
 
 def turned(v: np.ndarray) -> np.ndarray:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_mass import centred
-from ninedisk.core.geometry.nurbs_shapes import fitted
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.mass import centred
+from ninedisk.core.nurbs.shapes import fitted
 
 
 def periodic(points: NDArray[np.float64], degree: int, weights: NDArray[np.float64] | None = None) -> NurbsCurve:

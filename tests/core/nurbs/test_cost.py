@@ -12,20 +12,20 @@ import pytest
 from nurbs_shapes_of_tests import outline, periodic, ring
 
 from ninedisk.core import ContactLaw, Disks, Scene
-from ninedisk.core._cache import fused_kernel
-from ninedisk.core.contacts.lists import empty_list
-from ninedisk.core.contacts.nurbs import NurbsGrains
-from ninedisk.core.contacts.nurbs_kernels import contacts_of_pairs
-from ninedisk.core.contacts.nurbs_state import contact_rows, workspace
-from ninedisk.core.contacts.search_kernels import NeighbourList
+from ninedisk.core.compile import fused_kernel
 from ninedisk.core.dem.arrays import Lists, disk_arrays, disk_views
 from ninedisk.core.dem.constants import law_row
 from ninedisk.core.dem.force_kernels import shear_force
+from ninedisk.core.dem.lists import empty_list
+from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.pair_kernels import SCRATCH, disk_disk_forces
 from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_OVERLAP, TORQUE_OVERLAP, DiskArrays, Views
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_mass import centred
-from ninedisk.core.geometry.nurbs_shapes import disk, fitted
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.intersect import NurbsGrains
+from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
+from ninedisk.core.nurbs.mass import centred
+from ninedisk.core.nurbs.shapes import disk, fitted
+from ninedisk.core.nurbs.state import contact_rows, workspace
 
 pytestmark = [
     pytest.mark.timing,

@@ -8,8 +8,8 @@ from nurbs_shapes_of_tests import periodic, ring
 from scipy.interpolate import BSpline
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_shapes import EXACT_WEIGHTS, QUARTERS, SQUARE, disk, ellipse
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.shapes import EXACT_WEIGHTS, QUARTERS, SQUARE, disk, ellipse
 
 UNIT = 2.0**-52
 

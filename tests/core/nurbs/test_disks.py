@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from nurbs_shapes_of_tests import placed
 
-from ninedisk.core.contacts.nurbs import NurbsGrains
-from ninedisk.core.contacts.nurbs_state import ContactRows
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_shapes import QUARTERS, SQUARE, disk
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.intersect import NurbsGrains
+from ninedisk.core.nurbs.shapes import QUARTERS, SQUARE, disk
+from ninedisk.core.nurbs.state import ContactRows
 
 N = 1_000 if numba.config.DISABLE_JIT else 100_000
 PRECISION = 1e-14

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ninedisk.core.contacts.nurbs import NurbsGrains
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.nurbs_shapes import ellipse
+from ninedisk.core.nurbs.intersect import NurbsGrains
+from ninedisk.core.nurbs.shapes import ellipse
 
 mp = pytest.importorskip("mpmath")
 

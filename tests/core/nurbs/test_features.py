@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from nurbs_shapes_of_tests import peanut, periodic, ring
 from scipy.ndimage import minimum_filter
 
-from ninedisk.core.contacts.nurbs_feature_row_kernels import DEEPEST
-from ninedisk.core.contacts.nurbs_features import NurbsFeatures
-from ninedisk.core.contacts.nurbs_state import FeatureRows
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.nurbs import powers
-from ninedisk.core.geometry.nurbs_kernels import sample
-from ninedisk.core.geometry.nurbs_shapes import disk, ellipse
-from ninedisk.core.geometry.nurbs_table import shape_table
+from ninedisk.core.nurbs.curve import powers
+from ninedisk.core.nurbs.curve_kernels import sample
+from ninedisk.core.nurbs.features import NurbsFeatures
+from ninedisk.core.nurbs.nurbs_feature_row_kernels import DEEPEST
+from ninedisk.core.nurbs.shapes import disk, ellipse
+from ninedisk.core.nurbs.state import FeatureRows
+from ninedisk.core.nurbs.table import shape_table
 
 FloatArray = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ import pytest
 from scenes import numerics, orders, run
 
 from ninedisk.core import ContactLaw, Disks, History, Scene, Wall
-from ninedisk.core.geometry.nurbs_grain import uniform_grain
-from ninedisk.core.geometry.nurbs_shapes import ellipse
+from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.shapes import ellipse
 
 GRAIN = uniform_grain(ellipse(1.0, 0.6), 1.0)
 

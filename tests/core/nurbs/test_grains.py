@@ -15,8 +15,8 @@ from ninedisk.core.dem import session as session_module
 from ninedisk.core.dem.critical import critical_time_step
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
-from ninedisk.core.geometry.nurbs_grain import UniformGrain, uniform_grain
-from ninedisk.core.geometry.nurbs_shapes import disk, ellipse
+from ninedisk.core.nurbs.nurbs_grain import UniformGrain, uniform_grain
+from ninedisk.core.nurbs.shapes import disk, ellipse
 
 LAW = ContactLaw(kn=2e4, ks=1e4, mu=0.6, beta=0.3, lever_arm="overlap")
 PEANUT, ELLIPSE = uniform_grain(peanut(), 1.0), uniform_grain(ellipse(1.2, 0.8), 1.0)

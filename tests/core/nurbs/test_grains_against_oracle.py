@@ -11,8 +11,8 @@ from scenes import numerics
 from ninedisk.core import ContactLaw, Disks, Scene, Wall
 from ninedisk.core.dem.grain_state import FS, SIDE
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.geometry.nurbs_grain import uniform_grain
-from ninedisk.core.geometry.nurbs_shapes import ellipse
+from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.shapes import ellipse
 
 DT, STEPS = 1e-3, 400
 

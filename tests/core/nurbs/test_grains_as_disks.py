@@ -10,10 +10,10 @@ from scenes import all_pairs, difference, numerics, random_scene, run
 
 from ninedisk.core import History, Scene, simulate
 from ninedisk.core.dem.critical import critical_time_step
-from ninedisk.core.geometry.nurbs_shapes import disk
-from ninedisk.harness.cases.nine_disk_compression import Compression
-from ninedisk.harness.cases.nine_disk_distortion import Distortion
-from ninedisk.harness.params import resolve
+from ninedisk.core.nurbs.shapes import disk
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.nine_disk.compression import Compression
+from ninedisk.harness.cases.nine_disk.distortion import Distortion
 
 FIELDS = (
     "x",

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ninedisk.core import InvalidSceneError
-from ninedisk.core.geometry.nurbs_image import fitted_image, traced
-from ninedisk.core.geometry.nurbs_mass import area_moments
+from ninedisk.core.nurbs.mass import area_moments
+from ninedisk.core.nurbs.nurbs_image import fitted_image, traced
 
 
 def ellipse_image(pixel: float) -> np.ndarray:

@@ -7,9 +7,9 @@ import pytest
 from nurbs_shapes_of_tests import outline, periodic, ring
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_mass import area_moments, centred
-from ninedisk.core.geometry.nurbs_shapes import ellipse, fitted
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.mass import area_moments, centred
+from ninedisk.core.nurbs.shapes import ellipse, fitted
 
 ROUND_OFF = 1e-14
 """Sums of 512 terms near 1: fifty roundings."""

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from nurbs_shapes_of_tests import peanut, periodic, placed, ring
 
-from ninedisk.core.contacts.nurbs import NurbsGrains
-from ninedisk.core.contacts.nurbs_kernels import contacts_of_pairs
-from ninedisk.core.contacts.nurbs_state import UNDECIDED, contact_rows, workspace
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_mass import centred
-from ninedisk.core.geometry.nurbs_shapes import disk, ellipse
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.intersect import NurbsGrains
+from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
+from ninedisk.core.nurbs.mass import centred
+from ninedisk.core.nurbs.shapes import disk, ellipse
+from ninedisk.core.nurbs.state import UNDECIDED, contact_rows, workspace
 
 
 def test_two_waisted_grains_side_by_side_touch_twice() -> None:

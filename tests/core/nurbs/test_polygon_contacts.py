@@ -7,13 +7,13 @@ import pytest
 from nurbs.polygon_oracle import area, clipped, common, exact
 
 from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, simulate
-from ninedisk.core.contacts.nurbs_kernels import contacts_of_pairs
-from ninedisk.core.contacts.nurbs_state import CROSSED, UNDECIDED, ContactRows, IntArray, contact_rows, workspace
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.nurbs import NurbsCurve, powers
-from ninedisk.core.geometry.nurbs_grain import uniform_grain
-from ninedisk.core.geometry.nurbs_polygons import polygon, regular_polygon
-from ninedisk.core.geometry.nurbs_table import shape_table
+from ninedisk.core.nurbs.curve import NurbsCurve, powers
+from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
+from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.nurbs_polygons import polygon, regular_polygon
+from ninedisk.core.nurbs.state import CROSSED, UNDECIDED, ContactRows, IntArray, contact_rows, workspace
+from ninedisk.core.nurbs.table import shape_table
 
 PLATE = polygon([(-1.5, -0.25), (1.5, -0.25), (1.5, 0.25), (-1.5, 0.25)])
 KINDS = [regular_polygon(3, 0.6), regular_polygon(4, 0.8), regular_polygon(6, 1.0), PLATE]

@@ -9,9 +9,9 @@ import pytest
 from nurbs_shapes_of_tests import peanut, ring
 
 from ninedisk.core import ContactLaw, Disks, InvalidSceneError, Scene
-from ninedisk.core.geometry.nurbs import NurbsCurve
-from ninedisk.core.geometry.nurbs_grain import farthest, uniform_grain
-from ninedisk.core.geometry.nurbs_shapes import disk, ellipse
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.nurbs_grain import farthest, uniform_grain
+from ninedisk.core.nurbs.shapes import disk, ellipse
 
 LAW = ContactLaw(kn=1e4)
 

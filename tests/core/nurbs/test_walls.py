@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from nurbs_shapes_of_tests import peanut
 
-from ninedisk.core.contacts.nurbs import NurbsGrains
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.geometry.nurbs_shapes import disk, ellipse
+from ninedisk.core.nurbs.intersect import NurbsGrains
+from ninedisk.core.nurbs.shapes import disk, ellipse
 
 PRECISION = 1e-14
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ninedisk.core import gallery
+from ninedisk.core import packings as scenes
 from ninedisk.harness.bench import packings
 from ninedisk.harness.bench.dem_problems import DemProblem, makers
 
@@ -23,6 +23,6 @@ def packing_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def settled() -> DemProblem:
     """60 disks, without a word about any cache."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ninedisk.harness.bench.dem_problems.packing", gallery.settled_packing)
+        patch.setattr("ninedisk.harness.bench.dem_problems.packing", scenes.settled_packing)
         (problem,) = makers([60], lambda name: name.endswith("-short"))["settled-60-short"]()
     return problem

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import EngineRun
+from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench import accuracy
 from ninedisk.harness.bench.accuracy import DIVISIONS, Limit, limit_of
 from ninedisk.harness.bench.nine_disks import CASE, parameters
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineRun
-from ninedisk.harness.matched import with_slip_at
-from ninedisk.harness.registry import get_engine
-from ninedisk.harness.results import Row
+from ninedisk.harness.results.tables import Row
+from ninedisk.harness.run.matched import with_slip_at
 from ninedisk.references.converged_tables import load_converged
 
 

@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.core import gallery
-from ninedisk.core.cd import gauss_seidel
-from ninedisk.core.cd.interior_point import InteriorPoint
+from ninedisk.core import packings
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.result import SolverOptions
+from ninedisk.core.cd.solvers import gauss_seidel
+from ninedisk.core.cd.solvers.interior_point import InteriorPoint
+from ninedisk.harness.api.engine import EngineNotInstalledError
 from ninedisk.harness.bench import cd_problems, cd_solvers, cd_suite
 from ninedisk.harness.bench.cd_problems import lattice, resting, turned_gravity
 from ninedisk.harness.bench.cd_solvers import Solver, Task, solvers
 from ninedisk.harness.bench.dem_engines import cores
 from ninedisk.harness.bench.measure import NotReachedError
-from ninedisk.harness.engine import EngineNotInstalledError
-from ninedisk.harness.engines._package_engine import package_version
-from ninedisk.harness.engines.siconos import SYSTEM_PYTHON, installed_siconos
-from ninedisk.harness.results import Row
+from ninedisk.harness.engines.package import package_version
+from ninedisk.harness.engines.siconos.adapter import SYSTEM_PYTHON, installed_siconos
+from ninedisk.harness.results.tables import Row
 
 ROWS, COLUMNS = 4, 7
 
@@ -36,7 +36,7 @@ def problem() -> ContactProblem:
 
 @pytest.fixture(scope="module")
 def packed() -> ContactProblem:
-    return resting(gallery.settled_packing(60))
+    return resting(packings.settled_packing(60))
 
 
 def by_name(name: str) -> Solver:
@@ -75,7 +75,7 @@ def test_the_forces_of_the_solution_bear_the_weight(packed: ContactProblem) -> N
     weight = -float(packed.force[:, 1].sum())
     assert vertical.sum() == pytest.approx(weight + falling, rel=1e-12)
     assert abs(falling) < 0.02 * weight
-    assert np.abs(result.v[:, :2]).max() <= gallery.GRAVITY * cd_problems.DT * (1.0 + 1e-9)
+    assert np.abs(result.v[:, :2]).max() <= packings.GRAVITY * cd_problems.DT * (1.0 + 1e-9)
 
 
 def test_gravity_is_turned_and_nothing_else(problem: ContactProblem) -> None:

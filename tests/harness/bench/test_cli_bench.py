@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from ninedisk.harness import cli_bench
+from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.bench import harness_suite, plan, table
 from ninedisk.harness.bench.measure import Sample
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.cli import app
-from ninedisk.harness.engine import EngineError
-from ninedisk.harness.results import Row
+from ninedisk.harness.cli import bench as cli_bench
+from ninedisk.harness.cli.app import app
+from ninedisk.harness.results.tables import Row
 from ninedisk.reports.bench import charts, write_bench
 
 

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.core import gallery
+from ninedisk.core import packings
 from ninedisk.core.dem.session import DemSession
+from ninedisk.harness.api.engine import EngineNotInstalledError
+from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench import dem_engines, dem_suite, nine_disks
 from ninedisk.harness.bench.dem_engines import LAMMPS, PEERS, YADE, core_memory, run_core, run_peer
 from ninedisk.harness.bench.dem_problems import DemProblem, flowing, makers
 from ninedisk.harness.bench.measure import Sample
-from ninedisk.harness.engine import EngineNotInstalledError
-from ninedisk.harness.registry import get_engine
-from ninedisk.harness.results import Row
+from ninedisk.harness.results.tables import Row
 
 
 def needs(engine: str) -> Any:
@@ -135,7 +135,7 @@ def test_a_missing_engine_is_said(settled: DemProblem, monkeypatch: pytest.Monke
 
 def test_memory_is_that_of_the_arrays(settled: DemProblem) -> None:
     """Against the sizes of the arrays of a session, counted one by one; clocks and numbers of chosen disks are some 2 kB."""
-    many = replace(settled, scene=gallery.side_by_side(settled.scene, 30))
+    many = replace(settled, scene=packings.side_by_side(settled.scene, 30))
     session = DemSession(many.scene, many.numerics(), particles=[0])
     parts = (session._disks, session._walls, session._team, session._cells, *session._lists, session._samples)
     arrays = {id(array): array.nbytes for part in parts for array in part if isinstance(array, np.ndarray)}

@@ -7,20 +7,20 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.core import gallery
+from ninedisk.core import packings
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Disks, Scene
-from ninedisk.harness.bench import flow_suite
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
+from ninedisk.harness.api.registry import get_engine
+from ninedisk.harness.bench import flow as flow_suite
 from ninedisk.harness.bench.flow_problems import FlowProblem, apart, relative_gaps
-from ninedisk.harness.engine import EngineInfo, EngineRun, Support
-from ninedisk.harness.registry import get_engine
 
 
 @pytest.fixture(scope="module")
 def problem() -> FlowProblem:
     """Disks that fall against each other and the sides of a drum."""
-    scene = gallery.drum(40, turns_per_second=0.5)
+    scene = packings.drum(40, turns_per_second=0.5)
     v = np.random.default_rng(1).normal(0.0, 3.0, (40, 2))
     disks = Disks(x=scene.disks.x, v=v, radius=scene.disks.radius, mass=scene.disks.mass)
     return FlowProblem(name="drum-40", scene=apart(scene.replace(disks=disks)), steps=16)
@@ -42,7 +42,7 @@ class Drifting:
 
 
 def test_gaps_of_a_scene_in_closed_form() -> None:
-    scene = gallery.drum(3, sides=4)
+    scene = packings.drum(3, sides=4)
     law = scene.disk_disk
     x = np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 5.0]])
     disks = Disks(x=x, radius=[1.0, 1.0, 0.1], mass=1.0)

@@ -7,6 +7,7 @@ import os
 
 import pytest
 
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError
 from ninedisk.harness.bench.measure import (
     Contender,
     Measured,
@@ -16,7 +17,6 @@ from ninedisk.harness.bench.measure import (
     on_cores,
     timings,
 )
-from ninedisk.harness.engine import EngineError, EngineNotInstalledError, EngineTimeoutError
 
 
 def scripted(name: str, log: list[str], *outcomes: float | Exception) -> Contender:

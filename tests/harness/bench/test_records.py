@@ -11,10 +11,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from ninedisk.core import gallery
+from ninedisk.core import packings as scenes
+from ninedisk.harness.api.errors import StoreError, UsageError
 from ninedisk.harness.bench import packings
 from ninedisk.harness.bench.records import COLUMNS, new_row, prepare_folder, write_records
-from ninedisk.harness.errors import StoreError, UsageError
 
 
 def test_json_and_parquet_hold_the_same_rows(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_a_packing_settles_once(packing_folder: Path, monkeypatch: pytest.Monkey
     first = packings.packing(30)
     assert len(list(packing_folder.iterdir())) == 1
     with monkeypatch.context() as patch:
-        patch.setattr(gallery, "settled_packing", lambda *_, **__: pytest.fail("settled again"))
+        patch.setattr(scenes, "settled_packing", lambda *_, **__: pytest.fail("settled again"))
         again = packings.packing(30)
     assert np.array_equal(first.disks.x, again.disks.x)
     assert first.initial_shear == again.initial_shear

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from ninedisk.core.history import History
-from ninedisk.harness.case import Case, Check, Observed, Setup
-from ninedisk.harness.engine import Engine, EngineInfo
-from ninedisk.harness.metrics import compare
-from ninedisk.harness.observation import blank_history, check_history
-from ninedisk.harness.params import resolve
-from ninedisk.harness.verdict import judge
+from ninedisk.harness.api.case import Case, Check, Observed, Setup
+from ninedisk.harness.api.engine import Engine, EngineInfo
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.run.judge import compare
+from ninedisk.harness.run.observation import blank_history, check_history
+from ninedisk.harness.run.verdict import judge
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from ninedisk.core.history import History
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cases._impact import PLASTIC_BETA, knobs
-from ninedisk.harness.cases.binary_collision import CASE
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.impact._impact import PLASTIC_BETA, knobs
+from ninedisk.harness.cases.impact.binary import CASE
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 from ninedisk.references.analytic.spring_dashpot import restitution_of_beta
 from ninedisk.references.exact_steps.impact import collision_step_theta
 

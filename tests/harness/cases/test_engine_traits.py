@@ -9,26 +9,26 @@ import numpy as np
 import pytest
 
 from ninedisk.core.simulate import simulate
-from ninedisk.harness.cases._shared import follows_associated_rule, single, slack_time, softness
-from ninedisk.harness.cases.binary_collision import CASE as COLLISION
-from ninedisk.harness.cases.incline_block import CASE as INCLINE
-from ninedisk.harness.cases.nine_disk_compression import CASE as COMPRESSION
-from ninedisk.harness.cases.nine_disk_distortion import CASE as DISTORTION
-from ninedisk.harness.cases.sliding_dynamic import CASE as SLIDING
-from ninedisk.harness.cases.slip_to_roll import CASE as ROLLING
-from ninedisk.harness.engine import SupportLevel
-from ninedisk.harness.engines._spring import NOTE_SLIP_END
-from ninedisk.harness.engines.box2d import ENGINE as BOX2D
-from ninedisk.harness.engines.dart import ENGINE as DART
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.drake import ENGINES as DRAKES
-from ninedisk.harness.engines.lammps import ENGINE as LAMMPS
-from ninedisk.harness.engines.mujoco import ENGINE as MUJOCO
-from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
-from ninedisk.harness.engines.siconos import ENGINE as SICONOS
-from ninedisk.harness.engines.yade import ENGINE as YADE
-from ninedisk.harness.params import resolve
-from ninedisk.harness.registry import get_engine
+from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.api.registry import get_engine
+from ninedisk.harness.cases.common import follows_associated_rule, single, slack_time, softness
+from ninedisk.harness.cases.impact.binary import CASE as COLLISION
+from ninedisk.harness.cases.incline.block import CASE as INCLINE
+from ninedisk.harness.cases.nine_disk.compression import CASE as COMPRESSION
+from ninedisk.harness.cases.nine_disk.distortion import CASE as DISTORTION
+from ninedisk.harness.cases.rolling.slip_to_roll import CASE as ROLLING
+from ninedisk.harness.cases.sliding.dynamic import CASE as SLIDING
+from ninedisk.harness.engines.box2d.adapter import ENGINE as BOX2D
+from ninedisk.harness.engines.dart.adapter import ENGINE as DART
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.drake.adapter import ENGINES as DRAKES
+from ninedisk.harness.engines.lammps.adapter import ENGINE as LAMMPS
+from ninedisk.harness.engines.mujoco.adapter import ENGINE as MUJOCO
+from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
+from ninedisk.harness.engines.siconos.adapter import ENGINE as SICONOS
+from ninedisk.harness.engines.spring import NOTE_SLIP_END
+from ninedisk.harness.engines.yade.adapter import ENGINE as YADE
 
 DRAKE, SAP, LAGGED = DRAKES
 
@@ -226,6 +226,6 @@ def test_slip_in_the_middle_of_the_step_is_the_same_physics_discretised_otherwis
 
 
 def test_the_core_has_every_lever_arm():
-    from ninedisk.harness.capabilities import LEVER_ARMS
+    from ninedisk.harness.api.capabilities import LEVER_ARMS
 
     assert set(LEVER_ARMS.values()) <= DEM.info().capabilities

@@ -9,9 +9,9 @@ import pytest
 
 from ninedisk.core.errors import CoreError
 from ninedisk.core.numerics import Numerics
-from ninedisk.harness.case import Parameter, ParameterError
-from ninedisk.harness.plan import plan_case
-from ninedisk.harness.registry import BUILTIN_CASES, get_case
+from ninedisk.harness.api.case import Parameter, ParameterError
+from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
+from ninedisk.harness.run.plan import plan_case
 
 EXTREMES = (1e-30, 1e-6, 1e6, 1e30, 1e99)
 

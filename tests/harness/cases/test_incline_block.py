@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ninedisk.core.history import History
-from ninedisk.harness.cases.incline_block import CASE
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.incline.block import CASE
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 from ninedisk.references.exact_steps.incline import (
     associated_incline,
     coulomb_incline_theta,

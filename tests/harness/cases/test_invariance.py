@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from ninedisk.core.scene import WallSegment
-from ninedisk.harness.cases._frames import Frame
-from ninedisk.harness.cases.incline_block import CASE as INCLINE
-from ninedisk.harness.cases.invariance import CASES, SCENES, UNITS
-from ninedisk.harness.engines.bullet import ENGINE as BULLET
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.esys_particle import ENGINE as ESYS
-from ninedisk.harness.engines.lammps import ENGINE as LAMMPS
-from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
-from ninedisk.harness.params import resolve
-from ninedisk.harness.registry import get_case
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.cases.incline.block import CASE as INCLINE
+from ninedisk.harness.cases.invariance.frames import Frame
+from ninedisk.harness.cases.invariance.observers import CASES, SCENES, UNITS
+from ninedisk.harness.engines.bullet.adapter import ENGINE as BULLET
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.esys_particle.adapter import ENGINE as ESYS
+from ninedisk.harness.engines.lammps.adapter import ENGINE as LAMMPS
+from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 
 UNIT, ROTATION, GALILEI = CASES
 VARIANTS = [(case, params) for case in CASES for params in case.matrix()]

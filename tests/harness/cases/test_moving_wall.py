@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ninedisk.core.scene import ContactLaw
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cases.moving_wall import CASE
-from ninedisk.harness.engines.cd import ENGINE as CD
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.contact.moving_wall import CASE
+from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 
 PUSH, SHAKE = {"motion": "push"}, {"motion": "shake"}
 

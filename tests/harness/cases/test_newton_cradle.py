@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cases.newton_cradle import CASE
-from ninedisk.harness.engines.cd import ENGINE as CD
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.mujoco import ENGINE as MUJOCO
-from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.chain.newton_cradle import CASE
+from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.mujoco.adapter import ENGINE as MUJOCO
+from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 
 MATRIX = CASE.matrix()
 

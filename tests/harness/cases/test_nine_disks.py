@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.history import History
+from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.simulate import simulate
-from ninedisk.harness.cases.nine_disk_compression import CASE as COMPRESSION
-from ninedisk.harness.cases.nine_disk_distortion import CASE as DISTORTION
-from ninedisk.harness.cases.nine_disk_distortion import COMPRESS, RATE, SETTLE, wall_motions
-from ninedisk.harness.engines.cd import ENGINE as CD
-from ninedisk.harness.engines.dem import ENGINE
-from ninedisk.harness.engines.yade import ENGINE as YADE
-from ninedisk.harness.metrics import compare
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.nine_disk.compression import CASE as COMPRESSION
+from ninedisk.harness.cases.nine_disk.distortion import CASE as DISTORTION
+from ninedisk.harness.cases.nine_disk.distortion import COMPRESS, RATE, SETTLE, wall_motions
+from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.dem.adapter import ENGINE
+from ninedisk.harness.engines.yade.adapter import ENGINE as YADE
+from ninedisk.harness.run.judge import compare
 from ninedisk.references.converged_tables import load_converged
 
 

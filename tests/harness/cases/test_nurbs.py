@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.core.geometry.nurbs_shapes import disk
 from ninedisk.core.history import History
+from ninedisk.core.nurbs.shapes import disk
 from ninedisk.core.scene import Scene
-from ninedisk.harness.case import Case
-from ninedisk.harness.cases.nine_disk_compression import CASE as COMPRESSION
-from ninedisk.harness.cases.nine_disk_distortion import CASE as DISTORTION
-from ninedisk.harness.cases.nurbs_collision import CASE as COLLISION
-from ninedisk.harness.cases.nurbs_overlap import CASE as OVERLAP
-from ninedisk.harness.cases.nurbs_settle import CASE as SETTLE
-from ninedisk.harness.engines.dem import ENGINE
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import Case
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.nine_disk.compression import CASE as COMPRESSION
+from ninedisk.harness.cases.nine_disk.distortion import CASE as DISTORTION
+from ninedisk.harness.cases.nurbs.collision import CASE as COLLISION
+from ninedisk.harness.cases.nurbs.overlap import CASE as OVERLAP
+from ninedisk.harness.cases.nurbs.settle import CASE as SETTLE
+from ninedisk.harness.engines.dem.adapter import ENGINE
 
 Judge = Callable[..., Any]
 QUICK: Mapping[str, Any] = {"shape": "nurbs", "cycles": 100, "settle_cycles": 400}

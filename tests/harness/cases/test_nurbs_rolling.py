@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.core.geometry.nurbs_polygons import regular_polygon
+from ninedisk.core.nurbs.nurbs_polygons import regular_polygon
 from ninedisk.core.scene import Scene
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cases._rolling_grain import APOTHEM
-from ninedisk.harness.cases.nurbs_rolling import CASE, crossing_time
-from ninedisk.harness.engines.dem import ENGINE
-from ninedisk.harness.matched import with_slip_at
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.nurbs._rolling_grain import APOTHEM
+from ninedisk.harness.cases.nurbs.rolling import CASE, crossing_time
+from ninedisk.harness.engines.dem.adapter import ENGINE
+from ninedisk.harness.run.matched import with_slip_at
 
 Judge = Callable[..., Any]
 SQUARE = {"faces": 4, "roundness": 0.0}

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cases.reopening import CASE
-from ninedisk.harness.engines.cd import ENGINE as CD
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.contact.reopening import CASE
+from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 
 DISKS, WALL = {"pair": "disks"}, {"pair": "wall", "arm": "overlap"}
 

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from ninedisk.core.scene import Scene
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cases.retraced_loop import CASE, predicted_drift
-from ninedisk.harness.engine import SupportLevel
-from ninedisk.harness.engines.cd import ENGINE as CD
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.kratos import ENGINE as KRATOS
-from ninedisk.harness.engines.lammps import ENGINE as LAMMPS
-from ninedisk.harness.engines.liggghts import ENGINE as LIGGGHTS
-from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
-from ninedisk.harness.engines.yade import ENGINE as YADE
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.contact.retraced_loop import CASE, predicted_drift
+from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.kratos.adapter import ENGINE as KRATOS
+from ninedisk.harness.engines.lammps.adapter import ENGINE as LAMMPS
+from ninedisk.harness.engines.liggghts.adapter import ENGINE as LIGGGHTS
+from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
+from ninedisk.harness.engines.yade.adapter import ENGINE as YADE
 from ninedisk.harness.selftest.setups import with_laws
 
 KINDS = ("pair", "wall")

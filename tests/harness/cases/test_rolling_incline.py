@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from ninedisk.core.history import History
-from ninedisk.harness.cases.rolling_incline import CASE, MASS, RADIUS
-from ninedisk.harness.engines.cd import ENGINE as CD
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.rolling.incline_disk import CASE, MASS, RADIUS
+from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 from ninedisk.references.exact_steps.rolling import associated_rolling
 
 ANGLE = math.radians(20)

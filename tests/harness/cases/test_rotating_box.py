@@ -6,14 +6,14 @@ import math
 
 import pytest
 
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cases.rotating_box import CASE
-from ninedisk.harness.engine import SupportLevel
-from ninedisk.harness.engines.cd import ENGINE as CD
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.lammps import ENGINE as LAMMPS
-from ninedisk.harness.engines.yade import ENGINE as YADE
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.invariance.rotating_box import CASE
+from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.lammps.adapter import ENGINE as LAMMPS
+from ninedisk.harness.engines.yade.adapter import ENGINE as YADE
 
 
 @pytest.mark.parametrize("params", CASE.matrix(), ids=lambda params: params["arm"])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cases.row_pushed import CASE
-from ninedisk.harness.engines.cd import ENGINE as CD
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.chain.row_pushed import CASE
+from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 
 WAVE, DAMPED = {"xi": 0.0, "g": 0.0}, {"xi": 300.0, "g": 10.0}
 

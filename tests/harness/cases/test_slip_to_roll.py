@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cases.slip_to_roll import CASE
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.rolling.slip_to_roll import CASE
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 
 MATRIX = CASE.matrix()
 

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cases.spinning_disk import CASE
-from ninedisk.harness.engines.cd import ENGINE as CD
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.rolling.spinning_disk import CASE
+from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 
 MATRIX = CASE.matrix()
 

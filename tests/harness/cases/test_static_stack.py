@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.harness.cases._stack_bounds import contact_network
-from ninedisk.harness.cases.static_stack import CASE, TILT
-from ninedisk.harness.engines.cd import ENGINE as CD
-from ninedisk.harness.engines.dem import ENGINE as DEM
-from ninedisk.harness.engines.kratos import ENGINE as KRATOS
-from ninedisk.harness.engines.pymunk import ENGINE as PYMUNK
-from ninedisk.harness.engines.siconos import ENGINE as SICONOS
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.static._stack_bounds import contact_network
+from ninedisk.harness.cases.static.stack import CASE, TILT
+from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.kratos.adapter import ENGINE as KRATOS
+from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
+from ninedisk.harness.engines.siconos.adapter import ENGINE as SICONOS
 from ninedisk.references.analytic.stack import pyramid_forces
 
 PYRAMID, AT_REST = {"arrangement": "pyramid"}, {"start": "equilibrium"}

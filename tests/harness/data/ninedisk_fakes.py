@@ -17,9 +17,9 @@ from ninedisk.core.errors import InvalidSceneError, UnstableTimeStepError
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.case import Check, Observed, Parameter, Setup
-from ninedisk.harness.engine import (
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.case import Check, Observed, Parameter, Setup
+from ninedisk.harness.api.engine import (
     EngineError,
     EngineInfo,
     EngineNotInstalledError,
@@ -29,7 +29,7 @@ from ninedisk.harness.engine import (
     SupportLevel,
     Timings,
 )
-from ninedisk.harness.isolation import run_isolated
+from ninedisk.harness.run.isolation import run_isolated
 
 STUBBORN = """
 import signal, subprocess, sys, time

@@ -11,10 +11,10 @@ from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
-from ninedisk.harness.engines import _package_engine
-from ninedisk.harness.engines.box2d import ENGINE, Box2DEngine
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
+from ninedisk.harness.engines import package as package_engine
+from ninedisk.harness.engines.box2d.adapter import ENGINE, Box2DEngine
 
 G = 10.0
 EPS = float(np.finfo(np.float32).eps)
@@ -52,7 +52,7 @@ def numerics(n_steps, dt=0.01, **options) -> Numerics:
 
 def run(scene, n_steps=100, *, dt=0.01, watch=((0, 1),), **options):
     """Run in this process: what is tested is the session; the process around it has tests of its own."""
-    from ninedisk.harness.engines._box2d_session import Box2DSession
+    from ninedisk.harness.engines.box2d.session import Box2DSession
 
     return run_session(Box2DSession, scene, numerics(n_steps, dt, **options), watch)
 
@@ -70,16 +70,16 @@ def test_facts():
 
 def test_what_is_not_installed_says_how_to_get_it(monkeypatch):
     def missing(_name):
-        raise _package_engine.metadata.PackageNotFoundError
+        raise package_engine.metadata.PackageNotFoundError
 
-    _package_engine.package_version.cache_clear()
-    monkeypatch.setattr(_package_engine.metadata, "version", missing)
+    package_engine.package_version.cache_clear()
+    monkeypatch.setattr(package_engine.metadata, "version", missing)
     try:
         assert not Box2DEngine().info().installed
         with pytest.raises(EngineNotInstalledError, match="pip install Box2D"):
             Box2DEngine().run(on_plane(rigid()), numerics(1), [])
     finally:
-        _package_engine.package_version.cache_clear()
+        package_engine.package_version.cache_clear()
 
 
 def test_a_stiffness_that_matters_is_refused_by_name():
@@ -146,9 +146,9 @@ def test_collision_at_a_speed_that_box2d_would_take_as_plastic(restitution):
 
 @needs_box2d
 def test_without_own_units_the_impact_is_plastic(monkeypatch):
-    from ninedisk.harness.engines import _box2d_session
+    from ninedisk.harness.engines.box2d import session as box2d_session
 
-    monkeypatch.setattr(_box2d_session, "units_of", lambda *_: _box2d_session.Units(length=1.0, time=1.0, mass=1.0))
+    monkeypatch.setattr(box2d_session, "units_of", lambda *_: box2d_session.Units(length=1.0, time=1.0, mass=1.0))
     scene = on_plane(rigid(restitution=1.0), v=(0.0, -0.9), g=0.0)
     assert abs(run(scene, 5).history.v[-1, 0, 1]) < 1e-6
     monkeypatch.undo()

@@ -11,12 +11,12 @@ from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
-from ninedisk.harness.engines import _plane_geometry
-from ninedisk.harness.engines import bullet as adapter
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
+from ninedisk.harness.engines import plane as plane_geometry
 from ninedisk.harness.engines._rigid_package import product_factors
-from ninedisk.harness.engines.bullet import ENGINE
+from ninedisk.harness.engines.bullet import adapter as adapter
+from ninedisk.harness.engines.bullet.adapter import ENGINE
 
 G = 10.0
 INFO = ENGINE.info()
@@ -29,7 +29,7 @@ def numerics(n_steps, dt=0.01, **options) -> Numerics:
 
 def run(scene, n_steps=100, *, dt=0.01, watch=((0, 1),), **options):
     """Run in this process: what is tested is the session; the process around it has tests of its own."""
-    from ninedisk.harness.engines._bullet_session import BulletSession
+    from ninedisk.harness.engines.bullet.session import BulletSession
 
     return run_session(BulletSession, scene, numerics(n_steps, dt, **options), watch)
 
@@ -116,7 +116,7 @@ def test_bullet_s_own_settings_would_change_the_restitution(rigid, on_plane, mon
     scene = on_plane(rigid(restitution=1.0), v=(0.0, -1.0), height=0.0525, g=0.0)
     assert run(scene, 12, contact_erp=0.2).history.v[-1, 0, 1] > 1.05
     # Contacts from about 0.01 m on, as with Bullet's own 0.02 m.
-    monkeypatch.setattr(_plane_geometry, "TOUCH_ULPS", 1e14)
+    monkeypatch.setattr(plane_geometry, "TOUCH_ULPS", 1e14)
     assert run(scene, 12).history.v[-1, 0, 1] < 0.9
 
 
@@ -227,7 +227,7 @@ def test_settings_of_other_engines_are_left_alone(rigid, on_plane):
 
 @needs_bullet
 def test_a_state_that_is_no_longer_finite_is_an_error(rigid, on_plane, monkeypatch):
-    from ninedisk.harness.engines._bullet_session import BulletSession
+    from ninedisk.harness.engines.bullet.session import BulletSession
 
     def explode(self, _n_steps):
         self.world.resetBaseVelocity(self.disks[0], [math.inf, 0.0, 0.0])

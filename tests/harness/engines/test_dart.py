@@ -11,10 +11,10 @@ from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
-from ninedisk.harness.engines import dart as adapter
-from ninedisk.harness.engines.dart import ENGINE, FORCE_MIXING
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
+from ninedisk.harness.engines.dart import adapter as adapter
+from ninedisk.harness.engines.dart.adapter import ENGINE, FORCE_MIXING
 
 G = 10.0
 INFO = ENGINE.info()
@@ -30,7 +30,7 @@ def numerics(n_steps, dt=0.01, **options) -> Numerics:
 
 def run(scene, n_steps=100, *, dt=0.01, watch=((0, 1),), **options):
     """Run in this process: what is tested is the session; the process around it has tests of its own."""
-    from ninedisk.harness.engines._dart_session import DartSession
+    from ninedisk.harness.engines.dart.session import DartSession
 
     return run_session(DartSession, scene, numerics(n_steps, dt, **options), watch)
 
@@ -217,7 +217,7 @@ def test_bad_settings_are_refused_before_a_process_starts(rigid, on_plane, optio
 
 @needs_dart
 def test_a_state_that_is_no_longer_finite_is_an_error(rigid, on_plane, monkeypatch):
-    from ninedisk.harness.engines._dart_session import DartSession
+    from ninedisk.harness.engines.dart.session import DartSession
 
     monkeypatch.setattr(DartSession, "advance", lambda self, _n: self.disks[0].setVelocities([math.nan, 0.0]))
     with pytest.raises(EngineError, match="no longer finite"):

@@ -11,14 +11,14 @@ from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.cases._nine_disks import LOAD_CASES, MASS
-from ninedisk.harness.cases.nine_disk_compression import CASE as COMPRESSION
-from ninedisk.harness.cases.nine_disk_compression import WATCH
-from ninedisk.harness.engine import Engine, EngineNotInstalledError, SupportLevel, run_session
-from ninedisk.harness.engines import drake as adapter
-from ninedisk.harness.engines.drake import ENGINES, no_contact_can_slip, shares_in_series
-from ninedisk.harness.params import resolve
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import Engine, EngineNotInstalledError, SupportLevel, run_session
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.nine_disk.compression import CASE as COMPRESSION
+from ninedisk.harness.cases.nine_disk.compression import WATCH
+from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
+from ninedisk.harness.engines.drake import adapter as adapter
+from ninedisk.harness.engines.drake.adapter import ENGINES, no_contact_can_slip, shares_in_series
 from ninedisk.references.analytic.compression import continuous_row
 
 G = 10.0
@@ -33,12 +33,12 @@ def numerics(n_steps, dt=0.01, engine="drake", **options) -> Numerics:
 
 def run(scene, n_steps=100, *, engine="drake", dt=0.01, watch=((0, 1),), **options):
     """Run in this process: what is tested is the session; the process around it has tests of its own."""
-    from ninedisk.harness.engines import _drake_session
+    from ninedisk.harness.engines.drake import session as drake_session
 
     sessions = {
-        "drake": _drake_session.DrakeSession,
-        "drake-sap": _drake_session.SapSession,
-        "drake-lagged": _drake_session.LaggedSession,
+        "drake": drake_session.DrakeSession,
+        "drake-sap": drake_session.SapSession,
+        "drake-lagged": drake_session.LaggedSession,
     }
     return run_session(sessions[engine], scene, numerics(n_steps, dt, engine, **options), watch)
 
@@ -140,12 +140,12 @@ def test_the_compression_converges_with_the_third_order():
 
 @needs_drake
 def test_wrong_shares_are_noticed(monkeypatch):
-    from ninedisk.harness.engines import _drake_session
+    from ninedisk.harness.engines.drake import session as drake_session
 
     def as_they_are(between, with_walls):
         return between, list(with_walls)
 
-    monkeypatch.setattr(_drake_session, "shares_in_series", as_they_are)
+    monkeypatch.setattr(drake_session, "shares_in_series", as_they_are)
     assert row_errors(3.0, 0.08) > 0.3
 
 
@@ -161,7 +161,7 @@ def test_no_contact_of_the_box_slips():
 
 @needs_drake
 def test_a_wall_s_motion_may_end_within_a_step(on_plane, monkeypatch):
-    from ninedisk.harness.engines import _drake_session
+    from ninedisk.harness.engines.drake import session as drake_session
 
     motion = (WallSegment(duration=0.0625, velocity=(0.0, 0.2)),)
     scene = on_plane(ContactLaw(kn=1e3), motion=motion, g=0.0)
@@ -169,7 +169,7 @@ def test_a_wall_s_motion_may_end_within_a_step(on_plane, monkeypatch):
     coarse = run(scene, 20, dt=0.05, phase=0.01).history
     np.testing.assert_allclose(coarse.wall_point[-1, 0], [0.0, 0.0125], atol=1e-15)
     np.testing.assert_allclose(coarse.v[-1, 0], fine.v[-1, 0], atol=2e-6)  # the kink where contact ends: h^2
-    monkeypatch.setattr(_drake_session, "moving_until", lambda _scene: 0.0)  # a wall that nobody stops
+    monkeypatch.setattr(drake_session, "moving_until", lambda _scene: 0.0)  # a wall that nobody stops
     assert np.abs(run(scene, 20, dt=0.05).history.v[-1, 0] - fine.v[-1, 0]).max() > 1e-4
 
 

@@ -17,14 +17,14 @@ from ninedisk.core.errors import UnstableTimeStepError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.case import Setup
-from ninedisk.harness.cases._nine_disks import LOAD_CASES, MASS
-from ninedisk.harness.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
-from ninedisk.harness.engines import esys_particle as adapter
-from ninedisk.harness.engines.esys_particle import EsysParticle
-from ninedisk.harness.params import resolve
-from ninedisk.harness.registry import get_case
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
+from ninedisk.harness.engines.esys_particle import adapter as adapter
+from ninedisk.harness.engines.esys_particle.adapter import EsysParticle
 from ninedisk.references.exact_steps.compression import smooth_row
 
 needs_esys = pytest.mark.skipif(

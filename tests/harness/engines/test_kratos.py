@@ -16,15 +16,15 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.case import Setup
-from ninedisk.harness.cases._nine_disks import LOAD_CASES, MASS
-from ninedisk.harness.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
-from ninedisk.harness.engines import kratos as adapter
-from ninedisk.harness.engines.kratos import Kratos
-from ninedisk.harness.params import resolve
-from ninedisk.harness.registry import get_case
-from ninedisk.harness.wall_path import wall_path
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.api.wall_path import wall_path
+from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
+from ninedisk.harness.engines.kratos import adapter as adapter
+from ninedisk.harness.engines.kratos.adapter import Kratos
 from ninedisk.references.exact_steps.compression import smooth_row
 
 needs_kratos = pytest.mark.skipif(

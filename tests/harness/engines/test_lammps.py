@@ -17,20 +17,20 @@ import numpy as np
 import pytest
 
 from ninedisk.core.errors import UnstableTimeStepError
-from ninedisk.core.geometry.motion import compile_motion, wall_poses
 from ninedisk.core.history import History, Pair
+from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.case import Setup
-from ninedisk.harness.cases._nine_disks import LOAD_CASES, MASS
-from ninedisk.harness.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
-from ninedisk.harness.engines import lammps as adapter
-from ninedisk.harness.engines.lammps import DRIVER, KINDS, Lammps
-from ninedisk.harness.params import resolve
-from ninedisk.harness.registry import get_case
-from ninedisk.harness.wall_path import wall_path
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.api.wall_path import wall_path
+from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
+from ninedisk.harness.engines.lammps import adapter as adapter
+from ninedisk.harness.engines.lammps.adapter import DRIVER, KINDS, Lammps
 from ninedisk.references.exact_steps.compression import smooth_row
 
 needs_lammps = pytest.mark.skipif(

@@ -17,16 +17,16 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.case import Setup
-from ninedisk.harness.cases._nine_disks import LOAD_CASES, MASS
-from ninedisk.harness.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
-from ninedisk.harness.engines import liggghts as adapter
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
 from ninedisk.harness.engines._mirrors import no_disk_can_turn
-from ninedisk.harness.engines.liggghts import Liggghts
-from ninedisk.harness.isolation import run_isolated
-from ninedisk.harness.params import resolve
-from ninedisk.harness.registry import get_case
+from ninedisk.harness.engines.liggghts import adapter as adapter
+from ninedisk.harness.engines.liggghts.adapter import Liggghts
+from ninedisk.harness.run.isolation import run_isolated
 from ninedisk.references.exact_steps.compression import smooth_row
 
 needs_liggghts = pytest.mark.skipif(

@@ -11,10 +11,10 @@ from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
-from ninedisk.harness.engines import _package_engine
-from ninedisk.harness.engines.mujoco import ENGINE, OPTIONS, MuJoCoEngine
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
+from ninedisk.harness.engines import package as package_engine
+from ninedisk.harness.engines.mujoco.adapter import ENGINE, OPTIONS, MuJoCoEngine
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution
 
 G, MASS, DT = 10.0, 2.0, 0.01
@@ -54,7 +54,7 @@ def numerics(n_steps, **options) -> Numerics:
 
 def run(scene, n_steps=100, *, watch=((0, 1),), **options):
     """Run in this process: what is tested is the session; the process around it has tests of its own."""
-    from ninedisk.harness.engines._mujoco_session import MuJoCoSession
+    from ninedisk.harness.engines.mujoco.session import MuJoCoSession
 
     return run_session(MuJoCoSession, scene, numerics(n_steps, **options), watch)
 
@@ -68,15 +68,15 @@ def test_facts():
 
 def test_what_is_not_installed_says_how_to_get_it(monkeypatch):
     def missing(_name):
-        raise _package_engine.metadata.PackageNotFoundError
+        raise package_engine.metadata.PackageNotFoundError
 
-    _package_engine.package_version.cache_clear()
-    monkeypatch.setattr(_package_engine.metadata, "version", missing)
+    package_engine.package_version.cache_clear()
+    monkeypatch.setattr(package_engine.metadata, "version", missing)
     try:
         with pytest.raises(EngineNotInstalledError, match="pip install mujoco"):
             MuJoCoEngine().run(on_plane(rigid()), numerics(1), [])
     finally:
-        _package_engine.package_version.cache_clear()
+        package_engine.package_version.cache_clear()
 
 
 def test_what_it_cannot_express_is_refused_by_name():
@@ -270,7 +270,7 @@ def test_disks_that_cannot_turn_keep_their_spin():
 
 @needs_mujoco
 def test_samples_that_skip_steps_see_the_same_motion():
-    from ninedisk.harness.engines._mujoco_session import MuJoCoSession
+    from ninedisk.harness.engines.mujoco.session import MuJoCoSession
 
     scene = on_plane(rigid(mu=0.3), slope=0.5)
     every, some = (
@@ -282,7 +282,7 @@ def test_samples_that_skip_steps_see_the_same_motion():
 
 @needs_mujoco
 def test_a_warning_of_mujoco_is_an_error(monkeypatch, tmp_path):
-    from ninedisk.harness.engines._mujoco_session import MuJoCoSession
+    from ninedisk.harness.engines.mujoco.session import MuJoCoSession
 
     monkeypatch.chdir(tmp_path)  # MuJoCo writes its log there
     scene = on_plane(rigid(mu=0.3), v=(1e9, 0.0))

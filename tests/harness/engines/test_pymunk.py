@@ -12,10 +12,10 @@ import pytest
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel
-from ninedisk.harness.engines import pymunk as adapter
-from ninedisk.harness.engines.pymunk import ENGINE
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel
+from ninedisk.harness.engines.pymunk import adapter as adapter
+from ninedisk.harness.engines.pymunk.adapter import ENGINE
 
 G = 10.0
 
@@ -232,7 +232,7 @@ def test_settings_of_other_engines_are_left_alone():
 
 
 def test_a_state_that_is_no_longer_finite_is_an_error(monkeypatch):
-    from ninedisk.harness.engines._pymunk_session import PymunkSession
+    from ninedisk.harness.engines.pymunk.session import PymunkSession
 
     def explode(self, _n_steps):
         self.disks[0].velocity = (math.inf, 0.0)
@@ -255,7 +255,7 @@ def test_without_pymunk_the_adapter_says_how_to_get_it(monkeypatch):
             raise ImportError("No module named 'pymunk'")
         return real(name, *args, **kwargs)
 
-    monkeypatch.delitem(sys.modules, "ninedisk.harness.engines._pymunk_session", raising=False)
+    monkeypatch.delitem(sys.modules, "ninedisk.harness.engines.pymunk.session", raising=False)
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(EngineNotInstalledError, match="pip install pymunk"):
         run(on_plane(rigid()), 1)

@@ -17,11 +17,11 @@ from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineError, EngineNotInstalledError, SupportLevel
-from ninedisk.harness.engines import siconos
-from ninedisk.harness.engines._rigid import NOTE_PRELOAD, NOTE_RESTITUTION
-from ninedisk.harness.engines.siconos import NOTE_THETA, Siconos, installed_siconos
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, SupportLevel
+from ninedisk.harness.engines.rigid import NOTE_PRELOAD, NOTE_RESTITUTION
+from ninedisk.harness.engines.siconos import adapter as siconos
+from ninedisk.harness.engines.siconos.adapter import NOTE_THETA, Siconos, installed_siconos
 from ninedisk.references.analytic.slip_to_roll import slip_to_roll
 from ninedisk.references.exact_steps.incline import coulomb_incline_theta
 

@@ -8,15 +8,16 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from ninedisk.core.cd.gauss_seidel import solve_gauss_seidel
-from ninedisk.core.cd.interior_point import InteriorPoint
 from ninedisk.core.cd.problem import ContactProblem, FloatArray
 from ninedisk.core.cd.residuals import measure
 from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.errors import SolverNotConvergedError
-from ninedisk.harness.engine import EngineError, EngineNotInstalledError
-from ninedisk.harness.engines import siconos, siconos_solvers
-from ninedisk.harness.engines.siconos_solvers import Solution, evaluate_saved, judge, solve_saved
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
+from ninedisk.harness.engines.siconos import adapter as siconos
+from ninedisk.harness.engines.siconos import solvers as siconos_solvers
+from ninedisk.harness.engines.siconos.solvers import Solution, evaluate_saved, judge, solve_saved
 
 VERSION, REASON = siconos.installed_siconos(siconos.SYSTEM_PYTHON)
 pytestmark = pytest.mark.slow

@@ -18,11 +18,11 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
-from ninedisk.harness.capabilities import Capability
-from ninedisk.harness.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
-from ninedisk.harness.engines.yade import NOTE_ARM, NOTE_ROTATION, Yade
-from ninedisk.harness.isolation import run_isolated
-from ninedisk.harness.wire import Request, encode_request
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
+from ninedisk.harness.engines.yade.adapter import NOTE_ARM, NOTE_ROTATION, Yade
+from ninedisk.harness.run.isolation import run_isolated
+from ninedisk.harness.wire.protocol import Request, encode_request
 
 needs_yade = pytest.mark.skipif(shutil.which("yade") is None, reason="YADE is not installed: apt-get install yade")
 

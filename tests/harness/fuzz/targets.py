@@ -28,17 +28,17 @@ from ninedisk.core.dem.session import DemSession
 from ninedisk.core.errors import CoreError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness import published
-from ninedisk.harness.case import ParameterError
-from ninedisk.harness.cli import app
-from ninedisk.harness.cli_run import parse_settings
-from ninedisk.harness.engine import EngineError
-from ninedisk.harness.errors import UsageError
-from ninedisk.harness.observation import blank_history
-from ninedisk.harness.plan import plan_case, plan_matrix
-from ninedisk.harness.registry import BUILTIN_CASES, BUILTIN_ENGINES, get_case
-from ninedisk.harness.store import read_run, run_ids
-from ninedisk.harness.wire import Answer, Request, decode_answer, decode_request, encode_answer, encode_request
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.api.registry import BUILTIN_CASES, BUILTIN_ENGINES, get_case
+from ninedisk.harness.cli.app import app
+from ninedisk.harness.cli.run import parse_settings
+from ninedisk.harness.results.store import read_run, run_ids
+from ninedisk.harness.run import published
+from ninedisk.harness.run.observation import blank_history
+from ninedisk.harness.run.plan import plan_case, plan_matrix
+from ninedisk.harness.wire.protocol import Answer, Request, decode_answer, decode_request, encode_answer, encode_request
 
 OURS = (CoreError, UsageError, ParameterError, EngineError)
 SECONDS = 30.0

@@ -17,8 +17,8 @@ from targets import TARGETS, FaultError, attempt, clean, invoke, requests
 
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.harness.errors import UsageError
-from ninedisk.harness.wire import WireError, decode_request, encode_request
+from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.wire.protocol import WireError, decode_request, encode_request
 
 SHORT, LONG = 3, 100
 """Inputs for each hundredth of a target's share: three hundred always, ten thousand in the slow run."""
@@ -90,7 +90,7 @@ def test_faults_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken() -> None:
         raise ZeroDivisionError("float division by zero")
 
-    monkeypatch.setattr("ninedisk.harness.cli_list.show_cases", broken)
+    monkeypatch.setattr("ninedisk.harness.cli.list.show_cases", broken)
     with pytest.raises(FaultError, match="internal error"):
         invoke(["list", "cases"])
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from ninedisk.harness.cli import app
-from ninedisk.harness.results import Row
+from ninedisk.harness.cli.app import app
+from ninedisk.harness.results.tables import Row
 from ninedisk.harness.selftest import gallery
 from ninedisk.harness.selftest.defect import Defect
 from ninedisk.harness.selftest.edits import Edit

@@ -1,0 +1,86 @@
+"""Files of the core: written whole or not at all, and read although they may be damaged or something else altogether."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.errors import InvalidSceneError, UnwritableFileError
+from ninedisk.core.validate import shown
+
+
+@contextmanager
+def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
+    """A stream whose content becomes the file at the end of the block; an exception in it leaves the file as it was.
+
+    Raises
+    ------
+    UnwritableFileError
+        If the file cannot be written: its folder is missing or closed, it is a folder itself, the disk is full, ...
+    """
+    try:
+        target = Path(path)
+        partial = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+        stream = open(partial, "wb")  # noqa: SIM115 - what fails here is the path's fault, what fails below may be the content's
+    except (OSError, TypeError, ValueError) as error:  # a path may be of another type, empty, or hold a zero byte
+        raise _unwritable(path, error) from error
+    try:
+        with stream:
+            yield stream
+        os.replace(partial, target)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def made_folder(path: str | os.PathLike[str]) -> Path:
+    """The folder, made where it does not exist.
+
+    Raises
+    ------
+    UnwritableFileError
+        If it cannot be made.
+    """
+    try:
+        folder = Path(path)
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, TypeError, ValueError) as error:
+        raise _unwritable(path, error) from error
+    return folder
+
+
+def _unwritable(path: object, error: Exception) -> UnwritableFileError:
+    why = getattr(error, "strerror", None) or error
+    return UnwritableFileError(
+        f"{shown(path)} cannot be written ({why}): give a path in a folder that exists and can be written"
+    )
+
+
+def read_arrays(path: str | os.PathLike[str], what: str) -> dict[str, NDArray[Any]]:
+    """All arrays of a file, by name.
+
+    Raises
+    ------
+    InvalidSceneError
+        If the file is missing, damaged or no ``.npz`` file; the message says that it is not ``what`` was asked for.
+    """
+    try:
+        data = np.load(path, allow_pickle=False)
+        if not isinstance(data, np.lib.npyio.NpzFile):
+            raise ValueError("it holds a single array")
+        with data:
+            return {name: data[name] for name in data.files}
+    except (
+        OSError, ValueError, KeyError, TypeError, EOFError, MemoryError, OverflowError, SyntaxError,
+        RuntimeError, zipfile.BadZipFile, zlib.error,
+    ) as error:  # fmt: skip
+        raise InvalidSceneError(f"{path} is no {what}, or damaged: {error}") from error

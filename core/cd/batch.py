@@ -1,0 +1,234 @@
+"""Many dynamic steps at once, as long as nothing out of the ordinary happens in them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.cd.batch_kernels import LISTS, MORE, march
+from ninedisk.core.cd.laws import LawTable
+from ninedisk.core.cd.march_arrays import (
+    HELD,
+    ITERATIONS,
+    PLAIN,
+    REACH,
+    STEP,
+    SWEEPS,
+    WALL_REACH,
+    WORK,
+    WORST_GAP,
+    WORST_MAP,
+    Chosen,
+    Near,
+    Scheme,
+    Scratch,
+    State,
+)
+from ninedisk.core.cd.memory import ContactMemory
+from ninedisk.core.cd.residual_kernels import SUMS
+from ninedisk.core.cd.solvers.solver import LOOSE, ContactSolver
+from ninedisk.core.cd.step import Bodies, dynamic_mass
+from ninedisk.core.dem.neighbours import PairFinder
+from ninedisk.core.motion_kernels import WallMotion
+
+FloatArray = NDArray[np.float64]
+
+SKIN = 0.1
+"""Extra reach of the list of pairs over the smallest radius: it outlasts many steps, and adds hardly a pair in a packing."""
+PAIR_STEPS = 20_000
+"""Pairs times steps of one call: some ten milliseconds, so that progress and Ctrl-C come through."""
+STRETCH = 1.5
+"""Factor on changes of forces in long solutions to a loose tolerance: chains of contacts then take a third of the sweeps. From 1.8 on
+Coulomb friction does not converge. At a tight tolerance the last digits would oscillate."""
+LONGEST_REST = 64
+"""Steps taken singly, at most, before the next attempt after several in a row that found a step out of the ordinary."""
+
+
+class March:
+    """Takes steps together in one kernel and gives back those that need more.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    laws : LawTable
+    motion : WallMotion
+    radius : ndarray, shape (n,)
+        Radii [m].
+    finder : PairFinder
+    solver : ContactSolver
+        Its rule, tolerance and number of sweeps hold here too.
+    dt, theta : float
+        Step [s] and parameter of the scheme.
+    gains : ndarray, shape (6,)
+        Energy that impacts feed, see `ninedisk.core.cd.contact_kernels.note_impact_work`; updated.
+
+    Attributes
+    ----------
+    start : ContactMemory or None
+        Forces reached in the step that has to be taken singly; None where it was not begun.
+    iterations : int
+        Sweeps of all steps taken.
+    worst : (float, float)
+        Largest natural-map residual and duality gap of the steps taken whose forces are more than round-off.
+    """
+
+    def __init__(
+        self,
+        bodies: Bodies,
+        laws: LawTable,
+        motion: WallMotion,
+        radius: FloatArray,
+        finder: PairFinder,
+        solver: ContactSolver,
+        dt: float,
+        theta: float,
+        gains: FloatArray,
+    ) -> None:
+        n, m = len(radius), len(laws.kn) - 1
+        self._laws, self._motion, self._finder, self._n, self._gains = laws, motion, finder, n, gains
+        self._scheme = Scheme(
+            dt=dt,
+            theta=theta,
+            tolerance=solver.options.tolerance,
+            sweeps=solver.sweeps,
+            most=solver.most_contacts,
+            relaxation=solver.options.relaxation,
+            stretch=STRETCH if solver.options.tolerance >= LOOSE else 1.0,
+            coulomb=solver.sliding == "coulomb",
+            newton=laws.newton,
+            holds_rest=solver.holds_rest,
+            smallest=float(radius.min()),
+            xi=float(bodies.xi),
+            radius=radius,
+            mass=bodies.mass,
+            free=bodies.free,
+            load=bodies.load,
+            inverse_mass=1.0 / dynamic_mass(bodies, dt, theta),
+            dilation=laws.mu if solver.sliding == "associated" else np.zeros_like(laws.mu),
+        )
+        force, kept, prescribed, end, dx = (np.empty((n, 3)) for _ in range(5))
+        self._scratch = Scratch(np.empty((m, 11)), force, kept, prescribed, end, dx, np.empty(SUMS), np.empty(6))
+        self._counts, self._totals = np.zeros(6, dtype=np.int64), np.zeros(5)
+        self._pairs, self._forces, self._shear = np.empty((0, 2), dtype=np.int64), np.empty((0, 2)), np.empty(0)
+        self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), np.full(2, -np.inf))
+        self._rest, self._resting = 1, 0
+        self.iterations, self.worst = 0, (0.0, 0.0)
+        self.start: ContactMemory | None = None
+
+    def advance(
+        self, done: int, last: int, x: FloatArray, v: FloatArray, wall: FloatArray, memory: ContactMemory
+    ) -> tuple[int, ContactMemory, float]:
+        """Advance from step ``done`` to step ``last``, or as far as it goes.
+
+        Parameters
+        ----------
+        done, last : int
+        x, v : ndarray, shape (n, 3)
+            Centres and angles, and their rates; updated.
+        wall : ndarray, shape (m, 11)
+            Walls; updated.
+        memory : ContactMemory
+            Forces of the last step.
+
+        Returns
+        -------
+        done : int
+            Last step taken. If it is the one given, the next has to be taken singly.
+        memory : ContactMemory
+        work : float
+            Work of the walls on the disks in these steps [J].
+        """
+        self.start = None
+        if self._resting:
+            self._resting -= 1
+            return done, memory, 0.0
+        counts, totals = self._counts, self._totals
+        self._remember(memory)
+        counts[STEP], counts[ITERATIONS], counts[SWEEPS], counts[PLAIN] = done, 0, 0, 0
+        totals[WORK], totals[WORST_MAP], totals[WORST_GAP] = 0.0, *self.worst
+        listed_at = -1
+        while True:
+            target = min(last, done + max(1, PAIR_STEPS // (len(self._near.pairs) + 1)))
+            state = State(x, v, wall, self._pairs, self._forces, self._shear, counts, totals, self._gains)
+            laws, motion = self._laws.arrays, self._motion
+            why = march(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
+            if why == MORE:
+                continue
+            if why != LISTS or counts[STEP] == listed_at:
+                break
+            self._list(x, wall, totals[[REACH, WALL_REACH]])
+            listed_at, counts[SWEEPS] = int(counts[STEP]), 0
+        reached = int(counts[STEP])
+        if reached == done:
+            if counts[SWEEPS]:
+                near = self._near
+                inside = near.pairs[near.inside]
+                self.start = memory.renewed(inside, near.force[near.inside], np.zeros(inside.shape))
+            self._resting, self._rest = self._rest - 1, min(2 * self._rest, LONGEST_REST)
+            return done, memory, 0.0
+        self._rest = 1
+        self.iterations += int(counts[ITERATIONS])
+        self.worst = (float(totals[WORST_MAP]), float(totals[WORST_GAP]))
+        held = int(counts[HELD])
+        forces, shear = self._forces[:held].copy(), self._shear[:held].copy()
+        found = memory.renewed(self._pairs[:held].copy(), forces, np.zeros((held, 2)), shear)
+        return reached, found, float(totals[WORK])
+
+    def _remember(self, memory: ContactMemory) -> None:
+        """Take over the forces of a step that was taken singly."""
+        held = len(memory.pairs)
+        if held > len(self._pairs):
+            self._make_room(held)
+        self._pairs[:held], self._forces[:held], self._shear[:held] = memory.pairs, memory.forces, memory.shear
+        self._counts[HELD] = held
+
+    def _list(self, x: FloatArray, wall: FloatArray, needed: FloatArray) -> None:
+        """List the pairs for steps that need this reach between disks and to walls [m]."""
+        reach = 1.5 * needed + SKIN * self._scheme.smallest
+        pairs = self._finder.within(np.ascontiguousarray(x[:, :2]), wall, *reach.tolist())
+        self._take_list(pairs, x, wall, reach)
+
+    def _take_list(self, pairs: NDArray[np.int64], x: FloatArray, wall: FloatArray, reach: FloatArray) -> None:
+        c = len(pairs)
+
+        self._near = Near(
+            x=x.copy(),
+            wall=wall.copy(),
+            reach=reach,
+            pairs=pairs,
+            bodies=np.where(pairs < self._n, pairs, -1).astype(np.int32),
+            row=np.maximum(pairs[:, 1] - self._n + 1, 0),
+            closing=np.empty(c),
+            inside=np.zeros(c, dtype=np.bool_),
+            shear=np.empty(c),
+            force=np.empty((c, 2)),
+            **_geometry(c),
+        )
+        self._chosen = Chosen(
+            pairs=np.empty_like(pairs),
+            bodies=np.empty((c, 2), dtype=np.int32),
+            row=np.empty(c, dtype=np.int64),
+            offset=np.empty((c, 2)),
+            compliance=np.empty((c, 2)),
+            shear_0=np.empty(c),
+            mu=np.empty(c),
+            blocks=np.empty((c, 3)),
+            rho=np.empty(c),
+            b=np.empty((c, 2)),
+            r=np.empty((c, 2)),
+            **_geometry(c),
+        )
+        if c > len(self._pairs):
+            held = len(self._pairs)
+            kept = (self._pairs, self._forces, self._shear)
+            self._make_room(c)
+            self._pairs[:held], self._forces[:held], self._shear[:held] = kept
+
+    def _make_room(self, c: int) -> None:
+        self._pairs, self._forces, self._shear = np.empty((c, 2), dtype=np.int64), np.empty((c, 2)), np.empty(c)
+
+
+def _geometry(c: int) -> dict[str, FloatArray]:
+    """Columns of c frames."""
+    widths = {"normal": (2,), "gap": (), "gap_before": (), "shift": (), "arms": (4,)}
+    return {name: np.empty((c, *width)) for name, width in widths.items()}

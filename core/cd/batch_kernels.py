@@ -1,0 +1,296 @@
+"""Kernel that takes many dynamic steps at once: the same step as `DynamicStep` by `solve_with_contacts`, without Python between.
+
+A step that needs more sweeps than the scheme allows is left to those; what it leaves undone is no part of the state.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.cd._jit import inline_kernel, kernel
+from ninedisk.core.cd.contact_kernels import (
+    FED,
+    MISSED,
+    NEARBY,
+    Laws,
+    carry_shear,
+    contact_compliances,
+    dynamic_offsets,
+    gap_round_off,
+    measure_frames,
+    note_impact_work,
+    surface_way,
+    wall_way,
+)
+from ninedisk.core.cd.march_arrays import (
+    CHOSEN,
+    HELD,
+    ITERATIONS,
+    PLAIN,
+    STEP,
+    SWEEPS,
+    WORK,
+    WORST_GAP,
+    WORST_MAP,
+    Chosen,
+    Near,
+    Scheme,
+    Scratch,
+    State,
+)
+from ninedisk.core.cd.march_set_kernels import begin_set, choose, covers, grow_set, keep_forces, moved_since
+from ninedisk.core.cd.problem_kernels import body_velocities, contact_scales, contact_velocities, delassus_blocks
+from ninedisk.core.cd.residual_kernels import (
+    DUALITY_GAP,
+    FLOOR_GAP,
+    FLOOR_MAP,
+    NATURAL_MAP,
+    UNRESOLVED,
+    figures_of,
+    reached,
+    sum_kinetic,
+    sum_residuals,
+)
+from ninedisk.core.cd.solvers.gauss_seidel_kernels import next_batch, sweep
+from ninedisk.core.motion_kernels import WallMotion, place_walls
+
+Floats = NDArray[np.float64]
+
+DONE, LISTS, ALONE, MORE = range(4)
+"""Why the kernel returns: all steps are done; the list of pairs is too short for the next one; the next one needs the long way; it
+needs more sweeps, with which the next call goes on."""
+
+CONTACT_SWEEPS = 20_000_000
+"""Contacts times sweeps of one call, about a second: then Ctrl-C comes through."""
+
+STRETCH_AFTER = 40
+"""Sweeps of a step after which changes of forces are stretched: few contacts do without."""
+
+STALLED = 3
+"""Multiple of the sweeps in which the figures must have halved: else stretching ends for this step."""
+
+LOOK_AFTER = 8
+"""Sweeps after which the motion found so far is searched for pairs that it violates: it costs about as much as three."""
+
+
+@kernel
+def march(
+    last: int,
+    scheme: Scheme,
+    laws: Laws,
+    motion: WallMotion,
+    state: State,
+    near: Near,
+    chosen: Chosen,
+    scratch: Scratch,
+) -> int:
+    """Advance to step ``last`` or as far as it goes; DONE, LISTS or ALONE. What is not done leaves no trace in ``state``."""
+    counts = state.counts
+    while counts[STEP] < last:
+        t = (counts[STEP] + 1) * scheme.dt
+        place_walls(motion, t, t, t, scratch.after)
+        why = _step(scheme, laws, state, near, chosen, scratch)
+        if why != DONE:
+            return why
+        counts[STEP] += 1
+    return DONE
+
+
+@inline_kernel
+def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, scratch: Scratch) -> int:
+    x, after, dx = state.x, scratch.after, scratch.dx
+    round_off = gap_round_off(x, scheme.radius, after)
+    tolerance = MISSED * round_off
+    _loads(scheme, state.v, scratch)
+    _fly(scheme, scratch)
+    _displacements(scheme, state.v, scratch)
+    walls, moved, turned = wall_way(x, state.wall, after), moved_since(x, near), wall_way(x, near.wall, after)
+    if not covers(2.0, NEARBY * scheme.smallest, moved, turned, walls, tolerance, scheme, state, near, dx):
+        return LISTS
+    if measure_frames(near.pairs, near.row, x, scheme.radius, state.wall, after, laws,
+                      near.normal, near.gap, near.gap_before, near.shift, near.arms) >= 0:  # fmt: skip
+        return ALONE
+    rests = False
+    if state.counts[SWEEPS] == 0:
+        for i in range(x.shape[0]):
+            for d in range(3):
+                scratch.v[i, d] = scheme.dt * state.v[i, d]
+        begin_set(tolerance, scheme, laws, state, near, dx, scratch.v)
+        rests = scheme.holds_rest and surface_way(scratch.v, scheme.radius) <= tolerance
+    why = _solve(rests, round_off, moved, turned, walls, scheme, laws, state, near, chosen, scratch)
+    if why == DONE:
+        if _behind_wall(scheme, state, scratch):
+            return ALONE
+        _accept(round_off, scheme, laws, state, chosen, scratch)
+    return why
+
+
+@inline_kernel
+def _behind_wall(scheme: Scheme, state: State, scratch: Scratch) -> bool:
+    """Whether the step takes the centre of a free disk behind a wall."""
+    x, dx, after = state.x, scratch.dx, scratch.after
+    for w in range(after.shape[0]):
+        px, py, nx, ny = after[w, 0], after[w, 1], after[w, 2], after[w, 3]
+        for i in range(x.shape[0]):
+            height = (x[i, 0] + dx[i, 0] - px) * nx + (x[i, 1] + dx[i, 1] - py) * ny
+            if height <= 0.0 and (scheme.free[i, 0] or scheme.free[i, 1]):
+                return True
+    return False
+
+
+@inline_kernel
+def _loads(scheme: Scheme, v: Floats, scratch: Scratch) -> None:
+    """Right-hand side of the momentum balance, and the velocities at the start split into free and prescribed ones."""
+    rate = 1.0 / scheme.dt - (1.0 - scheme.theta) * scheme.xi
+    for i in range(v.shape[0]):
+        for d in range(3):
+            if scheme.free[i, d]:
+                scratch.force[i, d] = scheme.load[i, d] + scheme.mass[i, d] * v[i, d] * rate
+                scratch.kept[i, d], scratch.prescribed[i, d] = v[i, d], 0.0
+            else:
+                scratch.force[i, d] = scratch.kept[i, d] = 0.0
+                scratch.prescribed[i, d] = v[i, d]
+
+
+@inline_kernel
+def _displacements(scheme: Scheme, v: Floats, scratch: Scratch) -> None:
+    """``dx`` of the velocities ``scratch.v`` at the end of the step."""
+    for i in range(v.shape[0]):
+        for d in range(3):
+            rate = scratch.prescribed[i, d]
+            if scheme.free[i, d]:
+                rate = scheme.theta * scratch.v[i, d] + (1.0 - scheme.theta) * v[i, d]
+            scratch.dx[i, d] = scheme.dt * rate
+
+
+@inline_kernel
+def _pose(c: int, round_off: float, scheme: Scheme, laws: Laws, chosen: Chosen, scratch: Scratch) -> bool:
+    """The contact problem of the chosen contacts; False if one can neither open nor close."""
+    bodies, normal, arms, row = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.row[:c]
+    compliance, offset, blocks, b = chosen.compliance[:c], chosen.offset[:c], chosen.blocks[:c], chosen.b[:c]
+    contact_compliances(row, laws, scheme.theta * scheme.dt, compliance)
+    dynamic_offsets(bodies, normal, chosen.gap, chosen.gap_before, chosen.shift, arms, row, laws,
+                    scratch.kept, scratch.prescribed, scheme.dt, scheme.theta, round_off, offset)  # fmt: skip
+    delassus_blocks(bodies, normal, arms, scheme.inverse_mass, compliance, blocks)
+    for k in range(c):
+        if not blocks[k, 0] > 0.0:
+            return False
+    contact_scales(blocks, chosen.mu[:c], chosen.rho)
+    _fly(scheme, scratch)
+    contact_velocities(bodies, normal, arms, scratch.v, b)
+    for k in range(c):
+        b[k, 0] += offset[k, 0]
+        b[k, 1] += offset[k, 1] - compliance[k, 1] * chosen.shear_0[k]
+    return True
+
+
+@inline_kernel
+def _fly(scheme: Scheme, scratch: Scratch) -> None:
+    """Velocities at the end of the step without contact forces."""
+    for i in range(scratch.v.shape[0]):
+        for d in range(3):
+            scratch.v[i, d] = scheme.inverse_mass[i, d] * scratch.force[i, d]
+
+
+@inline_kernel
+def _solve(
+    rests: bool,
+    round_off: float,
+    moved: float,
+    turned: float,
+    walls: float,
+    scheme: Scheme,
+    laws: Laws,
+    state: State,
+    near: Near,
+    chosen: Chosen,
+    scratch: Scratch,
+) -> int:
+    """Gauss-Seidel as `solve_gauss_seidel` does it, on a set of contacts that grows on the way; DONE, LISTS, ALONE or MORE.
+
+    Waiting for a solution before the pairs that it violates are added would cost one solution for each of ten rounds and more.
+    """
+    tolerance, resolution = MISSED * round_off, round_off / (scheme.theta * scheme.dt)
+    v, r, sums, figures, counts = scratch.v, chosen.r, scratch.sums, scratch.figures, state.counts
+    c = choose(laws, near, chosen)
+    if c > scheme.most or not _pose(c, round_off, scheme, laws, chosen, scratch):
+        return ALONE
+    budget, looked = counts[SWEEPS] + max(1, CONTACT_SWEEPS // (c + 1)), counts[SWEEPS]
+    best, best_at = np.inf, counts[SWEEPS]
+    while True:
+        done = counts[SWEEPS]
+        bodies, normal, arms, offset = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.offset[:c]
+        body_velocities(bodies, normal, arms, scheme.inverse_mass, scratch.force, r, v)
+        sum_residuals(bodies, normal, arms, offset, chosen.compliance, chosen.shear_0, chosen.mu, chosen.rho, chosen.b,
+                      v, r, scheme.coulomb, sums)  # fmt: skip
+        sum_kinetic(scheme.inverse_mass, v, v, sums)
+        figures_of(sums, c, resolution, figures)
+        finished = reached(figures, scheme.tolerance)
+        if rests and done == 0 and not finished:
+            return ALONE
+        if finished or done - looked >= LOOK_AFTER:
+            looked = done
+            _displacements(scheme, state.v, scratch)
+            if covers(1.0, 0.0, moved, turned, walls, tolerance, scheme, state, near, scratch.dx):
+                keep_forces(near, chosen)
+                missed = grow_set(tolerance, finished, scheme, laws, near, scratch.dx)
+                if missed < 0:
+                    return ALONE
+                if missed == 0 and finished:
+                    counts[CHOSEN] = c
+                    return DONE
+                if missed > 0:
+                    best, best_at = np.inf, done
+                    c = choose(laws, near, chosen)
+                    if c > scheme.most or not _pose(c, round_off, scheme, laws, chosen, scratch):
+                        return ALONE
+                    continue
+            elif finished:
+                return LISTS
+        if done >= scheme.sweeps or done >= budget:
+            keep_forces(near, chosen)
+            return ALONE if done >= scheme.sweeps else MORE
+        worst = max(figures[NATURAL_MAP], figures[DUALITY_GAP])
+        if worst < 0.5 * best:
+            best, best_at = worst, done
+        elif done > STRETCH_AFTER + STALLED * best_at:
+            counts[PLAIN] = 1
+        stretch = scheme.stretch if done >= STRETCH_AFTER and counts[PLAIN] == 0 else 1.0
+        count = min(next_batch(done), scheme.sweeps - done)
+        sweep(bodies, normal, arms, scheme.inverse_mass, offset, chosen.compliance, chosen.shear_0, chosen.mu,
+              chosen.blocks, stretch * scheme.relaxation, scheme.coulomb, count, v, r)  # fmt: skip
+        counts[SWEEPS] += count
+
+
+@inline_kernel
+def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: Chosen, scratch: Scratch) -> None:
+    """Make the solution the state; its forces are the memory of the next step."""
+    totals, figures, counts = state.totals, scratch.figures, state.counts
+    c = counts[CHOSEN]
+    if scheme.newton:
+        note_impact_work(
+            counts[STEP] + 1, FED * scheme.tolerance, round_off / scheme.dt, chosen.bodies[:c], chosen.pairs, chosen.normal,
+            chosen.gap, chosen.gap_before, chosen.shift, chosen.arms, chosen.row, chosen.blocks, laws,
+            scratch.kept, scratch.prescribed, scratch.v, chosen.r, scheme.dt, state.gains,
+        )  # fmt: skip
+    carry_shear(chosen.pairs[:c], chosen.bodies[:c], chosen.row[:c], state.x, state.wall, scratch.after, chosen.normal[:c],
+                chosen.gap_before[:c], chosen.shift[:c], chosen.arms[:c], scratch.dx, laws, chosen.r[:c], state.shear[:c])  # fmt: skip
+    for k in range(c):
+        p, q = chosen.r[k, 0], chosen.r[k, 1]
+        totals[WORK] -= p * (chosen.gap[k] - chosen.gap_before[k]) + q * chosen.shift[k]
+        state.pairs[k, 0], state.pairs[k, 1] = chosen.pairs[k, 0], chosen.pairs[k, 1]
+        state.forces[k, 0], state.forces[k, 1] = p, q
+    counts[HELD] = counts[CHOSEN]
+    counts[ITERATIONS] += counts[SWEEPS]
+    counts[SWEEPS] = counts[PLAIN] = 0
+    for i in range(state.x.shape[0]):
+        for d in range(3):
+            state.x[i, d] += scratch.dx[i, d]
+            state.v[i, d] = scratch.v[i, d] + scratch.prescribed[i, d]
+    for w in range(state.wall.shape[0]):
+        for d in range(state.wall.shape[1]):
+            state.wall[w, d] = scratch.after[w, d]
+    if max(figures[FLOOR_MAP], figures[FLOOR_GAP]) <= UNRESOLVED:
+        totals[WORST_MAP] = max(totals[WORST_MAP], figures[NATURAL_MAP])
+        totals[WORST_GAP] = max(totals[WORST_GAP], figures[DUALITY_GAP])

@@ -1,0 +1,1 @@
+"""Solvers of one contact problem, and the factorisation that they rest on."""

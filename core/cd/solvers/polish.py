@@ -1,0 +1,235 @@
+"""Polish for Coulomb's law: from forces that are nearly a solution to forces that are one to round-off.
+
+What each contact does, its status, is read off the forces: open, stick, or slip either way. Where the statuses are those of a solution
+the law is linear: ``u = 0`` where a contact sticks, ``u_n = 0`` and ``q = +-mu p`` where it slips, no force where it is open. Packings
+have more forces than these equations fix. Of all their solutions the one is taken that changes the forces least, by a compliance
+that acts on the change alone: one with the least forces would pull where the forces found push.
+
+Statuses that are not quite right are repaired by pivots. With ``z = r - rho u``, of which ``r = P(z)`` is the part inside the cone
+(``p = max(z_n, 0)``, ``q`` the nearest to ``z_t`` with ``|q| <= mu p``), Coulomb's law is the one equation
+
+    F(z) = W P(z) + b - (P(z) - z)/rho = 0,
+
+linear as long as no status changes. From the forces r_0 found the path ``F(z) = t F(z_0)`` is followed from t = 1 to 0, piece by piece;
+each kink changes the status of one contact. This is Lemke's method with the error of r_0 for its covering vector: as few pivots as
+contacts are wrong, where that from nothing needs several for each contact, and the solution is that next to the forces found. The
+path may turn back in t, which ways that only flip statuses never do: between two sets of statuses that both break an inequality they
+go to and fro.
+
+Where that path ends in a ray, one from forces of zero is left, whose covering vector is positive: see `Polish.from_nothing`.
+
+Nothing is accepted but what the law's own residuals accept.
+
+C. E. Lemke, "Bimatrix equilibrium points and mathematical programming", Management Sci. 11 (1965) 681-689; J. Katzenelson, "An algorithm
+for solving nonlinear resistor networks", Bell Syst. Tech. J. 44 (1965) 1605-1620 (the path of a piecewise linear equation).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.residuals import Residuals, measure
+from ninedisk.core.cd.result import Stopwatch
+from ninedisk.core.cd.solvers.start import starting_forces
+from ninedisk.core.cd.solvers.unsymmetric_matrix import UnsymmetricMatrix, times
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+OPEN, STICK, PLUS, MINUS = range(4)
+"""Statuses: slip has ``q = mu p`` or ``q = -mu p``; a smooth contact that is closed counts as PLUS."""
+SIDE = np.array([0.0, 0.0, 1.0, -1.0])
+"""Sign of the friction force of slip."""
+INSIDE = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 0.0, -1.0]])
+"""Signs of the margins ``(z_n, mu z_n - z_t, mu z_n + z_t)`` by status; 0 where the margin is no border of it."""
+SOFT = 1e-9
+"""Compliance over ``1/rho`` that acts on the change of the forces: below, the digits of its effect are lost to round-off."""
+ROUNDS = 2
+"""Rounds of a polish for each pivot that a round may take, at most: most take one or two."""
+STRIDE = 3.0
+"""Multiple of its last change by which the forces that the compliance holds on to are ahead of those found, as long as no status changes.
+Where more contacts are closed than can be at once, by gaps d times the way of a step, a round changes the forces by ``d/SOFT`` along
+what W does not see, and must do so until one of them opens; that much more each round, it takes a few."""
+COVERS = 3
+"""Paths from nothing, each with its own covering vector, before it is given up: one that is at random meets no two kinks at once."""
+PIVOTS = 12
+"""Pivots for each contact on a path from nothing: 2 to 9 were needed."""
+REFINEMENTS = 3
+"""Solutions with a factorisation: each leaves the compliance over the weakest resistance, of some 1e-6, of the error."""
+
+
+class Polish:
+    """Polishes contact forces of one problem.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    tolerance : float
+    clock : Stopwatch
+        No pivot begins after its limit.
+
+    Attributes
+    ----------
+    count : int
+        Factorisations so far.
+    """
+
+    def __init__(self, problem: ContactProblem, tolerance: float, clock: Stopwatch) -> None:
+        self.problem, self.tolerance, self.clock, self.count = problem, tolerance, clock, 0
+
+    @cached_property
+    def _matrix(self) -> UnsymmetricMatrix:
+        return UnsymmetricMatrix(self.problem)
+
+    def improve(self, r: FloatArray, pivots: int) -> tuple[FloatArray, Residuals] | None:
+        """Exact forces, shape (c, 2), near ``r``, and their residuals; None if ``pivots`` pivots a round do not lead to any."""
+        z = r - self.problem.rho[:, None] * self._velocity(r)
+        status, held = statuses(self.problem, z), r
+        for _round in range(1 + ROUNDS * pivots):
+            found = self._hold(r, status)
+            if found is None:
+                return None
+            if exact := self._judged(found):
+                return exact
+            ended = self._follow(r, held, pivots)
+            if ended is None:
+                return None
+            before, last = r, status
+            r, status = ended
+            if exact := self._judged(r):
+                return exact
+            held = r + STRIDE * (r - before) if np.array_equal(status, last) else r
+        return None
+
+    def from_nothing(self, r: FloatArray, pivots: int) -> tuple[FloatArray, Residuals] | None:
+        """Exact forces, shape (c, 2), on a path that begins with no contact closed; ``r`` are some that are nearly a solution.
+
+        All normal velocities are raised by a vector ``t d`` with ``d > 0``, so that nothing touches, and t falls to 0. With compliance W is
+        positive definite, and for such a d the path cannot end in a ray (D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods Eng. 39
+        (1996) 2673-2691; J.-S. Pang, J. C. Trinkle, Math. Programming 73 (1996) 199-226), as that from ``r`` can.
+        """
+        problem, rho = self.problem, self.problem.rho
+        random = np.random.default_rng(problem.n_contacts)
+        for _cover in range(COVERS):
+            d = random.uniform(1.0, 2.0, problem.n_contacts) / np.sqrt(rho)
+            b = problem.b - SOFT / rho[:, None] * r
+            error = np.zeros_like(b)
+            error[:, 0] = -1.01 * max(0.0, float((-b[:, 0] / d).max())) * d
+            ended = self._path(rho[:, None] * (error - b), error, PIVOTS * problem.n_contacts)
+            if ended is None:
+                continue
+            r = ended[0]
+            if exact := self._judged(r) or self.improve(starting_forces(problem, r), pivots):
+                return exact
+        return None
+
+    def _judged(self, forces: FloatArray) -> tuple[FloatArray, Residuals] | None:
+        """The forces inside their cones and their residuals, if the law accepts them."""
+        if not np.isfinite(forces).all():
+            return None
+        inside = starting_forces(self.problem, forces)
+        residuals = measure(self.problem, self.problem.body_velocity(inside), inside, sliding="coulomb")
+        return (inside, residuals) if residuals.reached(self.tolerance) else None
+
+    def _hold(self, r: FloatArray, status: IntArray) -> FloatArray | None:
+        """Forces with these statuses that differ least from ``r``; None if the matrix cannot be factorised."""
+        if not self._factorise(status):
+            return None
+        forces = self._inside(r, status)
+        for _ in range(REFINEMENTS):
+            forces = forces - self._change(self._velocity(forces))
+            # On the edge of the cone to the last bit.
+            forces = self._inside(forces, status)
+        return forces
+
+    def _follow(self, r: FloatArray, held: FloatArray, pivots: int) -> tuple[FloatArray, IntArray] | None:
+        """Forces and statuses at the end of the path from ``r``, with compliance that acts on their difference from ``held``."""
+        rho = self.problem.rho[:, None]
+        z = r - rho * self._velocity(r)
+        forces = self._inside(z, statuses(self.problem, z))
+        error = self._velocity(forces) + (z - forces) / rho + SOFT / rho * (forces - held)
+        return self._path(z, error, pivots)
+
+    def _path(self, z: FloatArray, error: FloatArray, pivots: int) -> tuple[FloatArray, IntArray] | None:
+        """Forces and statuses at the end of the path from z, where F is ``error``; None if it ends in a ray, or takes too long."""
+        problem, rho = self.problem, self.problem.rho[:, None]
+        status = statuses(problem, z)
+        t, ahead = 1.0, -1.0
+        crossed: tuple[int, int] | None = None
+        for _pivot in range(pivots):
+            if self.clock.over or not self._factorise(status):
+                return None
+            # dz/dt, where J dz/dt = error.
+            dr = self._change(error)
+            dr = dr + self._change(error - self._response(dr) - SOFT / rho * dr)
+            rate = dr + rho * (error - self._response(dr)) - SOFT * dr
+            inside = np.where(problem.mu[:, None] > 0.0, INSIDE[status], INSIDE[status] * [1.0, 0.0, 0.0])
+            margin, growth = inside * _margins(problem, z), inside * _margins(problem, rate)
+            if crossed is not None:
+                # Into the piece that was entered: where the sign of the determinant changes, t turns back.
+                ahead = 1.0 if growth[crossed] > 0.0 else -1.0
+            falling = ahead * growth < 0.0
+            if crossed is not None:
+                falling[crossed] = False
+            steps = np.where(falling, np.maximum(margin, 0.0) / np.where(falling, -ahead * growth, 1.0), np.inf)
+            contact, border = divmod(int(np.argmin(steps)), 3)
+            step = float(steps[contact, border])
+            if ahead < 0.0 and step >= t:
+                ended = self._inside(z - t * rate, status)
+                return (ended, status) if np.isfinite(ended).all() else None
+            if step == np.inf:
+                return None
+            z, t, crossed = z + ahead * step * rate, t + ahead * step, (contact, border)
+            if border == 0:
+                z[contact, 0] = 0.0
+                closed = PLUS if z[contact, 1] > 0.0 or problem.mu[contact] == 0.0 else MINUS
+                status[contact] = closed if status[contact] == OPEN else OPEN
+            else:
+                slip = PLUS if border == 1 else MINUS
+                z[contact, 1] = SIDE[slip] * problem.mu[contact] * z[contact, 0]
+                status[contact] = slip if status[contact] == STICK else STICK
+        return None
+
+    def _factorise(self, status: IntArray) -> bool:
+        """Factorise for `_change` with these statuses; False if that is impossible."""
+        problem = self.problem
+        give = problem.compliance + (SOFT / problem.rho)[:, None]
+        d = np.zeros((problem.n_contacts, 2, 2))
+        d[:, 0, 0] = (status != OPEN) / give[:, 0]
+        d[:, 1, 0] = SIDE[status] * problem.mu * d[:, 0, 0]
+        d[:, 1, 1] = (status == STICK) / give[:, 1]
+        self._d, self.count = d, self.count + 1
+        return self._matrix.factorise(d)
+
+    def _change(self, u: FloatArray) -> FloatArray:
+        """Change ``dr`` of the forces that changes the velocities by ``u``: ``dr = D (u - H dv)`` where ``M dv = H' dr``."""
+        matrix = self._matrix
+        dv = matrix.solve(matrix.h.T @ times(self._d, u).ravel())
+        return times(self._d, u - (matrix.h @ dv).reshape(-1, 2))
+
+    def _velocity(self, r: FloatArray) -> FloatArray:
+        return self.problem.contact_velocity(self.problem.body_velocity(r), r)
+
+    def _response(self, dr: FloatArray) -> FloatArray:
+        """``W dr``."""
+        return self._velocity(dr) - self.problem.b
+
+    def _inside(self, z: FloatArray, status: IntArray) -> FloatArray:
+        """``P(z)`` by the statuses."""
+        p = np.where(status == OPEN, 0.0, z[:, 0])
+        return np.column_stack([p, np.where(status == STICK, z[:, 1], SIDE[status] * self.problem.mu * p)])
+
+
+def statuses(problem: ContactProblem, z: FloatArray) -> IntArray:
+    """Status of each contact, shape (c,), by ``z = r - rho u``, shape (c, 2)."""
+    stick = (problem.mu > 0.0) & (np.abs(z[:, 1]) <= problem.mu * z[:, 0])
+    slip = np.where((z[:, 1] > 0.0) | (problem.mu == 0.0), PLUS, MINUS)
+    return np.where(z[:, 0] <= 0.0, OPEN, np.where(stick, STICK, slip))
+
+
+def _margins(problem: ContactProblem, z: FloatArray) -> FloatArray:
+    return np.column_stack([z[:, 0], problem.mu * z[:, 0] - z[:, 1], problem.mu * z[:, 0] + z[:, 1]])

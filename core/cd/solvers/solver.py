@@ -1,0 +1,205 @@
+"""The contact solver of a run: one of the three methods, or a choice by problem and outcome."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.residuals import Residuals, Sliding, measure
+from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch
+from ninedisk.core.cd.solvers.coulomb import CoulombInteriorPoint
+from ninedisk.core.cd.solvers.feasibility import PROOF_AFTER, InfeasibleContactsError, check_feasible
+from ninedisk.core.cd.solvers.gauss_seidel import MAX_SWEEPS, GaussSeidel, solve_gauss_seidel
+from ninedisk.core.cd.solvers.interior_point import InteriorPoint
+from ninedisk.core.cd.solvers.polish import Polish
+from ninedisk.core.cd.solvers.projected_gradient import solve_projected_gradient
+from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
+
+FloatArray = NDArray[np.float64]
+
+SOLVERS = ("auto", "interior-point", "projected-gradient", "gauss-seidel")
+TRIAL_SWEEPS = 60
+"""Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
+STAGES = ((200, 20), (5_000, 200), (20_000, 400), (80_000, 400))
+"""Sweeps for Coulomb's law after which "auto" polishes the forces found, and pivots that a round of this may take."""
+PATH_AFTER = 5_000
+"""Sweeps after which "auto" looks for the forces by another way, too."""
+LEMKE_CONTACTS = 500
+"""Contacts up to which "auto" follows the path from nothing: some 3 pivots for each contact, each of which costs as much as a matrix
+that grows with the contacts."""
+LONGEST_WITHOUT_TRIAL = 15
+"""Problems without a trial of Gauss-Seidel, at most, after trials in vain."""
+MANY = 2**62
+"""No limit."""
+LOOSE, LOOSE_SWEEPS = 1e-5, 3_000
+"""Tolerance from which on "auto" gives Gauss-Seidel more sweeps, on any number of contacts: a warm step of a flow takes some
+hundred."""
+TRIAL_CONTACTS = 5_000
+"""Above this number of contacts information needs more than the trial's sweeps to cross a packing."""
+
+
+class ContactSolver:
+    """Solves the problems of successive steps; keeps what can be reused.
+
+    For Coulomb friction ``"auto"`` takes Gauss-Seidel, started from the last step's forces. Where the sweeps do not reach the
+    tolerance, `Polish` makes the forces found exact; if it cannot, more sweeps follow, then Lemke's method on up to `LEMKE_CONTACTS`
+    contacts, the interior point, and more sweeps. Where bodies rest it first asks whether they can stay: the solution of the
+    associated rule, if nothing slides in it, solves Coulomb's law, too, which may have others in which everything collapses.
+    For the associated rule it gives Gauss-Seidel, started from the last step's forces, `TRIAL_SWEEPS` sweeps: enough where few
+    contacts touch each body, or where their compliance dominates. Where they do not reach the tolerance the interior point takes
+    over, whose number of iterations hardly depends on the problem.
+
+    Parameters
+    ----------
+    name : str
+        "auto", "interior-point", "projected-gradient" or "gauss-seidel".
+    options : SolverOptions
+    sliding : {"associated", "coulomb"}
+
+    Attributes
+    ----------
+    problem : ContactProblem or None
+        The problem given last.
+
+    Raises
+    ------
+    InvalidNumericsError
+        If the name is unknown, or the method cannot solve Coulomb's law.
+    """
+
+    def __init__(self, name: str, options: SolverOptions, sliding: Sliding) -> None:
+        if name not in SOLVERS:
+            raise InvalidNumericsError(f"solver = {name!r} is unknown: use one of {', '.join(SOLVERS)}")
+        if sliding == "coulomb" and name == "projected-gradient":
+            raise InvalidNumericsError(
+                f"solver = {name!r} solves the associated rule only: with sliding = 'coulomb' use gauss-seidel, interior-point or auto"
+            )
+        self.name, self.options, self.sliding = name, options, sliding
+        self.problem: ContactProblem | None = None
+        self._interior = InteriorPoint(options)
+        self._without_trial = self._waited = 0
+        sweeps = LOOSE_SWEEPS if options.tolerance >= LOOSE else TRIAL_SWEEPS
+        self._trial = replace(options, max_iterations=min(sweeps, options.max_iterations or sweeps))
+
+    @property
+    def sweeps(self) -> int:
+        """Sweeps of Gauss-Seidel that it begins with, before a proof of feasibility is due; 0 where it begins with another method."""
+        if self.name == "gauss-seidel" or (self.sliding == "coulomb" and self.name == "auto"):
+            return min(self.options.max_iterations or PROOF_AFTER, PROOF_AFTER)
+        return self._trial.max_iterations or 0 if self.name == "auto" else 0
+
+    @property
+    def holds_rest(self) -> bool:
+        """Whether it asks for equilibrium where bodies rest."""
+        return self.sliding == "coulomb" and self.name == "auto"
+
+    @property
+    def most_contacts(self) -> int:
+        """Contacts above which it does not begin with Gauss-Seidel."""
+        trial = self.sliding == "associated" and self.name == "auto" and self.options.tolerance < LOOSE
+        return TRIAL_CONTACTS if trial else MANY
+
+    def solve(self, problem: ContactProblem, start: FloatArray | None = None, *, at_rest: bool = False) -> SolverResult:
+        """Solve one problem.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+        start : ndarray, shape (c, 2), optional
+            Contact forces of a neighbouring problem.
+        at_rest : bool
+            Whether bodies rest, so that equilibrium is to be taken where it exists.
+
+        Raises
+        ------
+        SolverNotConvergedError, InfeasibleContactsError
+            As the methods do.
+        """
+        self.problem = problem
+        if self.sliding == "coulomb" and self.name == "interior-point":
+            return CoulombInteriorPoint(self.options).solve(problem)
+        if self.sliding == "coulomb" and self.name == "auto":
+            return self._coulomb(problem, start, at_rest)
+        if self.name == "gauss-seidel":
+            return solve_gauss_seidel(problem, self.options, sliding=self.sliding, start=start)
+        if self.name == "projected-gradient":
+            return solve_projected_gradient(problem, self.options, start=start)
+        if self.name == "auto" and problem.n_contacts <= self.most_contacts and self._trial_is_due():
+            try:
+                result = solve_gauss_seidel(problem, self._trial, start=start)
+            except SolverNotConvergedError:
+                self._without_trial, self._waited = min(2 * self._without_trial + 1, LONGEST_WITHOUT_TRIAL), 0
+            else:
+                self._without_trial = 0
+                return result
+        return self._interior.solve(problem)
+
+    def _coulomb(self, problem: ContactProblem, start: FloatArray | None, at_rest: bool) -> SolverResult:
+        """Sweeps, their forces polished; then pivots, or the interior point; then as many sweeps as are allowed; all in the time limit."""
+        options, clock, limit = (
+            self.options,
+            Stopwatch(self.options.time_limit),
+            self.options.max_iterations or MAX_SWEEPS,
+        )
+        polish, count = Polish(problem, options.tolerance, clock), 0
+        sweeps = GaussSeidel(problem, options, "coulomb", start)
+
+        def result(name: str, forces: tuple[FloatArray, Residuals]) -> SolverResult:
+            return SolverResult(
+                solver=name,
+                sliding="coulomb",
+                v=problem.body_velocity(forces[0]),
+                r=forces[0],
+                iterations=sweeps.done + polish.count + count,
+                residuals=forces[1],
+                seconds=clock.seconds,
+            )
+
+        if at_rest:
+            found = sweeps.solve(0) or self._equilibrium(problem, polish, clock)
+            if found:
+                return found
+        for stage, pivots in STAGES:
+            if found := sweeps.solve(min(stage, limit)):
+                return replace(found, iterations=found.iterations + polish.count + count)
+            if stage >= limit or clock.over:
+                sweeps.give_up()
+            if polished := polish.improve(sweeps.r, pivots):
+                return result("polish", polished)
+            if stage != PATH_AFTER:
+                continue
+            check_feasible(problem, sliding="coulomb", seconds=clock.left)
+            if problem.n_contacts <= LEMKE_CONTACTS and (polished := polish.from_nothing(sweeps.r, pivots)):
+                return result("lemke", polished)
+            try:
+                path = CoulombInteriorPoint(replace(options, max_iterations=None, time_limit=clock.left / 2.0))
+                found = path.solve(problem)
+                return replace(found, iterations=found.iterations + sweeps.done + polish.count + count)
+            except SolverNotConvergedError as error:
+                count += error.iterations
+        found = sweeps.solve(limit) or sweeps.give_up()
+        return replace(found, iterations=found.iterations + polish.count + count)
+
+    def _equilibrium(self, problem: ContactProblem, polish: Polish, clock: Stopwatch) -> SolverResult | None:
+        """The solution in which nothing slides, if there is one: that of the associated rule, whose velocities are unique."""
+        try:
+            found = InteriorPoint(replace(self.options, time_limit=clock.left)).solve(problem)
+        except (SolverNotConvergedError, InfeasibleContactsError):
+            return None
+        exact = polish.improve(found.r, 0)
+        r = found.r if exact is None else exact[0]
+        v = problem.body_velocity(r)
+        residuals = measure(problem, v, r, sliding="coulomb")
+        if not residuals.reached(self.options.tolerance):
+            return None
+        return replace(
+            found, sliding="coulomb", v=v, r=r, residuals=residuals, iterations=found.iterations + polish.count
+        )
+
+    def _trial_is_due(self) -> bool:
+        """After trials in vain, 1, 3, 7, .. problems go without one: their like follow each other."""
+        self._waited += 1
+        return self._waited > self._without_trial

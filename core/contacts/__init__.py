@@ -1,1 +1,0 @@
-"""Contact search: cell list, neighbour lists; contacts of NURBS outlines."""

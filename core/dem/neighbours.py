@@ -1,0 +1,76 @@
+"""Pairs of bodies that are close to each other, from the contact search that the DEM uses."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.dem.lists import PAIRS_PER_DISK, check_crowd, empty_cells, empty_list, grown
+from ninedisk.core.dem.neighbour_kernels import OK, build_pairs, build_wall_pairs, sort_into_cells
+from ninedisk.core.errors import NonFiniteStateError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class PairFinder:
+    """Finds all pairs with a gap below a limit.
+
+    Parameters
+    ----------
+    radius : ndarray, shape (n,)
+        Radii [m].
+    n_walls : int
+    fixed : ndarray of bool, shape (n,), optional
+        Disks that have no contacts among themselves and with walls (`Disks.fixed`).
+    """
+
+    def __init__(self, radius: FloatArray, n_walls: int, fixed: NDArray[np.bool_] | None = None) -> None:
+        n = len(radius)
+        walls = np.ones(n_walls, dtype=bool)
+        self._fixed = None if fixed is None or not fixed.any() else np.concatenate([fixed, walls])
+        self._radius, self._cells = radius, empty_cells(n)
+        self._widest = float(radius.max())
+        self._none, self._no_walls = empty_list(n, 0), empty_list(n_walls, 0)
+        self._disks, self._walls = empty_list(n, int(PAIRS_PER_DISK * n) + 16), empty_list(n_walls, n // 4 + 16)
+        self._listed, self._scratch = np.arange(n, dtype=np.uint32), np.zeros(n)
+
+    def within(self, x: FloatArray, wall: FloatArray, reach: float, wall_reach: float | None = None) -> IntArray:
+        """Pairs with a gap below ``reach`` [m], shape (k, 2), as body numbers in ascending order.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, 2)
+            Centres [m].
+        wall : ndarray, shape (m, 11)
+            Walls as `place_walls` fills them.
+        reach : float
+            Limit of the gap [m], > 0.
+        wall_reach : float, optional
+            That of pairs with walls; None: the same.
+
+        Raises
+        ------
+        NonFiniteStateError
+            If a position is no finite number.
+        """
+        far = reach if wall_reach is None else wall_reach
+        if not sort_into_cells(x, 2.0 * self._widest + reach, self._cells):
+            raise NonFiniteStateError("the position of a disk is no finite number: reduce dt")
+        while build_pairs(x, self._radius, reach, self._cells, False, self._listed, self._none, self._disks) != OK:
+            check_crowd(self._disks)
+            self._disks = grown(empty_list(len(x), self._disks.other.shape[0]))
+        while (
+            build_wall_pairs(x, self._radius, far, wall, self._listed, self._scratch, self._no_walls, self._walls) != OK
+        ):
+            self._walls = grown(empty_list(wall.shape[0], self._walls.other.shape[0]))
+        start, other = self._disks.start, self._disks.other
+        first = np.repeat(np.arange(len(x), dtype=np.int64), np.diff(start))
+        second = other[: start[-1]].astype(np.int64)
+        w_start, w_other = self._walls.start, self._walls.other
+        of_wall = len(x) + np.repeat(np.arange(wall.shape[0], dtype=np.int64), np.diff(w_start))
+        bodies = len(x) + wall.shape[0]
+        keys = np.concatenate([first * bodies + second, w_other[: w_start[-1]].astype(np.int64) * bodies + of_wall])
+        keys.sort()  # one number for each pair: several times as fast as sorting by two columns
+        pairs = np.column_stack(np.divmod(keys, max(bodies, 1)))
+        return pairs if self._fixed is None else pairs[~self._fixed[pairs].all(axis=1)]

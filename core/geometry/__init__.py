@@ -1,1 +1,0 @@
-"""Geometry: walls and their motion, NURBS outlines."""

@@ -1,0 +1,71 @@
+"""Area, centroid and moment of inertia of what an outline encloses, by Green's theorem and Gauss quadrature on its pieces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.table import outline_points
+from ninedisk.core.validate import FloatArray, kind_of, whole
+
+NODES = 16
+"""Gauss nodes a piece: exact for polynomial curves of degree 8 and less; on rational pieces, which turn by 0.6 rad at most, the
+integrands are analytic well around the piece and 16 nodes leave round-off."""
+
+MOST_NODES = 100
+"""Gauss nodes a piece: their weights are found by eigenvalues, in a time that grows with the third power."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AreaMoments:
+    """Moments of an enclosed area.
+
+    Parameters
+    ----------
+    area : float
+        [m^2].
+    centroid : ndarray, shape (2,)
+        [m].
+    second_moment : float
+        Polar second moment of area about the centroid [m^4]; times the mass per area, the moment of inertia.
+    """
+
+    area: float
+    centroid: FloatArray
+    second_moment: float
+
+
+def area_moments(curve: NurbsCurve, nodes: int = NODES) -> AreaMoments:
+    """Moments of the area that ``curve`` encloses, with ``nodes`` Gauss nodes a piece.
+
+    Integrals over the area become integrals round the outline: A = 1/2 of (x dy - y dx), first moments 1/2 of x^2 dy and -1/2 of
+    y^2 dx, polar moment 1/3 of (x^3 dy - y^3 dx); about a point inside, so that an outline far away loses no digits.
+    """
+    table = kind_of("curve", curve, NurbsCurve).table
+    nodes = whole("nodes", nodes, 1, MOST_NODES, error=InvalidSceneError)
+    at, weight = np.polynomial.legendre.leggauss(nodes)
+    about = np.mean(table.piece_circle[:, :2], axis=0)
+    x, y, dx, dy = [], [], [], []
+    for k in range(len(table.piece_span)):
+        low, high = table.piece_range[k]
+        span = int(table.piece_span[k])
+        place, slope, _ = outline_points(table.coef[span : span + 1], 0.5 * (low + high) + 0.5 * (high - low) * at)
+        step = 0.5 * (high - low) * weight
+        x.append(place[0, :, 0] - about[0])
+        y.append(place[0, :, 1] - about[1])
+        dx.append(slope[0, :, 0] * step)
+        dy.append(slope[0, :, 1] * step)
+    px, py, qx, qy = (np.concatenate(parts) for parts in (x, y, dx, dy))
+    area = 0.5 * float(np.sum(px * qy - py * qx))
+    first = 0.5 * np.array([np.sum(px**2 * qy), -np.sum(py**2 * qx)])
+    polar = float(np.sum(px**3 * qy - py**3 * qx)) / 3.0
+    arm = first / area
+    return AreaMoments(area=area, centroid=about + arm, second_moment=polar - area * float(arm @ arm))
+
+
+def centred(curve: NurbsCurve) -> NurbsCurve:
+    """The outline shifted so that its centroid is the origin: the frame in which a grain is described."""
+    return kind_of("curve", curve, NurbsCurve).moved(shift=-area_moments(curve).centroid)

@@ -1,0 +1,155 @@
+"""The Case protocol: parameters, set-up, observed quantities, truths and checks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+from ninedisk.harness.api.engine import EngineInfo
+
+FloatArray = NDArray[np.float64]
+Norm = Literal["max", "scalar"]
+TruthKind = Literal["exact-step", "analytic", "published", "converged", "consensus"]
+Value = float | int | str | bool
+
+
+class ParameterError(ValueError):
+    """A parameter that does not exist, or a value outside its range; the message names the way out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A parameter of a case, settable by ``--set NAME=VALUE``.
+
+    ``words`` are values that a number parameter accepts besides numbers (``wall_mu=mu``); ``optional`` admits
+    ``none``; ``in_id`` puts the parameter into every variant's id, the others only where they differ from the default.
+    ``only_for`` is the kind of contact (`EngineInfo.contact`) that alone has this setting, empty for all: a variant of the
+    matrix that sets it means nothing to other engines and is not run on them.
+    """
+
+    name: str
+    default: Value | None
+    help: str
+    unit: str = ""
+    choices: tuple[Value, ...] = ()
+    words: tuple[str, ...] = ()
+    low: float = -math.inf
+    high: float = math.inf
+    low_open: bool = False
+    whole: bool = False
+    optional: bool = False
+    in_id: bool = False
+    only_for: str = ""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A case with every parameter fixed; ``params`` is complete and validated."""
+
+    id: str
+    params: Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """What an engine needs: the scene, the numerics and the contacts to watch.
+
+    ``labels`` names watched pairs and bodies for sketches.
+    """
+
+    scene: Scene
+    numerics: Numerics
+    watch: tuple[Pair, ...]
+    labels: Mapping[str, Pair] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observed:
+    """Quantities of a run: series over the sampled steps, and single numbers. Both map name -> (unit, value)."""
+
+    step: NDArray[np.int64]
+    t: FloatArray
+    series: Mapping[str, tuple[str, FloatArray]]
+    scalars: Mapping[str, tuple[str, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One quantity against one truth.
+
+    Parameters
+    ----------
+    quantity : str
+        Name in `Observed`.
+    norm : {"max", "scalar"}
+        "max": largest absolute difference of a series over ``window``; "scalar": a single number.
+    truth : {"exact-step", "analytic", "published", "converged", "consensus"}
+    expected : float or ndarray, shape (s,)
+        Truth at the sampled steps (NaN where it says nothing), or a number.
+    uncertainty : float
+        Half-width of the truth's own uncertainty, in the quantity's unit.
+    source : str
+        Where the truth comes from.
+    atol, rtol : float
+        The check passes if the error is at most ``atol + rtol max|expected|``.
+    why : str
+        Reason of the tolerance.
+    window : (int, int) or None
+        First and last step that count.
+    gap_reason : str
+        Not empty: the truth itself is known to be off for this engine or contradicted by a better truth; a failure is
+        then reported as ``known-gap`` with this reason, a success as ``gap-closed``.
+    """
+
+    quantity: str
+    norm: Norm
+    truth: TruthKind
+    expected: float | FloatArray
+    source: str
+    why: str
+    atol: float = 0.0
+    rtol: float = 0.0
+    uncertainty: float = 0.0
+    window: tuple[int, int] | None = None
+    gap_reason: str = ""
+
+
+class Case(Protocol):
+    """A verification problem.
+
+    ``source`` says where the problem comes from, ``requirement`` what an engine must do to pass; ``version`` changes whenever
+    results of the old and new definition must not be joined.
+    """
+
+    id: str
+    version: int
+    title: str
+    source: str
+    requirement: str
+    parameters: tuple[Parameter, ...]
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """Parameter overrides of the variants that run by default."""
+        ...
+
+    def build(self, params: Mapping[str, Any]) -> Setup:
+        """Scene, numerics and watched contacts of one variant."""
+        ...
+
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
+        """Named quantities of a finished run."""
+        ...
+
+    def checks(
+        self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
+    ) -> Sequence[Check]:
+        """Truths that bind this engine on this variant."""
+        ...

@@ -1,0 +1,235 @@
+"""The Engine protocol: what an adapter implements and what it gives back."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option
+from ninedisk.core.scene import Scene
+from ninedisk.harness.api.capabilities import Capability
+
+
+class SupportLevel(StrEnum):
+    """How faithfully an engine expresses a scene."""
+
+    EXACT = "exact"
+    EQUIVALENT = "equivalent"
+    APPROXIMATE = "approximate"
+    NO = "no"
+
+
+@dataclass(frozen=True)
+class Support:
+    """Answer of `Engine.supports`: level, the capabilities that are missing, and notes for the report."""
+
+    level: SupportLevel
+    missing: tuple[Capability, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineInfo:
+    """Facts about an engine; `version` is None where it is not installed.
+
+    Attributes
+    ----------
+    scheme : str
+        The time discretisation, so that an exact time-discrete reference binds only engines of that very scheme:
+
+        - ``"central-difference"``: velocities at half steps, forces at positions and walls of t_n;
+        - ``"theta"``: implicit theta scheme of `ninedisk.core.cd`, ``Numerics.theta`` its parameter;
+        - ``"semi-implicit-euler"``: velocities first, positions with the new ones;
+        - ``"position-first-euler"``: positions with the old velocities, then velocities;
+        - ``"moreau-jean"``: velocities first, positions with ``theta v_1 + (1 - theta) v_0``, theta the engine's option of that name;
+        - ``"runge-kutta-3"``: third order, steps so small that omega times a step is at most the engine's option ``phase``.
+
+        Any other name binds no exact steps.
+    contact : {"spring", "impulse", "cd", "soft"}
+        Linear contact springs; rigid at velocity level; contact dynamics; or soft in a way of the engine's own.
+    capabilities : frozenset of Capability
+    turns_shear : {"exactly", "to first order"}
+        How a shear force follows the contact's rotation; to first order its size changes by half the square of the rotation in
+        each step.
+    turns_exactly_with : frozenset of Capability
+        Lever arms with which that is exact all the same.
+    fixed_wall_shear : bool
+        Whether shear forces at a wall keep their direction in space while the wall turns.
+    arms_at_walls : frozenset of Capability or None
+        Lever arms of contacts with walls, where they are not those among ``capabilities``.
+    keeps_opened_shear : bool
+        Whether a contact between disks that opens and closes again goes on from its old shear force.
+    dilates : bool
+        Whether a sliding contact opens, as the associated rule of convex contact models has it.
+    friction_lags : bool
+        Whether friction is bounded by the normal force of the step before: a contact that begins has none in its first step.
+    softness : float or None
+        Of engines whose contacts are soft: part of what it should withstand in one step that a contact lets through, by the
+        engine's own regularisation. None: no such figure, see `ninedisk.harness.cases.common.SOFT_TOLERANCE`.
+    softness_why : str
+        Where that figure comes from.
+    keeps_kn : bool
+        Of engines whose contacts are soft: whether a load at rest overlaps by load/kn, kn the scene's.
+    impact_as_springs : bool
+        Of engines whose contacts are soft: whether an impact is a spring's motion over several of the engine's own steps, so that
+        contacts that are hit at one time share the impact as springs do.
+    normal_turns_in_impact : bool
+        Whether restitution takes the approach along the line of centres at the begin of a step, and the impulse acts along that at
+        its end: e = 1 then gains energy, first order in the step.
+    options : mapping from str to Option
+        Settings that ``Numerics.options`` may hold as ``<id>.<name>``.
+    out_of_scope : mapping from Capability to str
+        Where the engine's own documentation says that it is not meant to have a capability.
+    """
+
+    id: str
+    name: str
+    version: str | None
+    scheme: str
+    contact: str
+    licence: str
+    how_it_runs: str
+    precision: str
+    threads: int
+    install: str
+    capabilities: frozenset[Capability]
+    not_installed_because: str = ""
+    turns_shear: str = "exactly"
+    turns_exactly_with: frozenset[Capability] = frozenset()
+    fixed_wall_shear: bool = False
+    arms_at_walls: frozenset[Capability] | None = None
+    keeps_opened_shear: bool = False
+    dilates: bool = False
+    friction_lags: bool = False
+    softness: float | None = None
+    softness_why: str = ""
+    keeps_kn: bool = False
+    impact_as_springs: bool = False
+    normal_turns_in_impact: bool = False
+    options: Mapping[str, Option] = field(default_factory=dict)
+    out_of_scope: Mapping[Capability, str] = field(default_factory=dict)
+
+    @property
+    def installed(self) -> bool:
+        """Whether the engine can run on this machine."""
+        return self.version is not None
+
+    def option(self, name: str, numerics: Numerics) -> Any:
+        """Value of one of the engine's `options` in a run with these numerics."""
+        return numerics.options.get(f"{self.id}.{name}", self.options[name].default)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timings:
+    """Wall-clock seconds; only ``advance`` counts in comparisons of speed."""
+
+    setup: float
+    warm_up: float
+    advance: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineRun:
+    """A finished run: the history, its timings, and every setting that was chosen on purpose."""
+
+    history: History
+    timings: Timings
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+class EngineError(RuntimeError):
+    """The engine failed, crashed or answered nonsense; the message carries its last output lines."""
+
+
+class EngineTimeoutError(EngineError):
+    """The engine was stopped at its time limit."""
+
+
+class EngineNotInstalledError(EngineError):
+    """The engine is not on this machine; the message says how to install it."""
+
+
+class EngineUnsupportedError(EngineError):
+    """The engine found, once it had the scene, that it cannot express it; the message says why."""
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """What the harness asks of an engine."""
+
+    id: str
+
+    def info(self) -> EngineInfo:
+        """Facts about the engine; must be cheap and must not fail where it is not installed."""
+        ...
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        """How faithfully this engine expresses the scene; NO names the missing capabilities."""
+        ...
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene and return the observations at ``numerics.sampled_steps()``.
+
+        Raises
+        ------
+        EngineError
+            On any failure of the engine; `ninedisk.core.errors.CoreError` on a scene that the user got wrong.
+        """
+        ...
+
+
+class Session(Protocol):
+    """What an in-process adapter writes; `run_session` turns it into `Engine.run`."""
+
+    def warm_up(self) -> None:
+        """JIT and caches; the state stays unchanged; not counted."""
+        ...
+
+    def advance(self, n_steps: int) -> None:
+        """Advance by ``n_steps`` steps ``Numerics.dt``: the only timed call."""
+        ...
+
+    def observe(self, history: History, row: int) -> None:
+        """Write copies of the current state into row ``row`` of ``history``."""
+        ...
+
+
+def run_session(
+    make: Any, scene: Scene, numerics: Numerics, watch: Sequence[Pair], *, force_meaning: Any = "step-mean"
+) -> EngineRun:
+    """Drive a `Session` (``make(scene, numerics, pairs)``) over the sampled steps and time it."""
+    pairs = tuple(scene.check_pair(pair) for pair in watch)
+    steps = numerics.sampled_steps()
+    history = History.empty(
+        steps,
+        np.multiply(steps, numerics.dt, dtype=np.float64),
+        n_disks=len(scene.disks),
+        n_walls=len(scene.walls),
+        pairs=pairs,
+        force_meaning=force_meaning,
+    )
+    begin = time.perf_counter()
+    session = make(scene, numerics, pairs)
+    setup = time.perf_counter() - begin
+    begin = time.perf_counter()
+    session.warm_up()
+    warm_up = time.perf_counter() - begin
+    advance, done = 0.0, 0
+    for row, step in enumerate(steps):
+        begin = time.perf_counter()
+        if step > done:
+            session.advance(int(step) - done)
+        advance += time.perf_counter() - begin
+        done = int(step)
+        session.observe(history, row)
+    settings = getattr(session, "settings", {})
+    return EngineRun(
+        history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=dict(settings)
+    )

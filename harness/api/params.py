@@ -1,0 +1,214 @@
+"""From what the user sets to a complete, validated variant of a case."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+from urllib.parse import quote
+
+from ninedisk.harness.api.case import Case, Parameter, ParameterError, Variant
+from ninedisk.harness.api.errors import close_matches
+from ninedisk.harness.api.units import split_number, to_unit
+
+LARGEST = 1e100
+"""Largest size of a number parameter, and its inverse the smallest that is not zero: beyond, squares and ratios of two of them
+leave the range of a double, in the case as in the engines."""
+
+_TRUE = ("true", "yes", "on", "1")
+_FALSE = ("false", "no", "off", "0")
+
+
+def resolve(case: Case, overrides: Mapping[str, Any]) -> Variant:
+    """Fix every parameter of a case: defaults, then overrides.
+
+    Parameters
+    ----------
+    case : Case
+    overrides : mapping
+        Values as numbers, words, booleans, None, or as text that may carry a unit (``"10 ms"``) or be a fraction
+        (``"2/3"``).
+
+    Returns
+    -------
+    Variant
+        Its id is ``name=value,...`` over the parameters that are always part of it and those that differ from their
+        default, in declaration order, without spaces or slashes; ``"default"`` where there is none.
+
+    Raises
+    ------
+    ParameterError
+        Unknown parameter (close matches and the case's parameters are listed), value outside its range or
+        choices, wrong unit.
+    """
+    known = {parameter.name: parameter for parameter in case.parameters}
+    for name in overrides:
+        if name not in known:
+            raise ParameterError(
+                f"the case {case.id!r} has no parameter {name!r}.{close_matches(name, known)} "
+                f"Its parameters:\n{describe_parameters(case.parameters)}"
+            )
+    params: dict[str, Any] = {}
+    shown: list[str] = []
+    for parameter in case.parameters:
+        default = parse(parameter, parameter.default)
+        value = parse(parameter, overrides[parameter.name]) if parameter.name in overrides else default
+        params[parameter.name] = value
+        if parameter.in_id or value != default:
+            shown.append(f"{parameter.name}={format_value(value)}")
+    return Variant(id=",".join(shown) or "default", params=params)
+
+
+def foreign_settings(case: Case, params: Mapping[str, Any], contact: str) -> list[str]:
+    """Parameters that differ from their default although only engines with another kind of contact have them."""
+    return [
+        parameter.name
+        for parameter in case.parameters
+        if parameter.only_for not in ("", contact) and params[parameter.name] != parse(parameter, parameter.default)
+    ]
+
+
+def describe_parameters(parameters: Sequence[Parameter]) -> str:
+    """One line a parameter: name, default, unit, allowed values and help."""
+    lines = []
+    for p in parameters:
+        unit = f" {p.unit}" if p.unit and p.unit != "-" else ""
+        lines.append(f"  {p.name} = {format_value(p.default)}{unit}: {p.help} [{allowed(p)}]")
+    return "\n".join(lines)
+
+
+def allowed(parameter: Parameter) -> str:
+    """The values a parameter takes, in words."""
+    kind = _kind(parameter)
+    if kind == "bool":
+        text = "true or false"
+    elif kind == "choice":
+        text = "one of " + ", ".join(format_value(choice) for choice in parameter.choices)
+    elif kind == "text":
+        text = "any text"
+    else:
+        text = "a whole number" if parameter.whole else "a number"
+        if math.isfinite(parameter.low):
+            text += f" {'>' if parameter.low_open else '>='} {parameter.low:g}"
+        if math.isfinite(parameter.high):
+            text += f"{' and' if math.isfinite(parameter.low) else ''} <= {parameter.high:g}"
+    extra = [*parameter.words, *(["none"] if parameter.optional else [])]
+    return text + "".join(f", or {word!r}" for word in extra)
+
+
+def format_value(value: Any) -> str:
+    """Canonical text of a value: the shortest that reads back to the same value; no space, slash or comma in it."""
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        short = format(value, "g")
+        return short if float(short) == value else repr(value)
+    return quote(str(value), safe="+@~")
+
+
+def parse(parameter: Parameter, given: Any) -> Any:
+    """One value, checked and converted; raises `ParameterError` naming the value and what is allowed."""
+    text = given.strip() if isinstance(given, str) else None
+    if given is None or (text == "none" and text not in parameter.choices):
+        if parameter.optional or parameter.default is None:
+            return None
+        raise _refused(parameter, given)
+    if text is not None and text in parameter.words:
+        return text
+    kind = _kind(parameter)
+    if kind == "bool":
+        return _parse_bool(parameter, given)
+    if kind == "choice":
+        return _parse_choice(parameter, given)
+    if kind == "text":
+        if not text:
+            raise _refused(parameter, given)
+        return text
+    return _parse_number(parameter, given)
+
+
+def _kind(parameter: Parameter) -> str:
+    if isinstance(parameter.default, bool):
+        return "bool"
+    if parameter.choices:
+        return "choice"
+    if isinstance(parameter.default, str) and parameter.default not in parameter.words:
+        return "text"
+    return "number"
+
+
+def _refused(parameter: Parameter, given: Any, why: str = "") -> ParameterError:
+    shown = given if isinstance(given, str) else format_value(given) if _plain(given) else repr(given)
+    return ParameterError(f"{parameter.name} = {shown} is not allowed: {why or f'it must be {allowed(parameter)}'}")
+
+
+def _plain(given: Any) -> bool:
+    return given is None or isinstance(given, bool | int | float)
+
+
+def _parse_bool(parameter: Parameter, given: Any) -> bool:
+    text = str(given).strip().lower()
+    if text in _TRUE:
+        return True
+    if text in _FALSE:
+        return False
+    raise _refused(parameter, given)
+
+
+def _parse_choice(parameter: Parameter, given: Any) -> Any:
+    for choice in parameter.choices:
+        if given == choice and isinstance(given, bool) == isinstance(choice, bool):
+            return choice
+    text = str(given).strip()
+    for choice in parameter.choices:
+        if text == choice or text == format_value(choice):
+            return choice
+    if any(isinstance(choice, int | float) for choice in parameter.choices) and isinstance(given, str):
+        try:
+            value = _number(parameter, given)
+        except ParameterError:
+            raise _refused(parameter, given) from None
+        for choice in parameter.choices:
+            if not isinstance(choice, str) and value == choice:
+                return choice
+    names = [format_value(choice) for choice in parameter.choices]
+    hint = close_matches(text, names)
+    raise _refused(parameter, given, f"it must be {allowed(parameter)}.{hint}" if hint else "")
+
+
+def _parse_number(parameter: Parameter, given: Any) -> float | int:
+    value = _number(parameter, given)
+    below = value <= parameter.low if parameter.low_open else value < parameter.low
+    if not math.isfinite(value) or below or value > parameter.high:
+        raise _refused(parameter, given)
+    if abs(value) > LARGEST or 0.0 < abs(value) < 1.0 / LARGEST:
+        raise _refused(parameter, given, f"its size must lie between {1.0 / LARGEST:g} and {LARGEST:g}, or be 0")
+    if parameter.whole:
+        if value != int(value):
+            raise _refused(parameter, given)
+        return int(value)
+    return value
+
+
+def _number(parameter: Parameter, given: Any) -> float:
+    if isinstance(given, bool):
+        raise _refused(parameter, given)
+    if not isinstance(given, str):
+        try:
+            return float(given)
+        except (TypeError, ValueError, OverflowError):
+            raise _refused(parameter, given) from None
+    split = split_number(given)
+    if split is None:
+        raise _refused(parameter, given)
+    number, suffix = split
+    try:
+        value = float(Fraction(number)) if "/" in number else float(number)
+    except (ZeroDivisionError, OverflowError):
+        raise _refused(parameter, given) from None
+    if not math.isfinite(value):
+        raise _refused(parameter, given)
+    return to_unit(parameter.name, number, suffix, parameter.unit) if suffix not in ("", parameter.unit) else value

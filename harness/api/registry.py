@@ -1,0 +1,246 @@
+"""Which cases and engines there are: built-in ones and those of installed packages (entry points).
+
+Ids are listed without importing anything that belongs to a case or an engine, so that ``ninedisk --help`` and
+``ninedisk list`` stay fast; an object is imported when it is asked for. What is wrong with one package, be it an id that is
+taken or metadata that cannot be read, is kept for whoever asks (`problems`) and takes nothing from the others.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import importlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import distributions
+from typing import TYPE_CHECKING, Any
+
+from ninedisk.harness.api.errors import UsageError, close_matches
+
+if TYPE_CHECKING:
+    from ninedisk.harness.api.case import Case
+    from ninedisk.harness.api.engine import Engine
+BUILTIN_CASES: dict[str, str] = {
+    "nine-disk/compression": "ninedisk.harness.cases.nine_disk.compression:CASE",
+    "nine-disk/distortion": "ninedisk.harness.cases.nine_disk.distortion:CASE",
+    "binary-collision": "ninedisk.harness.cases.impact.binary:CASE",
+    "incline-block": "ninedisk.harness.cases.incline.block:CASE",
+    "sliding/quasistatic": "ninedisk.harness.cases.sliding.quasistatic:CASE",
+    "sliding/dynamic": "ninedisk.harness.cases.sliding.dynamic:CASE",
+    "slip-to-roll": "ninedisk.harness.cases.rolling.slip_to_roll:CASE",
+    "chain/newton-cradle": "ninedisk.harness.cases.chain.newton_cradle:CASE",
+    "impact/bouncing-disk": "ninedisk.harness.cases.impact.bouncing:CASE",
+    "impact/oblique": "ninedisk.harness.cases.impact.oblique:CASE",
+    "gas/elastic": "ninedisk.harness.cases.impact.gas:CASE",
+    "spinning-disk": "ninedisk.harness.cases.rolling.spinning_disk:CASE",
+    "rolling/incline-disk": "ninedisk.harness.cases.rolling.incline_disk:CASE",
+    "static/stack": "ninedisk.harness.cases.static.stack:CASE",
+    "row/pushed": "ninedisk.harness.cases.chain.row_pushed:CASE",
+    "strength/hexagonal": "ninedisk.harness.cases.static.strength_hexagonal:CASE",
+    "nurbs/overlap": "ninedisk.harness.cases.nurbs.overlap:CASE",
+    "nurbs/collision": "ninedisk.harness.cases.nurbs.collision:CASE",
+    "nurbs/settle": "ninedisk.harness.cases.nurbs.settle:CASE",
+    "nurbs/rolling": "ninedisk.harness.cases.nurbs.rolling:CASE",
+    "invariance/units": "ninedisk.harness.cases.invariance.observers:CASES",
+    "invariance/rotation": "ninedisk.harness.cases.invariance.observers:CASES",
+    "invariance/galilei": "ninedisk.harness.cases.invariance.observers:CASES",
+    "contact/reopening": "ninedisk.harness.cases.contact.reopening:CASE",
+    "contact/moving-wall": "ninedisk.harness.cases.contact.moving_wall:CASE",
+    "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
+    "invariance/objectivity": "ninedisk.harness.cases.invariance.rotating_box:CASE",
+}
+BUILTIN_ENGINES: dict[str, str] = {
+    "dem": "ninedisk.harness.engines.dem.adapter:ENGINE",
+    "cd": "ninedisk.harness.engines.cd.adapter:ENGINE",
+    "yade": "ninedisk.harness.engines.yade.adapter:ENGINE",
+    "pymunk": "ninedisk.harness.engines.pymunk.adapter:ENGINE",
+    "lammps": "ninedisk.harness.engines.lammps.adapter:ENGINE",
+    "bullet": "ninedisk.harness.engines.bullet.adapter:ENGINE",
+    "dart": "ninedisk.harness.engines.dart.adapter:ENGINE",
+    "siconos": "ninedisk.harness.engines.siconos.adapter:ENGINE",
+    "box2d": "ninedisk.harness.engines.box2d.adapter:ENGINE",
+    "mujoco": "ninedisk.harness.engines.mujoco.adapter:ENGINE",
+    "drake": "ninedisk.harness.engines.drake.adapter:ENGINES",
+    "drake-sap": "ninedisk.harness.engines.drake.adapter:ENGINES",
+    "drake-lagged": "ninedisk.harness.engines.drake.adapter:ENGINES",
+    "liggghts": "ninedisk.harness.engines.liggghts.adapter:ENGINE",
+    "esys-particle": "ninedisk.harness.engines.esys_particle.adapter:ENGINE",
+    "kratos": "ninedisk.harness.engines.kratos.adapter:ENGINE",
+}
+CASE_GROUP = "ninedisk.cases"
+ENGINE_GROUP = "ninedisk.engines"
+
+
+class UnknownIdError(UsageError):
+    """No case or engine has this id."""
+
+
+class BrokenEntryError(UsageError):
+    """A case or engine is registered but cannot be loaded."""
+
+
+@dataclass(frozen=True)
+class Registered:
+    """An id's object as ``"module:attribute"``, the distribution that provides it, and what is wrong with it, if anything."""
+
+    where: str
+    origin: str
+    problem: str = ""
+
+
+BUILTIN = "ninedisk"
+"""Origin of the cases and engines that come with ninedisk."""
+
+
+@lru_cache(maxsize=1)
+def case_table() -> Mapping[str, Registered]:
+    """Every known case by its id."""
+    return _registered(CASE_GROUP)[0]
+
+
+@lru_cache(maxsize=1)
+def engine_table() -> Mapping[str, Registered]:
+    """Every known engine by its id."""
+    return _registered(ENGINE_GROUP)[0]
+
+
+def problems() -> tuple[str, ...]:
+    """What is wrong with the announcements of installed packages, a sentence each that names the package."""
+    found = (text for group in (CASE_GROUP, ENGINE_GROUP) for text in _registered(group)[1])
+    return tuple(dict.fromkeys(found))
+
+
+def _registered(group: str) -> tuple[dict[str, Registered], list[str]]:
+    """Ids of a group, and what is wrong with it. A built-in id stays what it is; two strangers with one id get neither."""
+    builtin = BUILTIN_CASES if group == CASE_GROUP else BUILTIN_ENGINES
+    table = {name: Registered(where, BUILTIN) for name, where in builtin.items()}
+    wrong: list[str] = []
+    for origin, name, where in _announced(group, wrong):
+        held = table.get(name)
+        if held is None:
+            table[name] = Registered(where, origin)
+        elif held.where != where and held.origin == BUILTIN:
+            wrong.append(
+                f"{origin} registers {name!r} under {group}, an id of ninedisk's own, which stays: rename it or uninstall {origin}"
+            )
+        elif held.where != where:
+            both = (
+                f"two packages register {name!r} under {group}: {held.where} of {held.origin} and {where} of {origin}"
+            )
+            table[name] = Registered(held.where, held.origin, f"{both}; uninstall one of them")
+            wrong.append(table[name].problem)
+    return table, wrong
+
+
+def _announced(group: str, wrong: list[str]) -> Iterator[tuple[str, str, str]]:
+    """Distribution, id and place of every entry of a group; each distribution once, the first on Python's path.
+
+    What cannot be read is added to ``wrong``: one broken package must not hide the others, as it would from
+    `importlib.metadata.entry_points`.
+    """
+    seen: set[str] = set()
+    for distribution in distributions():
+        try:
+            entries = [entry for entry in distribution.entry_points if entry.group == group]
+        except Exception as error:  # whatever a damaged file makes of the parser
+            wrong.append(
+                f"the entry points of {_name(distribution)} cannot be read ({type(error).__name__}: {error}): reinstall it"
+            )
+            continue
+        if not entries or (origin := _name(distribution)) in seen:
+            continue
+        seen.add(origin)
+        for entry in entries:
+            yield origin, entry.name, entry.value
+
+
+def _name(distribution: Any) -> str:
+    """Name of a distribution; that of its folder where its metadata are damaged."""
+    try:
+        found = str(distribution.metadata["Name"] or "")
+    except Exception:
+        found = ""
+    return found or str(getattr(distribution, "_path", "a nameless package")).rpartition("/")[2]
+
+
+def get_case(case_id: str) -> Case:
+    """The case with this id.
+
+    Raises
+    ------
+    UnknownIdError
+        Naming close matches and all ids.
+    BrokenEntryError
+        If its module cannot be imported or does not define it.
+    """
+    found: Case = _load(case_id, case_table(), "case")
+    return found
+
+
+def get_engine(engine_id: str) -> Engine:
+    """The engine with this id; raises as `get_case` does."""
+    found: Engine = _load(engine_id, engine_table(), "engine")
+    return found
+
+
+def engines_that_load(wanted: Callable[[str], bool]) -> dict[str, Engine]:
+    """The engines among the wanted ids whose adapters can be loaded, in the table's order."""
+    found = {}
+    for name in filter(wanted, engine_table()):
+        with suppress(BrokenEntryError):
+            found[name] = get_engine(name)
+    return found
+
+
+def check_engine_ids(ids: Iterable[str]) -> None:
+    """Refuse ids of engines that do not exist, without loading any; raises `UnknownIdError`."""
+    for name in ids:
+        _check_id(name, engine_table(), "engine")
+
+
+def _check_id(name: str, table: Mapping[str, Registered], kind: str) -> None:
+    if name not in table:
+        raise UnknownIdError(
+            f"there is no {kind} {name!r}.{close_matches(name, table)} Known {kind}s: {', '.join(table)}"
+        )
+
+
+def _load(name: str, table: Mapping[str, Registered], kind: str) -> Any:
+    _check_id(name, table, kind)
+    entry = table[name]
+    if entry.problem:
+        raise BrokenEntryError(f"the {kind} {name!r} is not clear: {entry.problem}")
+    module_name, _, attribute = entry.where.partition(":")
+    try:
+        found = getattr(importlib.import_module(module_name), attribute)
+    except Exception as error:
+        raise BrokenEntryError(
+            f"the {kind} {name!r} of {entry.origin} cannot be loaded from {entry.where}: {type(error).__name__}: {error}; "
+            f"mend or uninstall {entry.origin}"
+        ) from error
+    if isinstance(found, Sequence):  # a family module exports all of its cases at once
+        found = next((member for member in found if member.id == name), None)
+    if getattr(found, "id", None) != name:
+        raise BrokenEntryError(
+            f"{entry.where} of {entry.origin} is registered as {kind} {name!r} but its id is {getattr(found, 'id', None)!r}"
+        )
+    return found
+
+
+def match_cases(globs: Iterable[str]) -> list[str]:
+    """Ids of the cases that match any of the patterns, in the table's order; no pattern means all cases.
+
+    Raises
+    ------
+    UnknownIdError
+        If a pattern matches nothing.
+    """
+    table, patterns = case_table(), list(globs)
+    for pattern in patterns:
+        if not fnmatch.filter(table, pattern):
+            raise UnknownIdError(
+                f"no case matches {pattern!r}.{close_matches(pattern, table)} Known cases: {', '.join(table)} "
+                f"(quote patterns such as 'nine-disk/*')"
+            )
+    return [name for name in table if not patterns or any(fnmatch.fnmatchcase(name, p) for p in patterns)]

@@ -1,0 +1,180 @@
+"""Row of equal disks hit at one end: who takes the velocity, and by which law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ninedisk.core.history import History
+from ninedisk.core.scene import ContactLaw, Disks, Scene
+from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.cases.chain._cradle_truth import binding_truth, collisions, exact_steps, gaps_of, spring_chain
+from ninedisk.harness.cases.common import (
+    CONTACT_DT,
+    CONTACT_DYNAMICS,
+    EXACT_STEP_RTOL,
+    contact_step,
+    last,
+    numerics_of,
+    series_and_final,
+    single,
+    whole_steps,
+)
+from ninedisk.harness.cases.impact._impact import beta_for
+
+RADIUS = 1.0
+
+PHASE, DAMPED_PHASE = 0.04, 0.05
+"""Default resolution of the row's fastest mode: ``omega dt <= PHASE`` and ``beta omega dt <= DAMPED_PHASE``."""
+
+AFTER = 6
+"""Steps ``dt`` after the last event in a run of default length."""
+
+
+class NewtonCradle:
+    """Disk 1 hits a row of disks at rest; no gravity, no friction.
+
+    With gaps the row is a sequence of collisions of two, and all engines have one truth. A row that touches has several, each of
+    them keeping momentum, and energy for e = 1: springs hand most of the velocity to the last disk and throw the first one back;
+    Newton's law at all contacts at once moves all but the first disk on together; contact dynamics by theta's own law does as
+    Newton's. None of them is what a cradle of steel balls shows, and none is an error: the reports name the law by which an engine
+    is judged.
+    """
+
+    id = "chain/newton-cradle"
+    version = 1
+    title = "Row of disks hit at one end"
+    source = (
+        "Newton's restitution, one by one or at all contacts (Moreau 1988); linear springs: Herrmann & Schmaelzle, "
+        "Am. J. Phys. 49 (1981) 761"
+    )
+    requirement = (
+        "momentum always conserved, energy for e = 1; with gaps the last disk takes all; touching rows by the law of the engine's "
+        "contacts"
+    )
+    parameters: tuple[Parameter, ...] = (
+        Parameter(name="n", default=3, low=2, high=8, whole=True, unit="-", in_id=True, help="number of disks"),
+        Parameter(name="gap", default=0.02, low=0.0, unit="m", in_id=True, help="gap between neighbours; 0: the row touches"),
+        Parameter(name="restitution", default=1.0, low=0.0, high=1.0, unit="-",
+                  help="coefficient of restitution; beta and theta follow from it"),
+        Parameter(name="dt", default=2e-3, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
+        Parameter(name="speed", default=1.0, low=0.0, low_open=True, unit="m/s", help="initial velocity of disk 1"),
+        Parameter(name="mass", default=math.pi, low=0.0, low_open=True, unit="kg", help="mass of each disk"),
+        Parameter(name="kn", default=1e6, low=0.0, low_open=True, unit="N/m", help="stiffness of spring engines"),
+        CONTACT_DT,
+        Parameter(name="duration", default=None, optional=True, low=0.0, low_open=True, unit="s",
+                  help="length of the run; none: until all disks have parted and some steps more"),
+        *CONTACT_DYNAMICS,
+    )  # fmt: skip
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """With gaps, by Newton's law too; touching rows of three and five; a plastic one."""
+        return (
+            {"n": 3, "gap": 0.02},
+            {"n": 3, "gap": 0.02, "impact": "newton"},
+            {"n": 3, "gap": 0.0},
+            {"n": 5, "gap": 0.0},
+            {"n": 3, "gap": 0.0, "restitution": 0.0},
+        )
+
+    def build(self, params: Mapping[str, Any]) -> Setup:
+        """Disks on the x axis."""
+        n, dt, kn, mass = params["n"], params["dt"], params["kn"], params["mass"]
+        beta = beta_for(params["restitution"])
+        law = ContactLaw(kn=kn, beta=beta, restitution=params["restitution"], regularised=True)
+        place = np.concatenate(([0.0], np.cumsum(2.0 * RADIUS + np.array(gaps_of(params)))))
+        v = np.zeros((n, 2))
+        v[0, 0] = params["speed"]
+        disks = Disks(x=np.column_stack([place, np.zeros(n)]), v=v, radius=np.full(n, RADIUS), mass=np.full(n, mass))
+        scene = Scene(disks=disks, disk_disk=law)
+        omega = 2.0 * math.sqrt(kn / mass)
+        target = min(PHASE, DAMPED_PHASE / beta if beta > 0.0 else math.inf) / omega
+        watch = tuple((i, i + 1) for i in range(n - 1))
+        numerics = numerics_of(
+            params, n_steps=1, contact_dt=contact_step(dt, target), theta=1.0 / (1.0 + params["restitution"])
+        )
+        setup = Setup(scene=scene, numerics=numerics, watch=watch, labels={"first": watch[0], "last": watch[-1]})
+        end = spring_chain(params, setup)[1]
+        if params["gap"] > 0.0:
+            end = max(end, float(collisions(params).t[-1]))
+        steps = whole_steps(
+            params, end + AFTER * dt, at_least=end + 2.0 * dt, event="the last collision, spread over its steps,"
+        )
+        return Setup(scene=scene, numerics=numerics.replace(n_steps=steps), watch=watch, labels=setup.labels)
+
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
+        """Velocities along the row, kinetic energy and momentum."""
+        mass, speed, v = params["mass"], params["speed"], history.v
+        energy = 0.5 * mass * (v**2).sum(axis=(1, 2))
+        momentum = mass * v[:, :, 0].sum(axis=1)
+        series = {f"vx_{k + 1}": ("m/s", v[:, k, 0]) for k in range(params["n"])}
+        series |= {
+            "energy": ("J", energy),
+            "momentum_x": ("kg m/s", momentum),
+            "speed_across": ("m/s", np.abs(v[:, :, 1]).max(axis=1)),
+        }
+        scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
+        scalars["handed_on"] = ("1", last(v[:, -1, 0]) / speed)
+        return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def checks(
+        self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
+    ) -> Sequence[Check]:
+        """Conservation for all; velocities by the law that binds the engine, or the exact steps of its scheme."""
+        speed, mass, numerics = params["speed"], params["mass"], setup.numerics
+        found: list[Check] = []
+        stepped = engine.scheme == "theta"
+        if stepped:
+            found += self._stepped(params, setup, observed)
+        if not stepped or numerics.impact == "newton" or params["gap"] == 0.0:
+            found += self._by_law(params, setup, observed, engine)
+        momentum, n = mass * speed, params["n"]
+        rough = n * single(engine, momentum, numerics.n_steps)
+        conserved = "each impulse acts on two disks in opposite directions: round-off of a few operations"
+        on_axis = "all centres lie on the x axis: no force has a y component"
+        common: dict[str, Any] = {"norm": "max", "truth": "analytic"}
+        found += [
+            Check(quantity="momentum_x", expected=momentum, source="conservation", why=conserved,
+                  atol=n * 1e-13 * momentum + rough, **common),
+            Check(quantity="speed_across", expected=0.0, source="symmetry", why=on_axis,
+                  atol=1e-13 * speed + single(engine, speed, 1), **common),
+        ]  # fmt: skip
+        return found
+
+    def _by_law(self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
+        truth, mass, n = binding_truth(params, setup, observed, engine), params["mass"], params["n"]
+        names = [f"vx_{k + 1}" for k in range(n)]
+        expected = {name: truth.v[:, k] for k, name in enumerate(names)}
+        expected["energy"] = 0.5 * mass * (truth.v**2).sum(axis=1)
+        of_energy = mass * truth.atol * (float(np.abs(truth.final).sum()) + params["speed"] + n * truth.atol)
+        tolerance = dict.fromkeys(names, (truth.atol, 0.0, truth.why)) | {"energy": (of_energy, 0.0, truth.why)}
+        found = series_and_final(
+            (*names, "energy"), expected, truth="analytic", source=truth.source, tolerance=tolerance
+        )
+        found.append(
+            Check(quantity="handed_on", norm="scalar", truth="analytic", expected=float(truth.final[-1]) / params["speed"],
+                  source=truth.source, atol=truth.atol / params["speed"], why=truth.why)
+        )  # fmt: skip
+        return found
+
+    def _stepped(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> list[Check]:
+        steps, numerics, mass = exact_steps(params, setup), setup.numerics, params["mass"]
+        names = [f"vx_{k + 1}" for k in range(params["n"])]
+        expected = {name: steps.v[observed.step, k] for k, name in enumerate(names)}
+        expected["energy"] = 0.5 * mass * (steps.v[observed.step] ** 2).sum(axis=1)
+        source = (
+            f"theta scheme, theta = {numerics.theta:g}, impact {numerics.impact}: complementarity problem of every step"
+        )
+        why = "exact solution of this very scheme: round-off of the steps and of the solver; a gap's is divided by dt"
+        speed = params["speed"]
+        floor = 1e-10 * speed
+        tolerance = dict.fromkeys(names, (floor, EXACT_STEP_RTOL, why))
+        tolerance["energy"] = (2.0 * mass * speed * floor, EXACT_STEP_RTOL, why)
+        return series_and_final((*names, "energy"), expected, truth="exact-step", source=source, tolerance=tolerance)
+
+
+CASE = NewtonCradle()

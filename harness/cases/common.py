@@ -1,0 +1,229 @@
+"""What collision, incline and rolling share: parameters of contact dynamics, contact steps, sums over steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.numerics import Numerics
+from ninedisk.harness.api.case import Check, Norm, Observed, Parameter, ParameterError, TruthKind
+from ninedisk.harness.api.engine import EngineInfo
+
+FloatArray = NDArray[np.float64]
+
+CONTACT_DYNAMICS = (
+    Parameter(
+        name="impact",
+        default="theta",
+        only_for="cd",
+        choices=("theta", "newton"),
+        help="impact law of contact dynamics: the theta scheme's own, or Newton's at velocity level",
+    ),
+    Parameter(
+        name="sliding",
+        default="associated",
+        only_for="cd",
+        choices=("associated", "coulomb"),
+        help="sliding rule of contact dynamics",
+    ),
+    Parameter(
+        name="solver",
+        default="auto",
+        choices=("auto", "interior-point", "projected-gradient", "gauss-seidel"),
+        only_for="cd",
+        help="contact solver of contact dynamics; auto chooses by size and outcome",
+    ),
+)
+
+THETA = Parameter(
+    name="theta", default=1.0, low=0.5, high=1.0, unit="-", only_for="cd", help="parameter of the theta scheme"
+)
+
+REGIME = Parameter(
+    name="regime",
+    default="dynamic",
+    choices=("dynamic", "quasi-static"),
+    only_for="cd",
+    help="with inertia, or the static limit of contact dynamics: a series of equilibria",
+)
+
+CONTACT_DT = Parameter(
+    name="contact_dt",
+    default=None,
+    optional=True,
+    low=0.0,
+    low_open=True,
+    unit="s",
+    help="own step of engines with contact springs; it must divide dt; none: what the contact's resolution asks for",
+)
+
+SOFT_TOLERANCE = 1e-2
+"""Relative tolerance for engines whose contacts are soft in a way of their own (no kn to set) and that give no softness of theirs:
+1 % tells the right law from a wrong one; such runs are graded approximate."""
+
+EXACT_STEP_RTOL = 1e-10
+"""Of an exact time-discrete solution: the round-off of some hundred steps, 1e-14, and of a solver's residual."""
+
+
+OPTIONAL = ("energy", "load", "wall")
+"""Beginnings of the names of quantities that an engine need not tell."""
+
+
+def contact_step(dt: float, target: float) -> float:
+    """Largest ``dt/k``, k whole, that does not exceed ``target`` [s]."""
+    return dt / max(1, math.ceil(dt / target * (1.0 - 1e-12)))
+
+
+def numerics_of(params: Mapping[str, Any], *, n_steps: int, contact_dt: float, theta: float) -> Numerics:
+    """Numerics of one variant; a ``contact_dt`` that the user set replaces the proposed one."""
+    return Numerics(
+        dt=params["dt"],
+        n_steps=n_steps,
+        contact_dt=contact_dt if params["contact_dt"] is None else params["contact_dt"],
+        theta=theta,
+        impact=params["impact"],
+        sliding=params["sliding"],
+        solver=params["solver"],
+    )
+
+
+def whole_steps(params: Mapping[str, Any], default: float, *, at_least: float = 0.0, event: str = "") -> int:
+    """Number of steps ``dt`` of the run, >= 1: ``params["duration"]``, or ``default`` [s] where it is None.
+
+    Raises
+    ------
+    ParameterError
+        If the duration is shorter than a step, or than ``at_least`` [s], the end of the named event.
+    """
+    given = params["duration"]
+    duration = default if given is None else float(given)
+    steps = math.ceil(duration / float(params["dt"]) * (1.0 - 1e-12))
+    if steps * params["dt"] < at_least:
+        raise ParameterError(
+            f"duration = {duration:g} s is not allowed: {event} is over at {at_least:g} s only; "
+            "use a longer one, or none"
+        )
+    if given is not None and duration < params["dt"] * (1.0 - 1e-12):
+        raise ParameterError(
+            f"duration = {duration:g} s is not allowed: it must be at least one step, dt = {params['dt']:g} s"
+        )
+    return max(steps, 1)
+
+
+def round_off_speed(length: float, contact_dt: float) -> float:
+    """Velocity [m/s] that the rounding of a coordinate of size ``length`` [m] stands for.
+
+    A coordinate that is kept to one unit in the last place moves by that unit or not at all; a force balance through a
+    contact spring therefore leaves velocities of the order of one unit per step. Factor 8: sums of a few such
+    roundings.
+    """
+    return 8.0 * float(np.spacing(length)) / contact_dt
+
+
+def summed_round_off(largest: float, additions: float) -> float:
+    """Worst rounding error of a sum of ``additions`` terms whose value never exceeds ``largest``: half a unit each."""
+    return 0.5 * additions * float(np.spacing(abs(largest)))
+
+
+def single(engine: EngineInfo, largest: float, steps: float) -> float:
+    """Rounding error of an engine that computes in single precision; 0 for all others.
+
+    A quantity that is kept to one unit in the last place of single precision is off by half a unit after each of ``steps``
+    updates, all of one sign at worst. A result of one step, too, is made of several roundings: eight count at least.
+
+    Parameters
+    ----------
+    engine : EngineInfo
+    largest : float
+        Natural scale of the quantity, in its unit: the speed, momentum, length or weight that its computation handles, not the
+        expected value, which may be zero.
+    steps : float
+        Steps in which it is updated.
+    """
+    if engine.precision != "float32":
+        return 0.0
+    return 0.5 * max(steps, 8.0) * float(np.spacing(np.float32(abs(largest))))
+
+
+def softness(engine: EngineInfo) -> float:
+    """Part of what it should withstand in one step that a contact of this engine does not; 0 for all but soft contacts."""
+    if engine.contact != "soft":
+        return 0.0
+    return SOFT_TOLERANCE if engine.softness is None else engine.softness
+
+
+def slack_time(engine: EngineInfo, dt: float, t_end: float) -> float:
+    """Time [s] for which a load may act as if there were no contact: a body that should rest has that much of its free motion.
+
+    A soft contact lets through a fixed part of what it should withstand in one step, and so a velocity of ``softness g dt``
+    under gravity. An engine that does not say how soft it is may let through that part of the whole run.
+    """
+    return softness(engine) * (t_end if engine.softness is None else dt)
+
+
+def soft_reason(engine: EngineInfo) -> str:
+    """Words for the reason of a tolerance; empty for all but soft contacts."""
+    if engine.contact != "soft":
+        return ""
+    told = (
+        engine.softness_why
+        if engine.softness is not None
+        else "the engine does not say how soft: of the run's whole motion"
+    )
+    return f"; a soft contact lets through {softness(engine):g} of what it should withstand ({told})"
+
+
+def follows_associated_rule(engine: EngineInfo, numerics: Numerics) -> bool:
+    """Whether a sliding contact of this run opens: contact dynamics that is told so, and convex contact models."""
+    return engine.dilates or (engine.contact == "cd" and numerics.sliding == "associated")
+
+
+def told(observed: Observed, engine: EngineInfo, name: str, expected: FloatArray) -> FloatArray:
+    """The truth of a quantity; NaN, no truth, for energies and loads of walls that another engine than our own does not tell."""
+    silent = engine.id != "dem" and name.startswith(OPTIONAL) and not np.isfinite(observed.series[name][1]).any()
+    return np.full_like(expected, np.nan) if silent else expected
+
+
+def last(values: FloatArray) -> float:
+    """Last value of a series."""
+    return float(values[-1])
+
+
+def series_and_final(
+    names: Sequence[str],
+    expected: Mapping[str, FloatArray],
+    *,
+    truth: TruthKind,
+    source: str,
+    tolerance: Mapping[str, tuple[float, float, str]],
+) -> list[Check]:
+    """A check of each series and of its final value ``<name>_final``.
+
+    ``tolerance`` maps a name to (atol, rtol, why); rtol refers to the largest value of the series in both checks.
+    """
+    found = []
+    for name in names:
+        atol, rtol, why = tolerance[name]
+        curve = expected[name]
+        scale = float(np.abs(curve[np.isfinite(curve)]).max(initial=0.0))
+        norms: tuple[tuple[str, Norm, float | FloatArray], ...] = (
+            (name, "max", curve),
+            (f"{name}_final", "scalar", last(curve)),
+        )
+        found += [
+            Check(
+                quantity=quantity,
+                norm=norm,
+                truth=truth,
+                expected=value,
+                source=source,
+                atol=atol + rtol * scale,
+                why=why,
+            )
+            for quantity, norm, value in norms
+        ]
+    return found

@@ -1,0 +1,228 @@
+"""Gas of elastic smooth disks in a box: energy over many collisions, momentum between hits of the walls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.history import History
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
+from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.cases.common import (
+    CONTACT_DT,
+    CONTACT_DYNAMICS,
+    contact_step,
+    last,
+    numerics_of,
+    single,
+    whole_steps,
+)
+from ninedisk.harness.cases.impact._gas_bounds import energy_bounds, expected_collisions
+
+RADIUS, MASS = 1.0, math.pi
+"""Unit radius and density."""
+
+NAMES = ("left", "right", "bottom", "top")
+
+
+class ElasticGas:
+    """Equal disks on a square lattice with random velocities, four smooth walls, no gravity.
+
+    Two engines do not keep to the same trajectories for long: each collision multiplies a difference by the free path over the
+    radius. What every engine has to keep is compared: energy, momentum and angular momentum while no disk is near a wall, the room
+    of the box, and disks that do not spin. Energy is that of motion and, of springs, that of the overlaps at the samples.
+    """
+
+    id = "gas/elastic"
+    version = 1
+    title = "Gas of elastic disks in a box"
+    source = "conservation laws of elastic smooth disks; collision rate by kinetic theory (Enskog)"
+    requirement = (
+        "energy over a hundred collisions; momentum and angular momentum between hits of the walls; no spin; no escape"
+    )
+    parameters: tuple[Parameter, ...] = (
+        Parameter(name="rows", default=3, low=2, high=32, whole=True, unit="-", in_id=True, help="disks in a row and in a column"),
+        Parameter(name="spacing", default=3.0, low=2.1, unit="m", help="of the lattice at the start; the box has that much a disk"),
+        Parameter(name="speed", default=5.0, low=0.0, low_open=True, unit="m/s", help="root mean square of the velocities"),
+        Parameter(name="seed", default=1, low=0, high=2**31, whole=True, help="of the random velocities"),
+        Parameter(name="dt", default=5e-3, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
+        Parameter(name="duration", default=3.0, low=0.0, low_open=True, unit="s", help="length of the run"),
+        Parameter(name="kn", default=2.5e5, low=0.0, low_open=True, unit="N/m",
+                  help="stiffness of spring engines: 2.5e5 makes contacts of 8 ms"),
+        Parameter(name="phase", default=0.1, low=1e-3, high=0.5, unit="-", only_for="spring",
+                  help="omega dt of a contact of two disks at most, where contact_dt does not say otherwise"),
+        CONTACT_DT,
+        *CONTACT_DYNAMICS,
+    )  # fmt: skip
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """Nine disks; springs with half the step; Newton's law in contact dynamics."""
+        return ({"rows": 3}, {"rows": 3, "phase": 0.05}, {"rows": 3, "impact": "newton"})
+
+    def build(self, params: Mapping[str, Any]) -> Setup:
+        """A lattice in the middle of the box; the velocities have no mean."""
+        rows, spacing, speed, kn = params["rows"], params["spacing"], params["speed"], params["kn"]
+        side = rows * spacing
+        if speed * math.sqrt(0.5 * MASS / kn) > 0.05 * RADIUS:
+            raise ParameterError(
+                f"kn = {kn:g} N/m is not allowed: disks would overlap by more than a twentieth of the radius; "
+                f"use kn > {0.5 * MASS * (20.0 * speed / RADIUS) ** 2:.3g}"
+            )
+        if speed * params["dt"] > 0.1 * RADIUS:
+            raise ParameterError(
+                f"dt = {params['dt']:g} s is not allowed: a disk would move by more than a tenth of its radius in a step; "
+                f"use dt < {0.1 * RADIUS / speed:.3g}"
+            )
+        law = ContactLaw(kn=kn, restitution=1.0, regularised=True)
+        place = spacing * (np.arange(rows) + 0.5)
+        v = np.random.default_rng(params["seed"]).standard_normal((rows**2, 2))
+        v -= v.mean(axis=0)
+        v *= speed / math.sqrt(float((v**2).sum(axis=1).mean()))
+        x = np.array([(a, b) for b in place for a in place])
+        faces = (
+            ((0.0, 0.0), (1.0, 0.0)),
+            ((side, 0.0), (-1.0, 0.0)),
+            ((0.0, 0.0), (0.0, 1.0)),
+            ((0.0, side), (0.0, -1.0)),
+        )
+        scene = Scene(
+            disks=Disks(x=x, v=v, radius=np.full(rows**2, RADIUS), mass=np.full(rows**2, MASS)),
+            disk_disk=law,
+            walls=tuple(
+                Wall(name=name, point=point, normal=n, law=law) for name, (point, n) in zip(NAMES, faces, strict=True)
+            ),
+        )
+        numerics = numerics_of(
+            params,
+            n_steps=whole_steps(params, params["duration"]),
+            contact_dt=contact_step(params["dt"], params["phase"] / math.sqrt(2.0 * kn / MASS)),
+            theta=0.5,
+        )
+        return Setup(scene=scene, numerics=numerics, watch=(), labels={})
+
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
+        """Energy, jumps of the momenta over samples between which no disk can have met a wall, overlap with walls, spin."""
+        x, v = history.x, history.v
+        kinetic = 0.5 * MASS * (v**2).sum(axis=(1, 2))
+        room = _room(params, x)
+        elastic = 0.5 * params["kn"] * (np.maximum(-room, 0.0) ** 2).sum(axis=1)
+        elastic += 0.5 * params["kn"] * _overlaps_squared(x)
+        first = 0.5 * MASS * float((setup.scene.disks.v**2).sum())
+        momentum = MASS * v.sum(axis=1)
+        angular = MASS * (x[:, :, 0] * v[:, :, 1] - x[:, :, 1] * v[:, :, 0]).sum(axis=1)
+        far = _far_from_walls(params, setup, room)
+        change = np.hypot(*np.diff(momentum, axis=0).T)
+        turn = np.abs(np.diff(angular))
+        series = {
+            "kinetic": ("1", kinetic / first),
+            "kinetic_level": ("1", _level(kinetic / first)),
+            "energy": ("1", (kinetic + elastic) / first),
+            "momentum_jump": ("kg m/s", _kept(far, change)),
+            "angular_jump": ("kg m^2/s", _kept(far, turn)),
+            "spin": ("rad/s", np.abs(history.omega).max(axis=1)),
+            "outside": ("m", np.maximum(-room.min(axis=1), 0.0)),
+        }
+        scalars = {
+            f"{name}_final": (series[name][0], last(series[name][1])) for name in ("kinetic", "kinetic_level", "energy")
+        }
+        scalars["energy_gain"] = ("1", float(series["kinetic"][1].max() - 1.0))
+        return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def checks(
+        self,
+        params: Mapping[str, Any],
+        setup: Setup,
+        observed: Observed,  # noqa: ARG002
+        engine: EngineInfo,
+    ) -> Sequence[Check]:
+        """Conservation laws; energy may only fall where contact dynamics has theta's impact law, which depends on the phase."""
+        speed, n, numerics = params["speed"], params["rows"] ** 2, setup.numerics
+        hits = expected_collisions(params, setup)
+        momentum, size = MASS * speed, params["rows"] * params["spacing"]
+        common: dict[str, Any] = {"norm": "max", "truth": "analytic", "expected": 0.0}
+        rough = n * single(engine, momentum, 2.0)
+        fastest = speed * math.sqrt(n)  # all the energy in one disk
+        deep = fastest * (numerics.dt if engine.contact != "spring" else math.sqrt(MASS / params["kn"]))
+        on_pairs = "impulses act on two disks in opposite directions: round-off of a sum over all disks"
+        # Impulses act at the positions of a step's begin, middle or end, and overlaps are taken out along the line of centres: a way
+        # of v dt in either case, times the momentum exchanged. Central differences have forces and positions at one time.
+        places = 0.0 if engine.scheme == "central-difference" else n * MASS * speed**2 * numerics.dt
+        found = [
+            Check(quantity="momentum_jump", source="conservation between hits of the walls", why=on_pairs,
+                  atol=n * 1e-13 * momentum + rough, **common),
+            Check(quantity="angular_jump", source="conservation between hits of the walls",
+                  why="impulses act along the line of centres, of the positions in which the contact is found",
+                  atol=(n * 1e-13 * momentum + rough) * size + places, **common),
+            Check(quantity="spin", source="smooth disks",
+                  why="no force has a moment: impulses of 2 m v at an arm that is the rounding of a coordinate, hit by hit",
+                  atol=2.0 * hits.all / n * 4.0 * speed * _rounding(engine, size) / RADIUS**2, **common),
+            Check(quantity="outside", source="walls", why="way of a step, or overlap of a spring, of a disk that has all the energy",
+                  atol=deep, **common),
+        ]  # fmt: skip
+        if engine.scheme == "theta" and numerics.impact == "theta":
+            why = "an impact by theta's law keeps e_eff^2 <= 1 of the energy of approach: round-off of each"
+            bound = Check(quantity="energy_gain", norm="scalar", truth="analytic", expected=0.0,
+                          source="theta scheme, theta = 1/2: e_eff(phase) <= 1", why=why, atol=1e-10)  # fmt: skip
+            return [*found, bound]
+        limit = energy_bounds(params, setup, engine, hits)
+        name = "energy" if engine.contact == "spring" else "kinetic_level" if engine.impact_as_springs else "kinetic"
+        whole: dict[str, Any] = {
+            "truth": "analytic",
+            "expected": 1.0,
+            "source": "conservation of energy",
+            "atol": limit.atol,
+        }
+        found.append(Check(quantity=name, norm="max", why=limit.why, **whole))
+        found.append(Check(quantity=f"{name}_final", norm="scalar", why=limit.why, **whole))
+        return found
+
+
+def _level(kinetic: FloatArray) -> FloatArray:
+    """The largest of five samples around each: contacts that last less than a step hold energy at single samples only."""
+    padded = np.pad(kinetic, 2, mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 5).max(axis=1))
+
+
+def _rounding(engine: EngineInfo, size: float) -> float:
+    """Unit in the last place of a coordinate [m]."""
+    return float(np.spacing(np.float32(size))) if engine.precision == "float32" else float(np.spacing(size))
+
+
+def _room(params: Mapping[str, Any], x: FloatArray) -> FloatArray:
+    """Gap to each of the walls [m], shape (s, 4 n)."""
+    side = params["rows"] * params["spacing"]
+    flat = x.reshape(len(x), -1)
+    return np.concatenate([flat - RADIUS, side - flat - RADIUS], axis=1)
+
+
+def _overlaps_squared(x: FloatArray) -> FloatArray:
+    """Sum over pairs of disks of their overlap squared [m^2], shape (s,)."""
+    one, two = np.triu_indices(x.shape[1], 1)
+    total = np.zeros(len(x))
+    for row, places in enumerate(x):
+        apart = np.hypot(*(places[one] - places[two]).T)
+        total[row] = (np.maximum(2.0 * RADIUS - apart, 0.0) ** 2).sum()
+    return total
+
+
+def _far_from_walls(params: Mapping[str, Any], setup: Setup, room: FloatArray) -> NDArray[np.bool_]:
+    """Pairs of neighbouring samples between which no disk can have met a wall, shape (s - 1,).
+
+    No disk is faster than the energy allows for all of it in one: the margin is that way in a step.
+    """
+    fastest = params["speed"] * params["rows"]
+    clear = room.min(axis=1) > fastest * setup.numerics.dt
+    return np.asarray(clear[1:] & clear[:-1])
+
+
+def _kept(far: NDArray[np.bool_], change: FloatArray) -> FloatArray:
+    """Changes over the step before each sample, 0 where a wall may have acted; NaN stays."""
+    return np.concatenate(([0.0], np.where(far | np.isnan(change), change, 0.0)))
+
+
+CASE = ElasticGas()

@@ -1,0 +1,1 @@
+"""Block on an incline (appendix A.3.4)."""

@@ -1,0 +1,217 @@
+"""Laws that hold for every observer: the exact cases in other units, along turned axes, in a moving frame.
+
+Each variant is a case with an exact solution, seen by another observer: the engine is given the observer's numbers, and its
+history, brought back, has to meet the original truths. The truths' own tolerances are widened by nothing but the rounding of
+the observer's coordinates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ninedisk.core.history import History
+from ninedisk.harness.api.case import Case, Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.common import single
+from ninedisk.harness.cases.impact import binary as binary_collision
+from ninedisk.harness.cases.incline import block as incline_block
+from ninedisk.harness.cases.invariance.frames import Frame
+from ninedisk.harness.cases.nine_disk import compression as nine_disk_compression
+from ninedisk.harness.cases.rolling import incline_disk as rolling_incline
+from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS
+
+SCENES: Mapping[str, tuple[Case, Mapping[str, Value], frozenset[str]]] = {
+    "collision": (
+        binary_collision.CASE,
+        {"kind": "elastic"},
+        frozenset({"vx_1", "vx_2", "vy_1", "vy_2", "restitution_effective"}),
+    ),
+    "slide": (incline_block.CASE, {"mu": 0.36, "duration": 0.5}, frozenset({"x", "vx", "gap", "fn", "fs"})),
+    "roll": (
+        rolling_incline.CASE,
+        {"mu": 0.3, "duration": 0.5},
+        frozenset({"x", "vx", "spin", "slip", "gap", "fn", "fs"}),
+    ),
+    "compression": (
+        nine_disk_compression.CASE,
+        {"load_case": "a1", "xi": 0.0, "phi_deg": 0.0},
+        frozenset({"fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner", "symmetry_error"}),
+    ),
+}
+"""Case, its parameters, and the quantities that count, with their final values."""
+
+UNITS = {
+    "SI": (1.0, 1.0, 1.0),
+    "cm-g-s": (1e2, 1e3, 1.0),
+    "mm-g-ms": (1e3, 1e3, 1e3),
+    "um-ug-us": (1e6, 1e9, 1e6),
+    "km-Mg-min": (1e-3, 1e-3, 1.0 / 60.0),
+}
+"""Numbers of a metre, a kilogram and a second."""
+
+SCENE = Parameter(
+    name="scene",
+    default="slide",
+    choices=tuple(SCENES),
+    in_id=True,
+    help="elastic collision, block that slides down an incline, disk that rolls down one, nine disks compressed without friction",
+)
+UNIT = Parameter(name="units", default="SI", choices=tuple(UNITS), help="units of the numbers that the engine is given")
+ANGLE = Parameter(name="angle_deg", default=0.0, low=-360.0, high=360.0, unit="deg", help="rotation of the whole scene")
+SPEEDS = tuple(
+    Parameter(
+        name=f"frame_v{axis}", default=0.0, low=-1e3, high=1e3, unit="m/s", help=f"velocity of the whole scene along {axis}"
+    )
+    for axis in "xy"
+)  # fmt: skip
+
+ROUNDINGS = 16.0
+"""Of a gap: two coordinates turned and shifted there, two brought back, a few roundings each."""
+
+
+def settings_with_dimension() -> dict[str, tuple[float, int, int]]:
+    """Defaults of engines' settings that are times or velocities, with their powers of length and time."""
+    sap, lagged = DISCRETE_OPTIONS["drake-sap"], DISCRETE_OPTIONS["drake-lagged"]
+    return {
+        "drake-sap.relaxation_time": (sap["relaxation_time"].default, 0, 1),
+        "drake-lagged.stiction_tolerance": (lagged["stiction_tolerance"].default, 1, -1),
+        "drake-lagged.dissipation": (lagged["dissipation"].default, -1, 1),
+    }
+
+
+def frame_of(params: Mapping[str, Any]) -> Frame:
+    """The observer of a variant."""
+    length, mass, time = UNITS[params["units"]]
+    return Frame(
+        length=length,
+        mass=mass,
+        time=time,
+        angle=math.radians(params["angle_deg"]),
+        velocity=(params["frame_vx"], params["frame_vy"]),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Invariance:
+    """A case of this family: which of the observer's parameters its variants set."""
+
+    id: str
+    title: str
+    requirement: str
+    variants: tuple[Mapping[str, Value], ...]
+    version: int = 1
+    source: str = "dimensional analysis, Galilei's relativity and isotropy; truths of the original cases"
+    parameters: tuple[Parameter, ...] = (SCENE, UNIT, ANGLE, *SPEEDS)
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """A few observers."""
+        return self.variants
+
+    def build(self, params: Mapping[str, Any]) -> Setup:
+        """The original scene as the observer sees it."""
+        return frame_of(params).setup(_original(params)[2], settings_with_dimension())
+
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
+        """The original case's quantities, from the history brought back."""
+        case, full, original = _original(params)
+        return case.observe(full, original, frame_of(params).history(history))
+
+    def checks(
+        self,
+        params: Mapping[str, Any],
+        setup: Setup,  # noqa: ARG002
+        observed: Observed,
+        engine: EngineInfo,
+    ) -> Sequence[Check]:
+        """The original case's truths with the rounding of the observer's coordinates added."""
+        case, full, original = _original(params)
+        counted = SCENES[params["scene"]][2]
+        rounding = _rounding(params, original, engine)
+        return [
+            replace(check, atol=check.atol + rounding[_unit(check, observed)], why=f"{check.why}; rounding of the observer's numbers")
+            for check in case.checks(full, original, observed, engine)
+            if check.quantity.removesuffix("_final") in counted and check.truth in ("exact-step", "analytic")
+        ]  # fmt: skip
+
+
+def _original(params: Mapping[str, Any]) -> tuple[Case, Mapping[str, Any], Setup]:
+    case, overrides, _ = SCENES[params["scene"]]
+    full = resolve(case, overrides).params
+    return case, full, case.build(full)
+
+
+def _unit(check: Check, observed: Observed) -> str:
+    return (observed.series.get(check.quantity) or observed.scalars[check.quantity])[0]
+
+
+def _rounding(params: Mapping[str, Any], original: Setup, engine: EngineInfo) -> dict[str, float]:
+    """What the rounding of the observer's coordinates, as large as the way of the frame, adds, by unit.
+
+    A force balance through a contact spring leaves velocities of a unit of the coordinates in a contact step (see
+    `ninedisk.harness.cases.common.round_off_speed`); without springs, velocities are rounded to their own last bit, and impulses
+    are what changes them in a step.
+    """
+    scene, numerics = original.scene, original.numerics
+    t_end = numerics.dt * numerics.n_steps
+    drift = math.hypot(params["frame_vx"], params["frame_vy"])
+    reach = float(np.abs(scene.disks.x).max() + scene.disks.radius.max()) + drift * t_end
+    length = ROUNDINGS * float(np.spacing(reach))
+    kn = max(law.kn for law in (scene.disk_disk, *(wall.law for wall in scene.walls)))
+    mass, radius = float(scene.disks.mass.max()), float(scene.disks.radius.min())
+    if engine.contact == "spring":
+        # A step is resolved to some 1e-2 of a contact's period: what a gap's rounding does to a force lasts at most that long.
+        speed = length / (numerics.contact_dt or numerics.dt)
+        force = kn * length
+    else:
+        speed = length / numerics.dt + ROUNDINGS * float(np.spacing(drift)) + single(engine, drift, numerics.n_steps)
+        force = mass * speed / numerics.dt
+        length += single(engine, reach, numerics.n_steps)
+    top = float(np.abs(scene.disks.v).max())
+    return {
+        "m": length + speed * t_end,
+        "m/s": speed,
+        "rad/s": 2.0 * speed / radius,
+        "N": force,
+        "1": 2.0 * speed / top if top else 0.0,
+    }
+
+
+CASES = (
+    Invariance(
+        id="invariance/units",
+        title="The same scene in other units",
+        requirement="numbers in mm-g-ms and other units give the same physics to round-off: no absolute thresholds",
+        variants=(
+            {"scene": "collision", "units": "mm-g-ms"},
+            {"scene": "slide", "units": "um-ug-us"},
+            {"scene": "roll", "units": "km-Mg-min"},
+            {"scene": "compression", "units": "mm-g-ms"},
+        ),
+    ),
+    Invariance(
+        id="invariance/rotation",
+        title="The same scene along turned axes",
+        requirement="a scene turned by any angle gives the turned motion to round-off: no direction is special",
+        variants=(
+            {"scene": "collision", "angle_deg": 30.0},
+            {"scene": "slide", "angle_deg": 217.0},
+            {"scene": "compression", "angle_deg": 30.0},
+        ),
+    ),
+    Invariance(
+        id="invariance/galilei",
+        title="The same scene in a moving frame",
+        requirement="a scene that moves as a whole, walls and all, gives the same relative motion and forces to round-off",
+        variants=(
+            {"scene": "collision", "frame_vx": 3.0, "frame_vy": -2.0},
+            {"scene": "slide", "frame_vx": 3.0},
+            {"scene": "compression", "frame_vx": 3.0, "frame_vy": -2.0},
+        ),
+    ),
+)

@@ -1,0 +1,1 @@
+"""Nine disks between four walls (appendix A.1)."""

@@ -1,0 +1,114 @@
+"""Checks against the converged tables: the fine-step limit, with the error that the scheme's own step explains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ninedisk.harness.api.case import Check, Observed
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.run.matched import slip_of
+
+MARGIN = 2.0
+"""Factor on the measured step error: it comes from one pair of steps, and friction makes the order wander around 2."""
+
+
+def converged_checks(
+    case: str,
+    params: Mapping[str, Any],
+    observed: Observed,
+    engine: EngineInfo,
+    *,
+    series: Sequence[str],
+    scalars: Sequence[str],
+    first_order_rtol: float,
+    other_arm: str = "",
+    other_arm_rtol: float = 0.0,
+    scales: Mapping[str, float] | None = None,
+) -> list[Check]:
+    """Checks of histories and numbers against the converged table of the variant, if there is one.
+
+    Parameters
+    ----------
+    case, params
+        Variant.
+    observed : Observed
+        For the sampled steps.
+    engine : EngineInfo
+        Central-difference engines are granted the step error that refinement measured with slip where they have it, others
+        ``first_order_rtol``.
+    series, scalars : sequence of str
+        Quantities to check, where the table has them.
+    first_order_rtol : float
+        Tolerance relative to the largest value for schemes of another order.
+    other_arm, other_arm_rtol : str, float
+        Where the engine has another lever arm than the scene asks for: what that is, and the difference it explains.
+    scales : mapping from str to float, optional
+        What relative tolerances of these numbers refer to, where their own size depends on the origin of the coordinates.
+    """
+    from ninedisk.references.converged_tables import load_converged
+
+    table = load_converged(case, params)
+    if table is None:
+        return []
+    found = []
+    rows = {int(step): row for row, step in enumerate(table.step)}
+    pick = np.array([rows.get(int(step), -1) for step in observed.step])
+    for name in (*series, *scalars):
+        number = name in scalars
+        if name not in (table.scalars if number else table.quantities):
+            continue
+        if number:
+            entry = table.scalars[name]
+            expected: Any = entry.value
+            uncertainty, scale = entry.uncertainty, (scales or {}).get(name, abs(entry.value))
+        else:
+            expected = np.where(pick >= 0, table.quantities[name][pick], np.nan)
+            uncertainty, scale = table.uncertainty[name], float(np.abs(table.quantities[name]).max())
+        if other_arm:
+            atol, why = other_arm_rtol * scale + uncertainty, other_arm
+        elif engine.scheme == "central-difference":
+            scheme = f"{params['damping_form']}_{slip_of(params['slip_at'], engine)}"
+            measured = table.scalars[f"step_error_{scheme}_{name}"].value / params["substeps"]
+            atol = MARGIN * measured + uncertainty
+            why = (
+                f"error of the tabulated step by refinement of the in-house DEM ({measured:.2g}), times {MARGIN:g}, plus the "
+                f"uncertainty of the limit"
+            )
+        else:
+            atol = first_order_rtol * scale + uncertainty
+            why = f"first-order scheme: {first_order_rtol:.2g} of the largest value is omega dt/2"
+        found.append(
+            Check(
+                quantity=name,
+                norm="scalar" if number else "max",
+                truth="converged",
+                expected=expected,
+                uncertainty=uncertainty,
+                source=table.method,
+                atol=atol,
+                why=why,
+            )
+        )
+    return found
+
+
+def consensus_checks(
+    observed: Observed, expected: Mapping[str, np.ndarray[Any, np.dtype[np.float64]]], *, rtol: float, why: str
+) -> list[Check]:
+    """Cross-checks of another engine of the same scheme against the in-house DEM on the same scene."""
+    return [
+        Check(
+            quantity=name,
+            norm="max",
+            truth="consensus",
+            expected=values,
+            source="in-house DEM, same scene, same conventions, same steps",
+            rtol=rtol,
+            why=why,
+        )
+        for name, values in expected.items()
+        if name in observed.series
+    ]

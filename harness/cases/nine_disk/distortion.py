@@ -1,0 +1,203 @@
+"""Nine disks, compressed, settled, then sheared at constant volume by turning the side walls (appendix A.1.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ninedisk.core.history import History
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import WallSegment
+from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.cases.nine_disk._distortion_checks import distortion_checks
+from ninedisk.harness.cases.nine_disk.scene import (
+    CENTRE,
+    DAMPING_FORM,
+    LEVER_ARM,
+    LOAD_CASES,
+    NINE_DISK_CD,
+    SIDE,
+    SLIP_AT,
+    cd_settings,
+    contact_laws,
+    friction,
+    nine_disks,
+)
+from ninedisk.harness.cases.nurbs.grains import SHAPE, as_outlines, overlap_error
+
+COMPRESS, SETTLE, DISTORT = 4000, 1000, 500
+"""Cycles of the three stages."""
+
+RATE, XI = 0.0175, 3.0
+"""Rotation rate of the side walls [rad/s] (per unit of time, clockwise) and global damping [1/s]."""
+
+UP, RIGHT = (CENTRE, 7), (CENTRE, 5)
+
+WALLS = ("mid-pivot", "mid-pivot-caps-translate", "corner-pivot-caps-translate")
+
+READINGS: tuple[tuple[str, Value], ...] = (*((walls, "mu") for walls in WALLS), ("mid-pivot", 0.0))
+"""Readings of the source in the matrix: motion of the walls, their friction."""
+
+SLIPPING = 1.0 - 1e-9
+"""A contact slips where |Fs| reaches this fraction of mu Fn: at the cap up to round-off."""
+
+
+class Distortion:
+    """Constant-volume distortion of the compressed assembly.
+
+    The source leaves open where the side walls pivot, whether the caps move along, and whether walls are rough; each reading
+    is a variant of its own, with its own converged reference. No agreement with the curves of 1979 is claimed.
+    """
+
+    id = "nine-disk/distortion"
+    version = 1
+    title = "Nine disks, constant-volume distortion"
+    source = "appendix A.1.2, Figures A.4 and A.5"
+    requirement = "Forces at the centre disk follow the converged history; shear never exceeds mu times normal force."
+    parameters: tuple[Parameter, ...] = (
+        Parameter(
+            name="phi_deg",
+            default=15.0,
+            low=0.0,
+            high=89.0,
+            unit="deg",
+            in_id=True,
+            help="angle of friction between disks",
+        ),
+        Parameter(name="ks_over_kn", default=1.0, low=0.0, in_id=True, help="shear over normal contact stiffness"),
+        Parameter(
+            name="walls",
+            default="mid-pivot",
+            choices=WALLS,
+            in_id=True,
+            help="where the side walls pivot (mid-height or bottom corner) and whether the caps move with their ends",
+        ),
+        Parameter(
+            name="wall_mu",
+            default="mu",
+            words=("mu",),
+            low=0.0,
+            in_id=True,
+            help="friction of the walls; the word mu stands for the disks' own tan(phi)",
+        ),
+        Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in one cycle"),
+        replace(LEVER_ARM, in_id=True),
+        DAMPING_FORM,
+        SLIP_AT,
+        SHAPE,
+        *NINE_DISK_CD,
+    )
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """Four readings of the walls, two friction angles, two ratios; lever arms R, R - overlap/2 and LAMMPS'; a static one; outlines."""
+        rows: list[Mapping[str, Value]] = [
+            {"walls": walls, "wall_mu": wall_mu, "phi_deg": phi, "ks_over_kn": ratio, "lever_arm": arm}
+            for arm in ("radius", "overlap")
+            for walls, wall_mu in READINGS
+            for phi in (15.0, 30.0)
+            for ratio in (1.0, 2.0 / 3.0)
+        ]
+        rows += [
+            {"phi_deg": phi, "ks_over_kn": ratio, "lever_arm": "torque-overlap-disks"}
+            for phi in (15.0, 30.0)
+            for ratio in (1.0, 2.0 / 3.0)
+        ]
+        return [*rows, {"walls": "mid-pivot", "wall_mu": 0.0, "regime": "quasi-static"}, {"shape": "nurbs"}]
+
+    def build(self, params: Mapping[str, Any]) -> Setup:
+        """Scene with three stages of wall motion."""
+        load = LOAD_CASES["a1"]
+        disk_law, wall_law = contact_laws(params, load.kn)
+        scene = nine_disks(disk_law, wall_law, wall_motions(params["walls"]), XI)
+        if params["shape"] == "nurbs":
+            scene = as_outlines(scene)
+        numerics = Numerics(
+            dt=load.dt,
+            n_steps=COMPRESS + SETTLE + DISTORT,
+            contact_dt=load.dt / params["substeps"],
+            sample_from=COMPRESS + SETTLE,
+            damping_form=params["damping_form"],
+            **cd_settings(params),
+        )
+        return Setup(scene=scene, numerics=numerics, watch=(UP, RIGHT), labels={"centre/up": UP, "centre/right": RIGHT})
+
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
+        """Forces at the centre disk over distortion cycles 0..500; slip, cone, symmetry, deformed configuration."""
+        shown = history.step >= COMPRESS + SETTLE
+        step = history.step[shown] - (COMPRESS + SETTLE)
+        t = history.t[shown] - (COMPRESS + SETTLE) * setup.numerics.dt
+        mu, _ = friction(params)
+        series, scalars, excess = {}, {}, -math.inf
+        for name, pair in (("up", UP), ("right", RIGHT)):
+            column = history.contact(pair)
+            fn, fs = history.fn[shown, column], history.fs[shown, column]
+            series[f"fn_{name}"] = ("N", fn)
+            series[f"fs_{name}"] = ("N", fs)
+            slipping = np.flatnonzero((fn > 0.0) & (np.abs(fs) >= SLIPPING * mu * fn))
+            known = bool(np.isfinite(fn).all() and np.isfinite(fs).all())
+            ratio = float(np.divide(np.abs(fs), fn, out=np.zeros_like(fs), where=fn > 0.0).max())
+            first = float(step[slipping[0]]) if len(slipping) else math.inf
+            scalars[f"first_slip_{name}"] = ("cycle", first if known else math.nan)
+            scalars[f"plateau_ratio_{name}"] = ("1", ratio if known else math.nan)
+            excess = max(excess, _relative(float((np.abs(fs) - mu * fn).max()), float(fn.max()))) if known else math.nan
+        x = history.x[shown]
+        scalars["cone_excess"] = ("1", max(excess, 0.0))
+        scalars["symmetry_error"] = ("m", float(np.abs(0.5 * (x + x[:, ::-1, :]) - 0.5 * SIDE).max()))
+        scalars["overlap_error"] = ("m", overlap_error(setup, history))
+        for disk in (2, 8):
+            scalars[f"x_{disk}_final"] = ("m", float(x[-1, disk, 0]))
+            scalars[f"y_{disk}_final"] = ("m", float(x[-1, disk, 1]))
+        return Observed(step=step, t=t, series=series, scalars=scalars)
+
+    def checks(
+        self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
+    ) -> Sequence[Check]:
+        """Converged histories, the friction cone, symmetry, and the in-house DEM for engines of its scheme."""
+        return distortion_checks(params, setup, observed, engine)
+
+
+def _relative(over: float, force: float) -> float:
+    """Excess of the shear force over its cap [N], of the largest normal force; a contact without any bears none."""
+    if force > 0.0:
+        return over / force
+    return math.inf if over > 0.0 else 0.0
+
+
+def wall_motions(walls: str) -> dict[str, tuple[WallSegment, ...]]:
+    """Motion of the four walls: in, rest, then the distortion.
+
+    The side walls turn clockwise at `RATE` about a point of their moved inner face, at mid-height or at the lower corner. A
+    cap that translates keeps up with the side walls' intersection with it, ``lever tan(RATE t)``, where ``lever`` is its height
+    above the pivots: constant width at every height, hence constant volume.
+    """
+    load = LOAD_CASES["a1"]
+    squeeze, rest, turn = COMPRESS * load.dt, SETTLE * load.dt, DISTORT * load.dt
+    inset = load.v_wall * squeeze
+    pivot_height = inset if walls.startswith("corner") else 0.5 * SIDE
+    translate = walls.endswith("caps-translate")
+
+    def stages(nx: float, ny: float, last: WallSegment) -> tuple[WallSegment, ...]:
+        velocity = (load.v_wall * nx, load.v_wall * ny)
+        return (WallSegment(duration=squeeze, velocity=velocity), WallSegment(duration=rest), last)
+
+    def side(x: float) -> WallSegment:
+        return WallSegment(duration=turn, angular_velocity=-RATE, pivot=(x, pivot_height))
+
+    def cap(height: float) -> WallSegment:
+        lever = height - pivot_height if translate else 0.0
+        return WallSegment(duration=turn, tan_lever=(lever, 0.0), tan_rate=RATE if lever else 0.0)
+
+    return {
+        "left": stages(1.0, 0.0, side(inset)),
+        "right": stages(-1.0, 0.0, side(SIDE - inset)),
+        "bottom": stages(0.0, 1.0, cap(inset)),
+        "top": stages(0.0, -1.0, cap(SIDE - inset)),
+    }
+
+
+CASE = Distortion()

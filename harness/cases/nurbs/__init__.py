@@ -1,0 +1,1 @@
+"""Grains with outlines."""

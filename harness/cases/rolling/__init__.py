@@ -1,0 +1,1 @@
+"""Disks that slide, spin and roll on a plane."""

@@ -1,0 +1,246 @@
+"""Uniform disk on an incline: it rolls, or slides and spins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ninedisk.core.history import History
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
+from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.cases.common import (
+    CONTACT_DT,
+    CONTACT_DYNAMICS,
+    EXACT_STEP_RTOL,
+    THETA,
+    contact_step,
+    follows_associated_rule,
+    last,
+    numerics_of,
+    series_and_final,
+    single,
+    whole_steps,
+)
+from ninedisk.harness.cases.rolling._rolling_bounds import RollBounds, roll_bounds, rolling_round_off
+from ninedisk.harness.cases.rolling._slip_bounds import shear_frequency
+from ninedisk.references.analytic.rolling_incline import RollRates, roll_down, roll_rates, rolling_mu
+from ninedisk.references.analytic.slip_to_roll import UNIFORM_DISK
+from ninedisk.references.exact_steps.rolling import associated_rolling
+
+RADIUS, MASS = 0.5, 7.854
+"""Of the block on an incline (appendix A.3.4), which this disk is when it may turn."""
+
+PAIR = (0, 1)
+PHASE = 0.1
+"""Default resolution of the contact: ``omega dt <= PHASE``, omega the higher of the normal and the shear frequency."""
+
+CONTACT_BETA = 1.0
+"""The plane's dashpot is critical; the disk starts in equilibrium normal to the plane, so that it has nothing to do."""
+
+NAMES = ("x", "vx", "spin", "slip", "gap", "fn", "fs")
+
+
+class InclineDisk:
+    """A uniform disk released in touch with a plane under tilted gravity: x runs down the incline, y is its normal."""
+
+    id = "rolling/incline-disk"
+    version = 1
+    title = "Disk on an incline, rolling or sliding"
+    source = "rigid-body mechanics: rolling body on an incline, Goldstein, Classical Mechanics, section 2.4"
+    requirement = (
+        "mu > tan(angle)/3 rolls with a = 2/3 g sin, fs = 1/3 m g sin; below it slides with a = g (sin - mu cos) and spins "
+        "up at 2 mu g cos/R"
+    )
+    parameters: tuple[Parameter, ...] = (
+        Parameter(name="mu", default=0.3, low=0.0, unit="-", in_id=True, help="friction coefficient"),
+        Parameter(
+            name="angle_deg", default=20.0, low=0.0, low_open=True, high=89.0, unit="deg", help="slope of the incline"
+        ),
+        Parameter(name="dt", default=0.01, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
+        Parameter(name="duration", default=1.0, low=0.0, low_open=True, unit="s", help="length of the run"),
+        Parameter(name="g", default=10.0, low=0.0, low_open=True, unit="m/s^2", help="gravity"),
+        Parameter(
+            name="kn",
+            default=1e8,
+            low=1e4,
+            unit="N/m",
+            help="normal and shear stiffness of spring engines; they start with the overlap and shear force of the motion",
+        ),
+        CONTACT_DT,
+        THETA,
+        *CONTACT_DYNAMICS,
+    )
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """Either branch, with both sliding rules of contact dynamics; tan(20 deg)/3 is 0.121."""
+        return [{"mu": mu, "sliding": sliding} for mu in (0.3, 0.1) for sliding in ("associated", "coulomb")]
+
+    def build(self, params: Mapping[str, Any]) -> Setup:
+        """One disk on a horizontal plane, gravity tilted; springs carry the forces of the motion from the start."""
+        angle, kn, g = math.radians(params["angle_deg"]), params["kn"], params["g"]
+        rates = _rates(params)
+        law = ContactLaw(kn=kn, ks=kn, mu=params["mu"], beta=CONTACT_BETA, restitution=0.0, regularised=True)
+        scene = Scene(
+            disks=Disks(x=np.array([[0.0, RADIUS - rates.fn / kn]]), radius=np.array([RADIUS]), mass=np.array([MASS])),
+            disk_disk=law,
+            walls=(Wall(name="incline", point=(0.0, 0.0), normal=(0.0, 1.0), law=law),),
+            gravity=(g * math.sin(angle), -g * math.cos(angle)),
+            # The disk is body i and the plane's normal is +y, hence t = +x: friction up the incline is fs < 0.
+            initial_shear={PAIR: -rates.fs} if rates.fs > 0.0 else {},
+        )
+        numerics = numerics_of(
+            params,
+            n_steps=whole_steps(params, params["duration"]),
+            contact_dt=contact_step(params["dt"], PHASE / shear_frequency(kn, MASS, UNIFORM_DISK)),
+            theta=params["theta"],
+        )
+        return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
+
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
+        """Motion, spin and slip (positive forward), gap and forces (``fs`` positive up the incline).
+
+        ``acceleration`` and ``spin_rate`` are means over the second half of the run, as are ``fn_mean`` and ``fs_mean``;
+        ``dilation`` is the final gap over ``mu slip dt``: 1 under the associated rule, 0 under Coulomb's.
+        """
+        vx, spin = history.v[:, 0, 0], 0.0 - history.omega[:, 0]
+        fn, fs = history.fn[:, 0], -history.fs[:, 0]
+        series = {
+            "x": ("m", history.x[:, 0, 0] - setup.scene.disks.x[0, 0]),
+            "vx": ("m/s", vx),
+            "spin": ("rad/s", spin),
+            "slip": ("m/s", vx - RADIUS * spin),
+            "gap": ("m", history.gap[:, 0]),
+            "fn": ("N", fn),
+            "fs": ("N", fs),
+        }
+        scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
+        half = _half(history.t)
+        elapsed = float(history.t[-1] - history.t[half])
+        scalars |= {
+            "acceleration": ("m/s^2", float(vx[-1] - vx[half]) / elapsed),
+            "spin_rate": ("rad/s^2", float(spin[-1] - spin[half]) / elapsed),
+            "fn_mean": ("N", float(fn[half + 1 :].mean())),
+            "fs_mean": ("N", float(fs[half + 1 :].mean())),
+        }
+        if params["mu"] > 0.0 and not rolls(params):
+            lift = series["gap"][1][-1] - series["gap"][1][0]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                scalars["dilation"] = ("1", float(lift / (params["mu"] * series["slip"][1][-1] * params["dt"])))
+        return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def checks(
+        self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
+    ) -> Sequence[Check]:
+        """Exact steps of the engine's scheme where there are any, and the continuous solution for all."""
+        rates = _rates(params)
+        bounds = roll_bounds(params, setup, observed, engine, rates)
+        return [
+            *_exact_steps(params, setup, observed, engine, rates),
+            *_analytic(observed, rates, bounds, engine),
+            *_dilation(params, setup, engine, rates, bounds),
+        ]
+
+
+def _rates(params: Mapping[str, Any]) -> RollRates:
+    return roll_rates(mu=params["mu"], angle=math.radians(params["angle_deg"]), g=params["g"], mass=MASS, radius=RADIUS)
+
+
+def _half(t: FloatArray) -> int:
+    """Sample from which the second half of the run counts; never the last one."""
+    return min(int(np.searchsorted(t, 0.5 * t[-1])), len(t) - 2)
+
+
+def _analytic(observed: Observed, rates: RollRates, bounds: RollBounds, engine: EngineInfo) -> list[Check]:
+    truth = roll_down(observed.t, rates)
+    loaded = np.ones_like(observed.t)
+    if engine.contact != "spring":
+        loaded[0] = np.nan  # step-mean forces have no value before the first step
+    expected = {**truth._asdict(), "gap": np.full_like(observed.t, bounds.rest_gap)}
+    expected |= {"fn": truth.fn * loaded, "fs": truth.fs * loaded}
+    names = NAMES if bounds.forces else NAMES[:-2]
+    source = "Newton and Euler with Coulomb friction"
+    tolerance = {name: (bounds.atol[name], 0.0, bounds.why[name]) for name in names}
+    found = series_and_final(names, expected, truth="analytic", source=source, tolerance=tolerance)
+    elapsed = float(observed.t[-1] - observed.t[_half(observed.t)])
+    numbers = (
+        ("acceleration", rates.along, 2.0 * bounds.atol["vx"] / elapsed, "vx"),
+        ("spin_rate", rates.spin, 2.0 * bounds.atol["spin"] / elapsed, "spin"),
+        ("fn_mean", rates.fn, bounds.atol["fn"], "fn"),
+        ("fs_mean", rates.fs, bounds.atol["fs"], "fs"),
+    )
+    return found + [
+        Check(quantity=name, norm="scalar", truth="analytic", expected=value, source=source, atol=atol,
+              why=f"over half the run: {bounds.why[of]}")
+        for name, value, atol, of in numbers
+    ]  # fmt: skip
+
+
+def _dilation(
+    params: Mapping[str, Any], setup: Setup, engine: EngineInfo, rates: RollRates, bounds: RollBounds
+) -> list[Check]:
+    """A convex model that leaves the plane and lands again has a final gap of its last flight, which no closed form tells."""
+    numerics = setup.numerics
+    associated = follows_associated_rule(engine, numerics)
+    length = params["mu"] * rates.slip * numerics.dt**2 * numerics.n_steps
+    if length <= 0.0 or (associated and (numerics.theta != 1.0 or engine.contact != "cd")):
+        return []
+    return [
+        Check(quantity="dilation", norm="scalar", truth="exact-step" if associated else "analytic",
+              expected=1.0 if associated else 0.0,
+              source="(A.6): gap = mu slip dt" if associated else "Coulomb's law: no dilation",
+              atol=2.0 * (1e-12 if associated else bounds.atol["gap"]) / length + EXACT_STEP_RTOL,
+              why="round-off of the height and of the slip" if associated else bounds.why["gap"]),
+    ]  # fmt: skip
+
+
+def _exact_steps(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, rates: RollRates
+) -> list[Check]:
+    """Rates are constant, so that every Coulomb scheme has exact velocities and ``x_n = a dt^2 n (n + offset)/2``."""
+    numerics, angle = setup.numerics, math.radians(params["angle_deg"])
+    if engine.contact == "spring":
+        return []
+    offsets = {"position-first-euler": -1.0, "semi-implicit-euler": 1.0}
+    if engine.scheme == "moreau-jean":
+        offsets["moreau-jean"] = 2.0 * engine.option("theta", numerics) - 1.0
+    if engine.scheme == "theta" and numerics.sliding == "coulomb":
+        offsets["theta"] = 2.0 * numerics.theta - 1.0
+    if engine.scheme in offsets:
+        exact = roll_down(observed.t, rates)._asdict()
+        n = observed.step.astype(np.float64)
+        exact["x"] = rates.along * numerics.dt**2 * n * (n + offsets[engine.scheme]) / 2.0
+        exact["fn"], exact["fs"] = (np.where(n > 0, exact[name], np.nan) for name in ("fn", "fs"))
+        exact["gap"] = np.zeros_like(n)
+        source = f"{engine.scheme}: exact velocities, positions their sum"
+    elif engine.scheme == "theta" and numerics.theta == 1.0 and numerics.impact == "theta":
+        steps = associated_rolling(
+            mu=params["mu"], g=params["g"] * math.cos(angle), pull=params["g"] * math.sin(angle), mass=MASS, radius=RADIUS,
+            inertia_ratio=UNIFORM_DISK, speed=0.0, dt=numerics.dt, n_steps=numerics.n_steps,
+        )  # fmt: skip
+        exact = {name: getattr(steps, name)[observed.step] for name in NAMES}
+        source = "theta scheme, theta = 1, associated rule: (A.6) in every step"
+    else:
+        return []
+    t_end = float(observed.t[-1])
+    why = "exact solution of this very scheme: round-off of the steps and of the solver"
+    rough = single(engine, params["g"] * t_end, numerics.n_steps) + 1e-13 * params["g"] * t_end
+    of_force = single(engine, MASS * params["g"], 1)
+    of_shear = of_force + rolling_round_off(engine, rates, MASS, numerics.dt, t_end)
+    if engine.precision == "float32":
+        why += " in single precision"
+    floor = {"x": rough * t_end, "vx": rough, "spin": rough / (UNIFORM_DISK * RADIUS), "slip": 3.0 * rough}
+    floor |= {"gap": 1e-12 * RADIUS + rough * t_end, "fn": of_force, "fs": of_shear}
+    tolerance = {name: (floor[name], EXACT_STEP_RTOL, why) for name in NAMES}
+    return series_and_final(NAMES, exact, truth="exact-step", source=source, tolerance=tolerance)
+
+
+def rolls(params: Mapping[str, Any]) -> bool:
+    """Whether friction suffices for rolling."""
+    return bool(params["mu"] >= rolling_mu(angle=math.radians(params["angle_deg"])))
+
+
+CASE = InclineDisk()

@@ -1,0 +1,1 @@
+"""The associated sliding rule (appendix A.3)."""

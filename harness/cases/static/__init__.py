@@ -1,0 +1,1 @@
+"""Disks at rest, and the load at which a packing yields."""

@@ -1,0 +1,191 @@
+"""Disks at rest under gravity: a column, and a disk on two others between smooth walls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ninedisk.core.history import History, Pair
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
+from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.cases.common import (
+    CONTACT_DT,
+    CONTACT_DYNAMICS,
+    THETA,
+    contact_step,
+    last,
+    numerics_of,
+    whole_steps,
+)
+from ninedisk.harness.cases.static._stack_bounds import StackBounds, stack_bounds
+from ninedisk.references.analytic.stack import column_forces, pyramid_forces
+
+RADIUS, MASS = 0.5, 1.0
+TILT = math.radians(35.0)
+"""Lines of centres of the pyramid to the vertical: the lower disks are 0.15 m apart."""
+
+PHASE = 0.1
+"""Default resolution of a contact: ``sqrt(kn/m) dt <= PHASE``; the fastest mode of a column is below twice that."""
+
+
+class Stack:
+    """Smooth disks that rest on each other.
+
+    ``start=touching`` begins without any force: rigid contacts find theirs in the first step, springs settle on critical
+    dashpots. ``start=equilibrium`` begins with the overlaps of the forces, on elastic contacts without any damping: nothing may move.
+    """
+
+    id = "static/stack"
+    version = 1
+    title = "Stack of disks at rest"
+    source = "statics: equilibrium of forces"
+    requirement = (
+        "every contact of a column bears the weight above it; a disk on two others presses the walls apart by "
+        "weight tan(angle)/2 each"
+    )
+    parameters: tuple[Parameter, ...] = (
+        Parameter(
+            name="arrangement", default="column", choices=("column", "pyramid"), in_id=True,
+            help="disks upon each other, or one disk on two between walls",
+        ),
+        Parameter(
+            name="start", default="touching", choices=("touching", "equilibrium"), in_id=True,
+            help="without overlaps and forces, or, for elastic contacts, with those of equilibrium",
+        ),
+        Parameter(name="n", default=4, low=1, high=20, whole=True, help="disks of the column"),
+        Parameter(name="dt", default=0.01, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
+        Parameter(
+            name="duration", default=None, optional=True, low=0.0, low_open=True, unit="s",
+            help="length of the run; none: 1 s, or 0.1 s from equilibrium",
+        ),
+        Parameter(name="g", default=10.0, low=0.0, low_open=True, unit="m/s^2", help="gravity"),
+        Parameter(name="kn", default=1e6, low=1e4, unit="N/m", help="normal stiffness of spring engines"),
+        CONTACT_DT,
+        THETA,
+        *CONTACT_DYNAMICS,
+    )  # fmt: skip
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """Both arrangements from either start."""
+        return [
+            {"arrangement": arrangement, "start": start}
+            for arrangement in ("column", "pyramid")
+            for start in ("touching", "equilibrium")
+        ]
+
+    def build(self, params: Mapping[str, Any]) -> Setup:
+        """The disks on a floor; the pyramid between two walls."""
+        kn, rests = params["kn"], params["start"] == "equilibrium"
+        law = ContactLaw(kn=kn) if rests else ContactLaw(kn=kn, beta=1.0, restitution=0.0, regularised=True)
+        walls = {"floor": ((0.0, 0.0), (0.0, 1.0))}
+        weight = MASS * params["g"]
+        if params["arrangement"] == "column":
+            n = params["n"]
+            overlap = column_forces(n=n, weight=weight) / kn * rests
+            heights = RADIUS + 2.0 * RADIUS * np.arange(n) - np.cumsum(overlap)
+            x = np.column_stack([np.zeros(n), heights])
+            labels: dict[str, Pair] = {"floor": (0, n)} | {f"layer_{k}": (k - 1, k) for k in range(1, n)}
+        else:
+            x, half_room = _pyramid(weight, kn if rests else math.inf)
+            walls |= {"left": ((-half_room, 0.0), (1.0, 0.0)), "right": ((half_room, 0.0), (-1.0, 0.0))}
+            labels = {"side_left": (0, 2), "side_right": (1, 2), "wall_left": (0, 4), "wall_right": (1, 5)}
+            labels |= {"floor_left": (0, 3), "floor_right": (1, 3)}
+        scene = Scene(
+            disks=Disks(x=x, radius=RADIUS, mass=MASS),  # type: ignore[arg-type]
+            disk_disk=law,
+            walls=tuple(Wall(name=name, point=p, normal=normal, law=law) for name, (p, normal) in walls.items()),
+            gravity=(0.0, -params["g"]),
+        )
+        numerics = numerics_of(
+            params,
+            n_steps=whole_steps(params, 0.1 if rests else 1.0),
+            contact_dt=contact_step(params["dt"], PHASE / math.sqrt(kn / MASS)),
+            theta=params["theta"],
+        )
+        return Setup(scene=scene, numerics=numerics, watch=tuple(labels.values()), labels=labels)
+
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
+        """Force and gap of every contact; ``motion`` is the largest way of any disk; ``base`` the force on the floor.
+
+        ``fn_<contact>_rest`` is the mean over the last quarter of the run.
+        """
+        series, scalars = {}, {}
+        late = slice(-max(len(history.step) // 4, 1), None)
+        for name, pair in setup.labels.items():
+            column = history.contact(pair)
+            series[f"fn_{name}"] = ("N", history.fn[:, column])
+            series[f"gap_{name}"] = ("m", history.gap[:, column])
+            scalars[f"fn_{name}_rest"] = ("N", float(history.fn[late, column].mean()))
+            scalars[f"gap_{name}_final"] = ("m", last(history.gap[:, column]))
+        moved = np.abs(history.x - setup.scene.disks.x).max(axis=(1, 2))
+        series["motion"] = ("m", moved)
+        scalars["motion_final"] = ("m", last(moved))
+        scalars["base"] = ("N", float(-history.wall_force[late, 0, 1].mean()))
+        return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def checks(
+        self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
+    ) -> Sequence[Check]:
+        """Statics: step by step where nothing has to settle, at rest for all."""
+        bounds = stack_bounds(params, setup, observed, engine)
+        forces = _truth(params, setup, engine)
+        bears = sum(force for name, force in forces.items() if name.startswith("floor"))
+        source = "equilibrium of forces"
+        found = [
+            Check(quantity="base", norm="scalar", truth="analytic", expected=bears, source="weight of all disks",
+                  atol=bounds.force, why=bounds.why),
+            _motion(setup, bounds),
+        ]  # fmt: skip
+        for name, force in forces.items():
+            found += [
+                Check(quantity=f"fn_{name}_rest", norm="scalar", truth="analytic", expected=force, source=source,
+                      atol=bounds.force, why=bounds.why),
+                Check(quantity=f"gap_{name}_final", norm="scalar", truth="analytic", source="overlap fn/kn",
+                      expected=-force / params["kn"] if bounds.yields else 0.0, atol=bounds.length, why=bounds.why),
+            ]  # fmt: skip
+            if bounds.from_step is not None:
+                held = np.where(observed.step >= bounds.from_step, force, np.nan)
+                found.append(
+                    Check(quantity=f"fn_{name}", norm="max", truth="analytic", expected=held, source=source,
+                          atol=bounds.step_force, why=bounds.why)
+                )  # fmt: skip
+        return found
+
+
+def _pyramid(weight: float, kn: float) -> tuple[np.ndarray[Any, np.dtype[np.float64]], float]:
+    """Centres, and half the room between the walls [m], such that the lines of centres have the angle `TILT`."""
+    side, wall = 0.5 * weight / math.cos(TILT), 0.5 * weight * math.tan(TILT)
+    chord = 2.0 * RADIUS - side / kn
+    low, reach = RADIUS - 1.5 * weight / kn, chord * math.sin(TILT)
+    x = np.array([[-reach, low], [reach, low], [0.0, low + chord * math.cos(TILT)]])
+    return x, reach + RADIUS - wall / kn
+
+
+def _truth(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> dict[str, float]:
+    """Force of every contact by its label [N]; springs that settle change the pyramid's angle."""
+    weight = MASS * params["g"]
+    if params["arrangement"] == "column":
+        return dict(zip(setup.labels, column_forces(n=params["n"], weight=weight).tolist(), strict=True))
+    settles = params["start"] == "touching" and (engine.contact == "spring" or engine.keeps_kn)
+    rest = pyramid_forces(
+        weight=weight,
+        chord=2.0 * RADIUS,
+        half_width=2.0 * RADIUS * math.sin(TILT),
+        kn=params["kn"] if settles else math.inf,
+    )
+    return {name: getattr(rest, name.split("_")[0]) for name in setup.labels}
+
+
+def _motion(setup: Setup, bounds: StackBounds) -> Check:
+    source = "statics: nothing moves" if bounds.motion == 0.0 else "overlaps of the weights"
+    return Check(
+        quantity="motion_final", norm="scalar", truth="analytic", expected=0.0, source=source,
+        atol=bounds.motion + bounds.length * len(setup.scene.disks), why=bounds.why,
+    )  # fmt: skip
+
+
+CASE = Stack()

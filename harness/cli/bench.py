@@ -1,0 +1,193 @@
+"""``ninedisk bench``: the command and its work."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ninedisk.harness.cli.support import INTERRUPTED, fail, guarded
+
+if TYPE_CHECKING:
+    from ninedisk.harness.results.tables import Row
+WritePage = Callable[[Mapping[str, Any], Path], None]
+SUITES = ("dem", "cd", "flow", "harness")
+FAILED, BROKEN = 1, 3
+ONE_THREAD = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+"""Variables that keep numerical libraries on the one core that a measurement is given."""
+
+
+def register(app: typer.Typer, write_page: WritePage) -> None:
+    """Add the command to the command line; ``write_page`` makes a page of a record."""
+
+    @app.command("bench", short_help="Measure speed and memory beside other engines.")
+    @guarded
+    def bench(
+        suites: Annotated[
+            list[str] | None, typer.Argument(metavar="SUITE", help="dem, cd, flow or harness. None: all.")
+        ] = None,
+        problem: Annotated[
+            list[str] | None,
+            typer.Option("--problem", metavar="GLOB", help="Only problems whose name matches; repeat for several."),
+        ] = None,
+        engine: Annotated[
+            list[str] | None,
+            typer.Option(
+                "--engine", "-e", metavar="NAME", help="Only these besides ours (name or pattern); repeat for several."
+            ),
+        ] = None,
+        size: Annotated[
+            list[int] | None,
+            typer.Option(
+                "--size", metavar="N", min=4, max=1_000_000, help="Numbers of disks instead of the usual ones; repeat."
+            ),
+        ] = None,
+        large: Annotated[
+            bool, typer.Option("--large", help="Also 100,000 (dem: and 1,000,000) disks: hours, not minutes.")
+        ] = False,
+        repeats: Annotated[int, typer.Option("--repeats", metavar="N", min=1, help="Repeats of each measurement.")] = 5,
+        time_limit: Annotated[
+            float,
+            typer.Option("--time-limit", metavar="S", help="Seconds for one engine on one problem, all repeats."),
+        ] = 120.0,
+        out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the records.")] = Path("bench"),
+    ) -> None:
+        """Measure our engines and others on the same problems: same scene, same contact parameters, same step count.
+
+        Suite dem: settled packings, a flowing one and the nine disks (ours with 1, 2, .. threads, LAMMPS, YADE and all
+        engines with springs that know the variant), these also with finer steps, error beside time; what our step
+        computes and moves, held against the arithmetic and the bandwidth of this machine (roofline). Suite cd: contact
+        problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10 (our solvers,
+        Clarabel, PIQP, Siconos), cold and warm. Suite flow: a drum, a hopper and a collapsing column stepped in time
+        (contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations),
+        time per simulated second beside the penetration. Suite harness: `ninedisk run` on dem, cd and pymunk, the
+        appendix's cases (kernels cached, and from an empty cache) and all cases.
+
+        Physics is checked first: an engine that computes something else gets no time. Repeats are interleaved (A B A B)
+        on one core for one thread; the ratio to ours, repeat by repeat, is the result, absolute times stand beside it.
+        Packings settle once (minutes for 10,000 disks) and are kept in the cache folder of the user.
+
+        \b
+        Examples:
+          ninedisk bench dem
+          ninedisk bench dem --size 1000 --repeats 3 --problem 'settled-*'
+          ninedisk bench cd --time-limit 60 --engine clarabel --engine piqp
+          ninedisk bench dem cd --large --repeats 9 --out figures
+          ninedisk bench harness
+
+        \b
+        Exit codes:
+          0  every engine passed its check or is excused (not installed, target not reached in time)
+          1  complete, but an engine failed its check
+          2  wrong usage
+          3  an engine failed or crashed
+          130  interrupted; the record and the page hold what was measured until then
+        """
+        code = execute(
+            suites or list(SUITES),
+            problems=problem or [],
+            engines=engine or [],
+            sizes=size or [],
+            large=large,
+            repeats=repeats,
+            time_limit=time_limit,
+            out=out,
+            write_page=write_page,
+        )
+        raise typer.Exit(code)
+
+
+def execute(
+    suites: list[str],
+    *,
+    problems: list[str],
+    engines: list[str],
+    sizes: list[int],
+    large: bool,
+    repeats: int,
+    time_limit: float,
+    out: Path,
+    write_page: WritePage,
+) -> int:
+    """Check the request, measure, write, print; the exit code.
+
+    Raises
+    ------
+    UsageError, StoreError, CoreError
+        With the message to show.
+    """
+    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.bench.plan import Request, run_suites
+    from ninedisk.harness.bench.records import prepare_folder, write_records
+    from ninedisk.harness.bench.table import show
+    from ninedisk.harness.cli.support import CellProgress
+    from ninedisk.harness.results.store import new_run_id
+    from ninedisk.harness.run.provenance import command_line, provenance
+
+    for suite in suites:
+        if suite not in SUITES:
+            raise UsageError(f"there is no suite {suite!r}: use {', '.join(SUITES)}")
+    if not time_limit > 0.0:
+        raise UsageError(f"--time-limit {time_limit:g} is not allowed: it must be > 0 s")
+    request = Request(
+        suites=tuple(dict.fromkeys(suites)),
+        problem_wanted=_matcher(problems),
+        engine_wanted=_matcher(engines),
+        sizes=tuple(dict.fromkeys(sizes)),
+        large=large,
+        repeats=repeats,
+        time_limit=time_limit,
+    )
+    prepare_folder(out)
+    run_id = new_run_id()
+    rows: list[Row] = []
+    facts: dict[str, Any] = {"provenance": provenance(), "argv": command_line()}
+    page = out / f"{run_id}.html"
+    try:
+        with one_thread(), CellProgress() as progress:
+            for batch in run_suites(request, lambda text, done=0, total=0: progress(done, total, text)):
+                rows += batch
+                facts["versions"] = _versions(rows)
+                paths = write_records(out, run_id, facts, rows)
+    except KeyboardInterrupt:
+        if not rows:
+            raise
+        fail(f"interrupted: {str(paths[0])!r} holds what was measured until then", INTERRUPTED)
+    finally:  # hours of measurements are worth a page even if the last one is interrupted
+        if rows:
+            write_page({"run_id": run_id, **facts, "rows": rows}, page)
+    if not rows:
+        raise UsageError(
+            "nothing to measure: no problem matches --problem, --size and the suites; leave one of them out"
+        )
+    show(rows, [*paths, page])
+    found = {row["status"] for row in rows}
+    return BROKEN if "error" in found else FAILED if "fail" in found else 0
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Numerical libraries loaded from here on, in this process and in those it starts, use one thread."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _matcher(globs: list[str]) -> Callable[[str], bool]:
+    return lambda name: not globs or any(fnmatchcase(name, glob) for glob in globs)
+
+
+def _versions(rows: list[Row]) -> dict[str, str]:
+    return {row["engine"]: row["engine_version"] for row in rows if row["engine_version"]}

@@ -1,0 +1,101 @@
+"""``ninedisk check-engine`` and ``new-engine``: the commands for who brings an engine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ninedisk.harness.cli.support import FAILURE, guarded
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command("check-engine", short_help="Test an engine's adapter alone, on scenes with closed forms.")(check_engine)
+    app.command("new-engine", short_help="Write a package for an engine of your own.")(new_engine)
+
+
+@guarded
+def check_engine(
+    engine: Annotated[
+        str, typer.Argument(metavar="ENGINE", help="Id of the engine; ninedisk list engines shows them.")
+    ],
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--check", metavar="GLOB", help="Only these checks, e.g. 'supports: *'; repeat for several."),
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write the findings to FILE, too.")
+    ] = None,
+) -> None:
+    """Test an engine's adapter alone: form of its answers, units, signs, sampling, conduct, and the honesty of what it declares.
+
+    Each check runs a scene so small that its numbers are known in closed form: free flight, one contact, a weight on a
+    floor, and one scene for each capability. What the engine refuses for a stated reason is no defect. The table says what
+    to mend.
+
+    \b
+    Examples:
+      ninedisk check-engine dem
+      ninedisk check-engine acme --check 'units: *' --check warm-up
+      ninedisk check-engine acme --json findings.json
+
+    \b
+    Exit codes:
+      0  every check passes, or the engine refuses its scene for a stated reason
+      1  some check fails
+      2  wrong usage (unknown id, file that cannot be written)
+      3  the engine is not installed, or its facts cannot be had
+    """
+    from ninedisk.harness.api.engine import EngineError
+    from ninedisk.harness.api.registry import get_engine
+    from ninedisk.harness.check_engine.check import check_engine as check
+    from ninedisk.harness.check_engine.findings import FAIL
+    from ninedisk.harness.check_engine.show import show, write_json
+    from ninedisk.harness.cli.support import CellProgress, fail
+    from ninedisk.harness.results.whole_file import check_writable
+
+    found = get_engine(engine)
+    if json_file is not None:
+        check_writable("--json", json_file)
+    try:
+        info = found.info()
+    except Exception as error:
+        fail(f"info() of the engine {engine!r} must not fail, it says {type(error).__name__}: {error}", FAILURE)
+    if not info.installed:
+        fail(f"the engine {engine!r} is not installed ({info.not_installed_because}): {info.install}", FAILURE)
+    try:
+        with CellProgress() as progress:
+            findings = check(found, progress, only or ())
+    except EngineError as error:
+        fail(str(error), FAILURE)
+    show(engine, findings)
+    if json_file is not None:
+        write_json(json_file, engine, info.version or "", findings)
+    raise typer.Exit(int(any(each.status == FAIL for each in findings)))
+
+
+@guarded
+def new_engine(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Id of the engine: small letters, digits and dashes, a letter first.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write; it must not exist. None: NAME.")
+    ] = None,
+) -> None:
+    """Write a package that brings an engine: an adapter that works, tests that run the suite, known gaps, a CI example.
+
+    What comes out installs and passes as it is, with a minimal engine of smooth springs in it; put yours in its place.
+
+    \b
+    Examples:
+      ninedisk new-engine acme
+      ninedisk new-engine acme --out packages/ninedisk-acme
+      pip install --editable packages/ninedisk-acme && ninedisk check-engine acme
+    """
+    from ninedisk.harness.new_engine.write import write_package
+
+    folder = write_package(name, out if out is not None else Path(name))
+    typer.echo(f"{folder}: now  pip install --editable {folder}  and  ninedisk check-engine {name}")

@@ -1,0 +1,151 @@
+"""``ninedisk list``: tables of cases and engines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo
+from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.api.params import allowed, format_value
+from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine, problems
+from ninedisk.harness.cli.cli_tables import console, table
+from ninedisk.harness.wire.command import CommandEngine
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def show_cases() -> None:
+    """Every case with its title, source, number of variants and the package it comes from."""
+    shown = table("case", "what it is", "source", "variants", "from")
+    for case_id, entry in case_table().items():
+        try:
+            case = get_case(case_id)
+            shown.add_row(case_id, case.title, case.source, str(len(case.matrix())), entry.origin)
+        except Exception as error:  # an outsider's case must not hide the others
+            shown.add_row(case_id, f"broken: {error}", "", "", entry.origin)
+    console().print(shown)
+    _show_problems()
+    console().print("Parameters of one case: ninedisk list cases CASE", markup=False, highlight=False)
+
+
+def show_case(case_id: str) -> None:
+    """One case: what it requires, its parameters, and the variants of its matrix."""
+    case = get_case(case_id)
+    out = console()
+    for line in (
+        f"{case.id} (version {case.version}): {case.title}",
+        f"source: {case.source}",
+        f"from: {case_table()[case_id].origin}",
+        case.requirement,
+        "",
+    ):
+        out.print(line, markup=False, highlight=False)
+    shown = table("parameter", "default", "unit", "allowed", "meaning")
+    for p in case.parameters:
+        shown.add_row(p.name, format_value(p.default), p.unit or "-", allowed(p), p.help)
+    out.print(shown)
+    first = case.parameters[0] if case.parameters else None
+    variants = case.matrix()
+    out.print(f"{len(variants)} variants run by default:", markup=False, highlight=False)
+    for row in variants:
+        text = ", ".join(f"{name}={format_value(value)}" for name, value in row.items()) or "the defaults"
+        out.print(f"  {text}", markup=False, highlight=False)
+    if first is not None:
+        example = f"ninedisk run {case.id} --engine dem --set {first.name}={format_value(first.default)}"
+        out.print(f"example: {example}", markup=False, highlight=False)
+
+
+def show_engines() -> None:
+    """Every engine: whether it is installed, its version and licence, how it runs, what it expresses, what installs it."""
+    shown = table("engine", "name", "version", "licence", "how it runs", "contacts", "expresses", "install", "from")
+    missing: list[str] = []
+    for engine_id, entry in engine_table().items():
+        try:
+            _engine_row(shown, missing, get_engine(engine_id), entry.origin)
+        except Exception as error:  # an outsider's adapter must not hide the others
+            shown.add_row(engine_id, f"broken: {error}", "", "", "", "", "", "", entry.origin)
+    out = console()
+    out.print(shown)
+    for line in missing:
+        out.print(line, markup=False, highlight=False)
+    _show_problems()
+    out.print("One engine with its options: ninedisk list engines ENGINE", markup=False, highlight=False)
+
+
+def _show_problems() -> None:
+    """What installed packages announce wrongly, on standard error: the list itself is complete without it."""
+    import typer
+
+    for problem in problems():
+        typer.echo(f"warning: {problem}", err=True)
+
+
+def _engine_row(shown: Table, missing: list[str], engine: Engine, origin: str) -> None:
+    info = engine.info()
+    version = info.version if info.version is not None else "not installed"
+    has = ", ".join(dict.fromkeys(capability.short for capability in Capability if capability in info.capabilities))
+    shown.add_row(info.id, info.name, version, info.licence, info.how_it_runs, info.contact, has, info.install, origin)
+    if not info.installed and info.not_installed_because:
+        missing.append(f"{info.id}: {info.not_installed_because}")
+
+
+def show_engine(engine_id: str) -> None:
+    """One engine: facts, what it can express, what it lacks and where its documentation says so, its options."""
+    _show_info(get_engine(engine_id).info(), engine_table()[engine_id].origin)
+
+
+def show_described(commands: Sequence[str]) -> None:
+    """Engines that are commands, as they describe themselves.
+
+    Raises
+    ------
+    UsageError
+        If one cannot be started, or its description is broken.
+    """
+    for line in commands:
+        try:
+            info = CommandEngine(line).info()
+        except EngineError as error:
+            raise UsageError(str(error)) from error
+        _show_info(info, "--engine-cmd")
+
+
+def _show_info(info: EngineInfo, origin: str) -> None:
+    state = f"version {info.version}" if info.installed else f"not installed: {info.not_installed_because}"
+    lines = [
+        f"{info.id}: {info.name}, {state}",
+        f"licence: {info.licence}; runs: {info.how_it_runs}; {info.precision}, {info.threads} thread(s)",
+        f"contacts: {info.contact}; scheme: {info.scheme}",
+        f"install: {info.install}",
+        f"from: {origin}",
+        "",
+        "It can express:",
+        *(f"  {capability}" for capability in Capability if capability in info.capabilities),
+        "It lacks:",
+        *(
+            f"  {capability}{_scope(info, capability)}"
+            for capability in Capability
+            if capability not in info.capabilities
+        ),
+    ]
+    out = console()
+    for line in lines:
+        out.print(line, markup=False, highlight=False)
+    if not info.options:
+        out.print("It has no options.", markup=False, highlight=False)
+        return
+    shown = table("option", "default", "allowed", "why this default")
+    for name, option in info.options.items():
+        shown.add_row(f"{info.id}.{name}", format_value(option.default), option.allowed, option.why)
+    out.print(shown)
+    name, option = next(iter(info.options.items()))
+    example = f"ninedisk run --engine {info.id} --option {info.id}.{name}={format_value(option.default)}"
+    out.print(f"example: {example}", markup=False, highlight=False)
+
+
+def _scope(info: EngineInfo, capability: Capability) -> str:
+    link = info.out_of_scope.get(capability)
+    return f" (out of scope by its own documentation: {link})" if link else ""

@@ -1,0 +1,218 @@
+"""``ninedisk runs``, ``show``, ``merge``, ``export`` and ``prune``: the commands that look after stores."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ninedisk.harness.cli.support import guarded
+from ninedisk.harness.results.tables import Row
+
+Store = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the stored results.")]
+"""Option of every command that reads or writes results."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command("runs", short_help="List the stored runs.")(runs)
+    app.command("show", short_help="Show a stored run: checks, reasons, what did not run.")(show)
+    app.command("merge", short_help="Copy the runs of other stores into one.")(merge)
+    app.command("export", short_help="Write stored runs as CSV, JSON or Parquet.")(export)
+    app.command("prune", short_help="Remove old or half-written runs.")(prune)
+
+
+@guarded
+def runs(store: Store = Path("results")) -> None:
+    """List the stored runs, oldest first: when, of which commit, on which machine, with which outcome.
+
+    The last line is what `latest` means; the one above it is `latest~1`. Runs that cannot be read are listed with the
+    reason, half-written ones too.
+
+    \b
+    Examples:
+      ninedisk runs
+      ninedisk runs --store nightly
+    """
+    from ninedisk.harness.api.text import printable
+    from ninedisk.harness.cli.cli_tables import console, table
+    from ninedisk.harness.results.schema import WORST_FIRST
+    from ninedisk.harness.results.store_care import listed
+
+    found = listed(store)
+    out = console()
+    shown = table("run", "started", "commit", "machine", "engines", "cells")
+    for run in found:
+        if run.facts is None:
+            shown.add_row(printable(run.name), "", "", "", "", printable(run.problem))
+            continue
+        outcome = ", ".join(f"{run.cells[status]} {status}" for status in WORST_FIRST if run.cells[status])
+        facts = (run.name, run.facts.started, run.facts.commit[:12] or "-", run.facts.machine, ", ".join(run.engines))
+        shown.add_row(*(printable(text) for text in (*facts, outcome or "none")))
+    if found:
+        out.print(shown)
+    else:
+        out.print(f"no runs in {str(store)!r}; `ninedisk run --store {store}` makes one")
+
+
+@guarded
+def show(
+    which: Annotated[str, typer.Argument(metavar="[RUN]", help="A run as in `ninedisk compare`.")] = "latest",
+    case: Annotated[str, typer.Option("--case", metavar="GLOB", help="Only cases whose ids match.")] = "*",
+    engine: Annotated[str | None, typer.Option("--engine", "-e", metavar="ID", help="Only this engine.")] = None,
+    status: Annotated[
+        list[str] | None,
+        typer.Option("--status", metavar="STATUS", help="Only checks and cells of this status; repeat for several."),
+    ] = None,
+    store: Store = Path("results"),
+) -> None:
+    """Show what a run has stored: every check that does not pass, worst first, with its reason in full, and why cells did not run.
+
+    Passing checks are shown where --status pass, an engine or a case asks for them. Nothing is run.
+
+    \b
+    Examples:
+      ninedisk show
+      ninedisk show latest~1 --engine yade
+      ninedisk show --status fail --status error --case 'nine-disk/*'
+    """
+    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.cli.cli_summary import show_summary
+    from ninedisk.harness.results.compare_sides import one_stored
+    from ninedisk.harness.results.schema import STATUSES
+    from ninedisk.harness.results.store import read_about, read_table
+
+    if unknown := sorted(set(status or ()) - set(STATUSES)):
+        raise UsageError(f"--status {unknown[0]!r} is unknown: use one of {', '.join(STATUSES)}")
+    run_id = one_stored(which, store)
+    about = read_about(store, run_id)
+    few = set(status) if status else set(STATUSES) - (set() if engine or case != "*" else {"pass"})
+
+    def of(name: str) -> list[Row]:
+        rows: list[Row] = read_table(store, about, name).to_pylist()
+        return [row for row in rows if fnmatchcase(row["case"], case) and engine in (None, row["engine"])]
+
+    cells, rows = of("cells"), of("measurements")
+    if not cells:
+        engines = ", ".join(
+            sorted({row["engine"] for row in read_table(store, about, "cells", ["engine"]).to_pylist()})
+        )
+        raise UsageError(
+            f"the run {run_id} has no cell of --case {case} --engine {engine or 'ID'}; its engines: {engines}"
+        )
+    chosen = [row for row in rows if row["status"] in few]
+    shown_cells = [cell for cell in cells if cell["status"] in set(status or STATUSES)]
+    show_summary(shown_cells, chosen, store / "runs" / run_id, everything=True, counted=rows)
+
+
+@guarded
+def merge(
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Stores to copy from; they stay as they are.")
+    ],
+    store: Store = Path("results"),
+) -> None:
+    """Copy the runs of other stores, for instance of other machines, into one store.
+
+    Runs that are there already are left alone; half-written ones are never copied, and a damaged one stops the merge
+    before it is copied. Needs no lock and may be repeated.
+
+    \b
+    Examples:
+      ninedisk merge from-laptop from-cluster
+      ninedisk merge artifacts/results --store history
+    """
+    from ninedisk.harness.results.store_care import merge as merge_stores
+
+    copied, present = merge_stores(sources, store)
+    typer.echo(f"{len(copied)} run(s) copied into {store}, {len(present)} already there")
+
+
+@guarded
+def export(
+    which: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="RUN", help="Runs as in `ninedisk compare`: ids, latest, latest~4..latest. None: all."),
+    ] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write a .csv file.")] = None,
+    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write a .json file.")] = None,
+    parquet: Annotated[Path | None, typer.Option("--parquet", metavar="FILE", help="Write a .parquet file.")] = None,
+    store: Store = Path("results"),
+) -> None:
+    """Write stored runs as one flat table: a row for each check, with its run, commit, machine, versions and timings.
+
+    A cell that left no number has one row with its status and reason. Numbers keep all their digits. `ninedisk compare`
+    reads all three kinds of file. Curves are not exported: they are in the store's series.parquet.
+
+    \b
+    Examples:
+      ninedisk export --csv all.csv
+      ninedisk export latest --json head.json
+      ninedisk export latest~9..latest --parquet ten.parquet --store nightly
+    """
+    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.results.compare_sides import resolve
+    from ninedisk.harness.results.export import export_rows, write_export
+    from ninedisk.harness.results.snapshot import load_snapshots
+
+    files = {".csv": csv, ".json": json, ".parquet": parquet}
+    if not any(files.values()):
+        raise UsageError("nothing to write: give --csv FILE, --json FILE or --parquet FILE")
+    for suffix, path in files.items():
+        if path is not None and path.suffix != suffix:
+            raise UsageError(f"--{suffix[1:]} {str(path)!r} must end in {suffix}, so that it can be read again")
+    chosen = [run for word in which for run in resolve(word, store)] if which else load_snapshots(store)
+    distinct = {run.facts.run_id: run for run in chosen}
+    if not distinct:
+        raise UsageError(f"the store {str(store)!r} has no finished run: name another with --store DIR")
+    rows = export_rows(distinct.values())
+    for path in files.values():
+        if path is not None:
+            write_export(rows, path)
+            typer.echo(f"{path}: {len(rows)} rows of {len(distinct)} run(s)")
+
+
+@guarded
+def prune(
+    keep: Annotated[int | None, typer.Option("--keep", metavar="N", min=0, help="Keep only the newest N runs.")] = None,
+    before: Annotated[
+        str | None, typer.Option("--before", metavar="DATE", help="Remove runs that began before, e.g. 2026-01-31.")
+    ] = None,
+    unreadable: Annotated[
+        bool, typer.Option("--unreadable", help="Remove damaged runs and those of too old a schema.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Really remove; without it, only say what would go.")] = False,
+    store: Store = Path("results"),
+) -> None:
+    """Remove runs: half-written ones untouched for a day, and what is asked for. Without --yes nothing is removed.
+
+    What the report and the dashboard show comes from the runs: `ninedisk export` or a copy keeps them elsewhere first.
+
+    \b
+    Examples:
+      ninedisk prune
+      ninedisk prune --keep 100
+      ninedisk prune --before 2026-01-31 --yes
+    """
+    from datetime import UTC, datetime
+
+    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.api.text import printable
+    from ninedisk.harness.results.store_care import prune as remove
+    from ninedisk.harness.results.store_care import to_prune
+
+    try:
+        date = None if before is None else datetime.fromisoformat(before)
+    except ValueError as error:
+        raise UsageError(f"--before {before!r} is no date: write year-month-day, for instance 2026-01-31") from error
+    if date is not None and date.tzinfo is None:
+        date = date.replace(tzinfo=UTC)
+    doomed = to_prune(store, keep=keep, before=date, unreadable=unreadable)
+    for each in doomed:
+        typer.echo(f"{'remove' if yes else 'would remove'} {each.path}: {printable(each.reason)}")
+    if yes:
+        remove(doomed)
+    rest = "" if yes or not doomed else "; nothing was removed: add --yes"
+    typer.echo(f"{len(doomed)} folder(s){rest}" if doomed else "nothing to remove")

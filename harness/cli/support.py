@@ -1,0 +1,126 @@
+"""What every command shares: errors without tracebacks, and progress that stays silent for two seconds."""
+
+from __future__ import annotations
+
+import errno
+import functools
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import TYPE_CHECKING, NoReturn, ParamSpec, TypeVar
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+P = ParamSpec("P")
+R = TypeVar("R")
+
+USAGE, FAILURE, INTERRUPTED = 2, 3, 130
+QUIET_SECONDS = 2.0
+LINE_SECONDS, MOST_SECONDS = 5.0, 300.0
+TRACEBACK_VARIABLE = "NINEDISK_TRACEBACK"
+UNUSABLE = frozenset(
+    {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EISDIR, errno.EROFS}
+)
+"""What the system says of a path that no command can use, whichever of them stumbles over it first."""
+
+
+def guarded(command: Callable[P, R]) -> Callable[P, R]:
+    """Turn mistakes of the user into a message and exit code 2, anything unforeseen into code 3, Ctrl-C into 130."""
+
+    @functools.wraps(command)
+    def run(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return command(*args, **kwargs)
+        except (typer.Exit, typer.Abort, BrokenPipeError):
+            raise
+        except KeyboardInterrupt:
+            fail("interrupted: no result of this run was stored", INTERRUPTED)
+        except Exception as error:
+            if os.environ.get(TRACEBACK_VARIABLE):
+                raise
+            if _is_users_mistake(error):
+                fail(str(error), USAGE)
+            if isinstance(error, OSError) and error.errno in UNUSABLE and error.filename is not None:
+                fail(f"{str(error.filename)[:200]!r} cannot be used: {error.strerror}; give another path", USAGE)
+            fail(f"internal error: {type(error).__name__}: {error} (set {TRACEBACK_VARIABLE}=1 to see where)", FAILURE)
+
+    return run
+
+
+def fail(message: str, code: int) -> NoReturn:
+    """Print ``error: message`` on standard error and leave with ``code``."""
+    typer.echo(message if code == INTERRUPTED else f"error: {message}", err=True)
+    raise typer.Exit(code)
+
+
+def _is_users_mistake(error: Exception) -> bool:
+    from ninedisk.core.errors import CoreError
+    from ninedisk.harness.api.case import ParameterError
+    from ninedisk.harness.api.errors import UsageError
+
+    return isinstance(error, UsageError | ParameterError | CoreError)
+
+
+class CellProgress:
+    """Progress on standard error: a bar in a terminal, lines ever further apart elsewhere, nothing for short runs."""
+
+    def __init__(self) -> None:
+        self._begin = self._last_line = time.monotonic()
+        self._pause = LINE_SECONDS
+        self._terminal = sys.stderr.isatty()
+        self._bar: Bar | None = None
+        self._timer: threading.Timer | None = None
+        self._state = (0, 0, "")
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def __enter__(self) -> CellProgress:
+        if self._terminal:
+            self._timer = threading.Timer(QUIET_SECONDS, self._show)
+            self._timer.daemon = True
+            self._timer.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._lock:
+            self._closed = True
+            if self._timer is not None:
+                self._timer.cancel()
+            if self._bar is not None:
+                self._bar.stop()
+
+    def __call__(self, done: int, total: int, label: str = "") -> None:
+        """Report that ``done`` of ``total`` pieces are finished and ``label`` begins."""
+        with self._lock:
+            self._state = (done, total, label)
+            if self._bar is not None:
+                self._bar.update(self._bar.task_ids[0], completed=done, total=total, description=label)
+        now = time.monotonic()
+        if not self._terminal and now - self._begin > QUIET_SECONDS and now - self._last_line > self._pause:
+            self._last_line, self._pause = now, min(2.0 * self._pause, MOST_SECONDS)
+            typer.echo(f"[{done}/{total}] {label}".rstrip(), err=True)
+
+    def _show(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = (
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.description}", markup=False),
+        )
+        with self._lock:
+            if self._closed:
+                return
+            done, total, label = self._state
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._bar.add_task(label, completed=done, total=total or None)
+            self._bar.start()

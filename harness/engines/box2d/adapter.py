@@ -1,0 +1,77 @@
+"""Box2D: rigid contacts, sequential impulses at velocity level, single precision, a process of its own.
+
+One step detects contacts at its begin, solves for velocities and then moves positions with them: ``semi-implicit-euler``.
+`ninedisk.harness.engines.box2d.session` says how a scene is realised.
+"""
+
+from __future__ import annotations
+
+from ninedisk.core.options import Option
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.engines._rigid_package import RigidPackageEngine
+from ninedisk.harness.engines.package import package_version
+
+CAPABILITIES = frozenset(
+    {
+        Capability.FRICTION,
+        Capability.RESTITUTION,
+        Capability.MOVING_WALLS,
+        Capability.ROTATING_WALLS,
+        Capability.CURVED_WALL_MOTION,
+        Capability.GRAVITY,
+        Capability.BLOCKED_ROTATION,
+        Capability.FIXED_DISKS,
+        Capability.DISK_INERTIA,
+    }
+)
+
+RIGID_BODIES = "https://box2d.org/documentation/"
+"""States that bodies are rigid and that contacts prevent penetration by impulses."""
+
+OPTIONS = {
+    "velocity_iterations": Option(
+        default=100,
+        low=1,
+        high=1e9,
+        whole=True,
+        why="a single contact needs one; a hundred bring a stack of three disks to equilibrium within single precision",
+    ),
+    "position_iterations": Option(
+        default=10,
+        high=1e9,
+        whole=True,
+        why="each takes out a fifth of an overlap beyond the slop, without momentum: ten leave a tenth of an impact's",
+    ),
+}
+
+
+class Box2DEngine(RigidPackageEngine):
+    """Adapter of Box2D."""
+
+    id = "box2d"
+    session = "ninedisk.harness.engines.box2d.session:Box2DSession"
+    options = OPTIONS
+
+    def info(self) -> EngineInfo:
+        """Facts about the installed Box2D; does not import it."""
+        version, because = package_version("Box2D")
+        return EngineInfo(
+            id=self.id,
+            name="Box2D",
+            version=version,
+            scheme="semi-implicit-euler",
+            contact="impulse",
+            options=OPTIONS,
+            out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), RIGID_BODIES),
+            licence="zlib",
+            how_it_runs="process of its own (Python package Box2D)",
+            precision="float32",
+            threads=1,
+            install="pip install Box2D",
+            capabilities=CAPABILITIES,
+            not_installed_because=because,
+        )
+
+
+ENGINE = Box2DEngine()

@@ -1,0 +1,176 @@
+"""A scene in pybullet.
+
+- A disk is a sphere whose three moments of inertia are the disk's; with all forces in the plane z = 0 it stays there to the
+  last bit and its z moment is the only one that matters. Moments of 0 are Bullet's way to block rotation.
+- A wall is an infinite plane. A sphere on it has one contact with the exact normal; on the face of a box, whose contact
+  comes from a general convex algorithm, the normal is off by 1e-14 and velocities by as much.
+- The coefficients of a pair are the PRODUCT of its bodies' ones, see `product_factors`.
+- Contacts begin where the gap is below `contactBreakingThreshold`. Bullet's 0.02 m makes a contact of a body in flight
+  and takes a fall's speed away ahead of the impact; here it is some units of round-off, so that bodies which touch are
+  in contact whatever the rounding of their coordinates. Between spheres contacts begin with an overlap: radii are
+  larger by half that length.
+- Bullet has lengths compiled into it and asks for moving bodies between 0.05 and 10 units across: its spheres of 5e5 never touch
+  a plane, rolling ones of 5e-4 lose it for single steps. It is given lengths in a unit that makes the mean radius about 1, a
+  power of two, so that the change of units rounds nothing.
+- The solver does all its iterations (`solverResidualThreshold` 0).
+- Before each step a wall gets its exact pose and the velocity that takes it to the next.
+"""
+
+from __future__ import annotations
+
+import math
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+from pybullet_utils.bullet_client import BulletClient
+
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
+from ninedisk.core.scene import Scene
+from ninedisk.harness.engines._rigid_package import product_factors
+from ninedisk.harness.engines.bullet.adapter import OPTIONS
+from ninedisk.harness.engines.plane import WallPoses, finite_state, touch_length, turn, write_contacts
+
+ENGINE_VERSION = version("pybullet")
+
+_UNLIMITED = 1e30
+"""Limit [m/s, rad/s] of a body's velocities; Bullet's own is 100."""
+
+
+class BulletSession:
+    """The `Session` of one run."""
+
+    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
+        options = read_options("bullet", OPTIONS, numerics)
+        self.scene, self.dt, self.done = scene, numerics.dt, 0
+        touch = touch_length(scene, numerics, "Bullet")
+        radii = scene.disks.radius
+        self.unit = 2.0 ** -round(math.log2(float(radii.mean()))) if len(radii) else 1.0
+        self.inflate = 0.5 * touch if len(scene.disks) > 1 else 0.0
+        parameters = {
+            "numSolverIterations": options["bullet.iterations"],
+            "solverResidualThreshold": 0.0,
+            "contactERP": options["bullet.contact_erp"],
+            "contactBreakingThreshold": touch * self.unit,
+            "contactSlop": 0.0,
+            "restitutionVelocityThreshold": 0.0,
+            "enableConeFriction": 1,
+            "deterministicOverlappingPairs": 1,
+        }
+        self.settings: dict[str, Any] = {
+            **options,
+            **{f"bullet.{name}": value for name, value in parameters.items()},
+            "bullet.lengths_per_metre": self.unit,
+            "bullet.linearDamping": 0.0,
+            "bullet.angularDamping": 0.0,
+            "bullet.useMaximalCoordinates": False,
+            "bullet.friction_of_a_pair": "product",
+            "bullet.restitution_of_a_pair": "product",
+        }
+        self.world = BulletClient(connection_mode=pybullet.DIRECT)
+        self.world.setTimeStep(self.dt)
+        self.world.setGravity(*(self.unit * component for component in scene.gravity), 0.0)
+        self.world.setPhysicsEngineParameter(**parameters)
+        law, walls = scene.disk_disk, [wall.law for wall in scene.walls]
+        alone = len(scene.disks) < 2
+        friction = product_factors(None if alone else law.mu, [wall.mu for wall in walls])
+        bounce = product_factors(None if alone else law.restitution or 0.0, [wall.restitution or 0.0 for wall in walls])
+        self.poses, self.fixed = WallPoses(scene), scene.disks.fixed.tolist()
+        self.disks = [self._disk(i, friction[0], bounce[0]) for i in range(len(scene.disks))]
+        self.walls = [self._wall(k, friction[1][k], bounce[1][k]) for k in range(len(scene.walls))]
+        self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
+        self.angle = np.zeros(len(scene.disks))
+
+    def warm_up(self) -> None:
+        """Compile the walls' motion where there is any; Bullet itself is native code."""
+        self.poses(0.0)
+
+    def advance(self, n_steps: int) -> None:
+        """Step the world; moving walls reach their exact pose at the end of each step."""
+        for _ in range(n_steps):
+            if self.poses.moving:
+                self._drive_walls()
+            self.world.stepSimulation()
+            self.done += 1
+            self._follow_rotation()
+
+    def observe(self, history: History, row: int) -> None:
+        """Copy the state, and the contact impulses of the last step as forces."""
+        for i, body in enumerate(self.disks):
+            position, _ = self.world.getBasePositionAndOrientation(body)
+            velocity, spin = self.world.getBaseVelocity(body)
+            history.x[row, i], history.v[row, i] = np.array([position[:2], velocity[:2]]) / self.unit
+            history.omega[row, i] = spin[2]
+        history.angle[row] = self.angle
+        finite_state("Bullet", self.done, history.x[row], history.v[row], history.omega[row])
+        impulses = self._impulses() if self.done else None
+        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
+
+    def _impulses(self) -> dict[Pair, NDArray[np.float64]]:
+        """Impulse [N s] of the last step on the first body of each touching pair."""
+        found: dict[Pair, NDArray[np.float64]] = {}
+        for contact in self.world.getContactPoints():
+            one, two = self.number[contact[1]], self.number[contact[2]]
+            # Bullet's normal points from its second body to its first; its forces act on the first.
+            parts = ((contact[9], contact[7]), (contact[10], contact[11]), (contact[12], contact[13]))
+            on_first = sum((size * np.array(direction[:2]) for size, direction in parts), np.zeros(2)) * (
+                self.dt / self.unit
+            )
+            pair = (min(one, two), max(one, two))
+            found[pair] = found.get(pair, np.zeros(2)) + (on_first if one < two else -on_first)
+        return found
+
+    def _follow_rotation(self) -> None:
+        """Add the last step's rotations; Bullet knows orientations, not angles."""
+        for i, body in enumerate(self.disks):
+            _, (_, _, z, w) = self.world.getBasePositionAndOrientation(body)
+            self.angle[i] += math.remainder(2.0 * math.atan2(z, w) - self.angle[i], math.tau)
+
+    def _drive_walls(self) -> None:
+        """Set the walls' poses and their chord velocities over the coming step."""
+        here, facing = self.poses(self.done * self.dt)
+        there, to_face = self.poses((self.done + 1) * self.dt)
+        for k, body in enumerate(self.walls):
+            half = 0.5 * turn(self.scene.walls[k].normal, facing[k])
+            self.world.resetBasePositionAndOrientation(
+                body, [*(here[k] * self.unit), 0.0], [0.0, 0.0, math.sin(half), math.cos(half)]
+            )
+            rate = turn(facing[k], to_face[k]) / self.dt
+            self.world.resetBaseVelocity(body, [*((there[k] - here[k]) * (self.unit / self.dt)), 0.0], [0.0, 0.0, rate])
+
+    def _disk(self, i: int, friction: float, restitution: float) -> int:
+        disks = self.scene.disks
+        radius = self.unit * (float(disks.radius[i]) + self.inflate)
+        shape = self.world.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
+        place = [*(self.unit * disks.x[i]).tolist(), 0.0]
+        # A body without mass is Bullet's static one.
+        mass = 0.0 if self.fixed[i] else float(disks.mass[i])
+        body: int = self.world.createMultiBody(mass, shape, basePosition=place)
+        inertia = self.unit**2 * float(disks.inertia[i]) if disks.rotating[i] else 0.0
+        self.world.changeDynamics(
+            body,
+            -1,
+            localInertiaDiagonal=[inertia] * 3,
+            lateralFriction=friction,
+            restitution=restitution,
+            rollingFriction=0.0,
+            spinningFriction=0.0,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            maxJointVelocity=_UNLIMITED,
+        )
+        self.world.resetBaseVelocity(body, [*(self.unit * disks.v[i]).tolist(), 0.0], [0.0, 0.0, float(disks.omega[i])])
+        return body
+
+    def _wall(self, k: int, friction: float, restitution: float) -> int:
+        wall = self.scene.walls[k]
+        shape = self.world.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=[*wall.normal, 0.0])
+        body: int = self.world.createMultiBody(0.0, shape, basePosition=[*(self.unit * c for c in wall.point), 0.0])
+        self.world.changeDynamics(
+            body, -1, lateralFriction=friction, restitution=restitution, rollingFriction=0.0, spinningFriction=0.0
+        )
+        return body

@@ -1,0 +1,117 @@
+"""The in-house contact dynamics, treated like any other engine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import ninedisk
+from ninedisk.core.cd.options import OPTIONS
+from ninedisk.core.cd.wedges import wedging_corners
+from ninedisk.core.history import Pair
+from ninedisk.core.law import ContactLaw
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel, Timings
+from ninedisk.harness.engines.rigid import has_spring_preload, rigid_needs, without_spring_preload
+from ninedisk.harness.engines.spring import NOTE_SLIP_AT, OF_SLIP_AT
+
+CAPABILITIES = frozenset(Capability) - {
+    Capability.AREA_CONTACT,
+    Capability.CONTACT_DAMPING,
+    Capability.GLOBAL_DAMPING_LAGGED,
+    Capability.LEVER_ARM_TORQUE,
+    Capability.SLIP_END,
+}
+
+NOTE_PRELOAD = "the preload of regularising springs is undone: rigid contacts find their forces anew in each step"
+NOTE_DAMPING = "global damping acts on the displacement of the step, dx/dt"
+NOTE_ELASTIC = "elastic contact forces are those of the end of the step: first order, dissipative at every theta"
+
+
+class CdEngine:
+    """`ninedisk.core.cd`: implicit theta scheme; a step is one convex program, or Coulomb's law where ``Numerics.sliding`` asks for it."""
+
+    id = "cd"
+
+    def info(self) -> EngineInfo:
+        """Facts about the engine."""
+        return EngineInfo(
+            id=self.id,
+            name="ninedisk CD",
+            version=ninedisk.__version__,
+            scheme="theta",
+            contact="cd",
+            licence="BSD-3-Clause",
+            how_it_runs="in-process (NumPy, Numba)",
+            precision="float64",
+            threads=1,
+            install="part of ninedisk",
+            capabilities=CAPABILITIES,
+            options=OPTIONS,
+        )
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        """EXACT but for dashpots of contact springs, the lagged form of global damping, and a restitution that theta misses."""
+        notes: list[str] = []
+        level = SupportLevel.EXACT
+        if has_spring_preload(scene):
+            notes.append(NOTE_PRELOAD)
+        if scene.xi > 0.0 and numerics.regime == "dynamic":
+            notes.append(NOTE_DAMPING)
+        if any(not law.regularised for law in _laws(scene)) and numerics.regime == "dynamic":
+            notes.append(NOTE_ELASTIC)
+        notes += wedging_corners(scene, numerics)
+        missing = rigid_needs(scene, numerics) - CAPABILITIES
+        if missing & OF_SLIP_AT:
+            missing -= OF_SLIP_AT
+            level = SupportLevel.EQUIVALENT
+            notes.append(NOTE_SLIP_AT)
+        if missing:
+            return Support(SupportLevel.NO, tuple(sorted(missing)), tuple(notes))
+        if numerics.impact == "theta":
+            scheme = (1.0 - numerics.theta) / numerics.theta
+            asked = {law.restitution for law in _laws(scene) if law.regularised and law.restitution is not None}
+            if any(abs(scheme - e) > 1e-12 for e in asked):
+                told = ", ".join(f"{e:g}" for e in sorted(asked))
+                notes.append(f"restitution of the theta scheme: (1 - theta)/theta = {scheme:g}; the scene says {told}")
+        return Support(level, (), tuple(notes))
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene on `ninedisk.core.cd.session.CdSession`."""
+        from ninedisk.core.cd.session import CdSession
+
+        begin = time.perf_counter()
+        session = CdSession(without_spring_preload(scene), numerics, watch)
+        setup = time.perf_counter() - begin
+        begin = time.perf_counter()
+        session.warm_up()
+        warm_up = time.perf_counter() - begin
+        begin = time.perf_counter()
+        history = session.run()
+        advance = time.perf_counter() - begin
+        settings = {
+            "dt [s]": session.dt,
+            "theta": numerics.theta,
+            "impact": numerics.impact,
+            "sliding": numerics.sliding,
+            "regime": numerics.regime,
+            "solver": numerics.solver,
+            **session.settings.told,
+            "problems solved": ", ".join(f"{name} {count}" for name, count in sorted(session.solves.items())),
+            "iterations": session.iterations,
+            "largest natural-map residual": session.worst[0],
+            "largest relative duality gap": session.worst[1],
+            "remarks": "; ".join(session.remarks),
+        }
+        return EngineRun(
+            history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=settings
+        )
+
+
+def _laws(scene: Scene) -> list[ContactLaw]:
+    return [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
+
+
+ENGINE = CdEngine()

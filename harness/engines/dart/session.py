@@ -1,0 +1,176 @@
+"""A scene in dartpy.
+
+- A disk is a sphere on a planar joint (x, y, angle), or on one without angle where it cannot turn; its moment of inertia is
+  the disk's.
+- A wall is an infinite plane on an immobile skeleton; before each step it gets its exact pose and the velocity that takes it
+  to the next.
+- A pair's friction is the SMALLER of its bodies' coefficients, its restitution their PRODUCT (see `product_factors`).
+- Walls are raised, and radii enlarged, by half of ``touch`` each, some units of round-off: bodies which touch are then
+  in contact whatever the rounding of their coordinates.
+- Overlaps are corrected by split impulses, which leave no momentum behind; without them DART adds velocities up to 1e-3 m/s.
+- No body is put to sleep.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dartpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
+from ninedisk.core.scene import Scene
+from ninedisk.harness.engines._rigid_package import product_factors
+from ninedisk.harness.engines.dart.adapter import FORCE_MIXING, OPTIONS
+from ninedisk.harness.engines.plane import WallPoses, finite_state, touch_length, turn, write_contacts
+
+ENGINE_VERSION = str(dartpy.__version__)
+
+_UNLIMITED = 1e30
+"""Friction of a disk that meets walls only: the wall's coefficient is then the pair's."""
+
+SWEEP_TOLERANCE, MAX_SWEEPS = 1e-12, 10_000
+"""Residual, of the size of DART's regularisation squared, and sweeps that a stack of dozens of bodies needs at most."""
+
+DETECTORS = {
+    "dart": dartpy.collision.DARTCollisionDetector,
+    "fcl": dartpy.collision.FCLCollisionDetector,
+    "ode": dartpy.collision.OdeCollisionDetector,
+    "bullet": dartpy.collision.BulletCollisionDetector,
+}
+
+
+class DartSession:
+    """The `Session` of one run."""
+
+    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
+        options = read_options("dart", OPTIONS, numerics)
+        self.scene, self.dt, self.done = scene, numerics.dt, 0
+        self.touch = touch_length(scene, numerics, "DART")
+        sweeps = options["dart.solver"] == "nsgs"
+        self.settings: dict[str, Any] = {
+            **options,
+            "dart.split_impulse": True,
+            "dart.deactivation": False,
+            "dart.constraint_force_mixing": FORCE_MIXING,
+            "dart.touch": self.touch,
+            **({"dart.tolerance": SWEEP_TOLERANCE, "dart.max_sweeps": MAX_SWEEPS} if sweeps else {}),
+            "dart.friction_of_a_pair": "the smaller one",
+            "dart.restitution_of_a_pair": "product",
+        }
+        self.world = dartpy.simulation.World("ninedisk")
+        self.world.setTimeStep(self.dt)
+        self.world.setGravity([*scene.gravity, 0.0])
+        awake = self.world.getDeactivationOptions()
+        awake.mEnabled = False
+        self.world.setDeactivationOptions(awake)
+        solver = self.world.getConstraintSolver()
+        solver.setCollisionDetector(DETECTORS[options["dart.collision_detector"]]())
+        if sweeps:  # dantzig is DART's default, and Python cannot construct another one
+            solver.setBoxedLcpSolver(_gauss_seidel())
+        solver.setSplitImpulseEnabled(True)
+        alone = len(scene.disks) < 2
+        bounce = product_factors(
+            None if alone else scene.disk_disk.restitution or 0.0,
+            [wall.law.restitution or 0.0 for wall in scene.walls],
+        )
+        friction = _UNLIMITED if alone else scene.disk_disk.mu
+        self.poses = WallPoses(scene)
+        self.number: dict[str, int] = {}
+        self.disks = [self._disk(i, friction, bounce[0]) for i in range(len(scene.disks))]
+        self.walls = [self._wall(k, bounce[1][k]) for k in range(len(scene.walls))]
+
+    def warm_up(self) -> None:
+        """Compile the walls' motion where there is any; DART itself is native code."""
+        self.poses(0.0)
+
+    def advance(self, n_steps: int) -> None:
+        """Step the world; moving walls are where they belong at the begin of each step."""
+        for _ in range(n_steps):
+            if self.poses.moving:
+                self._drive_walls()
+            self.world.step()
+            self.done += 1
+
+    def observe(self, history: History, row: int) -> None:
+        """Copy the state, and the contact impulses of the last step as forces."""
+        for i, disk in enumerate(self.disks):
+            position, velocity = disk.getPositions(), disk.getVelocities()
+            history.x[row, i], history.v[row, i] = position[:2], velocity[:2]
+            turning = len(position) > 2
+            history.angle[row, i], history.omega[row, i] = (position[2], velocity[2]) if turning else (0.0, 0.0)
+        finite_state("DART", self.done, history.x[row], history.v[row], history.omega[row])
+        impulses = self._impulses() if self.done else None
+        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
+
+    def _impulses(self) -> dict[Pair, NDArray[np.float64]]:
+        """Impulse [N s] of the last step on the first body of each touching pair."""
+        found: dict[Pair, NDArray[np.float64]] = {}
+        for contact in self.world.getLastCollisionResult().getContacts():
+            objects = (contact.collisionObject1, contact.collisionObject2)
+            one, two = (self.number[each.getShapeFrame().getName()] for each in objects)
+            on_first = np.array(contact.force[:2]) * self.dt  # DART's force acts on its first object
+            pair = (min(one, two), max(one, two))
+            found[pair] = found.get(pair, np.zeros(2)) + (on_first if one < two else -on_first)
+        return found
+
+    def _drive_walls(self) -> None:
+        """Set the walls' poses and their chord velocities over the coming step."""
+        here, facing = self.poses(self.done * self.dt)
+        there, to_face = self.poses((self.done + 1) * self.dt)
+        for k, wall in enumerate(self.walls):
+            velocity = (there[k] - here[k]) / self.dt
+            wall.setPositions([*here[k], turn(self.scene.walls[k].normal, facing[k])])
+            wall.setVelocities([*velocity, turn(facing[k], to_face[k]) / self.dt])
+
+    def _disk(self, i: int, friction: float, restitution: float) -> Any:
+        disks = self.scene.disks
+        skeleton = dartpy.dynamics.Skeleton(f"disk {i}")
+        turning = bool(disks.rotating[i])
+        if turning:
+            joint, body = skeleton.createPlanarJointAndBodyNodePair()
+        else:
+            joint, body = skeleton.createTranslationalJoint2DAndBodyNodePair()
+        joint.setXYPlane()
+        sphere = dartpy.dynamics.SphereShape(float(disks.radius[i]) + 0.5 * self.touch)
+        self._give_surface(body, sphere, i, friction, restitution)
+        inertia = float(disks.inertia[i])
+        body.setInertia(dartpy.dynamics.Inertia(float(disks.mass[i]), [0.0, 0.0, 0.0], inertia * np.eye(3)))
+        skeleton.setPositions([*disks.x[i].tolist(), *([0.0] if turning else [])])
+        skeleton.setVelocities([*disks.v[i].tolist(), *([float(disks.omega[i])] if turning else [])])
+        self.world.addSkeleton(skeleton)
+        return skeleton
+
+    def _wall(self, k: int, restitution: float) -> Any:
+        wall = self.scene.walls[k]
+        skeleton = dartpy.dynamics.Skeleton(f"wall {k}")
+        joint, body = skeleton.createPlanarJointAndBodyNodePair()
+        joint.setXYPlane()
+        plane = dartpy.dynamics.PlaneShape([*wall.normal, 0.0], 0.5 * self.touch)
+        self._give_surface(body, plane, len(self.scene.disks) + k, wall.law.mu, restitution)
+        skeleton.setPositions([*wall.point, 0.0])
+        skeleton.setMobile(False)
+        self.world.addSkeleton(skeleton)
+        return skeleton
+
+    def _give_surface(self, body: Any, shape: Any, number: int, friction: float, restitution: float) -> None:
+        name = f"body {number}"
+        self.number[name] = number
+        surface = body.createShapeNode(shape, name)
+        surface.createCollisionAspect()
+        contact = surface.createDynamicsAspect()
+        contact.setFrictionCoeff(friction)
+        contact.setRestitutionCoeff(restitution)
+
+
+def _gauss_seidel() -> Any:
+    """DART's non-smooth Gauss-Seidel with Coulomb's cone."""
+    solver = dartpy.constraint.NsgsFrictionSolver()
+    options = solver.getOptions()
+    options.law = dartpy.constraint.NsgsFrictionSolver.Law.Coulomb
+    options.tolerance, options.maxSweeps = SWEEP_TOLERANCE, MAX_SWEEPS
+    solver.setOptions(options)
+    return solver

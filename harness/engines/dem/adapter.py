@@ -1,0 +1,77 @@
+"""The in-house DEM, treated like any other engine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import ninedisk
+from ninedisk.core.history import Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+from ninedisk.harness.api.capabilities import Capability, capabilities_needed
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel, Timings
+
+LACKS = frozenset({Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC})
+
+
+class DemEngine:
+    """`ninedisk.core.dem`: central differences, linear contact springs."""
+
+    id = "dem"
+
+    def info(self) -> EngineInfo:
+        """Facts about the engine."""
+        return EngineInfo(
+            id=self.id,
+            name="ninedisk DEM",
+            version=ninedisk.__version__,
+            scheme="central-difference",
+            contact="spring",
+            licence="BSD-3-Clause",
+            how_it_runs="in-process (Numba)",
+            precision="float64",
+            threads=1,
+            install="part of ninedisk",
+            capabilities=frozenset(Capability) - LACKS,
+        )
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
+        missing = capabilities_needed(scene, numerics) & LACKS
+        if missing:
+            return Support(SupportLevel.NO, tuple(sorted(missing)))
+        laws = [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
+        if any(law.regularised for law in laws):
+            return Support(
+                SupportLevel.APPROXIMATE, notes=("rigid contacts are replaced by springs kn, ks and a dashpot",)
+            )
+        return Support(SupportLevel.EXACT)
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene on `ninedisk.core.dem.session.DemSession`."""
+        from ninedisk.core.dem.constants import FIRST_SKIN, LEAST_SKIN, MOST_SKIN
+        from ninedisk.core.dem.session import DemSession
+
+        begin = time.perf_counter()
+        session = DemSession(scene, numerics, watch)
+        setup = time.perf_counter() - begin
+        begin = time.perf_counter()
+        session.warm_up()
+        warm_up = time.perf_counter() - begin
+        begin = time.perf_counter()
+        history = session.run()
+        advance = time.perf_counter() - begin
+        settings = {
+            "contact_dt [s]": session.contact_dt,
+            "critical step of the initial state [s]": session.critical_dt,
+            "damping_form": numerics.damping_form,
+            "lever_arm": scene.disk_disk.lever_arm,
+            "skin / mean radius": f"{LEAST_SKIN:g} to {MOST_SKIN:g}, adapted at each rebuild, first {FIRST_SKIN:g}",
+        }
+        return EngineRun(
+            history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=settings
+        )
+
+
+ENGINE = DemEngine()

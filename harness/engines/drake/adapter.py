@@ -1,0 +1,290 @@
+"""Drake: a continuous plant under Runge-Kutta steps, and two discrete plants, each in a process of its own.
+
+- ``drake``: contacts are the scene's linear springs, integrated to convergence in time. Drake's friction is a regularised
+  function of the slip velocity and has no shear spring; scenes whose contacts can slip are refused.
+- ``drake-sap``: discrete plant, convex contact model. As in every convex model a sliding contact opens, so that a sliding
+  block flies about ``mu v dt`` high.
+- ``drake-lagged``: discrete plant, friction bounded by the normal force of the step before, which leaves no dilation.
+
+`ninedisk.harness.engines.drake.session` says how a scene is realised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ninedisk.core.history import Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option, read_options
+from ninedisk.core.scene import Scene
+from ninedisk.harness.api.capabilities import Capability, capabilities_needed
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.engines._rigid_package import RigidPackageEngine, prescribed_spins
+from ninedisk.harness.engines.package import PackageEngine, package_version
+from ninedisk.harness.engines.spring import laws_in_use
+from ninedisk.harness.wire.external import ExternalEngine
+
+SPRINGS = frozenset(
+    {
+        Capability.LINEAR_CONTACT,
+        Capability.GLOBAL_DAMPING_CENTRAL,
+        Capability.GLOBAL_DAMPING_LAGGED,
+        Capability.MOVING_WALLS,
+        Capability.GRAVITY,
+        Capability.BLOCKED_ROTATION,
+        Capability.DISK_INERTIA,
+    }
+)
+"""Of the continuous plant. In the limit of small steps both forms of global damping are the same."""
+
+OF_SLIP = frozenset(
+    {
+        Capability.FRICTION,
+        Capability.SHEAR_SPRING,
+        Capability.LEVER_ARM_RADIUS,
+        Capability.LEVER_ARM_OVERLAP,
+        Capability.SLIP_MIDDLE,
+        Capability.SLIP_END,
+    }
+)
+"""What no engine needs where no contact can slip."""
+
+RIGID = frozenset({Capability.FRICTION, Capability.GRAVITY, Capability.BLOCKED_ROTATION, Capability.DISK_INERTIA})
+"""Of the discrete plants: their walls rest, and all they know of impacts is dissipation."""
+
+REGULARISED = "https://drake.mit.edu/doxygen_cxx/group__stribeck__approximation.html"
+"""States that friction is a continuous function of the slip velocity."""
+
+FRICTION_REGULARISATION = 1e-3
+"""Drake's sigma: the slip of a discrete plant's contact is that part of what friction prevents in a step; no setting of it."""
+
+OPTIONS = {
+    "phase": Option(
+        default=0.04,
+        low=1e-4,
+        high=0.5,
+        why="omega times the step, omega of two disks on the stiffest contact: the third order then leaves 1e-5 of the "
+        "forces after 200 cycles of the undamped compression",
+    ),
+}
+
+DISCRETE_OPTIONS: Mapping[str, Mapping[str, Option]] = {
+    "drake-sap": {
+        "relaxation_time": Option(default=0.1, high=1e6, why="dissipation of a contact [s]; Drake's own value"),
+        "near_rigid_threshold": Option(
+            default=0.0,
+            high=1e6,
+            why="the scene's stiffness; Drake's own value, 1, makes contacts softer than that where they respond within a "
+            "step, here by a factor of 300",
+        ),
+    },
+    "drake-lagged": {
+        "stiction_tolerance": Option(
+            default=1e-6,
+            low=1e-12,
+            high=1.0,
+            why="slip velocity [m/s] of full friction; Drake's own, 1e-3, makes creep",
+        ),
+        "dissipation": Option(
+            default=1e4, high=1e12, why="Hunt and Crossley's, in s/m: a plastic impact parts with 1/d, a ten-thousandth"
+        ),
+    },
+}
+
+
+class DrakeEngine(PackageEngine):
+    """Adapter of Drake's continuous plant."""
+
+    id = "drake"
+    session = "ninedisk.harness.engines.drake.session:DrakeSession"
+    options = OPTIONS
+
+    def info(self) -> EngineInfo:
+        """Facts about the installed Drake; does not import it."""
+        return replace(
+            _info(self.id, "Drake", scheme="runge-kutta-3", contact="spring", capabilities=SPRINGS),
+            options=OPTIONS,
+            out_of_scope=dict.fromkeys((Capability.FRICTION, Capability.SHEAR_SPRING), REGULARISED),
+        )
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        """Linear springs without dashpots, in scenes whose contacts do not slip."""
+        need = set(capabilities_needed(scene, numerics))
+        laws = laws_in_use(scene)
+        if any(law.beta > 0.0 for law in laws):
+            need.add(Capability.CONTACT_DAMPING)
+        if any(law.mu > 0.0 for law in laws):
+            need |= {Capability.FRICTION, Capability.SHEAR_SPRING}
+        notes = []
+        if need & OF_SLIP and no_contact_can_slip(scene):
+            need -= OF_SLIP
+            notes.append("the disks' friction is left out: by symmetry no contact of this scene ever slips")
+        missing = need - SPRINGS
+        if missing:
+            return Support(SupportLevel.NO, missing=tuple(sorted(missing)))
+        if refused := stiffness_refusals(scene):
+            return Support(SupportLevel.NO, notes=tuple(refused))
+        if scene.xi > 0.0:
+            notes.append("global damping of the continuous equations, neither central nor lagged")
+        if any(law.regularised for law in laws):
+            notes.append("rigid contacts are replaced by springs kn")
+            return Support(SupportLevel.APPROXIMATE, notes=tuple(notes))
+        return Support(SupportLevel.EQUIVALENT if notes else SupportLevel.EXACT, notes=tuple(notes))
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene with its overlaps; raises `InvalidNumericsError` on an impossible setting."""
+        read_options(self.id, self.options, numerics)
+        return ExternalEngine.run(self, scene, numerics, watch)
+
+
+class DrakeDiscreteEngine(RigidPackageEngine):
+    """Adapter of Drake's discrete plants.
+
+    Their contacts have the scene's stiffness and keep its overlaps; without them they would land first.
+    """
+
+    preload_note = "the shear forces of the preload are left out, its overlaps are kept: there is no shear spring"
+
+    def __init__(
+        self, engine_id: str, name: str, session: str, scheme: str, model: str, *, dilates: bool, friction_lags: bool
+    ) -> None:
+        self.id, self.name, self.scheme, self.model = engine_id, name, scheme, model
+        self.dilates, self.friction_lags = dilates, friction_lags
+        self.options = DISCRETE_OPTIONS[engine_id]
+        self._session = f"ninedisk.harness.engines.drake.session:{session}"
+
+    @property
+    def session(self) -> str:
+        """The class for this approximation."""
+        return self._session
+
+    def info(self) -> EngineInfo:
+        """Facts about the installed Drake; does not import it."""
+        return replace(
+            _info(self.id, self.name, scheme=self.scheme, contact="soft", capabilities=RIGID),
+            dilates=self.dilates,
+            friction_lags=self.friction_lags,
+            softness=FRICTION_REGULARISATION,
+            softness_why="regularisation of friction, sigma",
+            keeps_kn=True,
+            options=self.options,
+            out_of_scope={Capability.SHEAR_SPRING: REGULARISED},
+        )
+
+    def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+        """Coefficients that no two bodies' shares give, and spins that nothing may change."""
+        between = None if len(scene.disks) < 2 else 0.5 * scene.disk_disk.mu
+        found = stiffness_refusals(scene) + prescribed_spins(scene, "Drake")
+        if between is not None and any(0.5 * wall.law.mu >= 2.0 * between > 0.0 for wall in scene.walls):
+            found.append(
+                "Drake gives a pair the harmonic mean of its bodies' friction: that of a wall must be below twice the "
+                f"disks' own, {scene.disk_disk.mu:g}"
+            )
+        if between == 0.0 and any(wall.law.mu > 0.0 for wall in scene.walls):
+            found.append("Drake gives a pair the harmonic mean of its bodies' friction: 0 for smooth disks on any wall")
+        return found
+
+    def approximations(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+        """The contact model."""
+        return [self.model]
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene with its overlaps; raises `InvalidNumericsError` on an impossible setting."""
+        read_options(self.id, self.options, numerics)
+        return ExternalEngine.run(self, scene, numerics, watch)
+
+
+def shares_in_series(between: float | None, with_walls: Sequence[float]) -> tuple[float, list[float]]:
+    """Shares of a disk and of each wall whose values in series, ``ab/(a + b)``, are those of the pairs.
+
+    Parameters
+    ----------
+    between : float or None
+        Value of two disks; None: there is one disk only, and its share is free.
+    with_walls : sequence of float
+        Value of a disk with each wall, below the disk's share.
+    """
+    disk = 2.0 * (max(with_walls, default=0.0) if between is None else between)
+    return disk, [wall * disk / (disk - wall) if wall else 0.0 for wall in with_walls]
+
+
+def stiffness_refusals(scene: Scene) -> list[str]:
+    """Reasons why stiffnesses in series cannot be those of the scene."""
+    if len(scene.disks) < 2:
+        return []
+    return [
+        f"Drake's stiffnesses act in series: wall {wall.name!r} cannot have kn = {wall.law.kn:g} N/m where disks have "
+        f"{scene.disk_disk.kn:g} among themselves, it must be below twice that"
+        for wall in scene.walls
+        if wall.law.kn >= 2.0 * scene.disk_disk.kn
+    ]
+
+
+def no_contact_can_slip(scene: Scene) -> bool:
+    """Whether symmetry alone keeps every contact from slipping, whatever the friction between disks.
+
+    Equal disks at rest on a full rectangular lattice along x and y, smooth walls along x or y that move along their
+    normals, no gravity: with x a function of the column and y one of the row, contacts lie in rows and columns and their
+    forces depend on the column, or the row, alone. The motion therefore keeps that form, and no contact ever slips.
+    """
+    disks = scene.disks
+    if len(disks) == 0 or any(scene.gravity) or np.any(disks.v) or np.any(disks.omega):
+        return False
+    if any(np.ptp(values) for values in (disks.radius, disks.mass)):
+        return False
+    columns, rows = np.unique(disks.x[:, 0]), np.unique(disks.x[:, 1])
+    if len(columns) * len(rows) != len(disks) or len(np.unique(disks.x, axis=0)) != len(disks):
+        return False
+    for wall in scene.walls:
+        if wall.law.mu > 0.0 or 0.0 not in wall.normal:
+            return False
+        along = 0 if wall.normal[0] == 0.0 else 1
+        for segment in wall.motion:
+            sideways = (segment.velocity[along], segment.amplitude[along], segment.tan_lever[along])
+            if segment.angular_velocity or any(sideways):
+                return False
+    return True
+
+
+def _info(engine_id: str, name: str, *, scheme: str, contact: str, capabilities: frozenset[Capability]) -> EngineInfo:
+    version, because = package_version("drake")
+    return EngineInfo(
+        id=engine_id,
+        name=name,
+        version=version,
+        scheme=scheme,
+        contact=contact,
+        licence="BSD-3-Clause",
+        how_it_runs="process of its own (Python package drake)",
+        precision="float64",
+        threads=1,
+        install="pip install drake",
+        capabilities=capabilities,
+        not_installed_because=because,
+    )
+
+
+ENGINES = (
+    DrakeEngine(),
+    DrakeDiscreteEngine(
+        "drake-sap",
+        "Drake SAP",
+        "SapSession",
+        "semi-implicit Euler, convex contact",
+        "Drake's convex model: contacts are compliant and dissipate, a sliding contact opens by about mu v dt and lands again",
+        dilates=True,
+        friction_lags=False,
+    ),
+    DrakeDiscreteEngine(
+        "drake-lagged",
+        "Drake lagged",
+        "LaggedSession",
+        "semi-implicit Euler, regularised friction",
+        "Drake's lagged model: contacts are compliant and dissipate, friction is a function of the slip velocity",
+        dilates=False,
+        friction_lags=True,
+    ),
+)

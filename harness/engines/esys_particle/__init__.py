@@ -1,0 +1,1 @@
+"""ESyS-Particle."""

@@ -1,0 +1,127 @@
+"""MuJoCo: contacts soft in a way of their own, forces from a convex problem, a process of its own.
+
+MuJoCo prescribes how a contact decelerates, per unit mass, and finds the forces that do it by minimising over friction
+cones. Stiffness is no property of a contact: a contact at rest yields by ``(1 - d) g/omega^2`` where its impacts swing with
+omega, d the impedance. No linear contact of a given kn has both; nor is there a shear spring.
+
+The convex problem makes sliding contacts open, ``mu`` times as fast as the shear damper asks the slip to end. At MuJoCo's
+usual impedance, 0.9 and above, a sliding block therefore leaves the plane and lands again and again. At a low impedance the
+contact's compliance takes the opening up as a slightly smaller overlap, and sliding is Coulomb's; see
+`ninedisk.harness.engines.mujoco.session`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option
+from ninedisk.core.scene import Scene
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.engines._rigid_package import RigidPackageEngine
+from ninedisk.harness.engines.package import package_version
+
+CAPABILITIES = frozenset(
+    {
+        Capability.FRICTION,
+        Capability.RESTITUTION,
+        Capability.GRAVITY,
+        Capability.BLOCKED_ROTATION,
+        Capability.FIXED_DISKS,
+        Capability.DISK_INERTIA,
+    }
+)
+"""Walls do not move: a body whose pose is prescribed meets contacts as if it were at rest."""
+
+OWN_SOFTNESS = "https://mujoco.readthedocs.io/en/stable/computation/index.html"
+"""States that contacts are soft by a stiffness and damping per unit mass, a property of the constraint solver."""
+
+OPTIONS = {
+    "substeps": Option(
+        default=200,
+        low=1,
+        high=1e6,
+        whole=True,
+        why="MuJoCo's own steps in one dt: an elastic contact of half a step then takes 100 of them, omega h = 0.03",
+    ),
+    "contact_time": Option(
+        default=0.5,
+        low=1e-6,
+        high=1e6,
+        why="duration of an elastic contact in steps dt: short beside what the scene's sampling can see",
+    ),
+    "impedance": Option(
+        default=1e-3,
+        low=1e-4,
+        high=0.9999,
+        why="MuJoCo's range; up to here sliding does not open contacts, see slip_damping",
+    ),
+    "slip_damping": Option(
+        default=0.3,
+        low=1e-6,
+        high=1.0,
+        why="part of the slip that the shear damper ends in one substep h of a contact that sticks; a sliding contact opens "
+        "where mu d slip_damping slip/h exceeds (1 - d) fn/m: from 5.6 m/s on for h = 50 us, mu = 0.3, fn = m g",
+    ),
+    "slip_compliance": Option(
+        default=1e-4,
+        low=1e-12,
+        high=1.0,
+        why="1e-4, what MuJoCo's largest impedance leaves: creep is slip_compliance h/slip_damping times fs/m",
+    ),
+    "tolerance": Option(default=1e-14, high=1.0, why="relative improvement below which the solver ends: round-off"),
+    "iterations": Option(default=100, low=1, high=1e6, whole=True, why="Newton's method takes two or three"),
+}
+
+
+MOST_PAIRS = 1_000_000
+"""Of disks: 1,400 of them; a model of half as many pairs takes a gigabyte."""
+
+
+class MuJoCoEngine(RigidPackageEngine):
+    """Adapter of MuJoCo."""
+
+    id = "mujoco"
+    session = "ninedisk.harness.engines.mujoco.session:MuJoCoSession"
+    options = OPTIONS
+
+    def info(self) -> EngineInfo:
+        """Facts about the installed MuJoCo; does not import it."""
+        version, because = package_version("mujoco")
+        return EngineInfo(
+            id=self.id,
+            name="MuJoCo",
+            version=version,
+            scheme="semi-implicit-euler in substeps",
+            contact="soft",
+            softness=1.0 / OPTIONS["substeps"].default,
+            softness_why="a contact takes its load up within one of MuJoCo's own steps in dt",
+            impact_as_springs=True,
+            options=OPTIONS,
+            out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), OWN_SOFTNESS),
+            licence="Apache-2.0",
+            how_it_runs="process of its own (Python package mujoco)",
+            precision="float64",
+            threads=1,
+            install="pip install mujoco",
+            capabilities=CAPABILITIES,
+            not_installed_because=because,
+        )
+
+    def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+        """More pairs than a model can hold: the friction that does not open contacts is a setting of explicit pairs alone."""
+        pairs = len(scene.disks) * (len(scene.disks) - 1) // 2
+        if pairs <= MOST_PAIRS:
+            return ()
+        return (f"each two bodies need a contact pair of their own: {pairs:.2g} of them, at most {MOST_PAIRS:.2g} fit",)
+
+    def approximations(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+        """What soft contacts and the convex problem make of any scene with contacts."""
+        return (
+            "contacts are soft in MuJoCo's own way: they last part of a step, and yield under load",
+            "friction is that of a convex problem: settings are chosen so that sliding does not open the contact",
+        )
+
+
+ENGINE = MuJoCoEngine()

@@ -1,0 +1,227 @@
+"""A scene in MuJoCo.
+
+- A disk is a sphere on a body with three slides and a hinge about z, with the disk's mass and inertia; nothing pushes it out
+  of the plane z = 0. The third slide makes MuJoCo's estimate of a contact's inverse mass, a mean over three directions,
+  exact. A disk that cannot turn has no hinge, or, if it spins, one with an inertia beyond the reach of any torque.
+- A wall is an infinite plane of the world, a fixed disk a sphere of the world.
+- Every pair of bodies is an explicit contact pair with the scene's own friction, and its ``solref`` in the form ``(-k,
+  -b)``: the relative acceleration that MuJoCo asks for is ``-b v - k r``, per unit mass. Its own combination of two geoms'
+  friction (the larger one) has no say.
+- The oscillator: an elastic contact lasts ``contact_time`` steps, so that ``k = omega^2 = (pi/(contact_time dt))^2``. The
+  damping is that of the linear spring and dashpot without tension with the restitution of the pair, at most ``1/h``, which
+  ends an impact in one substep h and leaves ``(omega h)^2`` of its speed at most.
+- The impedance d is the same at any overlap. The two force laws of a contact are, per unit mass and with the compliance
+  ``R = (1 - d)/d``: ``a_n + (b/d) v_n + (k/d) r + R f_n = mu |w|`` and ``w = a_t + (b_t/d) v_t + (R/impratio) f_t``, w zero
+  where it sticks. In steady sliding w is ``(b_t/d) v_t``: what it adds to the overlap is ``mu b_t v_t/k``. The contact stays
+  closed while that is less than the load's own ``(1 - d) f_n/k``, so that ``b_t`` has to be small; a damper that is to end
+  slip within substeps needs ``b_t/d`` of the order of ``1/h``: hence a small d.
+"""
+
+from __future__ import annotations
+
+import math
+from importlib.metadata import version
+from itertools import combinations
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import read_options
+from ninedisk.core.scene import ContactLaw, FloatArray, Scene
+from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.engines.mujoco.adapter import OPTIONS
+from ninedisk.harness.engines.plane import WallPoses, finite_state, write_contacts
+from ninedisk.references.analytic.spring_dashpot import beta_of_restitution
+
+ENGINE_VERSION = version("mujoco")
+
+_BLOCKED = 1e15
+"""Inertia of a disk that spins and cannot change its spin, in units of m R^2: what torques add is rounded away. From 1e16 on
+the line search of MuJoCo's solver loses the forces in the round-off of so large a body's energy."""
+
+
+class MuJoCoSession:
+    """The `Session` of one run."""
+
+    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
+        self.options = read_options("mujoco", OPTIONS, numerics)
+        self.scene, self.dt, self.done = scene, numerics.dt, 0
+        self.fixed = scene.disks.fixed
+        self.free = np.flatnonzero(~self.fixed).tolist()
+        self.substeps = self.options["mujoco.substeps"]
+        self.h = self.dt / self.substeps
+        self.omega = math.pi / (self.options["mujoco.contact_time"] * self.dt)
+        impedance = self.options["mujoco.impedance"]
+        self.slip_damping = impedance * self.options["mujoco.slip_damping"] / self.h
+        impratio = (1.0 - impedance) / impedance / self.options["mujoco.slip_compliance"]
+        self.settings: dict[str, Any] = {
+            **self.options,
+            "mujoco.timestep": self.h,
+            "mujoco.integrator": "Euler",
+            "mujoco.solver": "Newton",
+            "mujoco.cone": "elliptic",
+            "mujoco.impratio": impratio,
+            "mujoco.solref": {name: self._solref(law) for name, law in _laws(scene)},
+            "mujoco.solreffriction": [0.0, -self.slip_damping],
+            "mujoco.solimp": [impedance, impedance],
+            "mujoco.margin": 0.0,
+            "mujoco.pair_friction": "the scene's own, explicit contact pairs",
+        }
+        self.model = self._model(impratio)
+        self.data = mujoco.MjData(self.model)
+        # All joints are scalar, so that one index serves positions and velocities.
+        self.place = {i: self.model.body(_name(i)).jntadr[0] for i in self.free}
+        self.turns = [scene.disks.rotating[i] or scene.disks.omega[i] != 0.0 for i in range(len(scene.disks))]
+        for i, k in self.place.items():
+            self.data.qvel[k : k + 2] = scene.disks.v[i]
+            if self.turns[i]:
+                self.data.qvel[k + 3] = scene.disks.omega[i]
+        self.impulses: dict[Pair, FloatArray] = {}
+        self.poses = WallPoses(scene)
+        self.number = {
+            mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, _name(k)): k for k in range(scene.n_bodies)
+        }
+
+    def warm_up(self) -> None:
+        """Nothing: MuJoCo is native code and its model is compiled in the set-up."""
+
+    def advance(self, n_steps: int) -> None:
+        """Step the model; impulses are summed over the substeps of the last step only."""
+        if n_steps > 1:
+            mujoco.mj_step(self.model, self.data, nstep=(n_steps - 1) * self.substeps)
+        self.impulses.clear()
+        for _ in range(self.substeps):
+            mujoco.mj_step(self.model, self.data)
+            self._add_impulses()
+        self.done += n_steps
+
+    def observe(self, history: History, row: int) -> None:
+        """Copy the state, and the contact impulses of the last step as forces."""
+        position, velocity = self.data.qpos, self.data.qvel
+        for name in ("v", "angle", "omega"):
+            getattr(history, name)[row, self.fixed] = 0.0
+        history.x[row, self.fixed] = self.scene.disks.x[self.fixed]
+        for i, k in self.place.items():
+            history.x[row, i] = self.scene.disks.x[i] + position[k : k + 2]
+            history.v[row, i] = velocity[k : k + 2]
+            history.angle[row, i] = position[k + 3] if self.turns[i] else 0.0
+            history.omega[row, i] = velocity[k + 3] if self.turns[i] else 0.0
+        finite_state("MuJoCo", self.done, history.x[row], history.v[row])
+        self._check_warnings()
+        impulses = self.impulses if self.done else None
+        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
+
+    def _add_impulses(self) -> None:
+        wrench = np.zeros(6)
+        for c in range(self.data.ncon):
+            contact = self.data.contact[c]
+            mujoco.mj_contactForce(self.model, self.data, c, wrench)
+            # Rows of the frame are normal and tangents; the force acts on the second geom.
+            impulse = self.h * (wrench[:3] @ contact.frame.reshape(3, 3))[:2]
+            one, two = (self.number[int(geom)] for geom in contact.geom)
+            pair, sign = ((one, two), -1.0) if one < two else ((two, one), 1.0)
+            self.impulses[pair] = self.impulses.get(pair, np.zeros(2)) + sign * impulse
+
+    def _check_warnings(self) -> None:
+        """Raise where MuJoCo has warned: a full buffer or a bad state is no result."""
+        for name, warning in mujoco.mjtWarning.__members__.items():
+            if name.startswith("mjWARN_") and self.data.warning[int(warning)].number:
+                raise EngineError(f"MuJoCo warned of {name} by step {self.done}; reduce dt")
+
+    def _solref(self, law: ContactLaw) -> list[float]:
+        """Stiffness [1/s^2] and damping [1/s] of a contact's oscillator, negative as MuJoCo wants them."""
+        restitution, damping = law.restitution or 0.0, 1.0 / self.h
+        if restitution > 0.0:
+            damping = min(2.0 * beta_of_restitution(restitution) * self.omega, damping)
+        return [-(self.omega**2), -damping]
+
+    def _model(self, impratio: float) -> Any:
+        spec = mujoco.MjSpec()
+        option, options = spec.option, self.options
+        option.timestep = self.h
+        option.gravity = [*self.scene.gravity, 0.0]
+        option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+        option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        option.impratio = impratio
+        option.tolerance = options["mujoco.tolerance"]
+        option.iterations = options["mujoco.iterations"]
+        # A state that is no longer finite must be seen; MuJoCo would begin again from the initial one.
+        option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
+        n = len(self.scene.disks)
+        for i in range(n):
+            self._add_disk(spec, i)
+        for k in range(len(self.scene.walls)):
+            self._add_wall(spec, k)
+        still = [*self.fixed.tolist(), *(True for _ in self.scene.walls)]
+        for one, two in combinations(range(self.scene.n_bodies), 2):
+            if one < n and not (still[one] and still[two]):
+                self._add_pair(spec, (one, two))
+        try:
+            model = spec.compile()
+        except ValueError as error:
+            raise EngineError(f"MuJoCo refused the scene: {error}") from error
+        # Scale of the solver's tolerance; MuJoCo's own would count the inertias of blocked rotations.
+        model.stat.meaninertia = float(self.scene.disks.mass.mean()) if n else 1.0
+        return model
+
+    def _add_disk(self, spec: Any, i: int) -> None:
+        disks = self.scene.disks
+        mass, radius = float(disks.mass[i]), float(disks.radius[i])
+        inertia = float(disks.inertia[i]) if disks.rotating[i] else _BLOCKED * mass * radius**2
+        sphere = {"name": _name(i), "type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [radius, 0.0, 0.0]}
+        if self.fixed[i]:
+            spec.worldbody.add_geom(pos=[*disks.x[i], 0.0], contype=0, conaffinity=0, **sphere)
+            return
+        body = spec.worldbody.add_body(
+            name=_name(i),
+            pos=[*disks.x[i], 0.0],
+            mass=mass,
+            inertia=[inertia] * 3,
+            ipos=[0.0] * 3,
+            explicitinertial=True,
+        )
+        for axis in np.eye(3):
+            body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+        if disks.rotating[i] or disks.omega[i]:
+            body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0])
+        body.add_geom(contype=0, conaffinity=0, **sphere)
+
+    def _add_wall(self, spec: Any, k: int) -> None:
+        wall, half = self.scene.walls[k], math.sqrt(0.5)
+        # A quarter turn about z x n takes the plane's own normal, z, to n.
+        spec.worldbody.add_geom(
+            name=_name(len(self.scene.disks) + k),
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            pos=[*wall.point, 0.0],
+            quat=[half, -half * wall.normal[1], half * wall.normal[0], 0.0],
+            size=[0.0, 0.0, 1.0],
+            contype=0,
+            conaffinity=0,
+        )
+
+    def _add_pair(self, spec: Any, pair: Pair) -> None:
+        law, impedance = self.scene.law(pair), self.options["mujoco.impedance"]
+        spec.add_pair(
+            geomname1=_name(pair[0]),
+            geomname2=_name(pair[1]),
+            condim=3 if law.mu > 0.0 else 1,
+            friction=[law.mu, law.mu, 0.0, 0.0, 0.0],
+            solref=self._solref(law),
+            solreffriction=[0.0, -self.slip_damping],
+            solimp=[impedance, impedance, 1.0, 0.5, 2.0],
+            margin=0.0,
+            gap=0.0,
+        )
+
+
+def _name(body: int) -> str:
+    return f"body {body}"
+
+
+def _laws(scene: Scene) -> list[tuple[str, ContactLaw]]:
+    return [("disk-disk", scene.disk_disk), *((f"wall {wall.name}", wall.law) for wall in scene.walls)]

@@ -1,0 +1,159 @@
+"""Geometry that adapters of rigid-body engines share: walls' poses, contact frames, lengths that walls must reach."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import FloatArray, Scene
+from ninedisk.harness.api.engine import EngineError
+
+TOUCH_ULPS = 16.0
+"""A gap is a sum of a few coordinates of disks and walls, each rounded to half a unit in the last place."""
+
+
+class WallPoses:
+    """Surface point [m] and unit normal of each wall at a time [s], both of shape (m, 2); exact for any motion."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.moving = any(wall.motion for wall in scene.walls)
+
+    def __call__(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Points and normals at time ``t``; the first call compiles the walls' motion where there is any."""
+        if not self.moving:
+            walls = self.scene.walls
+            point, normal = [wall.point for wall in walls], [wall.normal for wall in walls]
+            return np.array(point).reshape(-1, 2), np.array(normal).reshape(-1, 2)
+        from ninedisk.core.motion import compile_motion, wall_poses
+
+        if not hasattr(self, "table"):
+            self.table = compile_motion(self.scene.walls)
+        pose = wall_poses(self.table, t)
+        return pose[:, 0:2].copy(), pose[:, 2:4].copy()
+
+
+def contact_frame(
+    scene: Scene, x: FloatArray, point: FloatArray, normal: FloatArray, i: int, j: int
+) -> tuple[FloatArray, float]:
+    """Unit normal from body ``i`` to body ``j``, and the gap [m].
+
+    Parameters
+    ----------
+    scene : Scene
+    x : array
+        Centres of the disks [m], shape (n, 2).
+    point, normal : array
+        Walls' surface points [m] and normals at the same time, shape (m, 2).
+    i, j : int
+        A disk, and a later disk or a wall.
+    """
+    radius, wall = scene.disks.radius, j - len(scene.disks)
+    if wall >= 0:
+        return -normal[wall], float((x[i] - point[wall]) @ normal[wall] - radius[i])
+    apart = x[j] - x[i]
+    distance = float(np.hypot(apart[0], apart[1]))
+    return apart / distance, distance - float(radius[i] + radius[j])
+
+
+def write_contacts(
+    scene: Scene,
+    history: History,
+    row: int,
+    pose: tuple[FloatArray, FloatArray],
+    impulses: Mapping[Pair, FloatArray] | None,
+    dt: float,
+) -> None:
+    """Write walls' poses, gaps, contact forces and walls' resultants of a row whose positions are there already.
+
+    Parameters
+    ----------
+    scene : Scene
+    history : History
+    row : int
+    pose : (array, array)
+        Points [m] and normals of the walls, as `WallPoses` gives them.
+    impulses : mapping or None
+        Impulse [N s] of the last step on the first body of each touching pair, shape (2,); None before the first step,
+        whose forces stay NaN.
+    dt : float
+        Length of that step [s].
+    """
+    point, normal = pose
+    history.wall_point[row] = point
+    history.wall_angle[row] = np.arctan2(normal[:, 1], normal[:, 0])
+    for c, (i, j) in enumerate(history.pairs):
+        n, gap = contact_frame(scene, history.x[row], point, normal, i, j)
+        history.gap[row, c] = gap
+        if impulses is not None:
+            force = impulses.get((i, j), np.zeros(2)) / dt
+            history.fn[row, c] = -(force @ n)
+            history.fs[row, c] = force @ np.array([-n[1], n[0]])
+    if impulses is not None:
+        history.wall_force[row] = 0.0
+        for (_, j), impulse in impulses.items():
+            if j >= len(scene.disks):
+                history.wall_force[row, j - len(scene.disks)] -= impulse / dt
+
+
+def turn(one: FloatArray | tuple[float, float], two: FloatArray) -> float:
+    """Signed angle from one direction to another [rad], in (-pi, pi]."""
+    return math.atan2(one[0] * two[1] - one[1] * two[0], one[0] * two[0] + one[1] * two[1])
+
+
+def wall_reach(scene: Scene, numerics: Numerics, engine: str) -> float:
+    """Half-length [m] of a wall that no disk can leave within the run: four times the scene's size and the way of its
+    fastest body.
+
+    Raises
+    ------
+    EngineError
+        If that is no finite length; ``engine`` is the name in the message.
+    """
+    reach = 4.0 * (size(scene) + path(scene, numerics))
+    if not math.isfinite(reach):
+        raise EngineError(
+            f"{engine}: the bodies' way over the run is no finite length; reduce velocities, dt or n_steps"
+        )
+    return reach
+
+
+def touch_length(scene: Scene, numerics: Numerics, engine: str) -> float:
+    """Length [m] of a few units of round-off of the scene's coordinates: bodies that are no further apart touch.
+
+    Raises
+    ------
+    EngineError
+        If the bodies' way over the run is no finite length.
+    """
+    return TOUCH_ULPS * float(np.spacing(wall_reach(scene, numerics, engine)))
+
+
+def size(scene: Scene) -> float:
+    """Largest distance from the origin that disks and walls' points reach at time 0 [m]."""
+    far = [float(np.abs(scene.disks.x).max() + scene.disks.radius.max())] if len(scene.disks) else []
+    return max([*far, *(max(abs(wall.point[0]), abs(wall.point[1])) for wall in scene.walls)], default=1.0)
+
+
+def path(scene: Scene, numerics: Numerics) -> float:
+    """Path [m] of the fastest body over the run, were it free: walls must be longer than that."""
+    t = numerics.dt * numerics.n_steps
+    return top_speed(scene) * t + 0.5 * math.hypot(*scene.gravity) * t * t
+
+
+def top_speed(scene: Scene) -> float:
+    """Bound of the speeds [m/s] with which bodies' surfaces begin; what walls drive may be twice as fast as they."""
+    speed = float(np.hypot(scene.disks.v[:, 0], scene.disks.v[:, 1]).max(initial=0.0))
+    spin = float(np.abs(scene.disks.omega * scene.disks.radius).max(initial=0.0))
+    driven = max((abs(v) for wall in scene.walls for seg in wall.motion for v in seg.velocity), default=0.0)
+    return speed + spin + 2.0 * driven
+
+
+def finite_state(engine: str, step: int, *arrays: FloatArray) -> None:
+    """Raise `EngineError`, naming engine and step, unless all numbers are finite."""
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise EngineError(f"{engine}: the state is no longer finite at step {step}; reduce dt")

@@ -1,0 +1,1 @@
+"""pymunk (Chipmunk 2-D)."""

@@ -1,0 +1,182 @@
+"""Adapter of Siconos (non-smooth dynamics): Moreau-Jean time stepping with rigid contacts, a process of its own.
+
+Siconos is Debian's ``python3-siconos`` and lives under the system's Python only.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ninedisk.core.history import Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option, read_options
+from ninedisk.core.scene import Scene
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
+from ninedisk.harness.api.wall_path import wall_path
+from ninedisk.harness.engines.plane import path, touch_length
+from ninedisk.harness.engines.rigid import rigid_support, without_spring_preload
+from ninedisk.harness.run.warden import owned
+from ninedisk.harness.wire.external import ExternalEngine
+
+SYSTEM_PYTHON = "/usr/bin/python3"
+INSTALL = "apt-get install python3-siconos"
+DRIVER = Path(__file__).parents[1] / "drivers" / "siconos_driver.py"
+CAPABILITIES = frozenset(
+    {
+        Capability.FRICTION,
+        Capability.RESTITUTION,
+        Capability.GLOBAL_DAMPING_CENTRAL,
+        Capability.MOVING_WALLS,
+        Capability.CURVED_WALL_MOTION,
+        Capability.GRAVITY,
+        Capability.BLOCKED_ROTATION,
+        Capability.DISK_INERTIA,
+    }
+)
+OPTIONS: Mapping[str, Option] = {
+    "theta": Option(
+        default=0.5,
+        low=0.5,
+        high=1.0,
+        why="positions by the trapezoidal rule: exact for a constant acceleration; friction and impact do not depend on it",
+    ),
+    "solver": Option(default="nsgs", choices=("nsgs", "lemke"), why="exact for one contact, reliable for many"),
+    "tolerance": Option(
+        default=1e-12,
+        low=1e-15,
+        high=1e-3,
+        why="ten times as much passes as a step's residual; exact steps are held to 1e-10",
+    ),
+    "max_iterations": Option(
+        default=100_000, low=1, whole=True, why="Gauss-Seidel needs some 10^4 sweeps for 500 contacts"
+    ),
+}
+
+NOTE_THETA = (
+    "theta of Moreau-Jean is the option siconos.theta (1/2), not Numerics.theta: it weighs the positions' velocities and "
+    "plays no part in the impact law"
+)
+
+
+def clean_environment() -> dict[str, str]:
+    """Environment without what belongs to another Python; one thread."""
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "VIRTUAL_ENV"))}
+    return {**kept, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def system_python(*arguments: str) -> list[str]:
+    """Command that runs the system's Python without user site and ``PYTHON...`` variables."""
+    return [SYSTEM_PYTHON, "-E", "-s", *arguments]
+
+
+@cache
+def installed_siconos(program: str) -> tuple[str | None, str]:
+    """Version of the Siconos of the Python at this path, or None and the reason."""
+    code = "import siconos.kernel, siconos.numerics, siconos.mechanics.collision.bodies; print(siconos.version)"
+    command = [program, *system_python("-c", code)[1:]]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=30, env=owned(clean_environment()), check=False
+        )
+    except (OSError, subprocess.SubprocessError) as error:
+        return None, f"{program} cannot be run: {error}"
+    version = done.stdout.strip()
+    if done.returncode or not version:
+        said = (done.stderr.strip().splitlines() or ["it prints no version"])[-1]
+        return None, f"{program} cannot import it: {said}"
+    return version, ""
+
+
+def activation_threshold(scene: Scene, numerics: Numerics) -> float:
+    """Gap [m] below which a contact is closed: round-off of coordinates, and what the contact solver leaves over the whole run.
+
+    A step passes with ten times the solver's tolerance of the velocities that it prevents. Nothing takes such a velocity back
+    from the positions: a stack whose gap had grown beyond round-off by it would lose the contact for a step, and fall.
+    """
+    tolerance = float(read_options(Siconos.id, OPTIONS, numerics)[f"{Siconos.id}.tolerance"])
+    return touch_length(scene, numerics, Siconos.id) + 10.0 * tolerance * path(scene, numerics)
+
+
+class Siconos(ExternalEngine):
+    """Siconos' kernel: Coulomb friction and Newton's impact law at velocity level."""
+
+    id = "siconos"
+
+    def info(self) -> EngineInfo:
+        """Facts about Siconos; its version is asked once per process."""
+        version, reason = installed_siconos(SYSTEM_PYTHON)
+        return EngineInfo(
+            id=self.id,
+            name="Siconos",
+            version=version,
+            scheme="moreau-jean",
+            contact="impulse",
+            normal_turns_in_impact=True,
+            options=OPTIONS,
+            licence="Apache-2.0",
+            how_it_runs="subprocess of the system's Python, scene and history as JSON",
+            precision="float64",
+            threads=1,
+            install=INSTALL,
+            capabilities=CAPABILITIES,
+            not_installed_because=reason,
+        )
+
+    def command(self) -> Sequence[str]:
+        """The system's Python with the driver."""
+        return system_python(str(DRIVER))
+
+    def environment(self, folder: Path) -> Mapping[str, str]:
+        """The clean environment with temporary files in ``folder``."""
+        return {**clean_environment(), "TMPDIR": str(folder)}
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        """Rigid contacts only; global damping is the central form for theta = 1/2 alone."""
+        has = set(CAPABILITIES)
+        if read_options(self.id, OPTIONS, numerics)[f"{self.id}.theta"] != 0.5:
+            has.discard(Capability.GLOBAL_DAMPING_CENTRAL)
+        return rigid_support(scene, numerics, has, remarks=(NOTE_THETA,))
+
+    def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
+        """Settings, the walls' path at every step (a file: it can be long), and the gap that is round-off."""
+        path = folder / "wall_path.npy"
+        np.save(path, wall_path(scene, numerics.dt, numerics.n_steps))
+        return {
+            "options": read_options(self.id, OPTIONS, numerics),
+            "wall_path": str(path),
+            "threshold": activation_threshold(scene, numerics),
+        }
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run Siconos on the scene without the preload of regularising springs.
+
+        Raises
+        ------
+        InvalidNumericsError
+            If ``numerics.options`` holds an unknown or impossible setting of this engine.
+        EngineError
+            As `ExternalEngine.run`, and where the contact solver misses its tolerance in a step.
+        """
+        scene = without_spring_preload(scene)
+        chosen = {
+            **read_options(self.id, OPTIONS, numerics),
+            "sliding": "coulomb",
+            "impact": "newton",
+            "activation": "gap + dt/2 rate <= threshold",
+            "activation_threshold": activation_threshold(scene, numerics),
+            "normal_of_two_disks": "at the predicted end of the step, x + dt v; for restitution, at its beginning",
+            "threads": 1,
+        }
+        done = super().run(scene, numerics, watch)
+        return EngineRun(history=done.history, timings=done.timings, settings={**chosen, **done.settings})
+
+
+ENGINE = Siconos()

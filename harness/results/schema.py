@@ -1,0 +1,303 @@
+"""Schema of stored results: the only thing that the reports know.
+
+A run is a folder with ``run.json`` (`RUN_KEYS`) and the Parquet tables of `TABLES`. Columns are never renamed or
+reused; `SCHEMA_VERSION` grows when one is added. What is derived from several runs, comparisons and histories, has its
+form in `ninedisk.harness.results.schema` too, so that pages can be made of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+SCHEMA_VERSION = 1
+
+OLDEST_SCHEMA = 1
+"""Older runs than this cannot be read; those between lack columns, which are then empty."""
+
+STATUSES = (
+    "pass",
+    "fail",
+    "error",
+    "timeout",
+    "unsupported",
+    "not-installed",
+    "known-gap",
+    "gap-closed",
+    "no-truth",
+)
+"""Every status that a cell or a measurement can have."""
+
+EXCUSED = frozenset({"pass", "unsupported", "not-installed", "known-gap", "no-truth", "gap-closed"})
+"""Statuses that leave the exit code at 0."""
+
+WORST_FIRST = (
+    "error",
+    "timeout",
+    "fail",
+    "gap-closed",
+    "known-gap",
+    "no-truth",
+    "unsupported",
+    "not-installed",
+    "pass",
+)
+"""Order in which a cell's measurements decide its status: the first one present wins."""
+
+
+def worst_status(statuses: Iterable[str]) -> str:
+    """The status that decides among those of measurements or cells: the first of `WORST_FIRST` that is present, ``""`` of none.
+
+    A word that is no status comes before all others, so that it is seen; it is in no `EXCUSED` either.
+    """
+    present = set(statuses)
+    unknown = sorted(present - set(WORST_FIRST))
+    return unknown[0] if unknown else next((status for status in WORST_FIRST if status in present), "")
+
+
+def tolerance(atol: float | None, rtol: float | None, scale: float | None) -> float:
+    """Largest error that passes, ``atol + rtol scale``, in the quantity's unit.
+
+    Where the truth has no finite value, ``scale`` is infinite or NaN and ``atol`` stands alone; what is unknown (NaN, or None from a
+    run that lacks the column) counts as zero.
+    """
+    absolute, relative, size = (math.nan if part is None else float(part) for part in (atol, rtol, scale))
+    absolute = 0.0 if math.isnan(absolute) else absolute
+    return absolute + relative * size if math.isfinite(relative * size) else absolute
+
+
+def row_tolerance(row: Mapping[str, Any]) -> float:
+    """`tolerance` of a measurement."""
+    return tolerance(row["atol"], row["rtol"], row["scale"])
+
+
+RUN_KEYS = ("run_id", "schema_version", "started", "finished", "provenance", "argv")
+
+CELL_COLUMNS: dict[str, str] = {
+    "case": "string",
+    "case_version": "int64",
+    "case_title": "string",
+    "case_source": "string",
+    "case_requirement": "string",
+    "variant": "string",
+    "params": "string",  # JSON object
+    "engine": "string",
+    "engine_name": "string",
+    "engine_version": "string",
+    "engine_licence": "string",
+    "engine_runs": "string",
+    "support": "string",
+    "missing": "string",  # JSON list of capability descriptions
+    "notes": "string",  # JSON list
+    "settings": "string",  # JSON object
+    "status": "string",
+    "reason": "string",
+    "setup_s": "float64",
+    "warm_up_s": "float64",
+    "advance_s": "float64",  # recorded only where the physics checks pass
+    "n_steps": "int64",
+    "n_disks": "int64",
+    "setup": "string",  # JSON: scene, numerics, watch, labels
+    "frames": "string",  # JSON: {"step": [...], "x": [[[x, y]]], "angle": [...], "wall_point":..., "wall_angle":...}
+}
+"""One row per case variant and engine."""
+
+MEASUREMENT_COLUMNS: dict[str, str] = {
+    "case": "string",
+    "case_version": "int64",
+    "variant": "string",
+    "params": "string",
+    "engine": "string",
+    "engine_version": "string",
+    "support": "string",
+    "quantity": "string",
+    "unit": "string",
+    "norm": "string",
+    "truth": "string",
+    "source": "string",
+    "value": "float64",
+    "expected": "float64",
+    "uncertainty": "float64",
+    "abs_error": "float64",
+    "rel_error": "float64",
+    "scale": "float64",  # largest |expected|: what rel_error and rtol refer to
+    "atol": "float64",
+    "rtol": "float64",
+    "why": "string",
+    "worst_step": "int64",  # -1 for numbers
+    "first_divergence_step": "int64",  # -1: never
+    "status": "string",
+    "reason": "string",
+}
+"""One row per checked quantity; a cell that did not run has one row with its status and empty numbers."""
+
+SERIES_COLUMNS: dict[str, str] = {
+    "case": "string",
+    "variant": "string",
+    "engine": "string",
+    "quantity": "string",
+    "unit": "string",
+    "step": "int64",
+    "t": "float64",
+    "value": "float64",
+    "expected": "float64",  # of the best truth that speaks about the quantity; NaN where none does
+    "truth": "string",  # kind of that truth, "" where none
+}
+"""One row per sampled step and quantity."""
+
+REFERENCE_COLUMNS: dict[str, str] = {
+    "case": "string",
+    "variant": "string",
+    "label": "string",
+    "truth": "string",
+    "source": "string",
+    "quantity": "string",
+    "unit": "string",
+    "step": "int64",
+    "t": "float64",
+    "value": "float64",
+    "uncertainty": "float64",
+}
+"""Reference curves that belong to a variant whatever engine runs (exact-step, analytic, converged, digitised)."""
+
+CLAIM_COLUMNS: dict[str, str] = {
+    "claim": "string",
+    "place": "string",
+    "text": "string",
+    "case": "string",
+    "engine": "string",
+    "verdict": "string",  # confirmed | contradicted | undecided
+    "evidence": "string",
+}
+"""One row per claim of the source and engine."""
+
+TABLES: dict[str, dict[str, str]] = {
+    "cells": CELL_COLUMNS,
+    "measurements": MEASUREMENT_COLUMNS,
+    "series": SERIES_COLUMNS,
+    "references": REFERENCE_COLUMNS,
+    "claims": CLAIM_COLUMNS,
+}
+
+CHANGE_VERDICTS = ("worse", "suspect", "lost", "not-comparable", "better", "new", "same")
+"""How something changed between two runs, what wants attention first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunFacts:
+    """What a run came from.
+
+    ``machine`` is processor, cores, platform and, if more than one, cells at once; ``versions`` those of packages and engines.
+    """
+
+    run_id: str
+    started: str
+    commit: str
+    machine: str
+    versions: Mapping[str, str]
+    command: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A check, a timing or a whole cell, before and after.
+
+    ``kind`` is ``error`` (``base``, ``head`` and ``tolerance`` are absolute errors in ``unit``), ``timing`` (seconds) or
+    ``cell`` (no numbers, NaN). ``verdict`` is one of `CHANGE_VERDICTS`, ``reason`` says why.
+    """
+
+    verdict: str
+    kind: str
+    case: str
+    case_version: int
+    variant: str
+    engine: str
+    quantity: str
+    unit: str
+    truth: str
+    base: float
+    head: float
+    tolerance: float
+    base_status: str
+    head_status: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Two runs, or two groups of runs for the timings; ``changes`` has what wants attention first."""
+
+    base: RunFacts
+    head: RunFacts
+    base_runs: int
+    head_runs: int
+    changes: tuple[Change, ...]
+    rules: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run's value: an absolute error with its tolerance, or seconds; NaN where the cell left none.
+
+    ``reason`` says why where ``status`` is no pass; ``shared`` is the factor of a timing that all timings of its run
+    have in common, compared with other runs on the machine.
+    """
+
+    run: int
+    value: float
+    tolerance: float
+    status: str
+    engine_version: str
+    reason: str = ""
+    shared: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shift:
+    """A lasting change of a line: ``before`` and ``after`` are its levels around point number ``at``,
+    those of timings without what all timings of a run share.
+
+    The change lies in all likelihood before one of the points ``first .. last``; for errors that is ``at`` alone.
+    ``chance`` is the probability that noise alone shows such a shift anywhere on the dashboard (NaN for errors, which
+    are no random numbers); ``open`` says that the line has not come back since.
+    """
+
+    at: int
+    first: int
+    last: int
+    verdict: str
+    before: float
+    after: float
+    chance: float
+    reason: str
+    open: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """History of one check (``error``), timing (``timing``) or status (``cell``) on one machine, of one case version."""
+
+    kind: str
+    case: str
+    case_version: int
+    variant: str
+    engine: str
+    engine_name: str
+    machine: str
+    quantity: str
+    unit: str
+    truth: str
+    points: tuple[Point, ...]
+    shifts: tuple[Shift, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class History:
+    """All runs of a store, oldest first; ``comparisons`` holds those around shifts by numbers of the two runs."""
+
+    runs: tuple[RunFacts, ...]
+    lines: tuple[Line, ...]
+    comparisons: Mapping[tuple[int, int], Comparison]
+    rules: tuple[str, ...]

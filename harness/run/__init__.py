@@ -1,0 +1,1 @@
+"""How cells run: what a run consists of, one cell, many side by side, and how they are judged."""

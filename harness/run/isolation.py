@@ -1,0 +1,231 @@
+"""Run a command that may crash, hang, flood its output or leave children behind.
+
+The command runs in a session and process group of its own. Whatever happens (normal end, time limit, Ctrl-C), the whole
+group is killed before the leader is reaped, so that nothing outlives the call; pipes are read all the time and only
+their last bytes are kept, so that no amount of output can block either side. Should this process end before the call does, its
+warden ends the command.
+"""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import subprocess
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
+from ninedisk.harness.api.text import printable
+from ninedisk.harness.run.warden import owned
+
+DEFAULT_TIME_LIMIT = 120.0
+TIME_LIMIT_VARIABLE = "NINEDISK_TIME_LIMIT"
+KEEP_BYTES = 1 << 16
+LAST_LINES = 12
+LINE_LENGTH = 150
+_CHUNK = 1 << 16
+_running: set[int] = set()
+_GRACE = 1.0  # a process that left the group may hold a pipe open: wait no longer than this for its end [s]
+
+
+@dataclass(frozen=True)
+class Finished:
+    """How a command ended; ``stdout`` and ``stderr`` hold the last `KEEP_BYTES` bytes of each.
+
+    ``status`` is the exit status, or None where the signal named ``signal`` ended the command.
+    """
+
+    status: int | None
+    signal: str | None
+    stdout: str
+    stderr: str
+    seconds: float
+
+    def last_lines(self, count: int = LAST_LINES) -> str:
+        """Last non-empty lines of standard error, or of standard output where standard error is empty; long ones are cut."""
+        lines = [line for line in (self.stderr.strip() or self.stdout.strip()).splitlines() if line.strip()]
+        return "\n".join(
+            printable(line if len(line) <= LINE_LENGTH else line[:LINE_LENGTH] + " ...") for line in lines[-count:]
+        )
+
+
+def time_limit_from_environment(default: float = DEFAULT_TIME_LIMIT) -> float:
+    """Time limit [s]: the environment variable ``NINEDISK_TIME_LIMIT`` if it is set, else ``default``.
+
+    Raises
+    ------
+    EngineError
+        If the variable is not a number above 0.
+    """
+    text = os.environ.get(TIME_LIMIT_VARIABLE)
+    if not text:
+        return default
+    with suppress(ValueError):
+        if (limit := float(text)) > 0.0:
+            return limit
+    raise EngineError(f"{TIME_LIMIT_VARIABLE}={text!r} is not a time limit: give a number of seconds > 0, or unset it")
+
+
+def run_isolated(
+    command: Sequence[str],
+    *,
+    stdin: str = "",
+    time_limit: float | None = None,
+    cwd: Path | str | None = None,
+    env: Mapping[str, str] | None = None,
+    keep: int = KEEP_BYTES,
+) -> Finished:
+    """Run ``command`` with ``stdin`` as its standard input and wait for its end.
+
+    Parameters
+    ----------
+    command : sequence of str
+        Program and arguments; no shell.
+    stdin : str
+        Text for the standard input (UTF-8); a command that does not read it is no error.
+    time_limit : float or None
+        Seconds until the whole group is killed; None: `time_limit_from_environment`.
+    cwd, env
+        Working directory and environment; None: those of this process.
+    keep : int
+        Bytes of each output stream that are kept, the last ones.
+
+    Raises
+    ------
+    EngineTimeoutError
+        At the time limit.
+    EngineError
+        If the command cannot be started, ends by a signal or ends with a status other than 0; the message carries its
+        last output lines.
+    """
+    limit = time_limit_from_environment() if time_limit is None else time_limit
+    program = Path(command[0]).name
+    begin = time.monotonic()
+    try:
+        process = subprocess.Popen(
+            list(command),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            cwd=cwd,
+            env=owned(env),
+            start_new_session=True,
+            bufsize=0,
+        )
+    except OSError as error:
+        raise EngineError(f"{program} cannot be started: {error.strerror or error} ({' '.join(command)})") from error
+    _running.add(process.pid)
+    tails = {"stdout": bytearray(), "stderr": bytearray()}
+    try:
+        in_time = _converse(process, stdin.encode(), tails, keep, begin + limit)
+    finally:
+        _running.discard(process.pid)
+        _kill_group(process.pid)
+        returned = process.wait()
+        for stream in (process.stdin, process.stdout, process.stderr):
+            if stream is not None:
+                stream.close()
+    texts = {name: bytes(tail).decode(errors="replace") for name, tail in tails.items()}
+    name = signal_name(-returned) if returned < 0 else None
+    finished = Finished(None if name else returned, name, texts["stdout"], texts["stderr"], time.monotonic() - begin)
+    said = finished.last_lines()
+    tail = f"; its last output:\n{said}" if said else "; it printed nothing"
+    if not in_time:
+        raise EngineTimeoutError(
+            f"{program} was stopped at its time limit of {limit:g} s (set {TIME_LIMIT_VARIABLE} to allow more){tail}"
+        )
+    if name:
+        raise EngineError(f"{program} was ended by {name} after {finished.seconds:.2f} s{tail}")
+    if returned:
+        raise EngineError(f"{program} ended with status {returned} after {finished.seconds:.2f} s{tail}")
+    return finished
+
+
+def end_commands() -> None:
+    """Kill the groups of all commands that threads of this process wait for; each wait then ends with an `EngineError`."""
+    for pid in list(_running):
+        _kill_group(pid)
+
+
+def _converse(
+    process: subprocess.Popen[bytes], data: bytes, tails: dict[str, bytearray], keep: int, deadline: float
+) -> bool:
+    """Feed and drain the pipes until the leader has ended; False at the deadline. The leader is not reaped."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    assert process.stderr is not None
+    end, ended = deadline, False
+    with selectors.DefaultSelector() as selector:
+        for stream, name in ((process.stdout, "stdout"), (process.stderr, "stderr")):
+            os.set_blocking(stream.fileno(), False)
+            selector.register(stream, selectors.EVENT_READ, name)
+        os.set_blocking(process.stdin.fileno(), False)
+        selector.register(process.stdin, selectors.EVENT_WRITE, "stdin")
+        pending = memoryview(data)
+        pause = 0.002
+        while True:
+            if not ended and _has_ended(process.pid):
+                ended, end = True, min(deadline, time.monotonic() + _GRACE)
+                _kill_group(process.pid)
+            if not _any_output(selector) and ended:
+                return True
+            left = end - time.monotonic()
+            if left <= 0.0:
+                return ended
+            pause = min(2.0 * pause, 0.05)
+            for key, _ in _ready(selector, min(left, pause)):
+                if key.data == "stdin":
+                    pending = _feed(selector, process.stdin, pending)
+                elif chunk := os.read(key.fd, _CHUNK):
+                    tail = tails[key.data]
+                    tail += chunk
+                    del tail[: max(0, len(tail) - keep)]
+                else:
+                    selector.unregister(key.fileobj)
+
+
+def _ready(selector: selectors.BaseSelector, timeout: float) -> list[tuple[selectors.SelectorKey, int]]:
+    if selector.get_map():
+        return selector.select(timeout)
+    time.sleep(timeout)
+    return []
+
+
+def _any_output(selector: selectors.BaseSelector) -> bool:
+    return any(key.data != "stdin" for key in selector.get_map().values())
+
+
+def _feed(selector: selectors.BaseSelector, pipe: IO[bytes], pending: memoryview) -> memoryview:
+    """Write what the pipe takes; close it at the end of the data or when nobody reads it."""
+    try:
+        written = os.write(pipe.fileno(), pending[:_CHUNK]) if pending else 0
+    except BrokenPipeError:
+        written = len(pending)
+    if written < len(pending):
+        return pending[written:]
+    selector.unregister(pipe)
+    pipe.close()
+    return memoryview(b"")
+
+
+def _has_ended(pid: int) -> bool:
+    """Whether the child has ended; it stays a zombie, so that its number keeps naming its own group."""
+    return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+
+
+def _kill_group(pid: int) -> None:
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(pid, signal.SIGKILL)
+
+
+def signal_name(number: int) -> str:
+    """Name of a signal, ``SIGSEGV``; its number where it has none."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

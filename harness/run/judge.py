@@ -1,0 +1,163 @@
+"""Errors of an observed quantity against a truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.harness.api.case import Check, Observed
+from ninedisk.harness.results.schema import tolerance
+
+FloatArray = NDArray[np.float64]
+
+
+class CheckError(ValueError):
+    """A check that does not fit the observed quantities; the mistake is the case's, not the engine's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A check, measured.
+
+    ``value`` and ``expected`` are those at the worst step; ``scale`` is the largest ``|expected|`` of the window and
+    ``tolerance = atol + rtol scale``. ``spoken`` counts the steps at which the truth says something, ``missing`` those
+    among them at which the engine gives no number.
+    """
+
+    unit: str
+    value: float
+    expected: float
+    abs_error: float
+    rel_error: float
+    scale: float
+    tolerance: float
+    worst_step: int
+    first_divergence_step: int
+    spoken: int
+    missing: int
+
+
+def compare(check: Check, observed: Observed) -> Comparison:
+    """Measure one check.
+
+    Raises
+    ------
+    CheckError
+        If the quantity is not observed, the truth has the wrong shape, or a tolerance is negative or not finite.
+    """
+    for name in ("atol", "rtol", "uncertainty"):
+        if not getattr(check, name) >= 0.0:
+            raise CheckError(f"check of {check.quantity!r}: {name} = {getattr(check, name)!r} must be >= 0")
+    if check.norm == "scalar":
+        return _compare_scalar(check, observed)
+    return _compare_series(check, observed)
+
+
+def expected_series(check: Check, observed: Observed) -> FloatArray:
+    """The truth of a ``"max"`` check at each sampled step, shape (s,); a constant speaks within the window only."""
+    shape = observed.step.shape
+    expected = np.asarray(check.expected, dtype=np.float64)
+    if expected.ndim == 0:
+        return np.where(_window(check, observed), float(expected), np.nan)
+    if expected.shape != shape:
+        raise CheckError(
+            f"check of {check.quantity!r}: the truth has shape {expected.shape}, the series has shape {shape}"
+        )
+    return expected
+
+
+def _window(check: Check, observed: Observed) -> NDArray[np.bool_]:
+    if check.window is None:
+        return np.ones(observed.step.shape, dtype=np.bool_)
+    first, last = check.window
+    inside: NDArray[np.bool_] = (observed.step >= first) & (observed.step <= last)
+    if not inside.any():
+        raise CheckError(f"check of {check.quantity!r}: no sampled step lies in its window {first}..{last}")
+    return inside
+
+
+def _difference(value: FloatArray, expected: FloatArray) -> FloatArray:
+    """``|value - expected|``, zero where both are the same infinity."""
+    with np.errstate(invalid="ignore"):
+        return np.where(value == expected, 0.0, np.abs(value - expected))
+
+
+def _relative(error: float, scale: float) -> float:
+    return error / scale if scale > 0.0 and np.isfinite(scale) else float("nan")
+
+
+def largest(expected: FloatArray) -> float:
+    """Largest finite ``|expected|``, what `Check.rtol` refers to; infinite where none is finite."""
+    finite = np.abs(expected[np.isfinite(expected)])
+    return float(finite.max()) if finite.size else float("inf")
+
+
+def _compare_scalar(check: Check, observed: Observed) -> Comparison:
+    if check.quantity not in observed.scalars:
+        raise CheckError(_not_observed(check, list(observed.scalars)))
+    unit, value = observed.scalars[check.quantity]
+    expected = np.asarray(check.expected, dtype=np.float64)
+    if expected.ndim:
+        raise CheckError(f"check of {check.quantity!r}: a scalar needs one number, not shape {expected.shape}")
+    truth, value = float(expected), float(value)
+    speaks = not np.isnan(truth)
+    scale = abs(truth) if speaks else float("nan")
+    error = float(_difference(np.array(value), np.array(truth)))
+    return Comparison(
+        unit=unit,
+        value=value,
+        expected=truth,
+        abs_error=error,
+        rel_error=_relative(error, scale),
+        scale=scale,
+        tolerance=tolerance(check.atol, check.rtol, scale),
+        worst_step=-1,
+        first_divergence_step=-1,
+        spoken=int(speaks),
+        missing=int(speaks and bool(np.isnan(value))),
+    )
+
+
+def _compare_series(check: Check, observed: Observed) -> Comparison:
+    if check.quantity not in observed.series:
+        raise CheckError(_not_observed(check, list(observed.series)))
+    unit, series = observed.series[check.quantity]
+    value = np.asarray(series, dtype=np.float64)
+    if value.shape != observed.step.shape:
+        raise CheckError(f"series {check.quantity!r} has shape {value.shape}; the samples are {observed.step.shape}")
+    expected = expected_series(check, observed)
+    speaks = _window(check, observed) & ~np.isnan(expected)
+    missing = speaks & np.isnan(value)
+    nan = float("nan")
+    if not speaks.any():
+        return Comparison(
+            unit=unit, value=nan, expected=nan, abs_error=nan, rel_error=nan, scale=nan, tolerance=check.atol,
+            worst_step=-1, first_divergence_step=-1, spoken=0, missing=0,
+        )  # fmt: skip
+    scale = largest(expected[speaks])
+    allowed = tolerance(check.atol, check.rtol, scale)
+    error = np.where(speaks, _difference(value, expected), 0.0)
+    beyond = speaks & ~(error <= allowed)
+    worst = int(np.argmax(np.where(speaks, error, -1.0)))  # the first missing value, if any: argmax ranks NaN highest
+    return Comparison(
+        unit=unit,
+        value=float(value[worst]),
+        expected=float(expected[worst]),
+        abs_error=float(error[worst]),
+        rel_error=_relative(float(error[worst]), scale),
+        scale=scale,
+        tolerance=allowed,
+        worst_step=int(observed.step[worst]),
+        first_divergence_step=int(observed.step[np.argmax(beyond)]) if beyond.any() else -1,
+        spoken=int(speaks.sum()),
+        missing=int(missing.sum()),
+    )
+
+
+def _not_observed(check: Check, known: list[str]) -> str:
+    return (
+        f"the {check.truth} check of {check.quantity!r} (norm {check.norm}) names a quantity that the case does not "
+        f"observe; observed: {', '.join(known) or 'none'}"
+    )

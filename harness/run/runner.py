@@ -1,0 +1,145 @@
+"""Runs one cell: a variant of a case on an engine, held against every truth that binds it; `ninedisk.harness.run.matrix` runs many."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
+from ninedisk.harness.api.case import Check, Setup
+from ninedisk.harness.api.engine import (
+    EngineError,
+    EngineInfo,
+    EngineNotInstalledError,
+    EngineRun,
+    EngineTimeoutError,
+    EngineUnsupportedError,
+    Support,
+    SupportLevel,
+)
+from ninedisk.harness.api.params import foreign_settings
+from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS
+from ninedisk.harness.results.tables import CaseResult, Row, complete
+from ninedisk.harness.results.tables_part import measurement_row, plain_json, reference_blocks, series_blocks
+from ninedisk.harness.run.cell_rows import engine_columns, planned_columns, support_columns, without_measurements
+from ninedisk.harness.run.observation import check_history, frames
+from ninedisk.harness.run.plan import Cell
+from ninedisk.harness.run.published import published_checks
+from ninedisk.harness.run.repeat import request_command
+from ninedisk.harness.run.verdict import cell_verdict
+
+Progress = Callable[[int, int, str], None]
+"""Called with (cells done, cells in all, name of the cell that begins)."""
+
+USERS_MISTAKES = (InvalidSceneError, InvalidNumericsError, UnstableTimeStepError)
+"""Errors of an engine's run that come from the parameters, not from the engine."""
+
+_KEPT_LINES = 12
+_KEPT_LENGTH = 2000
+
+
+def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes: bool = False) -> CaseResult:
+    """Run one cell; only a mistake in the user's parameters is raised, and only if asked for."""
+    head = planned_columns(cell)
+    if isinstance(cell.setup, Exception):
+        return without_measurements(cell, head, "error", f"the case cannot be built: {last_lines(cell.setup)}")
+    setup = cell.setup
+    if isinstance(cell.engine, Exception):
+        return without_measurements(cell, head, "error", last_lines(cell.engine))
+    try:
+        info = cell.engine.info()
+        head |= engine_columns(info)
+        if not info.installed:
+            why = info.not_installed_because or "it is not on this machine"
+            return without_measurements(cell, head, "not-installed", f"{why}; install it with: {info.install}")
+        foreign = [] if cell.user_set else foreign_settings(cell.case, cell.variant.params, info.contact)
+        if foreign:
+            why = f"the variant sets {', '.join(foreign)}, which this engine does not have: its run is that of the default"
+            return without_measurements(cell, head, "unsupported", why)
+        support = cell.engine.supports(setup.scene, setup.numerics)
+        head |= support_columns(support)
+        if support.level is SupportLevel.NO:
+            return without_measurements(cell, head, "unsupported", why_not(info, support))
+        run = cell.engine.run(setup.scene, setup.numerics, setup.watch)
+        check_history(run.history, setup)
+        return _measure(cell, setup, info, run, head, published)
+    except EngineNotInstalledError as error:
+        return without_measurements(cell, head, "not-installed", last_lines(error))
+    except EngineUnsupportedError as error:
+        return without_measurements(cell, head, "unsupported", last_lines(error))
+    except EngineTimeoutError as error:
+        return without_measurements(cell, head, "timeout", last_lines(error))
+    except Exception as error:
+        if raise_users_mistakes and isinstance(error, USERS_MISTAKES):
+            raise
+        by_hand = request_command(cell) if isinstance(error, EngineError) else ""
+        reason = f"{last_lines(error)}\nto see it by hand: {by_hand}" if by_hand else last_lines(error)
+        return without_measurements(cell, head, "error", reason)
+
+
+def why_not(info: EngineInfo, support: Support) -> str:
+    """Why an engine does not run a scene: what it lacks, where its documentation says that this is on purpose, and notes."""
+    lacks = ["it lacks " + ", ".join(support.missing)] if support.missing else []
+    links: dict[str, list[str]] = {}
+    for capability in support.missing:
+        if capability in info.out_of_scope:
+            links.setdefault(info.out_of_scope[capability], []).append(str(capability))
+    scope = [f"out of scope by its own documentation ({link}): {', '.join(names)}" for link, names in links.items()]
+    return "; ".join([*lacks, *scope, *support.notes])
+
+
+def all_checks(cell: Cell, setup: Setup, observed: Any, info: EngineInfo, published: Path | None) -> list[Check]:
+    """The case's own truths followed by the published ones."""
+    params = cell.variant.params
+    own = list(cell.case.checks(params, setup, observed, info))
+    return own + published_checks(cell.case.id, params, observed, own, published)
+
+
+def last_lines(error: BaseException) -> str:
+    """Message of an error, its first line and its last ones; with its kind and place where it is none of ours."""
+    message = str(error).strip()
+    if not isinstance(error, CoreError | EngineError | ValueError) or not message:
+        frame = traceback.extract_tb(error.__traceback__)[-1:]
+        where = f" at {Path(frame[0].filename).name}:{frame[0].lineno}" if frame else ""
+        message = f"{type(error).__name__}{where}: {message}"
+    lines = message.splitlines()
+    if len(lines) > _KEPT_LINES:
+        lines = [lines[0], *lines[1 - _KEPT_LINES :]]
+    text = "\n".join(lines)
+    # What went wrong stands at the beginning, what the engine said last at the end.
+    return text if len(text) <= _KEPT_LENGTH else f"{text[: _KEPT_LENGTH // 2]} ... {text[-_KEPT_LENGTH // 2 :]}"
+
+
+def _measure(
+    cell: Cell, setup: Setup, info: EngineInfo, run: EngineRun, head: Row, published: Path | None
+) -> CaseResult:
+    observed = cell.case.observe(cell.variant.params, setup, run.history)
+    checks = all_checks(cell, setup, observed, info, published)
+    common = {name: head[name] for name in head if name in MEASUREMENT_COLUMNS}
+    rows = [measurement_row(common, check, observed) for check in checks]
+    status, reason = cell_verdict(rows)
+    failed = any(row["status"] == "fail" for row in rows)
+    cell_row = head | {
+        "settings": plain_json(dict(run.settings)),
+        "status": status,
+        "reason": reason,
+        "setup_s": run.timings.setup,
+        "warm_up_s": run.timings.warm_up,
+        "advance_s": float("nan") if failed else run.timings.advance,
+        "frames": plain_json(frames(run.history)),
+    }
+    if not rows:
+        rows = [complete(common | {"status": status, "reason": reason}, MEASUREMENT_COLUMNS)]
+    names = (cell.case.id, cell.variant.id, cell.engine_id)
+    return CaseResult(
+        cell=complete(cell_row, CELL_COLUMNS),
+        rows=rows,
+        series_blocks=series_blocks(names, observed, checks),
+        reference_blocks=reference_blocks(names[:2], observed, checks),
+        setup=setup,
+        history=run.history,
+        observed=observed,
+        checks=tuple(checks),
+    )

@@ -1,0 +1,49 @@
+"""The request of one variant of a case, for trying an engine by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.engines.spring import contact_steps
+from ninedisk.harness.run.plan import plan_case
+from ninedisk.harness.wire.command import CommandEngine
+from ninedisk.harness.wire.protocol import Request, encode_request
+
+ANSWER_FILE = "answer.json"
+
+
+def example_request(
+    case_id: str, params: Mapping[str, Any], command_line: str = "", options: Mapping[str, Any] | None = None
+) -> str:
+    """Text of the request as the engine behind ``command_line`` gets it, its ``options`` in it.
+
+    Without a command it is that of an engine with contact springs; others ignore ``contact_dt``.
+
+    Raises
+    ------
+    UsageError, ParameterError, CoreError
+        Unknown case, parameter or option, a value out of range, an impossible scene, no such program, or one that does not say
+        what engine it is.
+    """
+    if command_line:
+        engine = CommandEngine(command_line)
+        try:
+            engine.info()
+        except EngineError as error:
+            raise UsageError(str(error)) from error
+        setup = plan_case(case_id, engine, params, options).setup
+        if isinstance(setup, Exception):
+            raise setup
+        scene, numerics = engine.asked(setup.scene, setup.numerics)
+    else:
+        if options:
+            raise UsageError("--option belongs to an engine: add --engine-cmd COMMAND")
+        case = get_case(case_id)
+        setup = case.build(resolve(case, params).params)
+        scene, numerics = setup.scene, setup.numerics.replace(contact_dt=contact_steps(setup.scene, setup.numerics)[1])
+    return encode_request(Request(scene=scene, numerics=numerics, watch=setup.watch, answer_file=ANSWER_FILE))

@@ -1,0 +1,167 @@
+"""A bad value of any option of any command: a message and exit code 2, never a traceback, a wrong number or half a file."""
+
+from __future__ import annotations
+
+import resource
+import time
+from pathlib import Path
+
+import click
+import pytest
+import typer.main
+from typer.testing import CliRunner
+
+from ninedisk.harness.cli.app import app
+
+VALUES = ("", " ", "-1", "0.5", "nan", "1e400", "\x00x", "no/such/place", "é", "a=b=c", "--", "*", "9" * 400)
+"""What no option means; a text option may take some, and then says what it could not find."""
+
+PLACES = ("", "\x00x", "9" * 400)
+"""Names that no file has; any other is one."""
+FILES = (
+    "--out",
+    "--json",
+    "--html",
+    "--markdown",
+    "--junit",
+    "--csv",
+    "--guides",
+    "--published",
+    "--record",
+    "--scratch",
+)
+
+NEEDED = {
+    "run": ["fake/fall", "-e", "fake-good"],
+    "converge": ["fake/fall"],
+    "request": ["fake/fall"],
+    "compare": ["a", "b"],
+    "check-engine": ["fake-good"],
+}
+"""Arguments with which a command goes no further than a bad option needs."""
+
+SLOW = ("bench", "selftest", "docs", "check-engine", "converge")
+"""Commands that take minutes where an odd value happens to be a right one: `REFUSED` has values that never are."""
+
+REFUSED = (
+    ("bench", "nope"),
+    *(("bench", "--time-limit", value) for value in ("nan", "0", "-1", "-inf", "ten", "")),
+    *(("bench", "--repeats", value) for value in ("0", "-1", "1.5", "nan", "")),
+    *(("bench", "--size", value) for value in ("3", "-1", "999999999", "9" * 400, "1e3", "")),
+    *(("bench", suite, "--problem", "zz*") for suite in ("dem", "cd", "flow", "harness")),
+    *(("bench", "harness", "--problem", "zz", "--out", value) for value in ("file", "file/below", "\x00x", "9" * 400)),
+    *(("selftest", "--only", value) for value in ("zz*", "", "[", "\x00")),
+    *(("selftest", "--jobs", value) for value in ("0", "-1", "1.5", "nan", "")),
+    *(
+        ("selftest", flag, value)
+        for flag in ("--json", "--html")
+        for value in ("folder", "missing/f", "file/f", "\x00x", "9" * 400)
+    ),
+    *(("docs", "--out", value) for value in ("file", "file/below", "\x00x", "9" * 400)),
+    *(("docs", "--guides", value) for value in ("file", "missing", "folder", "\x00x", "9" * 400)),
+    ("check-engine", "nope"),
+    *(("check-engine", "dem", "--check", value) for value in ("zz*", "", "[")),
+    *(("check-engine", "dem", "--json", value) for value in ("folder", "missing/f", "file/f", "\x00x", "9" * 400)),
+    *(("converge", value) for value in ("nope", "", "*")),
+    *(("converge", "slip-to-roll", "--halvings", value) for value in ("0", "2", "13", "-1", "1.5", "nan", "9" * 400)),
+    *(("converge", "slip-to-roll", "--engine", value) for value in ("nope", "", "*")),
+    *(
+        ("converge", "slip-to-roll", "--set", value)
+        for value in ("", "=", "mu", "mu=x", "no=1", "speed=1e30", "kn=nan")
+    ),
+    *(("converge", "slip-to-roll", "--option", value) for value in ("", "x=1", "dem.no=1")),
+    *(
+        ("converge", "slip-to-roll", flag, value)
+        for flag in ("--json", "--html")
+        for value in ("folder", "missing/f", "file/f", "\x00x")
+    ),
+    *(("run", "impact/bouncing-disk", "--engine", "dem", "--set", value) for value in ("restitution=1e-300",)),
+    ("run", "binary-collision", "--engine", "dem", "--set", "beta=1e7"),
+)
+"""Command lines that mean nothing, or a run that no machine holds."""
+
+QUICK = 10.0
+"""Seconds of this process in which a bad value is refused: imports, and no run."""
+
+
+def commands() -> dict[str, click.Command]:
+    def below(words: str, command: click.Command) -> dict[str, click.Command]:
+        children = getattr(command, "commands", {})
+        found = {} if children else {words: command}
+        for name, child in children.items():
+            found |= below(f"{words} {name}".strip(), child)
+        return found
+
+    return below("", typer.main.get_command(app))
+
+
+def options() -> list[tuple[str, str]]:
+    """Every option of every command that takes a value."""
+    return [
+        (words, parameter.opts[0])
+        for words, command in commands().items()
+        if words not in SLOW
+        for parameter in command.params
+        if parameter.param_type_name == "option" and not getattr(parameter, "is_flag", False)
+    ]
+
+
+def test_there_are_options() -> None:
+    assert len(options()) >= 15
+
+
+@pytest.mark.usefixtures("fakes")
+@pytest.mark.parametrize(("words", "option"), options())
+def test_odd_values_of_every_option(words: str, option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for value in PLACES if "store" in option or option in FILES else VALUES:
+        done = CliRunner().invoke(app, [*words.split(), *NEEDED.get(words, []), option, value], prog_name="ninedisk")
+        assert done.exception is None or isinstance(done.exception, SystemExit), (value, done.exception)
+        assert "Traceback" not in done.output, value
+        assert done.exit_code in (0, 1, 2, 3), (value, done.exit_code)
+        if done.exit_code == 2:
+            assert done.output.strip(), value
+        left = [
+            path for path in tmp_path.rglob("*") if path.is_file() and path.name.startswith(".") and path.stat().st_size
+        ]
+        assert not [path for path in left if path.suffix in (".tmp", ".part")], (value, left)
+
+
+@pytest.mark.parametrize("words", REFUSED, ids=lambda words: " ".join(words)[:60].replace("\x00", "0"))
+def test_refused_at_once_and_nothing_written(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("before")
+    (tmp_path / "folder").mkdir()
+    begin = time.process_time()
+    done = CliRunner().invoke(app, list(words), prog_name="ninedisk")
+    took = time.process_time() - begin
+    assert isinstance(done.exception, SystemExit), done.exception
+    assert (done.exit_code, "Traceback" in done.output) == (2, False), done.output
+    assert done.output.strip()
+    assert took < QUICK
+    assert (tmp_path / "file").read_text() == "before"
+    assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("case_id", "setting"),
+    [
+        ("impact/bouncing-disk", "restitution=0.999999"),
+        ("binary-collision", "beta=1e-6"),
+        ("binary-collision", "beta=200"),
+    ],
+)
+def test_weak_and_strong_damping_ask_for_no_more_than_other_values(
+    case_id: str, setting: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A truth that samples the motion by a length that grows with the damping, or its inverse, would ask for gigabytes."""
+    monkeypatch.chdir(tmp_path)
+    words = ["run", case_id, "--engine", "dem", "--set", setting]
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    done = CliRunner().invoke(app, words, prog_name="ninedisk")
+    assert done.exit_code == 0, done.output
+    assert (
+        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1_000_000
+    )  # KiB: kernels, compiled, take some 0.3 GB

@@ -1,0 +1,114 @@
+"""What a run says at its end fits on a screen; `ninedisk show` has the rest."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from ninedisk.harness.cli.app import app
+from ninedisk.harness.cli.cli_summary import show_summary
+from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS
+from ninedisk.harness.results.tables import EMPTY, Row
+
+SCREEN = 40
+"""Lines; `tools/main_job.py` adds at most `AROUND` of its own."""
+AROUND = 6
+
+
+def filled(columns: dict[str, str], **given: Any) -> Row:
+    return {**{column: EMPTY[kind] for column, kind in columns.items()}, **given}
+
+
+def matrix(failing: int) -> tuple[list[Row], list[Row]]:
+    """All engines on all cases: many not installed, each refusing scenes for reasons of its own, some failing at length."""
+    cells, rows = [], []
+    for k in range(400):
+        place = {"case": f"nine-disk/case-{k // 16}", "variant": f"load_case=a{k},xi=3", "engine": f"engine-{k % 16}"}
+        status, reason = "pass", ""
+        if k % 16 < 8:
+            status, reason = "not-installed", f"no package {k % 16}; install it with: pip install engine-{k % 16}"
+        elif k % 3 == 0:
+            status, reason = "unsupported", f"it lacks shear of kind {k} " + "and a long list of other things " * 9
+        elif failing > 0:
+            failing -= 1
+            status, reason = ("error", "fail")[k % 2], "\n".join(f"line {n} of reason {k}" for n in range(12))
+        numbers = {"quantity": "fn_wall_mid", "truth": "analytic", "abs_error": 1.0, "atol": 0.5, "rtol": 0.0}
+        if status in ("not-installed", "unsupported", "error"):
+            numbers = {}
+        cells.append(filled(CELL_COLUMNS, **place, status=status, reason=reason))
+        rows.append(filled(MEASUREMENT_COLUMNS, **place, status=status, reason=reason, **numbers))
+    return cells, rows
+
+
+def printed(capsys: pytest.CaptureFixture[str], *arguments: Any, **more: Any) -> list[str]:
+    show_summary(*arguments, **more)
+    return capsys.readouterr().out.splitlines()
+
+
+@pytest.mark.parametrize("failing", [0, 1, 5, 200])
+@pytest.mark.parametrize("width", ["200", "80"])
+def test_the_end_of_a_run_fits_on_a_screen(
+    failing: int, width: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", width)
+    monkeypatch.setattr("ninedisk.harness.cli.cli_tables.PIPE_WIDTH", int(width))
+    cells, rows = matrix(failing)
+    lines = printed(capsys, cells, rows, Path("results/runs/20260101T000000Z-abcdef"))
+    assert len(lines) <= SCREEN - AROUND
+    (missing,) = [line for line in lines if line.startswith("not-installed: ")]
+    assert all(f"engine-{k}" in missing for k in range(8))
+    assert sum(line.startswith("unsupported: ") for line in lines) == 1
+    assert "all checks and reasons: ninedisk show 20260101T000000Z-abcdef --store results" in lines
+    named = [line for line in lines if line.startswith(("error: ", "fail: "))]
+    assert len(named) == min(failing, 8)
+    for cell in [cell for cell in cells if cell["status"] == "error"][: min(failing, 2)]:
+        said = cell["reason"].splitlines()
+        found = next(k for k, line in enumerate(lines) if line.endswith(said[0]) or f"{said[0]} ... {said[-1]}" in line)
+        if failing == 1:  # where there is room for all of its lines
+            assert lines[found + 1 : found + 12] == said[1:]
+
+
+def test_everything_is_everything(capsys: pytest.CaptureFixture[str]) -> None:
+    cells, rows = matrix(200)
+    text = "\n".join(printed(capsys, cells, rows, None, everything=True))
+    for cell in cells:
+        assert all(line in text for line in cell["reason"].splitlines())
+
+
+def ninedisk(*words: str) -> Any:
+    return CliRunner().invoke(app, words)
+
+
+def test_the_command_that_a_run_names_shows_the_stored_run(tmp_path: Path) -> None:
+    store = tmp_path / "a store"
+    ran = ninedisk("run", "binary-collision", "-e", "pymunk", "-e", "box2d", "--store", str(store))
+    line = next(line for line in ran.stdout.splitlines() if line.startswith("all checks and reasons: "))
+    shown = ninedisk(*shlex.split(line.partition(": ")[2])[1:])
+    assert shown.exit_code == 0, shown.output
+    counts = [text for text in ran.stdout.splitlines() if text.startswith("cells: ")]
+    assert counts[0] in shown.stdout
+    assert " pass " not in shown.stdout, "what passes is counted only"
+    one = ninedisk("show", "--engine", "pymunk", "--case", "binary-*", "--status", "pass", "--store", str(store))
+    assert "pymunk" in one.stdout
+    assert "box2d" not in one.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--status", "green"], "--status 'green' is unknown: use one of pass, fail"),
+        (["--engine", "yade"], "its engines: pymunk"),
+        (["latest~7"], "too far back"),
+        (["20"], ""),
+    ],
+)
+def test_wrong_words_for_show(tmp_path: Path, words: list[str], said: str) -> None:
+    ninedisk("run", "binary-collision", "-e", "pymunk", "--set", "kind=plastic", "--store", str(tmp_path))
+    shown = ninedisk("show", *words, "--store", str(tmp_path))
+    assert shown.exit_code == (2 if said else 0)
+    assert said in shown.output
+    assert "Traceback" not in shown.output

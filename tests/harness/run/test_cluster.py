@@ -1,0 +1,79 @@
+"""Cells on a local Dask cluster of two workers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import ninedisk
+from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.cli.run import execute
+from ninedisk.harness.results.snapshot import run_facts
+from ninedisk.harness.results.store import run_ids
+from ninedisk.harness.results.tables import CaseResult
+from ninedisk.harness.run.cluster import connected
+from ninedisk.harness.run.matrix import run_cells
+from ninedisk.harness.run.plan import plan_matrix
+
+distributed = pytest.importorskip("distributed")
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory, fake_folder: Path) -> Iterator[str]:
+    """Scheduler of two workers whose working directory is empty; it begins a cell twice at most."""
+    import dask
+
+    with pytest.MonkeyPatch.context() as patch, dask.config.set({"distributed.scheduler.allowed-failures": 1}):
+        patch.chdir(tmp_path_factory.mktemp("workers"))
+        patch.syspath_prepend(str(fake_folder))
+        with distributed.LocalCluster(n_workers=2, threads_per_worker=2, dashboard_address=None) as local:
+            yield local.scheduler_address
+
+
+def test_the_same_results_as_here(address: str, bits: Callable[[CaseResult], bytes], tmp_path: Path) -> None:
+    cells = plan_matrix(["binary-collision"], ["pymunk", "dem"], {"kind": "elastic"})
+    with connected(address) as cluster:
+        found = run_cells(cells, cluster=cluster)
+    assert [bits(result) for result in found] == [bits(result) for result in run_cells(cells)]
+    code = execute(
+        globs=["binary-collision"], engines=["dem"], settings=["kind=elastic"], store=tmp_path, json_file=None, published=None,
+        dask=address,
+    )  # fmt: skip
+    assert code == 0
+    about = json.loads((tmp_path / "runs" / run_ids(tmp_path)[0] / "run.json").read_text())
+    assert about["provenance"]["jobs"] == 2
+    assert run_facts(about).machine.endswith(", 2 cells at once on a Dask cluster")
+
+
+@pytest.mark.usefixtures("fakes")
+def test_a_dying_worker_costs_no_other_cell(address: str) -> None:
+    names = ["good", "killed-once", "wrong", "killed", "good", "bug"]
+    seen: list[tuple[int, int, str]] = []
+    cells = plan_matrix(["fake/fall"], [f"fake-{name}" for name in names], {"a": 1})
+    with connected(address) as cluster:
+        results = run_cells(cells, lambda *at: seen.append(at), cluster=cluster)
+    assert [result.cell["engine"] for result in results] == [f"fake-{name}" for name in names]
+    assert [result.status for result in results] == ["pass", "pass", "fail", "error", "pass", "error"]
+    assert results[3].reason == "its process was ended by SIGKILL, 2 times in a row"
+    assert [at[0] for at in seen] == sorted(at[0] for at in seen)
+    assert seen[-1] == (6, 6, "")
+
+
+def test_a_worker_of_another_version_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ninedisk, "__version__", "0.0.0.other")
+    with (
+        pytest.raises(UsageError, match=r"has another version of ninedisk \(.*0\.0\.0\.other here\)"),
+        connected(address),
+    ):
+        pass
+
+
+def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ninedisk.harness.run.cluster.PATIENCE", 1.0)
+    with pytest.raises(UsageError, match="no Dask scheduler answers there"), connected("tcp://127.0.0.1:1"):
+        pass
+    with pytest.raises(UsageError, match="no Dask scheduler answers there"), connected("nonsense://x"):
+        pass

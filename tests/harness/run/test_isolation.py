@@ -1,0 +1,159 @@
+"""Commands that crash, hang, flood or leave children behind end as one clear error, and nothing outlives them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
+from ninedisk.harness.run.isolation import TIME_LIMIT_VARIABLE, run_isolated, time_limit_from_environment
+
+
+def python(code: str, *arguments: str) -> list[str]:
+    return [sys.executable, "-c", code, *arguments]
+
+
+def wait_until_dead(pid: int, seconds: float = 5.0) -> bool:
+    """Whether the process is gone, or a zombie that waits for init."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        try:
+            state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+        except (FileNotFoundError, ProcessLookupError):
+            return True
+        if state == "Z":
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def test_stdin_comes_back_on_stdout() -> None:
+    text = "caf\u00e9 " * 50_000  # far more than a pipe holds
+    done = run_isolated(python("import sys; sys.stdout.write(sys.stdin.read())"), stdin=text, keep=1 << 20)
+    assert done.stdout == text
+    assert (done.status, done.signal) == (0, None)
+
+
+def test_command_that_ignores_its_stdin() -> None:
+    assert run_isolated(python("print('done')"), stdin="x" * 1_000_000).stdout == "done\n"
+
+
+def test_exit_status_carries_the_last_lines() -> None:
+    code = "import sys; [print('line', k, file=sys.stderr) for k in range(100)]; sys.exit(3)"
+    with pytest.raises(EngineError, match=r"ended with status 3 .*\n(line \d+\n)+line 99$"):
+        run_isolated(python(code))
+
+
+def test_signal_is_named() -> None:
+    with pytest.raises(EngineError, match="ended by SIGSEGV") as caught:
+        run_isolated(python("import os, signal; print('here', flush=True); os.kill(os.getpid(), signal.SIGSEGV)"))
+    assert "here" in str(caught.value)
+
+
+def test_time_limit_stops_the_whole_group(tmp_path: Path) -> None:
+    code = (
+        "import subprocess, sys, time\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
+        "open(sys.argv[1], 'w').write(str(child.pid)); print('started', flush=True); time.sleep(600)"
+    )
+    begin = time.monotonic()
+    with pytest.raises(EngineTimeoutError, match=r"time limit of 1\.5 s") as caught:
+        run_isolated(python(code, str(tmp_path / "pid")), time_limit=1.5)
+    assert time.monotonic() - begin < 10.0
+    assert "started" in str(caught.value)
+    assert wait_until_dead(int((tmp_path / "pid").read_text()))
+
+
+def test_child_that_outlives_its_parent_is_killed(tmp_path: Path) -> None:
+    code = (
+        "import subprocess, sys\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
+        "open(sys.argv[1], 'w').write(str(child.pid)); print('parent done')"
+    )
+    done = run_isolated(python(code, str(tmp_path / "pid")), time_limit=60.0)
+    assert done.stdout == "parent done\n"
+    assert done.seconds < 30.0
+    assert wait_until_dead(int((tmp_path / "pid").read_text()))
+
+
+def test_child_in_another_session_cannot_hold_the_call() -> None:
+    code = (
+        "import subprocess, sys\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(20)'], start_new_session=True)\n"
+        "print(child.pid, flush=True)"
+    )
+    begin = time.monotonic()
+    done = run_isolated(python(code), time_limit=60.0)
+    assert time.monotonic() - begin < 10.0
+    os.kill(int(done.stdout), signal.SIGKILL)
+
+
+def test_flood_neither_blocks_nor_fills_memory() -> None:
+    code = (
+        "import sys\n"
+        "for k in range(20000): sys.stderr.write('e' * 999 + '\\n'); sys.stdout.write('o' * 999 + '\\n')\n"
+        "print('end')"
+    )
+    done = run_isolated(python(code), keep=5000)
+    assert len(done.stdout) == 5000
+    assert len(done.stderr) == 5000
+    assert done.stdout.endswith("end\n")
+
+
+def test_undecodable_output_is_shown() -> None:
+    with pytest.raises(EngineError, match="bad \ufffd byte"):
+        run_isolated(python("import os, sys; os.write(2, b'bad \\xff byte'); sys.exit(1)"))
+
+
+def test_unknown_command() -> None:
+    with pytest.raises(EngineError, match=r"no-such-engine cannot be started: No such file"):
+        run_isolated(["no-such-engine", "-x"])
+
+
+def test_interrupt_kills_the_command(tmp_path: Path, hears_signals: Callable[[], None]) -> None:
+    """Ctrl-C in the middle of a run: the exception passes on, the engine is gone."""
+    code = (
+        "import sys\n"
+        "from ninedisk.harness.run.isolation import run_isolated\n"
+        "run_isolated([sys.executable, '-c', \"import os, sys, time; open(sys.argv[1], 'w').write(str(os.getpid())); "
+        'time.sleep(600)", sys.argv[1]])'
+    )
+    pid_file = tmp_path / "pid"
+    parent = subprocess.Popen(python(code, str(pid_file)), stderr=subprocess.DEVNULL, preexec_fn=hears_signals)
+    end = time.monotonic() + 20.0
+    while not (pid_file.exists() and pid_file.read_text()) and time.monotonic() < end:
+        time.sleep(0.02)
+    parent.send_signal(signal.SIGINT)
+    assert parent.wait(timeout=10.0) != 0
+    assert wait_until_dead(int(pid_file.read_text()))
+
+
+@pytest.mark.usefixtures("no_child_left")
+def test_no_zombie_and_no_thread_left() -> None:
+    threads = threading.active_count()
+    run_isolated(python("pass"))
+    assert threading.active_count() == threads
+
+
+def test_time_limit_from_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(TIME_LIMIT_VARIABLE, raising=False)
+    assert time_limit_from_environment() == 120.0
+    monkeypatch.setenv(TIME_LIMIT_VARIABLE, "0.5")
+    assert time_limit_from_environment() == 0.5
+    with pytest.raises(EngineTimeoutError, match=TIME_LIMIT_VARIABLE):
+        run_isolated(python("import time; time.sleep(60)"))
+
+
+@pytest.mark.parametrize("text", ["soon", "-1", "0", "nan"])
+def test_bad_time_limit(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setenv(TIME_LIMIT_VARIABLE, text)
+    with pytest.raises(EngineError, match="give a number of seconds > 0"):
+        time_limit_from_environment()

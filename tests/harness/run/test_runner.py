@@ -1,0 +1,171 @@
+"""Cells: every way in which an engine can behave is a status, and the user's mistakes are errors."""
+
+from __future__ import annotations
+
+import json
+import math
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from ninedisk.core.errors import InvalidSceneError, UnstableTimeStepError
+from ninedisk.harness import run_case, run_matrix
+from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.api.registry import UnknownIdError
+from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, SERIES_COLUMNS
+
+pytestmark = pytest.mark.usefixtures("fakes")
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "status", "said"),
+    [
+        ("good", "pass", ""),
+        ("wrong", "fail", "x (analytic): error 0.001 m exceeds the tolerance 5e-10; first beyond it at step 4"),
+        ("nan", "fail", "NaN at 1 of 11 compared steps, first at step 3"),
+        ("blind", "fail", "the engine does not observe this quantity"),
+        ("infinite", "error", "infinite x at step 2"),
+        ("garbage", "error", "x of shape (10, 1, 2) instead of (11, 1, 2)"),
+        ("crash", "error", "segmentation fault"),
+        ("bug", "error", "ZeroDivisionError at ninedisk_fakes.py"),
+        ("timeout", "timeout", "stopped after 3 s"),
+        ("uninstalled", "not-installed", "its library is gone"),
+        ("absent", "not-installed", "it was never built; install it with: pip install fake"),
+        ("incapable", "unsupported", "it lacks gravity; weightless"),
+        ("shy", "error", "RuntimeError at ninedisk_fakes.py"),
+    ],
+)
+def test_every_behaviour_is_a_status(behaviour: str, status: str, said: str) -> None:
+    result = run_case("fake/fall", engine=f"fake-{behaviour}")
+    assert result.status == status
+    assert said in result.reason
+    assert set(result.cell) == set(CELL_COLUMNS)
+    assert result.rows
+    assert all(set(row) == set(MEASUREMENT_COLUMNS) for row in result.rows)
+    if status not in ("pass", "fail"):
+        assert [row["status"] for row in result.rows] == [status]
+        assert math.isnan(result.rows[0]["value"])
+        assert result.rows[0]["quantity"] == ""
+
+
+def test_the_last_lines_of_a_crash_are_kept() -> None:
+    reason = run_case("fake/fall", engine="fake-crash").reason.splitlines()
+    assert reason[-2:] == ["line 99", "segmentation fault"]
+    assert len(reason) == 12
+
+
+def test_time_counts_only_where_the_physics_is_right() -> None:
+    assert run_case("fake/fall", engine="fake-good").cell["advance_s"] == 0.3
+    assert math.isnan(run_case("fake/fall", engine="fake-wrong").cell["advance_s"])
+    assert math.isnan(run_case("fake/fall", engine="fake-nan").cell["advance_s"])
+
+
+def test_result_of_a_cell() -> None:
+    result = run_case("fake/fall", engine="fake-good", params={"a": "200 cm/s^2", "steps": 30})
+    assert list(result.measurements.columns) == list(MEASUREMENT_COLUMNS)
+    assert list(result.series.columns) == list(SERIES_COLUMNS)
+    series = result.series.set_index(["quantity", "step"])
+    assert series.loc[("x", 30), "value"] == pytest.approx(9.0)
+    assert series.loc[("x", 30), "expected"] == pytest.approx(9.0)
+    assert set(series.loc["x", "truth"]) == {"analytic"}
+    assert np.isnan(series.loc["v", "expected"]).all()
+    assert set(series.loc["v", "truth"]) == {""}
+    assert result.cell["variant"] == "a=2,steps=30"
+    assert result.params == {"a": 2.0, "dt": 0.1, "steps": 30, "truth": "plain"}
+    frames = json.loads(result.cell["frames"])
+    assert frames["step"][0] == 0
+    assert frames["step"][-1] == 30
+    assert len(frames["step"]) == 12
+    assert frames["angle"][0] == [None]
+    assert json.loads(result.cell["setup"])["scene"]["gravity"] == [2.0, 0.0]
+    assert json.loads(result.cell["settings"]) == {"kind": "fake"}
+    assert result.history is not None
+    assert result.setup is not None
+
+
+@pytest.mark.parametrize(
+    ("truth", "status"), [("gap", "gap-closed"), ("nan", "no-truth"), ("none", "no-truth"), ("broken", "error")]
+)
+def test_truths_of_all_kinds(truth: str, status: str) -> None:
+    assert run_case("fake/fall", engine="fake-good", params={"truth": truth}).status == status
+
+
+def test_a_gap_stays_known() -> None:
+    result = run_case("fake/fall", engine="fake-wrong", params={"truth": "gap"})
+    assert (result.status, result.reason) == ("known-gap", "x (analytic): planted gap (and 1 more)")
+
+
+def test_matrix() -> None:
+    seen: list[tuple[int, int, str]] = []
+    results = run_matrix(
+        ["fake/fall", "fake/spin"], ["fake-good", "fake-crash", "fake-broken"], progress=lambda *at: seen.append(at)
+    )
+    cells = [(r.cell["case"], r.cell["variant"], r.cell["engine"], r.status) for r in results]
+    assert cells[:3] == [
+        ("fake/fall", "a=1", "fake-good", "pass"),
+        ("fake/fall", "a=1", "fake-crash", "error"),
+        ("fake/fall", "a=1", "fake-broken", "error"),
+    ]
+    assert len(cells) == 9
+    assert cells[-3][3] == "pass"
+    assert "cannot be loaded" in results[2].reason
+    assert seen[0] == (0, 9, "fake/fall[a=1] on fake-good")
+    assert seen[-1] == (9, 9, "")
+
+
+def test_an_override_replaces_the_matrix_and_merges_equal_variants() -> None:
+    results = run_matrix(["fake/fall"], ["fake-good"], {"a": "3"})
+    assert [r.cell["variant"] for r in results] == ["a=3"]
+    results = run_matrix(["fake/fall"], ["fake-good"], {"steps": "5"})
+    assert [r.cell["variant"] for r in results] == ["a=1,steps=5", "a=2,steps=5"]
+
+
+def test_an_override_that_some_case_lacks_is_refused() -> None:
+    with pytest.raises(UsageError, match=r"'a' is unknown to fake/spin: .*\(fake/fall\)"):
+        run_matrix(["fake/fall", "fake/spin"], ["fake-good"], {"a": 1})
+    with pytest.raises(UsageError, match="none of the cases fake/fall, fake/spin has a parameter 'b'"):
+        run_matrix(["fake/fall", "fake/spin"], ["fake-good"], {"b": 1})
+    with pytest.raises(ParameterError, match="no parameter 'aa'"):
+        run_matrix(["fake/fall"], ["fake-good"], {"aa": 1})
+
+
+def test_mistakes_of_the_user_are_errors() -> None:
+    with pytest.raises(UnknownIdError):
+        run_case("fake/fal", engine="fake-good")
+    with pytest.raises(UnknownIdError):
+        run_case("fake/fall", engine="fake-god")
+    with pytest.raises(ParameterError, match=r"a = -1 is not allowed: it must be a number >= 0"):
+        run_case("fake/fall", engine="fake-good", params={"a": -1})
+    with pytest.raises(InvalidSceneError, match=r"fake/fall \[a=200\]: a = 200 is too much"):
+        run_case("fake/fall", engine="fake-good", params={"a": 200})
+    with pytest.raises(UnstableTimeStepError, match="exceeds the critical step"):
+        run_case("fake/fall", engine="fake-unstable", params={"dt": 1.0})
+
+
+def test_an_unstable_step_is_a_status_where_other_cells_run() -> None:
+    results = run_matrix(["fake/fall"], ["fake-unstable", "fake-good"], {"dt": 1.0, "a": 1.0})
+    assert [r.status for r in results] == ["error", "pass"]
+    assert "dt = 1 s exceeds the critical step 0.5 s" in results[0].reason
+    with pytest.raises(UnstableTimeStepError):
+        run_matrix(["fake/fall"], ["fake-unstable"], {"dt": 1.0, "a": 1.0})
+
+
+def test_a_defect_of_a_case_is_no_mistake_of_the_user(fakes: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    def build(*_: object) -> None:
+        raise InvalidSceneError("the case is wrong")
+
+    monkeypatch.setattr(fakes.FallingDisk, "build", build)
+    result = run_case("fake/fall", engine="fake-good")
+    assert (result.status, result.reason) == ("error", "the case cannot be built: the case is wrong")
+
+
+def test_reference_curves_are_kept_once() -> None:
+    from ninedisk.harness.results.tables_part import distinct_references
+
+    results = run_matrix(["fake/fall"], ["fake-good", "fake-wrong"], {"a": 1})
+    blocks = [block for result in results for block in result.reference_blocks]
+    assert len(blocks) == 2
+    (kept,) = distinct_references(blocks)
+    assert (kept.length, kept.columns["quantity"], kept.columns["label"]) == (11, "x", "analytic: mechanics")

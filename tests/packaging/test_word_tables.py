@@ -1,0 +1,111 @@
+"""Tables of words: whatever is keyed by an enumeration says something of each of its members."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Iterator, Mapping
+from enum import Enum
+from types import ModuleType
+from typing import Literal, get_args, get_origin
+
+import pytest
+
+import ninedisk.core
+import ninedisk.harness
+import ninedisk.references
+import ninedisk.reports
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.api.registry import get_engine
+from ninedisk.harness.check_engine.probes import probe_of
+from ninedisk.harness.results.schema import CHANGE_VERDICTS, STATUSES, WORST_FIRST
+from ninedisk.harness.run.converge_rule import VERDICTS
+from ninedisk.reports import words
+
+OUTSIDE = ("drivers", "template", "qp_worker", "pytest_plugin", "__main__")
+"""Modules that run inside other programs."""
+
+PARTIAL = {
+    "reports.selftest.KINDS": "unchanged engines (clean) are no defect that the page describes",
+}
+"""Tables that speak of some members only, and why."""
+
+
+def modules() -> Iterator[ModuleType]:
+    """Every module of the package that can be imported here."""
+    for package in (ninedisk.core, ninedisk.references, ninedisk.harness, ninedisk.reports):
+        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            if not any(part in OUTSIDE or part.endswith("_session") for part in found.name.split(".")):
+                try:
+                    yield importlib.import_module(found.name)
+                except ImportError:  # of an engine that is not installed
+                    continue
+
+
+def vocabularies() -> dict[str, frozenset[str]]:
+    """Every enumeration, every `Literal` of words and the statuses, by name."""
+    found = {
+        "STATUSES": frozenset(STATUSES),
+        "CHANGE_VERDICTS": frozenset(CHANGE_VERDICTS),
+        "VERDICTS": frozenset(VERDICTS),
+    }
+    for module in modules():
+        for name, value in vars(module).items():
+            if isinstance(value, type) and issubclass(value, Enum) and value.__module__ == module.__name__:
+                found[name] = frozenset(str(member.value) for member in value)
+            elif (
+                get_origin(value) is Literal
+                and len(get_args(value)) > 1
+                and all(isinstance(word, str) for word in get_args(value))
+            ):
+                found[name] = frozenset(get_args(value))
+    return found
+
+
+def tables() -> Iterator[tuple[str, frozenset[str]]]:
+    """Every module's constant that maps from words, with its keys."""
+    for module in modules():
+        for name, value in vars(module).items():
+            if (
+                isinstance(value, Mapping)
+                and len(value) > 1
+                and all(isinstance(key, str) for key in value)
+                and not name.startswith("__")
+            ):
+                yield f"{module.__name__.removeprefix('ninedisk.')}.{name}", frozenset(str(key) for key in value)
+
+
+def test_every_table_of_an_enumeration_is_complete() -> None:
+    """A table whose keys are all of one enumeration has all of them; of several, those of one."""
+    known, seen = vocabularies(), 0
+    for name, keys in tables():
+        fitting = {word: members for word, members in known.items() if keys <= members}
+        if not fitting or name in PARTIAL:
+            continue
+        seen += 1
+        least = min(fitting, key=lambda word: len(fitting[word] - keys))
+        assert keys == fitting[least], (
+            f"{name} lacks {sorted(fitting[least] - keys)} of {least}; or give the reason in PARTIAL"
+        )
+    assert seen >= 10
+
+
+def test_exceptions_are_none_too_many() -> None:
+    assert set(PARTIAL) <= {name for name, _ in tables()}
+
+
+def test_statuses_and_support_have_symbol_and_meaning() -> None:
+    for table, members in (
+        (words.STATUS_SYMBOL, STATUSES), (words.STATUS_MEANING, STATUSES),
+        (words.SUPPORT_PIPS, SupportLevel), (words.SUPPORT_MEANING, SupportLevel),
+    ):  # fmt: skip
+        assert set(table) == {str(member) for member in members}
+    assert set(WORST_FIRST) | {"pass"} == set(STATUSES)
+
+
+@pytest.mark.parametrize("capability", Capability)
+def test_every_capability_has_words_and_a_probe(capability: Capability) -> None:
+    assert capability.short
+    assert len(capability.short) <= len(capability)
+    assert probe_of(capability, get_engine("dem").info()).setup.scene.disks is not None
