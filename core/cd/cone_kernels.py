@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ninedisk.core.cd._jit import inline_kernel
+from ninedisk.core.compile import inline_kernel
 
 SINGULAR = 1e-14
 """Relative size below which the determinant of a 2 x 2 block is round-off."""

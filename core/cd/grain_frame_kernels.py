@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd._jit import inline_kernel, kernel
+from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.cd.contact_kernels import Floats, Laws, material_shift
 
 FARTHEST = 0.1

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd._jit import inline_kernel
+from ninedisk.core.compile import inline_kernel
 from ninedisk.core.cd.cone_kernels import project_on_cone
 from ninedisk.core.cd.contact_kernels import Laws, closing_gaps, surface_way
 from ninedisk.core.cd.march_arrays import HELD, REACH, WALL_REACH, Chosen, Near, Scheme, State

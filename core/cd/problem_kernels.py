@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd._jit import inline_kernel, kernel
+from ninedisk.core.compile import inline_kernel, kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

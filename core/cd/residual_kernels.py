@@ -7,7 +7,7 @@ from math import inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd._jit import inline_kernel, kernel
+from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.cd.cone_kernels import project_on_cone
 from ninedisk.core.cd.problem_kernels import contact_velocity
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd._jit import kernel
+from ninedisk.core.compile import kernel
 
 Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]

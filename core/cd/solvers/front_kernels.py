@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd._jit import inline_kernel, kernel
+from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.cd.solvers.factorise_kernels import (
     BODIES,
     CHILDREN,

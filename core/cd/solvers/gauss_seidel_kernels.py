@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd._jit import inline_kernel, kernel
+from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.cd.cone_kernels import project_on_cone, solve_associated_contact, solve_coulomb_contact
 from ninedisk.core.cd.problem_kernels import add_contact_force, contact_velocity
 from ninedisk.core.cd.solvers.stripe_kernels import (

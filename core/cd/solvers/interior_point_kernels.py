@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd._jit import inline_kernel, kernel
+from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.cd.problem_kernels import add_contact_force, contact_velocity
 
 Floats = NDArray[np.float64]
