@@ -30,7 +30,7 @@ class NonFiniteStateError(CoreError):
 
 
 class Figures(Protocol):
-    """How far a solver's answer is from a solution, as `ninedisk.core.cd.residuals.Residuals` has it; no units."""
+    """How far a solver's answer is from a solution, as `ninedisk.core.cd.problem.Residuals` has it; no units."""
 
     @property
     def natural_map(self) -> float:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
-from ninedisk.core._crew import check_threads
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.threads import check_threads
 from ninedisk.core.validate import one_of
 from ninedisk.core.watch import check_run
 

@@ -1,75 +1,36 @@
-"""A barrier for threads that run kernels side by side, built from atomic loads and stores."""
+"""Threads that run a kernel side by side."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from threading import Thread
 from typing import Any
 
-import numpy as np
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
-from numpy.typing import NDArray
+from ninedisk.core.validate import whole
 
-from ninedisk.core.compile import inline_kernel
-
-PAD = 16
-"""Entries between two threads' flags: two cache lines, so that no two threads write to the same one."""
-
-SPINS = 4_000
-"""Polls of a flag, a few microseconds, before a waiting thread offers its core to another one."""
-
-sched_yield = types.ExternalFunction("sched_yield", types.int32())
+MOST_THREADS = 64
 
 
-def _pointer(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
-    data = context.make_array(kind)(context, builder, array).data
-    return builder.gep(data, [index])
+def check_threads(threads: int, name: str = "threads") -> int:
+    """The number itself.
 
-
-@intrinsic
-def _load(typingctx: Any, array: Any, index: Any) -> Any:  # noqa: ARG001
-    """``array[index]`` as an acquiring atomic load: what the storing thread wrote before is visible afterwards."""
-
-    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        pointer = _pointer(context, builder, signature.args[0], args[0], args[1])
-        return builder.load_atomic(pointer, "acquire", 8)
-
-    return types.int64(array, types.int64), build
-
-
-@intrinsic
-def _store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:  # noqa: ARG001
-    """``array[index] = value`` as a releasing atomic store."""
-
-    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        pointer = _pointer(context, builder, signature.args[0], args[0], args[1])
-        builder.store_atomic(args[2], pointer, "release", 8)
-        return ir.Constant(ir.IntType(64), 0)
-
-    return types.int64(array, types.int64, types.int64), build
-
-
-@inline_kernel
-def wait_for_all(flags: NDArray[np.int64], me: int, crew: int) -> None:
-    """Barrier: returns when all ``crew`` threads have arrived.
-
-    Parameters
-    ----------
-    flags : ndarray of int64, shape (crew * PAD,)
-        Number of barriers that each thread has reached, a thread every `PAD` entries.
-    me : int
-        This thread, 0 .. crew-1.
-    crew : int
-        Number of threads; one thread never waits.
+    Raises
+    ------
+    InvalidNumericsError
+        If it is no whole number 1..`MOST_THREADS`.
     """
-    if crew == 1:
-        return
-    phase = flags[me * PAD] + 1
-    _store(flags, me * PAD, phase)  # type: ignore[call-arg]
-    for other in range(crew):
-        polls = 0
-        while _load(flags, other * PAD) < phase:
-            polls += 1
-            if polls == SPINS:
-                polls = 0
-                sched_yield()
+    return whole(name, threads, 1, MOST_THREADS)
+
+
+def together(kernel: Callable[..., int], crew: int, shared: tuple[Any, ...]) -> int:
+    """Call ``kernel(me, crew, *shared)`` in ``crew`` threads, this one being ``me = 0``, and return its answer to this one.
+
+    The kernel releases the interpreter and meets its fellows at barriers, so that all of them end together.
+    """
+    others = [Thread(target=kernel, args=(me, crew, *shared)) for me in range(1, crew)]
+    for thread in others:
+        thread.start()
+    code = kernel(0, crew, *shared)
+    for thread in others:
+        thread.join()
+    return code

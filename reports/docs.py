@@ -13,11 +13,9 @@ from typing import Any
 from markupsafe import Markup
 
 from ninedisk.reports import pages
-from ninedisk.reports.draw_scene import draw_sketch, numeral
-from ninedisk.reports.errors import ReportError
-from ninedisk.reports.folder import fresh_folder
+from ninedisk.reports.draw import draw_sketch, numeral, read_scene
+from ninedisk.reports.folder import ReportError, fresh_folder
 from ninedisk.reports.pages import HERE
-from ninedisk.reports.scene_view import read_scene
 from ninedisk.reports.text import Slugs
 
 MARKER = ".ninedisk-docs"

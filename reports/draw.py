@@ -1,8 +1,16 @@
-"""Histories: a quantity over time, and below it every engine's distance from the truth on a log axis."""
+"""Histories: a quantity over time, and below it every engine's distance from the truth on a log axis.
+
+Point charts: error against step size, accuracy against speed, a number against step size.
+
+Sketch of a set-up, and configurations of a run: disks, walls as hatched half-planes, arrows of what moves.
+
+What a sketch needs of a stored scene, read from its JSON.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.reports.style import INK, Look, rc_params
-from ninedisk.reports.svg import write_svg
+from ninedisk.reports.style import INK, PALETTE, SOFT, Look, rc_params, write_svg
 
 FloatArray = NDArray[np.float64]
 EPS = float(np.finfo(np.float64).eps)
@@ -215,3 +222,559 @@ def _span(curves: Sequence[FloatArray]) -> tuple[float, float]:
     if not filled:
         return float("nan"), float("nan")
     return min(float(curve.min()) for curve in filled), max(float(curve.max()) for curve in filled)
+
+
+MOST_LETTERS = 30
+"""Letters of all labels of a horizontal axis together: what its width has room for."""
+
+GUIDE = "reference guide"
+"""Key of lines that are no data: slopes and levels to compare with."""
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Points of one engine (``key`` is its legend key), joined by a line or not; ``names`` label single points."""
+
+    key: str
+    look: Look
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    joined: bool = True
+    names: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PointChart:
+    """A chart of points; ``guides`` are labelled lines to compare with, as (label, x, y).
+
+    Labels of guides stand at their ends, or with ``labels_along`` upon them, from where they begin. ``limits``, (low, high) of either
+    axis, replaces those that the points suggest. Few points have their own marks on a logarithmic horizontal axis, unless ``decades``
+    are asked for, as for what has been measured.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    dots: tuple[Dots, ...]
+    guides: tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...] = ()
+    x_log: bool = True
+    y_log: bool = True
+    limits: tuple[tuple[float, float], tuple[float, float]] | None = None
+    labels_along: bool = False
+    decades: bool = False
+
+    @property
+    def x_limits(self) -> tuple[float, float]:
+        """Limits of the horizontal axis with some room."""
+        if self.limits is not None:
+            return self.limits[0]
+        return _limits([x for d in self.dots for x in d.x], self.x_log, marked=False)
+
+    @property
+    def y_limits(self) -> tuple[float, float]:
+        """Limits of the vertical axis with some room; levels to compare with are inside."""
+        if self.limits is not None:
+            return self.limits[1]
+        level = [] if self.y_log else [y for _, _, ys in self.guides for y in ys]
+        return _limits([y for d in self.dots for y in d.y] + level, self.y_log)
+
+    @property
+    def looks(self) -> dict[str, Look]:
+        """Looks by legend key."""
+        return {d.key: d.look for d in self.dots}
+
+    def spec(self) -> dict[str, Any]:
+        """Plain data of the interactive chart."""
+        guides = [
+            {"key": GUIDE, "name": label, "colour": SOFT, "dash": [5, 4], "width": 1.2, "line": True, "guide": True,
+             "x": xs, "y": ys}
+            for label, xs, ys in self.guides
+        ]  # fmt: skip
+        data = [
+            {"key": d.key, "name": d.look.label, "colour": d.look.colour, "dash": d.look.dash, "width": d.look.width,
+             "shape": d.look.shape, "line": d.joined, "guide": False, "x": d.x, "y": d.y, "names": d.names}
+            for d in self.dots
+        ]  # fmt: skip
+        return {
+            "kind": "points", "title": self.title, "x_label": self.x_label, "y_label": self.y_label, "unit": "",
+            "points": guides + data, "xlog": self.x_log, "ylog": self.y_log, "limits": {"x": self.x_limits},
+            "y": self.y_limits, "error": None,
+        }  # fmt: skip
+
+    def alt(self) -> str:
+        """Text alternative."""
+        names = ", ".join(dict.fromkeys(d.look.label for d in self.dots))
+        return f"{self.title}: {self.y_label} over {self.x_label}. Shown: {names}."
+
+
+def spread(values: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
+    """Points in order of x, equal x moved apart by a part in a million so that each can be pointed at."""
+    made: list[tuple[float, float, str]] = []
+    for x, y, name in sorted(values):
+        made.append((max(x, made[-1][0] * (1.0 + 1e-6)) if made else x, y, name))
+    return made
+
+
+def draw_points(chart: PointChart, path: Path) -> None:
+    """Write the chart as SVG."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter
+
+    powers = FuncFormatter(lambda value, _: log_label(value))
+    with rc_context(rc_params()):
+        figure = Figure(figsize=(3.6, 2.7))
+        axes = figure.subplots()
+        figure.subplots_adjust(left=0.2, right=0.975, top=0.87, bottom=0.17)
+        figure.text(0.02, 0.985, chart.title, fontsize=9.0, va="top")
+        axes.set_xscale("log" if chart.x_log else "linear")
+        axes.set_yscale("log" if chart.y_log else "linear")
+        for label, x, y in chart.guides:
+            axes.plot(x, y, color=SOFT, linewidth=1.0, dashes=(4, 3), zorder=1)
+            if chart.labels_along:
+                continue
+            below = y[-1] == min(ys[-1] for _, _, ys in chart.guides)
+            axes.annotate(
+                label, (x[-1], y[-1]), (0, -2 if below else 2), textcoords="offset points", fontsize=7, color=INK,
+                ha="right", va="top" if below else "bottom",
+            )  # fmt: skip
+        for d in chart.dots:
+            line: dict[str, Any] = {"linestyle": "none"} if not d.joined else {"linewidth": d.look.width}
+            if d.joined and d.look.dash:
+                line["dashes"] = list(d.look.dash)
+            axes.plot(
+                d.x, d.y, color=d.look.colour, marker=d.look.marker or "o", markersize=4.5, markeredgewidth=0, **line
+            )
+        axes.set_xlim(*chart.x_limits)
+        axes.set_ylim(*chart.y_limits)
+        axes.set_xlabel(chart.x_label)
+        axes.set_ylabel(chart.y_label)
+        if chart.labels_along:
+            _label_along(axes, chart)
+        axes.minorticks_off()
+        if chart.x_log:
+            axes.xaxis.set_major_formatter(powers)
+        if chart.y_log:
+            axes.yaxis.set_major_formatter(powers)
+        steps = sorted({x for d in chart.dots for x in d.x})
+        if chart.x_log and len(steps) < 7 and not (chart.decades and _holds_decade(*chart.x_limits)):
+            axes.set_xticks(steps, _tick_labels(steps))
+        write_svg(figure, path)
+
+
+def _holds_decade(low: float, high: float) -> bool:
+    """Whether a power of ten lies between two numbers."""
+    return math.floor(math.log10(high)) >= math.ceil(math.log10(low))
+
+
+def _label_along(axes: Any, chart: PointChart) -> None:
+    """Labels of the guides on their lines: at the right on a level, else turned like the line, from where it begins."""
+    for label, x, y in chart.guides:
+        (ax, ay), (bx, by) = axes.transData.transform([(x[0], y[0]), (x[1], y[1])])
+        angle = math.atan2(by - ay, bx - ax)
+        level = ay == by
+        along, off = (-3.0 if level else 8.0), 1.5
+        shift = (along * math.cos(angle) - off * math.sin(angle), along * math.sin(angle) + off * math.cos(angle))
+        axes.annotate(
+            label, (x[1 if level else 0], y[0]), shift, textcoords="offset points", fontsize=6.5, color=INK,
+            ha="right" if level else "left", va="bottom", rotation=math.degrees(angle), rotation_mode="anchor",
+        )  # fmt: skip
+
+
+def _tick_labels(steps: list[float]) -> list[str]:
+    """Labels that do not run into each other: shortened, and every second one left out where there is no room."""
+    labels = [f"{x:g}" for x in steps]
+    if sum(map(len, labels)) <= MOST_LETTERS:
+        return labels
+    labels = [f"{x:.2g}" for x in steps]
+    crowded = sum(map(len, labels)) > MOST_LETTERS
+    return [label if not crowded or (len(labels) - 1 - k) % 2 == 0 else "" for k, label in enumerate(labels)]
+
+
+def _limits(values: list[float], log: bool, *, marked: bool = True) -> tuple[float, float]:
+    low, high = min(values), max(values)
+    if log:
+        room = max(1.3, (high / low) ** 0.08)
+        low, high = low / room, high * room
+        # Less than a decade and a half: a third of a decade more on each side, so that a mark of the axis lies inside.
+        return (low / 2.2, high * 2.2) if marked and high / low < 30.0 else (low, high)
+    room = 0.1 * (high - low) or 0.1 * abs(high) or 1.0
+    return low - room, high + room
+
+
+def fitted_order(steps: list[float], errors: list[float]) -> float:
+    """Slope of ``log error`` over ``log step`` by least squares; NaN with fewer than two points."""
+    if len(steps) < 2:
+        return math.nan
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+MOST_NUMBERED = 60
+ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
+MOTION, GRAVITY, MARK = PALETTE[0], PALETTE[2], PALETTE[6]
+CHAIN = PALETTE[6]
+CHAIN_WIDTH = 7.0
+"""Width [pt] of the largest force of a picture; the others in proportion."""
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Disks and walls of several engines at one sampled step, and the force chains of one of them.
+
+    ``chains`` are links, shape (2, 2) [m], with their normal force [N]; ``edges`` outlines as in `SceneView`, None: disks alone.
+    """
+
+    title: str
+    radius: FloatArray
+    bodies: tuple[tuple[Look, FloatArray, FloatArray, tuple[WallView, ...]], ...]  # look, x (n, 2), angle (n,), walls
+    chains_of: str = ""
+    chains: tuple[tuple[FloatArray, float], ...] = ()
+    edges: tuple[FloatArray | None, ...] | None = None
+
+
+def draw_sketch(scene: SceneView, path: Path) -> None:
+    """Write the sketch of a scene as SVG."""
+    from matplotlib import rc_context
+
+    with rc_context(rc_params()):
+        low, high, size = _box(scene.x, scene.radius, 0.3)
+        figure, axes = _blank(low, high)
+        for wall in scene.walls:
+            _wall(axes, wall, scene.walls, low, high, hatch=True)
+        for k, (centre, radius) in enumerate(zip(scene.x, scene.radius, strict=True)):
+            axes.add_patch(_body(centre, radius, scene.edges[k], facecolor=SOFT, alpha=0.28, edgecolor="none"))
+            axes.add_patch(_body(centre, radius, scene.edges[k], facecolor="none", edgecolor=INK, linewidth=1.0))
+            if len(scene.x) <= MOST_NUMBERED:
+                axes.text(*centre, str(k), ha="center", va="center", fontsize=10, fontweight="bold")
+            if not scene.rotating[k]:
+                axes.text(centre[0], centre[1] - 0.45 * radius, "no rotation", ha="center", va="center", fontsize=6.5)
+            if scene.v[k].any():
+                along = scene.v[k] / np.hypot(*scene.v[k])
+                foot = centre + radius * np.array([0.0, 1.18])
+                label = f"{np.hypot(*scene.v[k]):.4g} m/s"
+                _arrow(axes, foot - 0.4 * size * along, foot + 0.4 * size * along, MOTION, label)
+        for wall in scene.walls:
+            _motion(axes, wall, scene.walls, low, high, size)
+        if scene.gravity.any():
+            strength = float(np.hypot(*scene.gravity))
+            head = np.array([high[0] - 1.1 * size, high[1] - 0.1 * size]) + 0.8 * size * scene.gravity / strength
+            _arrow(axes, head - 0.8 * size * scene.gravity / strength, head, GRAVITY, f"g = {strength:.4g} m/s²")
+        for k, (_, place) in enumerate(scene.marks):
+            _mark(axes, place, numeral(k))
+        write_svg(figure, path)
+
+
+def draw_configuration(configuration: Configuration, path: Path) -> None:
+    """Write the outlines of every engine's disks and walls as SVG; spokes show the rotations."""
+    from matplotlib import rc_context
+
+    with rc_context(rc_params()):
+        every = np.concatenate([x for _, x, _, _ in configuration.bodies])
+        radii = np.tile(configuration.radius, len(configuration.bodies))
+        low, high, _ = _box(every, radii, 0.07)
+        figure, axes = _blank(low, high)
+        axes.set_title(configuration.title)
+        most = max((force for _, force in configuration.chains), default=0.0)
+        for link, force in configuration.chains:
+            if force > 0.0:
+                axes.plot(*link.T, color=CHAIN, alpha=0.6, linewidth=CHAIN_WIDTH * force / most, zorder=1.5)
+        for look, x, angle, walls in configuration.bodies:
+            style = (0, tuple(look.dash)) if look.dash else "solid"
+            for wall in walls:
+                _wall(axes, wall, walls, low, high, hatch=False, colour=look.colour, style=style)
+            edges = configuration.edges or (None,) * len(x)
+            for centre, radius, turn, edge in zip(x, configuration.radius, angle, edges, strict=True):
+                options = {"edgecolor": look.colour, "linestyle": style, "linewidth": 1.1}
+                if edge is not None and not np.isfinite(turn):
+                    continue
+                placed = None if edge is None else turned(edge, turn)
+                axes.add_patch(_body(centre, radius, placed, facecolor="none", **options))
+                if np.isfinite(turn):
+                    rim = centre + (radius * np.array([np.cos(turn), np.sin(turn)]) if placed is None else placed[0])
+                    axes.plot(*zip(centre, rim, strict=True), color=look.colour, linewidth=1.1, linestyle=style)
+        write_svg(figure, path)
+
+
+def _body(centre: FloatArray, radius: float, edge: FloatArray | None, **style: Any) -> Any:
+    """A disk, or a grain whose outline is ``edge`` about its centre."""
+    from matplotlib.patches import Circle, Polygon
+
+    return Circle(tuple(centre), radius, **style) if edge is None else Polygon(centre + edge, closed=True, **style)
+
+
+def numeral(k: int) -> str:
+    """Roman numeral of the k-th watched contact, from 0."""
+    return ROMAN[k] if k < len(ROMAN) else str(k + 1)
+
+
+def _box(x: FloatArray, radius: FloatArray, margin: float) -> tuple[FloatArray, FloatArray, float]:
+    """Lower and upper corner of the picture, and the length of a typical arrow."""
+    finite = np.isfinite(x).all(axis=1)
+    x, radius = x[finite], radius[finite]
+    if not len(x):
+        x, radius = np.zeros((1, 2)), np.ones(1)
+    low, high = (x - radius[:, None]).min(axis=0), (x + radius[:, None]).max(axis=0)
+    extent = float((high - low).max())
+    return low - margin * extent, high + margin * extent, 0.3 * extent
+
+
+def _blank(low: FloatArray, high: FloatArray) -> tuple[Any, Any]:
+    from matplotlib.figure import Figure
+
+    shape = (high - low)[1] / (high - low)[0]
+    figure = Figure(figsize=(4.5, float(np.clip(4.5 * shape, 1.8, 5.0))), layout="constrained")
+    axes = figure.subplots()
+    axes.set_axis_off()
+    axes.set_aspect("equal")
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    return figure, axes
+
+
+def _ends(wall: WallView, others: tuple[WallView, ...], low: FloatArray, high: FloatArray) -> tuple[float, float]:
+    """Stretch of a wall's line that is drawn: inside the picture and on the free side of the other walls."""
+    reach = 0.5 * float(np.hypot(*(high - low)))
+    middle = (0.5 * (low + high) - wall.point) @ wall.tangent
+    first, last = float(middle - reach), float(middle + reach)
+    for other in others:
+        slope = float(wall.tangent @ other.normal)
+        if other is wall or abs(slope) < 1e-6:
+            continue
+        cut = float((other.point - wall.point) @ other.normal) / slope
+        first, last = (max(first, cut), last) if slope > 0.0 else (first, min(last, cut))
+    return first, last
+
+
+def _wall(
+    axes: Any, wall: WallView, walls: tuple[WallView, ...], low: FloatArray, high: FloatArray, *,
+    hatch: bool, colour: str = INK, style: Any = "solid",
+) -> None:  # fmt: skip
+    first, last = _ends(wall, walls, low, high)
+    if not first < last:
+        return
+    a, b = wall.point + first * wall.tangent, wall.point + last * wall.tangent
+    if hatch:
+        from matplotlib.patches import Polygon
+
+        depth = 0.045 * float((high - low).max()) * wall.normal
+        band = np.array([a, b, b - depth, a - depth])
+        axes.add_patch(Polygon(band, facecolor="none", edgecolor=SOFT, hatch="/////", linewidth=0.0))
+    axes.plot(*zip(a, b, strict=True), color=colour, linewidth=1.4, linestyle=style)
+
+
+def _motion(
+    axes: Any, wall: WallView, walls: tuple[WallView, ...], low: FloatArray, high: FloatArray, size: float
+) -> None:
+    first, last = _ends(wall, walls, low, high)
+    downwards = wall.tangent[1] < -1e-9 or (wall.tangent[1] < 1e-9 and wall.tangent[0] < 0.0)
+    start, end = (last, first) if downwards else (first, last)  # from the lower or left end on
+    low_pivot = wall.pivot is not None and ((wall.pivot - wall.point) @ wall.tangent - start) / (end - start) < 0.3
+    for velocity in wall.moves:
+        along = velocity / np.hypot(*velocity)
+        inward = abs(float(along @ wall.normal)) > 0.5
+        share = (0.8 if low_pivot else 0.2) if wall.spin else 0.5 if inward else 0.15
+        place = wall.point + (start + share * (end - start)) * wall.tangent - 0.25 * size * wall.normal
+        foot = place - (0.55 if inward else 0.3) * size * along
+        label = f"{np.hypot(*velocity):.4g} m/s"
+        _arrow(axes, foot, foot + 0.6 * size * along, MOTION, label, beneath=wall.normal[1] > 0.5)
+    if wall.spin and wall.pivot is not None:
+        from matplotlib.patches import FancyArrowPatch
+
+        axes.plot(*wall.pivot, marker="o", markersize=5, color=MOTION)
+        arm = 0.8 * size * wall.tangent * (1.0 if wall.tangent[1] >= 0.0 else -1.0)
+        turn = np.copysign(0.6, wall.spin)
+        c, s = np.cos(turn), np.sin(turn)
+        tip = np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]])
+        bend = f"arc3,rad={0.35 * np.sign(wall.spin):g}"
+        axes.add_patch(
+            FancyArrowPatch(
+                tuple(wall.pivot + arm), tuple(wall.pivot + tip), connectionstyle=bend, arrowstyle="-|>",
+                mutation_scale=10, color=MOTION, linewidth=1.4, clip_on=False,
+            )
+        )  # fmt: skip
+        beside = wall.pivot + 1.15 * arm - 0.3 * size * wall.normal
+        side = "right" if wall.normal[0] >= 0.0 else "left"
+        axes.text(*beside, f"{abs(wall.spin):.4g} rad/s", color=MOTION, fontsize=8, ha=side, va="center", zorder=6)
+
+
+def _arrow(axes: Any, tail: FloatArray, head: FloatArray, colour: str, label: str, *, beneath: bool = False) -> None:
+    arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=arrow, annotation_clip=False)
+    along = head - tail
+    upright = abs(along[1]) > abs(along[0])
+    offset = (5, 0) if upright else (0, -5) if beneath else (0, 5)
+    axes.annotate(
+        label,
+        xy=tuple(tail + (0.5 if upright else 0.35) * along),
+        xytext=offset,
+        textcoords="offset points",
+        color=colour,
+        fontsize=8,
+        ha="left" if upright else "center",
+        va="center" if upright else "top" if beneath else "bottom",
+        annotation_clip=False,
+    )
+
+
+def _mark(axes: Any, place: FloatArray, text: str) -> None:
+    box = {"boxstyle": "circle,pad=0.22", "facecolor": MARK, "edgecolor": "none"}
+    axes.text(*place, text, color="#ffffff", fontsize=7, ha="center", va="center", bbox=box, zorder=5)
+
+
+EDGE_POINTS = 129
+"""Points of an outline's polygon: a circle's is off by 3e-4 of its radius, less than the line is wide."""
+
+
+@dataclass(frozen=True)
+class WallView:
+    """A half-plane: a point, the unit normal into the free side, the velocities by direction, the first spin."""
+
+    name: str
+    point: FloatArray
+    normal: FloatArray
+    moves: tuple[FloatArray, ...] = ()
+    spin: float = 0.0
+    pivot: FloatArray | None = None
+
+    @property
+    def tangent(self) -> FloatArray:
+        """Unit vector along the surface."""
+        return np.array([-self.normal[1], self.normal[0]])
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """Disks and walls of a scene; ``marks`` are the watched contacts by label.
+
+    ``edges`` are the outlines of its grains about their centres [m], turned as at time 0; None for a disk.
+    """
+
+    x: FloatArray
+    v: FloatArray
+    radius: FloatArray
+    rotating: NDArray[np.bool_]
+    walls: tuple[WallView, ...]
+    gravity: FloatArray
+    marks: tuple[tuple[str, FloatArray], ...]
+    edges: tuple[FloatArray | None, ...]
+
+    @property
+    def signature(self) -> tuple[Any, ...]:
+        """Equal for scenes that look alike, whatever their speeds and stiffnesses."""
+        size = float(self.radius.max()) if len(self.radius) else 1.0
+        motion = tuple(
+            (
+                tuple(tuple(np.sign(np.round(velocity, 12))) for velocity in wall.moves),
+                np.sign(wall.spin),
+                None if wall.pivot is None else tuple(np.round(wall.pivot / size, 1)),
+            )
+            for wall in self.walls
+        )
+        moving = tuple(map(tuple, np.sign(self.v)))
+        extents = [
+            np.full(2, 2.0 * radius) if edge is None else np.ptp(edge, axis=0)
+            for radius, edge in zip(self.radius, self.edges, strict=True)
+        ]
+        look = tuple(tuple(np.round(extent / size, 1)) for extent in extents)
+        return (
+            len(self.x),
+            look,
+            tuple(np.round(self.x / size, 1).ravel()),
+            motion,
+            moving,
+            tuple(np.sign(self.gravity)),
+        )
+
+
+def read_scene(setup: Mapping[str, Any]) -> SceneView | None:
+    """View of a stored set-up; None where it holds no scene that can be drawn."""
+    try:
+        return _read(setup)
+    except (KeyError, TypeError, ValueError, IndexError):
+        return None
+
+
+def _read(setup: Mapping[str, Any]) -> SceneView | None:
+    scene = setup["scene"]
+    disks = scene["disks"]
+    x = np.array(disks["x"], dtype=np.float64).reshape(-1, 2)
+    radius = np.broadcast_to(np.array(disks["radius"], dtype=np.float64), (len(x),))
+    v = np.array(disks.get("v") or np.zeros((len(x), 2)), dtype=np.float64).reshape(-1, 2)
+    rotating = np.broadcast_to(np.array(disks.get("rotating", True), dtype=np.bool_), (len(x),))
+    if not len(x) or not (np.isfinite(x).all() and np.isfinite(radius).all()):
+        return None
+    walls = tuple(_wall_of(wall) for wall in scene.get("walls", ()))
+    labels = setup.get("labels") or {f"{i}–{j}": (i, j) for i, j in setup.get("watch", ())}
+    marks = []
+    for label, bodies in labels.items():
+        place = _contact(np.atleast_1d(np.array(bodies, dtype=np.int64)), x, radius, walls)
+        if place is not None:
+            marks.append((str(label), place))
+    gravity = np.array(scene.get("gravity", (0.0, 0.0)), dtype=np.float64)
+    return SceneView(x, v, radius, rotating, walls, gravity, tuple(marks), _edges(scene, len(x)))
+
+
+def _edges(scene: Mapping[str, Any], n: int) -> tuple[FloatArray | None, ...]:
+    """Outlines of n bodies as closed polygons about their centres, turned by their angles at time 0."""
+    numbers = scene["disks"].get("outline", [-1] * n)
+    if not scene.get("outlines") or max(numbers, default=-1) < 0:
+        return (None,) * n
+    curves = [_polygon(curve) for curve in scene["outlines"]]
+    angles = scene["disks"].get("angle", [0.0] * n)
+    return tuple(
+        None if number < 0 else turned(curves[number], float(angle))
+        for number, angle in zip(numbers, angles, strict=True)
+    )
+
+
+def _polygon(curve: Mapping[str, Any]) -> FloatArray:
+    """Points of a stored NURBS curve: a spline in homogeneous coordinates, over its weights."""
+    from scipy.interpolate import BSpline
+
+    degree, knots = int(curve["degree"]), np.array(curve["knots"], dtype=np.float64)
+    weights = np.array(curve["weights"], dtype=np.float64)[:, None]
+    points = np.array(curve["points"], dtype=np.float64)
+    at = np.linspace(knots[degree], knots[-degree - 1], EDGE_POINTS)
+    lifted = BSpline(knots, np.hstack([weights * points, weights]), degree)(at)
+    return np.asarray(lifted[:, :2] / lifted[:, 2:], dtype=np.float64)
+
+
+def turned(edge: FloatArray, angle: float) -> FloatArray:
+    """A polygon turned about the origin by an angle [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.asarray(edge @ np.array([[c, s], [-s, c]]), dtype=np.float64)
+
+
+def _wall_of(wall: Mapping[str, Any]) -> WallView:
+    point = np.array(wall["point"], dtype=np.float64)
+    normal = np.array(wall["normal"], dtype=np.float64)
+    spin, pivot = 0.0, None
+    moves: list[FloatArray] = []
+    for segment in wall.get("motion", ()):
+        moved = np.array(segment.get("velocity", (0.0, 0.0)), dtype=np.float64)
+        if segment.get("tan_rate"):
+            moved = moved + np.array(segment["tan_lever"]) * float(segment["tan_rate"])
+        moved = moved + np.array(segment.get("amplitude", (0.0, 0.0))) * float(segment.get("frequency", 0.0))
+        if moved.any() and not any(abs(moved @ known) > 0.9 * np.hypot(*moved) * np.hypot(*known) for known in moves):
+            moves.append(moved)
+        if not spin and segment.get("angular_velocity"):
+            spin = float(segment["angular_velocity"])
+            pivot = np.array(segment["pivot"] if segment.get("pivot") else point, dtype=np.float64)
+    return WallView(str(wall["name"]), point, normal / np.hypot(*normal), tuple(moves), spin, pivot)
+
+
+def _contact(
+    bodies: NDArray[np.int64], x: FloatArray, radius: FloatArray, walls: tuple[WallView, ...]
+) -> FloatArray | None:
+    """Contact point of a pair of bodies; a body's own centre for a single number."""
+    n = len(x)
+    i, j = int(bodies[0]), int(bodies[-1])
+    if not 0 <= i < n or not 0 <= j < n + len(walls):
+        return None
+    if i == j:
+        return np.array(x[i])
+    if j < n:
+        gap_middle = radius[i] / (radius[i] + radius[j])
+        return np.array(x[i] + gap_middle * (x[j] - x[i]))
+    wall = walls[j - n]
+    return np.array(x[i] - ((x[i] - wall.point) @ wall.normal) * wall.normal)

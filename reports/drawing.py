@@ -1,27 +1,47 @@
-"""Everything drawn of one case: what goes to which file, and what the page says beside it."""
+"""Everything drawn of one case: what goes to which file, and what the page says beside it.
+
+Drawing of all figures, in parallel where that helps.
+"""
 
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
 import re
+import signal
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ninedisk.reports.case_tables import case_tables, folded_rows
-from ninedisk.reports.compare_engines import difference_matrix
-from ninedisk.reports.configurations import case_configurations
-from ninedisk.reports.convergence import convergences, values_against_step
-from ninedisk.reports.draw_points import PointChart
-from ninedisk.reports.draw_scene import Configuration, numeral
-from ninedisk.reports.figures import case_figures, looks_of
-from ninedisk.reports.model import CaseData, Panel
-from ninedisk.reports.pack import Arrays, pack_case
-from ninedisk.reports.plans import SETUP_FIGURES, FigurePlan
-from ninedisk.reports.render import Job, Picture
-from ninedisk.reports.scene_view import SceneView, read_scene
-from ninedisk.reports.scenes import moving_scenes
-from ninedisk.reports.speed import case_speed
+from ninedisk.reports.draw import (
+    Configuration,
+    HistoryPanel,
+    PointChart,
+    SceneView,
+    draw_configuration,
+    draw_history,
+    draw_points,
+    draw_sketch,
+    numeral,
+    read_scene,
+)
+from ninedisk.reports.figures import (
+    SETUP_FIGURES,
+    FigurePlan,
+    case_figures,
+    case_speed,
+    convergences,
+    looks_of,
+    values_against_step,
+)
+from ninedisk.reports.model import CaseData, Panel, case_tables, difference_matrix, folded_rows
+from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case
 from ninedisk.reports.style import Look
 from ninedisk.reports.text import decoded
 
@@ -186,3 +206,68 @@ def svg_image(path: Path, alt: str, caption: str = "") -> Image:
     sizes = [re.search(rf'\b{name}="([0-9.]+)pt"', head) for name in ("width", "height")]
     width, height = (round(float(size[1]) * _POINTS_TO_PIXELS) if size else 0 for size in sizes)
     return Image(f"figures/{path.name}", alt, width, height, caption)
+
+
+MOST_WORKERS = 4
+FEW = 12
+"""Below this number of figures the start of the workers costs more than it saves."""
+
+Picture = HistoryPanel | SceneView | Configuration | PointChart
+
+_DRAW: dict[type, Callable[[Any, Path], None]] = {
+    HistoryPanel: draw_history,
+    SceneView: draw_sketch,
+    Configuration: draw_configuration,
+    PointChart: draw_points,
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """A picture and the file that it goes to."""
+
+    picture: Picture
+    path: Path
+
+
+def render(jobs: Sequence[Job], progress: Callable[[int, int], None], workers: int | None = None) -> None:
+    """Draw every job; ``progress`` hears how many are done and how many there are.
+
+    Workers are forked, so that they neither load matplotlib again nor import the caller's main module; without fork, or
+    if a worker dies, the rest is drawn here.
+    """
+
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    count = min(workers or cores, MOST_WORKERS)
+    left = dict(enumerate(jobs))
+    if count > 1 and len(jobs) >= FEW and "fork" in multiprocessing.get_all_start_methods():
+        try:
+            context = multiprocessing.get_context("fork")
+            with ProcessPoolExecutor(count, context, initializer=_end_with, initargs=(os.getpid(),)) as pool:
+                waiting = {pool.submit(_draw, job): number for number, job in left.items()}
+                for future in as_completed(waiting):
+                    future.result()
+                    del left[waiting[future]]
+                    progress(len(jobs) - len(left), len(jobs))
+        except BrokenProcessPool:
+            pass
+    for number in list(left):
+        _draw(left.pop(number))
+        progress(len(jobs) - len(left), len(jobs))
+
+
+def _end_with(parent: int) -> None:
+    """In a worker: end it by the usual signals, and when its parent is gone, whose pipes its siblings hold open."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _draw(job: Job) -> None:
+    _DRAW[type(job.picture)](job.picture, job.path)

@@ -1,4 +1,7 @@
-"""A folder of pages that is replaced as a whole: a reader meets the old pages or the new ones, never half of them."""
+"""A folder of pages that is replaced as a whole: a reader meets the old pages or the new ones, never half of them.
+
+Errors of the reports.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,6 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-from ninedisk.reports.errors import ReportError
 
 
 @contextmanager
@@ -80,3 +81,7 @@ def _replace(fresh: Path, out: Path) -> None:
 
 def _unwritable(out: Path, what: str, problem: OSError) -> ReportError:
     return ReportError(f"the {what} cannot be written to {out} ({problem}): name a folder that you may write to")
+
+
+class ReportError(RuntimeError):
+    """The report cannot be built; the message names the offending path or value and the way out."""

@@ -1,4 +1,9 @@
-"""The panel: stored rows joined into cases, engines and rated measurements."""
+"""The panel: stored rows joined into cases, engines and rated measurements.
+
+Engine against engine: how far their histories of the same variants lie apart.
+
+The measurements of a case in three tables: rated, known gaps, without a rating; long ones continue in the data file.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +11,15 @@ import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any
 
+import numpy as np
+
 from ninedisk.harness.results.schema import WORST_FIRST, row_tolerance, worst_status
-from ninedisk.reports.load import Row, Stored
-from ninedisk.reports.text import Slugs, as_float, decoded
+from ninedisk.reports import text
+from ninedisk.reports.load import Curve, Row, Series, Stored, differences
+from ninedisk.reports.text import Slugs, as_float, decoded, shade, symbol
 
 NOT_RUN = frozenset({"error", "timeout", "unsupported", "not-installed"})
 """Statuses of cells that left no numbers."""
@@ -193,3 +202,110 @@ def build_panel(stored: Stored) -> Panel:
         engines=dict(sorted(engines.items(), key=lambda item: (not item[1].version, item[0]))),
         measurements=rated,
     )
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Largest relative difference of two engines over all shared histories, and the history where it occurs."""
+
+    size: float
+    variant: str
+    quantity: str
+
+
+def difference_matrix(series: Series, case: str) -> tuple[list[str], dict[tuple[str, str], Difference]]:
+    """Engines with histories of a case, the one that differs most first, and every pair that shares a history.
+
+    A difference is ``max |a - b|`` over the common steps of one history, over the largest ``|truth|`` of the quantity in
+    the whole case (of the values themselves where no truth speaks): in a variant where nothing should move, round-off
+    is then no difference. Both orders of a pair are keys.
+    """
+    scale = _scales(series, case)
+    held: dict[tuple[str, str], dict[str, Curve]] = {}
+    for (name, variant, engine, quantity), curve in series.items():
+        if name == case:
+            held.setdefault((variant, quantity), {})[engine] = curve
+    worst: dict[tuple[str, str], Difference] = {}
+    for (variant, quantity), engines in held.items():
+        for one, two in combinations(sorted(engines), 2):
+            apart = differences(engines[one], engines[two], scale[quantity])
+            known = worst.get((one, two))
+            if not math.isnan(apart) and (known is None or apart > known.size):
+                worst[one, two] = worst[two, one] = Difference(apart, variant, quantity)
+    middle: dict[str, float] = {}
+    for engine in sorted({engine for engines in held.values() for engine in engines}):
+        sizes = sorted(found.size for (one, _), found in worst.items() if one == engine)
+        if sizes:
+            middle[engine] = sizes[len(sizes) // 2]
+    return sorted(middle, key=lambda engine: -middle[engine]), worst
+
+
+def _scales(series: Series, case: str) -> dict[str, float]:
+    """Largest finite ``|truth|`` of each quantity of a case; of the values where there is none, or it is zero."""
+    truth: dict[str, float] = {}
+    value: dict[str, float] = {}
+    for (name, _, _, quantity), curve in series.items():
+        if name == case:
+            truth[quantity] = max(truth.get(quantity, 0.0), curve.scale)
+            finite = np.abs(curve.value[np.isfinite(curve.value)])
+            value[quantity] = max(value.get(quantity, 0.0), float(finite.max(initial=0.0)))
+    return {quantity: truth[quantity] or value[quantity] for quantity in truth}
+
+
+SHOWN = 40
+"""Measurements that a page shows before the rest is folded."""
+
+
+@dataclass(frozen=True)
+class CaseTables:
+    """Rows of a case, worst first; ``notes`` are (reason of the tolerance, source of the truth, reason of the status)."""
+
+    rows: list[Row]
+    gaps: list[Row]
+    unrated: list[Row]
+    notes: list[tuple[str, str, str]]
+
+    @property
+    def folded(self) -> dict[str, list[Row]]:
+        """Rows that the page shows on demand, by table."""
+        return {"rows": self.rows[SHOWN:], "gaps": self.gaps[SHOWN:], "unrated": self.unrated}
+
+
+def case_tables(case: CaseData) -> CaseTables:
+    """Sort the measurements of a case into tables and number the reasons of the folded ones."""
+    rows = worst_first(row for row in case.measurements if is_rated(row) and row["status"] not in EXPLAINED)
+    gaps = worst_first(row for row in case.measurements if row["status"] in EXPLAINED)
+    unrated = [row for row in case.measurements if not is_rated(row) and row["status"] not in EXPLAINED]
+    notes: dict[tuple[str, str, str], int] = {}
+    for row in (*rows[SHOWN:], *gaps[SHOWN:], *unrated):
+        # What a failure says, its numbers say as well; every other reason is told once.
+        reason = "" if row["status"] == "fail" else row["reason"]
+        row["note"] = notes.setdefault((row["why"], row["source"], reason), len(notes) + 1)
+    return CaseTables(rows, gaps, unrated, list(notes))
+
+
+def folded_rows(panel: Panel, tables: CaseTables) -> dict[str, list[list[Any]]]:
+    """The folded rows as the page prints them: class and text of status, class and text of the ratio, ten texts, note."""
+    return {name: [_printed(panel, row) for row in rows] for name, rows in tables.folded.items()}
+
+
+def _printed(panel: Panel, row: Row) -> list[Any]:
+    unit = f" [{row['unit']}]" if row["unit"] not in ("", "-", "1") else ""
+    step = f", worst at step {row['worst_step']}" if row["worst_step"] is not None and row["worst_step"] >= 0 else ""
+    uncertain = f" ± {text.error(row['uncertainty'])}" if row["uncertainty"] else ""
+    return [
+        row["status"],
+        f"{symbol(row['status'])} {row['status']}",
+        shade(row["ratio"]),
+        text.ratio(row["ratio"]),
+        panel.engines[row["engine"]].name,
+        text.short_variant(row["variant"]),
+        f"{row['quantity'] or text.NOTHING}{unit}{step}",
+        text.number(row["value"]),
+        text.number(row["expected"]) + uncertain,
+        text.error(row["abs_error"]),
+        text.error(row["rel_error"]),
+        text.error(row["tolerance"]) if row["truth"] else text.NOTHING,
+        row["truth"] or text.NOTHING,
+        row["note"],
+    ]

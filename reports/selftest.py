@@ -11,7 +11,7 @@ from typing import Any
 from markupsafe import Markup
 
 from ninedisk.reports import pages
-from ninedisk.reports.errors import ReportError
+from ninedisk.reports.folder import ReportError
 from ninedisk.reports.pages import HERE
 
 Row = Mapping[str, Any]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.batch_kernels import LISTS, MORE, march
-from ninedisk.core.cd.laws import LawTable
-from ninedisk.core.cd.march_arrays import (
+from ninedisk.core.cd.batch_kernels import (
     HELD,
     ITERATIONS,
+    LISTS,
+    MORE,
     PLAIN,
     REACH,
     STEP,
@@ -23,9 +23,11 @@ from ninedisk.core.cd.march_arrays import (
     Scheme,
     Scratch,
     State,
+    march,
 )
-from ninedisk.core.cd.memory import ContactMemory
-from ninedisk.core.cd.residual_kernels import SUMS
+from ninedisk.core.cd.contacts import ContactMemory
+from ninedisk.core.cd.laws import LawTable
+from ninedisk.core.cd.problem_kernels import SUMS
 from ninedisk.core.cd.solvers.solver import LOOSE, ContactSolver
 from ninedisk.core.cd.step import Bodies, dynamic_mass
 from ninedisk.core.dem.neighbours import PairFinder

@@ -1,20 +1,30 @@
 """Kernel that takes many dynamic steps at once: the same step as `DynamicStep` by `solve_with_contacts`, without Python between.
 
 A step that needs more sweeps than the scheme allows is left to those; what it leaves undone is no part of the state.
+
+Arrays of a run of many dynamic steps at once, grouped as the kernel reads them; n disks, m walls, float64 unless said.
+
+Kernels of the set of contacts of a step: what it is chosen from, what it begins with, how it grows, and its forces.
+
+Pairs enter that would close without contact forces, that carried a force in the last step, or that would close if velocities stayed;
+later those that the motion found so far violates. A contact more than needed stays open and changes nothing, but for those under
+Newton's law, whose condition does not contain the gap: these enter by the free flight and by finished solutions alone.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.cd.contact_kernels import (
     FED,
     MISSED,
     NEARBY,
     Laws,
     carry_shear,
+    closing_gaps,
     contact_compliances,
     dynamic_offsets,
     gap_round_off,
@@ -23,36 +33,24 @@ from ninedisk.core.cd.contact_kernels import (
     surface_way,
     wall_way,
 )
-from ninedisk.core.cd.march_arrays import (
-    CHOSEN,
-    HELD,
-    ITERATIONS,
-    PLAIN,
-    STEP,
-    SWEEPS,
-    WORK,
-    WORST_GAP,
-    WORST_MAP,
-    Chosen,
-    Near,
-    Scheme,
-    Scratch,
-    State,
-)
-from ninedisk.core.cd.march_set_kernels import begin_set, choose, covers, grow_set, keep_forces, moved_since
-from ninedisk.core.cd.problem_kernels import body_velocities, contact_scales, contact_velocities, delassus_blocks
-from ninedisk.core.cd.residual_kernels import (
+from ninedisk.core.cd.problem_kernels import (
     DUALITY_GAP,
     FLOOR_GAP,
     FLOOR_MAP,
     NATURAL_MAP,
     UNRESOLVED,
+    body_velocities,
+    contact_scales,
+    contact_velocities,
+    delassus_blocks,
     figures_of,
+    project_on_cone,
     reached,
     sum_kinetic,
     sum_residuals,
 )
 from ninedisk.core.cd.solvers.gauss_seidel_kernels import next_batch, sweep
+from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.motion_kernels import WallMotion, place_walls
 
 Floats = NDArray[np.float64]
@@ -294,3 +292,233 @@ def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: 
     if max(figures[FLOOR_MAP], figures[FLOOR_GAP]) <= UNRESOLVED:
         totals[WORST_MAP] = max(totals[WORST_MAP], figures[NATURAL_MAP])
         totals[WORST_GAP] = max(totals[WORST_GAP], figures[DUALITY_GAP])
+
+
+Ints = NDArray[np.int64]
+
+STEP, ITERATIONS, HELD, SWEEPS, CHOSEN, PLAIN = range(6)
+"""Entries of ``counts``: last step done; sweeps of all steps; contacts in the memory; sweeps so far and contacts of the step
+at hand, and 1 if its changes of forces are no longer stretched."""
+
+WORK, WORST_MAP, WORST_GAP, REACH, WALL_REACH = range(5)
+"""Entries of ``totals``: work of the walls [J]; largest residual figures that mean something; reach that the list needs for pairs of
+disks and for those with walls [m]."""
+
+
+class Scheme(NamedTuple):
+    """Constants of a run; arrays of shape (n, 3) as in `ninedisk.core.cd.step.Bodies`. ``holds_rest``: where all bodies rest, the solver
+    asks for equilibrium first."""
+
+    dt: float
+    theta: float
+    tolerance: float
+    sweeps: int
+    most: int
+    relaxation: float
+    stretch: float
+    coulomb: bool
+    newton: bool
+    holds_rest: bool
+    smallest: float
+    xi: float
+    radius: Floats
+    mass: Floats
+    free: NDArray[np.bool_]
+    load: Floats
+    inverse_mass: Floats
+    dilation: Floats
+
+
+class State(NamedTuple):
+    """State of a run: centres and angles, velocities, walls, and by pair, in ascending order, the contact forces of the last step and the
+    shear forces with which the next one begins; ``gains`` are those of `ninedisk.core.cd.contact_kernels.note_impact_work`.
+    """
+
+    x: Floats
+    v: Floats
+    wall: Floats
+    pairs: Ints
+    forces: Floats
+    shear: Floats
+    counts: Ints
+    totals: Floats
+    gains: Floats
+
+
+class Near(NamedTuple):
+    """Pairs of disks closer than ``reach[0]``, and with walls than ``reach[1]``, when disks and walls were at ``x`` and ``wall``; in the
+    step at hand their frames, which of them are contacts, the shear forces of the last step and the forces found so far.
+    """
+
+    x: Floats
+    wall: Floats
+    reach: Floats
+    pairs: Ints
+    bodies: NDArray[np.int32]
+    row: Ints
+    normal: Floats
+    gap: Floats
+    gap_before: Floats
+    shift: Floats
+    arms: Floats
+    closing: Floats
+    inside: NDArray[np.bool_]
+    shear: Floats
+    force: Floats
+
+
+class Chosen(NamedTuple):
+    """The contacts of the step at hand: columns of `Near` and of `ninedisk.core.cd.problem.ContactProblem`, with room for all pairs."""
+
+    pairs: Ints
+    bodies: NDArray[np.int32]
+    row: Ints
+    normal: Floats
+    gap: Floats
+    gap_before: Floats
+    shift: Floats
+    arms: Floats
+    offset: Floats
+    compliance: Floats
+    shear_0: Floats
+    mu: Floats
+    blocks: Floats
+    rho: Floats
+    b: Floats
+    r: Floats
+
+
+class Scratch(NamedTuple):
+    """Work arrays of a step, shape (n, 3) but for ``after`` (m, 11), ``sums`` and ``figures``."""
+
+    after: Floats
+    force: Floats
+    kept: Floats
+    prescribed: Floats
+    v: Floats
+    dx: Floats
+    sums: Floats
+    figures: Floats
+
+
+@inline_kernel
+def moved_since(x: Floats, near: Near) -> float:
+    """How far a disk has moved since the list was made, at most [m]."""
+    moved = 0.0
+    for i in range(x.shape[0]):
+        moved = max(moved, np.hypot(x[i, 0] - near.x[i, 0], x[i, 1] - near.x[i, 1]))
+    return moved
+
+
+@inline_kernel
+def covers(
+    times: float,
+    least: float,
+    moved: float,
+    turned: float,
+    walls: float,
+    tolerance: float,
+    scheme: Scheme,
+    state: State,
+    near: Near,
+    dx: Floats,
+) -> bool:
+    """Whether every pair is listed that ``times`` the displacements can bring together; how far the list has to reach.
+
+    Disks have moved by ``moved`` and walls by ``turned`` since it was made; walls move by ``walls`` in the step.
+    """
+    factor = 1.0
+    for k in range(scheme.dilation.shape[0]):
+        factor = max(factor, 1.0 + scheme.dilation[k])
+    way = surface_way(dx, scheme.radius)
+    for_disks = max(times * (factor * 2.0 * way + 2.0 * tolerance), least)
+    for_walls = max(times * (factor * (way + walls) + 2.0 * tolerance), least)
+    state.totals[REACH], state.totals[WALL_REACH] = for_disks, for_walls
+    return bool(for_disks <= near.reach[0] - 2.0 * moved and for_walls <= near.reach[1] - moved - turned)
+
+
+@inline_kernel
+def find_closing(scheme: Scheme, near: Near, dx: Floats) -> None:
+    """Gaps of the listed pairs after the displacements ``dx``, less what sliding lifts [m], into ``near.closing``."""
+    closing_gaps(near.bodies, near.normal, near.arms, near.gap, near.shift, near.row, scheme.dilation, dx, near.closing)
+
+
+@inline_kernel
+def begin_set(
+    tolerance: float, scheme: Scheme, laws: Laws, state: State, near: Near, flight: Floats, onward: Floats
+) -> None:
+    """Mark the pairs that a step begins with, and look up the forces of the last one.
+
+    ``flight`` and ``onward``, shape (n, 3), are the displacements without contact forces and with the velocities of the start.
+    """
+    find_closing(scheme, near, onward)
+    at, held = 0, state.counts[HELD]
+    for k in range(near.pairs.shape[0]):
+        i, j = near.pairs[k, 0], near.pairs[k, 1]
+        while at < held and (state.pairs[at, 0] < i or (state.pairs[at, 0] == i and state.pairs[at, 1] < j)):
+            at += 1
+        p, q = 0.0, 0.0
+        near.shear[k] = 0.0
+        if at < held and state.pairs[at, 0] == i and state.pairs[at, 1] == j:
+            p, q = state.forces[at, 0], state.forces[at, 1]
+            near.shear[k] = state.shear[at]
+        near.force[k, 0], near.force[k, 1] = project_on_cone(p, q, laws.mu[near.row[k]])
+        near.inside[k] = _harmless(k, laws, near) and (p > 0.0 or near.closing[k] < tolerance)
+    find_closing(scheme, near, flight)
+    for k in range(near.pairs.shape[0]):
+        near.inside[k] |= near.closing[k] < tolerance
+
+
+@inline_kernel
+def grow_set(tolerance: float, finished: bool, scheme: Scheme, laws: Laws, near: Near, dx: Floats) -> int:
+    """Mark the pairs outside the set that ``dx`` violates; their number, or -1 if ``dx`` is no number."""
+    for i in range(dx.shape[0]):
+        if not np.isfinite(dx[i, 0] + dx[i, 1] + dx[i, 2]):
+            return -1
+    find_closing(scheme, near, dx)
+    missed = 0
+    for k in range(near.pairs.shape[0]):
+        if not near.inside[k] and near.closing[k] < -tolerance and (finished or _harmless(k, laws, near)):
+            near.inside[k] = True
+            near.force[k, 0] = near.force[k, 1] = 0.0
+            missed += 1
+    return missed
+
+
+@inline_kernel
+def keep_forces(near: Near, chosen: Chosen) -> None:
+    """Copy the forces of the chosen contacts to their pairs."""
+    c = 0
+    for k in range(near.pairs.shape[0]):
+        if near.inside[k]:
+            near.force[k, 0], near.force[k, 1] = chosen.r[c, 0], chosen.r[c, 1]
+            c += 1
+
+
+@inline_kernel
+def choose(laws: Laws, near: Near, chosen: Chosen) -> int:
+    """Copy the pairs of the set with their forces; their number."""
+    c = 0
+    for k in range(near.pairs.shape[0]):
+        if near.inside[k]:
+            for d in range(2):
+                chosen.pairs[c, d], chosen.bodies[c, d] = near.pairs[k, d], near.bodies[k, d]
+                chosen.normal[c, d], chosen.r[c, d] = near.normal[k, d], near.force[k, d]
+            for d in range(4):
+                chosen.arms[c, d] = near.arms[k, d]
+            chosen.row[c], chosen.gap[c], chosen.mu[c] = near.row[k], near.gap[k], laws.mu[near.row[k]]
+            chosen.gap_before[c], chosen.shift[c] = near.gap_before[k], near.shift[k]
+            chosen.shear_0[c] = near.shear[k]
+            c += 1
+    return c
+
+
+@inline_kernel
+def _harmless(k: int, laws: Laws, near: Near) -> bool:
+    """Whether the pair leaves the solution as it is if it is in the set and need not be.
+
+    Its condition has to contain its gap, as all but those under Newton's law do. And an open contact has to be without force, which one
+    whose shear spring is stretched by ``q/ks`` is not under the associated rule: it would hold on until the gap is ``mu`` times that.
+    """
+    by_gap = np.isnan(laws.restitution[near.row[k]])
+    return bool(by_gap and (near.shear[k] == 0.0 or not laws.elastic[near.row[k]]))

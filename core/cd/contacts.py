@@ -1,15 +1,36 @@
-"""Geometry of contacts at the start of a step, against walls at its end."""
+"""Geometry of contacts at the start of a step, against walls at its end.
+
+Contacts of bodies with outlines at the start of a step.
+
+Where bodies are in a step.
+
+Contact forces from step to step.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.contact_kernels import measure_frames
+from ninedisk.core.cd.contact_kernels import (
+    carry_over,
+    complete_frames,
+    gap_round_off,
+    gaps_before,
+    mark_covered,
+    measure_frames,
+    wall_way,
+)
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.errors import NonFiniteStateError
+from ninedisk.core.nurbs.features import NurbsFeatures
+from ninedisk.core.nurbs.intersect import NurbsGrains
+from ninedisk.core.nurbs.shapes import body_shapes
+from ninedisk.core.nurbs.state import ContactRows
+from ninedisk.core.scene import Scene
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -96,3 +117,263 @@ def contact_frames(
             f"the centres of disks {i} and {j} coincide at ({px:g}, {py:g}): their contact has no normal"
         )
     return Frames(pairs, row, normal, gap, gap_before, shift, arms, np.zeros((c, 2)))
+
+
+class Meetings(NamedTuple):
+    """Where c pairs of bodies meet: columns of `Frames`, and points and ``tip`` as `complete_frames` takes them."""
+
+    pairs: IntArray
+    first: FloatArray
+    second: FloatArray
+    tip: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+    place: FloatArray
+
+    def pick(self, which: NDArray[np.bool_] | IntArray) -> Meetings:
+        """Those chosen by a mask or by their numbers."""
+        columns: list[Any] = [column[which] for column in self]
+        return Meetings(*columns)
+
+
+class GrainFrames:
+    """Makes the frames of pairs of which some have outlines.
+
+    Bodies that are apart, or rigid, meet at the features of their outlines: a pair can have several. Elastic bodies that overlap have
+    the contacts of the DEM: one for each common area, across its chord. Disks have the frames that they have without grains.
+
+    Parameters
+    ----------
+    scene : Scene
+    laws : LawTable
+    """
+
+    def __init__(self, scene: Scene, laws: LawTable) -> None:
+        disks = scene.disks
+        table, shape, _ = body_shapes(scene.outlines, disks.outline, disks.radius)
+        self._round, self._laws, self._n, self._bodies = disks.outline < 0, laws, len(disks), scene.n_bodies
+        self._features, self._grains = NurbsFeatures(table, shape, scene.body_name), NurbsGrains.of_table(table, shape)
+        self._ring = np.diff(table.first_span)[shape].astype(np.float64)
+        self._convex = table.smallest_radius[shape] > 0.0
+
+    def frames(self, place: Place, pairs: IntArray, reach: float) -> Frames:
+        """Frames of the contacts of the pairs with a gap below ``reach`` [m], ordered by pair and by place on the first outline.
+
+        Raises
+        ------
+        InvalidSceneError
+            If rigid bodies overlap by too much, or elastic ones in a way that has no chord.
+        """
+        of_wall = pairs[:, 1] >= self._n
+        alone = self._round[pairs[:, 0]] & (of_wall | self._round[np.where(of_wall, 0, pairs[:, 1])])
+        at_walls, between = pairs[~alone & of_wall], pairs[~alone & ~of_wall]
+        meetings = self._features_of(place, at_walls, between, reach)
+        if self._laws.elastic.any():
+            meetings = self._with_chords(place, at_walls, between, meetings)
+        found = self._complete(place, at_walls, reach, meetings)
+        if not alone.any():
+            return found
+        disks = contact_frames(pairs[alone], place.x, place.radius, place.before, place.after, self._laws)
+        both = Frames(*_joined(tuple(vars(disks).values()), tuple(vars(found).values())))
+        return both.pick(self._order(both.pairs, both.place))
+
+    def gaps(self, place: Place, pairs: IntArray) -> FloatArray:
+        """Smallest gap [m] of each pair, negative where it overlaps."""
+        gaps = np.full(len(pairs), np.inf)
+        reach = float(place.radius.min())
+        while not np.isfinite(gaps).all():
+            left = ~np.isfinite(gaps)
+            frames = self.frames(place, np.unique(pairs[left], axis=0), reach)
+            for k in np.flatnonzero(left):
+                gaps[k] = frames.gap[(frames.pairs == pairs[k]).all(axis=1)].min(initial=np.inf)
+            reach *= 4.0
+        return gaps
+
+    def inherited(self, memory: ContactMemory, frames: Frames) -> FloatArray:
+        """Forces of the last step, shape (c, 2) [N], each by the contact that it belongs to now."""
+        forces, bodies = np.empty((len(frames), 2)), frames.pairs.copy()
+        of_wall = bodies[:, 1] >= self._n
+        bodies[of_wall, 1] = bodies[of_wall, 0]
+        spans = np.where(self._round[bodies], 0.0, self._ring[bodies])
+        spans[of_wall, 1] = 0.0
+        single = np.logical_and(*self._convex[bodies].T)
+        keys = memory.keys_of(frames.pairs)
+        carry_over(memory.keys, memory.places, memory.forces, keys, frames.place, spans, single, forces)
+        return forces
+
+    def _features_of(self, place: Place, at_walls: IntArray, between: IntArray, reach: float) -> Meetings:
+        elastic = self._laws.elastic
+        of, rows = self._features.of_pairs(place.x, place.angle, between, reach, deep=bool(elastic[0]))
+        deep = elastic[at_walls[:, 1] - self._n + 1]
+        of_wall, more = self._features.of_walls(place.x, place.angle, at_walls, place.after, reach, deep=deep)
+        first, second, normal, gap, at = _joined(rows, more)
+        pairs = np.concatenate([between[of], at_walls[of_wall]])
+        found = Meetings(pairs, first, second, np.zeros((len(pairs), 2)), normal, gap, at)
+        return found.pick(self._order(pairs, at))
+
+    def _with_chords(self, place: Place, at_walls: IntArray, between: IntArray, near: Meetings) -> Meetings:
+        """Chords of the elastic bodies that overlap, and the features that no chord stands for."""
+        touching, rows = self._chords(place, at_walls, between)
+        covered = np.zeros(len(near.pairs), dtype=np.bool_)
+        keys, chord_keys = (pairs[:, 0] * self._bodies + pairs[:, 1] for pairs in (near.pairs, touching))
+        mark_covered(keys, near.place, near.gap, chord_keys, rows.place, self._ring[touching[:, 0]], covered)
+        of_wall = touching[:, 1] >= self._n
+        middles = np.zeros((len(touching), 2))
+        for body, begin, end, column in ((touching[:, 0], 0, 2, 0), (np.where(of_wall, 0, touching[:, 1]), 3, 1, 1)):
+            ring = self._ring[body]
+            middles[:, column] = (
+                rows.place[:, begin] + 0.5 * ((rows.place[:, end] - rows.place[:, begin]) % ring)
+            ) % ring
+        middles[of_wall, 1] = 0.0
+        other = place.x[np.where(of_wall, touching[:, 0], touching[:, 1])]
+        points = (rows.point - place.x[touching[:, 0]], rows.point - other)
+        tip = np.column_stack([rows.beyond, rows.overlap - rows.beyond])
+        both = Meetings(*_joined(near.pick(~covered), (touching, *points, tip, rows.normal, -rows.overlap, middles)))
+        return both.pick(self._order(both.pairs, both.place))
+
+    def _chords(self, place: Place, at_walls: IntArray, between: IntArray) -> tuple[IntArray, ContactRows]:
+        """Contacts across chords, and their pairs in ascending order."""
+        x, angle, radius = place.x, place.angle, place.radius
+        close = between[:0]
+        if self._laws.elastic[0]:
+            apart = np.hypot(*(x[between[:, 1]] - x[between[:, 0]]).T)
+            close = between[apart < radius[between[:, 0]] + radius[between[:, 1]]]
+        of, rows = self._grains.pair_contacts(x, angle, close)
+        pairs = close[of]
+        for w in np.flatnonzero(self._laws.elastic[1:]):
+            wall, mine = place.after[w], at_walls[at_walls[:, 1] == self._n + w]
+            mine = mine[(x[mine[:, 0]] - wall[0:2]) @ wall[2:4] < radius[mine[:, 0]]]
+            if len(mine):
+                some = self._grains.chosen(mine[:, 0])
+                of, more = some.wall_contacts(x[mine[:, 0]], angle[mine[:, 0]], wall[0:2], wall[2:4])
+                pairs, rows = np.concatenate([pairs, mine[of]]), ContactRows(*_joined(rows, more))
+        order = self._order(pairs, rows.place)
+        columns: list[Any] = [column[order] for column in rows]
+        return pairs[order], ContactRows(*columns)
+
+    def _complete(self, place: Place, at_walls: IntArray, reach: float, meetings: Meetings) -> Frames:
+        pairs, first, second, tip, normal, gap, at = meetings
+        c = len(pairs)
+        row = np.where(pairs[:, 1] >= self._n, pairs[:, 1] - self._n + 1, 0)
+        before, shift, arms = np.empty(c), np.empty(c), np.empty((c, 4))
+        bodies = (pairs, row, place.x, first, second, tip, place.before, place.after, self._laws.arrays)
+        complete_frames(*bodies, normal, gap, before, shift, arms)
+        frames = Frames(pairs, row, normal, gap, before, shift, arms, at)
+        turned = np.any(place.before[:, 2:4] != place.after[:, 2:4], axis=1)
+        if turned.any():
+            self._look_back(place, at_walls[turned[at_walls[:, 1] - self._n]], reach, frames)
+        return frames
+
+    def _look_back(self, place: Place, at_walls: IntArray, reach: float, frames: Frames) -> None:
+        """Mend ``gap_before``, and the arms that depend on it, at walls that turn in the step: outlines touched them elsewhere."""
+        material, reach = frames.gap_before.copy(), reach + place.wall_way()
+        of, rows = self._features.of_walls(place.x, place.angle, at_walls, place.before, reach, deep=True)
+        keys, near_keys = (pairs[:, 0] * self._bodies + pairs[:, 1] for pairs in (frames.pairs, at_walls[of]))
+        ring = self._ring[frames.pairs[:, 0]]
+        gaps_before(keys, frames.place, near_keys, rows.place, rows.gap, ring, frames.gap_before)
+        shorter = 0.5 * self._laws.arm_overlap[frames.row]
+        frames.arms[:, 2] += shorter * (np.maximum(0.0, -material) - np.maximum(0.0, -frames.gap_before))
+
+    def _order(self, pairs: IntArray, at: FloatArray) -> IntArray:
+        return np.lexsort((at[:, 0], pairs[:, 1], pairs[:, 0]))
+
+
+def _joined(one: tuple[NDArray[Any], ...], other: tuple[NDArray[Any], ...]) -> list[NDArray[Any]]:
+    """Columns of two tables, one below the other."""
+    return [np.concatenate(column) for column in zip(one, other, strict=True)]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where bodies are: disks at the start of a step, walls at both its ends.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n, 2)
+        Centres [m].
+    angle : ndarray, shape (n,)
+        Angles [rad].
+    radius : ndarray, shape (n,)
+        Radii [m]; of bodies with outlines, those of circles around them.
+    before, after : ndarray, shape (m, 11)
+        Walls.
+    """
+
+    x: FloatArray
+    angle: FloatArray
+    radius: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+    def round_off(self) -> float:
+        """Error of a gap [m] that the rounding of coordinates explains."""
+        return gap_round_off(self.x, self.radius, self.after)
+
+    def wall_way(self) -> float:
+        """Bound on the displacement of a wall's surface over the step near the disks [m]."""
+        return wall_way(self.x, self.before, self.after)
+
+
+class ContactMemory:
+    """Forces of the last step by contact: the shear springs' state and the solvers' warm start.
+
+    Parameters
+    ----------
+    n_bodies : int
+        Disks and walls.
+    pairs : ndarray of int64, shape (c, 2)
+        In ascending order; a pair of outlines can occur several times.
+    forces : ndarray, shape (c, 2)
+        Normal and shear forces ``(p, q)`` [N].
+    places : ndarray, shape (c, 2)
+        Places on both outlines, 0 on disks and walls.
+    shear : ndarray, shape (c,), optional
+        Shear forces with which the next step begins [N]; None: those of the last one.
+
+    Attributes
+    ----------
+    keys : ndarray of int64, shape (c,)
+        One number for each pair, ascending.
+    """
+
+    def __init__(
+        self, n_bodies: int, pairs: IntArray, forces: FloatArray, places: FloatArray, shear: FloatArray | None = None
+    ) -> None:
+        self._n = n_bodies
+        self.pairs, self.forces, self.places = pairs, forces, places
+        self.shear = forces[:, 1] if shear is None else shear
+        self.keys = self.keys_of(pairs)
+
+    def keys_of(self, pairs: IntArray) -> IntArray:
+        """One number for each pair, in the order of the pairs."""
+        return np.asarray(pairs[:, 0] * self._n + pairs[:, 1])
+
+    def of(self, pairs: IntArray) -> FloatArray:
+        """Forces of these pairs of disks and walls, shape (c, 2); 0 where there was no contact."""
+        found = np.zeros((len(pairs), 2))
+        if len(self.keys) and len(pairs):
+            keys = self.keys_of(pairs)
+            at = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
+            known = self.keys[at] == keys
+            found[known] = self.forces[at[known]]
+        return found
+
+    def sums(self, pairs: IntArray) -> FloatArray:
+        """Sums of the forces of all contacts of each of these pairs, shape (c, 2)."""
+        keys = self.keys_of(pairs)
+        begin, end = (np.searchsorted(self.keys, keys, side) for side in ("left", "right"))
+        return np.array([self.forces[i:j].sum(axis=0) for i, j in zip(begin, end, strict=True)]).reshape(len(pairs), 2)
+
+    def same(self, pairs: IntArray, others: IntArray) -> NDArray[np.bool_]:
+        """Which of the pairs are among the others, shape (c,)."""
+        return np.isin(self.keys_of(pairs), self.keys_of(others))
+
+    def renewed(
+        self, pairs: IntArray, forces: FloatArray, places: FloatArray, shear: FloatArray | None = None
+    ) -> ContactMemory:
+        """Memory of the next step."""
+        return ContactMemory(self._n, pairs, forces, places, shear)
+
+    def springs(self) -> ContactMemory:
+        """The same with the shear forces with which the next step begins."""
+        return self.renewed(self.pairs, np.column_stack([self.forces[:, 0], self.shear]), self.places)

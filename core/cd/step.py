@@ -1,22 +1,43 @@
-"""One step of the theta scheme as a contact problem."""
+"""One step of the theta scheme as a contact problem.
+
+Which contacts a step needs: found so that none that can close is missed.
+
+Contact forces at time 0.
+
+Equilibrium under prescribed motions: the static limit of a step.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.contact_kernels import FED, carry_shear, contact_compliances, dynamic_offsets, note_impact_work
-from ninedisk.core.cd.contacts import Frames
+from ninedisk.core.cd.contact_kernels import (
+    FED,
+    MISSED,
+    NEARBY,
+    carry_shear,
+    closing_gaps,
+    contact_compliances,
+    dynamic_offsets,
+    note_impact_work,
+    surface_way,
+)
+from ninedisk.core.cd.contacts import ContactMemory, Frames, Place, contact_frames
 from ninedisk.core.cd.laws import LawTable
-from ninedisk.core.cd.place import Place
-from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.cd.problem_kernels import contact_velocities
-from ninedisk.core.cd.result import SolverResult
+from ninedisk.core.cd.settings import SolverResult
 from ninedisk.core.cd.solvers.solver import ContactSolver
+from ninedisk.core.dem.neighbours import PairFinder
+from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
 from ninedisk.core.scene import Scene
 
+if TYPE_CHECKING:
+    from ninedisk.core.cd.contacts import GrainFrames
 FloatArray = NDArray[np.float64]
 
 
@@ -135,7 +156,7 @@ class DynamicStep:
     contact of disks alone never does, as its W has no coupling of normal and shear. What is fed is in ``impact_gain`` of the history's
     energies and in the run's remarks. Walls that move add the work of their motion, which is counted as theirs.
 
-    With friction and ``e > 0`` a step can have no solution where bodies are wedged, see `ninedisk.core.cd.wedges.wedging_corners`.
+    With friction and ``e > 0`` a step can have no solution where bodies are wedged, see `ninedisk.core.cd.laws.wedging_corners`.
 
     Parameters
     ----------
@@ -225,3 +246,307 @@ def carried_shear(frames: Frames, place: Place, solved: Solved, laws: LawTable) 
     poses = (place.x, place.before, place.after)
     carry_shear(frames.pairs, bodies, frames.row, *poses, *geometry, solved.dx, laws.arrays, solved.r, shear)
     return shear
+
+
+def solve_with_contacts(
+    step: Step,
+    place: Place,
+    finder: PairFinder,
+    laws: LawTable,
+    memory: ContactMemory,
+    sliding: Sliding,
+    margin: float = 0.0,
+    start: ContactMemory | None = None,
+    grains: GrainFrames | None = None,
+) -> tuple[Frames, Solved]:
+    """Solve a step on a set of contacts that grows until no pair outside it is violated.
+
+    A pair enters if its gap at the end of the step, minus ``mu`` times its slip under the associated rule, is not
+    positive: first for the motion without contacts, then for each solution, and a solution starts from the one before. Contacts of
+    the guess that are near enter at once. The search covers every pair that the displacements found can bring that far, so the
+    final solution violates no contact, listed or not. The gap is that along the normal at the start of the step: exact on disks and
+    walls, or on the safe side; on outlines that turn by an angle a and have the radius of curvature rho it errs by ``rho a^2/2``.
+
+    Parameters
+    ----------
+    step : Step
+    place : Place
+    finder : PairFinder
+    laws : LawTable
+    memory : ContactMemory
+        Forces of the last step.
+    sliding : {"associated", "coulomb"}
+    margin : float
+        Pairs with a gap up to this [m] enter at once.
+    start : ContactMemory, optional
+        Guess of the step's forces; None: those of the last step.
+    grains : GrainFrames, optional
+        Where bodies have outlines.
+
+    Returns
+    -------
+    frames : Frames
+        Contacts of the step.
+    solved : Solved
+    """
+    tolerance = MISSED * place.round_off()
+    dilation = laws.mu if sliding == "associated" else np.zeros_like(laws.mu)
+    factor = 1.0 + float(dilation.max())
+    walls = place.wall_way()
+
+    def reach_of(dx: FloatArray) -> float:
+        return factor * (2.0 * surface_way(dx, place.radius) + walls) + max(margin, 2.0 * tolerance)
+
+    def near(reach: float) -> Frames:
+        return frames_within(reach, place, finder, laws, grains)
+
+    def closing(frames: Frames, dx: FloatArray) -> FloatArray:
+        bodies, out = pair_bodies(frames, len(dx)), np.empty(len(frames))
+        closing_gaps(bodies, frames.normal, frames.arms, frames.gap, frames.shift, frames.row, dilation, dx, out)
+        return out
+
+    dx = step.guess()
+    reach = max(2.0 * reach_of(dx), NEARBY * float(place.radius.min()))
+    frames = near(reach)
+    inside = closing(frames, dx) < max(margin, tolerance)
+    start, springs, iterations = memory if start is None else start, memory.springs(), 0
+    # Under Newton's law a contact is one only once its gap closes; one with a stretched shear spring would hold on by it (associated rule).
+    stretched = laws.elastic[frames.row] & (_forces(springs, frames, grains)[:, 1] != 0.0)
+    inside |= start.same(frames.pairs, start.pairs) & np.isnan(laws.restitution[frames.row]) & ~stretched
+    while True:
+        chosen = frames.pick(inside)
+        solved = step.solve(chosen, _forces(springs, chosen, grains), _forces(start, chosen, grains))
+        start, iterations = memory.renewed(chosen.pairs, solved.r, chosen.place), iterations + solved.result.iterations
+        needed = reach_of(solved.dx)
+        if needed > reach:
+            reach = 1.5 * needed
+            frames = near(reach)
+            inside = memory.same(frames.pairs, chosen.pairs) if grains is None else _among(frames, chosen)
+        missed = ~inside & (closing(frames, solved.dx) < -tolerance)
+        if not missed.any():
+            return chosen, solved._replace(result=replace(solved.result, iterations=iterations))
+        inside |= missed
+
+
+def frames_within(reach: float, place: Place, finder: PairFinder, laws: LawTable, grains: GrainFrames | None) -> Frames:
+    """Contacts with a gap below ``reach`` [m] at the end of the step if no body moved."""
+    pairs = finder.within(place.x, place.after, reach)
+    if grains is not None:
+        return grains.frames(place, pairs, reach)
+    return contact_frames(pairs, place.x, place.radius, place.before, place.after, laws)
+
+
+def _forces(memory: ContactMemory, frames: Frames, grains: GrainFrames | None) -> FloatArray:
+    """Forces that a memory has for the contacts, shape (c, 2) [N]."""
+    return memory.of(frames.pairs) if grains is None else grains.inherited(memory, frames)
+
+
+def _among(frames: Frames, others: Frames) -> NDArray[np.bool_]:
+    """Which contacts of a step are among others of the same step: outlines can meet in several places."""
+
+    def names(some: Frames) -> list[tuple[float, ...]]:
+        return [(*pair, *place) for pair, place in zip(some.pairs.tolist(), some.place.tolist(), strict=True)]
+
+    known = set(names(others))
+    return np.array([name in known for name in names(frames)], dtype=bool)
+
+
+TOUCHING = 1e-9
+"""Overlap over radius up to which a rigid contact counts as touching: the rounding of a scene's coordinates."""
+
+
+def initial_forces(
+    scene: Scene, laws: LawTable, finder: PairFinder, place: Place, grains: GrainFrames | None
+) -> ContactMemory:
+    """Forces at time 0: elastic contacts by their overlap and the scene's shear forces, rigid ones by nothing.
+
+    A shear force of a pair that touches at several places belongs to the deepest contact. More than ``mu`` times the normal force
+    is cut off to that, as the DEM does it: a contact cannot hold it.
+
+    Raises
+    ------
+    InvalidSceneError
+        If rigid bodies overlap, centres coincide, or a shear force belongs to a contact that cannot hold one.
+    """
+    n, radius = len(scene.disks), scene.disks.radius
+    reach = 1e-12 * float(radius.max())
+    try:
+        frames = frames_within(reach, place, finder, laws, grains)
+    except NonFiniteStateError as error:
+        raise InvalidSceneError(f"{error}; move one") from error
+    pairs, elastic, depth = frames.pairs, laws.elastic[frames.row], np.maximum(0.0, -frames.gap)
+    smaller = np.where(pairs[:, 1] < n, radius[np.minimum(pairs[:, 1], n - 1)], np.inf)
+    bad = ~elastic & (depth > TOUCHING * np.minimum(radius[pairs[:, 0]], smaller))
+    if bad.any():
+        k = int(np.argmax(np.where(bad, depth, 0.0)))
+        names = " and ".join(scene.body_name(int(body)) for body in pairs[k])
+        raise InvalidSceneError(
+            f"{names} overlap by {depth[k]:g} m and their contact is rigid: move them apart, or make it elastic "
+            "(cd.contacts = elastic)"
+        )
+    forces = np.column_stack([np.where(elastic, laws.kn[frames.row] * depth, 0.0), np.zeros(len(pairs))])
+    at = {(int(pairs[k, 0]), int(pairs[k, 1])): int(k) for k in np.argsort(depth, kind="stable")}
+    for pair, shear in scene.initial_shear.items():
+        if shear == 0.0:
+            continue
+        names = " and ".join(scene.body_name(body) for body in pair)
+        k = at.get(pair, -1)
+        if k < 0 or not elastic[k] or laws.mu[frames.row[k]] == 0.0:
+            raise InvalidSceneError(
+                f"the initial shear force {shear:g} N belongs to {names}, whose contact does not hold one (open, rigid or "
+                "smooth): give it an overlap, elasticity, mu > 0 and ks > 0, or drop the entry"
+            )
+        most = laws.mu[frames.row[k]] * forces[k, 0]
+        forces[k, 1] = min(max(shear, -most), most)
+    return ContactMemory(scene.n_bodies, pairs, forces, frames.place)
+
+
+WEIGHT = 1e-3
+"""Proximal stiffness over contact stiffness: small, so that a few iterations reach the limit, and large enough that displacements
+follow from forces without loss of digits."""
+BALANCE = 1e-10
+"""Largest unbalanced force of an equilibrium, relative to the largest force: what the residual of the solver, 1e-12, leaves."""
+MAX_ITERATIONS = 400
+
+
+class StaticStep:
+    """Series step without inertia: ``0 = f + H' r`` under the prescribed displacements.
+
+    The mass matrix is dropped (``theta dt`` to infinity in the theta scheme). What remains can be singular: disks that no
+    contact holds, modes without energy. It is solved by the proximal-point method: a small stiffness ``s M`` ties every disk to
+    the last iterate, beginning with no displacement,
+
+        s M (dx_k+1 - dx_k) = f + H' r_k+1,
+
+    which tends to an equilibrium if there is one, and leaves the part of ``dx`` on which neither load nor contacts do work at
+    zero: the displacement of least norm. Under a load that no contact forces balance, ``dx`` grows without bound.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    laws : LawTable
+    solver : ContactSolver
+    prescribed : ndarray, shape (b, 3)
+        Displacements of the unknowns that are not free [m], [m], [rad]; 0 elsewhere.
+    radius : ndarray, shape (b,)
+        Radii [m].
+    length : float
+        Displacement [m] that the walls prescribe, 0 if none.
+    round_off : float
+        Rounding error of a gap [m].
+
+    Notes
+    -----
+    R. T. Rockafellar, "Monotone operators and the proximal point algorithm", SIAM J. Control Optim. 14 (1976) 877-898.
+    """
+
+    def __init__(
+        self,
+        bodies: Bodies,
+        laws: LawTable,
+        solver: ContactSolver,
+        prescribed: FloatArray,
+        radius: FloatArray,
+        length: float,
+        round_off: float,
+    ) -> None:
+        self._bodies, self._laws, self._solver = bodies, laws, solver
+        self._prescribed, self._radius, self._round_off = prescribed, radius, round_off
+        self._length = max(length, float(np.abs(prescribed[:, :2]).max())) or 1e-3 * float(radius.min())
+
+    def guess(self) -> FloatArray:
+        """Displacements that are prescribed; no disk moves by itself."""
+        return self._prescribed
+
+    def problem(self, frames: Frames, forces: FloatArray, mass: FloatArray, near: FloatArray) -> ContactProblem:
+        """Proximal problem around the displacements ``near``, in displacements [m] and forces [N]."""
+        free = self._bodies.free
+        return ContactProblem(
+            mass=np.where(free, mass, np.inf),
+            force=np.where(free, self._bodies.load + mass * near, 0.0),
+            bodies=pair_bodies(frames, len(mass)),
+            normal=frames.normal,
+            arms=frames.arms,
+            offset=np.column_stack([frames.gap, frames.shift]) + relative(frames, self._prescribed),
+            mu=self._laws.mu[frames.row],
+            compliance=compliances(frames, self._laws),
+            shear_0=forces[:, 1],
+            resolution=self._round_off,
+        )
+
+    def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
+        """Find the equilibrium.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If the load drives a mechanism or exceeds what the contacts can bear, naming the disks that move.
+        SolverNotConvergedError, InfeasibleContactsError
+            As `ContactSolver.solve` does.
+        """
+        mass, elastic = self._proximal_mass(frames)
+        arm = np.column_stack([np.ones((len(mass), 2)), 1.0 / self._radius])
+        dx = np.zeros_like(mass)
+        for _ in range(MAX_ITERATIONS):
+            result = self._solver.solve(self.problem(frames, forces, mass, dx), start)
+            unbalanced = np.where(self._bodies.free, mass * (result.v - dx), 0.0) * arm
+            dx, start = result.v, result.r
+            largest = max(float(np.abs(self._bodies.load * arm).max()), float(np.abs(start).max(initial=0.0)))
+            if float(np.abs(unbalanced).max()) <= BALANCE * largest:
+                total = dx + self._prescribed
+                return Solved(total, np.zeros_like(total), result.r, result)
+            way = np.hypot(dx[:, 0], dx[:, 1]) + np.abs(dx[:, 2]) * self._radius
+            if (way > self._radius).any():
+                raise NoEquilibriumError(_runaway(way, unbalanced, largest))
+            if not elastic:
+                mass = 0.5 * mass
+        raise SolverNotConvergedError(
+            f"the static step is not in balance after {MAX_ITERATIONS} iterations: unbalanced force "
+            f"{float(np.abs(unbalanced).max()):.3g} N, largest force {largest:.3g} N; the contacts are close to their limit: "
+            "reduce the load or the prescribed displacement, or give the contacts more friction",
+            iterations=MAX_ITERATIONS,
+        )
+
+    def _proximal_mass(self, frames: Frames) -> tuple[FloatArray, bool]:
+        mass = self._bodies.mass
+        stiff = np.where(self._laws.elastic[frames.row], self._laws.kn[frames.row], 0.0)
+        if (stiff > 0.0).any():
+            return mass * (WEIGHT * float(stiff.max()) / float(mass[:, 0].max())), True
+        force = float(np.abs(self._bodies.load[:, :2]).max()) or 1.0
+        return mass * (force / self._length / float(mass[:, 0].max())), False
+
+
+def _runaway(way: FloatArray, unbalanced: FloatArray, largest: float) -> str:
+    order = np.argsort(-way)
+    moving = [int(i) for i in order if way[i] > 0.5 * way[order[0]]]
+    names = ", ".join(str(i) for i in moving[:8]) + (f" and {len(moving) - 8} more" if len(moving) > 8 else "")
+    force = float(np.abs(unbalanced).max())
+    return (
+        f"there is no equilibrium near: the load moves disk(s) {names} by more than a radius and {force:.3g} N of at most "
+        f"{largest:.3g} N stay unbalanced. Either a mechanism is free to follow the load, or friction and walls cannot bear it: "
+        "hold or support these disks, reduce the load, or run with inertia (regime = dynamic)"
+    )
+
+
+def zero_energy_modes(problem: ContactProblem, r: FloatArray) -> int:
+    """Number of independent displacements that strain no active contact: rattlers, gears, mechanisms without load.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    r : ndarray, shape (c, 2)
+        Contact forces; a contact with ``p > 0`` holds its normal, one below the friction limit also its tangent.
+
+    Returns
+    -------
+    int
+        Rank deficiency of the active rows of the Jacobian on the free unknowns; a dense decomposition.
+    """
+    p, q = r[:, 0], np.abs(r[:, 1])
+    bears = p > 1e-9 * float(p.max(initial=0.0))
+    sticks = bears & (problem.mu > 0.0) & (q < problem.mu * p * (1.0 - 1e-9))
+    rows = problem.jacobian().toarray()[np.column_stack([bears, sticks]).ravel()]
+    free = problem.free.ravel() > 0.0
+    if not len(rows):
+        return int(free.sum())
+    return int(free.sum()) - int(np.linalg.matrix_rank(rows[:, free]))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ninedisk.core.dem.grain_state import COUNT, MIDDLE_A, Outlines
 from ninedisk.core.dem.neighbour_kernels import NeighbourList
-from ninedisk.core.dem.state import DiskArrays
+from ninedisk.core.dem.state import COUNT, MIDDLE_A, DiskArrays, Outlines
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.history import Pair
 from ninedisk.core.nurbs.intersect import NurbsGrains

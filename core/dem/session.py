@@ -1,48 +1,58 @@
-"""A DEM run in progress: calls the kernels, grows the lists, saves and restores."""
+"""A DEM run in progress: calls the kernels, grows the lists, saves and restores.
+
+What the DEM takes on: checks of a scene, its numerics and the number of threads before anything is allocated.
+
+What a DEM run gives back.
+
+Counts of a DEM run: rebuilds of the lists, listed pairs, contacts.
+"""
 
 from __future__ import annotations
 
 import copy
 import os
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core._crew import together
+from ninedisk.core.compile import kernel
 from ninedisk.core.dem import state
-from ninedisk.core.dem.admission import check_admission
 from ninedisk.core.dem.arrays import (
+    ENERGIES,
     SORT_FROM,
     STRIPES,
     Lists,
     aligned,
+    behind_wall,
+    contact_step,
     disk_arrays,
     disk_views,
     first_lists,
+    law_row,
+    not_finite,
     sample_arrays,
+    step_constants,
     team_arrays,
     wall_arrays,
 )
-from ninedisk.core.dem.constants import behind_wall, contact_step, law_row, not_finite, step_constants
-from ninedisk.core.dem.counts import Counts, count
 from ninedisk.core.dem.files import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.grains import first_outlines, mended, restored, shear_of_grains
-from ninedisk.core.dem.lists import check_crowd, empty_cells, grown
-from ninedisk.core.dem.neighbour_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL
-from ninedisk.core.dem.outcome import history_of
+from ninedisk.core.dem.neighbour_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL, NeighbourList, rebuild
+from ninedisk.core.dem.neighbours import check_crowd, empty_cells, grown
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
-from ninedisk.core.dem.rebuild_kernels import rebuild
-from ninedisk.core.dem.state import DiskArrays
+from ninedisk.core.dem.state import COUNT, SIDE, DiskArrays, Outlines, Samples, WallArrays
 from ninedisk.core.dem.step_kernels import advance
-from ninedisk.core.errors import InvalidNumericsError
+from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.history import History, Pair
 from ninedisk.core.motion import compile_motion
 from ninedisk.core.numerics import MOST_STEPS, Numerics
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
+from ninedisk.core.threads import check_threads, together
 from ninedisk.core.validate import whole
-from ninedisk.core.watch import check_progress, check_room, chosen_particles, watched_pairs
+from ninedisk.core.watch import check_progress, check_room, check_run, chosen_particles, watched_pairs
 
 STEPS_TIMES_DISKS = 16_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
@@ -322,3 +332,121 @@ class DemSession:
         """What has been sampled so far."""
         rows = int(self._clock[state.ROW])
         return history_of(self._samples, rows, self.substeps, self.contact_dt, self.pairs)
+
+
+def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
+    """Refuse what the DEM cannot run.
+
+    Raises
+    ------
+    InvalidSceneError
+        If the scene has no disk or one that is held in a motion.
+    InvalidNumericsError
+        If the numerics ask for the static limit or have options for the DEM, which has none, or the number of threads is not allowed.
+    """
+    check_run(scene, numerics)
+    moved = scene.disks.held.any(axis=1) & ~scene.disks.fixed
+    if moved.any():
+        raise InvalidSceneError(
+            f"disk {int(np.argmax(moved))} is held in a motion, which the DEM cannot express: free it, hold it at rest (both "
+            "components, not rotating), or use contact dynamics"
+        )
+    if numerics.regime != "dynamic":
+        raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")
+    check_threads(threads)
+    read_options("dem", {}, numerics)
+
+
+def history_of(samples: Samples, rows: int, substeps: int, contact_dt: float, pairs: tuple[Pair, ...]) -> History:
+    """The first ``rows`` samples, taken in steps of ``substeps`` contact steps [s]."""
+    data: dict[str, Any] = {name: array[:rows] for name, array in samples._asdict().items()}
+    energy = {name: data["energy"][:, k] for k, name in enumerate(ENERGIES)}
+    energy["kinetic"] = energy["translation"] + energy["rotation"]
+    energy["elastic"] = energy["elastic_normal"] + energy["elastic_shear"]
+    energy["wall_work"] = data["wall_work"]
+    # Times are products of the step number and the contact step, as the kernels form them.
+    fields = ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force")
+    return History(
+        step=data["at"] // substeps,
+        t=data["at"] * contact_dt,
+        pairs=pairs,
+        particles=tuple(int(i) for i in samples.chosen),
+        force_meaning="instantaneous",
+        energy=energy,
+        **{name: data[name] for name in fields},
+    )
+
+
+class Counts(NamedTuple):
+    """What a run has done and holds at present; the same for any number of threads.
+
+    Attributes
+    ----------
+    rebuilds : int
+        Rebuilds of the neighbour lists since time 0, not counting the lists that a session begins with; a checkpoint carries it on.
+    pairs, wall_pairs : int
+        Pairs of disks, and of a disk and a wall, that the present lists hold: those whose gap was below the skin at the last rebuild.
+        Each costs in every step: a pair of disks as much as a contact, one with a wall a distance.
+    contacts, wall_contacts : int
+        Pairs of disks, and of a disk and a wall, that overlap at the present positions; of bodies with outlines the contacts of
+        the last finished step, of which a pair can have several (before the first step those that carry a preload).
+    """
+
+    rebuilds: int
+    pairs: int
+    wall_pairs: int
+    contacts: int
+    wall_contacts: int
+
+
+@kernel
+def touching(disks: DiskArrays, pairs: NeighbourList) -> int:
+    """Listed pairs of disks that overlap."""
+    found = 0
+    for i in range(disks.x.shape[0]):
+        for k in range(pairs.start[i], pairs.start[i + 1]):
+            j = pairs.other[k]
+            dx, dy = disks.x[j, 0] - disks.x[i, 0], disks.x[j, 1] - disks.x[i, 1]
+            reach = disks.radius[i] + disks.radius[j]
+            if dx * dx + dy * dy < reach * reach:
+                found += 1
+    return found
+
+
+@kernel
+def touching_walls(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList) -> int:
+    """Listed pairs of a disk and a wall that overlap."""
+    found = 0
+    for w in range(walls.now.shape[0]):
+        px, py, ux, uy = walls.now[w, 0], walls.now[w, 1], walls.now[w, 2], walls.now[w, 3]
+        for k in range(pairs.start[w], pairs.start[w + 1]):
+            i = pairs.other[k]
+            height = (disks.x[i, 0] - px) * ux + (disks.x[i, 1] - py) * uy
+            if disks.radius[i] - height > 0.0:
+                found += 1
+    return found
+
+
+def count(
+    disks: DiskArrays,
+    walls: WallArrays,
+    pairs: NeighbourList,
+    wall_pairs: NeighbourList,
+    outlines: Outlines | None,
+    rebuilds: int,
+) -> Counts:
+    """Counts of the present state; ``rebuilds`` is taken over."""
+    if outlines is None:
+        contacts, wall_contacts = int(touching(disks, pairs)), int(touching_walls(disks, walls, wall_pairs))
+    else:
+        contacts, wall_contacts = _of_outlines(outlines, len(disks.x))
+    return Counts(rebuilds, int(pairs.start[-1]), int(wall_pairs.start[-1]), contacts, wall_contacts)
+
+
+def _of_outlines(outlines: Outlines, n: int) -> tuple[int, int]:
+    """Contacts in the memory of the last finished step, between bodies and with walls, which are bodies ``n`` and beyond."""
+    memory = outlines.memory
+    side = int(memory.mark[SIDE])
+    second = memory.body[side, : int(memory.mark[COUNT + side]), 1]
+    at_walls = int(np.count_nonzero(second >= n))
+    return len(second) - at_walls, at_walls

@@ -11,18 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.dem.force_kernels import disk_wall_forces
+from ninedisk.core.dem.force_kernels import disk_disk_forces, disk_wall_forces, note_pairs
 from ninedisk.core.dem.grain_kernels import grain_forces
-from ninedisk.core.dem.grain_sample_kernels import record_contacts
-from ninedisk.core.dem.grain_state import CODE, Outlines
 from ninedisk.core.dem.kick_kernels import farther, kick_and_drift
-from ninedisk.core.dem.neighbour_kernels import OK, Cells, NeighbourList
-from ninedisk.core.dem.pair_kernels import disk_disk_forces, note_pairs
-from ninedisk.core.dem.rebuild_kernels import next_skin, rebuild
-from ninedisk.core.dem.sample_kernels import record
+from ninedisk.core.dem.neighbour_kernels import OK, Cells, NeighbourList, next_skin, rebuild
+from ninedisk.core.dem.sample_kernels import record, record_contacts
 from ninedisk.core.dem.state import (
     BEHIND_WALL,
     BUILT,
+    CODE,
     GRAINS_STOPPED,
     PENDING,
     REBUILDS,
@@ -30,6 +27,7 @@ from ninedisk.core.dem.state import (
     STEP,
     DiskArrays,
     Kick,
+    Outlines,
     Samples,
     StepConstants,
     Team,
@@ -37,7 +35,7 @@ from ninedisk.core.dem.state import (
     WallArrays,
 )
 from ninedisk.core.motion_kernels import WallMotion, place_walls
-from ninedisk.core.threads import PAD, wait_for_all
+from ninedisk.core.thread_kernels import PAD, wait_for_all
 
 BLOCK = 2048
 """Disks whose forces are found before they are kicked, so many as stay in the second cache (300 kB) and the memory behind it still

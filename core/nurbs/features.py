@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
+from ninedisk.core.nurbs.features_kernels import DEEPEST, features_of_pairs, features_with_walls
 from ninedisk.core.nurbs.intersect import NurbsGrains
-from ninedisk.core.nurbs.nurbs_feature_list_kernels import features_of_pairs, features_with_walls
-from ninedisk.core.nurbs.nurbs_feature_row_kernels import DEEPEST
-from ninedisk.core.nurbs.nurbs_vertices import vertices_of
 from ninedisk.core.nurbs.state import FULL, FeatureRows, IntArray, feature_rows
+from ninedisk.core.nurbs.table import vertices_of
 from ninedisk.core.validate import FloatArray
 
 

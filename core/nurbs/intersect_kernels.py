@@ -13,10 +13,15 @@ from math import sqrt
 
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, point_at
-from ninedisk.core.nurbs.lens_kernels import chord, extent_along, extreme_near, normal_of
-from ninedisk.core.nurbs.nurbs_convex_kernels import APART, LENS, UNSURE, convex_lens
-from ninedisk.core.nurbs.nurbs_loop_kernels import corners_from, measured_together
-from ninedisk.core.nurbs.roots_kernels import ROUNDING, SHIFT, crossings
+from ninedisk.core.nurbs.lens_kernels import (
+    chord,
+    corners_from,
+    extent_along,
+    extreme_near,
+    measured_together,
+    normal_of,
+)
+from ninedisk.core.nurbs.roots_kernels import APART, LENS, ROUNDING, SHIFT, UNSURE, convex_lens, crossings
 from ninedisk.core.nurbs.state import (
     CROSSED,
     ENCLOSED,

@@ -1,15 +1,22 @@
-"""Outlines to begin with: exact disk and ellipse, and the fit of a closed polyline."""
+"""Outlines to begin with: exact disk and ellipse, polygons, rounded polygons, fits of a closed polyline and of an image.
+
+The shapes of all bodies of a scene come as one table.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import cos, pi, sin, tan
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.nurbs.curve import MOST_DEGREE, MOST_POINTS, NurbsCurve
-from ninedisk.core.validate import FloatArray, at_least, numbers, whole
+from ninedisk.core.nurbs.curve import MOST_DEGREE, MOST_POINTS, NurbsCurve, powers
+from ninedisk.core.nurbs.curve_kernels import ShapeTable
+from ninedisk.core.nurbs.table import shape_table, table_of_circles, tables_together
+from ninedisk.core.validate import FloatArray, at_least, numbers, real, shown, whole
 
 QUARTERS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 4.0])
 MOST_ROUNDS = 1_000
@@ -137,3 +144,175 @@ def _periodic_basis(at: FloatArray, n: int, degree: int) -> FloatArray:
     for j, value in enumerate(values):
         matrix[np.arange(len(at)), (span + j) % n] = value
     return matrix
+
+
+MOST_FACES = MOST_POINTS // 4 - 1
+"""A rounded polygon has four control points a face."""
+
+
+def polygon(vertices: ArrayLike) -> NurbsCurve:
+    """The polygon with these corners [m], counter-clockwise, each once, shape (k, 2), k >= 3: a curve of degree 1.
+
+    Raises
+    ------
+    InvalidSceneError
+        If they are no such points, or the polygon is no outline (see `NurbsCurve`).
+    """
+    corners = numbers("vertices", vertices)
+    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
+        raise InvalidSceneError(f"vertices have shape {corners.shape}; they must have shape (k, 2), k >= 3")
+    knots = np.concatenate([[0.0], np.arange(len(corners) + 1.0), [len(corners)]])
+    return NurbsCurve(degree=1, knots=knots, points=np.concatenate([corners, corners[:1]]))
+
+
+def regular_polygon(faces: int, apothem: float, *, roundness: float = 0.0) -> NurbsCurve:
+    """Regular polygon about the origin that stands on a face: at its angle 0 one outward normal is (0, -1).
+
+    Parameters
+    ----------
+    faces : int
+        3 .. `MOST_FACES`.
+    apothem : float
+        Distance of the faces from the centre [m], > 0.
+    roundness : float
+        Radius of the arcs that round the corners, over the apothem, in [0, 1): 0 is sharp, 1 would be the inscribed circle. The
+        arcs are exact, and the faces' lines are those of the sharp polygon.
+
+    Raises
+    ------
+    InvalidSceneError
+        If a value is out of its range.
+    """
+    m = whole("faces", faces, 3, MOST_FACES, error=InvalidSceneError)
+    height, part = at_least("apothem", apothem, 0.0, strict=True), real(roundness)
+    if not 0.0 <= part < 1.0:
+        raise InvalidSceneError(f"roundness = {shown(roundness)} is not allowed: it must be in [0, 1); 1 is a disk")
+    half = pi / m
+    ways = -0.5 * pi + 2.0 * half * np.arange(m, dtype=np.float64)  # of the faces' outward normals
+    normal, along = _directions(ways), _directions(ways + 0.5 * pi)
+    reach = height * (1.0 - part) * tan(half)
+    end = height * normal + reach * along
+    if part == 0.0:
+        return polygon(end)
+    # Each face and the arc behind it, in quadratic arcs: the face's start, its middle, its end, where its line meets the next one's.
+    start = height * normal - reach * along
+    crossing = height / cos(half) * _directions(ways + half)
+    points = np.stack([start, height * normal, end, crossing], axis=1).reshape(-1, 2)
+    weights = np.tile([1.0, 1.0, 1.0, sin(0.5 * pi - half)], m)
+    knots = np.concatenate([[0.0], np.repeat(np.arange(2.0 * m + 1.0), 2), [2.0 * m]])
+    return NurbsCurve(
+        degree=2, knots=knots, points=np.concatenate([points, points[:1]]), weights=np.concatenate([weights, [1.0]])
+    )
+
+
+def _directions(angle: FloatArray) -> FloatArray:
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+STEPS = {1: "bl", 2: "rb", 3: "rl", 4: "tr", 6: "tb", 7: "tl", 8: "lt", 9: "bt", 11: "rt", 12: "lr", 13: "br", 14: "lb"}
+"""Sides (left, bottom, right, top) where the boundary enters and leaves a cell whose corners, counter-clockwise from below left, are bits
+1, 2, 4, 8 if inside; it runs with the inside on its left. Cells 5 and 10, with two opposite corners inside, have two parts each: pixels
+touching at a corner only are not connected."""
+
+SADDLES = {5: ("bl", "tr"), 10: ("rb", "lt")}
+
+MIDDLES = {"l": (0, 1), "b": (1, 0), "r": (2, 1), "t": (1, 2)}
+"""Middles of a cell's sides, in halves of a pixel from below left."""
+
+
+def traced(image: ArrayLike, pixel: float = 1.0) -> FloatArray:
+    """Boundary of the true pixels of an image, as a closed polyline.
+
+    Parameters
+    ----------
+    image : array_like of bool, shape (rows, columns)
+        True inside the grain; row 0 is at the top.
+    pixel : float
+        Width of a pixel [m], > 0.
+
+    Returns
+    -------
+    ndarray, shape (k, 2)
+        Vertices [m], counter-clockwise, each once: middles between the centre of a pixel inside and that of a neighbour outside. The
+        lower left pixel's centre is the origin. The boundary of the body of which the image shows the pixel centres
+        is within ``pixel/sqrt(2)`` of the polyline wherever it is smooth on the scale of a pixel.
+
+    Raises
+    ------
+    InvalidSceneError
+        If the image is no 2-D array of truth values, is empty, or has several parts or a hole.
+    """
+    try:
+        given = np.empty(()) if np.ma.is_masked(image) else np.asarray(image)
+    except Exception as error:  # rows of unequal length, or whatever an object does that is asked to be an array
+        raise InvalidSceneError(f"image must be truth values in rows and columns, not {shown(image)}") from error
+    width = at_least("pixel", pixel, 0.0, strict=True)
+    if given.dtype != np.bool_ or given.ndim != 2:
+        raise InvalidSceneError(
+            f"image has shape {given.shape} and type {given.dtype}; it must be truth values in rows and columns (image > threshold)"
+        )
+    if not given.any():
+        raise InvalidSceneError("image has no true pixel: there is no grain in it")
+    inside = np.pad(given[::-1], 1).astype(np.int64)
+    kind = inside[:-1, :-1] + 2 * inside[:-1, 1:] + 4 * inside[1:, 1:] + 8 * inside[1:, :-1]
+    following: dict[tuple[int, int], tuple[int, int]] = {}
+    for row, column in zip(*np.nonzero((kind > 0) & (kind < 15)), strict=True):
+        code = int(kind[row, column])
+        for sides in SADDLES.get(code, (STEPS.get(code, ""),)):
+            places = [(2 * int(column) + MIDDLES[side][0], 2 * int(row) + MIDDLES[side][1]) for side in sides]
+            following[places[0]] = places[1]
+    first = min(following)
+    loop, at = [first], following[first]
+    while at != first:
+        loop.append(at)
+        at = following[at]
+    if len(loop) != len(following):
+        raise InvalidSceneError(
+            "image has more than one boundary: its true pixels form several parts (pixels that touch at a corner only are not connected) "
+            "or enclose a hole; keep one part and fill its holes"
+        )
+    polyline: FloatArray = (0.5 * np.array(loop, dtype=np.float64) - 1.0) * width
+    return polyline
+
+
+def fitted_image(image: ArrayLike, n: int, *, pixel: float = 1.0, degree: int = 3) -> Fit:
+    """Smooth outline of the true pixels of an image (see `traced`), with ``n`` different control points.
+
+    Returns
+    -------
+    Fit
+        Its ``largest`` is the largest distance of the traced vertices from the curve [m]; the traced polyline itself is as far off as
+        `traced` says.
+    """
+    return fitted(traced(image, pixel), n, degree=degree)
+
+
+def body_shapes(
+    outlines: Sequence[NurbsCurve], outline: NDArray[np.int64], radius: FloatArray
+) -> tuple[ShapeTable, NDArray[np.int64], FloatArray]:
+    """Table of the shapes of n bodies.
+
+    Parameters
+    ----------
+    outlines : sequence of NurbsCurve
+    outline : ndarray of int64, shape (n,)
+        Number of each body's outline, -1 for a disk.
+    radius : ndarray, shape (n,)
+        Radii of the disks [m]; those of other bodies are not read.
+
+    Returns
+    -------
+    table : ShapeTable
+        The outlines in their order, then the circles.
+    shape : ndarray of int64, shape (n,)
+        Row of each body.
+    radii : ndarray
+        Radii of the circles [m].
+    """
+    is_disk = outline < 0
+    radii, circle = np.unique(radius[is_disk], return_inverse=True)
+    tables = [shape_table([powers(curve.spans) for curve in outlines])] if outlines else []
+    tables += [table_of_circles(disk(1.0).table, radii)] if len(radii) else []
+    shape = outline.copy()
+    shape[is_disk] = len(outlines) + circle
+    return tables_together(tables), shape, radii

@@ -142,3 +142,26 @@ def feature_rows(k: int) -> FeatureRows:
         gap=np.zeros(k),
         place=np.zeros((k, 2)),
     )
+
+
+class Vertices(NamedTuple):
+    """Vertices of the shapes of a table, n of them, and which of its m pieces are straight.
+
+    Attributes
+    ----------
+    first : ndarray of int64, shape (s + 1,)
+        Vertices ``first[k] .. first[k+1]-1`` belong to shape ``k``.
+    place : ndarray, shape (n,)
+        Place on the outline, span + u + 1/2.
+    point : ndarray, shape (n, 2)
+        In the shape's frame [m].
+    cone : ndarray, shape (n, 4)
+        Outward unit normals before and after the vertex; equal ones at the end of a straight part that goes on smoothly.
+    straight : ndarray of bool, shape (m,)
+    """
+
+    first: NDArray[np.int64]
+    place: FloatArray
+    point: FloatArray
+    cone: FloatArray
+    straight: NDArray[np.bool_]

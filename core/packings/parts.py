@@ -60,9 +60,8 @@ def settle(scene: Scene, *, progress: Callable[[int, int], None] | None = None, 
     InvalidSceneError
         If nothing pulls the disks together, or they do not come to rest.
     """
-    from ninedisk.core.dem.admission import check_admission
     from ninedisk.core.dem.critical import critical_time_step, packed_time_step
-    from ninedisk.core.dem.session import DemSession
+    from ninedisk.core.dem.session import DemSession, check_admission
 
     g = math.hypot(*kind_of("scene", scene, Scene).gravity)
     check_progress(progress)

@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.result import SolverOptions
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.disks import Disks
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.packings import DENSITY, GRAVITY
 from ninedisk.core.scene import Scene
 from ninedisk.core.walls import Wall
-from ninedisk.harness.bench.packings import packing
+from ninedisk.harness.bench.dem_problems import packing
 
 DT, MU = 1e-3, 0.3
 SIZES, LARGE = (1_000, 10_000), (100_000,)
@@ -68,9 +68,8 @@ def resting(scene: Scene) -> ContactProblem:
     scene : Scene
         Disks that touch or overlap; their own laws do not matter.
     """
-    from ninedisk.core.cd.contacts import contact_frames
+    from ninedisk.core.cd.contacts import Place, contact_frames
     from ninedisk.core.cd.laws import LawTable
-    from ninedisk.core.cd.place import Place
     from ninedisk.core.cd.solvers.solver import ContactSolver
     from ninedisk.core.cd.step import DynamicStep, bodies_of
     from ninedisk.core.dem.neighbours import PairFinder

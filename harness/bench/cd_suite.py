@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import Sliding
-from ninedisk.core.cd.result import SolverOptions
+from ninedisk.core.cd.problem import ContactProblem, Sliding
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers.gauss_seidel import STRIPED_FROM
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.errors import CoreError

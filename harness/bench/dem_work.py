@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ninedisk.core.dem.counts import Counts
+from ninedisk.core.dem.session import Counts
 from ninedisk.harness.bench.dem_problems import DemProblem
 from ninedisk.harness.bench.kernel_work import work_of
 from ninedisk.harness.bench.measure import on_cores

@@ -94,8 +94,8 @@ def _cd(request: Request, tell: Tell) -> Iterator[list[Row]]:
 
 def _flow(request: Request, tell: Tell) -> Iterator[list[Row]]:
     from ninedisk.harness.api.registry import engine_table, get_engine
+    from ninedisk.harness.bench import flow as flow_problems
     from ninedisk.harness.bench import flow as flow_suite
-    from ninedisk.harness.bench import flow_problems
 
     sizes = _sizes(request, flow_problems.SIZES, flow_problems.LARGE)
     names = [name for name in flow_problems.problems(sizes) if request.problem_wanted(name)]

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ninedisk.harness.bench.convex import Program, program
+from ninedisk.harness.bench.cd_solvers import Program, program
 
 
 class Answer(NamedTuple):

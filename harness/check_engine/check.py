@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator, Sequence
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Engine, EngineError, SupportLevel
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.check_engine import conduct, form, honesty
-from ninedisk.harness.check_engine.claims import Probe
+from ninedisk.harness.check_engine import conduct
+from ninedisk.harness.check_engine import conduct as form
+from ninedisk.harness.check_engine import conduct as honesty
 from ninedisk.harness.check_engine.findings import REFUSED, Bench, Finding, attempt
-from ninedisk.harness.check_engine.probes import probe_of
-from ninedisk.harness.check_engine.scenes import fall, free_flight, weights
+from ninedisk.harness.check_engine.probes import Probe, fall, free_flight, probe_of, weights
 
 Progress = Callable[[int, int, str], None]
 

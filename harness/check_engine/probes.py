@@ -1,15 +1,35 @@
-"""The probe of each capability: a scene that needs it, and little else, with its closed form."""
+"""The probe of each capability: a scene that needs it, and little else, with its closed form.
+
+What a probe holds against what, and the bounds that it uses.
+
+Scenes of probes that need no springs: a disk in the air, and a disk at rest or sliding on a floor.
+
+Probes of contact springs, of the walls that move them, and of the static limit.
+
+Probes of grains: an ellipse that lies on its flat side, and a disk on a floor under the law of the common area.
+
+Scenes of probes whose disks are held.
+"""
 
 from __future__ import annotations
 
-from ninedisk.core.law import LeverArm
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ninedisk.core.history import History
+from ninedisk.core.law import LeverArm, SlipAt
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability
+from ninedisk.harness.api.case import Setup
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.check_engine.claims import Probe
-from ninedisk.harness.check_engine.contacts import driven, impact, passing, rolling, squeezed
-from ninedisk.harness.check_engine.grains import ellipse_at_rest, lens_on_floor
-from ninedisk.harness.check_engine.held import fixed, held
-from ninedisk.harness.check_engine.scenes import damped, fall, rebound, sliding
+from ninedisk.harness.cases.nurbs.grains import grains
+from ninedisk.references.analytic.spring_dashpot import beta_of_restitution, contact_duration, contact_history
 
 SHALLOW = 1e-4
 """Overlap over radius at which all lever arms are the same to that part."""
@@ -44,3 +64,585 @@ def probe_of(capability: Capability, info: EngineInfo) -> Probe:
         Capability.OUTLINES: lambda: ellipse_at_rest(info),
         Capability.AREA_CONTACT: lambda: lens_on_floor(),
     }[capability]()
+
+
+COARSE = 0.3
+"""Part of a quantity's scale that a run which is graded approximate may be off: conventions stay below, a wrong unit, sign or
+factor of two does not."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """A quantity of a run against its closed form; ``bound`` is absolute, ``why`` says where it comes from."""
+
+    quantity: str
+    unit: str
+    value: ArrayLike
+    expected: ArrayLike
+    bound: float
+    why: str
+    mend: str = ""
+    observed: bool = True
+    """False: NaN is allowed, since an engine need not observe it."""
+
+    def error(self) -> float:
+        """Largest absolute difference; NaN where a number is missing that must be there."""
+        value, expected = np.asarray(self.value, dtype=np.float64), np.asarray(self.expected, dtype=np.float64)
+        apart = np.abs(value - expected)
+        if not self.observed:
+            apart = apart[~np.isnan(apart)]
+        return float(apart.max()) if apart.size else 0.0
+
+    def scale(self) -> float:
+        """Largest magnitude of the closed form."""
+        return float(np.abs(np.asarray(self.expected, dtype=np.float64)).max(initial=0.0))
+
+    def holds(self, *, coarse: bool = False) -> bool:
+        """Whether the error is within the bound, or within `COARSE` of the scale."""
+        return self.error() <= (max(self.bound, COARSE * self.scale()) if coarse else self.bound)
+
+    def text(self) -> str:
+        """The numbers of a claim that does not hold."""
+        value, expected = np.atleast_1d(self.value), np.atleast_1d(self.expected)
+        apart = np.abs(value - expected).ravel()
+        worst = int(np.argmax(np.where(np.isnan(apart), np.inf, apart)))
+        shown = f"{value.ravel()[worst]:.9g} instead of {np.broadcast_to(expected, value.shape).ravel()[worst]:.9g}"
+        return f"{self.quantity} is {shown} {self.unit} (allowed: {self.bound:.2g}, {self.why})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Probe:
+    """A scene and what is known about its run."""
+
+    name: str
+    setup: Setup
+    claims: Callable[[History], Sequence[Claim]]
+
+
+def round_off(info: EngineInfo) -> float:
+    """Relative bound of what every engine of this precision does to the last bits in some ten or hundred steps."""
+    return 1e-4 if "32" in info.precision else 1e-10
+
+
+def contact_error(info: EngineInfo) -> float:
+    """Relative bound of a contact's force where nothing but the solver, or the engine's own softness, errs."""
+    if info.contact == "soft":
+        return 1e-2 if info.softness is None else max(info.softness, 1e-6)
+    return max(1e-6, round_off(info))
+
+
+R, M, KN, G = 0.5, 2.0, 1e6, 9.81
+"""Radius [m], mass [kg], stiffness [N/m] and gravity [m/s^2]: no two alike, so that one in place of another shows."""
+
+FLOOR = (0, 1)
+"""The contact of a single disk with a single wall."""
+
+
+def has_springs(info: EngineInfo) -> bool:
+    """Whether contacts of the engine follow the scene's kn; else its contacts are rigid, and kn only regularises them."""
+    return Capability.LINEAR_CONTACT in info.capabilities
+
+
+def some_disks(**state: Any) -> Disks:
+    """Disks of the probes' radius and mass, in a state; `Disks` takes lists as well as arrays."""
+    return Disks(**{"radius": R, "mass": M, **state})
+
+
+def law(info: EngineInfo, **changes: Any) -> ContactLaw:
+    """The contact law of a probe in the engine's own kind of contact."""
+    rigid = {} if has_springs(info) else {"regularised": True, "restitution": 0.0}
+    values: dict[str, Any] = {"kn": KN, "ks": KN, **rigid, **changes}
+    return ContactLaw(**values)
+
+
+def on_floor(
+    contact: ContactLaw,
+    *,
+    overlap: float = 0.0,
+    gravity: tuple[float, float] = (0.0, -G),
+    motion: Sequence[WallSegment] = (),
+    x: float = 0.0,
+    **disk: Any,
+) -> Scene:
+    """One disk above a floor through the origin; ``disk`` goes to `Disks`."""
+    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=contact, motion=tuple(motion))
+    moved = some_disks(x=[[x, R - overlap]], **disk)
+    return Scene(disks=moved, disk_disk=contact, walls=(floor,), gravity=gravity)
+
+
+def resting_overlap(info: EngineInfo, mass: float = M, kn: float = KN) -> float:
+    """Overlap at which springs carry a disk [m]; 0 for rigid contacts."""
+    return mass * G / kn if has_springs(info) else 0.0
+
+
+def free_flight(info: EngineInfo, **sampling: int) -> Probe:
+    """A disk without forces: the state it was given, moved on. ``sampling`` goes to `Numerics`."""
+    v, omega = np.array([1.5, -0.7]), 2.0
+    moved = some_disks(x=[[0.3, 0.4]], v=[v], omega=[omega])
+    scene = Scene(disks=moved, disk_disk=law(info))
+    numerics = Numerics(dt=0.01, n_steps=17).replace(**sampling)
+    eps = round_off(info)
+
+    def claims(history: History) -> list[Claim]:
+        t = numerics.sampled_steps() * numerics.dt
+        why = "round-off: nothing acts"
+        mend = "report positions in m, angles in rad, and the state at the sampled step itself"
+
+        def claim(quantity: str, unit: str, value: ArrayLike, expected: ArrayLike, *, observed: bool = True) -> Claim:
+            return Claim(
+                quantity=quantity,
+                unit=unit,
+                value=value,
+                expected=expected,
+                bound=10 * eps,
+                why=why,
+                mend=mend,
+                observed=observed,
+            )
+
+        return [
+            claim("x", "m", history.x[:, 0], [0.3, 0.4] + t[:, None] * v),
+            claim("v", "m/s", history.v[:, 0], np.tile(v, (len(t), 1))),
+            claim("angle", "rad", history.angle[:, 0], omega * t, observed=False),
+            claim("omega", "rad/s", history.omega[:, 0], np.full(len(t), omega), observed=False),
+        ]
+
+    return Probe(name="free flight", setup=Setup(scene=scene, numerics=numerics, watch=()), claims=claims)
+
+
+def fall(info: EngineInfo) -> Probe:
+    """A disk in a field that is no multiple of an axis: v to round-off, x to the first order of every scheme."""
+    g = np.array([3.0, -G])
+    moved = some_disks(x=[[0.0, 0.0]], v=[[0.2, 1.0]])
+    scene = Scene(disks=moved, disk_disk=law(info), gravity=(3.0, -G))
+    numerics = Numerics(dt=0.005, n_steps=40)
+
+    def claims(history: History) -> list[Claim]:
+        t = (numerics.sampled_steps() * numerics.dt)[:, None]
+        lag = 0.5 * G * float(t[-1, 0]) * numerics.dt * (1.0 + 1e-6) + round_off(info)
+        mend = "apply Scene.gravity as an acceleration [m/s^2] to both components, once a step"
+        return [
+            Claim(quantity="v", unit="m/s", value=history.v[:, 0], expected=[0.2, 1.0] + g * t, bound=10 * round_off(info),
+                  why="a constant acceleration is exact in v", mend=mend),
+            Claim(quantity="x", unit="m", value=history.x[:, 0], expected=[0.2, 1.0] * t + 0.5 * g * t**2, bound=lag,
+                  why="g t dt/2: half a step's lag of first-order schemes", mend=mend),
+        ]  # fmt: skip
+
+    return Probe(name="fall", setup=Setup(scene=scene, numerics=numerics, watch=()), claims=claims)
+
+
+def weights(info: EngineInfo) -> Probe:
+    """Two disks of unlike mass at rest on a floor, watched in an order of their own: each contact carries its own weight."""
+    masses = np.array([1.0, 3.0])
+    overlap = np.array([resting_overlap(info, mass) for mass in masses])
+    contact = law(info)
+    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=contact)
+    moved = some_disks(x=[[0.0, R - overlap[0]], [3.0, R - overlap[1]]], mass=masses)
+    scene = Scene(disks=moved, disk_disk=contact, walls=(floor,), gravity=(0.0, -G))
+    numerics = Numerics(dt=0.002, n_steps=20, sample_from=20)
+    allowed, weight = contact_error(info), masses * G
+
+    def claims(history: History) -> list[Claim]:
+        fn, gap = history.fn[-1], history.gap[-1]
+        sunk = [-overlap[1], -overlap[0], 3.0 - 2.0 * R]
+        why = "equilibrium: round-off and the solver's tolerance"
+        slack = 1e-9 if has_springs(info) else max(1e-3, allowed) * R
+        return [
+            Claim(quantity="fn of the pairs (1, 2), (0, 2), (0, 1)", unit="N", value=fn, expected=[weight[1], weight[0], 0.0],
+                  bound=float(allowed * weight.max()), why=why,
+                  mend="give columns in the order of `watch`, forces in N (impulses divided by dt), compression positive, open contacts 0"),
+            Claim(quantity="gap of the same pairs", unit="m", value=gap, expected=sunk, bound=slack,
+                  why="kn gap = weight" if has_springs(info) else "rigid disks may sink by a thousandth of their radius",
+                  mend="gaps are positive where open, negative where bodies overlap: centre distance less radii"),
+            Claim(quantity="force on the floor", unit="N", value=history.wall_force[-1, 0], expected=[0.0, -float(weight.sum())],
+                  bound=float(allowed * weight.sum()), why=why,
+                  mend="wall_force is the force of the disks ON the wall, summed over them", observed=False),
+        ]  # fmt: skip
+
+    watch = ((1, 2), (0, 2), (0, 1))
+    return Probe(name="weights", setup=Setup(scene=scene, numerics=numerics, watch=watch), claims=claims)
+
+
+def sliding(info: EngineInfo, *, rotating: bool) -> Probe:
+    """A disk thrown along a floor: it slows by mu g and, where it can turn, spins up by 2 mu g/R."""
+    mu, speed = 0.1, 1.0
+    numerics = Numerics(dt=0.002, n_steps=50, sliding="coulomb")
+    scene = on_floor(law(info, mu=mu), overlap=resting_overlap(info), v=[[speed, 0.0]], rotating=rotating)
+    end = numerics.dt * numerics.n_steps
+    slow = mu * G * numerics.dt + contact_error(info) * mu * G * end
+
+    def claims(history: History) -> list[Claim]:
+        spin = -2.0 * mu * G * end / R if rotating else 0.0
+        why = "friction may act one step less, in the first"
+        return [
+            Claim(quantity="v along the floor", unit="m/s", value=history.v[-1, 0, 0], expected=speed - mu * G * end, bound=slow, why=why,
+                  mend="friction on a sliding disk is mu fn against its slip"),
+            Claim(quantity="omega", unit="rad/s", value=history.omega[-1, 0], expected=spin, bound=2.0 * slow / R, why=why,
+                  mend="a disk's inertia is that of Disks.inertia; a blocked disk keeps its spin; counter-clockwise is positive"),
+            Claim(quantity="mean fs", unit="N", value=np.mean(history.fs[1:, 0]), expected=-mu * M * G, bound=slow / end * M,
+                  why=why, observed=False,
+                  mend="the shear force on the first body counts along t = (-n_y, n_x), n from the first body to the second"),
+        ]  # fmt: skip
+
+    name = "sliding" if rotating else "sliding without rotation"
+    return Probe(name=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+
+
+def rebound(info: EngineInfo) -> Probe:
+    """A disk that touches a floor at 2 m/s, faster than any engine's threshold of rebounds, and leaves at half of it.
+
+    The springs and dashpots that stand for such a contact give the same restitution.
+    """
+    e, speed = 0.5, 2.0
+    beta = beta_of_restitution(e)
+    scene = on_floor(
+        ContactLaw(kn=KN, beta=beta, regularised=True, restitution=e), gravity=(0.0, 0.0), v=[[0.0, -speed]]
+    )
+    count = 2 + math.ceil(contact_duration(kn=KN, m_eff=M, beta=beta) / 0.001)
+    numerics = Numerics(dt=0.001, contact_dt=5e-6, n_steps=count, impact="newton")
+    bound, why = (
+        (0.01, "first order in contact_dt: omega t omega contact_dt")
+        if has_springs(info)
+        else (contact_error(info), "the solver's tolerance")
+    )
+
+    def claims(history: History) -> list[Claim]:
+        return [
+            Claim(quantity="v after the impact", unit="m/s", value=history.v[-1, 0, 1], expected=e * speed, bound=bound * speed, why=why,
+                  mend="the relative normal velocity after an impact is -restitution times that before"),
+        ]  # fmt: skip
+
+    return Probe(name="rebound", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+
+
+def damped(info: EngineInfo, form: str) -> Probe:
+    """A disk in a viscous medium: v0 exp(-xi t), its discrete form where the engine's scheme has one."""
+    xi, speed = 2.0, 1.0
+    scene = Scene(disks=some_disks(x=[[0.0, 0.0]], v=[[speed, 0.0]]), disk_disk=law(info), xi=xi)
+    numerics = Numerics(
+        dt=0.01,
+        contact_dt=0.01,
+        n_steps=50,
+        sample_from=50,
+        theta=0.5,
+        damping_form="central" if form == "central" else "lagged",
+    )
+    step, count = xi * numerics.dt, numerics.n_steps
+    second = speed * step * count * step**2
+
+    def claims(history: History) -> list[Claim]:
+        if form == "central":
+            expected, bound, why = speed * math.exp(-step * count), second, "second order: xi t (xi dt)^2"
+        elif info.scheme == "central-difference":
+            expected, bound = speed * (1.0 - 0.5 * step) ** 2 * (1.0 - step) ** (count - 1), second
+            why = "the exact steps of v(n+1/2) = (1 - xi dt) v(n-1/2), to second order in the start"
+        else:
+            expected, bound, why = (
+                speed * math.exp(-step * count),
+                speed * step * count * step,
+                "first order: xi t xi dt",
+            )
+        mend = "global damping is the force -xi m v (and the moment -xi I omega); see Numerics.damping_form for the velocity that it sees"
+        return [
+            Claim(
+                quantity="v", unit="m/s", value=history.v[-1, 0, 0], expected=expected, bound=bound, why=why, mend=mend
+            )
+        ]
+
+    return Probe(name=f"damping, {form}", setup=Setup(scene=scene, numerics=numerics, watch=()), claims=claims)
+
+
+STEPS = 100
+"""Steps in the quarter period, or half contact, that a probe follows."""
+
+OMEGA = math.sqrt(KN / M)
+"""Angular frequency of a disk on its contact spring [rad/s]."""
+
+FIRST_ORDER = 0.5 * math.pi * (0.5 * math.pi / STEPS)
+"""omega t times omega dt at the end of a quarter period: the relative error that a first-order scheme may have made."""
+
+WHY = "first order in the step: omega t omega dt"
+
+
+def impact(beta: float = 0.0) -> Probe:
+    """A disk touches a floor at 0.1 m/s and is followed until half of the contact's duration."""
+    speed = 0.1
+    half = 0.5 * contact_duration(kn=KN, m_eff=M, beta=beta)
+    scene = on_floor(ContactLaw(kn=KN, beta=beta), gravity=(0.0, 0.0), v=[[0.0, -speed]])
+    numerics = Numerics(dt=half / STEPS, n_steps=STEPS, sample_from=STEPS // 2)
+    deepest = speed / OMEGA
+
+    def claims(history: History) -> list[Claim]:
+        times = numerics.sampled_steps() * numerics.dt
+        overlap, rate, force = contact_history(times[1:], kn=KN, m_eff=M, beta=beta, speed=speed)
+        late = FIRST_ORDER + 0.5 * math.pi / STEPS
+        # The dashpot acts in full from the first moment on, and a scheme of half steps feels it half a step late.
+        strongest = KN * deepest * (1.0 + 2.0 * beta)
+        return [
+            Claim(quantity="overlap", unit="m", value=R - history.x[1:, 0, 1], expected=overlap, bound=FIRST_ORDER * deepest, why=WHY,
+                  mend="the normal force is kn overlap" + (" + c rate, c = 2 beta sqrt(m_eff kn)" if beta else "")),
+            Claim(quantity="v", unit="m/s", value=history.v[1:, 0, 1], expected=-rate, bound=late * speed, why=WHY),
+            Claim(quantity="fn", unit="N", value=history.fn[1:, 0], expected=force, bound=2.0 * late * strongest,
+                  why=f"{WHY}, and the force of a step before or after",
+                  mend="fn is a force in N at t, or the impulse of the step that ends at t divided by dt (force_meaning)"),
+        ]  # fmt: skip
+
+    name = "spring and dashpot" if beta else "spring"
+    return Probe(name=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+
+
+def rolling(arm: LeverArm, *, sunk: float = 0.2, speed: float = 0.5, force: float = 0.0) -> Probe:
+    """A disk that sticks to a floor by its shear spring, thrown or with a preload ``force``, for a quarter period.
+
+    With the arms a of the torque and b of the slip, the slip s = x + b angle obeys s'' = -(ks/m)(1 + m a b/I) s. ``sunk`` is
+    the static overlap over the radius: 0.2 sets the arms R and R - overlap/2 a tenth apart.
+    """
+    overlap = sunk * R
+    kn = M * G / overlap
+    ks = kn
+    short = R - 0.5 * overlap
+    torque_arm = R if arm == "radius" else short
+    slip_arm = short if arm == "overlap" else R
+    inertia = 0.5 * M * R**2
+    omega = math.sqrt(ks / M * (1.0 + M * torque_arm * slip_arm / inertia))
+    contact = ContactLaw(kn=kn, ks=ks, mu=100.0, lever_arm=arm)
+    scene = on_floor(contact, overlap=overlap, v=[[speed, 0.0]])
+    scene = scene.replace(initial_shear={FLOOR: force} if force else {})
+    numerics = Numerics(dt=0.5 * math.pi / omega / STEPS, n_steps=STEPS, sample_from=STEPS, theta=0.5)
+    pull = ks * speed / omega  # of the slip at the end
+    apart = 0.01 * R
+
+    def claims(history: History) -> list[Claim]:
+        x, v = float(history.x[-1, 0, 0]), float(history.v[-1, 0, 0])
+        angle, spin, fs = float(history.angle[-1, 0]), float(history.omega[-1, 0]), float(history.fs[-1, 0])
+        impulse = pull / omega if speed else -force / omega
+        torque_seen = inertia * spin / (M * (v - speed)) if v != speed else math.nan
+        slip_seen = (-fs / ks - x) / angle if angle else math.nan
+        found = [
+            Claim(quantity="v", unit="m/s", value=v, expected=speed - impulse / M, bound=2.0 * FIRST_ORDER * abs(impulse) / M, why=WHY,
+                  mend="the shear force grows by ks times the slip of each step; Scene.initial_shear is where it begins"),
+            Claim(quantity="arm of the torque, I omega / m (v - v0)", unit="m", value=torque_seen,
+                  expected=torque_arm, bound=apart, why="a tenth of what the lever arms differ by",
+                  mend="the shear torque's arm is that of ContactLaw.lever_arm; declare only the ones that the engine has"),
+        ]  # fmt: skip
+        if speed:
+            found += [
+                Claim(quantity="fs", unit="N", value=fs, expected=-pull, bound=2.0 * FIRST_ORDER * pull, why=WHY),
+                Claim(quantity="arm of the slip, (-fs/ks - x)/angle", unit="m", value=slip_seen, expected=slip_arm,
+                      bound=apart, why="a tenth of what the lever arms differ by",
+                      mend="the slip by rotation uses the arm of ContactLaw.lever_arm"),
+            ]  # fmt: skip
+        return found
+
+    name = f"preload, arm {arm}" if force else f"rolling, arm {arm}"
+    return Probe(name=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+
+
+def passing(info: EngineInfo, slip_at: SlipAt) -> Probe:
+    """A disk flies past another one, deep in its contact, whose forces are too weak to turn it aside.
+
+    It passes the other's centre at the distance h with the speed v: the slip is the integral of ``v h/r`` over the time, and the
+    rectangle rule of the steps' ends adds ``dt/2`` times what its integrand grows by.
+    """
+    speed, height, way, count = 1.0, 0.5 * R, 1.5 * R, 50
+    dt = way / speed / count
+    # In the time T of the way a contact moves disks by some kn overlap T^2/m: round-off of the way.
+    kn = 1e-12 * M * (speed / way) ** 2
+    # Slips of up to 0.9 R on overlaps of 0.4 R and more do not reach the cone.
+    contact = ContactLaw(kn=kn, ks=kn, mu=10.0, slip_at=slip_at)
+    turning = Capability.BLOCKED_ROTATION not in info.capabilities
+    scene = Scene(
+        disks=some_disks(x=[[0.0, 0.0], [-way, height]], v=[[0.0, 0.0], [speed, 0.0]], rotating=[turning, turning]),
+        disk_disk=contact,
+    )
+    numerics = Numerics(dt=dt, n_steps=count, contact_dt=dt, sample_from=count)
+    grown = speed * (1.0 - height / math.hypot(way, height))
+    slip = height * math.asinh(way / height) + (0.5 * dt * grown if slip_at == "end" else 0.0)
+
+    def claims(history: History) -> list[Claim]:
+        return [
+            Claim(quantity="slip, -fs/ks", unit="m", value=-history.fs[-1, 0] / kn, expected=slip,
+                  bound=0.125 * dt * grown, why="a quarter of what the two places in the step differ by",
+                  mend="the slip of the half step's velocities is measured with the normal of ContactLaw.slip_at"),
+        ]  # fmt: skip
+
+    return Probe(
+        name=f"passing, slip at the {slip_at}",
+        setup=Setup(scene=scene, numerics=numerics, watch=((0, 1),)),
+        claims=claims,
+    )
+
+
+def driven(info: EngineInfo, motion: str) -> Probe:
+    """A disk that touches a floor which begins to move: uniformly, about a distant pivot, or from rest along a cosine.
+
+    Springs carry it by ``u'' = omega^2 (floor - u)``; a rigid floor carries it along.
+    """
+    springs = has_springs(info)
+    count = STEPS if springs else 20
+    dt = 0.5 * math.pi / OMEGA / STEPS if springs else 1e-3
+    end, speed, lever = count * dt, 0.2, 2.0
+    frequency = 0.5 * OMEGA if springs else 1.0 / end
+    amplitude = speed / frequency
+    segment = {
+        "moving": WallSegment(velocity=(0.0, speed)),
+        "turning": WallSegment(angular_velocity=speed / lever, pivot=(0.0, 0.0)),
+        "curved": WallSegment(amplitude=(0.0, amplitude), frequency=frequency, phase=-0.5 * math.pi),
+    }[motion]
+    at = lever if motion == "turning" else 0.0
+    scene = on_floor(law(info, ks=0.0), gravity=(0.0, 0.0), motion=(segment,), x=at)
+    numerics = Numerics(dt=dt, n_steps=count)
+    eps = round_off(info)
+
+    def claims(history: History) -> list[Claim]:
+        t = numerics.sampled_steps() * dt
+        floor = amplitude * (1.0 - np.cos(frequency * t)) if motion == "curved" else speed * t
+        turned = speed / lever * t if motion == "turning" else 0.0 * t
+        height = np.zeros_like(t) if motion == "turning" else floor
+        if not springs:
+            carried, bound = floor, speed * dt + contact_error(info) * speed * end
+            why = "a step's way of the wall"
+        elif motion == "curved":
+            part = OMEGA**2 / (OMEGA**2 - frequency**2)
+            carried = amplitude * (1.0 - np.cos(OMEGA * t) - part * (np.cos(frequency * t) - np.cos(OMEGA * t)))
+            bound, why = FIRST_ORDER * speed / OMEGA, WHY
+        else:
+            carried = speed * t - speed / OMEGA * np.sin(OMEGA * t)
+            bound, why = FIRST_ORDER * speed / OMEGA, WHY
+        # A floor that turns by a small angle meets the disk this much nearer to the pivot, or higher.
+        bound += speed * end * float(turned[-1])
+        mend = "a wall pushes where it is at t_n, pose by WallSegment: move it every step"
+        return [
+            Claim(quantity="way of the disk", unit="m", value=history.x[:, 0, 1] - R, expected=carried, bound=bound, why=why, mend=mend),
+            Claim(quantity="wall_point", unit="m", value=history.wall_point[:, 0], expected=np.column_stack([0.0 * t, height]),
+                  bound=10 * eps, why="a prescribed motion", mend="wall_point is the wall's reference point, moved with it"),
+            Claim(quantity="wall_angle", unit="rad", value=history.wall_angle[:, 0], expected=0.5 * math.pi + turned, bound=10 * eps,
+                  why="a prescribed motion", mend="wall_angle is the direction of the wall's normal [rad]"),
+        ]  # fmt: skip
+
+    return Probe(name=f"{motion} wall", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+
+
+def squeezed(info: EngineInfo) -> Probe:
+    """The static limit: a disk between a floor and a lid that comes down takes half of the way at either contact."""
+    contact = law(info, ks=0.0)
+    way, count = 1e-3, 5
+    lid = Wall(
+        name="lid", point=(0.0, 2.0 * R), normal=(0.0, -1.0), law=contact, motion=(WallSegment(velocity=(0.0, -way)),)
+    )
+    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=contact)
+    scene = Scene(disks=some_disks(x=[[0.0, R]]), disk_disk=contact, walls=(floor, lid))
+    numerics = Numerics(dt=1.0, n_steps=count, regime="quasi-static")
+
+    def claims(history: History) -> list[Claim]:
+        down = 0.5 * way * numerics.sampled_steps()
+        bound = contact_error(info)
+        return [
+            Claim(quantity="fn", unit="N", value=history.fn, expected=np.column_stack([KN * down, KN * down]),
+                  bound=bound * KN * float(down[-1]), why="the solver's tolerance", mend="each step ends in equilibrium"),
+            Claim(quantity="way of the disk", unit="m", value=R - history.x[:, 0, 1], expected=down, bound=bound * float(down[-1]),
+                  why="the solver's tolerance"),
+        ]  # fmt: skip
+
+    return Probe(name="squeezed", setup=Setup(scene=scene, numerics=numerics, watch=((0, 1), (0, 2))), claims=claims)
+
+
+FLAT = 0.6
+"""Half-axis of the ellipse across the floor, over that along it."""
+
+
+def ellipse_at_rest(info: EngineInfo) -> Probe:
+    """An ellipse of half-axes R and 0.6 R, given upright and turned by a right angle: it rests at the height of the smaller one."""
+    from ninedisk.core.nurbs.mass import uniform_grain
+    from ninedisk.core.nurbs.shapes import ellipse
+
+    grain = uniform_grain(ellipse(FLAT * R, R), M / (math.pi * FLAT * R**2))
+    overlap, contact = resting_overlap(info), law(info)
+    given = grains([grain], [0], x=[[0.0, FLAT * R - overlap]], angle=0.5 * math.pi)
+    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=contact)
+    scene = Scene(**given, disk_disk=contact, walls=(floor,), gravity=(0.0, -G))
+    numerics = Numerics(dt=0.002, n_steps=20, sample_from=20)
+    allowed = contact_error(info)
+
+    def claims(history: History) -> list[Claim]:
+        why = "equilibrium: round-off and the solver's tolerance"
+        mend = "the body's surface is its outline, turned by Disks.angle, not the circle of Disks.radius around it"
+        return [
+            Claim(quantity="fn", unit="N", value=history.fn[-1], expected=[M * G], bound=allowed * M * G, why=why, mend=mend),
+            Claim(quantity="gap", unit="m", value=history.gap[-1], expected=[-overlap], bound=max(1e-9, allowed * overlap),
+                  why=why, mend=mend),
+            Claim(quantity="angle", unit="rad", value=history.angle[-1], expected=[0.0], bound=allowed, why=why,
+                  mend="the flat side is the stable one, and angles count from time 0"),
+        ]  # fmt: skip
+
+    return Probe(name="ellipse at rest", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+
+
+def lens_on_floor() -> Probe:
+    """A disk sunk into a floor by a tenth of its radius, weighing what the law of the common area gives there.
+
+    The segment has the area ``A = R^2 acos(h/R) - h c/2``, h its distance from the centre and c its chord, and the energy
+    ``(kn/2) (9 A^2/(32 R))^(2/3)``, whose slope in A, times the chord, is the force.
+    """
+    depth = 0.1 * R
+    h = R - depth
+    chord = 2.0 * math.sqrt(R**2 - h**2)
+    area = R**2 * math.acos(h / R) - 0.5 * h * chord
+    energy = 0.5 * KN * (9.0 * area**2 / (32.0 * R)) ** (2.0 / 3.0)
+    force = 4.0 / 3.0 * energy / area * chord
+    scene = on_floor(ContactLaw(kn=KN, contact="area"), overlap=depth, gravity=(0.0, -force / M))
+    numerics = Numerics(dt=0.002, n_steps=5)
+
+    def claims(history: History) -> list[Claim]:
+        return [
+            Claim(quantity="fn", unit="N", value=history.fn[:, 0], expected=[force] * len(history.fn), bound=1e-9 * force,
+                  why="round-off: the disk is in equilibrium", mend="fn = U'(A) times the chord, see ContactLaw.contact"),
+            Claim(quantity="gap", unit="m", value=history.gap[:, 0], expected=[-depth] * len(history.gap), bound=1e-9 * R,
+                  why="round-off: the disk is in equilibrium"),
+        ]  # fmt: skip
+
+    return Probe(name="lens on a floor", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+
+
+def held(info: EngineInfo) -> Probe:
+    """A disk whose x velocity is prescribed falls freely along y."""
+    moved = some_disks(x=[[0.0, 0.0]], v=[[0.3, 0.0]], held=[[True, False]])
+    scene = Scene(disks=moved, disk_disk=law(info), gravity=(1.0, -2.0))
+    numerics = Numerics(dt=0.01, n_steps=20)
+
+    def claims(history: History) -> list[Claim]:
+        t = numerics.sampled_steps() * numerics.dt
+        return [
+            Claim(quantity="v", unit="m/s", value=history.v[:, 0], expected=np.column_stack([np.full(len(t), 0.3), -2.0 * t]),
+                  bound=10 * round_off(info), why="round-off", mend="a held component keeps its velocity, the other one stays free"),
+            Claim(quantity="x", unit="m", value=history.x[:, 0, 0], expected=0.3 * t, bound=10 * round_off(info), why="round-off"),
+        ]  # fmt: skip
+
+    return Probe(name="held", setup=Setup(scene=scene, numerics=numerics, watch=()), claims=claims)
+
+
+def fixed(info: EngineInfo) -> Probe:
+    """A disk at rest on top of a fixed one, which stays where it is; a second fixed one overlaps the first without a force."""
+    sunk = resting_overlap(info)
+    x = [[0.0, 0.0], [0.0, 2.0 * R - sunk], [0.0, -R]]
+    still = [True, False, True]
+    disks = some_disks(x=x, held=np.column_stack([still, still]), rotating=[False, True, False])
+    scene = Scene(disks=disks, disk_disk=law(info), gravity=(0.0, -G))
+    numerics = Numerics(dt=0.002, n_steps=20)
+    allowed = contact_error(info)
+
+    def claims(history: History) -> list[Claim]:
+        why = "round-off: nothing moves it"
+        slack = 1e-9 if has_springs(info) else max(1e-3, allowed) * R
+        return [
+            Claim(quantity="x of the fixed disks", unit="m", value=history.x[-1, [0, 2]], expected=[x[0], x[2]], bound=round_off(info),
+                  why=why, mend="a disk that is held at rest in both directions and does not turn stays: gravity and contacts move it not"),
+            Claim(quantity="v of the fixed disks", unit="m/s", value=history.v[-1, [0, 2]], expected=np.zeros((2, 2)), bound=0.0, why=why),
+            Claim(quantity="y of the disk on top", unit="m", value=history.x[-1, 1, 1], expected=x[1][1], bound=slack,
+                  why="kn gap = weight" if has_springs(info) else "rigid disks may sink by a thousandth of their radius",
+                  mend="a fixed disk bears contacts as a wall does"),
+            Claim(quantity="fn of the pair (0, 1)", unit="N", value=history.fn[-1, 0], expected=M * G, bound=float(allowed * M * G),
+                  why="equilibrium: round-off and the solver's tolerance"),
+        ]  # fmt: skip
+
+    return Probe(name="fixed", setup=Setup(scene=scene, numerics=numerics, watch=((0, 1),)), claims=claims)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.cli import bench as cli_bench
-from ninedisk.harness.cli import cli_history
+from ninedisk.harness.cli import compare as cli_history
 from ninedisk.harness.cli import converge as cli_converge
 from ninedisk.harness.cli import docs as cli_docs
 from ninedisk.harness.cli import engines as cli_engines
@@ -212,7 +212,7 @@ def report(
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.cli.support import CellProgress
     from ninedisk.reports.build import build_report
-    from ninedisk.reports.errors import ReportError
+    from ninedisk.reports.folder import ReportError
 
     try:
         with CellProgress() as progress:
@@ -231,7 +231,7 @@ def _comparison_page(comparison: Comparison, path: Path) -> None:
 def _dashboard_folder(history: History, out: Path, progress: Callable[[str, int, int], None]) -> Path:
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.reports.dashboard import build_dashboard
-    from ninedisk.reports.errors import ReportError
+    from ninedisk.reports.folder import ReportError
 
     try:
         return build_dashboard(history, out, progress)
@@ -252,7 +252,7 @@ def _selftest_page(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
 
 
 def _converge_page(record: Mapping[str, Any]) -> str:
-    from ninedisk.reports.converge_page import converge_page
+    from ninedisk.reports.studies import converge_page
 
     return converge_page(record)
 
@@ -262,7 +262,7 @@ def _docs_folder(
 ) -> Path:
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.reports.docs import write_docs
-    from ninedisk.reports.errors import ReportError
+    from ninedisk.reports.folder import ReportError
 
     try:
         return write_docs(record, guides, out, beside)

@@ -123,8 +123,7 @@ def execute(
     """
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.bench.plan import Request, run_suites
-    from ninedisk.harness.bench.records import prepare_folder, write_records
-    from ninedisk.harness.bench.table import show
+    from ninedisk.harness.bench.records import prepare_folder, show, write_records
     from ninedisk.harness.cli.support import CellProgress
     from ninedisk.harness.results.store import new_run_id
     from ninedisk.harness.run.provenance import command_line, provenance

@@ -91,10 +91,9 @@ def execute(
     """
     from ninedisk.harness.cli.run import parse_settings
     from ninedisk.harness.cli.support import CellProgress
-    from ninedisk.harness.results.tables_part import plain_json
+    from ninedisk.harness.results.tables import plain_json
     from ninedisk.harness.results.whole_file import check_writable, write_whole
-    from ninedisk.harness.run.converge import BrokenLevelError, converge
-    from ninedisk.harness.run.converge_rule import BAD
+    from ninedisk.harness.run.converge import BAD, BrokenLevelError, converge
 
     params, chosen = parse_settings(settings), parse_settings(options, flag="--option", example="siconos.theta=1")
     for flag, path in (("--json", json_file), ("--html", html)):
@@ -115,8 +114,8 @@ def execute(
 
 def _show(record: Mapping[str, Any]) -> None:
     from ninedisk.harness.api.text import printable, short
-    from ninedisk.harness.cli.cli_tables import console, table
-    from ninedisk.harness.run.converge_rule import BAD
+    from ninedisk.harness.cli.support import console, table
+    from ninedisk.harness.run.converge import BAD
 
     out, steps = console(), record["steps"]
     out.print(printable(f"{record['case']} [{record['variant']}] on {record['engine']} {record['engine_version']}"))

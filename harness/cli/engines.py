@@ -51,8 +51,7 @@ def check_engine(
     from ninedisk.harness.api.engine import EngineError
     from ninedisk.harness.api.registry import get_engine
     from ninedisk.harness.check_engine.check import check_engine as check
-    from ninedisk.harness.check_engine.findings import FAIL
-    from ninedisk.harness.check_engine.show import show, write_json
+    from ninedisk.harness.check_engine.findings import FAIL, show, write_json
     from ninedisk.harness.cli.support import CellProgress, fail
     from ninedisk.harness.results.whole_file import check_writable
 

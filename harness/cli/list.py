@@ -10,7 +10,7 @@ from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import allowed, format_value
 from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine, problems
-from ninedisk.harness.cli.cli_tables import console, table
+from ninedisk.harness.cli.support import console, table
 from ninedisk.harness.wire.command import CommandEngine
 
 if TYPE_CHECKING:

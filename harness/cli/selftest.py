@@ -94,7 +94,7 @@ def execute(
     from ninedisk.harness.cli.run import write_rows
     from ninedisk.harness.cli.support import CellProgress
     from ninedisk.harness.results.whole_file import check_writable
-    from ninedisk.harness.selftest.edits import StaleEditError
+    from ninedisk.harness.selftest.defect import StaleEditError
     from ninedisk.harness.selftest.gallery import chosen_defects
     from ninedisk.harness.selftest.run import fine, run_selftest
 
@@ -119,7 +119,7 @@ def execute(
 
 
 def _list(defects: Sequence[Defect]) -> None:
-    from ninedisk.harness.cli.cli_tables import console, table
+    from ninedisk.harness.cli.support import console, table
 
     shown = table("defect", "kind", "what")
     for defect in defects:
@@ -129,7 +129,7 @@ def _list(defects: Sequence[Defect]) -> None:
 
 def _show(rows: Sequence[Row]) -> None:
     from ninedisk.harness.api.text import printable
-    from ninedisk.harness.cli.cli_tables import console, table
+    from ninedisk.harness.cli.support import console, table
     from ninedisk.harness.selftest.run import fine
 
     out = console()

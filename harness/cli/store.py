@@ -37,9 +37,9 @@ def runs(store: Store = Path("results")) -> None:
       ninedisk runs --store nightly
     """
     from ninedisk.harness.api.text import printable
-    from ninedisk.harness.cli.cli_tables import console, table
+    from ninedisk.harness.cli.support import console, table
     from ninedisk.harness.results.schema import WORST_FIRST
-    from ninedisk.harness.results.store_care import listed
+    from ninedisk.harness.results.store import listed
 
     found = listed(store)
     out = console()
@@ -79,8 +79,8 @@ def show(
       ninedisk show --status fail --status error --case 'nine-disk/*'
     """
     from ninedisk.harness.api.errors import UsageError
-    from ninedisk.harness.cli.cli_summary import show_summary
-    from ninedisk.harness.results.compare_sides import one_stored
+    from ninedisk.harness.cli.run import show_summary
+    from ninedisk.harness.results.compare import one_stored
     from ninedisk.harness.results.schema import STATUSES
     from ninedisk.harness.results.store import read_about, read_table
 
@@ -124,7 +124,7 @@ def merge(
       ninedisk merge from-laptop from-cluster
       ninedisk merge artifacts/results --store history
     """
-    from ninedisk.harness.results.store_care import merge as merge_stores
+    from ninedisk.harness.results.store import merge as merge_stores
 
     copied, present = merge_stores(sources, store)
     typer.echo(f"{len(copied)} run(s) copied into {store}, {len(present)} already there")
@@ -153,9 +153,9 @@ def export(
       ninedisk export latest~9..latest --parquet ten.parquet --store nightly
     """
     from ninedisk.harness.api.errors import UsageError
-    from ninedisk.harness.results.compare_sides import resolve
+    from ninedisk.harness.results.compare import resolve
     from ninedisk.harness.results.export import export_rows, write_export
-    from ninedisk.harness.results.snapshot import load_snapshots
+    from ninedisk.harness.results.store import load_snapshots
 
     files = {".csv": csv, ".json": json, ".parquet": parquet}
     if not any(files.values()):
@@ -200,8 +200,8 @@ def prune(
 
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.text import printable
-    from ninedisk.harness.results.store_care import prune as remove
-    from ninedisk.harness.results.store_care import to_prune
+    from ninedisk.harness.results.store import prune as remove
+    from ninedisk.harness.results.store import to_prune
 
     try:
         date = None if before is None else datetime.fromisoformat(before)

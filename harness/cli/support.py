@@ -1,4 +1,7 @@
-"""What every command shares: errors without tracebacks, and progress that stays silent for two seconds."""
+"""What every command shares: errors without tracebacks, and progress that stays silent for two seconds.
+
+Tables in the terminal.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,9 @@ from typing import TYPE_CHECKING, NoReturn, ParamSpec, TypeVar
 import typer
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.progress import Progress as Bar
+    from rich.table import Table
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -124,3 +129,26 @@ class CellProgress:
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.add_task(label, completed=done, total=total or None)
             self._bar.start()
+
+
+PIPE_WIDTH = 200
+"""Columns where standard output is no terminal: wide enough that ids are not broken up."""
+
+
+def console() -> Console:
+    """A console on standard output."""
+    from rich.console import Console
+
+    found = Console(highlight=False, markup=False, emoji=False)
+    return found if found.is_terminal else Console(width=PIPE_WIDTH, highlight=False, markup=False, emoji=False)
+
+
+def table(*headers: str, right: tuple[str, ...] = ()) -> Table:
+    """A plain table that folds long text instead of cutting it."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    made = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for header in headers:
+        made.add_column(header, overflow="fold", justify="right" if header in right else "left")
+    return made

@@ -120,7 +120,7 @@ def _reach(scene: Scene, normal: NDArray[np.float64]) -> NDArray[np.float64]:
     disks = scene.disks
     reach = np.array(disks.radius)
     for i in np.flatnonzero(disks.outline >= 0):
-        from ninedisk.core.nurbs.nurbs_grain import extent
+        from ninedisk.core.nurbs.mass import extent
 
         c, s = np.cos(disks.angle[i]), np.sin(disks.angle[i])
         towards = -np.array([[c, s], [-s, c]]) @ normal

@@ -25,7 +25,7 @@ def contact_steps(scene: Scene, numerics: Numerics) -> tuple[int, float]:
     UnstableTimeStepError
         If ``numerics.contact_dt`` exceeds the critical step and ``numerics.allow_unstable`` is False.
     """
-    from ninedisk.core.dem.constants import contact_step
+    from ninedisk.core.dem.arrays import contact_step
 
     contact_dt, _ = contact_step(scene, numerics)
     return numerics.substeps(contact_dt), contact_dt

@@ -1,18 +1,41 @@
-"""Two runs, or two groups of runs, side by side: what got worse, what got better, what cannot be compared."""
+"""Two runs, or two groups of runs, side by side: what got worse, what got better, what cannot be compared.
+
+What the words BASE and HEAD of ``ninedisk compare`` mean: runs of a store, folders, exported files.
+
+A comparison as Markdown (GitHub's flavour) and as JUnit XML.
+"""
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
-from ninedisk.harness.results.rules import ERROR_RULE, error_of, judge_errors
-from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison, row_tolerance
-from ninedisk.harness.results.snapshot import BROKEN, NOT_RUN, CellKey, CheckKey, Snapshot
-from ninedisk.harness.results.tables import Row
-from ninedisk.harness.results.timing_rule import LEAST, TIMING_RULE, judge_timings
+from ninedisk.harness.api.errors import StoreError, UsageError, close_matches
+from ninedisk.harness.api.text import duration, printable, short, times
+from ninedisk.harness.results.export import FORMATS, read_export
+from ninedisk.harness.results.rules import ERROR_RULE, LEAST, TIMING_RULE, error_of, judge_errors, judge_timings
+from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison, RunFacts, row_tolerance
+from ninedisk.harness.results.store import (
+    BROKEN,
+    NOT_RUN,
+    CellKey,
+    CheckKey,
+    Snapshot,
+    in_order,
+    load_snapshot,
+    moment,
+    read_about,
+    run_facts,
+    run_ids,
+)
+from ninedisk.harness.results.tables import Row, plain_json
 
 NAN = float("nan")
 TIMINGS = {"advance_s": "stepping", "setup_s": "set-up"}
@@ -214,3 +237,220 @@ def _every(verdict: str, before: float, after: float, reason: str) -> Change:
     nowhere = {"case": EVERY, "case_version": 0, "variant": "", "engine": ""}
     return _change(nowhere, kind="timing", verdict=verdict, base=before, head=after, unit="1", reason=reason,
                    base_status="", head_status="")  # fmt: skip
+
+
+_LATEST = re.compile(r"latest(?:~(\d+))?")
+MEANINGS = (
+    "give a run id (see `ninedisk runs`), latest, latest~1, a range such as latest~9..latest~5, a folder with runs, "
+    "or a file of `ninedisk export`"
+)
+
+
+def resolve(word: str, store: Path) -> list[Snapshot]:
+    """Runs that a word names, oldest first, at least one.
+
+    Parameters
+    ----------
+    word : str
+        ``latest``, ``latest~N``, a run id or an unambiguous beginning of one, ``FROM..TO`` of these (both included), a
+        store's or a run's folder, or a file that `ninedisk.harness.results.export` wrote.
+    store : Path
+        Where run ids are looked up.
+
+    Raises
+    ------
+    UsageError
+        If the word names nothing; StoreError if what it names cannot be read.
+    """
+    path = Path(word)
+    if path.is_file():
+        return _not_empty(read_export(path), word)
+    if path.is_dir():
+        return _folder(path)
+    if word in run_ids(store):  # asked for by its full name, so that no other run can stand in the way
+        return [load_snapshot(store, word)]
+    first, dots, last = word.partition("..")
+    ids = _ids_by_time(store)
+    if dots:
+        begin, end = (_index(part, ids, store) for part in (first, last))
+        if begin > end:
+            raise UsageError(f"{word!r} is empty: {first!r} is newer than {last!r}; write the older run first")
+        wanted = ids[begin : end + 1]
+    else:
+        if path.suffix in FORMATS:
+            raise UsageError(f"there is no file {word!r}: {MEANINGS}")
+        wanted = [ids[_index(word, ids, store)]]
+    return in_order(load_snapshot(store, run_id) for run_id in wanted)
+
+
+def one_stored(word: str, store: Path) -> str:
+    """Id of the one run of a store that a word names: ``latest``, ``latest~N``, an id or an unambiguous beginning of one.
+
+    Raises
+    ------
+    UsageError
+        If the word names nothing.
+    """
+    if word in run_ids(store):
+        return word
+    ids = _ids_by_time(store)
+    return ids[_index(word, ids, store)]
+
+
+def _folder(path: Path) -> list[Snapshot]:
+    if (path / "run.json").is_file():
+        if path.parent.name != "runs":
+            raise StoreError(f"the run {str(path)!r} lies in no store: a store keeps it as runs/{path.name}")
+        return [load_snapshot(path.parent.parent, path.name)]
+    return _not_empty([load_snapshot(path, run_id) for run_id in run_ids(path)], str(path))
+
+
+def _not_empty(runs: list[Snapshot], word: str) -> list[Snapshot]:
+    if not runs:
+        raise UsageError(f"{word!r} holds no finished run: {MEANINGS}")
+    return in_order(runs)
+
+
+def _ids_by_time(store: Path) -> list[str]:
+    """Ids of the finished runs by their start, oldest first: an id from elsewhere need not sort by time."""
+    facts = [run_facts(read_about(store, run_id)) for run_id in run_ids(store)]
+    return [each.run_id for each in sorted(facts, key=lambda each: (moment(each.started), each.run_id))]
+
+
+def _index(word: str, ids: list[str], store: Path) -> int:
+    match = _LATEST.fullmatch(word)
+    if match:
+        back = int(match[1] or 0)
+        if back >= len(ids):
+            raise UsageError(f"{word!r} is too far back: the store {str(store)!r} has {len(ids)} finished run(s)")
+        return len(ids) - 1 - back
+    found = [k for k, run_id in enumerate(ids) if run_id == word or (word and run_id.startswith(word))]
+    if len(found) == 1 or word in ids:
+        return ids.index(word) if word in ids else found[0]
+    if found:
+        raise UsageError(f"{word!r} is the beginning of {len(found)} runs of {str(store)!r}: give more of it")
+    raise UsageError(f"{word!r} names no run of the store {str(store)!r}: {MEANINGS}.{close_matches(word, ids)}")
+
+
+MOST_ROWS = 100
+"""Rows of a Markdown table: GitHub cuts a summary at one megabyte, a reader tires earlier."""
+
+SYMBOLS = {"worse": "❌", "suspect": "⚠️", "lost": "⚠️", "not-comparable": "↔️", "better": "✅", "new": "➕", "same": "·"}
+_ACTIVE = re.compile(r"[\\`*\[\]<>|~@&#!$\"]|(?<=www)\.|:(?=//)")
+
+
+def headline(comparison: Comparison) -> str:
+    """One sentence that answers: better or worse?"""
+    found = counts(comparison)
+    parts = [f"{number} {verdict}" for verdict, number in found.items() if number and verdict != "same"]
+    if not found["worse"]:
+        return f"Nothing got worse ({', '.join([*parts, str(found['same']) + ' same'])})."
+    return f"{', '.join([*parts, str(found['same']) + ' same'])}."
+
+
+def worth_showing(comparison: Comparison) -> list[Change]:
+    """Everything that is not the same, what wants attention first."""
+    return [change for change in comparison.changes if change.verdict != "same"]
+
+
+def markdown(comparison: Comparison) -> str:
+    """A GitHub-flavoured summary; nothing in it that came from a run is read as markup."""
+    lines = [
+        "## ninedisk: " + headline(comparison),
+        "",
+        "| | run | started | commit | machine | runs |",
+        "|---|---|---|---|---|---:|",
+        _run("BASE", comparison.base, comparison.base_runs),
+        _run("HEAD", comparison.head, comparison.head_runs),
+        "",
+    ]
+    changes = worth_showing(comparison)
+    if changes:
+        lines += [
+            "| | case | variant | engine | what | base | head | change | tolerance | why |",
+            "|---|---|---|---|---|---:|---:|---:|---:|---|",
+        ]
+        lines += [_row(change) for change in changes[:MOST_ROWS]]
+        if len(changes) > MOST_ROWS:
+            lines += ["", f"{len(changes) - MOST_ROWS} more are not shown."]
+    lines += ["", "<details><summary>What counts as worse</summary>", ""]
+    lines += [f"- {_plain(rule)}" for rule in comparison.rules]
+    return "\n".join([*lines, "", "</details>", ""])
+
+
+def numbers(change: Change) -> tuple[str, str, str, str]:
+    """Base, head, factor and tolerance as text."""
+    if change.kind == "timing" and change.unit == "s":
+        return duration(change.base), duration(change.head), times(change.base, change.head), "-"
+    unit = f" {change.unit}" if change.unit not in ("", "-", "1") else ""
+    values = [text if (text := short(value)) == "-" else text + unit
+              for value in (change.base, change.head, change.tolerance)]  # fmt: skip
+    return values[0], values[1], times(change.base, change.head), values[2]
+
+
+def what(change: Change) -> str:
+    """The quantity with its kind of truth, the timing, or the cell."""
+    if change.kind == "cell":
+        return "cell"
+    return f"{change.quantity} ({change.truth})" if change.truth else change.quantity or "timing"
+
+
+def junit(comparison: Comparison) -> str:
+    """JUnit XML: a test for each thing compared; worse ones fail, those that could not be compared are skipped."""
+    found = counts(comparison)
+    skipped = found["lost"] + found["not-comparable"]
+    suite = ElementTree.Element(
+        "testsuite",
+        name="ninedisk compare",
+        tests=str(len(comparison.changes)),
+        failures=str(found["worse"]),
+        errors="0",
+        skipped=str(skipped),
+    )
+    properties = ElementTree.SubElement(suite, "properties")
+    for side in ("base", "head"):
+        for name, value in asdict(getattr(comparison, side)).items():
+            shown = json.dumps(dict(value)) if isinstance(value, dict) else str(value)
+            ElementTree.SubElement(properties, "property", name=f"{side}.{name}", value=printable(shown))
+    for change in comparison.changes:
+        name = " ".join(part for part in (change.variant, change.engine, what(change)) if part)
+        test = ElementTree.SubElement(suite, "testcase", classname=printable(change.case), name=printable(name))
+        base, head, factor, allowed = numbers(change)
+        text = printable(f"{change.reason} (base {base}, head {head}, {factor}, tolerance {allowed})")
+        if change.verdict == "worse":
+            ElementTree.SubElement(test, "failure", type=change.kind, message=text)
+        elif change.verdict in ("lost", "not-comparable"):
+            ElementTree.SubElement(test, "skipped", message=text)
+        elif change.verdict != "same":
+            ElementTree.SubElement(test, "system-out").text = f"{change.verdict}: {text}"
+    ElementTree.indent(suite)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(suite, encoding="unicode") + "\n"
+
+
+def as_json(comparison: Comparison) -> str:
+    """The whole comparison; numbers that are none are null, an infinite error is the text ``inf``."""
+    data = asdict(comparison) | {"counts": counts(comparison)}
+    for change in data["changes"]:
+        for name in ("base", "head", "tolerance"):
+            change[name] = "inf" if change[name] == math.inf else change[name]
+    return json.dumps(json.loads(plain_json(data)), indent=1, ensure_ascii=False) + "\n"
+
+
+def _run(name: str, facts: RunFacts, runs: int) -> str:
+    cells = (facts.run_id, facts.started, facts.commit[:12], facts.machine)
+    return f"| {name} | " + " | ".join(_plain(cell) or "-" for cell in cells) + f" | {runs} |"
+
+
+def _row(change: Change) -> str:
+    base, head, factor, allowed = (_plain(text) for text in numbers(change))
+    words = (change.case, change.variant, change.engine, what(change))
+    cells = [_plain(word) or "-" for word in words]
+    why = _plain(change.reason[:300])
+    head_cell = f"**{head}**" if change.verdict == "worse" and head != "-" else head
+    first = f"{SYMBOLS[change.verdict]} {change.verdict}"
+    return f"| {first} | {' | '.join(cells)} | {base} | {head_cell} | {factor} | {allowed} | {why} |"
+
+
+def _plain(text: str) -> str:
+    """Text that Markdown shows as it stands: on one line, every active character as a numeric entity."""
+    return _ACTIVE.sub(lambda match: f"&#{ord(match[0])};", printable(text))

@@ -11,10 +11,8 @@ from typing import Any
 
 from ninedisk.harness.api.errors import StoreError
 from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, SCHEMA_VERSION, RunFacts
-from ninedisk.harness.results.snapshot import Snapshot, cell_key, in_order, snapshot
-from ninedisk.harness.results.store import check_schema
-from ninedisk.harness.results.tables import EMPTY, Row
-from ninedisk.harness.results.tables_part import plain_json
+from ninedisk.harness.results.store import Snapshot, cell_key, check_schema, in_order, snapshot
+from ninedisk.harness.results.tables import EMPTY, Row, plain_json
 
 RUN_COLUMNS = {
     "schema_version": "int64",

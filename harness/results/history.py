@@ -9,12 +9,18 @@ from dataclasses import replace
 import numpy as np
 
 from ninedisk.harness.results.compare import EVERY, TIMINGS, Side, compare
-from ninedisk.harness.results.rules import ERROR_RULE, error_of
+from ninedisk.harness.results.rules import (
+    ERROR_RULE,
+    MANY,
+    SHIFT_RULE,
+    cell_shifts,
+    error_of,
+    error_shifts,
+    timing_shifts,
+)
 from ninedisk.harness.results.schema import Comparison, History, Line, Point, row_tolerance
-from ninedisk.harness.results.shifts import SHIFT_RULE, cell_shifts, error_shifts, timing_shifts
-from ninedisk.harness.results.snapshot import BROKEN, CellKey, Snapshot
+from ninedisk.harness.results.store import BROKEN, CellKey, Snapshot
 from ninedisk.harness.results.tables import Row
-from ninedisk.harness.results.timing_rule import MANY
 
 AROUND = 10
 """Runs on each side of a mark that give the timings of the comparison around it."""

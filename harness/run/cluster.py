@@ -19,11 +19,10 @@ from typing import TYPE_CHECKING, Any
 import ninedisk
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.results.tables import CaseResult
-from ninedisk.harness.run.parallel import run_in_workers
 from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.provenance import COMPUTING, cpu_model, package_folder
 from ninedisk.harness.run.runner import Progress
-from ninedisk.harness.run.workers import Answer, Task, answered, pickled
+from ninedisk.harness.run.workers import Answer, Task, answered, pickled, run_in_workers
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -1,23 +1,31 @@
-"""Orders of convergence: one variant of a case on one engine, its step halved again and again."""
+"""Orders of convergence: one variant of a case on one engine, its step halved again and again.
+
+Observed order of convergence from a step that is halved again and again: the rule, on plain numbers.
+
+Level ``k`` has the step ``h/2^k``. Errors against a truth fall like ``h^p``; so do the differences of neighbouring levels,
+which need no truth.
+
+What a scheme declares about its order, which step it has, and what round-off makes of a scene's quantities.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.harness.api.case import Case, Check, Observed
+from ninedisk.core.history import History
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.case import Case, Check, Observed, Setup
 from ninedisk.harness.api.engine import Engine, EngineInfo
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.engines.spring import contact_steps
+from ninedisk.harness.engines.spring import contact_steps, laws_in_use
 from ninedisk.harness.results.tables import CaseResult, Row
-from ninedisk.harness.run.converge_rule import RULES, VERDICTS, judge_order
-from ninedisk.harness.run.converge_scheme import expected_order, round_off, step_name
 from ninedisk.harness.run.judge import expected_series
 from ninedisk.harness.run.plan import Cell, plan_case
 from ninedisk.harness.run.runner import run_cell
@@ -278,3 +286,257 @@ def _truth(
         if spread <= SAME * float(np.nanmax(np.abs(curves[-1]))):
             return checks[-1], curves[-1]
     return None
+
+
+STEADY = 0.3
+"""Levels are asymptotic where all orders between neighbours lie this close to their median: less than half of the half
+order that separates kinks (1/2, 3/2) from smooth schemes (1, 2)."""
+
+MARGIN = 0.25
+"""An observed order may miss the expected one by this much, or by its own uncertainty: half the way to the next half order."""
+
+LEVELLED = 4.0
+"""Errors that are this many times the last difference have levelled off: ``1/(2^p - 1)``, p = 0.32, below any scheme's order."""
+
+FEWEST = 3
+"""Levels that an order needs: two orders between neighbours, so that they can disagree."""
+
+GOOD = ("undecided", "not judged", "converges", "step-independent", "exact")
+BAD = ("wrong order", "wrong limit")
+VERDICTS = (*BAD, *GOOD)
+"""Worst first; those of `BAD` fail."""
+
+RULES = (
+    "The step is halved each time and everything else stays; values are compared at the times that all levels have.",
+    "Error: against a truth of the continuous problem (analytic, converged) that is the same at every step; where there is "
+    "none, or where the errors have levelled off above "
+    f"{LEVELLED:g} times the last difference (the limit is another than the truth's), the differences of neighbouring levels.",
+    "Round-off: values below 1e-10 (single precision: 1e-5) of the scene's own size in that unit, below what one unit in the "
+    "last place of a coordinate makes of forces and velocities through the stiffness, or below the truth's own uncertainty, "
+    "and all finer levels, do not count. The differences of a single number (a peak, a count) may cancel, or jump where "
+    "another sample becomes the peak: their order is shown, not judged.",
+    f"Pre-asymptotic: coarse levels are left out until all orders between neighbours lie within {STEADY:g} of their median; "
+    f"at least {FEWEST} levels must remain, else all count and the order is irregular.",
+    "Order: slope of log error over log step by least squares. Uncertainty: half the range of the orders between neighbours, "
+    "and at least what the last of them still has to go: the next term of the expansion halves with the step, so that it "
+    "will move once more by what it moved last.",
+    f"Wrong order: the expected one lies above the observed one by more than its uncertainty and more than {MARGIN:g}. "
+    "A higher order is no fault. Wrong limit: the limit misses the truth by more than the check's tolerance.",
+)
+"""The rule in words, for the page and the record."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """Observed order of one quantity.
+
+    ``by`` is ``"error"`` or ``"difference"``, ``used`` the levels that counted, ``regular`` whether they are asymptotic;
+    ``order`` and ``uncertainty`` are NaN where there are too few.
+    """
+
+    verdict: str
+    order: float
+    uncertainty: float
+    by: str
+    used: tuple[int, ...]
+    regular: bool
+    reason: str
+
+
+def judge_order(
+    errors: Sequence[float] | None,
+    differences: Sequence[float],
+    *,
+    floor: float,
+    expected: float | None,
+    tolerance: float = math.inf,
+    number: bool = False,
+) -> Order:
+    """Order of a quantity and its verdict.
+
+    Parameters
+    ----------
+    errors : sequence of float or None
+        Against a truth, by level, coarsest first; None where there is no truth.
+    differences : sequence of float
+        Between level k and k + 1, in the quantity's unit; one less than there are levels.
+    floor : float
+        Values at most this large are round-off, > 0.
+    expected : float or None
+        Order that the scheme declares.
+    tolerance : float
+        What the truth's check allows at the finest level.
+    number : bool
+        A single number; its differences may cancel or jump, and their order is shown only.
+    """
+    values = [*(errors or ()), *differences]
+    if not all(math.isfinite(value) for value in values):
+        return _none("undecided", "", "some levels give no number")
+    if max(differences) <= floor:
+        if errors is not None and errors[-1] > max(tolerance, floor):
+            return _none("wrong limit", "error", _misses(errors[-1], tolerance) + "; the step changes nothing")
+        if errors is not None and errors[-1] > floor:
+            return _none("step-independent", "error", f"{errors[-1]:.2g} from the truth (allowed: {tolerance:.2g})")
+        return _none("exact", "error" if errors is not None else "difference", "the step changes nothing but round-off")
+    note, by, series = "", "difference", list(differences)
+    if errors is not None:
+        if errors[-1] > LEVELLED * differences[-1] and errors[-1] > floor:
+            if errors[-1] > tolerance:
+                return _none("wrong limit", "difference", _misses(errors[-1], tolerance))
+            note = f"levels off {errors[-1]:.2g} from the truth (allowed: {tolerance:.2g})"
+        else:
+            by, series = "error", list(errors)
+    above = next((k for k, value in enumerate(series) if value <= floor), len(series))
+    if above < 2:
+        return _none("exact", by, _joined(note, "round-off from the first halving on"))
+    found = _fitted(series[:above], by)
+    reason = _joined(note, _left_out(found, len(series), above))
+    return _judged(found, expected, reason, shown_only=number and by == "difference")
+
+
+def _joined(*parts: str) -> str:
+    return "; ".join(part for part in parts if part)
+
+
+def _none(verdict: str, by: str, reason: str) -> Order:
+    return Order(verdict=verdict, order=math.nan, uncertainty=math.nan, by=by, used=(), regular=False, reason=reason)
+
+
+def _misses(error: float, tolerance: float) -> str:
+    return f"the limit misses the truth by {error:.2g}, allowed are {tolerance:.2g}"
+
+
+def _fitted(series: Sequence[float], by: str) -> Order:
+    """Order over the asymptotic levels, or over all where there is no such range."""
+    logs = np.log2(np.asarray(series))
+    local = -np.diff(logs)
+    regular, first = False, 0
+    for start in range(len(series) - FEWEST + 1):
+        tail = local[start:]
+        if np.abs(tail - np.median(tail)).max() <= STEADY:
+            regular, first = True, start
+            break
+    levels = np.arange(first, len(series))
+    slope = -float(np.polyfit(levels, logs[first:], 1)[0])
+    spread = math.nan
+    if len(levels) >= FEWEST:
+        to_go = abs(float(local[-1]) - slope) + abs(float(local[-1] - local[-2]))
+        spread = max(0.5 * float(np.ptp(local[first:])), to_go)
+    return Order(
+        verdict="", order=slope, uncertainty=spread, by=by, used=tuple(map(int, levels)), regular=regular, reason=""
+    )
+
+
+def _left_out(found: Order, count: int, above: int) -> str:
+    parts = [f"first {found.used[0]} left out as pre-asymptotic"] if found.used[0] else []
+    parts += [f"last {count - above} left out as round-off"] if above < count else []
+    return _joined(*parts)
+
+
+def _judged(found: Order, expected: float | None, reason: str, *, shown_only: bool) -> Order:
+    verdict = "converges"
+    if expected is None or shown_only:
+        verdict = "not judged"
+    elif math.isnan(found.uncertainty):
+        verdict, reason = "undecided", _joined(reason, "too few levels above round-off")
+    elif found.order + max(found.uncertainty, MARGIN) < expected:
+        verdict = "wrong order"
+    elif not found.regular:
+        verdict, reason = "undecided", _joined(reason, "irregular: no asymptotic range")
+    return replace(found, verdict=verdict, reason=reason)
+
+
+STEP_PARAMETERS = ("dt", "increment")
+"""Parameters of cases that are the step of engines without an own one."""
+
+FIRST_ORDER = ("theta", "moreau-jean", "semi-implicit-euler", "position-first-euler")
+
+RELATIVE = {"float64": 1e-10, "float32": 1e-5}
+"""Share of a quantity's natural size below which it is round-off: the round-off of some hundred steps, 1e-14, and a solver's
+residual; in single precision a hundred units in the last place."""
+
+ROUNDINGS = 64.0
+"""Roundings of a coordinate that add up in a force: each body is moved by a sum of thousands, which add like their root."""
+
+
+def expected_order(case: Case, params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> tuple[float | None, str]:
+    """Order in the step that the engine's scheme has on this scene, and why; None where the engine declares none.
+
+    A case whose contacts never slip, although its laws have friction, says so by a method ``slips(params)``; one whose contacts neither
+    open nor close nor begin or cease to slide, by a method ``sticks(params)``.
+    """
+    scheme = engine.scheme
+    if scheme == "runge-kutta-3":
+        return None, "runge-kutta-3 in substeps of the engine's own: the step dt is none of the scheme's"
+    if scheme == "central-difference":
+        if setup.scene.xi > 0.0 and setup.numerics.damping_form == "lagged":
+            return 1.0, "central differences; global damping sees the velocity of half a step before"
+        if any(law.beta > 0.0 for law in laws_in_use(setup.scene)):
+            return 1.0, "central differences; a dashpot's force jumps at touch, anywhere within a step"
+        slips = getattr(case, "slips", None)
+        rough = [law for law in laws_in_use(setup.scene) if law.ks > 0.0 and law.mu > 0.0]
+        if rough and (slips is None or slips(params)):
+            late = Capability.SLIP_MIDDLE not in engine.capabilities
+            if late or any(law.slip_at == "end" for law in rough):
+                return (
+                    1.0,
+                    "central differences; slip is that of the half step, turned to the contact at the step's end",
+                )
+            if getattr(case, "sticks", lambda _: False)(params):
+                return 2.0, "central differences, slip of the middle of the step; contacts stick, and stay closed"
+            return 1.0, "central differences; contacts open, close, stick and slip anywhere within a step"
+        return 2.0, "central differences" + ("; by symmetry no contact slips" if rough else "")
+    if scheme in FIRST_ORDER:
+        return 1.0, f"{scheme}: contacts act for whole steps"
+    return None, f"a scheme of the engine's own: {scheme}"
+
+
+def step_name(case: Case, setup: Setup, engine: EngineInfo) -> str:
+    """The step that this engine takes: ``"contact_dt"``, or the case's own parameter.
+
+    Contact dynamics has an own step where all contacts are elastic (`ninedisk.core.cd.session.CdSession`).
+
+    Raises
+    ------
+    UsageError
+        If the engine steps by ``dt`` and the case has no such parameter.
+    """
+    elastic = not any(law.regularised for law in laws_in_use(setup.scene))
+    if engine.contact == "spring" or (engine.contact == "cd" and elastic):
+        return "contact_dt"
+    known = {parameter.name for parameter in case.parameters}
+    found = next((name for name in STEP_PARAMETERS if name in known), None)
+    if found is None:
+        raise UsageError(
+            f"the case {case.id!r} has no step that could be halved for {engine.id!r}: none of its parameters is "
+            f"{' or '.join(STEP_PARAMETERS)}; use an engine with contact springs"
+        )
+    return found
+
+
+def round_off(setup: Setup, engine: EngineInfo, history: History, contact_dt: float) -> Callable[[str, float], float]:
+    """Function of a quantity's unit and largest value: the size below which it is round-off.
+
+    A coordinate of size L is known to one unit in the last place, u; a contact spring makes ``kn u`` of it, and of that a
+    velocity ``omega u``. Rigid contacts find velocities, not positions.
+    """
+    share = RELATIVE.get(engine.precision, RELATIVE["float32"])
+    disks = setup.scene.disks
+    length = float(np.nanmax(np.abs(history.x), initial=0.0)) + float(disks.radius.max())
+    unit = float(np.spacing(length if engine.precision == "float64" else np.float32(length)))
+    stiff = max((law.kn for law in laws_in_use(setup.scene)), default=0.0) if engine.contact == "spring" else 0.0
+    omega = min(math.sqrt(2.0 * stiff / float(disks.mass.min())), 2.0 / contact_dt)
+    speed = float(np.nanmax(np.abs(history.v), initial=0.0))
+    of_length, of_speed = share * length, share * speed + ROUNDINGS * unit * omega
+    mass = float(disks.mass.sum())
+    absolute = {
+        "m": of_length,
+        "m/s": of_speed,
+        "rad/s": of_speed / float(disks.radius.min()),
+        "N": ROUNDINGS * unit * stiff,
+        "kg m/s": mass * of_speed,
+        "J": mass * speed * of_speed,
+        "s": share * float(history.t[-1]),
+    }
+    tiny = float(np.finfo(np.float64).tiny)
+    return lambda name, largest: max(absolute.get(name, share), share * largest, tiny)

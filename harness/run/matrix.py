@@ -104,7 +104,7 @@ def run_cells(
     if cluster is not None:
         return cluster.run(cells, progress, published=published, raise_users_mistakes=alone)
     if jobs:
-        from ninedisk.harness.run.parallel import run_in_workers
+        from ninedisk.harness.run.workers import run_in_workers
 
         return run_in_workers(cells, progress, jobs=jobs, published=published, raise_users_mistakes=alone)
     results = []

@@ -1,9 +1,17 @@
-"""Runs one cell: a variant of a case on an engine, held against every truth that binds it; `ninedisk.harness.run.matrix` runs many."""
+"""Runs one cell: a variant of a case on an engine, held against every truth that binds it; `ninedisk.harness.run.matrix` runs many.
+
+Columns of `records.CELL_COLUMNS`, as they become known while a cell runs, and results of cells that did not run to their end.
+
+Which checks a cell will have, found without running its engine.
+"""
 
 from __future__ import annotations
 
+import json
 import traceback
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +29,19 @@ from ninedisk.harness.api.engine import (
 )
 from ninedisk.harness.api.params import foreign_settings
 from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS
-from ninedisk.harness.results.tables import CaseResult, Row, complete
-from ninedisk.harness.results.tables_part import measurement_row, plain_json, reference_blocks, series_blocks
-from ninedisk.harness.run.cell_rows import engine_columns, planned_columns, support_columns, without_measurements
-from ninedisk.harness.run.observation import check_history, frames
-from ninedisk.harness.run.plan import Cell
+from ninedisk.harness.results.tables import (
+    CaseResult,
+    Row,
+    complete,
+    measurement_row,
+    plain_json,
+    reference_blocks,
+    series_blocks,
+)
+from ninedisk.harness.run.judge import cell_verdict
+from ninedisk.harness.run.observation import blank_history, check_history, frames
+from ninedisk.harness.run.plan import Cell, request_command
 from ninedisk.harness.run.published import published_checks
-from ninedisk.harness.run.repeat import request_command
-from ninedisk.harness.run.verdict import cell_verdict
 
 Progress = Callable[[int, int, str], None]
 """Called with (cells done, cells in all, name of the cell that begins)."""
@@ -143,3 +156,91 @@ def _measure(
         observed=observed,
         checks=tuple(checks),
     )
+
+
+def broken_cell(cell: Cell, reason: str) -> CaseResult:
+    """Result of a cell whose process did not live to tell it: status error."""
+    head = planned_columns(cell)
+    if not isinstance(cell.engine, Exception):
+        with suppress(Exception):  # facts that cannot be had are no reason to lose the cell
+            head |= engine_columns(cell.engine.info())
+    return without_measurements(cell, head, "error", reason)
+
+
+def without_measurements(cell: Cell, head: Row, status: str, reason: str) -> CaseResult:
+    """Result of a cell that was not run to its end, with one row that says so."""
+    verdict = {"status": status, "reason": reason}
+    common = {name: head[name] for name in head if name in MEASUREMENT_COLUMNS}
+    return CaseResult(
+        cell=complete(head | verdict, CELL_COLUMNS),
+        rows=[complete(common | verdict, MEASUREMENT_COLUMNS)],
+        setup=None if isinstance(cell.setup, Exception) else cell.setup,
+    )
+
+
+def planned_columns(cell: Cell) -> Row:
+    """What a stored cell holds of its plan, known before it runs."""
+    case = cell.case
+    return {
+        "case": case.id,
+        "case_version": case.version,
+        "case_title": case.title,
+        "case_source": case.source,
+        "case_requirement": case.requirement,
+        "variant": cell.variant.id,
+        "params": plain_json(dict(cell.variant.params)),
+        "engine": cell.engine_id,
+        **({} if isinstance(cell.setup, Exception) else _setup_columns(cell.setup)),
+    }
+
+
+def _setup_columns(setup: Setup) -> Row:
+    stored = {
+        "scene": setup.scene.to_dict(),
+        "numerics": setup.numerics.to_dict(),
+        "watch": [list(pair) for pair in setup.watch],
+        "labels": {name: list(pair) for name, pair in setup.labels.items()},
+    }
+    return {"n_steps": setup.numerics.n_steps, "n_disks": len(setup.scene.disks), "setup": plain_json(stored)}
+
+
+def engine_columns(info: EngineInfo) -> Row:
+    """Columns of the facts about an engine."""
+    return {
+        "engine_name": info.name,
+        "engine_version": info.version or "",
+        "engine_licence": info.licence,
+        "engine_runs": info.how_it_runs,
+    }
+
+
+def support_columns(support: Support) -> Row:
+    """Columns of how faithfully the engine expresses the scene."""
+    return {
+        "support": str(support.level),
+        "missing": json.dumps([str(capability) for capability in support.missing]),
+        "notes": json.dumps(list(support.notes)),
+    }
+
+
+def check_ids(pairs: Iterable[tuple[str, str]]) -> list[str]:
+    """``quantity-truth`` ids in order, numbered where the same pair comes again."""
+    seen: Counter[str] = Counter()
+    ids = []
+    for quantity, truth in pairs:
+        name = f"{quantity}-{truth}"
+        seen[name] += 1
+        ids.append(name if seen[name] == 1 else f"{name}-{seen[name]}")
+    return ids
+
+
+def dry_checks(cell: Cell, info: EngineInfo, published: Path | None = None) -> list[Check]:
+    """The checks of a cell over a history without numbers: quantities and truths are right, values are NaN.
+
+    Which truths bind a cell follows from its parameters, its set-up and the engine's facts, never from the numbers that
+    the engine computes; so the case's own ``observe`` and ``checks`` tell them from a blank history.
+    """
+    if isinstance(cell.setup, Exception):
+        raise cell.setup
+    observed = cell.case.observe(cell.variant.params, cell.setup, blank_history(cell.setup))
+    return all_checks(cell, cell.setup, observed, info, published)

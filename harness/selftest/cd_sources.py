@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from functools import partial
 
-from ninedisk.harness.selftest.planted import planted
+from ninedisk.harness.selftest.defect import planted
 
 CONTACT, STEP = "cd.problem_kernels", "cd.step"
-FRAMES, MARCH, MARCH_SET = "cd.contact_kernels", "cd.batch_kernels", "cd.march_set_kernels"
+FRAMES, MARCH, MARCH_SET = "cd.contact_kernels", "cd.batch_kernels", "cd.batch_kernels"
 """What single steps and steps taken together share, and the part of the latter that is their own: a defect of both is planted in
 the first, or in two places."""
 
@@ -52,7 +52,8 @@ DEFECTS = (
             (MARCH, "contact_compliances(row, laws, scheme.theta * scheme.dt, compliance)",
              "contact_compliances(row, laws, scheme.dt, compliance)")),
     _kernel("shear-memory", "elastic contacts forget their shear force", "press-rough",
-            (STEP, "shear_0=forces[:, 1],", "shear_0=0.0 * forces[:, 1],"),
+            (STEP, "shear_0=forces[:, 1],\n            resolution=self._resolution,",
+             "shear_0=0.0 * forces[:, 1],\n            resolution=self._resolution,"),
             (MARCH_SET, "near.shear[k] = state.shear[at]", "near.shear[k] = 0.0 * state.shear[at]")),
     _python("turns-blocked-disks", "disks that cannot turn do", "stop",
             (STEP, "free = np.column_stack([~disks.held, disks.rotating])",
@@ -78,7 +79,7 @@ DEFECTS = (
             ("cd.session", "given = self.dt * np.column_stack([disks.v, disks.omega])",
              "given = 0.5 * self.dt * np.column_stack([disks.v, disks.omega])")),
     _python("static-balance", "static steps end with one part in a hundred unbalanced", "press-static",
-            ("cd.statics", "BALANCE = 1e-10", "BALANCE = 1e-2")),
+            ("cd.step", "BALANCE = 1e-10", "BALANCE = 1e-2")),
     _kernel("dilation-search", "the search forgets that sliding contacts lift", "throw",
             (FRAMES, "out[k] = gap[k] + un - dilation[row[k]] * abs(", "out[k] = gap[k] + un + dilation[row[k]] * abs(")),
     _kernel("march-walls", "steps taken together measure wall motion from where the walls were before the first of them", "shear-caps",

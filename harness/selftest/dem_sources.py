@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from ninedisk.harness.selftest.planted import planted
+from ninedisk.harness.selftest.defect import planted
 
-FORCES, PAIRS, KICK, STEP = "dem.force_kernels", "dem.pair_kernels", "dem.kick_kernels", "dem.step_kernels"
+FORCES, PAIRS, KICK, STEP = "dem.force_kernels", "dem.force_kernels", "dem.kick_kernels", "dem.step_kernels"
 SEARCH, MOTION = "dem.neighbour_kernels", "motion_kernels"
 
 
@@ -43,7 +43,7 @@ CONTACTS = (
             (PAIRS, _DISK_SLIP + _DISK_SHEAR, _DISK_SLIP + _DISK_SHEAR.replace("vt * slip_dt", "vt")),
             (FORCES, _WALL_SLIP + _WALL_SHEAR, _WALL_SLIP + _WALL_SHEAR.replace("vt * slip_dt", "vt"))),
     _python("lever-arm", "lever arms R and R - overlap/2 are exchanged", "shear-caps",
-            ("dem.constants", 'law.lever_arm != "radius", law.lever_arm == "overlap"',
+            ("dem.arrays", 'law.lever_arm != "radius", law.lever_arm == "overlap"',
              'law.lever_arm == "radius", law.lever_arm != "overlap"')),
     _kernel("no-cone", "shear forces are not clipped", "slide",
             (FORCES, "if force > cap:", "if force > 1e300:"), (FORCES, "if force < -cap:", "if force < -1e300:")),
@@ -76,7 +76,7 @@ CONTACTS = (
             (SEARCH, "if dx * dx + dy * dy < limit * limit:",
              "if (i + j) % 5 != 0 and dx * dx + dy * dy < limit * limit:")),
     _kernel("no-skin", "the contact search ignores the skin: contacts are missed until the next rebuild", "hit",
-            ("dem.rebuild_kernels", "code = build_pairs(disks.x, disks.radius, skin, cells",
+            ("dem.neighbour_kernels", "code = build_pairs(disks.x, disks.radius, skin, cells",
              "code = build_pairs(disks.x, disks.radius, 0.0, cells")),
     _kernel("no-rebuild", "neighbour lists are never rebuilt", "hit",
             (STEP, _LIMIT, "limit = 1e100")),
@@ -84,8 +84,8 @@ CONTACTS = (
 
 STEPPING = (
     _python("damping-lagged", "global damping sees the velocity of half a step before", "press",
-            ("dem.constants", 'central = numerics.damping_form == "central"', "central = False")),
-    _python("first-kick", "the first kick is a whole one", "slide", ("dem.constants", "gain=0.5 * dt", "gain=dt")),
+            ("dem.arrays", 'central = numerics.damping_form == "central"', "central = False")),
+    _python("first-kick", "the first kick is a whole one", "slide", ("dem.arrays", "gain=0.5 * dt", "gain=dt")),
     _kernel("no-spin-damping", "global damping leaves the spins alone", "shear-caps",
             (KICK, "spin = keep * before + gain * (", "spin = before + dt * (")),
     _kernel("explicit-euler", "positions move with the velocity of the step before", "hit",
@@ -126,7 +126,7 @@ REOPENED = (
             (MOTION, "rate = motion.frequency[k] * cos(motion.frequency[k] * tau + motion.phase[k])",
              "rate = motion.frequency[k] * cos(motion.frequency[k] * tau)")),
     _python("dashpot-lagged", "dashpots see the velocity of half a step before", "push-wall",
-            ("dem.constants", "ahead=0.5", "ahead=0.0")),
+            ("dem.arrays", "ahead=0.5", "ahead=0.0")),
     _kernel("dashpot-stale", "dashpots are not found anew when the neighbour lists are rebuilt", "hit-damped",
             (STEP, "note_pairs(disks, views, pairs, law)",
              "noted = views.damping.copy(); note_pairs(disks, views, pairs, law); views.damping[:] = noted")),
@@ -134,7 +134,7 @@ REOPENED = (
 
 RETRACED = (
     _python("slip-at", "slip is measured at the end of the step where it should be in the middle, and the other way round", "retrace",
-            ("dem.constants", 'law.slip_at == "middle"', 'law.slip_at != "middle"')),
+            ("dem.arrays", 'law.slip_at == "middle"', 'law.slip_at != "middle"')),
     _kernel("slip-at-the-begin", "slip between disks is measured with the normal of the step's begin", "retrace",
             (PAIRS, "mx, my = dx + back * vx, dy + back * vy", "mx, my = dx + 2.0 * back * vx, dy + 2.0 * back * vy")),
     _kernel("slip-of-a-later-wall", "slip in the middle of the step is measured with the wall's pose of its end", "retrace-wall",
@@ -159,15 +159,15 @@ STRIPED = (
             *SORT_ALL, (STEP, "kicked_from = team.border[s] if parity == 0 else stripe[s]", "kicked_from = stripe[s]"),
             (STEP, "far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))", "far += 0.0")),
     _kernel("border-narrow", "the border of a stripe ends one disk too early", "stack",
-            *SORT_ALL, ("dem.rebuild_kernels", "cells.start[(row + 1) * nx]", "cells.start[row * nx]")),
+            *SORT_ALL, ("dem.neighbour_kernels", "cells.start[(row + 1) * nx]", "cells.start[row * nx]")),
     _kernel("load-of-a-stripe", "the first stripe's load on the walls is lost", "stack",
             *SORT_ALL, (STEP, "for s in range(walls.share.shape[0]):", "for s in range(1, walls.share.shape[0]):")),
     _kernel("order-of-samples", "samples have the disks in the order of the cells", "reopen-far",
             *SORT_ALL, ("dem.sample_kernels", "i = disks.place[samples.chosen[c]]", "i = samples.chosen[c]")),
     _kernel("order-of-spins", "spins stay behind when disks are brought into the order of the cells", "reopen-far",
-            *SORT_ALL, ("dem.rebuild_kernels", "    permute(disks.omega, order, one)\n", "")),
+            *SORT_ALL, ("dem.neighbour_kernels", "    permute(disks.omega, order, one)\n", "")),
     _kernel("order-of-history", "shear forces follow the rows of the lists instead of the disks", "shear-caps",
-            *SORT_ALL, ("dem.rebuild_kernels", "    permute_numbers(disks.listed, order, one)\n", "")),
+            *SORT_ALL, ("dem.neighbour_kernels", "    permute_numbers(disks.listed, order, one)\n", "")),
 )  # fmt: skip
 
 HOLES = tuple(
@@ -176,7 +176,7 @@ HOLES = tuple(
         (
             "it costs speed alone, which the bench sees",
             _kernel("skin-fixed", "the skin of the lists never adapts", "hit",
-                    ("dem.rebuild_kernels", "best = sqrt(REBUILD_COST * step.radius * skin / steps)", "best = skin")),
+                    ("dem.neighbour_kernels", "best = sqrt(REBUILD_COST * step.radius * skin / steps)", "best = skin")),
         ),
         (
             "no case has positions that stop being finite; the session looks for them once more, and tests of the core look there",

@@ -12,7 +12,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ninedisk.harness.selftest.edits import Edit, plant
+from ninedisk.harness.selftest.defect import Edit, plant
 
 
 def main() -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import partial
 
-from ninedisk.harness.selftest.planted import planted
+from ninedisk.harness.selftest.defect import planted
 
-FORCES, MEMORY = "dem.grain_kernels", "dem.grain_memory_kernels"
-LENS, AREA, WALL = "nurbs.lens_kernels", "nurbs.nurbs_area_kernels", "nurbs.wall_kernels"
+FORCES, MEMORY = "dem.grain_kernels", "dem.grain_kernels"
+LENS, AREA, WALL = "nurbs.lens_kernels", "nurbs.lens_kernels", "nurbs.wall_kernels"
 
-MEETINGS, FEATURES = "cd.grain_frame_kernels", "nurbs.nurbs_feature_list_kernels"
+MEETINGS, FEATURES = "cd.contact_kernels", "nurbs.features_kernels"
 
 _kernel, _cd_kernel = partial(planted, "dem", "kernel"), partial(planted, "cd", "kernel")
 

@@ -1,24 +1,35 @@
-"""The tests of the suite: which there are, found without running an engine, and how each is judged."""
+"""The tests of the suite: which there are, found without running an engine, and how each is judged.
+
+What a failed check tells: all that one needs to judge it, to see it drawn and to run it again.
+
+How much of a case's matrix a test belongs to: ``-m smoke``, ``-m core`` or ``-m full``.
+
+- ``smoke``: the first variant of each case, the one that its source shows first: does the engine speak at all?
+- ``core``: those, and the variants that differ from the first in one parameter alone: one cause for each difference.
+- ``full``: every variant.
+
+Each tier holds the one before it.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
+from ninedisk.harness.api.case import Variant
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import match_cases
+from ninedisk.harness.results.schema import row_tolerance
 from ninedisk.harness.results.tables import CaseResult, Row
-from ninedisk.harness.run.dry_run import check_ids, dry_checks
-from ninedisk.harness.run.plan import Cell, plan_matrix
-from ninedisk.harness.run.runner import last_lines, run_cell
-from ninedisk.harness.suite.failure import failure_text, where_to_look
+from ninedisk.harness.run.plan import Cell, plan_matrix, run_command
+from ninedisk.harness.run.runner import check_ids, dry_checks, last_lines, run_cell
 from ninedisk.harness.suite.gaps import KnownGap, gap_of, read_gaps
 from ninedisk.harness.suite.reuse import StoredCells, open_store
-from ninedisk.harness.suite.tiers import tiers
-from ninedisk.harness.wire.given import engines_given
+from ninedisk.harness.wire.command import engines_given
 
 CELL = "cell"
 """Name of the test that stands for the cell as a whole."""
@@ -179,3 +190,55 @@ class CellCheck:
 
 def _measured(result: CaseResult) -> list[str]:
     return check_ids((row["quantity"], row["truth"]) for row in result.rows if row["quantity"])
+
+
+def failure_text(name: str, row: Row) -> str:
+    """Value, reference, error, tolerance and its reason of a failed check."""
+    unit = row["unit"] if row["unit"] not in ("", "-") else ""
+    lines = [
+        f"{name}: {row['quantity']} against {row['truth']}: {row['reason']}",
+        f"  value      {row['value']!r} {unit}".rstrip()
+        + (f" at step {row['worst_step']}" if row["worst_step"] >= 0 else ""),
+        f"  reference  {row['expected']!r} {unit}".rstrip() + f" (+- {row['uncertainty']:.3g}; {row['source']})",
+        f"  error      {row['abs_error']:.6g} {unit}".rstrip() + f" (relative {row['rel_error']:.3g})",
+        f"  tolerance  {row_tolerance(row):.6g} {unit}".rstrip()
+        + f" = {row['atol']:g} + {row['rtol']:g} x {row['scale']:.6g}",
+        f"  because    {row['why']}",
+    ]
+    if row["first_divergence_step"] >= 0:
+        lines.append(f"  diverges   first at step {row['first_divergence_step']}")
+    return "\n".join(lines)
+
+
+def where_to_look(cell: Cell) -> str:
+    """The case in words, its page in a report, and the command that runs the cell again."""
+    return "\n".join(
+        (
+            f"  case       ninedisk list cases {cell.case.id}; {page(cell.case.id)} of a report",
+            f"  again      {run_command(cell)}",
+        )
+    )
+
+
+def page(case_id: str) -> str:
+    """Place of a case's errors, relative to the folder of a report."""
+    slug = re.sub(r"[^a-z0-9]+", "-", case_id.lower()).strip("-")[:60]
+    return f"case/{slug}.html#errors"
+
+
+TIERS = {
+    "smoke": "the first variant of each case",
+    "core": "variants that differ from the first of their case in at most one parameter",
+    "full": "every variant of every case",
+}
+
+
+def tiers(variants: Sequence[Variant]) -> dict[str, tuple[str, ...]]:
+    """Names of the tiers of each variant, by its id; ``variants`` are those of one case in the order of its matrix."""
+    found: dict[str, tuple[str, ...]] = {}
+    names = tuple(TIERS)
+    for variant in variants:
+        first = variants[0].params
+        differ = sum(value != first[name] for name, value in variant.params.items())
+        found.setdefault(variant.id, names[min(differ, 2) :])
+    return found

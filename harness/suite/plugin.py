@@ -4,7 +4,7 @@
 ``ninedisk_check`` and calls ``ninedisk_check.verify()``. Either way there is one test for each check of the matrix, plus one
 called ``cell`` for each variant and engine, which fails if the engine crashed or if the checks that were measured are not those
 that were collected. Collecting runs no engine: the checks are enumerated on a history without numbers
-(`ninedisk.harness.run.dry_run`). A cell is run when its first test needs it and kept for the others; with pytest-xdist use
+(`ninedisk.harness.run.runner`). A cell is run when its first test needs it and kept for the others; with pytest-xdist use
 ``--dist loadgroup`` so that a cell's tests stay in one process (without it each process runs the cells that it needs).
 
 pytest loads this module in every run of an environment that has ninedisk, so it imports nothing until its fixture is asked for.
@@ -21,7 +21,7 @@ import pytest
 if TYPE_CHECKING:
     from ninedisk.harness.suite.items import Plan
 TIERS = ("smoke", "core", "full")
-"""Markers of `ninedisk.harness.suite.tiers`."""
+"""Markers of `ninedisk.harness.suite.items`."""
 
 _PLAN: pytest.StashKey[Plan] = pytest.StashKey()
 
@@ -59,7 +59,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     config.addinivalue_line("markers", "xdist_group(name): tests that run in the same process under --dist loadgroup")
     for tier in TIERS:
-        config.addinivalue_line("markers", f"{tier}: tier of ninedisk's suite, see ninedisk.harness.suite.tiers")
+        config.addinivalue_line("markers", f"{tier}: tier of ninedisk's suite, see ninedisk.harness.suite.items")
 
     if any(config.getoption(f"ninedisk_{name}") for name in ("case", "engine", "engine_cmd", "known_gaps")):
         _check_options(config)
@@ -69,7 +69,7 @@ def _check_options(config: pytest.Config) -> None:
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.registry import check_engine_ids, match_cases
     from ninedisk.harness.suite.gaps import read_gaps
-    from ninedisk.harness.wire.given import engines_given
+    from ninedisk.harness.wire.command import engines_given
 
     gaps = config.getoption("ninedisk_known_gaps")
     try:

@@ -15,12 +15,11 @@ from typing import Any
 
 from ninedisk.harness.api.errors import StoreError
 from ninedisk.harness.api.registry import BUILTIN, case_table, engine_table
-from ninedisk.harness.results.snapshot import CellKey, cell_key
-from ninedisk.harness.results.store import read_about, read_table, run_ids
+from ninedisk.harness.results.store import CellKey, cell_key, read_about, read_table, run_ids
 from ninedisk.harness.results.tables import CaseResult, Row
-from ninedisk.harness.run.cell_rows import planned_columns
 from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.provenance import provenance
+from ninedisk.harness.run.runner import planned_columns
 
 ELSEWHERE = ("commit", "engines", "jobs")
 """Facts that are not compared as such: the digest of the sources is sharper, engines are compared cell by cell, and how many cells

@@ -3,29 +3,40 @@
 ``run`` reads the request from standard input and writes the answer to standard output, or into the request's
 ``answer_file``; see `ninedisk.harness.wire.protocol`. The command runs in the folder in which ninedisk was called, so that relative
 paths in it mean what they mean in a shell.
+
+What an engine says about itself on ``describe``, read and checked.
+
+Engines of a run: ids of known ones, and commands.
 """
 
 from __future__ import annotations
 
 import shlex
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.options import read_options
+from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineRun, EngineTimeoutError, Support, SupportLevel
 from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.api.registry import engine_table
+from ninedisk.harness.api.text import printable
 from ninedisk.harness.engines.rigid import rigid_support, without_spring_preload
 from ninedisk.harness.engines.spring import NOTE_SLIP_AT, OF_SLIP_AT, contact_steps, laws_in_use
 from ninedisk.harness.run.isolation import Finished, run_isolated, time_limit_from_environment
-from ninedisk.harness.wire.description import Description, read_description
 from ninedisk.harness.wire.external import ExternalEngine
-from ninedisk.harness.wire.wire_fields import WireError
+from ninedisk.harness.wire.protocol import WireError, parse_message
+from ninedisk.harness.wire.schemas import fault
 
+if TYPE_CHECKING:
+    from ninedisk.harness.api.engine import Engine
 MAX_OUTPUT = 1 << 26
 """Bytes of standard output that can be an answer, 64 MiB; larger ones go into the request's ``answer_file``."""
 
@@ -161,3 +172,140 @@ def spring_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
         if law.mu > 0.0:
             need.add(Capability.SHEAR_SPRING)
     return frozenset(need)
+
+
+SCHEME_OPTIONS = {"moreau-jean": "theta", "runge-kutta-3": "phase"}
+"""Schemes whose truths read an option of the engine."""
+
+NOTE_SOFT = "contacts are soft in a way of the engine's own"
+
+_TRAITS = (
+    "turns_shear",
+    "fixed_wall_shear",
+    "keeps_opened_shear",
+    "dilates",
+    "friction_lags",
+    "softness",
+    "softness_why",
+    "keeps_kn",
+    "impact_as_springs",
+    "normal_turns_in_impact",
+    "precision",
+    "threads",
+)
+
+_ARMS = ("turns_exactly_with", "arms_at_walls")
+"""Traits that are sets of lever arms."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """Facts about an engine, and in what it only comes near to any scene."""
+
+    info: EngineInfo
+    approximations: tuple[str, ...]
+
+
+def wire_name(capability: Capability) -> str:
+    """Name of a capability in a description: ``linear-contact``."""
+    return capability.name.lower().replace("_", "-")
+
+
+def read_description(text: str, *, how_it_runs: str) -> Description:
+    """The description in what an engine printed.
+
+    Parameters
+    ----------
+    text : str
+        Standard output of ``ENGINE describe``.
+    how_it_runs : str
+        For reports; the command.
+
+    Raises
+    ------
+    WireError
+        Naming the key at fault and what was expected there.
+    """
+    data = parse_message(text, "description")
+    if wrong := fault("describe", data):
+        raise WireError(f"the description breaks its schema at {wrong}; see: ninedisk schema describe")
+    options = {name: _option(f"{data['id']}.{name}", given) for name, given in data.get("options", {}).items()}
+    asked = SCHEME_OPTIONS.get(data["scheme"])
+    if asked is not None and asked not in options:
+        raise WireError(
+            f"the scheme {data['scheme']!r} needs the option {asked!r}: describe it, or name another scheme"
+        )
+    names = {wire_name(capability): capability for capability in Capability}
+    traits: dict[str, Any] = {"precision": "float64", "threads": 1}
+    traits |= {trait: data[trait] for trait in _TRAITS if trait in data}
+    traits |= {trait: frozenset(names[name] for name in data[trait]) for trait in _ARMS if trait in data}
+    out_of_scope = {names[name]: printable(link) for name, link in data.get("out_of_scope", {}).items()}
+    both = sorted(set(data["capabilities"]) & set(data.get("out_of_scope", {})))
+    if both:
+        raise WireError(
+            f"the description has {both[0]!r} among capabilities and out_of_scope: leave it out of one of them"
+        )
+    info = EngineInfo(
+        id=data["id"],
+        name=printable(data.get("name", data["id"])),
+        version=None if data["version"] is None else printable(data["version"]),
+        scheme=printable(data["scheme"]),
+        contact=data["contact"],
+        licence=printable(data.get("licence", "not stated")),
+        how_it_runs=how_it_runs,
+        install=printable(data.get("install", "given by --engine-cmd")),
+        not_installed_because="its description gives no version" if data["version"] is None else "",
+        capabilities=frozenset(names[name] for name in data["capabilities"]),
+        options=options,
+        out_of_scope=out_of_scope,
+        **traits,
+    )
+    near = tuple(printable(text) for text in data.get("approximations", ()))
+    return Description(info, near or (NOTE_SOFT,) if info.contact == "soft" else near)
+
+
+def _option(name: str, given: Mapping[str, Any]) -> Option:
+    if "choices" in given:
+        option = Option(default=given["default"], why=printable(given["why"]), choices=tuple(given["choices"]))
+    else:
+        rest = {key: value for key, value in given.items() if key not in ("default", "why", "none")}
+        meaning = printable(given.get("none", ""))
+        option = Option(default=given["default"], why=printable(given["why"]), none=meaning, **rest)
+    try:
+        option.checked(name, option.default)
+    except InvalidNumericsError as error:
+        raise WireError(f"the description's default does not fit: {error}") from error
+    return option
+
+
+def engines_given(ids: Sequence[str], commands: Sequence[str], *, everything: bool = False) -> list[str | Engine]:
+    """What ``--engine`` and ``--engine-cmd`` ask for: both; all known engines where neither says anything.
+
+    Parameters
+    ----------
+    ids, commands : sequence of str
+    everything : bool
+        All known engines beside the commands.
+
+    Raises
+    ------
+    UsageError
+        If a command cannot be started, or two engines have one id.
+    """
+    known = list(engine_table())
+    found: list[str | Engine] = [*dict.fromkeys(ids)]
+    if everything or not (ids or commands):
+        found = [*known]
+    if not commands:
+        return found
+
+    owners = dict.fromkeys(known, "a known engine")
+    for line in dict.fromkeys(commands):
+        engine = CommandEngine(line)
+        if (owner := owners.setdefault(engine.id, repr(line))) != repr(line):
+            raise UsageError(
+                f"--engine-cmd {line!r} calls itself {engine.id!r}, and so does {owner}: give it an id of its own in its "
+                f"description"
+            )
+        found.append(engine)
+    return found

@@ -21,20 +21,35 @@ Answer (one JSON object in ``answer_file``)
     are the request's). A number that the engine cannot observe is ``null``, and so is an array none of whose numbers it
     can observe; steps, times, positions and velocities must always be numbers. For large histories ``history`` is
     ``{"file": NAME, "force_meaning": ...}``, NAME an NPZ file in the folder of ``answer_file``, see
-    `ninedisk.harness.wire.wire_files`. An engine that gives up answers ``{"wire_version": 1, "error": "what went wrong"}``
+    `ninedisk.harness.wire.protocol`. An engine that gives up answers ``{"wire_version": 1, "error": "what went wrong"}``
     instead, one that finds that it cannot express the scene ``{"wire_version": 1, "unsupported": "why"}``.
 
 The same in JSON Schema: ``ninedisk schema --all --out DIR``.
 
 Floats are written with the shortest digits that give the same double back, so that nothing is lost on the way.
+
+Strict reading of single fields of the wire format; every message names the key and what was expected.
+
+From the text of a message to its JSON object; what is wrong with a bad one is said in words that help to mend it.
+
+Histories in files: NPZ, for those that are large as text.
+
+The file holds the arrays of the history by their names, ``step`` included, and energies as ``energy.NAME``; an array that
+it does not hold was not observed. Positions and velocities are checked like any others.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import re
+import sys
+import zipfile
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -45,17 +60,6 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.engine import EngineError, EngineRun, EngineUnsupportedError, Timings
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.wire.wire_fields import (
-    WireError,
-    expect_keys,
-    float_array,
-    number,
-    settings_field,
-    step_array,
-    text_field,
-)
-from ninedisk.harness.wire.wire_files import HISTORY_FILE_KEYS, read_history_file
-from ninedisk.harness.wire.wire_text import WIRE_VERSION, parse_message
 
 ANSWER_KEYS = ("wire_version", "engine_version", "timings", "settings", "history")
 TIMING_KEYS = ("setup", "warm_up", "advance")
@@ -275,3 +279,222 @@ def _lists(array: NDArray[np.float64]) -> Any:
     entries = array.astype(object)
     entries[missing] = None
     return entries.tolist()
+
+
+SETTINGS_DEPTH = 8
+"""Levels of lists and objects within settings: more than any table needs."""
+
+
+class WireError(EngineError):
+    """A message does not keep to the wire format; the text names the key and what was expected there."""
+
+
+def expect_keys(data: Any, keys: Sequence[str], where: str) -> None:
+    """Raise `WireError` unless ``data`` is an object with exactly these keys."""
+    if not isinstance(data, Mapping):
+        raise WireError(f"{where} must be an object with the keys {', '.join(keys)}, not {data!r:.80}")
+    missing = [key for key in keys if key not in data]
+    if missing:
+        raise WireError(f"{where} lacks the key(s) {', '.join(missing)}; expected {', '.join(keys)}")
+    unknown = sorted(set(data) - set(keys))
+    if unknown:
+        raise WireError(f"{where} has the unknown key(s) {', '.join(unknown)}; expected {', '.join(keys)}")
+
+
+def number(value: Any, name: str, *, low: float) -> float:
+    """A finite number not below ``low``."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= sys.float_info.max:
+        raise WireError(f"{name} is {value!r}; expected a finite number >= {low:g}")
+    return float(value)
+
+
+def text_field(value: Any, name: str) -> str:
+    """A string, without control characters and halves of characters, which no terminal and no file can show."""
+    if not isinstance(value, str):
+        raise WireError(f"{name} must be a string, not {value!r:.80}")
+    return printable(value)
+
+
+def settings_field(value: Any) -> dict[str, Any]:
+    """An object of settings as it can be stored and shown: texts printable, numbers beyond doubles and 64 bits as text."""
+    if not isinstance(value, Mapping):
+        raise WireError(f"settings must be an object, not {value!r:.80}")
+    return {printable(str(key)): _storable(entry, SETTINGS_DEPTH) for key, entry in value.items()}
+
+
+def _storable(value: Any, depth: int) -> Any:
+    if depth == 0:
+        raise WireError(f"settings are nested more than {SETTINGS_DEPTH} deep: write them flat, or as text")
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, Mapping):
+        return {printable(str(key)): _storable(entry, depth - 1) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_storable(entry, depth - 1) for entry in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    if isinstance(value, int) and abs(value) >= 1 << 63:
+        return f"{value:.17e}" if abs(value) < 10**300 else "beyond a double"
+    return value
+
+
+def step_array(value: Any, expected: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The sampled steps, which must be those of the request."""
+    if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "iu":
+        value = value.tolist()
+    if not isinstance(value, list) or any(isinstance(step, bool) or not isinstance(step, int) for step in value):
+        raise WireError(f"history.step is {value!r:.80}; expected a list of whole numbers")
+    if len(value) != len(expected):
+        raise WireError(
+            f"history.step has {len(value)} steps; expected the {len(expected)} sampled steps of the request"
+        )
+    for row, (step, wanted) in enumerate(zip(value, expected.tolist(), strict=True)):
+        if step != wanted:
+            raise WireError(f"history.step[{row}] is {step}; expected the sampled step {wanted}")
+    return np.array(value, dtype=np.int64)
+
+
+def float_array(value: Any, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Nested lists of numbers, null meaning NaN, as an array of this shape; null alone is an array of NaN.
+
+    An array, as a file has it, is checked likewise.
+
+    Raises
+    ------
+    WireError
+        On another shape, ragged lists, or anything that is neither a number nor null.
+    """
+    if value is None:
+        return np.full(shape, np.nan)
+    if not isinstance(value, list | np.ndarray):
+        raise WireError(f"{name} is {value!r:.80}; expected nested lists of numbers of shape {shape}")
+    try:
+        raw = np.array(value)
+    except ValueError as error:
+        raise WireError(f"{name} has rows of different lengths; expected nested lists of shape {shape}") from error
+    if raw.size == 0 and 0 in shape and raw.shape == shape[: raw.ndim]:
+        return np.empty(shape)
+    if raw.shape != shape:
+        raise WireError(f"{name} has shape {raw.shape}; expected {shape}")
+    kinds = {type(entry) for entry in _entries(value, len(shape))}
+    if not kinds <= {int, float, NoneType}:
+        odd = next(entry for entry in _entries(value, len(shape)) if type(entry) not in (int, float, NoneType))
+        raise WireError(f"{name} holds {odd!r:.80}; expected numbers, or null for what was not observed")
+    try:
+        return np.array(value, dtype=np.float64)
+    except OverflowError:
+        raise WireError(f"{name} holds a whole number beyond the range of a double") from None
+
+
+def _entries(value: Any, depth: int) -> Iterable[Any]:
+    """Entries of regular nested lists, as Python objects: NumPy would take true for 1 beside numbers."""
+    if isinstance(value, np.ndarray):
+        return [] if value.dtype.kind in "iuf" else value.astype(object).flat
+    for _ in range(depth - 1):
+        value = chain.from_iterable(value)
+    return value  # type: ignore[no-any-return]
+
+
+WIRE_VERSION = 1
+
+_BARE_NUMBER = re.compile(r"[\[,:]\s*[-+]?(nan|inf(?:inity)?)\b", re.IGNORECASE)
+_OBJECT = re.compile(r'\{\s*"')
+_NEAR = 30
+
+
+def parse_message(text: str, what: str) -> dict[str, Any]:
+    """The JSON object of this wire version that ``text`` holds; ``what`` names the message in errors.
+
+    Raises
+    ------
+    WireError
+        Where there is none; the text says what is there in its place.
+    """
+    if not text.strip():
+        raise WireError(f"the {what} is empty; expected one JSON object")
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise WireError(
+            f"the {what} is not JSON, or was cut off ({error}); it has {len(text)} characters, begins with "
+            f"{text[:60]!r} and ends with {text[-60:]!r}{_advice(text, error)}"
+        ) from error
+    except RecursionError:
+        raise WireError(f"the {what} is nested too deeply; expected one JSON object") from None
+    if not isinstance(data, dict):
+        raise WireError(f"the {what} must be a JSON object, not {type(data).__name__}")
+    version = data.get("wire_version")
+    if version != WIRE_VERSION or isinstance(version, bool):
+        raise WireError(f"wire_version of the {what} is {version!r}; this harness speaks version {WIRE_VERSION}")
+    return data
+
+
+def _advice(text: str, error: ValueError) -> str:
+    """What probably happened, and the way out; empty where nothing is recognised."""
+    found = _OBJECT.search(text)
+    begin = found.start() if found else -1
+    if begin > 0 and text[:begin].strip() and _object_ends(text, begin) is not None:
+        return "; other text stands before the JSON object: print messages on standard error"
+    end = _object_ends(text, begin) if begin >= 0 else None
+    if end is not None:
+        return (
+            f"; other text follows the JSON object ({text[end:].strip()[:_NEAR]!r}): print messages on standard error"
+        )
+    at = getattr(error, "pos", 0)
+    near = text[max(0, at - _NEAR) : at + _NEAR]
+    if _BARE_NUMBER.search(near):
+        return f"; near {near!r}: JSON has no NaN or infinity; write null for a number that cannot be observed"
+    return f"; the fault is near {near!r}" if 0 < at < len(text) else ""
+
+
+def _object_ends(text: str, begin: int) -> int | None:
+    """Where the JSON object that begins at ``begin`` ends; None if there is none."""
+    try:
+        _, end = json.JSONDecoder().raw_decode(text, begin)
+    except (ValueError, RecursionError):
+        return None
+    return end
+
+
+HISTORY_FILE_KEYS = ("file", "force_meaning")
+ENERGY = "energy."
+
+
+def read_history_file(name: Any, folder: Path | None, arrays: Iterable[str]) -> dict[str, Any]:
+    """The arrays of an NPZ file, None for those of ``arrays`` that it lacks, and its energies.
+
+    Parameters
+    ----------
+    name : str
+        Path as the engine gave it; relative ones begin at ``folder``.
+    folder : Path or None
+        The only folder in which the file may lie.
+    arrays : iterable of str
+        What a history may hold besides ``step`` and energies.
+
+    Raises
+    ------
+    WireError
+        If the file lies elsewhere, is none of this form, or holds arrays of other names or of objects.
+    """
+    told = text_field(name, "history.file")
+    if folder is None:
+        raise WireError(f"history.file is {told!r}, but this run has no folder for files: write the arrays themselves")
+    path = (folder / told).resolve()
+    if not path.is_relative_to(folder.resolve()) or not path.is_file():
+        raise WireError(
+            f"history.file is {told!r}; expected a file in the folder of the request's answer_file, which is removed after "
+            f"the run"
+        )
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            found = {key: file[key] for key in file.files}
+    except (OSError, ValueError, EOFError, TypeError, AttributeError, zlib.error, zipfile.BadZipFile) as error:
+        raise WireError(f"history.file {told!r} is no NPZ file of plain arrays ({error})") from error
+    allowed = ("step", *arrays)
+    unknown = [key for key in found if key not in allowed and not key.startswith(ENERGY)]
+    if unknown or "step" not in found:
+        fault = f"has the unknown array(s) {', '.join(unknown)}" if unknown else "lacks the array step"
+        raise WireError(f"history.file {told!r} {fault}; expected {', '.join(allowed)} and {ENERGY}NAME")
+    energy = {key.removeprefix(ENERGY): array for key, array in found.items() if key.startswith(ENERGY)}
+    return {"energy": energy} | {key: found.get(key) for key in allowed}

@@ -11,7 +11,7 @@ from scenes import KN, numerics
 from ninedisk.core import BehindWallError, ContactLaw, Disks, Scene, Wall, WallSegment, simulate
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
 
 LAW = ContactLaw(kn=KN)

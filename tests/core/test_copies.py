@@ -17,7 +17,7 @@ from ninedisk.core.cd.session import CdSession
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
 
 COPIES: dict[str, Callable[[Any], Any]] = {

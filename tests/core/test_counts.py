@@ -10,8 +10,7 @@ from scenes import numerics
 
 from ninedisk.core import ContactLaw, Disks, Scene, Wall
 from ninedisk.core.dem import session as session_module
-from ninedisk.core.dem.counts import Counts
-from ninedisk.core.dem.session import DemSession
+from ninedisk.core.dem.session import Counts, DemSession
 
 LAW = ContactLaw(kn=1e4, ks=5e3, mu=0.5, beta=0.05)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenes import KN, all_pairs, floor_scene, numerics, pair_scene, run
 
-from ninedisk.core.dem.constants import SAFETY, contact_step
+from ninedisk.core.dem.arrays import SAFETY, contact_step
 from ninedisk.core.dem.critical import critical_time_step, packed_time_step
 from ninedisk.core.errors import InvalidSceneError, UnstableTimeStepError
 from ninedisk.core.history import History

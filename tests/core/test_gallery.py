@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from ninedisk.core import packings
-from ninedisk.core.dem.frames import FrameWriter
+from ninedisk.core.dem.files import FrameWriter
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.numerics import Numerics

@@ -20,17 +20,14 @@ import pytest
 
 from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, WallSegment, simulate
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.result import SolverOptions
 from ninedisk.core.cd.session import CdSession
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.errors import CoreError
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.intersect import NurbsGrains
-from ninedisk.core.nurbs.mass import area_moments
-from ninedisk.core.nurbs.nurbs_grain import extent, uniform_grain
-from ninedisk.core.nurbs.nurbs_image import traced
-from ninedisk.core.nurbs.nurbs_polygons import polygon, regular_polygon
-from ninedisk.core.nurbs.shapes import ellipse, fitted
+from ninedisk.core.nurbs.mass import area_moments, extent, uniform_grain
+from ninedisk.core.nurbs.shapes import ellipse, fitted, polygon, regular_polygon, traced
 from ninedisk.core.packings import (
     biaxial,
     collapse,

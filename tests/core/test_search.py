@@ -10,8 +10,7 @@ from oracle import Oracle
 from scenes import KN, difference, numerics, run
 
 from ninedisk.core.dem import arrays as arrays_module
-from ninedisk.core.dem import constants
-from ninedisk.core.dem.lists import empty_cells, empty_list
+from ninedisk.core.dem import arrays as constants
 from ninedisk.core.dem.neighbour_kernels import (
     NOT_FINITE,
     OK,
@@ -21,6 +20,7 @@ from ninedisk.core.dem.neighbour_kernels import (
     build_wall_pairs,
     sort_into_cells,
 )
+from ninedisk.core.dem.neighbours import empty_cells, empty_list
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
 from ninedisk.core.history import History

@@ -8,17 +8,15 @@ import numpy as np
 import pytest
 
 from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, WallSegment
-from ninedisk.core.dem.arrays import disk_arrays, disk_views, first_lists, wall_arrays
-from ninedisk.core.dem.constants import law_row, step_constants
-from ninedisk.core.dem.force_kernels import disk_wall_forces
-from ninedisk.core.dem.grain_arrays import outline_arrays
+from ninedisk.core.dem.arrays import disk_arrays, disk_views, first_lists, law_row, step_constants, wall_arrays
+from ninedisk.core.dem.force_kernels import SCRATCH, disk_disk_forces, disk_wall_forces, note_pairs
 from ninedisk.core.dem.grain_kernels import grain_forces
-from ninedisk.core.dem.lists import empty_list
+from ninedisk.core.dem.grains import outline_arrays
 from ninedisk.core.dem.neighbour_kernels import NeighbourList
-from ninedisk.core.dem.pair_kernels import SCRATCH, disk_disk_forces, note_pairs
+from ninedisk.core.dem.neighbours import empty_list
 from ninedisk.core.motion import compile_motion
 from ninedisk.core.nurbs.curve import NurbsCurve
-from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
 from ninedisk.core.simulate import simulate
 

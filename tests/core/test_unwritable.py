@@ -14,8 +14,7 @@ import pytest
 from ninedisk.core import ContactLaw, CoreError, Disks, Numerics, Scene, UnwritableFileError
 from ninedisk.core.archive import whole_file
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.dem.files import write_checkpoint
-from ninedisk.core.dem.frames import FrameWriter
+from ninedisk.core.dem.files import FrameWriter, write_checkpoint
 
 SCENE = Scene(disks=Disks(x=[[0.0, 0.0]], radius=1.0, mass=1.0), disk_disk=ContactLaw(kn=1e4))
 STATE = {"x": np.zeros((1, 2)), "v": np.zeros((1, 2)), "angle": np.zeros(1), "omega": np.zeros(1), "radius": np.ones(1)}

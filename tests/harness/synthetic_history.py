@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ninedisk.harness.results.schema import SCHEMA_VERSION, TABLES
-from ninedisk.harness.results.snapshot import Snapshot, run_facts, snapshot
+from ninedisk.harness.results.store import Snapshot, run_facts, snapshot
 
 Row = dict[str, Any]
 TYPES = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}

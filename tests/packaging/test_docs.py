@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 
 from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.cli.docs_part import case_record
+from ninedisk.harness.cli.docs import case_record
 from ninedisk.reports.docs import write_docs
-from ninedisk.reports.errors import ReportError
+from ninedisk.reports.folder import ReportError
 
 pytestmark = pytest.mark.tree
 ROOT = Path(__file__).resolve().parents[2]

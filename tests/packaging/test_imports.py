@@ -15,7 +15,7 @@ import pytest
 # First match wins. The core is meant to run where only a compiler of kernels exists; sparse algebra serves contact
 # dynamics alone, and factorisations one module of it.
 THIRD_PARTIES = (
-    (r"ninedisk\.core\.(threads|cd\.solvers\.(vector|factorise)_kernels)", {"numpy", "numba", "llvmlite.ir"}),
+    (r"ninedisk\.core\.(thread_kernels|cd\.solvers\.(vector|factorise)_kernels)", {"numpy", "numba", "llvmlite.ir"}),
     (r"ninedisk\.core\.cd\.solvers\.factorise", {"numpy", "numba", "scipy.sparse", "qdldl"}),
     (r"ninedisk\.core\.cd\.solvers\.feasibility", {"numpy", "numba", "scipy.sparse", "scipy.optimize.linprog"}),
     (r"ninedisk\.core\.cd(\..+)?", {"numpy", "numba", "scipy.sparse"}),

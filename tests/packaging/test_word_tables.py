@@ -20,8 +20,8 @@ from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.check_engine.probes import probe_of
 from ninedisk.harness.results.schema import CHANGE_VERDICTS, STATUSES, WORST_FIRST
-from ninedisk.harness.run.converge_rule import VERDICTS
-from ninedisk.reports import words
+from ninedisk.harness.run.converge import VERDICTS
+from ninedisk.reports import text as words
 
 OUTSIDE = ("drivers", "template", "qp_worker", "pytest_plugin", "__main__")
 """Modules that run inside other programs."""

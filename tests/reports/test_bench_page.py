@@ -10,9 +10,8 @@ from typing import Any
 import pytest
 
 from ninedisk.harness.bench.records import new_row
-from ninedisk.reports.bench import charts, write_bench
-from ninedisk.reports.bench_roofline import Estimate, estimates, roofline_chart
-from ninedisk.reports.draw_points import PointChart, draw_points
+from ninedisk.reports.bench import Estimate, charts, estimates, roofline_chart, write_bench
+from ninedisk.reports.draw import PointChart, draw_points
 
 ROOFS = {
     "working_set": 1.5e6,

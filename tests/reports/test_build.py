@@ -6,9 +6,10 @@ import os
 
 import pytest
 
-from ninedisk.reports import folder, site
+from ninedisk.reports import build as site
+from ninedisk.reports import folder
 from ninedisk.reports.build import build_report
-from ninedisk.reports.errors import ReportError
+from ninedisk.reports.folder import ReportError
 
 
 def test_returns_the_index_and_tells_its_progress(tmp_path, write, small):

@@ -12,9 +12,8 @@ import pytest
 
 from ninedisk.harness.results.history import history
 from ninedisk.harness.results.schema import History
-from ninedisk.reports.dashboard import build_dashboard
-from ninedisk.reports.dashboard_marks import groups, marks
-from ninedisk.reports.errors import ReportError
+from ninedisk.reports.dashboard import build_dashboard, groups, marks
+from ninedisk.reports.folder import ReportError
 
 HOSTILE = "<script>alert(1)</script>\"'&{{ 7*7 }}](x)"
 

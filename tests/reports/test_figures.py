@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 
 from ninedisk.reports import draw as draw_history
-from ninedisk.reports import plans
-from ninedisk.reports.configurations import case_configurations
-from ninedisk.reports.draw import error_limits, round_off, thin, value_limits
-from ninedisk.reports.drawing import CaseDrawing
+from ninedisk.reports import figures as plans
+from ninedisk.reports.draw import error_limits, read_scene, round_off, thin, value_limits
+from ninedisk.reports.drawing import CaseDrawing, Job, render
 from ninedisk.reports.figures import case_figures, looks_of
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel
-from ninedisk.reports.render import Job, render
-from ninedisk.reports.scene_view import read_scene
+from ninedisk.reports.scenes import case_configurations
 
 FIGURES = {f"A.{k}" for k in (2, 3, 4, *range(6, 14), *range(17, 27))} | {"A.5 (a)", "A.5 (b)"}
 
@@ -149,9 +147,8 @@ def test_grains_are_drawn_as_their_outlines(tmp_path):
     """An ellipse's polygon has its extent, turned as given; its forces are not those of the circle around it."""
     from ninedisk.harness.api.params import resolve
     from ninedisk.harness.cases.nurbs.collision import CASE
-    from ninedisk.reports.chains import springs
-    from ninedisk.reports.draw_scene import Configuration, draw_configuration, draw_sketch
-    from ninedisk.reports.scene_view import turned
+    from ninedisk.reports.draw import Configuration, draw_configuration, draw_sketch, turned
+    from ninedisk.reports.scenes import springs
 
     setup = CASE.build(resolve(CASE, {}).params)
     stored = {"scene": setup.scene.to_dict(), "labels": setup.labels}

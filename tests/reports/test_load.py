@@ -10,7 +10,7 @@ import pytest
 
 from ninedisk.harness.results.schema import SCHEMA_VERSION
 from ninedisk.reports import load
-from ninedisk.reports.errors import ReportError
+from ninedisk.reports.folder import ReportError
 from ninedisk.reports.load import load_store
 
 

@@ -12,16 +12,13 @@ import sys
 import numpy as np
 import pytest
 
-from ninedisk.reports import draw_points, svg
-from ninedisk.reports.chains import Springs, contact_forces, ends, springs
-from ninedisk.reports.convergence import convergences, values_against_step
-from ninedisk.reports.errata import errata
-from ninedisk.reports.figures import looks_of
+from ninedisk.reports import draw as draw_points
+from ninedisk.reports import style as svg
+from ninedisk.reports.figures import case_speed, convergences, engine_speed, looks_of, values_against_step
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel
-from ninedisk.reports.pack import Arrays, pack_case, unpack
-from ninedisk.reports.scenes import moving_scenes
-from ninedisk.reports.speed import case_speed, engine_speed
+from ninedisk.reports.pages import errata
+from ninedisk.reports.scenes import Arrays, Springs, contact_forces, ends, moving_scenes, pack_case, springs, unpack
 from ninedisk.reports.style import engine_looks
 
 

@@ -9,10 +9,9 @@ import pytest
 
 from ninedisk.harness.results.schema import STATUSES
 from ninedisk.reports import text
-from ninedisk.reports.compare_engines import difference_matrix
-from ninedisk.reports.curves import Curve, differences
-from ninedisk.reports.model import error_ratio, summarise, worst_first
-from ninedisk.reports.words import SHADES, STATUS_MEANING, STATUS_SYMBOL, shade
+from ninedisk.reports.load import Curve, differences
+from ninedisk.reports.model import difference_matrix, error_ratio, summarise, worst_first
+from ninedisk.reports.text import SHADES, STATUS_MEANING, STATUS_SYMBOL, shade
 
 
 def row(**changes):

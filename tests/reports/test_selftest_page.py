@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from ninedisk.reports.errors import ReportError
+from ninedisk.reports.folder import ReportError
 from ninedisk.reports.selftest import Kind, matrix, write_selftest
 
 Row = dict[str, Any]

@@ -15,15 +15,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import measure
-from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch, not_converged
+from ninedisk.core.cd.problem import ContactProblem, measure
+from ninedisk.core.cd.settings import SolverOptions, SolverResult, Stopwatch, not_converged
 from ninedisk.core.cd.solvers.coulomb_shift import ShiftedPath
+from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix, times
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError, check_feasible
+from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.cd.solvers.polish import Polish
-from ninedisk.core.cd.solvers.start import starting_forces
-from ninedisk.core.cd.solvers.unsymmetric_matrix import UnsymmetricMatrix, times
 from ninedisk.core.errors import SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]

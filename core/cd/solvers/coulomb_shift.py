@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.solvers.unsymmetric_matrix import UnsymmetricMatrix, times
+from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix, times
 
 FloatArray = NDArray[np.float64]
 Direction = tuple[FloatArray, FloatArray, FloatArray, FloatArray]

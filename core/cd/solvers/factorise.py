@@ -1,4 +1,13 @@
-"""Sparse Cholesky-type factorisation with a symbolic part that is reused: our own, or qdldl to check it."""
+"""Sparse Cholesky-type factorisation with a symbolic part that is reused: our own, or qdldl to check it.
+
+Sparse Cholesky factorisation of matrices of 3 x 3 blocks, a block for each body and each pair that touches.
+
+An order of elimination of bodies that keeps the factors sparse.
+
+The body-space matrix ``M + H' D H``: its pattern once per contact graph, its values once per iteration.
+
+The body-space matrix ``M + H' D H`` where D is not symmetric, as Coulomb's law makes it.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +18,23 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.solvers.cholesky import SupernodalCholesky
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.solvers import factorise_kernels as fronts
+from ninedisk.core.cd.solvers import factorise_kernels as symbolic
+from ninedisk.core.cd.solvers.factorise_kernels import (
+    BODIES,
+    FIELDS,
+    FIRST,
+    LANES,
+    LINES,
+    PIVOTS,
+    ROWS,
+    assemble,
+    factorise_fronts,
+    jacobian_rows,
+    minimum_degree,
+    solve_fronts,
+)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -79,3 +104,242 @@ class _Qdldl:
     def solve(self, right: FloatArray) -> FloatArray:
         solution: FloatArray = self._solver.solve(right)
         return solution
+
+
+class SupernodalCholesky:
+    """``L L'`` of symmetric positive definite matrices of one pattern of 3 x 3 blocks.
+
+    Bodies are put in an order that keeps the factor sparse and joined to supernodes, whose columns have nearly the same rows:
+    the work is done in dense blocks [Duff, Reid 1983, The multifrontal solution of indefinite sparse symmetric
+    linear equations, ACM Trans. Math. Softw. 9].
+    After the first creation of this pattern nothing is allocated but solutions.
+
+    Parameters
+    ----------
+    indptr, indices : ndarray of int
+        Compressed columns of the upper triangle, rows ascending, all blocks complete.
+    """
+
+    def __init__(self, indptr: IntArray, indices: IntArray) -> None:
+        indptr = indptr.astype(np.int64)
+        n = (len(indptr) - 1) // 3
+        start = indptr[:-1].reshape(n, 3)
+        above = np.diff(indptr)[::3] // 3
+        diagonal = start + 3 * above[:, None]
+        column = np.repeat(np.arange(n), above)
+        rank_in_column = np.arange(len(column)) - np.repeat(np.cumsum(above) - above, above)
+        block = start[column] + 3 * rank_in_column[:, None]
+        row = indices[block[:, 0]].astype(np.int64) // 3
+        self._analyse(n, column, row, diagonal, block)
+
+    def _analyse(self, n: int, column: IntArray, row: IntArray, diagonal: IntArray, block: IntArray) -> None:
+        def longs(*shape: int) -> IntArray:
+            return np.empty(shape, dtype=np.int64)
+
+        ptr, neighbour, edge = longs(n + 1), longs(2 * len(row)), longs(2 * len(row))
+        symbolic.both_ways(column, row, ptr, neighbour, edge)
+        order = elimination_order(ptr, neighbour)
+        rank = longs(n)
+        rank[order] = np.arange(n)
+        parent, height, pivots, bodies, top, node, upper, first, place = (longs(n) for _ in range(9))
+        work = longs(3, n)
+        symbolic.elimination_tree(order, rank, ptr, neighbour, parent, height, work[0])
+        symbolic.merge_supernodes(parent, height, pivots, bodies, top, work[0], work[1])
+        count = symbolic.number_supernodes(parent, top, pivots, node, upper, first, place, work)
+        self._order = longs(n)
+        self._order[place] = order
+        node_of = longs(n)
+        node_of[place] = node
+        rank[self._order] = np.arange(n)
+        self._nodes = nodes = np.zeros((count + 1, FIELDS), dtype=np.int64)
+        nodes[:count, FIRST] = first[:count]
+        nodes[:count, PIVOTS] = nodes[:count, BODIES] = np.diff(np.append(first[:count], n))
+        fronts.front_rows(self._order, rank, ptr, neighbour, node_of, upper, nodes, longs(0), work[0])
+        nodes[1:, ROWS] = np.cumsum(nodes[:count, BODIES] - nodes[:count, PIVOTS])
+        nodes[:count, BODIES] = nodes[:count, PIVOTS]
+        self._rows, self._place = longs(nodes[-1, ROWS]), longs(nodes[-1, ROWS])
+        fronts.front_rows(self._order, rank, ptr, neighbour, node_of, upper, nodes, self._rows, work[0])
+        self._children, sizes = longs(count), longs(2)
+        fronts.lay_out(nodes, upper, self._rows, self._children, self._place, work[0], sizes)
+        self._entries = longs(n + len(row), 5)
+        fronts.matrix_entries(
+            self._order, rank, ptr, neighbour, edge, column, diagonal, block, node_of, nodes, self._rows, self._entries
+        )
+        # Blocks of rows that are longer than the last column reach beyond it.
+        self._factor, self._stack = np.zeros(sizes[0] + LANES), np.zeros(sizes[1] + LANES)
+        front = int(nodes[:, BODIES].max(initial=0))
+        self._work = np.empty(3 * n + 3 * front + 2 * LANES)
+
+    def update(self, data: FloatArray) -> bool:
+        """Factorise the matrix with these entries; False if it is not positive definite to round-off."""
+        return bool(
+            factorise_fronts(self._nodes, self._children, self._place, self._entries, data, self._factor, self._stack)
+        )
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Solve with the last factorisation."""
+        solution = np.empty(len(right))
+        solve_fronts(self._nodes, self._rows, self._order, self._factor, right, self._work, solution)
+        return solution
+
+
+DENSE = 10.0
+"""Bodies with more than this times ``sqrt(b)`` neighbours come last, as in AMD: they would slow down every step."""
+
+
+def elimination_order(ptr: IntArray, neighbour: IntArray) -> IntArray:
+    """Bodies in the order of elimination, by approximate minimum degree.
+
+    Parameters
+    ----------
+    ptr, neighbour : ndarray of int64
+        Neighbours of body i, without itself: ``neighbour[ptr[i]:ptr[i + 1]]``.
+    """
+    n = len(ptr) - 1
+    order, table = np.empty(n, dtype=np.int64), np.empty((LINES, n), dtype=np.int64)
+    room = 4 * len(neighbour) + 2 * n
+    while not minimum_degree(
+        ptr, neighbour, max(16, int(DENSE * n**0.5)), table, np.empty(room, dtype=np.int64), order
+    ):
+        room *= 2
+    return order
+
+
+class BodyGraph:
+    """Sparsity pattern of a contact graph, with the symbolic factorisation that belongs to it.
+
+    Parameters
+    ----------
+    n_bodies : int
+    bodies : ndarray of int, shape (c, 2)
+        Bodies of each contact, -1 for none.
+    factoriser : str
+        One of `options.FACTORISERS`.
+    """
+
+    def __init__(self, n_bodies: int, bodies: NDArray[np.int32], factoriser: str = "auto") -> None:
+        self.n_bodies, self.bodies, self.factoriser = n_bodies, bodies, factoriser
+        low, high = bodies.min(axis=1).astype(np.int64), bodies.max(axis=1).astype(np.int64)
+        joint = (low >= 0) & (low != high)
+        # Blocks (low, high) in the order of the columns: unique keys sort by the column's body, then the row's.
+        keys, slot = np.unique(high[joint] * n_bodies + low[joint], return_inverse=True)
+        column, row = keys // n_bodies, keys % n_bodies
+        per_body = np.bincount(column, minlength=n_bodies)
+        heights = 3 * per_body[:, None] + np.arange(1, 4)[None, :]
+        self.indptr = np.concatenate([[0], np.cumsum(heights.ravel())]).astype(np.int64)
+        start = self.indptr[:-1].reshape(n_bodies, 3)
+        self.diagonal = start + 3 * per_body[:, None]
+        rank = np.arange(len(keys)) - np.concatenate([[0], np.cumsum(per_body)])[column]
+        position = start[column] + 3 * rank[:, None]
+        self.indices = np.empty(self.indptr[-1], dtype=np.int64)
+        for c in range(3):
+            for a in range(3):
+                self.indices[position[:, c] + a] = 3 * row + a
+                if a <= c:
+                    self.indices[self.diagonal[:, c] + a] = 3 * np.arange(n_bodies) + a
+        self.block = np.full((len(bodies), 4), -1, dtype=np.int64)
+        self.block[joint, :3] = position[slot]
+        self.block[joint, 3] = bodies[joint, 0] < bodies[joint, 1]
+        self.data = np.empty(self.indptr[-1])
+        self.factorisation = Factorisation(self.indptr, self.indices, factoriser)
+
+    def fits(self, problem: ContactProblem, factoriser: str) -> bool:
+        """Whether ``problem`` has this very contact graph."""
+        return (
+            self.n_bodies == problem.n_bodies
+            and self.factoriser == factoriser
+            and np.array_equal(self.bodies, problem.bodies)
+        )
+
+
+class BodyMatrix:
+    """``M + H' D H`` of one problem on a graph.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    graph : BodyGraph
+    """
+
+    def __init__(self, problem: ContactProblem, graph: BodyGraph) -> None:
+        self.problem, self.graph = problem, graph
+        self.rows = np.empty((problem.n_contacts, 2, 6))
+        jacobian_rows(problem.normal, problem.arms, problem.bodies, problem.free, self.rows)
+        self._mass = np.where(problem.free > 0.0, problem.mass, 1.0)
+
+    def factorise(self, d: FloatArray) -> bool:
+        """Factorise with the blocks ``d``, shape (c, 3); False if the matrix is not positive definite to round-off."""
+        graph, problem = self.graph, self.problem
+        assemble(problem.bodies, self.rows, self._mass, problem.free, d, graph.diagonal, graph.block, graph.data)
+        return graph.factorisation.update(graph.data)
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Solve for a right-hand side of shape (b, 3); blocked unknowns give 0."""
+        solution = self.graph.factorisation.solve((right * self.problem.free).ravel())
+        return solution.reshape(-1, 3) * self.problem.free
+
+
+PIVOT = 1e-3
+"""Diagonal entries above this fraction of their column stay pivots: the matrix is nearly symmetric, and so its ordering holds."""
+
+
+def times(d: FloatArray, z: FloatArray) -> FloatArray:
+    """``d z`` contact by contact, shapes (c, 2, 2) and (c, 2)."""
+    product: FloatArray = (d @ z[:, :, None])[:, :, 0]
+    return product
+
+
+class UnsymmetricMatrix:
+    """``M + H' D H`` with blocks D that need not be symmetric, in an order that keeps its factors sparse."""
+
+    def __init__(self, problem: ContactProblem) -> None:
+        self.h = problem.jacobian()
+        self._rows, self._unknowns = problem.rows()
+        self._mass = np.where(problem.free > 0.0, problem.mass, 1.0).ravel()
+        self._pattern(np.arange(3 * problem.n_bodies))
+        # One ordering for all factorisations: the graph does not change.
+        lu = _factors(self._made(np.eye(2) * problem.rho[:, None, None]), "MMD_AT_PLUS_A")
+        self._pattern(np.asarray(lu.perm_c))
+        self._lu: Any = None
+
+    def _pattern(self, position: NDArray[np.integer[Any]]) -> None:
+        """Places of the entries of all contacts and of the masses, for unknowns in these positions."""
+        n, unknowns = len(position), position[self._unknowns]
+        row = np.append(np.repeat(unknowns, 6, axis=1).ravel(), position)
+        column = np.append(np.tile(unknowns, (1, 6)).ravel(), position)
+        places, self._slot = np.unique(column.astype(np.int64) * n + row, return_inverse=True)
+        self._indices = (places % n).astype(np.int32)
+        self._indptr = np.searchsorted(places, n * np.arange(n + 1)).astype(np.int32)
+        self._place = np.argsort(position)
+
+    def _made(self, d: FloatArray) -> sp.csc_matrix:
+        blocks = np.swapaxes(self._rows, 1, 2) @ (d @ self._rows)
+        data = np.bincount(self._slot, np.append(blocks.ravel(), self._mass), len(self._indices))
+        return sp.csc_matrix((data, self._indices, self._indptr), shape=(len(self._place),) * 2)
+
+    def factorise(self, d: FloatArray) -> bool:
+        """Factorise with the blocks ``d``, shape (c, 2, 2); False if that is impossible."""
+        if not np.isfinite(d).all():
+            return False
+        self._matrix = self._made(d)
+        try:
+            self._lu = _factors(self._matrix, "NATURAL")
+        except RuntimeError:
+            return False
+        return True
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Solve with the last factorisation and one refinement: pivots are not always the largest ones."""
+        b = right[self._place]
+        z = self._lu.solve(b)
+        z += self._lu.solve(b - self._matrix @ z)
+        out = np.empty(len(z))
+        out[self._place] = z
+        return out
+
+
+def _factors(matrix: sp.csc_matrix, order: str) -> Any:
+    import scipy.sparse.linalg as linalg
+
+    solver: Any = linalg.splu
+    return solver(matrix, permc_spec=order, diag_pivot_thresh=PIVOT, options={"SymmetricMode": True})

@@ -6,8 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import Sliding
+from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.errors import InvalidSceneError
 
 FloatArray = NDArray[np.float64]

@@ -1,4 +1,9 @@
-"""Projected (nonsmooth) Gauss-Seidel, optionally over-relaxed: the field's baseline, and the Coulomb solver."""
+"""Projected (nonsmooth) Gauss-Seidel, optionally over-relaxed: the field's baseline, and the Coulomb solver.
+
+Contacts in an order that several threads can sweep with the same result, and the sweeps over them.
+
+Where an iterative contact solver starts.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +11,17 @@ from collections.abc import Callable
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import Residuals, Sliding, measure
-from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch, not_converged
+from ninedisk.core.cd.problem import ContactProblem, Residuals, Sliding, measure
+from ninedisk.core.cd.settings import SolverOptions, SolverResult, Stopwatch, not_converged
+from ninedisk.core.cd.solvers import gauss_seidel_kernels as kernels
 from ninedisk.core.cd.solvers.feasibility import PROOF_AFTER, check_feasible
-from ninedisk.core.cd.solvers.gauss_seidel_kernels import next_batch, sweep
-from ninedisk.core.cd.solvers.start import starting_forces
-from ninedisk.core.cd.solvers.stripes import Stripes
+from ninedisk.core.cd.solvers.gauss_seidel_kernels import next_batch, sweep, sweep_stripes
+from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
+from ninedisk.core.thread_kernels import PAD
+from ninedisk.core.threads import together
+from ninedisk.core.validate import numbers
 
 FloatArray = NDArray[np.float64]
 MAX_SWEEPS = 1_000_000
@@ -153,3 +160,95 @@ def _sweeps(
         v,
         r,
     )
+
+
+MOST_STRIPES = 64
+"""Stripes, half of which are swept at the same time: enough to share them out evenly, and each of many contacts."""
+
+
+class Stripes:
+    """The contacts of a problem in stripes; their order depends on the problem alone.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    r : ndarray, shape (c, 2)
+        Contact forces to begin with.
+    threads : int
+
+    Attributes
+    ----------
+    order : ndarray of int32, shape (c,)
+        The problem's contacts by stripes.
+    pairs : ndarray of int32, shape (c, 2)
+        Their bodies, renumbered so that contacts close in order have bodies close in memory; -1 for one that does not move.
+    bounds : ndarray of int32, shape (s + 1,)
+        Places in ``order`` of the first contacts of the stripes.
+    """
+
+    def __init__(self, problem: ContactProblem, r: FloatArray, threads: int) -> None:
+        b, c = problem.n_bodies, problem.n_contacts
+        moving, contacts = np.empty((c, 2), dtype=np.int32), np.empty(2 * c, dtype=np.int32)
+        first, bounds = np.empty(b + 1, dtype=np.int32), np.empty(MOST_STRIPES + 1, dtype=np.int32)
+        place, self._queue, level = (np.empty(b, dtype=np.int32) for _ in range(3))
+        self.order = np.empty(c, dtype=np.int32)
+        kernels.moving_bodies(problem.bodies, problem.inverse_mass, moving)
+        kernels.list_contacts(moving, first, contacts)
+        kernels.number_bodies(moving, first, contacts, place, self._queue, level)
+        kernels.own_contacts(moving, place, first, contacts)
+        count = kernels.cut_stripes(first, contacts, level, self.order, bounds)
+        self.bounds = bounds[: count + 1]
+        self.pairs, self._rows = np.empty((c, 2), dtype=np.int32), np.empty((c, kernels.ROW))
+        kernels.pack_rows(
+            self.order,
+            place,
+            moving,
+            problem.normal,
+            problem.arms,
+            problem.offset,
+            problem.compliance,
+            problem.shear_0,
+            problem.mu,
+            problem.blocks,
+            r,
+            self.pairs,
+            self._rows,
+        )
+        self._inverse_mass, self._v = np.empty((b, 3)), np.empty((b, 3))
+        kernels.gather_bodies(self._queue, problem.inverse_mass, self._inverse_mass)
+        self._crew = min(threads, count)
+        self._flags = np.zeros(self._crew * PAD, dtype=np.int64)
+
+    def sweep(self, count: int, relaxation: float, coulomb: bool, v: FloatArray, r: FloatArray) -> None:
+        """``count`` sweeps from the velocities ``v``, shape (b, 3), of the forces that it left; these into ``r``, shape (c, 2)."""
+        kernels.gather_bodies(self._queue, v, self._v)
+        shared = (self._flags, self.bounds, self.pairs, self._inverse_mass, relaxation, coulomb, count)
+        together(sweep_stripes, self._crew, (*shared, self._v, self._rows))
+        kernels.unpack_forces(self.order, self._rows, r)
+
+
+def starting_forces(problem: ContactProblem, start: ArrayLike | None) -> NDArray[np.float64]:
+    """Contact forces, shape (c, 2), inside the cones: ``start`` projected, or zero.
+
+    Raises
+    ------
+    InvalidNumericsError
+        If ``start`` has the wrong shape or is not finite.
+    """
+    shape = (problem.n_contacts, 2)
+    if start is None:
+        return np.zeros(shape)
+    try:
+        r = numbers("start", start)
+    except InvalidSceneError as error:
+        raise InvalidNumericsError(str(error)) from error
+    if r.shape != shape or not np.isfinite(r).all():
+        raise InvalidNumericsError(
+            f"start, the starting forces, must be finite and of shape {shape}; they have shape {r.shape}"
+        )
+    p, q, mu = r[:, 0], np.abs(r[:, 1]), problem.mu
+    outside = q > mu * p
+    along = np.maximum(0.0, (p + mu * q) / (1.0 + mu * mu))
+    r[:, 1] = np.where(outside, np.sign(r[:, 1]) * mu * along, r[:, 1])
+    r[:, 0] = np.where(outside, along, p)
+    return r

@@ -1,16 +1,22 @@
-"""Primal-dual interior-point method for the associated rule (Mehrotra's predictor-corrector, body-space matrix)."""
+"""Primal-dual interior-point method for the associated rule (Mehrotra's predictor-corrector, body-space matrix).
+
+One run of the interior-point method: the iterate, its start and its steps.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import Residuals, measure
-from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch, not_converged
-from ninedisk.core.cd.solvers.body_matrix import BodyGraph, BodyMatrix
+from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
+from ninedisk.core.cd.problem_kernels import contact_forces_on_bodies
+from ninedisk.core.cd.settings import SolverOptions, SolverResult, Stopwatch, not_converged
+from ninedisk.core.cd.solvers import interior_point_kernels as kernels
+from ninedisk.core.cd.solvers.factorise import BodyGraph, BodyMatrix
 from ninedisk.core.cd.solvers.feasibility import check_feasible
-from ninedisk.core.cd.solvers.interior_point_run import Run
+from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
 
 FloatArray = NDArray[np.float64]
 
@@ -117,3 +123,217 @@ class InteriorPoint:
             residuals=residuals,
             seconds=clock.seconds,
         )
+
+
+CLOSEST = 1.0 - 1e-7
+"""Largest fraction of the way to the boundary, so that rays and slacks stay positive."""
+STIFFNESS = 100.0
+"""Of the springs, over the inverse of a contact's own compliance, whose forces the method starts from. Springs about as soft as
+the bodies spread a load over a few layers only, and forces that have to grow with the depth of a packing cost an iteration a
+layer; much stiffer ones find forces of both signs that are larger than the solution's."""
+BOLDNESS = 0.2
+"""Products to go for, in units of Mehrotra's cube rule: correctors make up for a goal that a single step would miss."""
+CORRECTORS = 8
+"""Centrality correctors of an iteration, at most: a solve each, a small part of a factorisation."""
+WEIGHTS = (0.0, 0.1, 0.3, 1.0)
+"""Of the second-order corrector: the one with the longest step is taken. In full it assumes the full step, and makes products
+cycle where the predictor gets only a part of the way (Colombo & Gondzio 2008)."""
+ENOUGH = 0.95
+"""Step length that needs no corrector."""
+SPREAD = 0.1
+"""Products between this fraction of the goal and its inverse count as central."""
+WORTH = 1.02
+"""Factor by which a corrector has to lengthen the step."""
+SMALLEST_RATIO = 1e-13
+"""Bound from below on ``rho s/a``: beyond it the factorisation sees only round-off of the inertia."""
+
+
+@dataclass
+class Iterate:
+    """Velocities ``v``, rays ``a`` and slacks ``s`` (both > 0), with the contact forces ``r = G a``."""
+
+    v: FloatArray
+    a: FloatArray
+    s: FloatArray
+    r: FloatArray
+
+
+class _Direction:
+    """Changes of velocities, rays and slacks."""
+
+    def __init__(self, bodies: int, contacts: int) -> None:
+        self.v, self.a, self.s = np.zeros((bodies, 3)), np.zeros((contacts, 2)), np.zeros((contacts, 2))
+
+    def add(self, other: _Direction, weight: float = 1.0) -> None:
+        self.v += weight * other.v
+        self.a += weight * other.a
+        self.s += weight * other.s
+
+
+class Run:
+    """One solve: the iterate and the work arrays.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    matrix : BodyMatrix
+    start : ndarray, shape (c, 2), optional
+        Contact forces of a neighbouring problem.
+    """
+
+    def __init__(self, problem: ContactProblem, matrix: BodyMatrix, start: FloatArray | None) -> None:
+        self.problem, self.matrix = problem, matrix
+        bodies, contacts = problem.n_bodies, problem.n_contacts
+        self.rays = np.column_stack([np.ones(contacts, dtype=bool), problem.mu > 0.0])
+        self.smallest = SMALLEST_RATIO / problem.rho[:, None]
+        self._mass = np.where(problem.free > 0.0, problem.mass, 0.0)
+        self._given = problem.force * problem.free
+        self._d, self._z, self._target = np.empty((contacts, 3)), np.empty((contacts, 2)), np.empty((contacts, 2))
+        self._load = np.empty((bodies, 3))
+        self._step, self._second, self._extra = (_Direction(bodies, contacts) for _ in range(3))
+        self._none = _Direction(bodies, contacts)
+        self._e = np.ones((contacts, 2))
+        self.point = self._cold() if start is None else self._warm(starting_forces(problem, start))
+
+    def residuals(self) -> Residuals:
+        """Figures of the current iterate."""
+        return measure(self.problem, self.point.v, self.point.r)
+
+    def iterate(self) -> bool:
+        """One step with a predictor and correctors; False if the matrix could not be factorised.
+
+        The goal for the products is bolder than Mehrotra's: the steps that the correctors find are long all the same.
+        """
+        mu, old, none = self.problem.mu, self.point, self._none
+        a, s, step, second, extra = old.a, old.s, self._step, self._second, self._extra
+        ratio = s / a
+        if not self._factorise(np.maximum(ratio, self.smallest)):
+            return False
+        error_u, error_v = s - self._slacks(old.v, old.r), self._error_v(old)
+        self._solve(step, -a * s, a, ratio, error_u, error_v)
+        predicted = kernels.longest_step(mu, a, s, step.a, step.s, none.a, none.s, 0.0)
+        centre = kernels.mean_product(mu, a, s, step.a, step.s, 0.0)
+        ahead = kernels.mean_product(mu, a, s, step.a, step.s, predicted)
+        sigma = BOLDNESS * max((max(ahead, 0.0) / centre) ** 3, 0.1 * (1.0 - predicted) ** 2)
+        goal = sigma * centre
+        self._solve(second, -step.a * step.s, a, ratio, none.a, none.v)
+        self._solve(extra, np.full_like(a, goal), a, ratio, none.a, none.v)
+        step.add(extra)
+        length, weight = max(
+            (kernels.longest_step(mu, a, s, step.a, step.s, second.a, second.s, weight), weight) for weight in WEIGHTS
+        )
+        step.add(second, weight)
+        for _ in range(CORRECTORS):
+            if length > ENOUGH:
+                break
+            # Products that a longer step would leave far from the goal are pulled towards it (Gondzio 1996).
+            further = min(1.0, 1.5 * length + 0.1)
+            kernels.pull_to_centre(mu, a, s, step.a, step.s, further, goal, SPREAD, self._target)
+            self._solve(extra, self._target, a, ratio, none.a, none.v)
+            longer = kernels.longest_step(mu, a, s, step.a, step.s, extra.a, extra.s, 1.0)
+            if longer <= WORTH * length:
+                break
+            length = longer
+            step.add(extra)
+        # Close to the solution the full step is safe: the fraction to the boundary tends to 1 with the centring.
+        length = min(1.0, min(max(0.995, 1.0 - sigma), CLOSEST) * length)
+        new_a, new_s = a + length * step.a, s + length * step.s
+        self.point = Iterate(old.v + length * step.v, new_a, new_s, self._forces(new_a))
+        return bool(np.isfinite(new_a).all() and np.isfinite(new_s).all())
+
+    def refine(self) -> None:
+        """Balance momentum to round-off with the last factorisation.
+
+        Large changes of the forces are differences of like numbers, ``da = E^-1 (z - G' du)`` with ``E`` tending to 0: what
+        they leave of the balance is as small as the changes were, but not round-off of the forces. Its own correction is small
+        and thus accurate.
+        """
+        old, change = self.point, self._extra
+        none = self._none.a
+        self._solve(change, none, old.a, none, none, self._error_v(old))
+        a = np.maximum(old.a + change.a, 0.5 * old.a)
+        self.point = Iterate(old.v + change.v, a, old.s, self._forces(a))
+
+    def _solve(
+        self,
+        out: _Direction,
+        target: FloatArray,
+        a: FloatArray,
+        ratio: FloatArray,
+        error_u: FloatArray,
+        error_v: FloatArray,
+    ) -> None:
+        """Newton step to the products ``a s + target`` that mends the errors given, with the last factorisation."""
+        problem = self.problem
+        frames, laws = (problem.bodies, problem.normal, problem.arms), (problem.mu, problem.compliance)
+        kernels.load_of_target(*frames, problem.free, *laws, self._e, a, error_u, error_v, target, self._z, self._load)
+        out.v = self.matrix.solve(self._load)
+        kernels.changes_of_rays(*frames, *laws, self._e, a, ratio, self._z, target, out.v, out.a, out.s)
+
+    def _factorise(self, e: FloatArray) -> bool:
+        problem = self.problem
+        for _ in range(4):
+            kernels.stiffness_blocks(problem.mu, problem.compliance, e, self._d)
+            if self.matrix.factorise(self._d):
+                self._e = e
+                return True
+            self.smallest = 100.0 * self.smallest
+            e = np.maximum(e, self.smallest)
+        return False
+
+    def _cold(self) -> Iterate:
+        """Least-squares estimate with springs, shifted into the interior (Mehrotra's start)."""
+        problem = self.problem
+        scale = problem.rho[:, None]
+        self._factorise(np.repeat(1.0 / (STIFFNESS * scale), 2, axis=1))
+        rest = np.zeros((problem.n_bodies, 3))
+        zero = np.zeros((problem.n_contacts, 2))
+        guess = self._step
+        self._solve(guess, zero, np.ones_like(zero), zero, -self._slacks(rest, zero), self._given)
+        v, a = guess.v, guess.a
+        s = self._slacks(v, self._forces(a))
+        # In units of sqrt(energy) all contacts compare: a / sqrt(rho) and s sqrt(rho).
+        a, s = a / np.sqrt(scale), s * np.sqrt(scale)
+        a += max(0.0, -1.5 * float(a[self.rays].min()))
+        s += max(0.0, -1.5 * float(s[self.rays].min()))
+        product = float((a * s)[self.rays].sum())
+        size = max(float(np.abs(a[self.rays]).max()), float(np.abs(s[self.rays]).max())) or 1.0
+        a += 0.5 * product / max(float(s[self.rays].sum()), 1e-300) + 1e-3 * size
+        s += 0.5 * product / max(float(a[self.rays].sum()), 1e-300) + 1e-3 * size
+        return self._inside(v, a * np.sqrt(scale), s / np.sqrt(scale))
+
+    def _warm(self, r: FloatArray) -> Iterate:
+        """Forces of a neighbouring problem, with rays and slacks lifted to a common small product."""
+        problem = self.problem
+        scale = np.sqrt(problem.rho)[:, None]
+        v = problem.body_velocity(r)
+        mu = np.where(problem.mu > 0.0, problem.mu, 1.0)
+        a = 0.5 * np.column_stack([r[:, 0] + r[:, 1] / mu, r[:, 0] - r[:, 1] / mu])
+        a[:, 0] = np.where(problem.mu > 0.0, a[:, 0], r[:, 0])
+        s = self._slacks(v, r)
+        a, s = a / scale, s * scale
+        wrong = np.minimum(a, s)[self.rays]
+        lift = max(float(np.sqrt((wrong * wrong).mean())), 1e-6 * float(np.abs(a[self.rays]).max()), 1e-300)
+        return self._inside(v, np.maximum(a, lift) * scale, np.maximum(s, lift) / scale)
+
+    def _inside(self, v: FloatArray, a: FloatArray, s: FloatArray) -> Iterate:
+        a, s = np.where(self.rays, a, 1.0), np.where(self.rays, s, 1.0)
+        return Iterate(v, a, s, self._forces(a))
+
+    def _slacks(self, v: FloatArray, r: FloatArray) -> FloatArray:
+        s = np.empty_like(r)
+        kernels.ray_slacks(self.problem.mu, self.problem.contact_velocity(v, r), s)
+        return s
+
+    def _forces(self, a: FloatArray) -> FloatArray:
+        r = np.empty_like(a)
+        kernels.forces_of_rays(self.problem.mu, a, r)
+        return r
+
+    def _error_v(self, point: Iterate) -> FloatArray:
+        """Error of the balance of momentum, ``f + H' r - M v``."""
+        problem = self.problem
+        out = np.empty_like(problem.force)
+        contact_forces_on_bodies(problem.bodies, problem.normal, problem.arms, problem.free, point.r, out)
+        out += self._given - self._mass * point.v
+        return out

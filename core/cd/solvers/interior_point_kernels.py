@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.cd.problem_kernels import add_contact_force, contact_velocity
+from ninedisk.core.compile import inline_kernel, kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

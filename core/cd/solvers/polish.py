@@ -31,11 +31,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import Residuals, measure
-from ninedisk.core.cd.result import Stopwatch
-from ninedisk.core.cd.solvers.start import starting_forces
-from ninedisk.core.cd.solvers.unsymmetric_matrix import UnsymmetricMatrix, times
+from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
+from ninedisk.core.cd.settings import Stopwatch
+from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix, times
+from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

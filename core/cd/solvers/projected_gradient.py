@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import measure
-from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch, not_converged
+from ninedisk.core.cd.problem import ContactProblem, measure
+from ninedisk.core.cd.settings import SolverOptions, SolverResult, Stopwatch, not_converged
 from ninedisk.core.cd.solvers.feasibility import PROOF_AFTER, check_feasible
+from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
 from ninedisk.core.cd.solvers.projected_gradient_kernels import iterate
-from ninedisk.core.cd.solvers.start import starting_forces
 
 FloatArray = NDArray[np.float64]
 

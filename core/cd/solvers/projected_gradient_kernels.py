@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.problem_kernels import add_contact_force, contact_velocity, project_on_cone
 from ninedisk.core.compile import kernel
-from ninedisk.core.cd.cone_kernels import project_on_cone
-from ninedisk.core.cd.problem_kernels import add_contact_force, contact_velocity
 
 Floats = NDArray[np.float64]
 

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import Residuals, Sliding, measure
-from ninedisk.core.cd.result import SolverOptions, SolverResult, Stopwatch
+from ninedisk.core.cd.problem import ContactProblem, Residuals, Sliding, measure
+from ninedisk.core.cd.settings import SolverOptions, SolverResult, Stopwatch
 from ninedisk.core.cd.solvers.coulomb import CoulombInteriorPoint
 from ninedisk.core.cd.solvers.feasibility import PROOF_AFTER, InfeasibleContactsError, check_feasible
 from ninedisk.core.cd.solvers.gauss_seidel import MAX_SWEEPS, GaussSeidel, solve_gauss_seidel

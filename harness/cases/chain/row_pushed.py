@@ -13,7 +13,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, TruthKind, Value
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.nine_disk._compression_checks import step_error
+from ninedisk.harness.cases.nine_disk.compression import step_error
 from ninedisk.harness.cases.nine_disk.scene import DAMPING_FORM, NINE_DISK_CD, cd_settings
 from ninedisk.references.analytic.pushed_row import chain_forces, chain_modes, mode_forces, static_force
 from ninedisk.references.exact_steps.pushed_row import chain_central, chain_theta

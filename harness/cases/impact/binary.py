@@ -1,28 +1,38 @@
-"""Head-on collision of two equal disks, elastic or plastic (appendix A.2)."""
+"""Head-on collision of two equal disks, elastic or plastic (appendix A.2).
+
+What binds an engine on a binary collision: restitution by the kind of its contacts, or the exact steps of its
+scheme.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene
-from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, TruthKind, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
+    EXACT_STEP_RTOL,
     contact_step,
     last,
     numerics_of,
+    series_and_final,
     single,
+    soft_reason,
+    softness,
     whole_steps,
 )
-from ninedisk.harness.cases.impact._impact import impact_checks, knobs
-from ninedisk.references.analytic.spring_dashpot import contact_duration
+from ninedisk.references.analytic.collision import collision_history
+from ninedisk.references.analytic.spring_dashpot import beta_of_restitution, contact_duration, restitution_of_beta
+from ninedisk.references.exact_steps.impact import collision_step_theta
 
 RADIUS = 1.0
 PAIR = (0, 1)
@@ -193,3 +203,148 @@ class BinaryCollision:
 
 
 CASE = BinaryCollision()
+
+
+PLASTIC_BETA = 10.0
+"""Largest dashpot that the case chooses: e = 0.00244, a 400th of the elastic one. The step falls with 1/beta, and e = 0
+needs an infinite dashpot."""
+
+KINDS = {"elastic": 1.0, "plastic": 0.0}
+
+ROUND_OFF = 1e-12
+"""Of the speed: a collision is one impulse, a handful of roundings; free flight changes no velocity."""
+
+NAMES = ("vx_1", "vx_2", "energy")
+
+
+class Knobs(NamedTuple):
+    """What each kind of engine is told about the impact."""
+
+    restitution: float
+    beta: float
+    theta: float
+
+
+class Impact(NamedTuple):
+    """Restitution that binds an engine, its tolerance, and why."""
+
+    restitution: float
+    tolerance: float
+    source: str
+    why: str
+
+
+def knobs(params: Mapping[str, Any]) -> Knobs:
+    """Restitution, damping ratio and theta of a variant.
+
+    The first of ``restitution``, ``beta``, ``theta`` that is set gives the target restitution, else ``kind`` does; the
+    two others follow from it unless they are set as well.
+    """
+    given, beta, theta = params["restitution"], params["beta"], params["theta"]
+    if given is not None:
+        target = given
+    elif beta is not None:
+        target = restitution_of_beta(beta)
+    elif theta is not None:
+        target = (1.0 - theta) / theta
+    else:
+        target = KINDS[params["kind"]]
+    if beta is None:
+        beta = beta_for(target)
+    return Knobs(restitution=target, beta=beta, theta=1.0 / (1.0 + target) if theta is None else theta)
+
+
+def beta_for(restitution: float) -> float:
+    """Damping ratio that a case gives to springs for a coefficient of restitution: at most `PLASTIC_BETA`."""
+    return min(beta_of_restitution(restitution), PLASTIC_BETA) if restitution > 0.0 else PLASTIC_BETA
+
+
+def impact_checks(params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
+    """Checks of velocities, kinetic energy and restitution that bind an engine."""
+    if engine.scheme == "theta" and setup.numerics.impact == "theta":
+        return _exact_steps(params, setup, observed)
+    return _analytic(params, setup, observed, binding_impact(params, setup, engine))
+
+
+def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Impact:
+    """Restitution that an engine must reach, by the kind of its contacts.
+
+    Spring engines: with ``eps = (omega dt)^2``, dt the contact step, an undamped contact of any scheme equivalent to
+    central differences keeps ``v_{n+1/2}^2 + omega^2 x_n x_{n+1}``. At entry and exit, a fraction phi into the step,
+    the product is ``-phi (1 - phi) (v dt)^2``, so that ``|e - 1| <= eps/8 (1 + eps)``: phase of the impact in the step.
+    With a dashpot the force jumps at touch by ``c v``; the sampled jump is up to dt/2 early or late, which scales e by
+    ``1 +- beta omega dt``; a dashpot that sees ``v_{n-1/2}`` acts as ``beta (1 + beta omega dt/2)``, another ``beta
+    omega dt`` at most since ``|d ln e/d ln beta| <= 2``. Second-order terms of the dashpot: the same again, squared.
+    """
+    told = knobs(params)
+    if engine.contact == "spring":
+        e = restitution_of_beta(told.beta)
+        phase = math.sqrt(2.0 * params["kn"] / params["mass"]) * (setup.numerics.contact_dt or setup.numerics.dt)
+        damped = 2.0 * told.beta * phase
+        bound = e * (phase**2 / 8.0 * (1.0 + phase**2) + damped * (1.0 + damped))
+        why = f"phase of the impact in the contact step: omega dt = {phase:.3g}, beta = {told.beta:.4g}"
+        return Impact(e, bound + ROUND_OFF, f"spring and dashpot without tension, e(beta) = {e:.6g}", why)
+    # An impulse is 1 + e times what a plastic one is; a soft contact misses a part of it.
+    missed = (1.0 + told.restitution) * softness(engine)
+    # The relative velocity after the impact is the difference of two, each rounded.
+    rounding = 2.0 * single(engine, params["speed"], 1) / params["speed"]
+    why = "impact law at velocity level: round-off" + (" of single precision" if rounding else "") + soft_reason(engine)
+    return Impact(told.restitution, ROUND_OFF + missed + rounding, "Newton's restitution, momentum conserved", why)
+
+
+def _analytic(params: Mapping[str, Any], setup: Setup, observed: Observed, impact: Impact) -> list[Check]:
+    mass, speed, e = params["mass"], params["speed"], impact.restitution
+    curves = collision_history(
+        observed.t, gap=params["gap"], speed=speed, mass_1=mass, mass_2=mass, restitution=e
+    )._asdict()
+    event = _event(params, setup, observed)
+    expected = {name: np.where(event, np.nan, curves[name]) for name in NAMES}
+    # vx_1, vx_2 = v (1 -+ e)/2 and energy = m v^2 (1 + e^2)/4.
+    of_speed = speed * (impact.tolerance / 2.0 + ROUND_OFF)
+    of_energy = mass * speed**2 * (impact.tolerance * (e + impact.tolerance / 2.0) / 2.0 + ROUND_OFF)
+    tolerance = {
+        "vx_1": (of_speed, 0.0, impact.why),
+        "vx_2": (of_speed, 0.0, impact.why),
+        "energy": (of_energy, 0.0, impact.why),
+    }
+    return [
+        *series_and_final(NAMES, expected, truth="analytic", source=impact.source, tolerance=tolerance),
+        _restitution(e, "analytic", impact.source, impact.tolerance, impact.why),
+    ]
+
+
+def _event(params: Mapping[str, Any], setup: Setup, observed: Observed) -> NDArray[np.bool_]:
+    """Samples in the contact, or as near to it as a step may place the impact, shape (s,)."""
+    begin = params["gap"] / params["speed"]
+    told = knobs(params)
+    length = contact_duration(kn=params["kn"], m_eff=params["mass"] / 2.0, beta=told.beta)
+    dt = setup.numerics.dt
+    return np.asarray((observed.t > begin - 1.5 * dt) & (observed.t < begin + length + 1.5 * dt))
+
+
+def _exact_steps(params: Mapping[str, Any], setup: Setup, observed: Observed) -> list[Check]:
+    mass, numerics = params["mass"], setup.numerics
+    steps = collision_step_theta(
+        gap=params["gap"],
+        speed=params["speed"],
+        dt=numerics.dt,
+        theta=numerics.theta,
+        n_steps=numerics.n_steps,
+        mass_1=mass,
+        mass_2=mass,
+    )._asdict()
+    expected = {name: steps[name][observed.step] for name in NAMES}
+    why = "exact solution of the theta scheme; the phase gap/(v dt) is rounded once a step"
+    source = f"theta scheme, theta = {numerics.theta:g}, e_eff(gap, theta)"
+    tolerance = dict.fromkeys(NAMES, (0.0, EXACT_STEP_RTOL, why))
+    e = float((expected["vx_2"][-1] - expected["vx_1"][-1]) / params["speed"])
+    return [
+        *series_and_final(NAMES, expected, truth="exact-step", source=source, tolerance=tolerance),
+        _restitution(e, "exact-step", source, EXACT_STEP_RTOL, why),
+    ]
+
+
+def _restitution(e: float, truth: TruthKind, source: str, atol: float, why: str) -> Check:
+    return Check(
+        quantity="restitution_effective", norm="scalar", truth=truth, expected=e, source=source, atol=atol, why=why
+    )

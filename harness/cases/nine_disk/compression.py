@@ -1,33 +1,46 @@
-"""Nine disks between four walls that move in (appendix A.1.1)."""
+"""Nine disks between four walls that move in (appendix A.1.1).
+
+Truths of the nine-disk compression.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import WallSegment
 from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.nine_disk._compression_checks import HISTORIES, compression_checks, peaks, row_sums
+from ninedisk.harness.cases.nine_disk.converged import consensus_checks, converged_checks
 from ninedisk.harness.cases.nine_disk.scene import (
     CENTRE,
     DAMPING_FORM,
     LEFT,
     LEVER_ARM,
     LOAD_CASES,
+    MASS,
     NINE_DISK_CD,
+    RADIUS,
     SLIP_AT,
+    LoadCase,
     cd_settings,
     contact_laws,
+    friction,
     nine_disks,
+    shear_growth,
 )
-from ninedisk.harness.cases.nurbs.grains import SHAPE, as_outlines, overlap_error
+from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
+from ninedisk.harness.run.matched import core_history
+from ninedisk.references.analytic.compression import continuous_row, row_frequency, steady_force, undamped_amplitude
+from ninedisk.references.exact_steps.cd_row import smooth_row_cd
+from ninedisk.references.exact_steps.compression import smooth_row
 
 WATCH = ((3, CENTRE), (0, 1), (3, LEFT), (0, LEFT))
 """Contacts of `HISTORIES`, in order: centre row, edge row, wall/middle disk, wall/corner disk, all along x."""
@@ -142,3 +155,272 @@ class Compression:
 
 
 CASE = Compression()
+
+
+Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Forces [N] of a half row after each cycle: disk-disk, wall."""
+
+OVERLAP_ROUND_OFF = 1e-12
+"""Of the radius, what rounding leaves of an intersection of outlines; forces, kn times that, are far below `ROUND_OFF`."""
+
+HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
+ROUND_OFF = 1e-9
+"""Of the largest value: the forces are kn times differences of positions near 300 m, so one unit in the last place of a position
+(6e-14 m) is 1e-12 of the force; some hundred steps add up to less than 1e-9."""
+
+
+def compression_checks(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
+) -> Sequence[Check]:
+    """Truths that bind ``engine`` on a variant of the compression."""
+    load = LOAD_CASES[params["load_case"]]
+    found = []
+    static = engine.contact == "cd" and params["regime"] == "quasi-static"
+    smooth = friction(params)[1] == 0.0
+    if smooth and static:
+        found += _static_checks(params, observed, load)
+    elif smooth:
+        if engine.scheme == "central-difference":
+            rows = _rows(params, load, int(observed.step[-1]), smooth_row, form=params["damping_form"])
+            found += _exact_checks(observed, load, rows, "central differences")
+        elif engine.scheme == "theta":
+            rows = _rows(params, load, int(observed.step[-1]), smooth_row_cd, theta=params["theta"])
+            found += _exact_checks(
+                observed, load, rows, f"the theta scheme, theta = {params['theta']:g}, elastic contacts"
+            )
+        found += _analytic_checks(params, setup, observed, load, engine)
+    elif not static:
+        found += converged_checks(
+            "nine-disk/compression",
+            params,
+            observed,
+            engine,
+            series=HISTORIES,
+            scalars=[f"{name}_settled" for name in HISTORIES],
+            first_order_rtol=0.5 * row_frequency(kn=load.kn, mass=MASS) * load.dt,
+        )
+    if params["xi"] > 0.0:
+        found += _row_sum_checks(setup, load)
+    found.append(
+        Check(
+            quantity="symmetry_error",
+            norm="scalar",
+            truth="analytic",
+            expected=0.0,
+            source="the set-up is its own image under a half turn",
+            atol=ROUND_OFF * RADIUS,
+            why="round-off of positions: 6e-14 m each, amplified over the run to less than 1e-9 radii",
+        )
+    )
+    outlined = params["shape"] == "nurbs"
+    if outlined:
+        found.append(outline_check())
+    if engine.scheme == "central-difference" and (outlined or engine.id != "dem"):
+        history = core_history(as_disks(setup) if outlined else setup, engine)
+        at = np.searchsorted(history.step, observed.step)
+        expected = {name: history.fn[at, history.contact(pair)] for name, pair in setup.labels.items()}
+        growth = shear_growth(history, engine, setup.scene.disk_disk)
+        rtol, why = 1e-10, "same scheme, same arithmetic up to round-off (1e-12 a step, 200 steps)"
+        if outlined:
+            rtol, why = (
+                ROUND_OFF,
+                "circles as outlines: round-off of positions near 300 m (see ROUND_OFF) in each intersection",
+            )
+        if growth:
+            why += f"; the engine turns shear forces to first order, which adds at most {growth:.1g}"
+        found += consensus_checks(observed, expected, rtol=rtol + growth, why=why)
+    return found
+
+
+def outline_check() -> Check:
+    """Overlaps of outlines that are circles, against the formula of disks."""
+    return Check(
+        quantity="overlap_error",
+        norm="scalar",
+        truth="analytic",
+        expected=0.0,
+        source="equation (2.5): Ri + Rj - |xj - xi|",
+        atol=OVERLAP_ROUND_OFF * RADIUS,
+        why="round-off: a last place of positions near 300 m is 1e-15 radii, an intersection takes some hundred operations",
+    )
+
+
+def peaks(
+    name: str, step: NDArray[np.int64], force: NDArray[np.float64], load_cycles: int
+) -> dict[str, tuple[str, float]]:
+    """Peak, its cycle, and half the range after the walls have stopped; NaN where nothing was observed."""
+    after = force[step > load_cycles]
+    peak, cycle, amplitude = math.nan, math.nan, math.nan
+    if np.isfinite(force).all():
+        peak, cycle = float(force.max()), float(step[int(np.argmax(force))])
+        if len(after):
+            amplitude = 0.5 * float(after.max() - after.min())
+    return {
+        f"{name}_peak": ("N", peak),
+        f"{name}_peak_cycle": ("cycle", cycle),
+        f"{name}_amplitude": ("N", amplitude),
+    }
+
+
+def _rows(
+    params: Mapping[str, Any], load: LoadCase, n_steps: int, solution: Callable[..., Rows], **setting: Any
+) -> Rows:
+    """Exact time-discrete forces after cycles 0..n_steps, from the solution of the engine's scheme."""
+    k = params["substeps"]
+    disk_disk, wall = solution(
+        kn=load.kn,
+        mass=MASS,
+        xi=params["xi"],
+        dt=load.dt / k,
+        n_load=load.load_cycles * k,
+        v_wall=load.v_wall,
+        n_steps=n_steps * k,
+        **setting,
+    )
+    return disk_disk[::k], wall[::k]
+
+
+def row_sums(scalars: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, float]]:
+    """Settled forces of a half row's two contacts together: centre row, edge row."""
+    pairs = {"centre": ("fn_disk_disk_centre", "fn_wall_mid"), "edge": ("fn_disk_disk_edge", "fn_wall_corner")}
+    return {
+        f"row_sum_{row}": ("N", sum(scalars[f"{name}_settled"][1] for name in names)) for row, names in pairs.items()
+    }
+
+
+def _row_sum_checks(setup: Setup, load: LoadCase) -> list[Check]:
+    """A half row bears ``kn w``, w the way of its wall, however wall friction shares it among the contacts.
+
+    The middle disk of each row keeps its x by symmetry, so that the wall's way w is what the two contacts between it and the wall
+    are closed by along x: the sum of their overlaps where both lie along x, as they do in the centre row. In the edge row friction
+    lets the middle disk and the corner disk move differently along y, by ``w/2`` at most as either lies between its neighbours;
+    a contact tilted by ``dy`` over the distance 2R has an overlap that is smaller by ``dy^2/(4R)``.
+    """
+    way = load.v_wall * load.dt * min(setup.numerics.n_steps, load.load_cycles)
+    tilt = load.kn * (0.5 * way) ** 2 / (4.0 * RADIUS)
+    common = {"norm": "scalar", "truth": "analytic", "expected": load.kn * way, "rtol": ROUND_OFF}
+    common["source"] = "the two contacts of a half row are closed by their wall's way: kn v T"
+    why = "round-off of positions near 300 m (see ROUND_OFF)"
+    return [
+        Check(quantity="row_sum_centre", why=why, **common),  # type: ignore[arg-type]
+        Check(quantity="row_sum_edge", atol=tilt, why=f"{why}; tilt of the contact by w/2 over 2R", **common),  # type: ignore[arg-type]
+    ]
+
+
+def _static_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase) -> list[Check]:
+    """Equilibrium in every step: both springs of a half row bear half the wall's displacement."""
+    way = load.v_wall * load.dt * np.minimum(observed.step, load.load_cycles)
+    common = {
+        "truth": "analytic",
+        "source": "equilibrium of the smooth row: kn w/2",
+        "why": "round-off of positions near 300 m (see ROUND_OFF); the static balance is solved to 1e-10",
+        "rtol": ROUND_OFF,
+    }
+    found = [Check(quantity=name, norm="max", expected=0.5 * load.kn * way, **common) for name in HISTORIES]  # type: ignore[arg-type]
+    if params["xi"] > 0.0:
+        steady = steady_force(kn=load.kn, v_wall=load.v_wall, t_wall=load.load_cycles * load.dt)
+        found += [Check(quantity=f"{name}_settled", norm="scalar", expected=steady, **common) for name in HISTORIES]  # type: ignore[arg-type]
+    return found
+
+
+def _exact_checks(observed: Observed, load: LoadCase, rows: Rows, scheme: str) -> list[Check]:
+    disk_disk, wall = rows
+    source = f"exact recurrence of the smooth row under {scheme}"
+    found = []
+    for name in HISTORIES:
+        row = (disk_disk if "disk_disk" in name else wall)[observed.step]
+        scale = float(np.abs(row).max())
+        common = {"truth": "exact-step", "source": source, "why": "round-off of positions near 300 m (see ROUND_OFF)"}
+        found.append(Check(quantity=name, norm="max", expected=row, rtol=ROUND_OFF, **common))  # type: ignore[arg-type]
+        for key, (unit, value) in peaks(name, observed.step, row, load.load_cycles).items():
+            atol = ROUND_OFF * scale if unit == "N" else 0.0
+            if math.isfinite(value):
+                found.append(Check(quantity=key, norm="scalar", expected=value, atol=atol, **common))  # type: ignore[arg-type]
+    return found
+
+
+def _analytic_checks(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, load: LoadCase, engine: EngineInfo
+) -> list[Check]:
+    """Steady force, continuous history and undamped amplitude, with the error that the step explains."""
+    t_wall, xi = load.load_cycles * load.dt, params["xi"]
+    omega = row_frequency(kn=load.kn, mass=MASS)
+    steady = steady_force(kn=load.kn, v_wall=load.v_wall, t_wall=t_wall)
+    step = step_error(params, setup, engine, omega)
+    swing = load.kn * load.v_wall / omega
+    fade = np.exp(-0.5 * xi * observed.t)
+    error = swing * float(((step.drift * omega * observed.t + step.offset) * fade).max()) + ROUND_OFF * steady
+    crests = step.amplitude + 1.0 - math.cos(0.5 * omega * load.dt)
+    amplitude = undamped_amplitude(kn=load.kn, mass=MASS, v_wall=load.v_wall, t_wall=t_wall)
+    bound = swing * (step.drift * omega * (float(observed.t[-1]) if step.fades else t_wall) + crests)
+    disk_disk, wall = continuous_row(observed.t, kn=load.kn, mass=MASS, xi=xi, v_wall=load.v_wall, t_wall=t_wall)
+    found = [
+        Check(
+            quantity=name,
+            norm="max",
+            truth="analytic",
+            expected=disk_disk if "disk_disk" in name else wall,
+            source="damped oscillator under a ramp that stops, continuous in time",
+            atol=error,
+            why=f"{step.why}: drift of the oscillation and its amplitude",
+        )
+        for name in HISTORIES
+    ]
+    for name in HISTORIES:
+        if xi > 0.0:
+            left = swing * math.exp(-0.5 * xi * (max(params["settle_cycles"], params["cycles"]) * load.dt - t_wall))
+            found.append(
+                Check(
+                    quantity=f"{name}_settled",
+                    norm="scalar",
+                    truth="analytic",
+                    expected=steady,
+                    source="kn v T/2: two equal springs share the wall's displacement",
+                    rtol=ROUND_OFF,
+                    atol=left,
+                    why="round-off, plus what damping has left of the oscillation by then",
+                )
+            )
+        elif params["cycles"] > load.load_cycles and bound < amplitude:
+            # A bound beyond the amplitude itself would let anything pass.
+            found.append(
+                Check(
+                    quantity=f"{name}_amplitude",
+                    norm="scalar",
+                    truth="analytic",
+                    expected=amplitude,
+                    source="(kn v/omega) |sin(omega T/2)|",
+                    atol=bound,
+                    why=f"{step.why}: drift until the walls stop; crests between samples, 1 - cos(omega dt/2)",
+                )
+            )
+    return found
+
+
+class StepError(NamedTuple):
+    """What a scheme's step does to an oscillation of unit amplitude: error that grows by ``drift`` per radian, and ``offset``.
+
+    ``amplitude`` is the error of the amplitude alone; ``fades``: it is the amplitude that drifts, as long as the run lasts.
+    """
+
+    drift: float
+    offset: float
+    amplitude: float
+    fades: bool
+    why: str
+
+
+def step_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, omega: float) -> StepError:
+    """Of the oscillator of angular frequency ``omega`` [rad/s] under the engine's scheme.
+
+    Central differences run fast by ``(omega dt)^2/24``, and their amplitude is off by the square itself. Third-order
+    Runge-Kutta multiplies by ``exp(z) - z^4/24``, ``z = i omega h``: the amplitude shrinks by ``(omega h)^3/24`` per radian,
+    the phase by less. Other schemes are of first order.
+    """
+    h = omega * setup.numerics.dt / params["substeps"]
+    if engine.scheme == "runge-kutta-3":
+        h = min(h, float(engine.option("phase", setup.numerics)))
+        return StepError(h**3 / 24.0, 0.0, 0.0, True, f"third order, omega h <= {h:.3g}")
+    if engine.scheme == "central-difference" and params["damping_form"] == "central":
+        return StepError(h**2 / 24.0, h**2, h**2, False, f"second order, omega dt = {h:.3g}")
+    return StepError(h / 2.0, h, h**2, False, f"first order, omega dt = {h:.3g}")

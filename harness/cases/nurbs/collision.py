@@ -68,7 +68,7 @@ class Collision:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Two ellipses, closing at 1 m/s."""
-        from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+        from ninedisk.core.nurbs.mass import uniform_grain
         from ninedisk.core.nurbs.shapes import ellipse
 
         kn, mu = params["kn"], params["mu"]

@@ -13,7 +13,7 @@ from ninedisk.core.scene import Disks, Scene
 from ninedisk.harness.api.case import FloatArray, Parameter, Setup
 
 if TYPE_CHECKING:
-    from ninedisk.core.nurbs.nurbs_grain import UniformGrain
+    from ninedisk.core.nurbs.mass import UniformGrain
 SHAPE = Parameter(
     name="shape",
     default="disk",

@@ -62,7 +62,7 @@ class Overlap:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Pairs in the squares of a grid about the origin."""
-        from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+        from ninedisk.core.nurbs.mass import uniform_grain
         from ninedisk.core.nurbs.shapes import disk, ellipse
 
         axes, rng, count = AXES[params["shape"]], np.random.default_rng(params["seed"]), params["pairs"]

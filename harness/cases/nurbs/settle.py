@@ -63,7 +63,7 @@ class Settle:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """One grain above a plane, axes along it."""
-        from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+        from ninedisk.core.nurbs.mass import uniform_grain
 
         grain = uniform_grain(waisted(), DENSITY)
         height = FALL - lowest(grain.outline, TILT)[1]

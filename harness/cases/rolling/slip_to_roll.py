@@ -1,16 +1,19 @@
-"""Disk thrown with slip on a plane: it slides, then rolls (appendix A.3.3 with rotations)."""
+"""Disk thrown with slip on a plane: it slides, then rolls (appendix A.3.3 with rotations).
+
+Truths of the slip-to-roll test, and how far schemes and springs may be from them.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -18,21 +21,26 @@ from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     THETA,
     contact_step,
+    follows_associated_rule,
     last,
     numerics_of,
+    round_off_speed,
     series_and_final,
     single,
+    slack_time,
+    soft_reason,
+    summed_round_off,
     whole_steps,
 )
-from ninedisk.harness.cases.rolling._slip_bounds import (
-    NO_TURN,
-    binding_history,
-    bounds,
-    shear_frequency,
-    slip_tolerance,
-    truth,
+from ninedisk.references.analytic.slip_to_roll import (
+    UNIFORM_DISK,
+    slide_to_stop,
+    slip_end,
+    slip_to_roll,
+    spring_overshoot,
+    stop_time,
 )
-from ninedisk.references.analytic.slip_to_roll import UNIFORM_DISK
+from ninedisk.references.exact_steps.rolling import associated_rolling
 
 RADIUS, MASS = 1.0, math.pi
 """Unit radius and density."""
@@ -221,3 +229,210 @@ def inertia_ratio(params: Mapping[str, Any]) -> float:
 
 
 CASE = SlipToRoll()
+
+
+NO_TURN = 1e30
+"""Inertia ratio that stands for a disk that cannot turn: 1 + 1/k is 1 to the last bit."""
+
+
+class Truth(NamedTuple):
+    """Curves by quantity, each of shape (s,), and the end of slip [s]."""
+
+    curves: Mapping[str, FloatArray]
+    slip_end: float
+
+
+class SlipBounds(NamedTuple):
+    """Absolute tolerances by quantity with their reasons, and the gap at rest [m]."""
+
+    atol: Mapping[str, float]
+    why: Mapping[str, str]
+    rest_gap: float
+
+
+def truth(params: Mapping[str, Any], t: FloatArray, radius: float, inertia_ratio: float) -> Truth:
+    """Rigid disk with Coulomb friction, at times ``t`` [s]; spin and slip positive when rolling forward."""
+    mu, speed, g = params["mu"], params["speed"], params["g"]
+    if inertia_ratio == NO_TURN:
+        history, end = slide_to_stop(t, mu=mu, speed=speed, g=g), stop_time(mu=mu, speed=speed, g=g)
+    else:
+        history = slip_to_roll(t, mu=mu, speed=speed, g=g, radius=radius, inertia_ratio=inertia_ratio)
+        end = slip_end(mu=mu, speed=speed, g=g, inertia_ratio=inertia_ratio)
+    spin = 0.0 - history.spin
+    slip = np.where(t < end, history.vx - radius * spin, 0.0)
+    return Truth({"x": history.x, "vx": history.vx, "spin": spin, "slip": slip}, end)
+
+
+def binding_history(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, radius: float, inertia_ratio: float
+) -> Truth | None:
+    """Exact steps of the theta scheme's associated rule, or of schemes whose velocities are exact. None for other schemes.
+
+    Sliding friction is constant, and the step in which slip ends leaves the disk rolling, whatever its fraction that
+    still slipped: the velocities at the steps are the continuous ones. Positions add the velocity at a step's begin
+    (position-first), end, or a mean of the two (Moreau-Jean). Under the associated rule the gap belongs to the solution, and
+    to the curves.
+    """
+    numerics = setup.numerics
+    if engine.scheme == "theta" and numerics.sliding == "associated":
+        if numerics.theta != 1.0 or numerics.impact != "theta":
+            return None
+        steps = associated_rolling(
+            mu=params["mu"],
+            g=params["g"],
+            mass=float(setup.scene.disks.mass[0]),
+            radius=radius,
+            inertia_ratio=math.inf if inertia_ratio == NO_TURN else inertia_ratio,
+            speed=params["speed"],
+            dt=numerics.dt,
+            n_steps=numerics.n_steps,
+            gap_0=params["mu"] * params["speed"] * params["dt"] if params["start"] == "dilated" else 0.0,
+        )
+        stepped = {name: getattr(steps, name)[observed.step] for name in ("x", "vx", "spin", "slip", "gap")}
+        return Truth(stepped, math.nan)
+    ends = {"position-first-euler": 0.0, "semi-implicit-euler": 1.0}
+    if engine.scheme == "theta" and numerics.theta == 1.0 and numerics.sliding == "coulomb":
+        ends["theta"] = 1.0
+    if engine.scheme == "moreau-jean":
+        ends["moreau-jean"] = float(engine.option("theta", numerics))
+    if engine.contact == "spring" or engine.scheme not in ends:
+        return None
+    times = np.arange(numerics.n_steps + 1, dtype=np.float64) * numerics.dt
+    continuous = truth(params, times, radius, inertia_ratio)
+    vx = continuous.curves["vx"]
+    end = ends[engine.scheme]
+    used = end * vx[1:] + (1.0 - end) * vx[:-1]
+    x = np.concatenate(([0.0], np.cumsum(used) * numerics.dt))
+    curves = {"x": x, "vx": vx, "spin": continuous.curves["spin"]}
+    return Truth({name: curve[observed.step] for name, curve in curves.items()}, continuous.slip_end)
+
+
+def shear_frequency(ks: float, mass: float, inertia_ratio: float) -> float:
+    """Angular frequency [rad/s] of a disk that sticks to its shear spring."""
+    return math.sqrt((1.0 + 1.0 / inertia_ratio) * ks / mass)
+
+
+def slip_tolerance(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) -> float:
+    """Slip velocity [m/s] below which the disk counts as rolling: one and a half times what its shear spring leaves."""
+    swing = _overshoot(params, setup, inertia_ratio)
+    return 1.5 * swing * (1.0 + 1.0 / inertia_ratio) + 1e-9 * float(params["speed"])
+
+
+def _overshoot(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) -> float:
+    """Amplitude [m/s] of the velocity that the shear spring leaves.
+
+    The contact step in which slip ends adds nothing: the force never exceeds the cap, and central differences keep
+    ``(F/ks)^2 omega^2 + u^2/(1 - (omega dt)^2/4)``, so that the slip u at the steps swings by no more than the spring's
+    own amplitude.
+    """
+    law, mass = setup.scene.walls[0].law, float(setup.scene.disks.mass[0])
+    return spring_overshoot(mu=params["mu"], g=params["g"], mass=mass, ks=law.ks, inertia_ratio=inertia_ratio)
+
+
+def bounds(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, inertia_ratio: float
+) -> SlipBounds:
+    """Tolerances of the continuous solution for this engine."""
+    if engine.contact == "spring":
+        return _spring_bounds(params, setup, observed, inertia_ratio)
+    return _rigid_bounds(params, setup, observed, engine, inertia_ratio)
+
+
+def _per_velocity(setup: Setup, inertia_ratio: float) -> tuple[float, float]:
+    """Changes of spin and slip that friction makes together with a unit change of vx."""
+    radius = float(setup.scene.disks.radius[0])
+    turning = inertia_ratio != NO_TURN
+    return (1.0 / (inertia_ratio * radius) if turning else 0.0), (1.0 + 1.0 / inertia_ratio if turning else 1.0)
+
+
+def _spring_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, inertia_ratio: float) -> SlipBounds:
+    """Sliding is exact (constant force); what follows swings by the overshoot of the shear spring, undamped."""
+    law, disks = setup.scene.walls[0].law, setup.scene.disks
+    contact_dt = setup.numerics.contact_dt or setup.numerics.dt
+    mass, radius = float(disks.mass[0]), float(disks.radius[0])
+    weight, t_end = mass * params["g"], float(observed.t[-1])
+    steps = t_end / contact_dt
+    rounding = round_off_speed(radius, contact_dt) + summed_round_off(params["speed"], steps)
+    swing = _overshoot(params, setup, inertia_ratio)
+    spin, slip = _per_velocity(setup, inertia_ratio)
+    omega = shear_frequency(law.ks, mass, inertia_ratio)
+    # Where in the overlap the friction acts is open: an arm R - overlap/2 changes the rolling speed by v0 overlap/R at
+    # most.
+    arm = params["speed"] * weight / (law.kn * radius)
+    vx = swing + rounding + arm
+    why = f"overshoot of the shear spring, {swing:.3g} m/s; lever arm within the overlap, {arm:.3g} m/s"
+    atol = {
+        # The swing's way is its amplitude over omega, from one side to the other; the step in which slip ends shifts
+        # the rest.
+        "x": 2.0 * swing / omega
+        + contact_dt * swing
+        + (rounding + arm) * t_end
+        + summed_round_off(params["speed"] * t_end, steps),
+        "vx": vx,
+        "spin": spin * vx,
+        "slip": slip * vx,
+        "gap": 8.0 * float(np.spacing(radius)),
+        "slip_end": setup.numerics.dt + _early(params, setup, inertia_ratio),
+    }
+    reasons = {
+        "x": why,
+        "vx": why,
+        "spin": why,
+        "slip": why,
+        "gap": "weight over kn; round-off of the height",
+        "slip_end": "sampled every dt; slip counts as ended within a tolerance",
+    }
+    return SlipBounds(atol, reasons, -weight / law.kn)
+
+
+def _early(params: Mapping[str, Any], setup: Setup, inertia_ratio: float) -> float:
+    """Time [s] by which slip counts as ended too early: its tolerance over its rate ``(1 + 1/k) mu g``."""
+    rate = (1.0 + 1.0 / inertia_ratio) * params["mu"] * params["g"]
+    return slip_tolerance(params, setup, inertia_ratio) / float(rate)
+
+
+def _rigid_bounds(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, inertia_ratio: float
+) -> SlipBounds:
+    """Rigid contacts: exact velocities, positions summed from one end of each step.
+
+    The sum of a velocity that falls by ``dv`` in all is off by ``dt dv/2``; the kink where slip ends adds at most ``mu
+    g dt^2/8``. The associated rule lifts the disk by ``mu v0 dt``: from a start in touch the first step gives it ``vy =
+    mu v0/(1 + mu^2)`` for ``mu`` times that in vx, and it flies for ``2 vy/g`` until friction goes on; at the end the
+    speed is the same.
+    """
+    mu, speed, g, dt = params["mu"], params["speed"], params["g"], setup.numerics.dt
+    t_end = float(observed.t[-1])
+    spin, slip = _per_velocity(setup, inertia_ratio)
+    lost = speed / slip
+    associated = follows_associated_rule(engine, setup.numerics)
+    lift_vy = mu * speed / (1.0 + mu**2) if associated and params["start"] == "touching" else 0.0
+    flight = 2.0 * lift_vy / g
+    # Friction of the lift's impulse and of the flight that it replaces, and a step's at the kinks. A convex engine may land
+    # and lift again: momentum keeps vx at its truth less mu vy all the while, which this covers.
+    let_through = slack_time(engine, dt, t_end)
+    rough = g * let_through + single(engine, max(speed, g * t_end), setup.numerics.n_steps)
+    vx = (mu * lift_vy + mu * g * (flight + dt) if associated else 0.0) + 1e-11 * speed + rough
+    fall = g * dt**2 if associated and engine.contact != "cd" else 0.0
+    weight_yields = float(setup.scene.disks.mass[0]) * g / setup.scene.walls[0].law.kn if engine.keeps_kn else 0.0
+    atol = {
+        "x": 0.5 * dt * lost + mu * g * dt**2 / 8.0 + (vx * (lost / (mu * g) + flight) if associated else 0.0)
+        + 1e-12 * speed * t_end + rough * t_end,
+        "vx": vx,
+        "spin": spin * vx,
+        "slip": slip * vx,
+        "gap": 1e-12 + (mu * speed * dt + lift_vy**2 / (2.0 * g) + fall if associated else 0.0) + rough * t_end + weight_yields,
+        "slip_end": dt + flight + _early(params, setup, inertia_ratio) + let_through / mu,
+    }  # fmt: skip
+    rule = "; lift of the associated rule" if associated else ""
+    rule += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
+    exact = "constant friction: exact velocities, round-off" + rule
+    why = {
+        "x": "first order in dt: dt (v0 - v_final)/2" + rule,
+        "vx": exact,
+        "spin": exact,
+        "slip": exact,
+        "gap": "rigid contact: round-off of the height" + rule,
+        "slip_end": "sampled every dt; slip counts as ended within a tolerance" + rule,
+    }
+    return SlipBounds(atol, why, 0.0)

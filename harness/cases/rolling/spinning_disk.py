@@ -24,8 +24,17 @@ from ninedisk.harness.cases.common import (
     single,
     whole_steps,
 )
-from ninedisk.harness.cases.rolling._slip_bounds import binding_history, bounds, shear_frequency, slip_tolerance
-from ninedisk.harness.cases.rolling.slip_to_roll import CONTACT_BETA, MASS, PAIR, PHASE, RADIUS
+from ninedisk.harness.cases.rolling.slip_to_roll import (
+    CONTACT_BETA,
+    MASS,
+    PAIR,
+    PHASE,
+    RADIUS,
+    binding_history,
+    bounds,
+    shear_frequency,
+    slip_tolerance,
+)
 from ninedisk.references.analytic.slip_to_roll import UNIFORM_DISK
 from ninedisk.references.analytic.spinning_disk import energy_kept, slip_end, spinning_disk
 

@@ -31,8 +31,8 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
-from ninedisk.harness.engines._rigid_package import product_factors
 from ninedisk.harness.engines.bullet.adapter import OPTIONS
+from ninedisk.harness.engines.package import product_factors
 from ninedisk.harness.engines.plane import WallPoses, finite_state, touch_length, turn, write_contacts
 
 ENGINE_VERSION = version("pybullet")

@@ -6,8 +6,8 @@ import time
 from collections.abc import Sequence
 
 import ninedisk
-from ninedisk.core.cd.options import OPTIONS
-from ninedisk.core.cd.wedges import wedging_corners
+from ninedisk.core.cd.laws import wedging_corners
+from ninedisk.core.cd.settings import OPTIONS
 from ninedisk.core.history import Pair
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics

@@ -50,7 +50,7 @@ class DemEngine:
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the scene on `ninedisk.core.dem.session.DemSession`."""
-        from ninedisk.core.dem.constants import FIRST_SKIN, LEAST_SKIN, MOST_SKIN
+        from ninedisk.core.dem.arrays import FIRST_SKIN, LEAST_SKIN, MOST_SKIN
         from ninedisk.core.dem.session import DemSession
 
         begin = time.perf_counter()

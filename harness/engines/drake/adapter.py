@@ -22,8 +22,7 @@ from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.engines._rigid_package import RigidPackageEngine, prescribed_spins
-from ninedisk.harness.engines.package import PackageEngine, package_version
+from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_version, prescribed_spins
 from ninedisk.harness.engines.spring import laws_in_use
 from ninedisk.harness.wire.external import ExternalEngine
 

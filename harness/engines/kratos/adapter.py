@@ -15,9 +15,8 @@ from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.wall_path import wall_path
-from ninedisk.harness.engines._mirrors import no_disk_can_turn
 from ninedisk.harness.engines.package import package_version
-from ninedisk.harness.engines.plane import wall_reach
+from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
 from ninedisk.harness.engines.spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps
 from ninedisk.harness.wire.external import ExternalEngine
 

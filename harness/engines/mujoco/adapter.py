@@ -19,8 +19,7 @@ from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.engines._rigid_package import RigidPackageEngine
-from ninedisk.harness.engines.package import package_version
+from ninedisk.harness.engines.package import RigidPackageEngine, package_version
 
 CAPABILITIES = frozenset(
     {

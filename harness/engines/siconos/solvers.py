@@ -1,7 +1,7 @@
 """Siconos' Coulomb solvers on saved contact problems: an independent check of the core's, in one process for all.
 
 Siconos solves ``u = W r + q`` under the Coulomb law of `ninedisk.core.cd.problem`. Its status says little about how well:
-judge its answers by `ninedisk.core.cd.residuals.measure`, as `judge` does.
+judge its answers by `ninedisk.core.cd.problem.measure`, as `judge` does.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import FloatArray, Residuals, measure
+from ninedisk.core.cd.problem import ContactProblem, FloatArray, Residuals, measure
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
 from ninedisk.harness.engines.siconos.adapter import (
     INSTALL,

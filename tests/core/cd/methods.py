@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.cd.settings import SolverOptions, SolverResult
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.cd.solvers.projected_gradient import solve_projected_gradient

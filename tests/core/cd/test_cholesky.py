@@ -15,10 +15,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.solvers.body_matrix import BodyGraph, BodyMatrix
-from ninedisk.core.cd.solvers.cholesky import SupernodalCholesky
+from ninedisk.core.cd.solvers.factorise import BodyGraph, BodyMatrix, SupernodalCholesky, elimination_order
 from ninedisk.core.cd.solvers.factorise_kernels import BODIES, CHILDREN, PIVOTS, ROWS
-from ninedisk.core.cd.solvers.ordering import elimination_order
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -10,9 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from problems import FLOOR
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import measure
-from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.cd.problem import ContactProblem, measure
+from ninedisk.core.cd.settings import SolverOptions, SolverResult
 from ninedisk.core.cd.solvers import coulomb as coulomb_interior_point
 from ninedisk.core.cd.solvers import coulomb_shift
 from ninedisk.core.cd.solvers import solver as solver_module

@@ -13,10 +13,9 @@ from methods import Solve, each_solver, solve_interior_point
 from numpy.typing import NDArray
 from problems import FLOOR, LEFT, RIGHT, of_kind
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import measure
-from ninedisk.core.cd.result import SolverOptions
-from ninedisk.core.cd.solvers.cholesky import SupernodalCholesky
+from ninedisk.core.cd.problem import ContactProblem, measure
+from ninedisk.core.cd.settings import SolverOptions
+from ninedisk.core.cd.solvers.factorise import SupernodalCholesky
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.errors import SolverNotConvergedError
 

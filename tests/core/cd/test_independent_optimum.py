@@ -31,9 +31,8 @@ import scipy.sparse as sp
 from methods import Solve, solve_interior_point
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import measure
-from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.cd.problem import ContactProblem, measure
+from ninedisk.core.cd.settings import SolverOptions, SolverResult
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.solvers.projected_gradient import solve_projected_gradient
 from ninedisk.core.errors import SolverNotConvergedError

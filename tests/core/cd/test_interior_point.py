@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.result import SolverOptions
-from ninedisk.core.cd.solvers import interior_point_run
-from ninedisk.core.cd.solvers.body_matrix import BodyGraph, BodyMatrix
-from ninedisk.core.cd.solvers.interior_point import InteriorPoint
-from ninedisk.core.cd.solvers.interior_point_run import Run
+from ninedisk.core.cd.settings import SolverOptions
+from ninedisk.core.cd.solvers import interior_point as interior_point_run
+from ninedisk.core.cd.solvers.factorise import BodyGraph, BodyMatrix
+from ninedisk.core.cd.solvers.interior_point import InteriorPoint, Run
 from ninedisk.harness.bench.cd_problems import lattice, resting
 
 DEPTHS = (10, 40, 160)

@@ -15,7 +15,7 @@ from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.nurbs.curve import NurbsCurve
-from ninedisk.core.nurbs.nurbs_grain import UniformGrain, uniform_grain
+from ninedisk.core.nurbs.mass import UniformGrain, uniform_grain
 from ninedisk.core.nurbs.shapes import disk, ellipse, fitted
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from test_coulomb_solver import law_broken
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import measure
-from ninedisk.core.cd.result import SolverOptions, Stopwatch
+from ninedisk.core.cd.problem import ContactProblem, measure
 from ninedisk.core.cd.session import CdSession
+from ninedisk.core.cd.settings import SolverOptions, Stopwatch
 from ninedisk.core.cd.solvers import polish
 from ninedisk.core.cd.solvers.gauss_seidel import GaussSeidel
 from ninedisk.core.cd.solvers.polish import MINUS, PLUS, STICK, Polish

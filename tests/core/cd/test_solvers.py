@@ -11,9 +11,8 @@ import pytest
 import scipy.sparse as sp
 from methods import solve_interior_point
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import measure
-from ninedisk.core.cd.result import SolverOptions
+from ninedisk.core.cd.problem import ContactProblem, measure
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, SolverNotConvergedError
 

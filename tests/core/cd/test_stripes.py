@@ -9,14 +9,12 @@ from methods import solve_interior_point
 from numpy.typing import NDArray
 from problems import FLOOR, LEFT, RIGHT
 
-from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.residuals import Sliding
-from ninedisk.core.cd.result import SolverOptions
+from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.cd.session import CdSession
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers import gauss_seidel
-from ninedisk.core.cd.solvers.gauss_seidel import STRIPED_FROM, solve_gauss_seidel
+from ninedisk.core.cd.solvers.gauss_seidel import MOST_STRIPES, STRIPED_FROM, Stripes, solve_gauss_seidel
 from ninedisk.core.cd.solvers.gauss_seidel_kernels import sweep
-from ninedisk.core.cd.solvers.stripes import MOST_STRIPES, Stripes
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from ninedisk.core.cd.laws import wedging_corners
 from ninedisk.core.cd.session import CdSession
-from ninedisk.core.cd.wedges import wedging_corners
 from ninedisk.core.errors import InvalidSceneError, SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall

@@ -11,7 +11,7 @@ from scenes import numerics
 
 from ninedisk.core import ContactLaw, Disks, Scene, Wall
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import disk, ellipse
 
 LAW = ContactLaw(kn=1e3, contact="area")

@@ -13,12 +13,10 @@ from nurbs_shapes_of_tests import outline, periodic, ring
 
 from ninedisk.core import ContactLaw, Disks, Scene
 from ninedisk.core.compile import fused_kernel
-from ninedisk.core.dem.arrays import Lists, disk_arrays, disk_views
-from ninedisk.core.dem.constants import law_row
-from ninedisk.core.dem.force_kernels import shear_force
-from ninedisk.core.dem.lists import empty_list
+from ninedisk.core.dem.arrays import Lists, disk_arrays, disk_views, law_row
+from ninedisk.core.dem.force_kernels import SCRATCH, disk_disk_forces, shear_force
 from ninedisk.core.dem.neighbour_kernels import NeighbourList
-from ninedisk.core.dem.pair_kernels import SCRATCH, disk_disk_forces
+from ninedisk.core.dem.neighbours import empty_list
 from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_OVERLAP, TORQUE_OVERLAP, DiskArrays, Views
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.intersect import NurbsGrains

@@ -12,7 +12,7 @@ from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve import powers
 from ninedisk.core.nurbs.curve_kernels import sample
 from ninedisk.core.nurbs.features import NurbsFeatures
-from ninedisk.core.nurbs.nurbs_feature_row_kernels import DEEPEST
+from ninedisk.core.nurbs.features_kernels import DEEPEST
 from ninedisk.core.nurbs.shapes import disk, ellipse
 from ninedisk.core.nurbs.state import FeatureRows
 from ninedisk.core.nurbs.table import shape_table

@@ -12,7 +12,7 @@ import pytest
 from scenes import numerics, orders, run
 
 from ninedisk.core import ContactLaw, Disks, History, Scene, Wall
-from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
 
 GRAIN = uniform_grain(ellipse(1.0, 0.6), 1.0)

@@ -15,7 +15,7 @@ from ninedisk.core.dem import session as session_module
 from ninedisk.core.dem.critical import critical_time_step
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
-from ninedisk.core.nurbs.nurbs_grain import UniformGrain, uniform_grain
+from ninedisk.core.nurbs.mass import UniformGrain, uniform_grain
 from ninedisk.core.nurbs.shapes import disk, ellipse
 
 LAW = ContactLaw(kn=2e4, ks=1e4, mu=0.6, beta=0.3, lever_arm="overlap")

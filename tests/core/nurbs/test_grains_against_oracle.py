@@ -9,9 +9,9 @@ from nurbs_shapes_of_tests import peanut
 from scenes import numerics
 
 from ninedisk.core import ContactLaw, Disks, Scene, Wall
-from ninedisk.core.dem.grain_state import FS, SIDE
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.dem.state import FS, SIDE
+from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
 
 DT, STEPS = 1e-3, 400

@@ -7,7 +7,7 @@ import pytest
 
 from ninedisk.core import InvalidSceneError
 from ninedisk.core.nurbs.mass import area_moments
-from ninedisk.core.nurbs.nurbs_image import fitted_image, traced
+from ninedisk.core.nurbs.shapes import fitted_image, traced
 
 
 def ellipse_image(pixel: float) -> np.ndarray:

@@ -10,8 +10,8 @@ from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, simulate
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve import NurbsCurve, powers
 from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
-from ninedisk.core.nurbs.nurbs_grain import uniform_grain
-from ninedisk.core.nurbs.nurbs_polygons import polygon, regular_polygon
+from ninedisk.core.nurbs.mass import uniform_grain
+from ninedisk.core.nurbs.shapes import polygon, regular_polygon
 from ninedisk.core.nurbs.state import CROSSED, UNDECIDED, ContactRows, IntArray, contact_rows, workspace
 from ninedisk.core.nurbs.table import shape_table
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.nurbs.mass import area_moments
-from ninedisk.core.nurbs.nurbs_grain import farthest, uniform_grain
-from ninedisk.core.nurbs.nurbs_polygons import polygon, regular_polygon
+from ninedisk.core.nurbs.mass import area_moments, farthest, uniform_grain
+from ninedisk.core.nurbs.shapes import polygon, regular_polygon
 from ninedisk.references.analytic.rolling_grain import RoundedPolygon
 
 

@@ -10,7 +10,7 @@ from nurbs_shapes_of_tests import peanut, ring
 
 from ninedisk.core import ContactLaw, Disks, InvalidSceneError, Scene
 from ninedisk.core.nurbs.curve import NurbsCurve
-from ninedisk.core.nurbs.nurbs_grain import farthest, uniform_grain
+from ninedisk.core.nurbs.mass import farthest, uniform_grain
 from ninedisk.core.nurbs.shapes import disk, ellipse
 
 LAW = ContactLaw(kn=1e4)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from ninedisk.core import ContactLaw, Disks, InvalidSceneError, Numerics, Scene, simulate
-from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
 from ninedisk.harness.api.capabilities import GRAINS, Capability, capabilities_needed
 from ninedisk.harness.api.engine import SupportLevel

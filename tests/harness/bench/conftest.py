@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ninedisk.core import packings as scenes
-from ninedisk.harness.bench import packings
+from ninedisk.harness.bench import dem_problems as packings
 from ninedisk.harness.bench.dem_problems import DemProblem, makers
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from ninedisk.core import packings
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.result import SolverOptions
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers import gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.harness.api.engine import EngineNotInstalledError

@@ -12,7 +12,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from ninedisk.harness.api.engine import EngineError
-from ninedisk.harness.bench import harness_suite, plan, table
+from ninedisk.harness.bench import harness_suite, plan
+from ninedisk.harness.bench import records as table
 from ninedisk.harness.bench.measure import Sample
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.cli import bench as cli_bench

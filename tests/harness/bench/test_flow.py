@@ -14,7 +14,7 @@ from ninedisk.core.scene import Disks, Scene
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench import flow as flow_suite
-from ninedisk.harness.bench.flow_problems import FlowProblem, apart, relative_gaps
+from ninedisk.harness.bench.flow import FlowProblem, apart, relative_gaps
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ import pytest
 
 from ninedisk.core import packings as scenes
 from ninedisk.harness.api.errors import StoreError, UsageError
-from ninedisk.harness.bench import packings
+from ninedisk.harness.bench import dem_problems as packings
 from ninedisk.harness.bench.records import COLUMNS, new_row, prepare_folder, write_records
 
 

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from ninedisk.core import ContactLaw, Disks, Scene, Wall
-from ninedisk.core.dem import force_kernels, kick_kernels, pair_kernels
+from ninedisk.core.dem import force_kernels, kick_kernels
+from ninedisk.core.dem import force_kernels as pair_kernels
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.numerics import Numerics
 from ninedisk.harness.bench import dem_suite, roofline

@@ -8,8 +8,7 @@ import pytest
 from ninedisk.core.history import History
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.params import resolve
-from ninedisk.harness.cases.impact._impact import PLASTIC_BETA, knobs
-from ninedisk.harness.cases.impact.binary import CASE
+from ninedisk.harness.cases.impact.binary import CASE, PLASTIC_BETA, knobs
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 from ninedisk.references.analytic.spring_dashpot import restitution_of_beta

@@ -9,8 +9,7 @@ import pytest
 
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.params import resolve
-from ninedisk.harness.cases.impact._gas_bounds import expected_collisions
-from ninedisk.harness.cases.impact.gas import CASE
+from ninedisk.harness.cases.impact.gas import CASE, expected_collisions
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK

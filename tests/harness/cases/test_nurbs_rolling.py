@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.core.nurbs.nurbs_polygons import regular_polygon
+from ninedisk.core.nurbs.shapes import regular_polygon
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.params import resolve
-from ninedisk.harness.cases.nurbs._rolling_grain import APOTHEM
-from ninedisk.harness.cases.nurbs.rolling import CASE, crossing_time
+from ninedisk.harness.cases.nurbs.rolling import APOTHEM, CASE, crossing_time
 from ninedisk.harness.engines.dem.adapter import ENGINE
 from ninedisk.harness.run.matched import with_slip_at
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from ninedisk.harness.api.params import resolve
-from ninedisk.harness.cases.static._stack_bounds import contact_network
-from ninedisk.harness.cases.static.stack import CASE, TILT
+from ninedisk.harness.cases.static.stack import CASE, TILT, contact_network
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.kratos.adapter import ENGINE as KRATOS

@@ -10,8 +10,7 @@ from typer.testing import CliRunner, Result
 
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.schema import MEASUREMENT_COLUMNS
-from ninedisk.harness.results.snapshot import run_facts
-from ninedisk.harness.results.store import run_ids
+from ninedisk.harness.results.store import run_facts, run_ids
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.cli.cli_summary import show_summary
+from ninedisk.harness.cli.run import show_summary
 from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS
 from ninedisk.harness.results.tables import EMPTY, Row
 
@@ -55,7 +55,7 @@ def test_the_end_of_a_run_fits_on_a_screen(
     failing: int, width: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", width)
-    monkeypatch.setattr("ninedisk.harness.cli.cli_tables.PIPE_WIDTH", int(width))
+    monkeypatch.setattr("ninedisk.harness.cli.support.PIPE_WIDTH", int(width))
     cells, rows = matrix(failing)
     lines = printed(capsys, cells, rows, Path("results/runs/20260101T000000Z-abcdef"))
     assert len(lines) <= SCREEN - AROUND

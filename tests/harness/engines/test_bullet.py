@@ -14,9 +14,9 @@ from ninedisk.harness import run_case
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
 from ninedisk.harness.engines import plane as plane_geometry
-from ninedisk.harness.engines._rigid_package import product_factors
 from ninedisk.harness.engines.bullet import adapter as adapter
 from ninedisk.harness.engines.bullet.adapter import ENGINE
+from ninedisk.harness.engines.package import product_factors
 
 G = 10.0
 INFO = ENGINE.info()

@@ -23,9 +23,9 @@ from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, En
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
-from ninedisk.harness.engines._mirrors import no_disk_can_turn
 from ninedisk.harness.engines.liggghts import adapter as adapter
 from ninedisk.harness.engines.liggghts.adapter import Liggghts
+from ninedisk.harness.engines.plane import no_disk_can_turn
 from ninedisk.harness.run.isolation import run_isolated
 from ninedisk.references.exact_steps.compression import smooth_row
 

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from ninedisk.core.cd.problem import ContactProblem, FloatArray
-from ninedisk.core.cd.residuals import measure
-from ninedisk.core.cd.result import SolverOptions, SolverResult
+from ninedisk.core.cd.problem import ContactProblem, FloatArray, measure
+from ninedisk.core.cd.settings import SolverOptions, SolverResult
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.errors import SolverNotConvergedError

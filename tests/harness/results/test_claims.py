@@ -13,8 +13,7 @@ import pytest
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.harness.api.case import Observed, Setup
-from ninedisk.harness.results.claim_rules import CONTACTS, RULES, UndecidedError
-from ninedisk.harness.results.claims import judge_claims
+from ninedisk.harness.results.claims import CONTACTS, RULES, UndecidedError, judge_claims
 from ninedisk.harness.results.schema import CELL_COLUMNS, CLAIM_COLUMNS, MEASUREMENT_COLUMNS
 from ninedisk.harness.results.tables import CaseResult, complete
 from ninedisk.references.claims import load_claims

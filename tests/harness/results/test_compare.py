@@ -10,10 +10,9 @@ from xml.etree import ElementTree
 
 import pytest
 
-from ninedisk.harness.results.compare import compare, counts, side
-from ninedisk.harness.results.compare_text import as_json, headline, junit, markdown
+from ninedisk.harness.results.compare import as_json, compare, counts, headline, junit, markdown, side
 from ninedisk.harness.results.schema import Change, Comparison
-from ninedisk.harness.results.snapshot import Snapshot
+from ninedisk.harness.results.store import Snapshot
 
 HOSTILE = '<script>alert(1)</script>|`x` [y](http://z) @all #1 &amp; "q"\x1b[31m\nnext'
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from ninedisk.harness.results.history import history
+from ninedisk.harness.results.rules import error_shifts, timing_shifts
 from ninedisk.harness.results.schema import History, Line, Point, Shift
-from ninedisk.harness.results.shifts import error_shifts, timing_shifts
 
 EPYC, XEON = "AMD EPYC, 2 cores, Linux x86_64", "Intel Xeon, 2 cores, Linux x86_64"
 

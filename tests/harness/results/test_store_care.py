@@ -17,12 +17,20 @@ import pytest
 from ninedisk.harness.api.errors import NewerSchemaError, StoreError, UsageError
 from ninedisk.harness.results import schema as records
 from ninedisk.harness.results import store as store_module
-from ninedisk.harness.results.compare_sides import resolve
+from ninedisk.harness.results.compare import resolve
 from ninedisk.harness.results.export import export_rows, read_export, write_export
 from ninedisk.harness.results.schema import SCHEMA_VERSION
-from ninedisk.harness.results.snapshot import Snapshot, load_snapshots
-from ninedisk.harness.results.store import read_run, read_table, run_ids
-from ninedisk.harness.results.store_care import listed, merge, prune, to_prune
+from ninedisk.harness.results.store import (
+    Snapshot,
+    listed,
+    load_snapshots,
+    merge,
+    prune,
+    read_run,
+    read_table,
+    run_ids,
+    to_prune,
+)
 
 
 @pytest.fixture(scope="session")

@@ -11,8 +11,7 @@ import pytest
 import ninedisk
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cli.run import execute
-from ninedisk.harness.results.snapshot import run_facts
-from ninedisk.harness.results.store import run_ids
+from ninedisk.harness.results.store import run_facts, run_ids
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.cluster import connected
 from ninedisk.harness.run.matrix import run_cells

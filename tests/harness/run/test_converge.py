@@ -22,8 +22,7 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.engines.cd.adapter import CdEngine
 from ninedisk.harness.engines.dem.adapter import DemEngine
-from ninedisk.harness.run.converge import converge
-from ninedisk.harness.run.converge_rule import Order, judge_order
+from ninedisk.harness.run.converge import Order, converge, judge_order
 
 SMALL = {"settle_cycles": 0, "cycles": 60}
 HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")

@@ -11,8 +11,7 @@ import pytest
 
 from ninedisk.harness.api.case import Check, Observed
 from ninedisk.harness.results.schema import EXCUSED, STATUSES, WORST_FIRST, row_tolerance, tolerance, worst_status
-from ninedisk.harness.run.judge import CheckError, compare, largest
-from ninedisk.harness.run.verdict import cell_verdict, exit_code, judge
+from ninedisk.harness.run.judge import CheckError, cell_verdict, compare, exit_code, judge, largest
 
 NAN = float("nan")
 STEP = np.arange(0, 50, 10)

@@ -15,10 +15,8 @@ import pytest
 from ninedisk.harness import run_case
 from ninedisk.harness.api.registry import BUILTIN_CASES
 from ninedisk.harness.cli.run import parse_settings
-from ninedisk.harness.run.plan import Cell, plan_case, plan_matrix
-from ninedisk.harness.run.repeat import request_command, run_command
-from ninedisk.harness.wire.command import CommandEngine
-from ninedisk.harness.wire.given import engines_given
+from ninedisk.harness.run.plan import Cell, plan_case, plan_matrix, request_command, run_command
+from ninedisk.harness.wire.command import CommandEngine, engines_given
 
 BAD = Path(__file__).parents[1] / "wire" / "bad_engine.py"
 

@@ -162,7 +162,7 @@ def test_a_defect_of_a_case_is_no_mistake_of_the_user(fakes: ModuleType, monkeyp
 
 
 def test_reference_curves_are_kept_once() -> None:
-    from ninedisk.harness.results.tables_part import distinct_references
+    from ninedisk.harness.results.tables import distinct_references
 
     results = run_matrix(["fake/fall"], ["fake-good", "fake-wrong"], {"a": 1})
     blocks = [block for result in results for block in result.reference_blocks]

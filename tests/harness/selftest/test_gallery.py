@@ -13,12 +13,11 @@ import pytest
 from ninedisk.harness.api.case import Setup
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.run.observation import blank_history
-from ninedisk.harness.selftest.defect import KINDS, Defect
-from ninedisk.harness.selftest.edits import Edit, StaleEditError, by_module, check_edits, edited
+from ninedisk.harness.selftest.defect import KINDS, Defect, Edit, StaleEditError, by_module, check_edits, edited
 from ninedisk.harness.selftest.gallery import CLEAN, GALLERY, chosen_defects, repeated
 from ninedisk.harness.selftest.histories import STATE, WALLS
 from ninedisk.harness.selftest.panel import PANELS, panel_cells
-from ninedisk.harness.selftest.play import touches_kernels
+from ninedisk.harness.selftest.run import touches_kernels
 
 
 def of_kind(*kinds: str) -> list[Defect]:
@@ -92,7 +91,7 @@ def test_what_the_engine_reports_differs(defect: Defect) -> None:
     "edit",
     [
         Edit("dem.force_kernels", "force = before - kx * slip", "force = before"),  # not there any more
-        Edit("dem.pair_kernels", "scratch[seen_", "0.0 * scratch[seen_"),  # there twice
+        Edit("dem.force_kernels", "scratch[seen_", "0.0 * scratch[seen_"),  # there twice
         Edit("dem.force_kernels", "force = kn * overlap", "force = kn * overlap"),  # changes nothing
         Edit("dem.no_such_module", "a", "b"),
     ],

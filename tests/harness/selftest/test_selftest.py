@@ -13,8 +13,7 @@ from typer.testing import CliRunner, Result
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.tables import Row
 from ninedisk.harness.selftest import gallery
-from ninedisk.harness.selftest.defect import Defect
-from ninedisk.harness.selftest.edits import Edit
+from ninedisk.harness.selftest.defect import Defect, Edit
 from ninedisk.harness.selftest.gallery import CLEAN, GALLERY
 from ninedisk.harness.selftest.run import fine, run_selftest
 

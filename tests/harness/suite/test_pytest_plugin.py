@@ -10,11 +10,10 @@ from typing import Any
 import pytest
 
 from ninedisk.harness.api.registry import BUILTIN_CASES
-from ninedisk.harness.run.dry_run import check_ids
+from ninedisk.harness.run.runner import check_ids
 from ninedisk.harness.suite import plugin as pytest_plugin
-from ninedisk.harness.suite.failure import page
 from ninedisk.harness.suite.gaps import KnownGap, matches
-from ninedisk.harness.suite.tiers import TIERS
+from ninedisk.harness.suite.items import TIERS, page
 from ninedisk.reports.text import Slugs
 
 MODULE = """

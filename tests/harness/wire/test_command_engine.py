@@ -17,8 +17,7 @@ from ninedisk.harness.api.engine import Engine, SupportLevel
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.plan import plan_case
-from ninedisk.harness.wire.command import CommandEngine
-from ninedisk.harness.wire.given import engines_given
+from ninedisk.harness.wire.command import CommandEngine, engines_given
 
 BAD = Path(__file__).parent / "bad_engine.py"
 

@@ -25,7 +25,7 @@ from ninedisk.harness.api.engine import EngineError, EngineInfo
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine
-from ninedisk.harness.wire.description import NOTE_SOFT, read_description, wire_name
+from ninedisk.harness.wire.command import NOTE_SOFT, read_description, wire_name
 from ninedisk.harness.wire.example import example_request
 from ninedisk.harness.wire.protocol import (
     ANSWER_KEYS,
@@ -162,7 +162,7 @@ def test_what_the_schema_admits_the_code_reads() -> None:
 
 def test_scenes_of_grains_keep_to_the_schema() -> None:
     """Outlines, angles and the area law as the code writes them; what is wrong in them breaks the schema, too."""
-    from ninedisk.core.nurbs.nurbs_grain import uniform_grain
+    from ninedisk.core.nurbs.mass import uniform_grain
     from ninedisk.core.nurbs.shapes import ellipse
 
     grain = uniform_grain(ellipse(1.0, 0.6), 1.0)

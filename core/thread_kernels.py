@@ -1,0 +1,75 @@
+"""A barrier for threads that run kernels side by side, built from atomic loads and stores."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from ninedisk.core.compile import inline_kernel
+
+PAD = 16
+"""Entries between two threads' flags: two cache lines, so that no two threads write to the same one."""
+
+SPINS = 4_000
+"""Polls of a flag, a few microseconds, before a waiting thread offers its core to another one."""
+
+sched_yield = types.ExternalFunction("sched_yield", types.int32())
+
+
+def _pointer(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
+    data = context.make_array(kind)(context, builder, array).data
+    return builder.gep(data, [index])
+
+
+@intrinsic
+def _load(typingctx: Any, array: Any, index: Any) -> Any:  # noqa: ARG001
+    """``array[index]`` as an acquiring atomic load: what the storing thread wrote before is visible afterwards."""
+
+    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        pointer = _pointer(context, builder, signature.args[0], args[0], args[1])
+        return builder.load_atomic(pointer, "acquire", 8)
+
+    return types.int64(array, types.int64), build
+
+
+@intrinsic
+def _store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:  # noqa: ARG001
+    """``array[index] = value`` as a releasing atomic store."""
+
+    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        pointer = _pointer(context, builder, signature.args[0], args[0], args[1])
+        builder.store_atomic(args[2], pointer, "release", 8)
+        return ir.Constant(ir.IntType(64), 0)
+
+    return types.int64(array, types.int64, types.int64), build
+
+
+@inline_kernel
+def wait_for_all(flags: NDArray[np.int64], me: int, crew: int) -> None:
+    """Barrier: returns when all ``crew`` threads have arrived.
+
+    Parameters
+    ----------
+    flags : ndarray of int64, shape (crew * PAD,)
+        Number of barriers that each thread has reached, a thread every `PAD` entries.
+    me : int
+        This thread, 0 .. crew-1.
+    crew : int
+        Number of threads; one thread never waits.
+    """
+    if crew == 1:
+        return
+    phase = flags[me * PAD] + 1
+    _store(flags, me * PAD, phase)  # type: ignore[call-arg]
+    for other in range(crew):
+        polls = 0
+        while _load(flags, other * PAD) < phase:
+            polls += 1
+            if polls == SPINS:
+                polls = 0
+                sched_yield()
