@@ -174,3 +174,11 @@ def test_a_folder_without_guides_is_refused(folder: str, tmp_path: Path) -> None
     code, output = invoke(f"ninedisk docs --guides {tmp_path / folder} --out {tmp_path / 'out'}")
     assert code == 2
     assert "holds no Markdown file" in output
+
+
+@pytest.mark.parametrize("name", ["docs/architecture.md", "CONTRIBUTING.md"])
+def test_guides_name_files_that_are_there(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    named = re.findall(r"`((?:core|references|harness|reports|tests|tools|docs)/[\w./-]+)`", text)
+    assert len(named) >= 3
+    assert [path for path in named if not (ROOT / path).exists()] == []
