@@ -45,7 +45,7 @@ class History:
         Force of the disks on each wall [N].
     energy : mapping from name to ndarray, shape (s,)
         Energies [J], e.g. ``kinetic``, ``elastic``, ``gravity``, ``wall_work``; of contact dynamics also ``impact_gain``, what impacts
-        under Newton's law fed since time 0, which friction alone lets them do.
+        under Newton's law fed since time 0, which friction alone lets them do: summed over the contacts that feed.
     particles : tuple of int or None
         Disks that ``x``, ``v``, ``angle`` and ``omega`` hold, in this order; None: all n of them.
     """

@@ -268,8 +268,9 @@ def note_impact_work(
     """Add the energy that contacts under Newton's law feed in a step to ``gains``, shape (6,), where it is more than round-off.
 
     Impulses ``dt r`` do the work ``dt r.(u_0 + u_1)/2`` on the bodies, with ``u_0, u_1`` the contact velocities at both ends of the
-    step (walls apart, whose work is counted as theirs). It counts if it exceeds ``slack`` times what the impulses exchange, for the
-    solver's tolerance, and what contact velocities of the size ``resolution`` [m/s] make of it.
+    step (walls apart, whose work is counted as theirs). Contacts that feed are summed, those that dissipate left out: what one feeds
+    would hide behind what others lose in the same step. The sum counts if it exceeds ``slack`` times what all impulses exchange, for
+    the solver's tolerance, and what contact velocities of the size ``resolution`` [m/s] make of it.
 
     ``kept`` and ``prescribed`` are those of `dynamic_offsets`, ``v`` the velocities at the end of the step, 0 where prescribed, and
     ``blocks`` the Delassus blocks.
@@ -287,7 +288,7 @@ def note_impact_work(
         force = p + abs(q)
         speed = abs(wall_n + n_0) + abs(wall_n + n_1) + abs(wall_t + t_0) + abs(wall_t + t_1)
         size += dt * force * (slack * (speed + force * max(blocks[k, 0], blocks[k, 2])) + resolution)
-        total += work
+        total += max(work, 0.0)
         if work > most:
             most, at = work, k
     if total > size:

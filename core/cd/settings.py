@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from time import perf_counter
 from typing import Any, Literal, NoReturn, cast
 
@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem import Residuals, Sliding
-from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
+from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
-from ninedisk.core.threads import MOST_THREADS, check_threads
-from ninedisk.core.validate import one_of, real, shown, whole
+from ninedisk.core.threads import MOST_THREADS
 
 
 @dataclass(frozen=True)
@@ -47,12 +46,7 @@ def read_settings(numerics: Numerics) -> CdSettings:
         Naming the unknown option or the value that is not allowed.
     """
     told = read_options("cd", OPTIONS, numerics)
-    options = SolverOptions(
-        **{
-            name: told[f"cd.{name}"]
-            for name in ("tolerance", "max_iterations", "time_limit", "relaxation", "threads", "factoriser")
-        }
-    )
+    options = SolverOptions(**{field.name: told[f"cd.{field.name}"] for field in fields(SolverOptions)})
     return CdSettings(options, cast(Stiffness, told["cd.contacts"]), told["cd.save_failed"], told)
 
 
@@ -73,6 +67,7 @@ OPTIONS: Mapping[str, Option] = {
     "max_iterations": Option(
         default=None,
         low=1,
+        high=1e15,
         whole=True,
         none="each solver's own",
         why="beyond its own limit a solver comes hardly nearer",
@@ -100,7 +95,7 @@ OPTIONS: Mapping[str, Option] = {
         default="", text=True, why="file that receives the problem of a step that fails; empty: none"
     ),
 }
-"""Options of `Numerics.options`, there named ``cd.tolerance`` and so on."""
+"""Options of `Numerics.options`, there named ``cd.tolerance`` and so on; their ranges are those of `SolverOptions`, too."""
 
 
 FloatArray = NDArray[np.float64]
@@ -108,21 +103,21 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class SolverOptions:
-    """When a solver stops.
+    """When a solver stops; ranges are those of `ninedisk.core.cd.settings.OPTIONS`.
 
     Parameters
     ----------
     tolerance : float
-        Bound on natural-map residual and relative duality gap (`residuals.Residuals`), in (0, 1).
+        Bound on natural-map residual and relative duality gap (`residuals.Residuals`).
     max_iterations : int or None
         Iteration limit; None: the solver's own default.
     time_limit : float
-        Seconds of wall-clock time, > 0.
+        Seconds of wall-clock time.
     relaxation : float
-        Over-relaxation of Gauss-Seidel, in (0, 2).
+        Over-relaxation of Gauss-Seidel.
     threads : int
-        Threads of Gauss-Seidel, 1..64; the result does not depend on them.
-    factoriser : {"auto", "supernodal", "qdldl"}
+        Threads of Gauss-Seidel; the result does not depend on them.
+    factoriser : str
         Sparse factorisation of the interior-point method.
 
     Raises
@@ -139,23 +134,9 @@ class SolverOptions:
     factoriser: str = "auto"
 
     def __post_init__(self) -> None:
-        for name, most in (("tolerance", 1.0), ("relaxation", 2.0)):
-            if not 0.0 < real(getattr(self, name)) < most:
-                raise InvalidNumericsError(
-                    f"{name} = {shown(getattr(self, name))} is not allowed: it must be a number in (0, {most:g})"
-                )
-        if self.max_iterations is not None:
-            whole("max_iterations", self.max_iterations, 1, 2**53)
-        if not real(self.time_limit) > 0.0:
-            raise InvalidNumericsError(
-                f"time_limit = {shown(self.time_limit)} is not allowed: it must be a number > 0 s"
-            )
-        check_threads(self.threads)
-        one_of("factoriser", self.factoriser, FACTORISERS, error=InvalidNumericsError)
-        for name, kind in (("tolerance", float), ("relaxation", float), ("time_limit", float), ("threads", int)):
-            object.__setattr__(self, name, kind(getattr(self, name)))
-        if self.max_iterations is not None:
-            object.__setattr__(self, "max_iterations", int(self.max_iterations))
+        for field in fields(self):
+            value = OPTIONS[field.name].checked(field.name, getattr(self, field.name))
+            object.__setattr__(self, field.name, value)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -153,8 +153,9 @@ class DynamicStep:
 
     Friction: ``P (u_n + c) + Q u_t <= 0`` by either sliding rule, hence a contact's term is at most ``Q u_t0/2``. That is positive only
     where friction acts along the slip of the step's start, because other impulses of the step turned it round (Kane's paradox); one
-    contact of disks alone never does, as its W has no coupling of normal and shear. What is fed is in ``impact_gain`` of the history's
-    energies and in the run's remarks. Walls that move add the work of their motion, which is counted as theirs.
+    contact of disks alone never does, as its W has no coupling of normal and shear. The sum of the terms that are positive is in
+    ``impact_gain`` of the history's energies and in the run's remarks: at least what E grows by, as others may lose at the same time.
+    Walls that move add the work of their motion, which is counted as theirs.
 
     With friction and ``e > 0`` a step can have no solution where bodies are wedged, see `ninedisk.core.cd.laws.wedging_corners`.
 

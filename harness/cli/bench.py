@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 WritePage = Callable[[Mapping[str, Any], Path], None]
 SUITES = ("dem", "cd", "flow", "harness")
 FAILED, BROKEN = 1, 3
+LONGEST = 1e9
+"""Time limit [s]: thirty years are none."""
 ONE_THREAD = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 """Variables that keep numerical libraries on the one core that a measurement is given."""
 
@@ -131,8 +133,8 @@ def execute(
     for suite in suites:
         if suite not in SUITES:
             raise UsageError(f"there is no suite {suite!r}: use {', '.join(SUITES)}")
-    if not time_limit > 0.0:
-        raise UsageError(f"--time-limit {time_limit:g} is not allowed: it must be > 0 s")
+    if not 0.0 < time_limit <= LONGEST:
+        raise UsageError(f"--time-limit {time_limit:g} is not allowed: it must be in (0, {LONGEST:g}] s")
     request = Request(
         suites=tuple(dict.fromkeys(suites)),
         problem_wanted=_matcher(problems),

@@ -86,4 +86,4 @@ def request(
     from ninedisk.harness.wire.example import example_request
 
     chosen = parse_settings(options or [], flag="--option", example="mine.theta=1")
-    typer.echo(example_request(case, parse_settings(settings or []), command or "", chosen))
+    typer.echo(example_request(case, parse_settings(settings or []), command, chosen))

@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.history import History
-from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.case import Case, Check, Observed, Setup
 from ninedisk.harness.api.engine import Engine, EngineInfo
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.engines.spring import contact_steps, laws_in_use
 from ninedisk.harness.results.tables import CaseResult, Row
 from ninedisk.harness.run.judge import expected_series
+from ninedisk.harness.run.matched import slip_of
 from ninedisk.harness.run.plan import Cell, plan_case
 from ninedisk.harness.run.runner import run_cell
 
@@ -476,8 +476,7 @@ def expected_order(case: Case, params: Mapping[str, Any], setup: Setup, engine: 
         slips = getattr(case, "slips", None)
         rough = [law for law in laws_in_use(setup.scene) if law.ks > 0.0 and law.mu > 0.0]
         if rough and (slips is None or slips(params)):
-            late = Capability.SLIP_MIDDLE not in engine.capabilities
-            if late or any(law.slip_at == "end" for law in rough):
+            if any(slip_of(law.slip_at, engine) == "end" for law in rough):
                 return (
                     1.0,
                     "central differences; slip is that of the half step, turned to the contact at the step's end",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 from ninedisk.harness.selftest.defect import planted
@@ -16,7 +17,7 @@ _kernel, _python = partial(planted, "cd", "kernel"), partial(planted, "cd", "pyt
 
 _OPENING = "room = 0.0 if touching else gap[k]"
 
-DEFECTS = (
+STEPS = (
     _kernel("reaction", "the reaction on the second disk is a millionth too large", "hit",
             (CONTACT, "out[j, 0] -= weight[j, 0] * fx", "out[j, 0] -= 1.000001 * weight[j, 0] * fx")),
     _kernel("torque-one-body", "the second disk of a contact receives no torque", "press-rough",
@@ -89,4 +90,35 @@ DEFECTS = (
     _kernel("march-list", "the list of pairs of steps taken together outlasts any motion", "hit",
             (MARCH_SET, "for_disks <= near.reach[0] - 2.0 * moved and for_walls <= near.reach[1] - moved - turned",
              "for_disks <= near.reach[0] and for_walls <= near.reach[1]")),
+    _kernel("parting-dead", "contacts that part are stopped dead where other impulses close them", "gas-newton",
+            (FRAMES, "if before < 0.0 else before", "if before < 0.0 else 0.0")),
 )  # fmt: skip
+
+HOLES = tuple(
+    replace(defect, hole=f"{reason}; tests of the core look there")
+    for reason, defect in (
+        (
+            "contact problems of cases either do without polish or have the slip that sweeps found, and nothing inexact is accepted",
+            _python("polish-slip-sign", "the polish gives slip the friction of the other side", "stick-coulomb",
+                    ("cd.solvers.polish", "SIDE = np.array([0.0, 0.0, 1.0, -1.0])", "SIDE = np.array([0.0, 0.0, -1.0, 1.0])")),
+        ),
+        (
+            "where cases need polish, what is not exact makes the step fail",
+            _python("polish-unchecked", "the polish takes whatever the statuses give", "stick-coulomb",
+                    ("cd.solvers.polish", "return (inside, residuals) if residuals.reached(self.tolerance) else None",
+                     "return (inside, residuals)")),
+        ),
+        (
+            "every case at rest has one solution alone, or sweeps find that of rest",
+            _python("rest-forgotten", "bodies at rest take any solution of Coulomb's law", "stick-coulomb",
+                    ("cd.solvers.solver", "if at_rest:", "if at_rest and not at_rest:")),
+        ),
+        (
+            "no case throws a disk through a wall",
+            _python("behind-walls", "disks may get behind walls", "throw",
+                    ("cd.session", "if not height.min() > 0.0:", "if np.isnan(height.min()):")),
+        ),
+    )
+)  # fmt: skip
+
+DEFECTS = (*STEPS, *HOLES)

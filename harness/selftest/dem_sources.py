@@ -179,7 +179,7 @@ HOLES = tuple(
                     ("dem.neighbour_kernels", "best = sqrt(REBUILD_COST * step.radius * skin / steps)", "best = skin")),
         ),
         (
-            "no case has positions that stop being finite; the session looks for them once more, and tests of the core look there",
+            "no case has positions that stop being finite, and the session, which looks for them once more, says so a little later",
             _kernel("nan-forgotten", "a displacement that is not finite does not rebuild the lists", "hit",
                     (KICK, "return d2 if d2 > far or d2 != d2 else far", "return d2 if d2 > far else far")),
         ),

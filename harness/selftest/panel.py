@@ -15,7 +15,7 @@ PRESS, SHEAR = "nine-disk/compression", "nine-disk/distortion"
 HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
 STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
 LENSES, OVALS, GRAINS, REST = "nurbs/overlap", "nurbs/collision", "nurbs/rolling", "nurbs/settle"
-REOPEN, WALL, STACK = "contact/reopening", "contact/moving-wall", "static/stack"
+GAS, REOPEN, WALL, STACK = "gas/elastic", "contact/reopening", "contact/moving-wall", "static/stack"
 RETRACE = "contact/retraced-loop"
 
 ENGINES = ("dem", "cd")
@@ -85,6 +85,7 @@ CD_PANEL: dict[str, Probe] = {
     "hit-plastic": Probe(HIT, {"kind": "plastic"}),
     "hit-between": Probe(HIT, {"gap": 0.5025}),
     "hit-newton": Probe(HIT, {"restitution": 0.5, "impact": "newton"}),
+    "gas-newton": Probe(GAS, {"impact": "newton", "rows": 4, "spacing": 2.3, "duration": 0.5}),
     "slide": Probe(INCLINE, {"mu": 0.36}),
     "slide-coulomb": Probe(INCLINE, {"mu": 0.36, "sliding": "coulomb"}),
     "stick": Probe(INCLINE, {"mu": 0.4}),

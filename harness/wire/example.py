@@ -18,7 +18,7 @@ ANSWER_FILE = "answer.json"
 
 
 def example_request(
-    case_id: str, params: Mapping[str, Any], command_line: str = "", options: Mapping[str, Any] | None = None
+    case_id: str, params: Mapping[str, Any], command_line: str | None = None, options: Mapping[str, Any] | None = None
 ) -> str:
     """Text of the request as the engine behind ``command_line`` gets it, its ``options`` in it.
 
@@ -30,7 +30,7 @@ def example_request(
         Unknown case, parameter or option, a value out of range, an impossible scene, no such program, or one that does not say
         what engine it is.
     """
-    if command_line:
+    if command_line is not None:
         engine = CommandEngine(command_line)
         try:
             engine.info()

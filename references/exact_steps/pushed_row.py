@@ -37,6 +37,11 @@ def chain_central(
     Returns
     -------
     ndarray, shape (n_steps + 1, n + 1)
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range, or so far beyond the stable step that forces exceed all numbers.
     """
     form_in_range(form)
     modes, wall, step, rate = _start(n, kn, mass, xi, dt, n_load, v_wall, n_steps)
@@ -46,7 +51,14 @@ def chain_central(
     for k in range(n_steps):
         v = keep * v + gain * step * (modes.drive * wall[k] - modes.omega**2 * q[k])
         q[k + 1] = q[k] + step * v
-    return forces_of(modes, q, wall, kn).astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        forces = forces_of(modes, q, wall, kn).astype(np.float64)
+    if not np.isfinite(forces).all():
+        raise ValueError(
+            f"dt = {dt!r} s is not allowed: forces grow beyond all numbers; central differences are stable up to "
+            f"2/omega = {2.0 / float(modes.omega.max()):g} s (mass, kn)"
+        )
+    return forces
 
 
 def chain_theta(

@@ -91,16 +91,43 @@ def test_what_impacts_with_friction_feed_is_said_with_step_contact_and_energy(si
         history = session.run()
         energy, gain = kept_energy(scene, numerics, history), history.energy["impact_gain"]
         size = np.abs(energy).max() + history.energy["kinetic"].max()
-        rise = np.maximum(np.diff(energy), 0.0)
-        np.testing.assert_allclose(
-            np.diff(gain), rise, atol=1e3 * ROUND_OFF * size
-        )  # what is below the slack is not told
+        rise, fed = np.maximum(np.diff(energy), 0.0), np.diff(gain)
+        # Contacts that lose at the same time are left out; what is below the slack is not told.
+        assert (fed >= rise - 1e3 * ROUND_OFF * size).all()
         if gain[-1] == 0.0:
             assert session.remarks == []
             continue
         told += 1
-        step, largest = int(np.argmax(rise)) + 1, rise.max()
+        step, largest = int(np.argmax(fed)) + 1, fed.max()
         (remark,) = session.remarks
         assert f"fed {gain[-1]:.3g} J in {np.count_nonzero(np.diff(gain))} of 80 steps" in remark
         assert f"at step {step}: {largest:.3g} J, there most at the contact of disk" in remark
     assert told >= 2
+
+
+@pytest.mark.parametrize("singly", [False, True])
+@pytest.mark.parametrize("losing", [False, True])
+def test_what_a_contact_feeds_does_not_hide_behind_what_others_lose(losing: bool, singly: bool) -> None:
+    """A disk in a smooth right-angled corner with a rough floor: the wall turns its slip round, and the floor spins it until it rolls.
+
+    With ``v = (s, -s)`` before and ``(-s, s)`` after, e = 1, ``omega = s/R`` at the end: ``I omega^2/2 = m s^2/4`` out of nothing, at the
+    floor. Far away two disks meet without rebound and lose ``m w^2/4``, with w their speed of approach.
+    """
+    s, w, mass = 0.5, 2.0, 3.0
+    smooth = ContactLaw(kn=1e6, restitution=1.0, regularised=True)
+    plastic = replace(smooth, restitution=0.0)
+    walls = (
+        Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=replace(smooth, ks=1e6, mu=0.5)),
+        Wall(name="right", point=(1.0, 0.0), normal=(-1.0, 0.0), law=smooth),
+    )
+    x, v = [(0.0, 1.0), (-20.0, 9.0), (-18.0, 9.0)], [(s, -s), (0.5 * w, 0.0), (-0.5 * w, 0.0)]
+    count = 3 if losing else 1
+    scene = Scene(disks=Disks(x=x[:count], v=v[:count], radius=1.0, mass=mass), disk_disk=plastic, walls=walls)
+    session = CdSession(scene, Numerics(dt=0.01, n_steps=3, theta=1.0, impact="newton", sliding="coulomb"))
+    if singly:
+        session._march = None
+    history = session.run()
+    fed, lost = 0.25 * mass * s**2, 0.25 * mass * w**2 * losing
+    np.testing.assert_allclose(history.energy["impact_gain"], [0.0, fed, fed, fed], rtol=1e-11)
+    np.testing.assert_allclose(np.diff(history.energy["kinetic"]), [fed - lost, 0.0, 0.0], atol=1e-11 * lost + 1e-12)
+    assert any("there most at the contact of disk 0 and wall 'floor'" in remark for remark in session.remarks)

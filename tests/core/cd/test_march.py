@@ -85,13 +85,25 @@ def test_together_as_singly(name: str) -> None:
     assert few < 0.7 * STEPS, "hardly any step was taken with others"
     assert other.solves["gauss-seidel"] > 0
     assert sum(session.solves.values()) == sum(other.solves.values())
-    # Contacts that a finished solution would show are added on the way, where a single step begins with those of the last: about as
-    # many sweeps.
-    assert 0.2 * other.iterations < session.iterations <= 2.0 * other.iterations
     assert float(np.nanmax(np.abs(together.wall_force))) > 0.0
     assert difference(together, singly) <= TOLERANCE
     changed, _, _ = run(scene, numerics.replace(dt=numerics.dt * (1.0 + 1e-9)), singly=False)
     assert difference(changed, singly) > TOLERANCE, "the comparison sees next to nothing"
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_together_takes_no_more_sweeps_than_singly(name: str) -> None:
+    """Steps whose contacts do not change on the way take the same; the others begin anew if single, and go on if together.
+
+    Not at the tolerance above: there the floor of round-off ends a solution, to which contacts of a single step add that stay open, and
+    on which one measurement more or less, a quarter of the sweeps, depends.
+    """
+    scene, settings = SCENES[name]
+    numerics = Numerics(dt=2e-3, n_steps=STEPS, options={"cd.tolerance": 1e-10}, **settings)
+    _, session, _ = run(scene, numerics, singly=False)
+    _, other, _ = run(scene, numerics, singly=True)
+    # 0.95 and 1.02: one or two steps in a hundred find a contact so late that most of their sweeps are lost, either way.
+    assert 0.95 * other.iterations <= session.iterations <= 1.02 * other.iterations + 2
 
 
 def test_a_solver_that_does_not_converge_says_how_far_it_came() -> None:

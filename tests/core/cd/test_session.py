@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -199,9 +200,18 @@ def test_what_is_refused() -> None:
         ({"options": {"cd.tolerance": 0.0}}, r"cd\.tolerance = 0\.0 .* a number in \(0, 1\)"),
         ({"options": {"cd.tolerance": "tight"}}, "must be a number"),
         ({"options": {"cd.tolerance": np.nan}}, r"cd\.tolerance = nan .* a number in \(0, 1\)"),
-        ({"options": {"cd.max_iterations": np.nan}}, r"cd\.max_iterations = nan .* a whole number >= 1, or none"),
-        ({"options": {"cd.max_iterations": 1.5}}, r"cd\.max_iterations = 1\.5 .* a whole number >= 1, or none"),
-        ({"options": {"cd.max_iterations": True}}, r"cd\.max_iterations = True .* a whole number >= 1, or none"),
+        (
+            {"options": {"cd.max_iterations": np.nan}},
+            r"cd\.max_iterations = nan .* a whole number in \[1, 1e\+15\], or none",
+        ),
+        (
+            {"options": {"cd.max_iterations": 1.5}},
+            r"cd\.max_iterations = 1\.5 .* a whole number in \[1, 1e\+15\], or none",
+        ),
+        (
+            {"options": {"cd.max_iterations": True}},
+            r"cd\.max_iterations = True .* a whole number in \[1, 1e\+15\], or none",
+        ),
         ({"options": {"cd.time_limit": 0}}, r"cd\.time_limit = 0 .* a number > 0"),
         ({"options": {"cd.time_limit": np.inf}}, r"cd\.time_limit = inf .* a number > 0"),
         ({"options": {"cd.relaxation": 2.0}}, r"cd\.relaxation = 2\.0 .* a number in \(0, 2\)"),
@@ -217,10 +227,30 @@ def test_what_is_refused() -> None:
         Numerics(dt=0.1, n_steps=1, theta=0.4)
 
 
-@pytest.mark.parametrize("value", [np.nan, 1.5, 0, "many", True])
-def test_solver_options_refuse_what_is_no_number_of_iterations(value: object) -> None:
-    with pytest.raises(InvalidNumericsError, match=r"max_iterations = .* whole number"):
-        SolverOptions(max_iterations=value)  # type: ignore[arg-type]
+TAKEN: dict[str, tuple[object, ...]] = {
+    "tolerance": (0.5,),
+    "max_iterations": (1, 2, 65, None),
+    "time_limit": (0.5, 1, 1.5, 2, 65, 1e308),
+    "relaxation": (0.5, 1, 1.5),
+    "threads": (1, 2),
+    "factoriser": ("qdldl",),
+}
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(SolverOptions)])
+def test_solver_options_have_the_ranges_of_a_run_s_options_and_their_words(name: str) -> None:
+    scene = gas(2, 3.0, RIGID)
+    for value in (np.nan, np.inf, -1.0, 0, 0.5, 1, 1.5, 2, 65, 1e308, "many", "qdldl", None):
+        numerics = Numerics(dt=0.1, n_steps=1, options={f"cd.{name}": value})
+        if value in TAKEN[name]:
+            assert getattr(SolverOptions(**{name: value}), name) == value  # type: ignore[arg-type]
+            assert getattr(CdSession(scene, numerics).settings.solver_options, name) == value
+            continue
+        with pytest.raises(InvalidNumericsError, match=f"^{name} = .*(must be|use one of)") as alone:
+            SolverOptions(**{name: value})  # type: ignore[arg-type]
+        with pytest.raises(InvalidNumericsError) as in_a_run:
+            CdSession(scene, numerics)
+        assert str(in_a_run.value) == f"cd.{alone.value}"
 
 
 def test_options_act_as_numbers_of_any_kind() -> None:

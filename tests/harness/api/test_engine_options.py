@@ -156,8 +156,8 @@ def test_contact_dynamics_takes_options_from_python_and_by_the_wire() -> None:
     ("option", "words"),
     [
         ("cd.tolerance=0", "a number in (0, 1)"),
-        ("cd.max_iterations=1.5", "a whole number >= 1, or none (each solver's own)"),
-        ("cd.max_iterations=nan", "a whole number >= 1, or none (each solver's own)"),
+        ("cd.max_iterations=1.5", "a whole number in [1, 1e+15], or none (each solver's own)"),
+        ("cd.max_iterations=nan", "a whole number in [1, 1e+15], or none (each solver's own)"),
         ("cd.threads=65", "a whole number in [1, 64]"),
         ("cd.contacts=soft", "one of auto, rigid, elastic"),
         ("cd.tolerence=1e-3", "Did you mean 'tolerance'"),

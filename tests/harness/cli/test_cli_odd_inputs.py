@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import resource
+import shutil
 import time
+from functools import partial
 from pathlib import Path
 
 import click
@@ -14,38 +16,53 @@ from typer.testing import CliRunner
 from ninedisk.harness.cli.app import app
 
 VALUES = ("", " ", "-1", "0.5", "nan", "1e400", "\x00x", "no/such/place", "é", "a=b=c", "--", "*", "9" * 400)
-"""What no option means; a text option may take some, and then says what it could not find."""
+"""What no option means, but for `TAKEN`."""
 
-PLACES = ("", "\x00x", "9" * 400)
-"""Names that no file has; any other is one."""
-FILES = (
-    "--out",
-    "--json",
-    "--html",
-    "--markdown",
-    "--junit",
-    "--csv",
-    "--guides",
-    "--published",
-    "--record",
-    "--scratch",
-)
+NO_NAME = ("\x00x", "9" * 400)
+"""Names that no file can have."""
+MISSING = tuple(value for value in VALUES[1:] if value not in NO_NAME)
+"""Names of a file or a folder that is not there. The first value, the empty name, is the folder itself."""
+TOP = tuple(value for value in MISSING if "/" not in value)
+"""Those in a folder that is there."""
+ALL_DIGITS = VALUES[-1:]
+
+TAKEN: dict[tuple[str, str], tuple[str, ...]] = {
+    # A store that is not there is an empty one, which has nothing to show, to compare, to export or to draw.
+    **{(words, "--store"): ("", *MISSING) for words in ("run", "runs", "prune", "merge")},
+    # A folder without curves.
+    ("run", "--published"): ("",),
+    # Files and an engine's folder are made in folders that are there; pages and schemas bring theirs along.
+    **{(words, "--json"): TOP for words in ("run", "compare")},
+    **{("compare", option): TOP for option in ("--markdown", "--junit", "--html")},
+    **{(words, "--out"): MISSING for words in ("report", "dashboard")},
+    ("schema", "--out"): ("", *MISSING),
+    ("new-engine", "--out"): TOP,
+    # A pattern, and whole numbers.
+    ("show", "--case"): ("*",),
+    **dict.fromkeys((("run", "--jobs"), ("dashboard", "--last"), ("prune", "--keep")), ALL_DIGITS),
+}
+"""Values that mean something to an option of a command: exit code 0. Any other is a mistake: 2, and nothing is written."""
 
 NEEDED = {
     "run": ["fake/fall", "-e", "fake-good"],
     "converge": ["fake/fall"],
     "request": ["fake/fall"],
-    "compare": ["a", "b"],
+    "compare": ["latest", "latest"],
+    "schema": ["--all"],
+    "new-engine": ["acme"],
+    "merge": ["before/results"],
     "check-engine": ["fake-good"],
 }
-"""Arguments with which a command goes no further than a bad option needs."""
+"""Arguments with which a command goes as far as an option takes it."""
+ALSO = {("export", "--store"): ["--csv", "rows.csv"]}
+"""What an option needs beside it."""
 
 SLOW = ("bench", "selftest", "docs", "check-engine", "converge")
 """Commands that take minutes where an odd value happens to be a right one: `REFUSED` has values that never are."""
 
 REFUSED = (
     ("bench", "nope"),
-    *(("bench", "--time-limit", value) for value in ("nan", "0", "-1", "-inf", "ten", "")),
+    *(("bench", "--time-limit", value) for value in ("nan", "0", "-1", "inf", "-inf", "ten", "")),
     *(("bench", "--repeats", value) for value in ("0", "-1", "1.5", "nan", "")),
     *(("bench", "--size", value) for value in ("3", "-1", "999999999", "9" * 400, "1e3", "")),
     *(("bench", suite, "--problem", "zz*") for suite in ("dem", "cd", "flow", "harness")),
@@ -110,21 +127,34 @@ def test_there_are_options() -> None:
     assert len(options()) >= 15
 
 
+def written(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 @pytest.mark.usefixtures("fakes")
 @pytest.mark.parametrize(("words", "option"), options())
 def test_odd_values_of_every_option(words: str, option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    for value in PLACES if "store" in option or option in FILES else VALUES:
-        done = CliRunner().invoke(app, [*words.split(), *NEEDED.get(words, []), option, value], prog_name="ninedisk")
+    begun = tmp_path / "begun"
+    begun.mkdir()
+    monkeypatch.chdir(begun)
+    invoke = partial(CliRunner().invoke, app, prog_name="ninedisk")
+    assert invoke(["run", *NEEDED["run"]]).exit_code == 0
+    shutil.copytree("results", "before/results")
+    before = written(begun)
+    taken = TAKEN.get((words, option), ())
+    for k, value in enumerate(VALUES):
+        here = tmp_path / str(k)
+        shutil.copytree(begun, here)
+        monkeypatch.chdir(here)
+        done = invoke([*words.split(), *NEEDED.get(words, []), *ALSO.get((words, option), []), option, value])
         assert done.exception is None or isinstance(done.exception, SystemExit), (value, done.exception)
         assert "Traceback" not in done.output, value
-        assert done.exit_code in (0, 1, 2, 3), (value, done.exit_code)
+        assert done.exit_code == (0 if value in taken else 2), (value, done.output)
         if done.exit_code == 2:
             assert done.output.strip(), value
-        left = [
-            path for path in tmp_path.rglob("*") if path.is_file() and path.name.startswith(".") and path.stat().st_size
-        ]
-        assert not [path for path in left if path.suffix in (".tmp", ".part")], (value, left)
+            assert written(here) == before, value
+        half = [path for path in here.rglob("*") if ".tmp" in path.name or path.suffix == ".part"]
+        assert not half, (value, half)
 
 
 @pytest.mark.parametrize("words", REFUSED, ids=lambda words: " ".join(words)[:60].replace("\x00", "0"))

@@ -14,15 +14,17 @@ import pytest
 from typer.testing import CliRunner
 
 from ninedisk.core.history import Pair
+from ninedisk.core.law import SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import SLIP_AT
 from ninedisk.harness.api.engine import EngineInfo, EngineRun
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.engines.cd.adapter import CdEngine
 from ninedisk.harness.engines.dem.adapter import DemEngine
 from ninedisk.harness.run.converge import Order, converge, judge_order
+from ninedisk.harness.run.matched import with_slip_at
 
 SMALL = {"settle_cycles": 0, "cycles": 60}
 HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
@@ -119,12 +121,18 @@ def test_friction_leaves_the_core_dem_of_second_order_where_slip_is_that_of_mid_
     assert orders["end"][1] < 1.7
 
 
-def test_an_engine_of_the_end_is_not_asked_for_second_order() -> None:
-    class Late(DemEngine):
+@pytest.mark.parametrize(("lacking", "has", "order"), [("middle", "end", 1.0), ("end", "middle", 2.0)])
+def test_the_order_is_that_of_the_slip_that_an_engine_can_measure(lacking: SlipAt, has: SlipAt, order: float) -> None:
+    class One(DemEngine):
         def info(self) -> EngineInfo:
-            return replace(super().info(), capabilities=super().info().capabilities - {Capability.SLIP_MIDDLE})
+            return replace(super().info(), capabilities=super().info().capabilities - {SLIP_AT[lacking]})
 
-    assert converge("contact/retraced-loop", engine=Late(), halvings=3)["expected"] == 1.0
+        def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair] = ()) -> EngineRun:
+            return super().run(with_slip_at(scene, has), numerics, watch)
+
+    record = converge("contact/retraced-loop", engine=One(), params={"slip_at": lacking}, halvings=3)
+    assert record["expected"] == order
+    assert "wrong order" not in {row["verdict"] for row in record["rows"]}
 
 
 def test_no_more_than_first_order_is_asked_where_contacts_begin_to_slip() -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,6 +57,23 @@ CRASH = Defect(
 
 
 CLOSED = replace(CAUGHT, name="closed", hole="nobody looks")
+
+
+SEEN_BY = {
+    "cd/polish-slip-sign": "cd/test_polish.py::test_polish_of_problems_that_sweeps_do_not_solve",
+    "cd/polish-unchecked": "cd/test_polish.py::test_polish_refuses_what_is_not_exact",
+    "cd/rest-forgotten": "cd/test_polish.py::test_a_pyramid_stays_or_collapses",
+    "cd/behind-walls": "test_behind_walls.py::test_walls_that_cross",
+}
+"""Tests of the core that see what no case can."""
+CORE_TESTS = Path(__file__).parents[2] / "core"
+WITH_EDITS = """
+import json, sys
+from ninedisk.harness.selftest.defect import Edit, plant
+plant([Edit(*edit) for edit in json.loads(sys.argv[1])])
+import pytest
+sys.exit(pytest.main(["-q", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", sys.argv[2]]))
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -163,3 +183,25 @@ def test_every_defect_is_caught_by_its_witness() -> None:
     assert len(rows) == len(GALLERY) + len(CLEAN)
     assert {row["defect"]: row["errors"] or row["checks"] for row in rows if not fine(row)} == {}
     assert [row["defect"] for row in rows if row["hole"] and row["caught"]] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SEEN_BY)
+def test_what_no_case_can_see_is_seen_by_a_test_of_the_core(name: str) -> None:
+    (defect,) = [defect for defect in GALLERY if defect.id == name]
+    assert "tests of the core look there" in defect.hole
+
+    def ended(edits: Sequence[Edit]) -> str:
+        job = [[edit.module, edit.old, edit.new] for edit in edits]
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": str(int(defect.kind == "kernel"))}
+        command = [sys.executable, "-c", WITH_EDITS, json.dumps(job), str(CORE_TESTS / SEEN_BY[name])]
+        done = subprocess.run(command, cwd=CORE_TESTS, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode in (0, 1), done.stdout + done.stderr
+        return done.stdout.splitlines()[-1]
+
+    assert "failed" not in ended(())
+    assert "failed" in ended(defect.edits)
+
+
+def test_every_hole_that_a_test_of_the_core_fills_names_it() -> None:
+    assert {defect.id for defect in GALLERY if "tests of the core" in defect.hole} == set(SEEN_BY)
