@@ -337,6 +337,22 @@ class UnsymmetricMatrix:
         out[self._place] = z
         return out
 
+    def sign(self) -> float:
+        """Sign of the determinant of the last factorisation: 1, -1, or 0."""
+        lu = self._lu
+        swaps = _odd(lu.perm_r) != _odd(lu.perm_c)
+        return float(np.prod(np.sign(lu.U.diagonal()))) * (-1.0 if swaps else 1.0)
+
+
+def _odd(permutation: NDArray[np.int32]) -> bool:
+    """Whether a permutation is one of an odd number of swaps: its length less its cycles."""
+    places, cycles = permutation.tolist(), 0
+    for start in range(len(places)):
+        cycles += places[start] >= 0
+        while places[start] >= 0:
+            places[start], start = -1, places[start]
+    return bool((len(places) - cycles) % 2)
+
 
 def _factors(matrix: sp.csc_matrix, order: str) -> Any:
     import scipy.sparse.linalg as linalg

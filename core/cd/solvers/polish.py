@@ -14,7 +14,7 @@ linear as long as no status changes. From the forces r_0 found the path ``F(z) =
 each kink changes the status of one contact. This is Lemke's method with the error of r_0 for its covering vector: as few pivots as
 contacts are wrong, where that from nothing needs several for each contact, and the solution is that next to the forces found. The
 path may turn back in t, which ways that only flip statuses never do: between two sets of statuses that both break an inequality they
-go to and fro.
+go to and fro. Where it closes without reaching t = 0 another one begins from a point near by.
 
 Where that path ends in a ray, one from forces of zero is left, whose covering vector is positive: see `Polish.from_nothing`.
 
@@ -47,16 +47,23 @@ INSIDE = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 0.
 """Signs of the margins ``(z_n, mu z_n - z_t, mu z_n + z_t)`` by status; 0 where the margin is no border of it."""
 SOFT = 1e-9
 """Compliance over ``1/rho`` that acts on the change of the forces: below, the digits of its effect are lost to round-off."""
-ROUNDS = 2
-"""Rounds of a polish for each pivot that a round may take, at most: most take one or two."""
-STRIDE = 3.0
-"""Multiple of its last change by which the forces that the compliance holds on to are ahead of those found, as long as no status changes.
-Where more contacts are closed than can be at once, by gaps d times the way of a step, a round changes the forces by ``d/SOFT`` along
-what W does not see, and must do so until one of them opens; that much more each round, it takes a few."""
+PATHS = 8
+"""Times the pivots of one path that a polish may take in all: most take one or two paths of a few pivots."""
+FIRST_JITTER, MOST_JITTER = 1e-6, 1e-3
+"""Change at random of the point where a path begins anew, over the largest ``|z|``, ten times as much each time: enough to leave a
+loop, far from enough to need many pivots."""
+PARALLEL = 0.99
+"""Least cosine of two changes, and ratio of their lengths, that count as the same drift."""
+STRIDE = 0.1
+"""Length of a stride over the largest force: so far that a status changes on the way."""
 COVERS = 3
 """Paths from nothing, each with its own covering vector, before it is given up: one that is at random meets no two kinks at once."""
 PIVOTS = 12
 """Pivots for each contact on a path from nothing: 2 to 9 were needed."""
+FAR = 100.0
+"""Multiple of its first t at which a path is taken for a ray: of 1,832 that found an end none went that far, of the others 18 did."""
+SAME = 1e-7
+"""Relative difference of points of a path that are one point: what round-off over `SOFT` leaves of their digits."""
 REFINEMENTS = 3
 """Solutions with a factorisation: each leaves the compliance over the weakest resistance, of some 1e-6, of the error."""
 
@@ -79,30 +86,45 @@ class Polish:
 
     def __init__(self, problem: ContactProblem, tolerance: float, clock: Stopwatch) -> None:
         self.problem, self.tolerance, self.clock, self.count = problem, tolerance, clock, 0
+        self._random = np.random.default_rng(problem.n_contacts)
 
     @cached_property
     def _matrix(self) -> UnsymmetricMatrix:
         return UnsymmetricMatrix(self.problem)
 
     def improve(self, r: FloatArray, pivots: int) -> tuple[FloatArray, Residuals] | None:
-        """Exact forces, shape (c, 2), near ``r``, and their residuals; None if ``pivots`` pivots a round do not lead to any."""
+        """Exact forces, shape (c, 2), near ``r``, and their residuals; None if paths of ``pivots`` pivots do not lead to any.
+
+        A round follows the path to the forces that the compliance holds near those of the last one. Where more contacts are closed than
+        can be at once, by gaps d times the way of a step, each changes them by ``d/SOFT`` along what W does not see, until a contact
+        opens or slips the other way. Such a drift is followed in one stride as far as the first change of a status: strides beyond
+        it can go round, from one set of such contacts to the next.
+        """
         z = r - self.problem.rho[:, None] * self._velocity(r)
-        status, held = statuses(self.problem, z), r
-        for _round in range(1 + ROUNDS * pivots):
+        status, held, drift, striding = statuses(self.problem, z), r, np.zeros_like(r), False
+        budget = self.count + PATHS * pivots
+        while True:
             found = self._hold(r, status)
             if found is None:
                 return None
             if exact := self._judged(found):
                 return exact
-            ended = self._follow(r, held, pivots)
-            if ended is None:
+            ended = self._follow(r, held, pivots, to_first=striding)
+            jitter = FIRST_JITTER
+            while ended is None and self.count < budget and not self.clock.over:
+                held, ended, striding = r, self._follow(r, r, pivots, jitter=jitter), False
+                jitter = min(10.0 * jitter, MOST_JITTER)
+            if ended is None or self.count > budget:
                 return None
-            before, last = r, status
             r, status = ended
             if exact := self._judged(r):
                 return exact
-            held = r + STRIDE * (r - before) if np.array_equal(status, last) else r
-        return None
+            if striding:
+                held, striding = r, False
+                continue
+            before, drift = drift, r - held
+            striding = _steady(before, drift)
+            held = r + STRIDE * float(np.abs(r).max() / np.abs(drift).max()) * drift if striding else r
 
     def from_nothing(self, r: FloatArray, pivots: int) -> tuple[FloatArray, Residuals] | None:
         """Exact forces, shape (c, 2), on a path that begins with no contact closed; ``r`` are some that are nearly a solution.
@@ -112,9 +134,8 @@ class Polish:
         (1996) 2673-2691; J.-S. Pang, J. C. Trinkle, Math. Programming 73 (1996) 199-226), as that from ``r`` can.
         """
         problem, rho = self.problem, self.problem.rho
-        random = np.random.default_rng(problem.n_contacts)
         for _cover in range(COVERS):
-            d = random.uniform(1.0, 2.0, problem.n_contacts) / np.sqrt(rho)
+            d = self._random.uniform(1.0, 2.0, problem.n_contacts) / np.sqrt(rho)
             b = problem.b - SOFT / rho[:, None] * r
             error = np.zeros_like(b)
             error[:, 0] = -1.01 * max(0.0, float((-b[:, 0] / d).max())) * d
@@ -145,23 +166,35 @@ class Polish:
             forces = self._inside(forces, status)
         return forces
 
-    def _follow(self, r: FloatArray, held: FloatArray, pivots: int) -> tuple[FloatArray, IntArray] | None:
+    def _follow(
+        self, r: FloatArray, held: FloatArray, pivots: int, *, jitter: float = 0.0, to_first: bool = False
+    ) -> tuple[FloatArray, IntArray] | None:
         """Forces and statuses at the end of the path from ``r``, with compliance that acts on their difference from ``held``."""
         rho = self.problem.rho[:, None]
         z = r - rho * self._velocity(r)
+        z = z + jitter * float(np.abs(z).max()) * self._random.uniform(-1.0, 1.0, z.shape)
         forces = self._inside(z, statuses(self.problem, z))
         error = self._velocity(forces) + (z - forces) / rho + SOFT / rho * (forces - held)
-        return self._path(z, error, pivots)
+        return self._path(z, error, pivots, to_first=to_first)
 
-    def _path(self, z: FloatArray, error: FloatArray, pivots: int) -> tuple[FloatArray, IntArray] | None:
-        """Forces and statuses at the end of the path from z, where F is ``error``; None if it ends in a ray, or takes too long."""
+    def _path(
+        self, z: FloatArray, error: FloatArray, pivots: int, *, to_first: bool = False
+    ) -> tuple[FloatArray, IntArray] | None:
+        """Forces and statuses at the end of the path from z, where F is ``error``; None if there is no end, or it takes too long.
+
+        The path goes through z, and one of its two directions leads to a solution: with the sign of the determinant that F has where all
+        contacts are open, and so on the path from nothing, t falls; with the other it rises first. The path may still be a loop, which
+        ends where it began, or a ray. With ``to_first`` it ends where a status changes first.
+        """
         problem, rho = self.problem, self.problem.rho[:, None]
         status = statuses(problem, z)
-        t, ahead = 1.0, -1.0
+        first, begin, t, ahead = status.copy(), z, 1.0, -1.0
         crossed: tuple[int, int] | None = None
-        for _pivot in range(pivots):
+        for pivot in range(pivots):
             if self.clock.over or not self._factorise(status):
                 return None
+            if pivot == 0:
+                ahead = -self._matrix.sign()
             # dz/dt, where J dz/dt = error.
             dr = self._change(error)
             dr = dr + self._change(error - self._response(dr) - SOFT / rho * dr)
@@ -174,13 +207,15 @@ class Polish:
             falling = ahead * growth < 0.0
             if crossed is not None:
                 falling[crossed] = False
-            steps = np.where(falling, np.maximum(margin, 0.0) / np.where(falling, -ahead * growth, 1.0), np.inf)
+            with np.errstate(over="ignore"):
+                steps = np.where(falling, np.maximum(margin, 0.0) / np.where(falling, -ahead * growth, 1.0), np.inf)
             contact, border = divmod(int(np.argmin(steps)), 3)
             step = float(steps[contact, border])
             if ahead < 0.0 and step >= t:
                 ended = self._inside(z - t * rate, status)
                 return (ended, status) if np.isfinite(ended).all() else None
-            if step == np.inf:
+            round_trip = pivot > 0 and (t - 1.0) * (t + ahead * step - 1.0) <= 0.0 and np.array_equal(status, first)
+            if t + ahead * step > FAR or (round_trip and _near(z + (1.0 - t) * rate, begin)):
                 return None
             z, t, crossed = z + ahead * step * rate, t + ahead * step, (contact, border)
             if border == 0:
@@ -191,6 +226,8 @@ class Polish:
                 slip = PLUS if border == 1 else MINUS
                 z[contact, 1] = SIDE[slip] * problem.mu[contact] * z[contact, 0]
                 status[contact] = slip if status[contact] == STICK else STICK
+            if to_first:
+                return self._inside(z, status), status
         return None
 
     def _factorise(self, status: IntArray) -> bool:
@@ -228,6 +265,17 @@ def statuses(problem: ContactProblem, z: FloatArray) -> IntArray:
     stick = (problem.mu > 0.0) & (np.abs(z[:, 1]) <= problem.mu * z[:, 0])
     slip = np.where((z[:, 1] > 0.0) | (problem.mu == 0.0), PLUS, MINUS)
     return np.where(z[:, 0] <= 0.0, OPEN, np.where(stick, STICK, slip))
+
+
+def _steady(before: FloatArray, drift: FloatArray) -> bool:
+    """Whether the second of two changes of the forces goes on as the first did, in direction and length."""
+    old, new = float(np.linalg.norm(before)), float(np.linalg.norm(drift))
+    return bool(0.0 < PARALLEL * old <= new <= old / PARALLEL and (before * drift).sum() >= PARALLEL * old * new)
+
+
+def _near(z: FloatArray, other: FloatArray) -> bool:
+    """Whether they are the same but for round-off and what the compliance leaves of it."""
+    return float(np.abs(z - other).max()) <= SAME * float(np.abs(other).max())
 
 
 def _margins(problem: ContactProblem, z: FloatArray) -> FloatArray:

@@ -22,8 +22,8 @@ FloatArray = NDArray[np.float64]
 SOLVERS = ("auto", "interior-point", "projected-gradient", "gauss-seidel")
 TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
-STAGES = ((200, 20), (5_000, 200), (20_000, 400), (80_000, 400))
-"""Sweeps for Coulomb's law after which "auto" polishes the forces found, and pivots that a round of this may take."""
+STAGES = ((200, 20), (5_000, 400), (20_000, 400), (80_000, 400))
+"""Sweeps for Coulomb's law after which "auto" polishes the forces found, and pivots that a path of this may take."""
 PATH_AFTER = 5_000
 """Sweeps after which "auto" looks for the forces by another way, too."""
 LEMKE_CONTACTS = 500

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import linprog
 from test_coulomb_solver import law_broken
 
@@ -16,6 +17,7 @@ from ninedisk.core.cd.problem import ContactProblem, measure
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.cd.settings import SolverOptions, Stopwatch
 from ninedisk.core.cd.solvers import polish
+from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix
 from ninedisk.core.cd.solvers.gauss_seidel import GaussSeidel
 from ninedisk.core.cd.solvers.polish import MINUS, PLUS, STICK, Polish
 from ninedisk.core.cd.solvers.solver import ContactSolver
@@ -25,7 +27,8 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 FloatArray = NDArray[np.float64]
 TOLERANCE = 1e-12
 OPTIONS = SolverOptions(tolerance=TOLERANCE)
-SAVED = sorted((Path(__file__).parent / "data").glob("settling-*.npz"))
+DATA = Path(__file__).parent / "data"
+SAVED = sorted(DATA.glob("settling-*.npz"))
 GRAVITY = 9.81
 
 
@@ -56,6 +59,42 @@ def test_polish_of_problems_that_sweeps_do_not_solve(path: Path) -> None:
     # The solution next to the forces found, not just any: these are within 1e-4 of one, and it changes hardly more than hyperstatic forces.
     before, after = problem.body_velocity(rough), problem.body_velocity(r)
     assert np.abs(after - before).max() < 1e-3 * np.abs(before).max()
+
+
+def test_a_polish_strides_along_forces_that_drift(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = ContactProblem.load(DATA / "drifting.npz")
+    rough = swept(problem, 5_000)
+    found = polish_of(problem).improve(rough, 400)
+    assert found is not None
+    assert found[1].reached(TOLERANCE)
+    assert law_broken(problem, found[0]) < 1e-6
+    monkeypatch.setattr(polish, "_steady", lambda *_: False)
+    assert polish_of(problem).improve(rough, 400) is None
+
+
+def test_a_polish_leaves_paths_that_close(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = ContactProblem.load(DATA / "loops.npz")
+    rough = swept(problem, 5_000)
+    found = polish_of(problem).improve(rough, 400)
+    assert found is not None
+    assert found[1].reached(TOLERANCE)
+    assert law_broken(problem, found[0]) < 1e-6
+    monkeypatch.setattr(polish, "FIRST_JITTER", 0.0)
+    assert polish_of(problem).improve(rough, 400) is None
+
+
+def test_sign_of_the_determinant() -> None:
+    problem = ContactProblem.load(SAVED[0])
+    rng, signs = np.random.default_rng(5), []
+    matrix, h = UnsymmetricMatrix(problem), problem.jacobian().toarray()
+    for _ in range(40):
+        d = rng.normal(size=(problem.n_contacts, 2, 2)) * problem.rho[:, None, None]
+        assert matrix.factorise(d)
+        mass = np.where(problem.free > 0.0, problem.mass, 1.0).ravel()
+        full = np.diag(mass) + h.T @ block_diag(*d) @ h
+        signs.append(float(np.linalg.slogdet(full)[0]))
+        assert matrix.sign() == signs[-1]
+    assert set(signs) == {-1.0, 1.0}
 
 
 @pytest.mark.parametrize("path", SAVED, ids=lambda path: path.stem)
