@@ -15,7 +15,7 @@ from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.threads import MOST_THREADS, check_threads
-from ninedisk.core.validate import one_of, real, shown, whole
+from ninedisk.core.validate import real, shown, whole
 
 
 @dataclass(frozen=True)
@@ -48,16 +48,10 @@ def read_settings(numerics: Numerics) -> CdSettings:
     """
     told = read_options("cd", OPTIONS, numerics)
     options = SolverOptions(
-        **{
-            name: told[f"cd.{name}"]
-            for name in ("tolerance", "max_iterations", "time_limit", "relaxation", "threads", "factoriser")
-        }
+        **{name: told[f"cd.{name}"] for name in ("tolerance", "max_iterations", "time_limit", "relaxation", "threads")}
     )
     return CdSettings(options, cast(Stiffness, told["cd.contacts"]), told["cd.save_failed"], told)
 
-
-FACTORISERS = ("auto", "supernodal", "qdldl")
-"""Sparse factorisations of the interior-point method: "auto" is the supernodal one, qdldl checks it."""
 
 Stiffness = Literal["auto", "rigid", "elastic"]
 STIFFNESS: tuple[Stiffness, ...] = ("auto", "rigid", "elastic")
@@ -90,7 +84,6 @@ OPTIONS: Mapping[str, Option] = {
     "threads": Option(
         default=1, low=1, high=MOST_THREADS, whole=True, why="threads of Gauss-Seidel; no result depends on them"
     ),
-    "factoriser": Option(default="auto", choices=FACTORISERS, why="the supernodal one; qdldl checks it"),
     "contacts": Option(
         default="auto",
         choices=STIFFNESS,
@@ -122,8 +115,6 @@ class SolverOptions:
         Over-relaxation of Gauss-Seidel, in (0, 2).
     threads : int
         Threads of Gauss-Seidel, 1..64; the result does not depend on them.
-    factoriser : {"auto", "supernodal", "qdldl"}
-        Sparse factorisation of the interior-point method.
 
     Raises
     ------
@@ -136,7 +127,6 @@ class SolverOptions:
     time_limit: float = 600.0
     relaxation: float = 1.0
     threads: int = 1
-    factoriser: str = "auto"
 
     def __post_init__(self) -> None:
         for name, most in (("tolerance", 1.0), ("relaxation", 2.0)):
@@ -151,7 +141,6 @@ class SolverOptions:
                 f"time_limit = {shown(self.time_limit)} is not allowed: it must be a number > 0 s"
             )
         check_threads(self.threads)
-        one_of("factoriser", self.factoriser, FACTORISERS, error=InvalidNumericsError)
         for name, kind in (("tolerance", float), ("relaxation", float), ("time_limit", float), ("threads", int)):
             object.__setattr__(self, name, kind(getattr(self, name)))
         if self.max_iterations is not None:

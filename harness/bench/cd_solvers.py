@@ -109,8 +109,7 @@ def solvers() -> list[Solver]:
     own = ninedisk.__version__
     qp = {name: package_version(name)[0] or "" for name in ("clarabel", "piqp")}
     return [
-        Solver("interior-point", "associated", _interior("auto"), version=own),
-        Solver("interior-point (qdldl)", "associated", _interior("qdldl"), version=own),
+        Solver("interior-point", "associated", _interior, version=own),
         Solver("projected-gradient", "associated", _projected_gradient, version=own),
         Solver("gauss-seidel", "associated", _gauss_seidel(1.0), version=own, sweeps=True),
         *_on_two_cores("gauss-seidel", "associated", 1.0, own),
@@ -171,14 +170,11 @@ def _own(task: Task, limit: float, solve: Callable[[SolverOptions], SolverResult
     return Sample(seconds=seconds, facts=facts_of(task, result.r, result.iterations))
 
 
-def _interior(factoriser: str) -> Callable[[Task, float], Sample]:
-    def solve(task: Task, limit: float) -> Sample:
-        def with_options(options: SolverOptions) -> SolverResult:
-            return InteriorPoint(options).solve(task.problem, start=task.start)
+def _interior(task: Task, limit: float) -> Sample:
+    def with_options(options: SolverOptions) -> SolverResult:
+        return InteriorPoint(options).solve(task.problem, start=task.start)
 
-        return _own(task, limit, with_options, factoriser=factoriser)
-
-    return solve
+    return _own(task, limit, with_options)
 
 
 def _projected_gradient(task: Task, limit: float) -> Sample:

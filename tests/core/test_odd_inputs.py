@@ -309,7 +309,6 @@ TARGETS: dict[str, Target] = {
             "time_limit": lambda value: between(0.0, math.inf, open_low=True)(value) if number(value) != math.inf or
             isinstance(value, float) else REFUSED,
             "relaxation": between(0.0, 2.0, open_low=True, open_high=True), "threads": between(1, 64, whole=True),
-            "factoriser": word("auto"),
         },
     ),
     "ContactProblem": Target(

@@ -73,8 +73,8 @@ class InteriorPoint:
         unloaded = measure(problem, problem.body_velocity(free), free)
         if unloaded.reached(self.options.tolerance):
             return self._result(problem.body_velocity(free), free, 0, unloaded, clock)
-        if self._graph is None or not self._graph.fits(problem, self.options.factoriser):
-            self._graph = BodyGraph(problem.n_bodies, problem.bodies, self.options.factoriser)
+        if self._graph is None or not self._graph.fits(problem):
+            self._graph = BodyGraph(problem.n_bodies, problem.bodies)
         run = Run(problem, BodyMatrix(problem, self._graph), start)
         limit = self.options.max_iterations or MAX_ITERATIONS
         best, best_point, since = run.residuals(), run.point, 0

@@ -205,7 +205,6 @@ def test_what_is_refused() -> None:
         ({"options": {"cd.time_limit": 0}}, r"cd\.time_limit = 0 .* a number > 0"),
         ({"options": {"cd.time_limit": np.inf}}, r"cd\.time_limit = inf .* a number > 0"),
         ({"options": {"cd.relaxation": 2.0}}, r"cd\.relaxation = 2\.0 .* a number in \(0, 2\)"),
-        ({"options": {"cd.factoriser": "lu"}}, r"cd\.factoriser = 'lu' .* auto, supernodal, qdldl"),
         ({"options": {"cd.save_failed": 7}}, r"cd\.save_failed = 7 .* a text"),
         ({"options": {"cd.contacts": "soft"}}, "cd.contacts = 'soft'"),
         ({"options": {"cd.threads": 0}}, r"cd\.threads = 0 .* whole number in \[1, 64\]"),
