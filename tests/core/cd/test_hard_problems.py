@@ -71,7 +71,7 @@ def test_the_time_limit_is_kept_to_within_a_factor_of_two(solve: Solve) -> None:
 
 @each_solver
 def test_the_solution_itself_is_a_good_start(solve: Solve) -> None:
-    """First-order solvers have nothing left to do.
+    """Gauss-Seidel has nothing left to do.
 
     The interior point is moved off the boundary of the cones and has to come back: one step where the problem is regular.
     """

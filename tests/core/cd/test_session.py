@@ -191,7 +191,6 @@ def test_what_is_refused() -> None:
     scene = Scene(disks=two, disk_disk=SOFT)
     for numerics, word in (
         ({"solver": "newton"}, "solver = 'newton' is unknown"),
-        ({"solver": "projected-gradient", "sliding": "coulomb"}, "associated rule only"),
         (
             {"options": {"cd.tolerence": 1.0}},
             r"'cd.tolerence' is unknown: use one of cd\.tolerance, cd\.max_iterations",
