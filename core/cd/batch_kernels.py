@@ -22,6 +22,7 @@ from ninedisk.core.cd.contact_kernels import (
     FED,
     MISSED,
     NEARBY,
+    Frames,
     Laws,
     carry_shear,
     closing_gaps,
@@ -39,6 +40,7 @@ from ninedisk.core.cd.problem_kernels import (
     FLOOR_MAP,
     NATURAL_MAP,
     UNRESOLVED,
+    Contacts,
     body_velocities,
     contact_scales,
     contact_velocities,
@@ -106,8 +108,7 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
     walls, moved, turned = wall_way(x, state.wall, after), moved_since(x, near), wall_way(x, near.wall, after)
     if not covers(2.0, NEARBY * scheme.smallest, moved, turned, walls, tolerance, scheme, state, near, dx):
         return LISTS
-    if measure_frames(near.pairs, near.row, x, scheme.radius, state.wall, after, laws,
-                      near.normal, near.gap, near.gap_before, near.shift, near.arms) >= 0:  # fmt: skip
+    if measure_frames(x, scheme.radius, state.wall, after, laws, near.frames) >= 0:
         return ALONE
     rests = False
     if state.counts[SWEEPS] == 0:
@@ -165,16 +166,16 @@ def _displacements(scheme: Scheme, v: Floats, scratch: Scratch) -> None:
 @inline_kernel
 def _pose(c: int, round_off: float, scheme: Scheme, laws: Laws, chosen: Chosen, scratch: Scratch) -> bool:
     """The contact problem of the chosen contacts; False if one can neither open nor close."""
-    bodies, normal, arms, row = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.row[:c]
-    compliance, offset, blocks, b = chosen.compliance[:c], chosen.offset[:c], chosen.blocks[:c], chosen.b[:c]
-    contact_compliances(row, laws, scheme.theta * scheme.dt, compliance)
-    dynamic_offsets(bodies, normal, chosen.gap, chosen.gap_before, chosen.shift, arms, row, laws,
-                    scratch.kept, scratch.prescribed, scheme.dt, scheme.theta, round_off, offset)  # fmt: skip
+    frames, contacts = first_frames(chosen.frames, c), first_contacts(chosen.contacts, c)
+    bodies, normal, arms, mu, compliance = contacts
+    offset, blocks, b = chosen.offset[:c], chosen.blocks[:c], chosen.b[:c]
+    contact_compliances(frames.row, laws, scheme.theta * scheme.dt, compliance)
+    dynamic_offsets(frames, laws, scratch.kept, scratch.prescribed, scheme.dt, scheme.theta, round_off, offset)
     delassus_blocks(bodies, normal, arms, scheme.inverse_mass, compliance, blocks)
     for k in range(c):
         if not blocks[k, 0] > 0.0:
             return False
-    contact_scales(blocks, chosen.mu[:c], chosen.rho)
+    contact_scales(blocks, mu, chosen.rho)
     _fly(scheme, scratch)
     contact_velocities(bodies, normal, arms, scratch.v, b)
     for k in range(c):
@@ -218,10 +219,9 @@ def _solve(
     best, best_at = np.inf, counts[SWEEPS]
     while True:
         done = counts[SWEEPS]
-        bodies, normal, arms, offset = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.offset[:c]
-        body_velocities(bodies, normal, arms, scheme.inverse_mass, scratch.force, r, v)
-        sum_residuals(bodies, normal, arms, offset, chosen.compliance, chosen.shear_0, chosen.mu, chosen.rho, chosen.b,
-                      v, r, scheme.coulomb, sums)  # fmt: skip
+        contacts = first_contacts(chosen.contacts, c)
+        body_velocities(contacts.bodies, contacts.normal, contacts.arms, scheme.inverse_mass, scratch.force, r, v)
+        sum_residuals(contacts, chosen.offset, chosen.shear_0, chosen.rho, chosen.b, v, r, scheme.coulomb, sums)
         sum_kinetic(scheme.inverse_mass, v, v, sums)
         figures_of(sums, c, resolution, figures)
         finished = reached(figures, scheme.tolerance)
@@ -256,8 +256,19 @@ def _solve(
             counts[PLAIN] = 1
         stretch = scheme.stretch if done >= STRETCH_AFTER and counts[PLAIN] == 0 else 1.0
         count = min(next_batch(done), scheme.sweeps - done)
-        sweep(bodies, normal, arms, scheme.inverse_mass, offset, chosen.compliance, chosen.shear_0, chosen.mu,
-              chosen.blocks, stretch * scheme.relaxation, scheme.coulomb, count, v, r)  # fmt: skip
+        relaxation = stretch * scheme.relaxation
+        sweep(
+            contacts,
+            scheme.inverse_mass,
+            chosen.offset,
+            chosen.shear_0,
+            chosen.blocks,
+            relaxation,
+            scheme.coulomb,
+            count,
+            v,
+            r,
+        )
         counts[SWEEPS] += count
 
 
@@ -266,18 +277,18 @@ def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: 
     """Make the solution the state; its forces are the memory of the next step."""
     totals, figures, counts = state.totals, scratch.figures, state.counts
     c = counts[CHOSEN]
+    frames = first_frames(chosen.frames, c)
     if scheme.newton:
+        slack, resolution = FED * scheme.tolerance, round_off / scheme.dt
         note_impact_work(
-            counts[STEP] + 1, FED * scheme.tolerance, round_off / scheme.dt, chosen.bodies[:c], chosen.pairs, chosen.normal,
-            chosen.gap, chosen.gap_before, chosen.shift, chosen.arms, chosen.row, chosen.blocks, laws,
+            counts[STEP] + 1, slack, resolution, frames, chosen.blocks, laws,
             scratch.kept, scratch.prescribed, scratch.v, chosen.r, scheme.dt, state.gains,
         )  # fmt: skip
-    carry_shear(chosen.pairs[:c], chosen.bodies[:c], chosen.row[:c], state.x, state.wall, scratch.after, chosen.normal[:c],
-                chosen.gap_before[:c], chosen.shift[:c], chosen.arms[:c], scratch.dx, laws, chosen.r[:c], state.shear[:c])  # fmt: skip
+    carry_shear(frames, state.x, state.wall, scratch.after, scratch.dx, laws, chosen.r, state.shear)
     for k in range(c):
         p, q = chosen.r[k, 0], chosen.r[k, 1]
-        totals[WORK] -= p * (chosen.gap[k] - chosen.gap_before[k]) + q * chosen.shift[k]
-        state.pairs[k, 0], state.pairs[k, 1] = chosen.pairs[k, 0], chosen.pairs[k, 1]
+        totals[WORK] -= p * (frames.gap[k] - frames.gap_before[k]) + q * frames.shift[k]
+        state.pairs[k, 0], state.pairs[k, 1] = frames.pairs[k, 0], frames.pairs[k, 1]
         state.forces[k, 0], state.forces[k, 1] = p, q
     counts[HELD] = counts[CHOSEN]
     counts[ITERATIONS] += counts[SWEEPS]
@@ -353,14 +364,7 @@ class Near(NamedTuple):
     x: Floats
     wall: Floats
     reach: Floats
-    pairs: Ints
-    bodies: NDArray[np.int32]
-    row: Ints
-    normal: Floats
-    gap: Floats
-    gap_before: Floats
-    shift: Floats
-    arms: Floats
+    frames: Frames
     closing: Floats
     inside: NDArray[np.bool_]
     shear: Floats
@@ -368,24 +372,36 @@ class Near(NamedTuple):
 
 
 class Chosen(NamedTuple):
-    """The contacts of the step at hand: columns of `Near` and of `ninedisk.core.cd.problem.ContactProblem`, with room for all pairs."""
+    """The contacts of the step at hand with their forces, with room for all pairs: columns of `ninedisk.core.cd.problem.ContactProblem`.
 
-    pairs: Ints
-    bodies: NDArray[np.int32]
-    row: Ints
-    normal: Floats
-    gap: Floats
-    gap_before: Floats
-    shift: Floats
-    arms: Floats
+    ``frames`` and ``contacts`` share the arrays of the same name.
+    """
+
+    frames: Frames
+    contacts: Contacts
     offset: Floats
-    compliance: Floats
     shear_0: Floats
-    mu: Floats
     blocks: Floats
     rho: Floats
     b: Floats
     r: Floats
+
+
+@inline_kernel
+def first_frames(frames: Frames, c: int) -> Frames:
+    """The first c frames."""
+    return Frames(
+        frames.pairs[:c], frames.bodies[:c], frames.row[:c], frames.normal[:c], frames.gap[:c], frames.gap_before[:c],
+        frames.shift[:c], frames.arms[:c], frames.place[:c],
+    )  # fmt: skip
+
+
+@inline_kernel
+def first_contacts(contacts: Contacts, c: int) -> Contacts:
+    """The first c contacts."""
+    return Contacts(
+        contacts.bodies[:c], contacts.normal[:c], contacts.arms[:c], contacts.mu[:c], contacts.compliance[:c]
+    )
 
 
 class Scratch(NamedTuple):
@@ -440,7 +456,7 @@ def covers(
 @inline_kernel
 def find_closing(scheme: Scheme, near: Near, dx: Floats) -> None:
     """Gaps of the listed pairs after the displacements ``dx``, less what sliding lifts [m], into ``near.closing``."""
-    closing_gaps(near.bodies, near.normal, near.arms, near.gap, near.shift, near.row, scheme.dilation, dx, near.closing)
+    closing_gaps(near.frames, scheme.dilation, dx, near.closing)
 
 
 @inline_kernel
@@ -452,9 +468,10 @@ def begin_set(
     ``flight`` and ``onward``, shape (n, 3), are the displacements without contact forces and with the velocities of the start.
     """
     find_closing(scheme, near, onward)
+    pairs, row = near.frames.pairs, near.frames.row
     at, held = 0, state.counts[HELD]
-    for k in range(near.pairs.shape[0]):
-        i, j = near.pairs[k, 0], near.pairs[k, 1]
+    for k in range(pairs.shape[0]):
+        i, j = pairs[k, 0], pairs[k, 1]
         while at < held and (state.pairs[at, 0] < i or (state.pairs[at, 0] == i and state.pairs[at, 1] < j)):
             at += 1
         p, q = 0.0, 0.0
@@ -462,10 +479,10 @@ def begin_set(
         if at < held and state.pairs[at, 0] == i and state.pairs[at, 1] == j:
             p, q = state.forces[at, 0], state.forces[at, 1]
             near.shear[k] = state.shear[at]
-        near.force[k, 0], near.force[k, 1] = project_on_cone(p, q, laws.mu[near.row[k]])
+        near.force[k, 0], near.force[k, 1] = project_on_cone(p, q, laws.mu[row[k]])
         near.inside[k] = _harmless(k, laws, near) and (p > 0.0 or near.closing[k] < tolerance)
     find_closing(scheme, near, flight)
-    for k in range(near.pairs.shape[0]):
+    for k in range(near.inside.shape[0]):
         near.inside[k] |= near.closing[k] < tolerance
 
 
@@ -477,7 +494,7 @@ def grow_set(tolerance: float, finished: bool, scheme: Scheme, laws: Laws, near:
             return -1
     find_closing(scheme, near, dx)
     missed = 0
-    for k in range(near.pairs.shape[0]):
+    for k in range(near.inside.shape[0]):
         if not near.inside[k] and near.closing[k] < -tolerance and (finished or _harmless(k, laws, near)):
             near.inside[k] = True
             near.force[k, 0] = near.force[k, 1] = 0.0
@@ -489,7 +506,7 @@ def grow_set(tolerance: float, finished: bool, scheme: Scheme, laws: Laws, near:
 def keep_forces(near: Near, chosen: Chosen) -> None:
     """Copy the forces of the chosen contacts to their pairs."""
     c = 0
-    for k in range(near.pairs.shape[0]):
+    for k in range(near.inside.shape[0]):
         if near.inside[k]:
             near.force[k, 0], near.force[k, 1] = chosen.r[c, 0], chosen.r[c, 1]
             c += 1
@@ -498,17 +515,17 @@ def keep_forces(near: Near, chosen: Chosen) -> None:
 @inline_kernel
 def choose(laws: Laws, near: Near, chosen: Chosen) -> int:
     """Copy the pairs of the set with their forces; their number."""
-    c = 0
-    for k in range(near.pairs.shape[0]):
+    c, frames, some, contacts = 0, near.frames, chosen.frames, chosen.contacts
+    for k in range(near.inside.shape[0]):
         if near.inside[k]:
             for d in range(2):
-                chosen.pairs[c, d], chosen.bodies[c, d] = near.pairs[k, d], near.bodies[k, d]
-                chosen.normal[c, d], chosen.r[c, d] = near.normal[k, d], near.force[k, d]
+                some.pairs[c, d], some.bodies[c, d] = frames.pairs[k, d], frames.bodies[k, d]
+                some.normal[c, d], chosen.r[c, d] = frames.normal[k, d], near.force[k, d]
             for d in range(4):
-                chosen.arms[c, d] = near.arms[k, d]
-            chosen.row[c], chosen.gap[c], chosen.mu[c] = near.row[k], near.gap[k], laws.mu[near.row[k]]
-            chosen.gap_before[c], chosen.shift[c] = near.gap_before[k], near.shift[k]
-            chosen.shear_0[c] = near.shear[k]
+                some.arms[c, d] = frames.arms[k, d]
+            some.row[c], some.gap[c] = frames.row[k], frames.gap[k]
+            some.gap_before[c], some.shift[c] = frames.gap_before[k], frames.shift[k]
+            contacts.mu[c], chosen.shear_0[c] = laws.mu[frames.row[k]], near.shear[k]
             c += 1
     return c
 
@@ -520,5 +537,5 @@ def _harmless(k: int, laws: Laws, near: Near) -> bool:
     Its condition has to contain its gap, as all but those under Newton's law do. And an open contact has to be without force, which one
     whose shear spring is stretched by ``q/ks`` is not under the associated rule: it would hold on until the gap is ``mu`` times that.
     """
-    by_gap = np.isnan(laws.restitution[near.row[k]])
-    return bool(by_gap and (near.shear[k] == 0.0 or not laws.elastic[near.row[k]]))
+    row = near.frames.row[k]
+    return bool(np.isnan(laws.restitution[row]) and (near.shear[k] == 0.0 or not laws.elastic[row]))

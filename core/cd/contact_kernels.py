@@ -1,15 +1,12 @@
 """Kernels of contact geometry and of the contacts' part in a step: one definition for single steps and for many at once.
 
-Array arguments of c contacts are those of `ninedisk.core.cd.contacts.Frames`: ``normal`` (c, 2), ``gap``, ``gap_before``, ``shift`` (c,),
-``arms`` (c, 4); ``row`` (c,) is the contact's row of the law table.
-
-Kernels of the contact frames of bodies with outlines, and of what such contacts hand from step to step.
+The second half is about bodies with outlines, whose contacts have places along them.
 """
 
 from __future__ import annotations
 
 from math import hypot, inf, pi, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,22 +48,58 @@ class Laws(NamedTuple):
     slip_middle: NDArray[np.bool_]
 
 
+class Frames(NamedTuple):
+    """Contacts of c pairs: disks where they are at the start of the step, walls where they are at its end.
+
+    A wall's end pose makes its gap exact: with the disk's displacement ``dx``, the gap after the step is
+    ``gap + n_wall . dx`` whatever the wall did meanwhile. Between disks it is linear in ``dx`` and never above the true gap.
+
+    Attributes
+    ----------
+    pairs : ndarray of int64, shape (c, 2)
+        Body numbers, disks first.
+    bodies : ndarray of int32, shape (c, 2)
+        Bodies of the contact problem: a wall is a prescribed one, -1.
+    row : ndarray of int64, shape (c,)
+        Row of the law table.
+    normal : ndarray, shape (c, 2)
+        Unit normal from body i to body j.
+    gap : ndarray, shape (c,)
+        Gap [m] if no disk moved.
+    gap_before : ndarray, shape (c,)
+        Gap at the start of the step [m]: walls at the start, too.
+    shift : ndarray, shape (c,)
+        Tangential displacement of i's surface against j's [m] if no disk moved: minus that of the wall.
+    arms : ndarray, shape (c, 4)
+        Rotation columns ``(a_ni, a_nj, a_ti, a_tj)`` of the Jacobian [m].
+    place : ndarray, shape (c, 2)
+        Where on both outlines the contact is (span + u + 1/2); 0 on disks and walls.
+    """
+
+    pairs: NDArray[np.int64]
+    bodies: NDArray[np.int32]
+    row: NDArray[np.int64]
+    normal: Floats
+    gap: Floats
+    gap_before: Floats
+    shift: Floats
+    arms: Floats
+    place: Floats
+
+    @property
+    def size(self) -> int:
+        """Number of contacts, c."""
+        return len(self.pairs)
+
+    def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Frames:
+        """The contacts chosen by a mask, shape (c,), or by their numbers."""
+        columns: list[Any] = [column[which] for column in self]
+        return Frames(*columns)
+
+
 @kernel
-def measure_frames(
-    pairs: NDArray[np.int64],
-    row: NDArray[np.int64],
-    x: Floats,
-    radius: Floats,
-    before: Floats,
-    after: Floats,
-    laws: Laws,
-    normal: Floats,
-    gap: Floats,
-    gap_before: Floats,
-    shift: Floats,
-    arms: Floats,
-) -> int:
-    """Frames of the pairs, shape (c, 2): disks at ``x``, shape (n, 2 or 3), walls, shape (m, 11), at both ends of the step.
+def measure_frames(x: Floats, radius: Floats, before: Floats, after: Floats, laws: Laws, frames: Frames) -> int:
+    """Fill the frames of pairs of disks at ``x``, shape (n, 2 or 3), and walls, shape (m, 11), at both ends of the step.
 
     Returns
     -------
@@ -74,6 +107,8 @@ def measure_frames(
         A pair whose centres coincide, which has no normal; -1: none.
     """
     n, same = x.shape[0], -1
+    pairs, row, normal, arms = frames.pairs, frames.row, frames.normal, frames.arms
+    gap, gap_before, shift = frames.gap, frames.gap_before, frames.shift
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]
         if j < n:
@@ -163,18 +198,10 @@ def surface_way(dx: Floats, radius: Floats) -> float:
 
 
 @kernel
-def closing_gaps(
-    bodies: NDArray[np.int32],
-    normal: Floats,
-    arms: Floats,
-    gap: Floats,
-    shift: Floats,
-    row: NDArray[np.int64],
-    dilation: Floats,
-    dx: Floats,
-    out: Floats,
-) -> None:
+def closing_gaps(frames: Frames, dilation: Floats, dx: Floats, out: Floats) -> None:
     """Gap after the displacements ``dx``, shape (n, 3), less ``dilation`` (of a law row) times the slip [m], shape (c,)."""
+    bodies, row, normal, arms = frames.bodies, frames.row, frames.normal, frames.arms
+    gap, shift = frames.gap, frames.shift
     for k in range(bodies.shape[0]):
         un, ut = contact_velocity(k, bodies, normal, arms, dx)
         out[k] = gap[k] + un - dilation[row[k]] * abs(shift[k] + ut)
@@ -204,13 +231,7 @@ def newton_offset(e: float, before: float) -> float:
 
 @kernel
 def dynamic_offsets(
-    bodies: NDArray[np.int32],
-    normal: Floats,
-    gap: Floats,
-    gap_before: Floats,
-    shift: Floats,
-    arms: Floats,
-    row: NDArray[np.int64],
+    frames: Frames,
     laws: Laws,
     kept: Floats,
     prescribed: Floats,
@@ -228,6 +249,8 @@ def dynamic_offsets(
     those that are not, 0 elsewhere. Under Newton's law (restitution not NaN) walls count by their displacement over the step,
     held disks by their speed.
     """
+    bodies, row, normal, arms = frames.bodies, frames.row, frames.normal, frames.arms
+    gap, gap_before, shift = frames.gap, frames.gap_before, frames.shift
     for k in range(bodies.shape[0]):
         held_n, held_t = contact_velocity(k, bodies, normal, arms, prescribed)
         kept_n, kept_t = contact_velocity(k, bodies, normal, arms, kept)
@@ -248,14 +271,7 @@ def note_impact_work(
     step: int,
     slack: float,
     resolution: float,
-    bodies: NDArray[np.int32],
-    pairs: NDArray[np.int64],
-    normal: Floats,
-    gap: Floats,
-    gap_before: Floats,
-    shift: Floats,
-    arms: Floats,
-    row: NDArray[np.int64],
+    frames: Frames,
     blocks: Floats,
     laws: Laws,
     kept: Floats,
@@ -274,6 +290,9 @@ def note_impact_work(
     ``kept`` and ``prescribed`` are those of `dynamic_offsets`, ``v`` the velocities at the end of the step, 0 where prescribed, and
     ``blocks`` the Delassus blocks.
     """
+    bodies, pairs, row = frames.bodies, frames.pairs, frames.row
+    normal, arms = frames.normal, frames.arms
+    gap, gap_before, shift = frames.gap, frames.gap_before, frames.shift
     total, size, most, at = 0.0, 0.0, 0.0, -1
     for k in range(bodies.shape[0]):
         p, q = r[k, 0], r[k, 1]
@@ -300,16 +319,10 @@ def note_impact_work(
 
 @kernel
 def carry_shear(
-    pairs: NDArray[np.int64],
-    bodies: NDArray[np.int32],
-    row: NDArray[np.int64],
+    frames: Frames,
     x: Floats,
     before: Floats,
     after: Floats,
-    normal: Floats,
-    gap_before: Floats,
-    shift: Floats,
-    arms: Floats,
     dx: Floats,
     laws: Laws,
     forces: Floats,
@@ -325,6 +338,8 @@ def carry_shear(
 
     Outlines have ``a = h n``, h the distance of the bodies along the normal: their contacts turn as those of disks would.
     """
+    pairs, bodies, row = frames.pairs, frames.bodies, frames.row
+    normal, arms, gap_before, shift = frames.normal, frames.arms, frames.gap_before, frames.shift
     for k in range(pairs.shape[0]):
         law, i, j = row[k], pairs[k, 0], pairs[k, 1]
         shear[k] = forces[k, 1]
@@ -367,8 +382,6 @@ FARTHEST = 0.1
 
 @kernel
 def complete_frames(
-    pairs: NDArray[np.int64],
-    row: NDArray[np.int64],
     x: Floats,
     first: Floats,
     second: Floats,
@@ -376,11 +389,7 @@ def complete_frames(
     before: Floats,
     after: Floats,
     laws: Laws,
-    normal: Floats,
-    gap: Floats,
-    gap_before: Floats,
-    shift: Floats,
-    arms: Floats,
+    frames: Frames,
 ) -> None:
     """Fill ``gap_before``, ``shift`` and ``arms`` of contacts whose normals and gaps are known.
 
@@ -389,6 +398,8 @@ def complete_frames(
     half the overlap where the law says so. ``tip``, shape (c, 2), moves the points along the normal to the extreme points of the outlines.
     """
     n = x.shape[0]
+    pairs, row, normal, arms = frames.pairs, frames.row, frames.normal, frames.arms
+    gap, gap_before, shift = frames.gap, frames.gap_before, frames.shift
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]
         nx, ny = normal[k, 0], normal[k, 1]

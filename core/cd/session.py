@@ -25,9 +25,10 @@ from ninedisk.core.cd.contact_kernels import (
     GAIN_STEPS,
     GAIN_TOTAL,
     MISSED,
+    Frames,
     surface_way,
 )
-from ninedisk.core.cd.contacts import ContactMemory, Frames, Place
+from ninedisk.core.cd.contacts import ContactMemory, Place
 from ninedisk.core.cd.laws import ADVICE, LawTable, wedging_corners
 from ninedisk.core.cd.problem_kernels import UNRESOLVED
 from ninedisk.core.cd.settings import SolverResult, read_settings

@@ -19,6 +19,7 @@ from ninedisk.core.cd.contact_kernels import (
     FED,
     MISSED,
     NEARBY,
+    Frames,
     carry_shear,
     closing_gaps,
     contact_compliances,
@@ -26,7 +27,7 @@ from ninedisk.core.cd.contact_kernels import (
     note_impact_work,
     surface_way,
 )
-from ninedisk.core.cd.contacts import ContactMemory, Frames, Place, contact_frames
+from ninedisk.core.cd.contacts import ContactMemory, Place, contact_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.cd.problem_kernels import contact_velocities
@@ -92,21 +93,16 @@ def bodies_of(scene: Scene) -> Bodies:
     return Bodies(mass, free, load, scene.xi)
 
 
-def pair_bodies(frames: Frames, n: int) -> NDArray[np.int32]:
-    """Bodies of the contact problem: a wall is a prescribed body, -1."""
-    return np.where(frames.pairs < n, frames.pairs, -1).astype(np.int32)
-
-
 def relative(frames: Frames, motion: FloatArray) -> FloatArray:
     """``H motion``: opening and tangential part, shape (c, 2), of velocities or displacements, shape (b, 3)."""
-    u = np.empty((len(frames), 2))
-    contact_velocities(pair_bodies(frames, len(motion)), frames.normal, frames.arms, motion, u)
+    u = np.empty((frames.size, 2))
+    contact_velocities(frames.bodies, frames.normal, frames.arms, motion, u)
     return u
 
 
 def compliances(frames: Frames, laws: LawTable, scale: float = 1.0) -> FloatArray:
     """Compliance ``(1/kn, 1/ks)/scale`` [m/N] of each contact, shape (c, 2); 0 where it is rigid or carries no shear force."""
-    out = np.empty((len(frames), 2))
+    out = np.empty((frames.size, 2))
     contact_compliances(frames.row, laws.arrays, scale, out)
     return out
 
@@ -199,14 +195,13 @@ class DynamicStep:
     def problem(self, frames: Frames, forces: FloatArray) -> ContactProblem:
         """The contact problem of the step, in velocities [m/s] and forces [N]."""
         theta, dt, laws = self._theta, self._dt, self._laws
-        bodies, offset = pair_bodies(frames, len(self._mass)), np.empty((len(frames), 2))
-        geometry = (frames.normal, frames.gap, frames.gap_before, frames.shift, frames.arms, frames.row)
+        offset = np.empty((frames.size, 2))
         kept = np.where(self._bodies.free, self._v0, 0.0)
-        dynamic_offsets(bodies, *geometry, laws.arrays, kept, self._prescribed, dt, theta, self._round_off, offset)
+        dynamic_offsets(frames, laws.arrays, kept, self._prescribed, dt, theta, self._round_off, offset)
         return ContactProblem(
             mass=self._mass,
             force=self._force,
-            bodies=bodies,
+            bodies=frames.bodies,
             normal=frames.normal,
             arms=frames.arms,
             offset=offset,
@@ -223,15 +218,11 @@ class DynamicStep:
 
     def note_impacts(self, step: int, frames: Frames, solved: Solved, blocks: FloatArray, gains: FloatArray) -> None:
         """Add to ``gains`` the energy that impacts fed, by `note_impact_work`; ``blocks`` are the Delassus blocks, shape (c, 3)."""
-        geometry = (frames.normal, frames.gap, frames.gap_before, frames.shift, frames.arms, frames.row)
-        free, n = self._bodies.free, len(self._mass)
+        free = self._bodies.free
         kept, after = np.where(free, self._v0, 0.0), np.where(free, solved.v, 0.0)
         slack, resolution = FED * self._solver.options.tolerance, self._resolution * self._theta
         motion = (kept, self._prescribed, after)
-        note_impact_work(
-            step, slack, resolution, pair_bodies(frames, n), frames.pairs, *geometry, blocks, self._laws.arrays, *motion,
-            solved.r, self._dt, gains,
-        )  # fmt: skip
+        note_impact_work(step, slack, resolution, frames, blocks, self._laws.arrays, *motion, solved.r, self._dt, gains)
 
     def _displacement(self, v: FloatArray) -> FloatArray:
         theta = self._theta
@@ -241,10 +232,8 @@ class DynamicStep:
 
 def carried_shear(frames: Frames, place: Place, solved: Solved, laws: LawTable) -> FloatArray:
     """Shear forces with which the next step begins, shape (c,) [N]: see `carry_shear`."""
-    shear, bodies = np.empty(len(frames)), pair_bodies(frames, len(solved.dx))
-    geometry = (frames.normal, frames.gap_before, frames.shift, frames.arms)
-    poses = (place.x, place.before, place.after)
-    carry_shear(frames.pairs, bodies, frames.row, *poses, *geometry, solved.dx, laws.arrays, solved.r, shear)
+    shear = np.empty(frames.size)
+    carry_shear(frames, place.x, place.before, place.after, solved.dx, laws.arrays, solved.r, shear)
     return shear
 
 
@@ -301,8 +290,8 @@ def solve_with_contacts(
         return frames_within(reach, place, finder, laws, grains)
 
     def closing(frames: Frames, dx: FloatArray) -> FloatArray:
-        bodies, out = pair_bodies(frames, len(dx)), np.empty(len(frames))
-        closing_gaps(bodies, frames.normal, frames.arms, frames.gap, frames.shift, frames.row, dilation, dx, out)
+        out = np.empty(frames.size)
+        closing_gaps(frames, dilation, dx, out)
         return out
 
     dx = step.guess()
@@ -464,7 +453,7 @@ class StaticStep:
         return ContactProblem(
             mass=np.where(free, mass, np.inf),
             force=np.where(free, self._bodies.load + mass * near, 0.0),
-            bodies=pair_bodies(frames, len(mass)),
+            bodies=frames.bodies,
             normal=frames.normal,
             arms=frames.arms,
             offset=np.column_stack([frames.gap, frames.shift]) + relative(frames, self._prescribed),

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem_kernels import (
+    Contacts,
     add_contact_force,
     contact_velocity,
     project_on_cone,
@@ -64,14 +65,10 @@ def _solve_contact(
 
 @kernel
 def sweep(
-    bodies: NDArray[np.int32],
-    normal: Floats,
-    arms: Floats,
+    contacts: Contacts,
     inverse_mass: Floats,
     offset: Floats,
-    compliance: Floats,
     shear_0: Floats,
-    mu: Floats,
     blocks: Floats,
     relaxation: float,
     coulomb: bool,
@@ -83,7 +80,7 @@ def sweep(
 
     Parameters
     ----------
-    bodies, normal, arms, inverse_mass, offset, compliance, shear_0, mu, blocks
+    contacts, inverse_mass, offset, shear_0, blocks
         As in `ContactProblem`.
     relaxation : float
         The change of a contact's force is multiplied by this and projected back on the cone.
@@ -100,6 +97,7 @@ def sweep(
     Nonsmooth Gauss-Seidel: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl. Mech. Engrg. 177
     (1999) 235-257.
     """
+    bodies, normal, arms, mu, compliance = contacts
     for _ in range(count):
         for k in range(bodies.shape[0]):
             p, q = r[k, 0], r[k, 1]
@@ -359,18 +357,16 @@ def pack_rows(
     order: Ints,
     place: Ints,
     moving: Ints,
-    normal: Floats,
-    arms: Floats,
+    contacts: Contacts,
     offset: Floats,
-    compliance: Floats,
     shear_0: Floats,
-    mu: Floats,
     blocks: Floats,
     r: Floats,
     pairs: Ints,
     rows: Floats,
 ) -> None:
     """Rows, shape (c, `ROW`), of the contacts in ``order``, and the numbers ``pairs``, shape (c, 2), of their bodies."""
+    _, normal, arms, mu, compliance = contacts
     for m in range(order.shape[0]):
         k = order[m]
         for side in range(2):

@@ -264,11 +264,10 @@ class Run:
         error_v: FloatArray,
     ) -> None:
         """Newton step to the products ``a s + target`` that mends the errors given, with the last factorisation."""
-        problem = self.problem
-        frames, laws = (problem.bodies, problem.normal, problem.arms), (problem.mu, problem.compliance)
-        kernels.load_of_target(*frames, problem.free, *laws, self._e, a, error_u, error_v, target, self._z, self._load)
+        contacts, free = self.problem.contacts, self.problem.free
+        kernels.load_of_target(contacts, free, self._e, a, error_u, error_v, target, self._z, self._load)
         out.v = self.matrix.solve(self._load)
-        kernels.changes_of_rays(*frames, *laws, self._e, a, ratio, self._z, target, out.v, out.a, out.s)
+        kernels.changes_of_rays(contacts, self._e, a, ratio, self._z, target, out.v, out.a, out.s)
 
     def _factorise(self, e: FloatArray) -> bool:
         problem = self.problem
