@@ -22,17 +22,20 @@ from ninedisk.core.cd.contact_kernels import (
     FED,
     MISSED,
     NEARBY,
+    Bodies,
     Frames,
     Laws,
+    Start,
     carry_shear,
     closing_gaps,
-    contact_compliances,
-    dynamic_offsets,
+    dynamic_terms,
     gap_round_off,
     measure_frames,
     note_impact_work,
-    surface_way,
-    wall_way,
+    start_step,
+    step_displacements,
+    surface_displacement,
+    wall_displacement,
 )
 from ninedisk.core.cd.problem_kernels import (
     DUALITY_GAP,
@@ -75,7 +78,7 @@ LOOK_AFTER = 8
 
 
 @kernel
-def march(
+def take_steps(
     last: int,
     scheme: Scheme,
     laws: Laws,
@@ -102,10 +105,14 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
     x, after, dx = state.x, scratch.after, scratch.dx
     round_off = gap_round_off(x, scheme.radius, after)
     tolerance = MISSED * round_off
-    _loads(scheme, state.v, scratch)
+    start_step(scheme.bodies, state.v, scheme.dt, scheme.theta, scratch.start)
     _fly(scheme, scratch)
-    _displacements(scheme, state.v, scratch)
-    walls, moved, turned = wall_way(x, state.wall, after), moved_since(x, near), wall_way(x, near.wall, after)
+    step_displacements(scheme.bodies, scratch.start, scratch.v, scheme.dt, scheme.theta, dx)
+    walls, moved, turned = (
+        wall_displacement(x, state.wall, after),
+        moved_since(x, near),
+        wall_displacement(x, near.wall, after),
+    )
     if not covers(2.0, NEARBY * scheme.smallest, moved, turned, walls, tolerance, scheme, state, near, dx):
         return LISTS
     if measure_frames(x, scheme.radius, state.wall, after, laws, near.frames) >= 0:
@@ -116,7 +123,7 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
             for d in range(3):
                 scratch.v[i, d] = scheme.dt * state.v[i, d]
         begin_set(tolerance, scheme, laws, state, near, dx, scratch.v)
-        rests = scheme.holds_rest and surface_way(scratch.v, scheme.radius) <= tolerance
+        rests = scheme.holds_rest and surface_displacement(scratch.v, scheme.radius) <= tolerance
     why = _solve(rests, round_off, moved, turned, walls, scheme, laws, state, near, chosen, scratch)
     if why == DONE:
         if _behind_wall(scheme, state, scratch):
@@ -133,34 +140,9 @@ def _behind_wall(scheme: Scheme, state: State, scratch: Scratch) -> bool:
         px, py, nx, ny = after[w, 0], after[w, 1], after[w, 2], after[w, 3]
         for i in range(x.shape[0]):
             height = (x[i, 0] + dx[i, 0] - px) * nx + (x[i, 1] + dx[i, 1] - py) * ny
-            if height <= 0.0 and (scheme.free[i, 0] or scheme.free[i, 1]):
+            if height <= 0.0 and (scheme.bodies.free[i, 0] or scheme.bodies.free[i, 1]):
                 return True
     return False
-
-
-@inline_kernel
-def _loads(scheme: Scheme, v: Floats, scratch: Scratch) -> None:
-    """Right-hand side of the momentum balance, and the velocities at the start split into free and prescribed ones."""
-    rate = 1.0 / scheme.dt - (1.0 - scheme.theta) * scheme.xi
-    for i in range(v.shape[0]):
-        for d in range(3):
-            if scheme.free[i, d]:
-                scratch.force[i, d] = scheme.load[i, d] + scheme.mass[i, d] * v[i, d] * rate
-                scratch.kept[i, d], scratch.prescribed[i, d] = v[i, d], 0.0
-            else:
-                scratch.force[i, d] = scratch.kept[i, d] = 0.0
-                scratch.prescribed[i, d] = v[i, d]
-
-
-@inline_kernel
-def _displacements(scheme: Scheme, v: Floats, scratch: Scratch) -> None:
-    """``dx`` of the velocities ``scratch.v`` at the end of the step."""
-    for i in range(v.shape[0]):
-        for d in range(3):
-            rate = scratch.prescribed[i, d]
-            if scheme.free[i, d]:
-                rate = scheme.theta * scratch.v[i, d] + (1.0 - scheme.theta) * v[i, d]
-            scratch.dx[i, d] = scheme.dt * rate
 
 
 @inline_kernel
@@ -169,8 +151,7 @@ def _pose(c: int, round_off: float, scheme: Scheme, laws: Laws, chosen: Chosen, 
     frames, contacts = first_frames(chosen.frames, c), first_contacts(chosen.contacts, c)
     bodies, normal, arms, mu, compliance = contacts
     offset, blocks, b = chosen.offset[:c], chosen.blocks[:c], chosen.b[:c]
-    contact_compliances(frames.row, laws, scheme.theta * scheme.dt, compliance)
-    dynamic_offsets(frames, laws, scratch.kept, scratch.prescribed, scheme.dt, scheme.theta, round_off, offset)
+    dynamic_terms(frames, laws, scratch.start, scheme.dt, scheme.theta, round_off, offset, compliance)
     delassus_blocks(bodies, normal, arms, scheme.inverse_mass, compliance, blocks)
     for k in range(c):
         if not blocks[k, 0] > 0.0:
@@ -189,7 +170,7 @@ def _fly(scheme: Scheme, scratch: Scratch) -> None:
     """Velocities at the end of the step without contact forces."""
     for i in range(scratch.v.shape[0]):
         for d in range(3):
-            scratch.v[i, d] = scheme.inverse_mass[i, d] * scratch.force[i, d]
+            scratch.v[i, d] = scheme.inverse_mass[i, d] * scratch.start.force[i, d]
 
 
 @inline_kernel
@@ -220,7 +201,7 @@ def _solve(
     while True:
         done = counts[SWEEPS]
         contacts = first_contacts(chosen.contacts, c)
-        body_velocities(contacts.bodies, contacts.normal, contacts.arms, scheme.inverse_mass, scratch.force, r, v)
+        body_velocities(contacts.bodies, contacts.normal, contacts.arms, scheme.inverse_mass, scratch.start.force, r, v)
         sum_residuals(contacts, chosen.offset, chosen.shear_0, chosen.rho, chosen.b, v, r, scheme.coulomb, sums)
         sum_kinetic(scheme.inverse_mass, v, v, sums)
         figures_of(sums, c, resolution, figures)
@@ -229,7 +210,7 @@ def _solve(
             return ALONE
         if finished or done - looked >= LOOK_AFTER:
             looked = done
-            _displacements(scheme, state.v, scratch)
+            step_displacements(scheme.bodies, scratch.start, v, scheme.dt, scheme.theta, scratch.dx)
             if covers(1.0, 0.0, moved, turned, walls, tolerance, scheme, state, near, scratch.dx):
                 keep_forces(near, chosen)
                 missed = grow_set(tolerance, finished, scheme, laws, near, scratch.dx)
@@ -282,7 +263,7 @@ def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: 
         slack, resolution = FED * scheme.tolerance, round_off / scheme.dt
         note_impact_work(
             counts[STEP] + 1, slack, resolution, frames, chosen.blocks, laws,
-            scratch.kept, scratch.prescribed, scratch.v, chosen.r, scheme.dt, state.gains,
+            scratch.start, scratch.v, chosen.r, scheme.dt, state.gains,
         )  # fmt: skip
     carry_shear(frames, state.x, state.wall, scratch.after, scratch.dx, laws, chosen.r, state.shear)
     for k in range(c):
@@ -296,7 +277,7 @@ def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: 
     for i in range(state.x.shape[0]):
         for d in range(3):
             state.x[i, d] += scratch.dx[i, d]
-            state.v[i, d] = scratch.v[i, d] + scratch.prescribed[i, d]
+            state.v[i, d] = scratch.v[i, d] + scratch.start.prescribed[i, d]
     for w in range(state.wall.shape[0]):
         for d in range(state.wall.shape[1]):
             state.wall[w, d] = scratch.after[w, d]
@@ -317,8 +298,7 @@ disks and for those with walls [m]."""
 
 
 class Scheme(NamedTuple):
-    """Constants of a run; arrays of shape (n, 3) as in `ninedisk.core.cd.step.Bodies`. ``holds_rest``: where all bodies rest, the solver
-    asks for equilibrium first."""
+    """Constants of a run. ``holds_rest``: where all bodies rest, the solver asks for equilibrium first."""
 
     dt: float
     theta: float
@@ -331,11 +311,8 @@ class Scheme(NamedTuple):
     newton: bool
     holds_rest: bool
     smallest: float
-    xi: float
     radius: Floats
-    mass: Floats
-    free: NDArray[np.bool_]
-    load: Floats
+    bodies: Bodies
     inverse_mass: Floats
     dilation: Floats
 
@@ -408,9 +385,7 @@ class Scratch(NamedTuple):
     """Work arrays of a step, shape (n, 3) but for ``after`` (m, 11), ``sums`` and ``figures``."""
 
     after: Floats
-    force: Floats
-    kept: Floats
-    prescribed: Floats
+    start: Start
     v: Floats
     dx: Floats
     sums: Floats
@@ -446,9 +421,9 @@ def covers(
     factor = 1.0
     for k in range(scheme.dilation.shape[0]):
         factor = max(factor, 1.0 + scheme.dilation[k])
-    way = surface_way(dx, scheme.radius)
-    for_disks = max(times * (factor * 2.0 * way + 2.0 * tolerance), least)
-    for_walls = max(times * (factor * (way + walls) + 2.0 * tolerance), least)
+    moves = surface_displacement(dx, scheme.radius)
+    for_disks = max(times * (factor * 2.0 * moves + 2.0 * tolerance), least)
+    for_walls = max(times * (factor * (moves + walls) + 2.0 * tolerance), least)
     state.totals[REACH], state.totals[WALL_REACH] = for_disks, for_walls
     return bool(for_disks <= near.reach[0] - 2.0 * moved and for_walls <= near.reach[1] - moved - turned)
 

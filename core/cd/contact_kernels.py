@@ -48,6 +48,43 @@ class Laws(NamedTuple):
     slip_middle: NDArray[np.bool_]
 
 
+class Bodies(NamedTuple):
+    """What does not change from step to step; b disks.
+
+    Attributes
+    ----------
+    mass : ndarray, shape (b, 3)
+        Mass [kg], mass [kg], moment of inertia [kg m^2].
+    free : ndarray of bool, shape (b, 3)
+        False for unknowns whose motion is prescribed.
+    load : ndarray, shape (b, 3)
+        External force [N], force [N], torque [N m].
+    xi : float
+        Global damping [1/s].
+    """
+
+    mass: Floats
+    free: NDArray[np.bool_]
+    load: Floats
+    xi: float
+
+
+class Start(NamedTuple):
+    """What a dynamic step of b disks starts with; all of shape (b, 3).
+
+    Attributes
+    ----------
+    force : ndarray
+        Right-hand side of the momentum balance [N], [N], [N m]; 0 for unknowns that are not free.
+    kept, prescribed : ndarray
+        Velocities of the unknowns that are free and of those that are not, 0 elsewhere [m/s], [m/s], [rad/s].
+    """
+
+    force: Floats
+    kept: Floats
+    prescribed: Floats
+
+
 class Frames(NamedTuple):
     """Contacts of c pairs: disks where they are at the start of the step, walls where they are at its end.
 
@@ -153,7 +190,7 @@ def material_shift(px: float, py: float, w: int, before: Floats, after: Floats) 
 
 
 @kernel
-def wall_way(x: Floats, before: Floats, after: Floats) -> float:
+def wall_displacement(x: Floats, before: Floats, after: Floats) -> float:
     """Bound on the displacement of a wall's surface near the disks between two poses [m]."""
     turns = False
     for w in range(after.shape[0]):
@@ -165,15 +202,15 @@ def wall_way(x: Floats, before: Floats, after: Floats) -> float:
             low, high = min(low, x[i, 1]), max(high, x[i, 1])
     largest = 0.0
     for w in range(after.shape[0]):
-        way = hypot(after[w, 0] - before[w, 0], after[w, 1] - before[w, 1])
+        moved = hypot(after[w, 0] - before[w, 0], after[w, 1] - before[w, 1])
         turned = hypot(after[w, 2] - before[w, 2], after[w, 3] - before[w, 3])
         if turned > 0.0:
             # No disk is farther from the wall's point than the far corner of the box around all of them.
             px, py = after[w, 0], after[w, 1]
             far = hypot(max(right - px, px - left), max(high - py, py - low))
             # The chord of the normal's turn times pi/2 bounds the angle.
-            way += 0.5 * pi * turned * far
-        largest = max(largest, way)
+            moved += 0.5 * pi * turned * far
+        largest = max(largest, moved)
     return largest
 
 
@@ -189,7 +226,7 @@ def gap_round_off(x: Floats, radius: Floats, after: Floats) -> float:
 
 
 @kernel
-def surface_way(dx: Floats, radius: Floats) -> float:
+def surface_displacement(dx: Floats, radius: Floats) -> float:
     """Largest displacement of a point of a disk's outline [m], under displacements of shape (n, 3)."""
     largest = 0.0
     for i in range(dx.shape[0]):
@@ -218,6 +255,31 @@ def contact_compliances(row: NDArray[np.int64], laws: Laws, scale: float, out: F
                 out[k, 1] = 1.0 / laws.ks[row[k]] / scale
 
 
+@kernel
+def start_step(bodies: Bodies, v: Floats, dt: float, theta: float, start: Start) -> None:
+    """Fill ``start`` from the velocities ``v``, shape (b, 3), at the start of the step."""
+    rate = 1.0 / dt - (1.0 - theta) * bodies.xi
+    for i in range(v.shape[0]):
+        for d in range(3):
+            if bodies.free[i, d]:
+                start.force[i, d] = bodies.load[i, d] + bodies.mass[i, d] * v[i, d] * rate
+                start.kept[i, d], start.prescribed[i, d] = v[i, d], 0.0
+            else:
+                start.force[i, d] = start.kept[i, d] = 0.0
+                start.prescribed[i, d] = v[i, d]
+
+
+@kernel
+def step_displacements(bodies: Bodies, start: Start, v: Floats, dt: float, theta: float, dx: Floats) -> None:
+    """``dx``, shape (b, 3) [m], [m], [rad], of the velocities ``v`` at the end of the step."""
+    for i in range(v.shape[0]):
+        for d in range(3):
+            rate = start.prescribed[i, d]
+            if bodies.free[i, d]:
+                rate = theta * v[i, d] + (1.0 - theta) * start.kept[i, d]
+            dx[i, d] = dt * rate
+
+
 @inline_kernel
 def newton_offset(e: float, before: float) -> float:
     """What the opening velocity at the end of a step is increased by under Newton's law, ``before`` the one at its start [m/s].
@@ -230,30 +292,30 @@ def newton_offset(e: float, before: float) -> float:
 
 
 @kernel
-def dynamic_offsets(
+def dynamic_terms(
     frames: Frames,
     laws: Laws,
-    kept: Floats,
-    prescribed: Floats,
+    start: Start,
     dt: float,
     theta: float,
     round_off: float,
     offset: Floats,
+    compliance: Floats,
 ) -> None:
-    """Offsets ``g`` of `ninedisk.core.cd.step.DynamicStep`, shape (c, 2).
+    """Offsets ``g`` and compliances of the problem of `ninedisk.core.cd.step.DynamicStep`, shape (c, 2) each.
 
     A gap of rigid bodies within `MISSED` times the rounding of gaps is none: bodies at rest have more contacts than freedom, gaps that
     are round-off contradict each other, and divided by a small step they would be velocities that no force at rest allows.
 
-    ``kept`` and ``prescribed``, shape (n, 3), are the velocities at the start of the step of the unknowns that are free and of
-    those that are not, 0 elsewhere. Under Newton's law (restitution not NaN) walls count by their displacement over the step,
+    Under Newton's law (restitution not NaN) walls count by their displacement over the step,
     held disks by their speed.
     """
+    contact_compliances(frames.row, laws, theta * dt, compliance)
     bodies, row, normal, arms = frames.bodies, frames.row, frames.normal, frames.arms
     gap, gap_before, shift = frames.gap, frames.gap_before, frames.shift
     for k in range(bodies.shape[0]):
-        held_n, held_t = contact_velocity(k, bodies, normal, arms, prescribed)
-        kept_n, kept_t = contact_velocity(k, bodies, normal, arms, kept)
+        held_n, held_t = contact_velocity(k, bodies, normal, arms, start.prescribed)
+        kept_n, kept_t = contact_velocity(k, bodies, normal, arms, start.kept)
         e = laws.restitution[row[k]]
         if np.isnan(e):
             touching = not laws.elastic[row[k]] and abs(gap[k]) <= MISSED * round_off
@@ -274,8 +336,7 @@ def note_impact_work(
     frames: Frames,
     blocks: Floats,
     laws: Laws,
-    kept: Floats,
-    prescribed: Floats,
+    start: Start,
     v: Floats,
     r: Floats,
     dt: float,
@@ -287,8 +348,7 @@ def note_impact_work(
     step (walls apart, whose work is counted as theirs). It counts if it exceeds ``slack`` times what the impulses exchange, for the
     solver's tolerance, and what contact velocities of the size ``resolution`` [m/s] make of it.
 
-    ``kept`` and ``prescribed`` are those of `dynamic_offsets`, ``v`` the velocities at the end of the step, 0 where prescribed, and
-    ``blocks`` the Delassus blocks.
+    ``v`` are the velocities at the end of the step, 0 where prescribed, and ``blocks`` the Delassus blocks.
     """
     bodies, pairs, row = frames.bodies, frames.pairs, frames.row
     normal, arms = frames.normal, frames.arms
@@ -298,8 +358,8 @@ def note_impact_work(
         p, q = r[k, 0], r[k, 1]
         if np.isnan(laws.restitution[row[k]]) or (p == 0.0 and q == 0.0):
             continue
-        held_n, held_t = contact_velocity(k, bodies, normal, arms, prescribed)
-        n_0, t_0 = contact_velocity(k, bodies, normal, arms, kept)
+        held_n, held_t = contact_velocity(k, bodies, normal, arms, start.prescribed)
+        n_0, t_0 = contact_velocity(k, bodies, normal, arms, start.kept)
         n_1, t_1 = contact_velocity(k, bodies, normal, arms, v)
         wall_n, wall_t = (gap[k] - gap_before[k]) / dt + held_n, shift[k] / dt + held_t
         work = 0.5 * dt * (p * (2.0 * wall_n + n_0 + n_1) + q * (2.0 * wall_t + t_0 + t_1))

@@ -16,7 +16,7 @@ from ninedisk.core.cd.contact_kernels import (
     gaps_before,
     mark_covered,
     measure_frames,
-    wall_way,
+    wall_displacement,
 )
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.errors import NonFiniteStateError
@@ -225,7 +225,7 @@ class GrainFrames:
 
     def _look_back(self, place: Place, at_walls: IntArray, reach: float, frames: Frames) -> None:
         """Mend ``gap_before``, and the arms that depend on it, at walls that turn in the step: outlines touched them elsewhere."""
-        material, reach = frames.gap_before.copy(), reach + place.wall_way()
+        material, reach = frames.gap_before.copy(), reach + place.wall_displacement()
         of, rows = self._features.of_walls(place.x, place.angle, at_walls, place.before, reach, deep=True)
         keys, near_keys = (pairs[:, 0] * self._bodies + pairs[:, 1] for pairs in (frames.pairs, at_walls[of]))
         ring = self._ring[frames.pairs[:, 0]]
@@ -268,9 +268,9 @@ class Place:
         """Error of a gap [m] that the rounding of coordinates explains."""
         return gap_round_off(self.x, self.radius, self.after)
 
-    def wall_way(self) -> float:
+    def wall_displacement(self) -> float:
         """Bound on the displacement of a wall's surface over the step near the disks [m]."""
-        return wall_way(self.x, self.before, self.after)
+        return wall_displacement(self.x, self.before, self.after)
 
 
 class ContactMemory:

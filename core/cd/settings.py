@@ -28,14 +28,14 @@ class CdSettings:
     contacts : {"auto", "rigid", "elastic"}
     save_failed : str
         File for the problem of a failing step; empty: none.
-    told : mapping from str to value
+    options : mapping from str to value
         All options by their full names.
     """
 
     solver_options: SolverOptions
     contacts: Stiffness
     save_failed: str
-    told: Mapping[str, Any]
+    options: Mapping[str, Any]
 
 
 def read_settings(numerics: Numerics) -> CdSettings:
@@ -46,11 +46,11 @@ def read_settings(numerics: Numerics) -> CdSettings:
     InvalidNumericsError
         Naming the unknown option or the value that is not allowed.
     """
-    told = read_options("cd", OPTIONS, numerics)
+    given = read_options("cd", OPTIONS, numerics)
     options = SolverOptions(
-        **{name: told[f"cd.{name}"] for name in ("tolerance", "max_iterations", "time_limit", "relaxation", "threads")}
+        **{name: given[f"cd.{name}"] for name in ("tolerance", "max_iterations", "time_limit", "relaxation", "threads")}
     )
-    return CdSettings(options, cast(Stiffness, told["cd.contacts"]), told["cd.save_failed"], told)
+    return CdSettings(options, cast(Stiffness, given["cd.contacts"]), given["cd.save_failed"], given)
 
 
 Stiffness = Literal["auto", "rigid", "elastic"]

@@ -1,10 +1,6 @@
-"""One step of the theta scheme as a contact problem.
+"""One step: its contact problem under the theta scheme and in the static limit, and the search for the contacts that it needs.
 
-Which contacts a step needs: found so that none that can close is missed.
-
-Contact forces at time 0.
-
-Equilibrium under prescribed motions: the static limit of a step.
+`ninedisk.core.cd.batch` takes many dynamic steps at once, by the same kernels.
 """
 
 from __future__ import annotations
@@ -19,13 +15,17 @@ from ninedisk.core.cd.contact_kernels import (
     FED,
     MISSED,
     NEARBY,
+    Bodies,
     Frames,
+    Start,
     carry_shear,
     closing_gaps,
     contact_compliances,
-    dynamic_offsets,
+    dynamic_terms,
     note_impact_work,
-    surface_way,
+    start_step,
+    step_displacements,
+    surface_displacement,
 )
 from ninedisk.core.cd.contacts import ContactMemory, Place, contact_frames
 from ninedisk.core.cd.laws import LawTable
@@ -40,27 +40,6 @@ from ninedisk.core.scene import Scene
 if TYPE_CHECKING:
     from ninedisk.core.cd.contacts import GrainFrames
 FloatArray = NDArray[np.float64]
-
-
-class Bodies(NamedTuple):
-    """What does not change from step to step; b disks.
-
-    Attributes
-    ----------
-    mass : ndarray, shape (b, 3)
-        Mass [kg], mass [kg], moment of inertia [kg m^2].
-    free : ndarray of bool, shape (b, 3)
-        False for unknowns whose motion is prescribed.
-    load : ndarray, shape (b, 3)
-        External force [N], force [N], torque [N m].
-    xi : float
-        Global damping [1/s].
-    """
-
-    mass: FloatArray
-    free: NDArray[np.bool_]
-    load: FloatArray
-    xi: float
 
 
 class Solved(NamedTuple):
@@ -98,13 +77,6 @@ def relative(frames: Frames, motion: FloatArray) -> FloatArray:
     u = np.empty((frames.size, 2))
     contact_velocities(frames.bodies, frames.normal, frames.arms, motion, u)
     return u
-
-
-def compliances(frames: Frames, laws: LawTable, scale: float = 1.0) -> FloatArray:
-    """Compliance ``(1/kn, 1/ks)/scale`` [m/N] of each contact, shape (c, 2); 0 where it is rigid or carries no shear force."""
-    out = np.empty((frames.size, 2))
-    contact_compliances(frames.row, laws.arrays, scale, out)
-    return out
 
 
 def dynamic_mass(bodies: Bodies, dt: float, theta: float) -> FloatArray:
@@ -181,32 +153,31 @@ class DynamicStep:
         at_rest: bool = False,
     ) -> None:
         self._bodies, self._laws, self._solver, self._at_rest = bodies, laws, solver, at_rest
-        self._v0, self._dt, self._theta = v0, dt, theta
+        self._dt, self._theta = dt, theta
         self._round_off, self._resolution = round_off, round_off / (theta * dt)
         self._mass = dynamic_mass(bodies, dt, theta)
-        kept = bodies.mass * v0 * (1.0 / dt - (1.0 - theta) * bodies.xi)
-        self._force = np.where(bodies.free, bodies.load + kept, 0.0)
-        self._prescribed = np.where(bodies.free, 0.0, v0)
+        self._start = Start(np.empty_like(v0), np.empty_like(v0), np.empty_like(v0))
+        start_step(bodies, v0, dt, theta, self._start)
 
     def guess(self) -> FloatArray:
         """Displacements of the free flight."""
-        return self._displacement(self._force / self._mass)
+        return self._displacement(self._start.force / self._mass)
 
     def problem(self, frames: Frames, forces: FloatArray) -> ContactProblem:
         """The contact problem of the step, in velocities [m/s] and forces [N]."""
-        theta, dt, laws = self._theta, self._dt, self._laws
-        offset = np.empty((frames.size, 2))
-        kept = np.where(self._bodies.free, self._v0, 0.0)
-        dynamic_offsets(frames, laws.arrays, kept, self._prescribed, dt, theta, self._round_off, offset)
+        offset, compliance = np.empty((frames.size, 2)), np.empty((frames.size, 2))
+        dynamic_terms(
+            frames, self._laws.arrays, self._start, self._dt, self._theta, self._round_off, offset, compliance
+        )
         return ContactProblem(
             mass=self._mass,
-            force=self._force,
+            force=self._start.force,
             bodies=frames.bodies,
             normal=frames.normal,
             arms=frames.arms,
             offset=offset,
-            mu=laws.mu[frames.row],
-            compliance=compliances(frames, laws, theta * dt),
+            mu=self._laws.mu[frames.row],
+            compliance=compliance,
             shear_0=forces[:, 1],
             resolution=self._resolution,
         )
@@ -214,20 +185,20 @@ class DynamicStep:
     def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
         """Solve the step with these contacts; raises as `ContactSolver.solve`."""
         result = self._solver.solve(self.problem(frames, forces), start, at_rest=self._at_rest)
-        return Solved(self._displacement(result.v), result.v + self._prescribed, result.r, result)
+        return Solved(self._displacement(result.v), result.v + self._start.prescribed, result.r, result)
 
     def note_impacts(self, step: int, frames: Frames, solved: Solved, blocks: FloatArray, gains: FloatArray) -> None:
         """Add to ``gains`` the energy that impacts fed, by `note_impact_work`; ``blocks`` are the Delassus blocks, shape (c, 3)."""
-        free = self._bodies.free
-        kept, after = np.where(free, self._v0, 0.0), np.where(free, solved.v, 0.0)
+        v = np.where(self._bodies.free, solved.v, 0.0)
         slack, resolution = FED * self._solver.options.tolerance, self._resolution * self._theta
-        motion = (kept, self._prescribed, after)
-        note_impact_work(step, slack, resolution, frames, blocks, self._laws.arrays, *motion, solved.r, self._dt, gains)
+        note_impact_work(
+            step, slack, resolution, frames, blocks, self._laws.arrays, self._start, v, solved.r, self._dt, gains
+        )
 
     def _displacement(self, v: FloatArray) -> FloatArray:
-        theta = self._theta
-        free = theta * v + (1.0 - theta) * self._v0
-        return self._dt * np.where(self._bodies.free, free, self._prescribed)
+        dx = np.empty_like(v)
+        step_displacements(self._bodies, self._start, v, self._dt, self._theta, dx)
+        return dx
 
 
 def carried_shear(frames: Frames, place: Place, solved: Solved, laws: LawTable) -> FloatArray:
@@ -281,10 +252,10 @@ def solve_with_contacts(
     tolerance = MISSED * place.round_off()
     dilation = laws.mu if sliding == "associated" else np.zeros_like(laws.mu)
     factor = 1.0 + float(dilation.max())
-    walls = place.wall_way()
+    walls = place.wall_displacement()
 
     def reach_of(dx: FloatArray) -> float:
-        return factor * (2.0 * surface_way(dx, place.radius) + walls) + max(margin, 2.0 * tolerance)
+        return factor * (2.0 * surface_displacement(dx, place.radius) + walls) + max(margin, 2.0 * tolerance)
 
     def near(reach: float) -> Frames:
         return frames_within(reach, place, finder, laws, grains)
@@ -449,7 +420,8 @@ class StaticStep:
 
     def problem(self, frames: Frames, forces: FloatArray, mass: FloatArray, near: FloatArray) -> ContactProblem:
         """Proximal problem around the displacements ``near``, in displacements [m] and forces [N]."""
-        free = self._bodies.free
+        free, compliance = self._bodies.free, np.empty((frames.size, 2))
+        contact_compliances(frames.row, self._laws.arrays, 1.0, compliance)
         return ContactProblem(
             mass=np.where(free, mass, np.inf),
             force=np.where(free, self._bodies.load + mass * near, 0.0),
@@ -458,7 +430,7 @@ class StaticStep:
             arms=frames.arms,
             offset=np.column_stack([frames.gap, frames.shift]) + relative(frames, self._prescribed),
             mu=self._laws.mu[frames.row],
-            compliance=compliances(frames, self._laws),
+            compliance=compliance,
             shear_0=forces[:, 1],
             resolution=self._round_off,
         )

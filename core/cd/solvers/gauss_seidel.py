@@ -199,14 +199,14 @@ class Stripes:
         kernels.pack_rows(self.order, place, moving, problem.contacts, *load, r, self.pairs, self._rows)
         self._inverse_mass, self._v = np.empty((b, 3)), np.empty((b, 3))
         kernels.gather_bodies(self._queue, problem.inverse_mass, self._inverse_mass)
-        self._crew = min(threads, count)
-        self._flags = np.zeros(self._crew * PAD, dtype=np.int64)
+        self._threads = min(threads, count)
+        self._flags = np.zeros(self._threads * PAD, dtype=np.int64)
 
     def sweep(self, count: int, relaxation: float, coulomb: bool, v: FloatArray, r: FloatArray) -> None:
         """``count`` sweeps from the velocities ``v``, shape (b, 3), of the forces that it left; these into ``r``, shape (c, 2)."""
         kernels.gather_bodies(self._queue, v, self._v)
         shared = (self._flags, self.bounds, self.pairs, self._inverse_mass, relaxation, coulomb, count)
-        together(sweep_stripes, self._crew, (*shared, self._v, self._rows))
+        together(sweep_stripes, self._threads, (*shared, self._v, self._rows))
         kernels.unpack_forces(self.order, self._rows, r)
 
 

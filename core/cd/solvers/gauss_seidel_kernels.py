@@ -115,8 +115,8 @@ def sweep(
 
 @kernel
 def sweep_stripes(
-    me: int,
-    crew: int,
+    thread: int,
+    threads: int,
     flags: NDArray[np.int64],
     bounds: Ints,
     pairs: Ints,
@@ -127,7 +127,7 @@ def sweep_stripes(
     v: Floats,
     rows: Floats,
 ) -> int:
-    """The share of thread ``me`` of ``crew`` in ``count`` sweeps over stripes of contacts: first all even ones, then all odd ones.
+    """The share of a thread in ``count`` sweeps over stripes of contacts: first all even ones, then all odd ones.
 
     Stripes of one parity have no body in common, so the result is that of one thread.
 
@@ -136,21 +136,21 @@ def sweep_stripes(
     flags : ndarray of int64
         Of `wait_for_all`.
     bounds, pairs, rows
-        Of `stripe_kernels`; the forces in the rows are updated in place.
+        Of `cut_stripes` and `pack_rows`; the forces in the rows are updated in place.
     inverse_mass, v : ndarray, shape (b, 3)
         As in `sweep`, by the bodies' numbers.
     relaxation, coulomb, count
         As in `sweep`.
     """
     stripes = bounds.shape[0] - 1
-    low, high = stripes * me // crew, stripes * (me + 1) // crew
-    wait_for_all(flags, me, crew)
+    low, high = stripes * thread // threads, stripes * (thread + 1) // threads
+    wait_for_all(flags, thread, threads)
     for _ in range(count):
         for parity in range(2):
             for s in range(low + (low + parity) % 2, high, 2):
                 for m in range(bounds[s], bounds[s + 1]):
                     _sweep_row(m, pairs, inverse_mass, relaxation, coulomb, v, rows)
-            wait_for_all(flags, me, crew)
+            wait_for_all(flags, thread, threads)
     return 0
 
 

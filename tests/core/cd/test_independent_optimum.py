@@ -35,6 +35,7 @@ from ninedisk.core.cd.problem import ContactProblem, measure
 from ninedisk.core.cd.settings import SolverOptions, SolverResult
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.errors import SolverNotConvergedError
+from ninedisk.harness.bench.cd_solvers import program
 
 FloatArray = NDArray[np.float64]
 
@@ -59,27 +60,9 @@ def clarabel_optimum(problem: ContactProblem) -> Optimum:
     The settings are those with which it solves all of the problems: its default regularisation of 1e-8 of the KKT matrix
     costs it the last digits, and with them some of the problems.
     """
-    c = problem.n_contacts
-    free = np.flatnonzero(problem.free.ravel())
-    rough = np.flatnonzero(problem.mu > 0.0)
-    k, sign = np.append(np.arange(c), rough), np.append(np.ones(c), -np.ones(len(rough)))
-    scale = np.sqrt(problem.rho[k])
-    rays = sp.csc_array(
-        (
-            np.concatenate([scale, scale * sign * problem.mu[k]]),
-            (np.concatenate([2 * k, 2 * k + 1]), np.tile(np.arange(len(k)), 2)),
-        ),
-        shape=(2 * c, len(k)),
-    )
-    motion = 1.0 / np.sqrt(problem.mass.ravel()[free])
-    pull = sp.diags_array(motion) @ problem.jacobian()[:, free].T @ rays
-    offset = problem.offset - problem.compliance * np.column_stack([np.zeros(c), problem.shear_0])
-    load, room = motion * problem.force.ravel()[free], rays.T @ offset.ravel()
-    n, m = len(free), len(k)
-    soft = rays.T @ sp.diags_array(problem.compliance.ravel()) @ rays
-    quadratic = sp.block_diag([sp.eye_array(n), soft])
-    constraint = sp.block_array([[sp.eye_array(n), -pull], [None, -sp.eye_array(m)]])
-    size = float(max(np.linalg.norm(load), np.linalg.norm(np.minimum(room, 0.0)), 1e-300))
+    stated = program(problem)
+    n, m = stated.n, len(stated.linear) - stated.n
+    constraint = sp.vstack([stated.equality, sp.hstack([sp.csc_array((m, n)), -sp.eye_array(m)])])
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-13
@@ -87,18 +70,16 @@ def clarabel_optimum(problem: ContactProblem) -> Optimum:
     settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = 1e-15
     settings.iterative_refinement_max_iter = 50
     solution = clarabel.DefaultSolver(
-        sp.csc_matrix(sp.triu(quadratic)),
-        np.append(np.zeros(n), room) / size,
+        sp.csc_matrix(sp.triu(stated.quadratic)),
+        stated.linear,
         sp.csc_matrix(constraint),
-        np.append(load, np.zeros(m)) / size,
+        np.append(stated.right, np.zeros(m)),
         [clarabel.ZeroConeT(n), clarabel.NonnegativeConeT(m)],
         settings,
     ).solve()
     assert str(solution.status) == "Solved"
-    x = size * np.array(solution.x)
-    v = np.zeros(problem.mass.size)
-    v[free] = motion * x[:n]
-    return Optimum(v.reshape(-1, 3), (rays @ np.maximum(x[n:], 0.0)).reshape(c, 2))
+    x = np.array(solution.x)
+    return Optimum(stated.velocities(x), stated.forces(x))
 
 
 @cache

@@ -229,7 +229,7 @@ def test_options_act_as_numbers_of_any_kind() -> None:
         2,
         0.5,
     )
-    assert told.told["cd.contacts"] == "auto"
+    assert told.options["cd.contacts"] == "auto"
 
 
 def test_a_file_that_cannot_be_written_does_not_hide_the_failure(tmp_path: Path) -> None:

@@ -169,7 +169,7 @@ def test_a_run_has_the_same_bits_with_threads(monkeypatch: pytest.MonkeyPatch) -
         gravity=(1.0, -10.0),
     )
     numerics = Numerics(dt=2e-3, n_steps=20, solver="gauss-seidel", regime="dynamic", options={"cd.tolerance": 1e-6})
-    monkeypatch.setattr(CdSession, "_march_if_dynamic", lambda _: None)  # steps taken together are swept by one thread
+    monkeypatch.setattr(CdSession, "_batches_if_dynamic", lambda _: None)  # batches of steps are swept by one thread
     histories = [simulate(scene, numerics, method="cd", threads=threads) for threads in (1, 3)]
     assert np.array_equal(histories[0].x, histories[1].x)
     assert np.array_equal(histories[0].v, histories[1].v)
