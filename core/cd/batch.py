@@ -23,13 +23,14 @@ from ninedisk.core.cd.batch_kernels import (
     Scheme,
     Scratch,
     State,
-    march,
+    take_steps,
 )
-from ninedisk.core.cd.contacts import ContactMemory
+from ninedisk.core.cd.contact_kernels import Bodies, Start
+from ninedisk.core.cd.contacts import ContactMemory, empty_frames
 from ninedisk.core.cd.laws import LawTable
-from ninedisk.core.cd.problem_kernels import SUMS
+from ninedisk.core.cd.problem_kernels import SUMS, Contacts
 from ninedisk.core.cd.solvers.solver import LOOSE, ContactSolver
-from ninedisk.core.cd.step import Bodies, dynamic_mass
+from ninedisk.core.cd.step import dynamic_mass
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.motion_kernels import WallMotion
 
@@ -46,8 +47,8 @@ LONGEST_REST = 64
 """Steps taken singly, at most, before the next attempt after several in a row that found a step out of the ordinary."""
 
 
-class March:
-    """Takes steps together in one kernel and gives back those that need more.
+class StepBatches:
+    """Takes many dynamic steps in one call of a kernel and gives back those that need more.
 
     Parameters
     ----------
@@ -100,16 +101,14 @@ class March:
             newton=laws.newton,
             holds_rest=solver.holds_rest,
             smallest=float(radius.min()),
-            xi=float(bodies.xi),
             radius=radius,
-            mass=bodies.mass,
-            free=bodies.free,
-            load=bodies.load,
+            bodies=bodies,
             inverse_mass=1.0 / dynamic_mass(bodies, dt, theta),
             dilation=laws.mu if solver.sliding == "associated" else np.zeros_like(laws.mu),
         )
-        force, kept, prescribed, end, dx = (np.empty((n, 3)) for _ in range(5))
-        self._scratch = Scratch(np.empty((m, 11)), force, kept, prescribed, end, dx, np.empty(SUMS), np.empty(6))
+        force, kept, prescribed, v, dx = (np.empty((n, 3)) for _ in range(5))
+        start = Start(force, kept, prescribed)
+        self._scratch = Scratch(np.empty((m, 11)), start, v, dx, np.empty(SUMS), np.empty(6))
         self._counts, self._totals = np.zeros(6, dtype=np.int64), np.zeros(5)
         self._pairs, self._forces, self._shear = np.empty((0, 2), dtype=np.int64), np.empty((0, 2)), np.empty(0)
         self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), np.full(2, -np.inf))
@@ -150,10 +149,10 @@ class March:
         totals[WORK], totals[WORST_MAP], totals[WORST_GAP] = 0.0, *self.worst
         listed_at = -1
         while True:
-            target = min(last, done + max(1, PAIR_STEPS // (len(self._near.pairs) + 1)))
+            target = min(last, done + max(1, PAIR_STEPS // (len(self._near.frames.pairs) + 1)))
             state = State(x, v, wall, self._pairs, self._forces, self._shear, counts, totals, self._gains)
             laws, motion = self._laws.arrays, self._motion
-            why = march(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
+            why = take_steps(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
             if why == MORE:
                 continue
             if why != LISTS or counts[STEP] == listed_at:
@@ -164,7 +163,7 @@ class March:
         if reached == done:
             if counts[SWEEPS]:
                 near = self._near
-                inside = near.pairs[near.inside]
+                inside = near.frames.pairs[near.inside]
                 self.start = memory.renewed(inside, near.force[near.inside], np.zeros(inside.shape))
             self._resting, self._rest = self._rest - 1, min(2 * self._rest, LONGEST_REST)
             return done, memory, 0.0
@@ -192,33 +191,26 @@ class March:
 
     def _take_list(self, pairs: NDArray[np.int64], x: FloatArray, wall: FloatArray, reach: FloatArray) -> None:
         c = len(pairs)
-
         self._near = Near(
             x=x.copy(),
             wall=wall.copy(),
             reach=reach,
-            pairs=pairs,
-            bodies=np.where(pairs < self._n, pairs, -1).astype(np.int32),
-            row=np.maximum(pairs[:, 1] - self._n + 1, 0),
+            frames=empty_frames(pairs, self._n),
             closing=np.empty(c),
             inside=np.zeros(c, dtype=np.bool_),
             shear=np.empty(c),
             force=np.empty((c, 2)),
-            **_geometry(c),
         )
+        frames = empty_frames(pairs.copy(), self._n)
         self._chosen = Chosen(
-            pairs=np.empty_like(pairs),
-            bodies=np.empty((c, 2), dtype=np.int32),
-            row=np.empty(c, dtype=np.int64),
+            frames=frames,
+            contacts=Contacts(frames.bodies, frames.normal, frames.arms, mu=np.empty(c), compliance=np.empty((c, 2))),
             offset=np.empty((c, 2)),
-            compliance=np.empty((c, 2)),
             shear_0=np.empty(c),
-            mu=np.empty(c),
             blocks=np.empty((c, 3)),
             rho=np.empty(c),
             b=np.empty((c, 2)),
             r=np.empty((c, 2)),
-            **_geometry(c),
         )
         if c > len(self._pairs):
             held = len(self._pairs)
@@ -228,9 +220,3 @@ class March:
 
     def _make_room(self, c: int) -> None:
         self._pairs, self._forces, self._shear = np.empty((c, 2), dtype=np.int64), np.empty((c, 2)), np.empty(c)
-
-
-def _geometry(c: int) -> dict[str, FloatArray]:
-    """Columns of c frames."""
-    widths = {"normal": (2,), "gap": (), "gap_before": (), "shift": (), "arms": (4,)}
-    return {name: np.empty((c, *width)) for name, width in widths.items()}

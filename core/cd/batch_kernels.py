@@ -22,16 +22,20 @@ from ninedisk.core.cd.contact_kernels import (
     FED,
     MISSED,
     NEARBY,
+    Bodies,
+    Frames,
     Laws,
+    Start,
     carry_shear,
     closing_gaps,
-    contact_compliances,
-    dynamic_offsets,
+    dynamic_terms,
     gap_round_off,
     measure_frames,
     note_impact_work,
-    surface_way,
-    wall_way,
+    start_step,
+    step_displacements,
+    surface_displacement,
+    wall_displacement,
 )
 from ninedisk.core.cd.problem_kernels import (
     DUALITY_GAP,
@@ -39,6 +43,7 @@ from ninedisk.core.cd.problem_kernels import (
     FLOOR_MAP,
     NATURAL_MAP,
     UNRESOLVED,
+    Contacts,
     body_velocities,
     contact_scales,
     contact_velocities,
@@ -73,7 +78,7 @@ LOOK_AFTER = 8
 
 
 @kernel
-def march(
+def take_steps(
     last: int,
     scheme: Scheme,
     laws: Laws,
@@ -100,14 +105,17 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
     x, after, dx = state.x, scratch.after, scratch.dx
     round_off = gap_round_off(x, scheme.radius, after)
     tolerance = MISSED * round_off
-    _loads(scheme, state.v, scratch)
+    start_step(scheme.bodies, state.v, scheme.dt, scheme.theta, scratch.start)
     _fly(scheme, scratch)
-    _displacements(scheme, state.v, scratch)
-    walls, moved, turned = wall_way(x, state.wall, after), moved_since(x, near), wall_way(x, near.wall, after)
+    step_displacements(scheme.bodies, scratch.start, scratch.v, scheme.dt, scheme.theta, dx)
+    walls, moved, turned = (
+        wall_displacement(x, state.wall, after),
+        moved_since(x, near),
+        wall_displacement(x, near.wall, after),
+    )
     if not covers(2.0, NEARBY * scheme.smallest, moved, turned, walls, tolerance, scheme, state, near, dx):
         return LISTS
-    if measure_frames(near.pairs, near.row, x, scheme.radius, state.wall, after, laws,
-                      near.normal, near.gap, near.gap_before, near.shift, near.arms) >= 0:  # fmt: skip
+    if measure_frames(x, scheme.radius, state.wall, after, laws, near.frames) >= 0:
         return ALONE
     rests = False
     if state.counts[SWEEPS] == 0:
@@ -115,7 +123,7 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
             for d in range(3):
                 scratch.v[i, d] = scheme.dt * state.v[i, d]
         begin_set(tolerance, scheme, laws, state, near, dx, scratch.v)
-        rests = scheme.holds_rest and surface_way(scratch.v, scheme.radius) <= tolerance
+        rests = scheme.holds_rest and surface_displacement(scratch.v, scheme.radius) <= tolerance
     why = _solve(rests, round_off, moved, turned, walls, scheme, laws, state, near, chosen, scratch)
     if why == DONE:
         if _behind_wall(scheme, state, scratch):
@@ -132,49 +140,23 @@ def _behind_wall(scheme: Scheme, state: State, scratch: Scratch) -> bool:
         px, py, nx, ny = after[w, 0], after[w, 1], after[w, 2], after[w, 3]
         for i in range(x.shape[0]):
             height = (x[i, 0] + dx[i, 0] - px) * nx + (x[i, 1] + dx[i, 1] - py) * ny
-            if height <= 0.0 and (scheme.free[i, 0] or scheme.free[i, 1]):
+            if height <= 0.0 and (scheme.bodies.free[i, 0] or scheme.bodies.free[i, 1]):
                 return True
     return False
 
 
 @inline_kernel
-def _loads(scheme: Scheme, v: Floats, scratch: Scratch) -> None:
-    """Right-hand side of the momentum balance, and the velocities at the start split into free and prescribed ones."""
-    rate = 1.0 / scheme.dt - (1.0 - scheme.theta) * scheme.xi
-    for i in range(v.shape[0]):
-        for d in range(3):
-            if scheme.free[i, d]:
-                scratch.force[i, d] = scheme.load[i, d] + scheme.mass[i, d] * v[i, d] * rate
-                scratch.kept[i, d], scratch.prescribed[i, d] = v[i, d], 0.0
-            else:
-                scratch.force[i, d] = scratch.kept[i, d] = 0.0
-                scratch.prescribed[i, d] = v[i, d]
-
-
-@inline_kernel
-def _displacements(scheme: Scheme, v: Floats, scratch: Scratch) -> None:
-    """``dx`` of the velocities ``scratch.v`` at the end of the step."""
-    for i in range(v.shape[0]):
-        for d in range(3):
-            rate = scratch.prescribed[i, d]
-            if scheme.free[i, d]:
-                rate = scheme.theta * scratch.v[i, d] + (1.0 - scheme.theta) * v[i, d]
-            scratch.dx[i, d] = scheme.dt * rate
-
-
-@inline_kernel
 def _pose(c: int, round_off: float, scheme: Scheme, laws: Laws, chosen: Chosen, scratch: Scratch) -> bool:
     """The contact problem of the chosen contacts; False if one can neither open nor close."""
-    bodies, normal, arms, row = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.row[:c]
-    compliance, offset, blocks, b = chosen.compliance[:c], chosen.offset[:c], chosen.blocks[:c], chosen.b[:c]
-    contact_compliances(row, laws, scheme.theta * scheme.dt, compliance)
-    dynamic_offsets(bodies, normal, chosen.gap, chosen.gap_before, chosen.shift, arms, row, laws,
-                    scratch.kept, scratch.prescribed, scheme.dt, scheme.theta, round_off, offset)  # fmt: skip
+    frames, contacts = first_frames(chosen.frames, c), first_contacts(chosen.contacts, c)
+    bodies, normal, arms, mu, compliance = contacts
+    offset, blocks, b = chosen.offset[:c], chosen.blocks[:c], chosen.b[:c]
+    dynamic_terms(frames, laws, scratch.start, scheme.dt, scheme.theta, round_off, offset, compliance)
     delassus_blocks(bodies, normal, arms, scheme.inverse_mass, compliance, blocks)
     for k in range(c):
         if not blocks[k, 0] > 0.0:
             return False
-    contact_scales(blocks, chosen.mu[:c], chosen.rho)
+    contact_scales(blocks, mu, chosen.rho)
     _fly(scheme, scratch)
     contact_velocities(bodies, normal, arms, scratch.v, b)
     for k in range(c):
@@ -188,7 +170,7 @@ def _fly(scheme: Scheme, scratch: Scratch) -> None:
     """Velocities at the end of the step without contact forces."""
     for i in range(scratch.v.shape[0]):
         for d in range(3):
-            scratch.v[i, d] = scheme.inverse_mass[i, d] * scratch.force[i, d]
+            scratch.v[i, d] = scheme.inverse_mass[i, d] * scratch.start.force[i, d]
 
 
 @inline_kernel
@@ -218,10 +200,9 @@ def _solve(
     best, best_at = np.inf, counts[SWEEPS]
     while True:
         done = counts[SWEEPS]
-        bodies, normal, arms, offset = chosen.bodies[:c], chosen.normal[:c], chosen.arms[:c], chosen.offset[:c]
-        body_velocities(bodies, normal, arms, scheme.inverse_mass, scratch.force, r, v)
-        sum_residuals(bodies, normal, arms, offset, chosen.compliance, chosen.shear_0, chosen.mu, chosen.rho, chosen.b,
-                      v, r, scheme.coulomb, sums)  # fmt: skip
+        contacts = first_contacts(chosen.contacts, c)
+        body_velocities(contacts.bodies, contacts.normal, contacts.arms, scheme.inverse_mass, scratch.start.force, r, v)
+        sum_residuals(contacts, chosen.offset, chosen.shear_0, chosen.rho, chosen.b, v, r, scheme.coulomb, sums)
         sum_kinetic(scheme.inverse_mass, v, v, sums)
         figures_of(sums, c, resolution, figures)
         finished = reached(figures, scheme.tolerance)
@@ -229,7 +210,7 @@ def _solve(
             return ALONE
         if finished or done - looked >= LOOK_AFTER:
             looked = done
-            _displacements(scheme, state.v, scratch)
+            step_displacements(scheme.bodies, scratch.start, v, scheme.dt, scheme.theta, scratch.dx)
             if covers(1.0, 0.0, moved, turned, walls, tolerance, scheme, state, near, scratch.dx):
                 keep_forces(near, chosen)
                 missed = grow_set(tolerance, finished, scheme, laws, near, scratch.dx)
@@ -256,8 +237,19 @@ def _solve(
             counts[PLAIN] = 1
         stretch = scheme.stretch if done >= STRETCH_AFTER and counts[PLAIN] == 0 else 1.0
         count = min(next_batch(done), scheme.sweeps - done)
-        sweep(bodies, normal, arms, scheme.inverse_mass, offset, chosen.compliance, chosen.shear_0, chosen.mu,
-              chosen.blocks, stretch * scheme.relaxation, scheme.coulomb, count, v, r)  # fmt: skip
+        relaxation = stretch * scheme.relaxation
+        sweep(
+            contacts,
+            scheme.inverse_mass,
+            chosen.offset,
+            chosen.shear_0,
+            chosen.blocks,
+            relaxation,
+            scheme.coulomb,
+            count,
+            v,
+            r,
+        )
         counts[SWEEPS] += count
 
 
@@ -266,18 +258,18 @@ def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: 
     """Make the solution the state; its forces are the memory of the next step."""
     totals, figures, counts = state.totals, scratch.figures, state.counts
     c = counts[CHOSEN]
+    frames = first_frames(chosen.frames, c)
     if scheme.newton:
+        slack, resolution = FED * scheme.tolerance, round_off / scheme.dt
         note_impact_work(
-            counts[STEP] + 1, FED * scheme.tolerance, round_off / scheme.dt, chosen.bodies[:c], chosen.pairs, chosen.normal,
-            chosen.gap, chosen.gap_before, chosen.shift, chosen.arms, chosen.row, chosen.blocks, laws,
-            scratch.kept, scratch.prescribed, scratch.v, chosen.r, scheme.dt, state.gains,
+            counts[STEP] + 1, slack, resolution, frames, chosen.blocks, laws,
+            scratch.start, scratch.v, chosen.r, scheme.dt, state.gains,
         )  # fmt: skip
-    carry_shear(chosen.pairs[:c], chosen.bodies[:c], chosen.row[:c], state.x, state.wall, scratch.after, chosen.normal[:c],
-                chosen.gap_before[:c], chosen.shift[:c], chosen.arms[:c], scratch.dx, laws, chosen.r[:c], state.shear[:c])  # fmt: skip
+    carry_shear(frames, state.x, state.wall, scratch.after, scratch.dx, laws, chosen.r, state.shear)
     for k in range(c):
         p, q = chosen.r[k, 0], chosen.r[k, 1]
-        totals[WORK] -= p * (chosen.gap[k] - chosen.gap_before[k]) + q * chosen.shift[k]
-        state.pairs[k, 0], state.pairs[k, 1] = chosen.pairs[k, 0], chosen.pairs[k, 1]
+        totals[WORK] -= p * (frames.gap[k] - frames.gap_before[k]) + q * frames.shift[k]
+        state.pairs[k, 0], state.pairs[k, 1] = frames.pairs[k, 0], frames.pairs[k, 1]
         state.forces[k, 0], state.forces[k, 1] = p, q
     counts[HELD] = counts[CHOSEN]
     counts[ITERATIONS] += counts[SWEEPS]
@@ -285,7 +277,7 @@ def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: 
     for i in range(state.x.shape[0]):
         for d in range(3):
             state.x[i, d] += scratch.dx[i, d]
-            state.v[i, d] = scratch.v[i, d] + scratch.prescribed[i, d]
+            state.v[i, d] = scratch.v[i, d] + scratch.start.prescribed[i, d]
     for w in range(state.wall.shape[0]):
         for d in range(state.wall.shape[1]):
             state.wall[w, d] = scratch.after[w, d]
@@ -306,8 +298,7 @@ disks and for those with walls [m]."""
 
 
 class Scheme(NamedTuple):
-    """Constants of a run; arrays of shape (n, 3) as in `ninedisk.core.cd.step.Bodies`. ``holds_rest``: where all bodies rest, the solver
-    asks for equilibrium first."""
+    """Constants of a run. ``holds_rest``: where all bodies rest, the solver asks for equilibrium first."""
 
     dt: float
     theta: float
@@ -320,11 +311,8 @@ class Scheme(NamedTuple):
     newton: bool
     holds_rest: bool
     smallest: float
-    xi: float
     radius: Floats
-    mass: Floats
-    free: NDArray[np.bool_]
-    load: Floats
+    bodies: Bodies
     inverse_mass: Floats
     dilation: Floats
 
@@ -353,14 +341,7 @@ class Near(NamedTuple):
     x: Floats
     wall: Floats
     reach: Floats
-    pairs: Ints
-    bodies: NDArray[np.int32]
-    row: Ints
-    normal: Floats
-    gap: Floats
-    gap_before: Floats
-    shift: Floats
-    arms: Floats
+    frames: Frames
     closing: Floats
     inside: NDArray[np.bool_]
     shear: Floats
@@ -368,33 +349,43 @@ class Near(NamedTuple):
 
 
 class Chosen(NamedTuple):
-    """The contacts of the step at hand: columns of `Near` and of `ninedisk.core.cd.problem.ContactProblem`, with room for all pairs."""
+    """The contacts of the step at hand with their forces, with room for all pairs: columns of `ninedisk.core.cd.problem.ContactProblem`.
 
-    pairs: Ints
-    bodies: NDArray[np.int32]
-    row: Ints
-    normal: Floats
-    gap: Floats
-    gap_before: Floats
-    shift: Floats
-    arms: Floats
+    ``frames`` and ``contacts`` share the arrays of the same name.
+    """
+
+    frames: Frames
+    contacts: Contacts
     offset: Floats
-    compliance: Floats
     shear_0: Floats
-    mu: Floats
     blocks: Floats
     rho: Floats
     b: Floats
     r: Floats
 
 
+@inline_kernel
+def first_frames(frames: Frames, c: int) -> Frames:
+    """The first c frames."""
+    return Frames(
+        frames.pairs[:c], frames.bodies[:c], frames.row[:c], frames.normal[:c], frames.gap[:c], frames.gap_before[:c],
+        frames.shift[:c], frames.arms[:c], frames.place[:c],
+    )  # fmt: skip
+
+
+@inline_kernel
+def first_contacts(contacts: Contacts, c: int) -> Contacts:
+    """The first c contacts."""
+    return Contacts(
+        contacts.bodies[:c], contacts.normal[:c], contacts.arms[:c], contacts.mu[:c], contacts.compliance[:c]
+    )
+
+
 class Scratch(NamedTuple):
     """Work arrays of a step, shape (n, 3) but for ``after`` (m, 11), ``sums`` and ``figures``."""
 
     after: Floats
-    force: Floats
-    kept: Floats
-    prescribed: Floats
+    start: Start
     v: Floats
     dx: Floats
     sums: Floats
@@ -430,9 +421,9 @@ def covers(
     factor = 1.0
     for k in range(scheme.dilation.shape[0]):
         factor = max(factor, 1.0 + scheme.dilation[k])
-    way = surface_way(dx, scheme.radius)
-    for_disks = max(times * (factor * 2.0 * way + 2.0 * tolerance), least)
-    for_walls = max(times * (factor * (way + walls) + 2.0 * tolerance), least)
+    moves = surface_displacement(dx, scheme.radius)
+    for_disks = max(times * (factor * 2.0 * moves + 2.0 * tolerance), least)
+    for_walls = max(times * (factor * (moves + walls) + 2.0 * tolerance), least)
     state.totals[REACH], state.totals[WALL_REACH] = for_disks, for_walls
     return bool(for_disks <= near.reach[0] - 2.0 * moved and for_walls <= near.reach[1] - moved - turned)
 
@@ -440,7 +431,7 @@ def covers(
 @inline_kernel
 def find_closing(scheme: Scheme, near: Near, dx: Floats) -> None:
     """Gaps of the listed pairs after the displacements ``dx``, less what sliding lifts [m], into ``near.closing``."""
-    closing_gaps(near.bodies, near.normal, near.arms, near.gap, near.shift, near.row, scheme.dilation, dx, near.closing)
+    closing_gaps(near.frames, scheme.dilation, dx, near.closing)
 
 
 @inline_kernel
@@ -452,9 +443,10 @@ def begin_set(
     ``flight`` and ``onward``, shape (n, 3), are the displacements without contact forces and with the velocities of the start.
     """
     find_closing(scheme, near, onward)
+    pairs, row = near.frames.pairs, near.frames.row
     at, held = 0, state.counts[HELD]
-    for k in range(near.pairs.shape[0]):
-        i, j = near.pairs[k, 0], near.pairs[k, 1]
+    for k in range(pairs.shape[0]):
+        i, j = pairs[k, 0], pairs[k, 1]
         while at < held and (state.pairs[at, 0] < i or (state.pairs[at, 0] == i and state.pairs[at, 1] < j)):
             at += 1
         p, q = 0.0, 0.0
@@ -462,10 +454,10 @@ def begin_set(
         if at < held and state.pairs[at, 0] == i and state.pairs[at, 1] == j:
             p, q = state.forces[at, 0], state.forces[at, 1]
             near.shear[k] = state.shear[at]
-        near.force[k, 0], near.force[k, 1] = project_on_cone(p, q, laws.mu[near.row[k]])
+        near.force[k, 0], near.force[k, 1] = project_on_cone(p, q, laws.mu[row[k]])
         near.inside[k] = _harmless(k, laws, near) and (p > 0.0 or near.closing[k] < tolerance)
     find_closing(scheme, near, flight)
-    for k in range(near.pairs.shape[0]):
+    for k in range(near.inside.shape[0]):
         near.inside[k] |= near.closing[k] < tolerance
 
 
@@ -477,7 +469,7 @@ def grow_set(tolerance: float, finished: bool, scheme: Scheme, laws: Laws, near:
             return -1
     find_closing(scheme, near, dx)
     missed = 0
-    for k in range(near.pairs.shape[0]):
+    for k in range(near.inside.shape[0]):
         if not near.inside[k] and near.closing[k] < -tolerance and (finished or _harmless(k, laws, near)):
             near.inside[k] = True
             near.force[k, 0] = near.force[k, 1] = 0.0
@@ -489,7 +481,7 @@ def grow_set(tolerance: float, finished: bool, scheme: Scheme, laws: Laws, near:
 def keep_forces(near: Near, chosen: Chosen) -> None:
     """Copy the forces of the chosen contacts to their pairs."""
     c = 0
-    for k in range(near.pairs.shape[0]):
+    for k in range(near.inside.shape[0]):
         if near.inside[k]:
             near.force[k, 0], near.force[k, 1] = chosen.r[c, 0], chosen.r[c, 1]
             c += 1
@@ -498,17 +490,17 @@ def keep_forces(near: Near, chosen: Chosen) -> None:
 @inline_kernel
 def choose(laws: Laws, near: Near, chosen: Chosen) -> int:
     """Copy the pairs of the set with their forces; their number."""
-    c = 0
-    for k in range(near.pairs.shape[0]):
+    c, frames, some, contacts = 0, near.frames, chosen.frames, chosen.contacts
+    for k in range(near.inside.shape[0]):
         if near.inside[k]:
             for d in range(2):
-                chosen.pairs[c, d], chosen.bodies[c, d] = near.pairs[k, d], near.bodies[k, d]
-                chosen.normal[c, d], chosen.r[c, d] = near.normal[k, d], near.force[k, d]
+                some.pairs[c, d], some.bodies[c, d] = frames.pairs[k, d], frames.bodies[k, d]
+                some.normal[c, d], chosen.r[c, d] = frames.normal[k, d], near.force[k, d]
             for d in range(4):
-                chosen.arms[c, d] = near.arms[k, d]
-            chosen.row[c], chosen.gap[c], chosen.mu[c] = near.row[k], near.gap[k], laws.mu[near.row[k]]
-            chosen.gap_before[c], chosen.shift[c] = near.gap_before[k], near.shift[k]
-            chosen.shear_0[c] = near.shear[k]
+                some.arms[c, d] = frames.arms[k, d]
+            some.row[c], some.gap[c] = frames.row[k], frames.gap[k]
+            some.gap_before[c], some.shift[c] = frames.gap_before[k], frames.shift[k]
+            contacts.mu[c], chosen.shear_0[c] = laws.mu[frames.row[k]], near.shear[k]
             c += 1
     return c
 
@@ -520,5 +512,5 @@ def _harmless(k: int, laws: Laws, near: Near) -> bool:
     Its condition has to contain its gap, as all but those under Newton's law do. And an open contact has to be without force, which one
     whose shear spring is stretched by ``q/ks`` is not under the associated rule: it would hold on until the gap is ``mu`` times that.
     """
-    by_gap = np.isnan(laws.restitution[near.row[k]])
-    return bool(by_gap and (near.shear[k] == 0.0 or not laws.elastic[near.row[k]]))
+    row = near.frames.row[k]
+    return bool(np.isnan(laws.restitution[row]) and (near.shear[k] == 0.0 or not laws.elastic[row]))

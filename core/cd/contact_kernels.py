@@ -1,15 +1,12 @@
 """Kernels of contact geometry and of the contacts' part in a step: one definition for single steps and for many at once.
 
-Array arguments of c contacts are those of `ninedisk.core.cd.contacts.Frames`: ``normal`` (c, 2), ``gap``, ``gap_before``, ``shift`` (c,),
-``arms`` (c, 4); ``row`` (c,) is the contact's row of the law table.
-
-Kernels of the contact frames of bodies with outlines, and of what such contacts hand from step to step.
+The second half is about bodies with outlines, whose contacts have places along them.
 """
 
 from __future__ import annotations
 
 from math import hypot, inf, pi, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,22 +48,95 @@ class Laws(NamedTuple):
     slip_middle: NDArray[np.bool_]
 
 
+class Bodies(NamedTuple):
+    """What does not change from step to step; b disks.
+
+    Attributes
+    ----------
+    mass : ndarray, shape (b, 3)
+        Mass [kg], mass [kg], moment of inertia [kg m^2].
+    free : ndarray of bool, shape (b, 3)
+        False for unknowns whose motion is prescribed.
+    load : ndarray, shape (b, 3)
+        External force [N], force [N], torque [N m].
+    xi : float
+        Global damping [1/s].
+    """
+
+    mass: Floats
+    free: NDArray[np.bool_]
+    load: Floats
+    xi: float
+
+
+class Start(NamedTuple):
+    """What a dynamic step of b disks starts with; all of shape (b, 3).
+
+    Attributes
+    ----------
+    force : ndarray
+        Right-hand side of the momentum balance [N], [N], [N m]; 0 for unknowns that are not free.
+    kept, prescribed : ndarray
+        Velocities of the unknowns that are free and of those that are not, 0 elsewhere [m/s], [m/s], [rad/s].
+    """
+
+    force: Floats
+    kept: Floats
+    prescribed: Floats
+
+
+class Frames(NamedTuple):
+    """Contacts of c pairs: disks where they are at the start of the step, walls where they are at its end.
+
+    A wall's end pose makes its gap exact: with the disk's displacement ``dx``, the gap after the step is
+    ``gap + n_wall . dx`` whatever the wall did meanwhile. Between disks it is linear in ``dx`` and never above the true gap.
+
+    Attributes
+    ----------
+    pairs : ndarray of int64, shape (c, 2)
+        Body numbers, disks first.
+    bodies : ndarray of int32, shape (c, 2)
+        Bodies of the contact problem: a wall is a prescribed one, -1.
+    row : ndarray of int64, shape (c,)
+        Row of the law table.
+    normal : ndarray, shape (c, 2)
+        Unit normal from body i to body j.
+    gap : ndarray, shape (c,)
+        Gap [m] if no disk moved.
+    gap_before : ndarray, shape (c,)
+        Gap at the start of the step [m]: walls at the start, too.
+    shift : ndarray, shape (c,)
+        Tangential displacement of i's surface against j's [m] if no disk moved: minus that of the wall.
+    arms : ndarray, shape (c, 4)
+        Rotation columns ``(a_ni, a_nj, a_ti, a_tj)`` of the Jacobian [m].
+    place : ndarray, shape (c, 2)
+        Where on both outlines the contact is (span + u + 1/2); 0 on disks and walls.
+    """
+
+    pairs: NDArray[np.int64]
+    bodies: NDArray[np.int32]
+    row: NDArray[np.int64]
+    normal: Floats
+    gap: Floats
+    gap_before: Floats
+    shift: Floats
+    arms: Floats
+    place: Floats
+
+    @property
+    def size(self) -> int:
+        """Number of contacts, c."""
+        return len(self.pairs)
+
+    def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Frames:
+        """The contacts chosen by a mask, shape (c,), or by their numbers."""
+        columns: list[Any] = [column[which] for column in self]
+        return Frames(*columns)
+
+
 @kernel
-def measure_frames(
-    pairs: NDArray[np.int64],
-    row: NDArray[np.int64],
-    x: Floats,
-    radius: Floats,
-    before: Floats,
-    after: Floats,
-    laws: Laws,
-    normal: Floats,
-    gap: Floats,
-    gap_before: Floats,
-    shift: Floats,
-    arms: Floats,
-) -> int:
-    """Frames of the pairs, shape (c, 2): disks at ``x``, shape (n, 2 or 3), walls, shape (m, 11), at both ends of the step.
+def measure_frames(x: Floats, radius: Floats, before: Floats, after: Floats, laws: Laws, frames: Frames) -> int:
+    """Fill the frames of pairs of disks at ``x``, shape (n, 2 or 3), and walls, shape (m, 11), at both ends of the step.
 
     Returns
     -------
@@ -74,6 +144,8 @@ def measure_frames(
         A pair whose centres coincide, which has no normal; -1: none.
     """
     n, same = x.shape[0], -1
+    pairs, row, normal, arms = frames.pairs, frames.row, frames.normal, frames.arms
+    gap, gap_before, shift = frames.gap, frames.gap_before, frames.shift
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]
         if j < n:
@@ -118,7 +190,7 @@ def material_shift(px: float, py: float, w: int, before: Floats, after: Floats) 
 
 
 @kernel
-def wall_way(x: Floats, before: Floats, after: Floats) -> float:
+def wall_displacement(x: Floats, before: Floats, after: Floats) -> float:
     """Bound on the displacement of a wall's surface near the disks between two poses [m]."""
     turns = False
     for w in range(after.shape[0]):
@@ -130,15 +202,15 @@ def wall_way(x: Floats, before: Floats, after: Floats) -> float:
             low, high = min(low, x[i, 1]), max(high, x[i, 1])
     largest = 0.0
     for w in range(after.shape[0]):
-        way = hypot(after[w, 0] - before[w, 0], after[w, 1] - before[w, 1])
+        moved = hypot(after[w, 0] - before[w, 0], after[w, 1] - before[w, 1])
         turned = hypot(after[w, 2] - before[w, 2], after[w, 3] - before[w, 3])
         if turned > 0.0:
             # No disk is farther from the wall's point than the far corner of the box around all of them.
             px, py = after[w, 0], after[w, 1]
             far = hypot(max(right - px, px - left), max(high - py, py - low))
             # The chord of the normal's turn times pi/2 bounds the angle.
-            way += 0.5 * pi * turned * far
-        largest = max(largest, way)
+            moved += 0.5 * pi * turned * far
+        largest = max(largest, moved)
     return largest
 
 
@@ -154,7 +226,7 @@ def gap_round_off(x: Floats, radius: Floats, after: Floats) -> float:
 
 
 @kernel
-def surface_way(dx: Floats, radius: Floats) -> float:
+def surface_displacement(dx: Floats, radius: Floats) -> float:
     """Largest displacement of a point of a disk's outline [m], under displacements of shape (n, 3)."""
     largest = 0.0
     for i in range(dx.shape[0]):
@@ -163,18 +235,10 @@ def surface_way(dx: Floats, radius: Floats) -> float:
 
 
 @kernel
-def closing_gaps(
-    bodies: NDArray[np.int32],
-    normal: Floats,
-    arms: Floats,
-    gap: Floats,
-    shift: Floats,
-    row: NDArray[np.int64],
-    dilation: Floats,
-    dx: Floats,
-    out: Floats,
-) -> None:
+def closing_gaps(frames: Frames, dilation: Floats, dx: Floats, out: Floats) -> None:
     """Gap after the displacements ``dx``, shape (n, 3), less ``dilation`` (of a law row) times the slip [m], shape (c,)."""
+    bodies, row, normal, arms = frames.bodies, frames.row, frames.normal, frames.arms
+    gap, shift = frames.gap, frames.shift
     for k in range(bodies.shape[0]):
         un, ut = contact_velocity(k, bodies, normal, arms, dx)
         out[k] = gap[k] + un - dilation[row[k]] * abs(shift[k] + ut)
@@ -191,6 +255,31 @@ def contact_compliances(row: NDArray[np.int64], laws: Laws, scale: float, out: F
                 out[k, 1] = 1.0 / laws.ks[row[k]] / scale
 
 
+@kernel
+def start_step(bodies: Bodies, v: Floats, dt: float, theta: float, start: Start) -> None:
+    """Fill ``start`` from the velocities ``v``, shape (b, 3), at the start of the step."""
+    rate = 1.0 / dt - (1.0 - theta) * bodies.xi
+    for i in range(v.shape[0]):
+        for d in range(3):
+            if bodies.free[i, d]:
+                start.force[i, d] = bodies.load[i, d] + bodies.mass[i, d] * v[i, d] * rate
+                start.kept[i, d], start.prescribed[i, d] = v[i, d], 0.0
+            else:
+                start.force[i, d] = start.kept[i, d] = 0.0
+                start.prescribed[i, d] = v[i, d]
+
+
+@kernel
+def step_displacements(bodies: Bodies, start: Start, v: Floats, dt: float, theta: float, dx: Floats) -> None:
+    """``dx``, shape (b, 3) [m], [m], [rad], of the velocities ``v`` at the end of the step."""
+    for i in range(v.shape[0]):
+        for d in range(3):
+            rate = start.prescribed[i, d]
+            if bodies.free[i, d]:
+                rate = theta * v[i, d] + (1.0 - theta) * start.kept[i, d]
+            dx[i, d] = dt * rate
+
+
 @inline_kernel
 def newton_offset(e: float, before: float) -> float:
     """What the opening velocity at the end of a step is increased by under Newton's law, ``before`` the one at its start [m/s].
@@ -203,34 +292,30 @@ def newton_offset(e: float, before: float) -> float:
 
 
 @kernel
-def dynamic_offsets(
-    bodies: NDArray[np.int32],
-    normal: Floats,
-    gap: Floats,
-    gap_before: Floats,
-    shift: Floats,
-    arms: Floats,
-    row: NDArray[np.int64],
+def dynamic_terms(
+    frames: Frames,
     laws: Laws,
-    kept: Floats,
-    prescribed: Floats,
+    start: Start,
     dt: float,
     theta: float,
     round_off: float,
     offset: Floats,
+    compliance: Floats,
 ) -> None:
-    """Offsets ``g`` of `ninedisk.core.cd.step.DynamicStep`, shape (c, 2).
+    """Offsets ``g`` and compliances of the problem of `ninedisk.core.cd.step.DynamicStep`, shape (c, 2) each.
 
     A gap of rigid bodies within `MISSED` times the rounding of gaps is none: bodies at rest have more contacts than freedom, gaps that
     are round-off contradict each other, and divided by a small step they would be velocities that no force at rest allows.
 
-    ``kept`` and ``prescribed``, shape (n, 3), are the velocities at the start of the step of the unknowns that are free and of
-    those that are not, 0 elsewhere. Under Newton's law (restitution not NaN) walls count by their displacement over the step,
+    Under Newton's law (restitution not NaN) walls count by their displacement over the step,
     held disks by their speed.
     """
+    contact_compliances(frames.row, laws, theta * dt, compliance)
+    bodies, row, normal, arms = frames.bodies, frames.row, frames.normal, frames.arms
+    gap, gap_before, shift = frames.gap, frames.gap_before, frames.shift
     for k in range(bodies.shape[0]):
-        held_n, held_t = contact_velocity(k, bodies, normal, arms, prescribed)
-        kept_n, kept_t = contact_velocity(k, bodies, normal, arms, kept)
+        held_n, held_t = contact_velocity(k, bodies, normal, arms, start.prescribed)
+        kept_n, kept_t = contact_velocity(k, bodies, normal, arms, start.kept)
         e = laws.restitution[row[k]]
         if np.isnan(e):
             touching = not laws.elastic[row[k]] and abs(gap[k]) <= MISSED * round_off
@@ -248,18 +333,10 @@ def note_impact_work(
     step: int,
     slack: float,
     resolution: float,
-    bodies: NDArray[np.int32],
-    pairs: NDArray[np.int64],
-    normal: Floats,
-    gap: Floats,
-    gap_before: Floats,
-    shift: Floats,
-    arms: Floats,
-    row: NDArray[np.int64],
+    frames: Frames,
     blocks: Floats,
     laws: Laws,
-    kept: Floats,
-    prescribed: Floats,
+    start: Start,
     v: Floats,
     r: Floats,
     dt: float,
@@ -272,16 +349,18 @@ def note_impact_work(
     would hide behind what others lose in the same step. The sum counts if it exceeds ``slack`` times what all impulses exchange, for
     the solver's tolerance, and what contact velocities of the size ``resolution`` [m/s] make of it.
 
-    ``kept`` and ``prescribed`` are those of `dynamic_offsets`, ``v`` the velocities at the end of the step, 0 where prescribed, and
-    ``blocks`` the Delassus blocks.
+    ``v`` are the velocities at the end of the step, 0 where prescribed, and ``blocks`` the Delassus blocks.
     """
+    bodies, pairs, row = frames.bodies, frames.pairs, frames.row
+    normal, arms = frames.normal, frames.arms
+    gap, gap_before, shift = frames.gap, frames.gap_before, frames.shift
     total, size, most, at = 0.0, 0.0, 0.0, -1
     for k in range(bodies.shape[0]):
         p, q = r[k, 0], r[k, 1]
         if np.isnan(laws.restitution[row[k]]) or (p == 0.0 and q == 0.0):
             continue
-        held_n, held_t = contact_velocity(k, bodies, normal, arms, prescribed)
-        n_0, t_0 = contact_velocity(k, bodies, normal, arms, kept)
+        held_n, held_t = contact_velocity(k, bodies, normal, arms, start.prescribed)
+        n_0, t_0 = contact_velocity(k, bodies, normal, arms, start.kept)
         n_1, t_1 = contact_velocity(k, bodies, normal, arms, v)
         wall_n, wall_t = (gap[k] - gap_before[k]) / dt + held_n, shift[k] / dt + held_t
         work = 0.5 * dt * (p * (2.0 * wall_n + n_0 + n_1) + q * (2.0 * wall_t + t_0 + t_1))
@@ -301,16 +380,10 @@ def note_impact_work(
 
 @kernel
 def carry_shear(
-    pairs: NDArray[np.int64],
-    bodies: NDArray[np.int32],
-    row: NDArray[np.int64],
+    frames: Frames,
     x: Floats,
     before: Floats,
     after: Floats,
-    normal: Floats,
-    gap_before: Floats,
-    shift: Floats,
-    arms: Floats,
     dx: Floats,
     laws: Laws,
     forces: Floats,
@@ -326,6 +399,8 @@ def carry_shear(
 
     Outlines have ``a = h n``, h the distance of the bodies along the normal: their contacts turn as those of disks would.
     """
+    pairs, bodies, row = frames.pairs, frames.bodies, frames.row
+    normal, arms, gap_before, shift = frames.normal, frames.arms, frames.gap_before, frames.shift
     for k in range(pairs.shape[0]):
         law, i, j = row[k], pairs[k, 0], pairs[k, 1]
         shear[k] = forces[k, 1]
@@ -368,8 +443,6 @@ FARTHEST = 0.1
 
 @kernel
 def complete_frames(
-    pairs: NDArray[np.int64],
-    row: NDArray[np.int64],
     x: Floats,
     first: Floats,
     second: Floats,
@@ -377,11 +450,7 @@ def complete_frames(
     before: Floats,
     after: Floats,
     laws: Laws,
-    normal: Floats,
-    gap: Floats,
-    gap_before: Floats,
-    shift: Floats,
-    arms: Floats,
+    frames: Frames,
 ) -> None:
     """Fill ``gap_before``, ``shift`` and ``arms`` of contacts whose normals and gaps are known.
 
@@ -390,6 +459,8 @@ def complete_frames(
     half the overlap where the law says so. ``tip``, shape (c, 2), moves the points along the normal to the extreme points of the outlines.
     """
     n = x.shape[0]
+    pairs, row, normal, arms = frames.pairs, frames.row, frames.normal, frames.arms
+    gap, gap_before, shift = frames.gap, frames.gap_before, frames.shift
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]
         nx, ny = normal[k, 0], normal[k, 1]

@@ -1,11 +1,4 @@
-"""Geometry of contacts at the start of a step, against walls at its end.
-
-Contacts of bodies with outlines at the start of a step.
-
-Where bodies are in a step.
-
-Contact forces from step to step.
-"""
+"""Where bodies are in a step, the frames of their contacts, and the forces that contacts keep from step to step."""
 
 from __future__ import annotations
 
@@ -16,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.contact_kernels import (
+    Frames,
     carry_over,
     complete_frames,
     gap_round_off,
     gaps_before,
     mark_covered,
     measure_frames,
-    wall_way,
+    wall_displacement,
 )
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.errors import NonFiniteStateError
@@ -36,48 +30,20 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Frames:
-    """Contacts of c pairs: disks where they are at the start of the step, walls where they are at its end.
-
-    A wall's end pose makes its gap exact: with the disk's displacement ``dx``, the gap after the step is
-    ``gap + n_wall . dx`` whatever the wall did meanwhile. Between disks it is linear in ``dx`` and never above the true gap.
-
-    Attributes
-    ----------
-    pairs : ndarray of int64, shape (c, 2)
-        Body numbers.
-    row : ndarray of int64, shape (c,)
-        Row of the law table.
-    normal : ndarray, shape (c, 2)
-        Unit normal from body i to body j.
-    gap : ndarray, shape (c,)
-        Gap [m] if no disk moved.
-    gap_before : ndarray, shape (c,)
-        Gap at the start of the step [m]: walls at the start, too.
-    shift : ndarray, shape (c,)
-        Tangential displacement of i's surface against j's [m] if no disk moved: minus that of the wall.
-    arms : ndarray, shape (c, 4)
-        Rotation columns of the Jacobian [m].
-    place : ndarray, shape (c, 2)
-        Where on both outlines the contact is (span + u + 1/2); 0 on disks and walls.
-    """
-
-    pairs: IntArray
-    row: IntArray
-    normal: FloatArray
-    gap: FloatArray
-    gap_before: FloatArray
-    shift: FloatArray
-    arms: FloatArray
-    place: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.pairs)
-
-    def pick(self, which: NDArray[np.bool_] | IntArray) -> Frames:
-        """The contacts chosen by a mask, shape (c,), or by their numbers."""
-        return Frames(*(column[which] for column in vars(self).values()))
+def empty_frames(pairs: IntArray, n: int) -> Frames:
+    """Frames of pairs of n disks and of walls, that are yet to be measured."""
+    c, disk = len(pairs), pairs < n
+    return Frames(
+        pairs=pairs,
+        bodies=np.where(disk, pairs, -1).astype(np.int32),
+        row=np.where(disk[:, 1], 0, pairs[:, 1] - n + 1),
+        normal=np.empty((c, 2)),
+        gap=np.empty(c),
+        gap_before=np.empty(c),
+        shift=np.empty(c),
+        arms=np.empty((c, 4)),
+        place=np.zeros((c, 2)),
+    )
 
 
 def contact_frames(
@@ -106,17 +72,14 @@ def contact_frames(
     NonFiniteStateError
         If the centres of two disks coincide: their contact has no normal.
     """
-    n, c = len(x), len(pairs)
-    row = np.where(pairs[:, 1] >= n, pairs[:, 1] - n + 1, 0)
-    normal, arms = np.empty((c, 2)), np.empty((c, 4))
-    gap, gap_before, shift = np.empty(c), np.empty(c), np.empty(c)
-    same = measure_frames(pairs, row, x, radius, before, after, laws.arrays, normal, gap, gap_before, shift, arms)
+    frames = empty_frames(pairs, len(x))
+    same = measure_frames(x, radius, before, after, laws.arrays, frames)
     if same >= 0:
         (i, j), (px, py) = pairs[same], x[pairs[same, 0], :2]
         raise NonFiniteStateError(
             f"the centres of disks {i} and {j} coincide at ({px:g}, {py:g}): their contact has no normal"
         )
-    return Frames(pairs, row, normal, gap, gap_before, shift, arms, np.zeros((c, 2)))
+    return frames
 
 
 class Meetings(NamedTuple):
@@ -174,7 +137,7 @@ class GrainFrames:
         if not alone.any():
             return found
         disks = contact_frames(pairs[alone], place.x, place.radius, place.before, place.after, self._laws)
-        both = Frames(*_joined(tuple(vars(disks).values()), tuple(vars(found).values())))
+        both = Frames(*_joined(disks, found))
         return both.pick(self._order(both.pairs, both.place))
 
     def gaps(self, place: Place, pairs: IntArray) -> FloatArray:
@@ -191,7 +154,7 @@ class GrainFrames:
 
     def inherited(self, memory: ContactMemory, frames: Frames) -> FloatArray:
         """Forces of the last step, shape (c, 2) [N], each by the contact that it belongs to now."""
-        forces, bodies = np.empty((len(frames), 2)), frames.pairs.copy()
+        forces, bodies = np.empty((frames.size, 2)), frames.pairs.copy()
         of_wall = bodies[:, 1] >= self._n
         bodies[of_wall, 1] = bodies[of_wall, 0]
         spans = np.where(self._round[bodies], 0.0, self._ring[bodies])
@@ -253,12 +216,8 @@ class GrainFrames:
 
     def _complete(self, place: Place, at_walls: IntArray, reach: float, meetings: Meetings) -> Frames:
         pairs, first, second, tip, normal, gap, at = meetings
-        c = len(pairs)
-        row = np.where(pairs[:, 1] >= self._n, pairs[:, 1] - self._n + 1, 0)
-        before, shift, arms = np.empty(c), np.empty(c), np.empty((c, 4))
-        bodies = (pairs, row, place.x, first, second, tip, place.before, place.after, self._laws.arrays)
-        complete_frames(*bodies, normal, gap, before, shift, arms)
-        frames = Frames(pairs, row, normal, gap, before, shift, arms, at)
+        frames = empty_frames(pairs, self._n)._replace(normal=normal, gap=gap, place=at)
+        complete_frames(place.x, first, second, tip, place.before, place.after, self._laws.arrays, frames)
         turned = np.any(place.before[:, 2:4] != place.after[:, 2:4], axis=1)
         if turned.any():
             self._look_back(place, at_walls[turned[at_walls[:, 1] - self._n]], reach, frames)
@@ -266,7 +225,7 @@ class GrainFrames:
 
     def _look_back(self, place: Place, at_walls: IntArray, reach: float, frames: Frames) -> None:
         """Mend ``gap_before``, and the arms that depend on it, at walls that turn in the step: outlines touched them elsewhere."""
-        material, reach = frames.gap_before.copy(), reach + place.wall_way()
+        material, reach = frames.gap_before.copy(), reach + place.wall_displacement()
         of, rows = self._features.of_walls(place.x, place.angle, at_walls, place.before, reach, deep=True)
         keys, near_keys = (pairs[:, 0] * self._bodies + pairs[:, 1] for pairs in (frames.pairs, at_walls[of]))
         ring = self._ring[frames.pairs[:, 0]]
@@ -309,9 +268,9 @@ class Place:
         """Error of a gap [m] that the rounding of coordinates explains."""
         return gap_round_off(self.x, self.radius, self.after)
 
-    def wall_way(self) -> float:
+    def wall_displacement(self) -> float:
         """Bound on the displacement of a wall's surface over the step near the disks [m]."""
-        return wall_way(self.x, self.before, self.after)
+        return wall_displacement(self.x, self.before, self.after)
 
 
 class ContactMemory:

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ninedisk.core.archive import read_arrays, whole_file
 from ninedisk.core.cd import problem_kernels as kernels
-from ninedisk.core.cd import problem_kernels as sums_of
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.validate import LARGEST, at_least, kind_of, numbers, real, shown
 
@@ -189,6 +188,11 @@ class ContactProblem:
     def b(self) -> FloatArray:
         """Contact velocities without contact forces, ``b = H M^-1 f + g - C (0, q0)``, shape (c, 2)."""
         return self.contact_velocity(self.body_velocity(np.zeros((self.n_contacts, 2))), np.zeros((self.n_contacts, 2)))
+
+    @cached_property
+    def contacts(self) -> kernels.Contacts:
+        """The contacts as the kernels read them."""
+        return kernels.Contacts(self.bodies, self.normal, self.arms, self.mu, self.compliance)
 
     def body_velocity(self, r: FloatArray) -> FloatArray:
         """``v = M^-1 (f + H' r)``, shape (b, 3), of the contact forces ``r``, shape (c, 2)."""
@@ -367,22 +371,9 @@ class Residuals:
 
 def measure(problem: ContactProblem, v: FloatArray, r: FloatArray, *, sliding: Sliding = "associated") -> Residuals:
     """Residuals of the velocities ``v``, shape (b, 3), and contact forces ``r``, shape (c, 2), inside the cones."""
-    sums, figures = np.empty(sums_of.SUMS), np.empty(6)
-    sums_of.sum_residuals(
-        problem.bodies,
-        problem.normal,
-        problem.arms,
-        problem.offset,
-        problem.compliance,
-        problem.shear_0,
-        problem.mu,
-        problem.rho,
-        problem.b,
-        v,
-        r,
-        sliding == "coulomb",
-        sums,
-    )
-    sums_of.sum_kinetic(problem.inverse_mass, v, problem.body_velocity(r), sums)
-    sums_of.figures_of(sums, problem.n_contacts, problem.resolution, figures)
+    sums, figures = np.empty(kernels.SUMS), np.empty(6)
+    load = (problem.offset, problem.shear_0, problem.rho, problem.b)
+    kernels.sum_residuals(problem.contacts, *load, v, r, sliding == "coulomb", sums)
+    kernels.sum_kinetic(problem.inverse_mass, v, problem.body_velocity(r), sums)
+    kernels.figures_of(sums, problem.n_contacts, problem.resolution, figures)
     return Residuals(*figures.tolist())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import inf, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,17 @@ from ninedisk.core.compile import inline_kernel, kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+
+class Contacts(NamedTuple):
+    """What does not change with the load of c contacts: ``bodies`` (c, 2), ``normal`` (c, 2), ``arms`` (c, 4), ``mu`` (c,) and
+    ``compliance`` (c, 2) as in `ninedisk.core.cd.problem.ContactProblem`."""
+
+    bodies: Ints
+    normal: Floats
+    arms: Floats
+    mu: Floats
+    compliance: Floats
 
 
 @inline_kernel
@@ -203,13 +215,9 @@ UNRESOLVED = 1e-3
 
 @kernel
 def sum_residuals(
-    bodies: NDArray[np.int32],
-    normal: Floats,
-    arms: Floats,
+    contacts: Contacts,
     offset: Floats,
-    compliance: Floats,
     shear_0: Floats,
-    mu: Floats,
     rho: Floats,
     b: Floats,
     v: Floats,
@@ -217,7 +225,7 @@ def sum_residuals(
     coulomb: bool,
     sums: Floats,
 ) -> None:
-    """Sums over the contacts from which `residuals.measure` forms its figures; arguments as in `ContactProblem`.
+    """Sums over the contacts from which `ninedisk.core.cd.problem.measure` forms its figures; arguments as in `ContactProblem`.
 
     With ``u = H v + g + C (r - (0, q0))``, for Coulomb ``u_n`` increased by ``mu |u_t|``, P the projection on the cone and
     ``noise`` the round-off error of evaluating ``u``, ``sums`` receives
@@ -226,6 +234,7 @@ def sum_residuals(
     ``VIOLATION`` sum of max(0, mu |u_t| - u_n), ``ENERGY_W`` sum r.(u - b), ``ENERGY_B`` sum r.b, ``LARGEST`` max p,
     ``NOISE_MAP`` |rho noise|^2, ``NOISE_WORK`` sum |r| noise, ``NOISE`` sum of the noise, ``RHO`` sum rho^2, ``SIZE`` sum |r|_1.
     """
+    bodies, normal, arms, mu, compliance = contacts
     for m in range(SUMS):
         sums[m] = 0.0
     for k in range(bodies.shape[0]):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.batch import March
+from ninedisk.core.cd.batch import StepBatches
 from ninedisk.core.cd.contact_kernels import (
     GAIN_I,
     GAIN_J,
@@ -25,9 +25,10 @@ from ninedisk.core.cd.contact_kernels import (
     GAIN_STEPS,
     GAIN_TOTAL,
     MISSED,
-    surface_way,
+    Frames,
+    surface_displacement,
 )
-from ninedisk.core.cd.contacts import ContactMemory, Frames, Place
+from ninedisk.core.cd.contacts import ContactMemory, Place
 from ninedisk.core.cd.laws import ADVICE, LawTable, wedging_corners
 from ninedisk.core.cd.problem_kernels import UNRESOLVED
 from ninedisk.core.cd.settings import SolverResult, read_settings
@@ -136,7 +137,7 @@ class CdSession:
         self.iterations, self.worst = 0, (0.0, 0.0)
         self._grains = self._grain_frames()
         self._memory = initial_forces(scene, self._laws, self._finder, self._place(self._wall), self._grains)
-        self._march = self._march_if_dynamic()
+        self._batches = self._batches_if_dynamic()
         self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen, self._grains)
         self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0, 0.0)
 
@@ -213,14 +214,14 @@ class CdSession:
 
     def _advance_to(self, last: int, done: int) -> int:
         """Take steps after step ``done``, at least one and none beyond ``last``; the number of the last one taken."""
-        if self._march is not None:
-            sweeps = self._march.iterations
-            reached, self._memory, work = self._march.advance(done, last, self._x, self._v, self._wall, self._memory)
+        if self._batches is not None:
+            sweeps = self._batches.iterations
+            reached, self._memory, work = self._batches.advance(done, last, self._x, self._v, self._wall, self._memory)
             self._wall_work += work
             if reached > done:
                 self.solves["gauss-seidel"] += reached - done
-                self.iterations += self._march.iterations - sweeps
-                self.worst = (max(self.worst[0], self._march.worst[0]), max(self.worst[1], self._march.worst[1]))
+                self.iterations += self._batches.iterations - sweeps
+                self.worst = (max(self.worst[0], self._batches.worst[0]), max(self.worst[1], self._batches.worst[1]))
                 return reached
         step = done // self.substeps + 1
         try:
@@ -246,7 +247,7 @@ class CdSession:
         static = self.numerics.regime == "quasi-static"
         self._step = self._static_step(place) if static else self._dynamic_step(place)
         margin = NEAR * float(radius.min()) if static else 0.0
-        start = None if self._march is None else self._march.start
+        start = None if self._batches is None else self._batches.start
         frames, solved = solve_with_contacts(
             self._step,
             place,
@@ -304,15 +305,15 @@ class CdSession:
     def _dynamic_step(self, place: Place) -> DynamicStep:
         theta = self.numerics.theta
         round_off = place.round_off()
-        at_rest = surface_way(self.dt * self._v, place.radius) <= MISSED * round_off
+        at_rest = surface_displacement(self.dt * self._v, place.radius) <= MISSED * round_off
         return DynamicStep(self._bodies, self._laws, self._solver, self._v, self.dt, theta, round_off, at_rest)
 
-    def _march_if_dynamic(self) -> March | None:
+    def _batches_if_dynamic(self) -> StepBatches | None:
         """Takes steps of disks together where they are dynamic and begin with Gauss-Seidel."""
         if self.numerics.regime == "quasi-static" or self._solver.sweeps == 0 or self._grains is not None:
             return None
         radius, theta = self.scene.disks.radius, self.numerics.theta
-        return March(
+        return StepBatches(
             self._bodies, self._laws, self._motion, radius, self._finder, self._solver, self.dt, theta, self._gains
         )
 
@@ -321,7 +322,13 @@ class CdSession:
         given = self.dt * np.column_stack([disks.v, disks.omega])
         prescribed = np.where(self._bodies.free, 0.0, given)
         return StaticStep(
-            self._bodies, self._laws, self._solver, prescribed, disks.radius, place.wall_way(), place.round_off()
+            self._bodies,
+            self._laws,
+            self._solver,
+            prescribed,
+            disks.radius,
+            place.wall_displacement(),
+            place.round_off(),
         )
 
     def _own_step(self) -> tuple[float, int]:

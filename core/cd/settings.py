@@ -1,4 +1,4 @@
-"""What a run of contact dynamics and a contact solver are told, and what a solver gives back."""
+"""What a run of contact dynamics and a contact solver are given, and what a solver gives back."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class CdSettings:
     contacts : {"auto", "rigid", "elastic"}
     save_failed : str
         File for the problem of a failing step; empty: none.
-    told : mapping from str to value
+    options : mapping from str to value
         All options by their full names.
     """
 
     solver_options: SolverOptions
     contacts: Stiffness
     save_failed: str
-    told: Mapping[str, Any]
+    options: Mapping[str, Any]
 
 
 def read_settings(numerics: Numerics) -> CdSettings:
@@ -45,13 +45,10 @@ def read_settings(numerics: Numerics) -> CdSettings:
     InvalidNumericsError
         Naming the unknown option or the value that is not allowed.
     """
-    told = read_options("cd", OPTIONS, numerics)
-    options = SolverOptions(**{field.name: told[f"cd.{field.name}"] for field in fields(SolverOptions)})
-    return CdSettings(options, cast(Stiffness, told["cd.contacts"]), told["cd.save_failed"], told)
+    given = read_options("cd", OPTIONS, numerics)
+    options = SolverOptions(**{field.name: given[f"cd.{field.name}"] for field in fields(SolverOptions)})
+    return CdSettings(options, cast(Stiffness, given["cd.contacts"]), given["cd.save_failed"], given)
 
-
-FACTORISERS = ("auto", "supernodal", "qdldl")
-"""Sparse factorisations of the interior-point method: "auto" is the supernodal one, qdldl checks it."""
 
 Stiffness = Literal["auto", "rigid", "elastic"]
 STIFFNESS: tuple[Stiffness, ...] = ("auto", "rigid", "elastic")
@@ -85,7 +82,6 @@ OPTIONS: Mapping[str, Option] = {
     "threads": Option(
         default=1, low=1, high=MOST_THREADS, whole=True, why="threads of Gauss-Seidel; no result depends on them"
     ),
-    "factoriser": Option(default="auto", choices=FACTORISERS, why="the supernodal one; qdldl checks it"),
     "contacts": Option(
         default="auto",
         choices=STIFFNESS,
@@ -117,8 +113,6 @@ class SolverOptions:
         Over-relaxation of Gauss-Seidel.
     threads : int
         Threads of Gauss-Seidel; the result does not depend on them.
-    factoriser : str
-        Sparse factorisation of the interior-point method.
 
     Raises
     ------
@@ -131,7 +125,6 @@ class SolverOptions:
     time_limit: float = 600.0
     relaxation: float = 1.0
     threads: int = 1
-    factoriser: str = "auto"
 
     def __post_init__(self) -> None:
         for field in fields(self):

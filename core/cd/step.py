@@ -1,10 +1,6 @@
-"""One step of the theta scheme as a contact problem.
+"""One step: its contact problem under the theta scheme and in the static limit, and the search for the contacts that it needs.
 
-Which contacts a step needs: found so that none that can close is missed.
-
-Contact forces at time 0.
-
-Equilibrium under prescribed motions: the static limit of a step.
+`ninedisk.core.cd.batch` takes many dynamic steps at once, by the same kernels.
 """
 
 from __future__ import annotations
@@ -19,14 +15,19 @@ from ninedisk.core.cd.contact_kernels import (
     FED,
     MISSED,
     NEARBY,
+    Bodies,
+    Frames,
+    Start,
     carry_shear,
     closing_gaps,
     contact_compliances,
-    dynamic_offsets,
+    dynamic_terms,
     note_impact_work,
-    surface_way,
+    start_step,
+    step_displacements,
+    surface_displacement,
 )
-from ninedisk.core.cd.contacts import ContactMemory, Frames, Place, contact_frames
+from ninedisk.core.cd.contacts import ContactMemory, Place, contact_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.cd.problem_kernels import contact_velocities
@@ -39,27 +40,6 @@ from ninedisk.core.scene import Scene
 if TYPE_CHECKING:
     from ninedisk.core.cd.contacts import GrainFrames
 FloatArray = NDArray[np.float64]
-
-
-class Bodies(NamedTuple):
-    """What does not change from step to step; b disks.
-
-    Attributes
-    ----------
-    mass : ndarray, shape (b, 3)
-        Mass [kg], mass [kg], moment of inertia [kg m^2].
-    free : ndarray of bool, shape (b, 3)
-        False for unknowns whose motion is prescribed.
-    load : ndarray, shape (b, 3)
-        External force [N], force [N], torque [N m].
-    xi : float
-        Global damping [1/s].
-    """
-
-    mass: FloatArray
-    free: NDArray[np.bool_]
-    load: FloatArray
-    xi: float
 
 
 class Solved(NamedTuple):
@@ -92,23 +72,11 @@ def bodies_of(scene: Scene) -> Bodies:
     return Bodies(mass, free, load, scene.xi)
 
 
-def pair_bodies(frames: Frames, n: int) -> NDArray[np.int32]:
-    """Bodies of the contact problem: a wall is a prescribed body, -1."""
-    return np.where(frames.pairs < n, frames.pairs, -1).astype(np.int32)
-
-
 def relative(frames: Frames, motion: FloatArray) -> FloatArray:
     """``H motion``: opening and tangential part, shape (c, 2), of velocities or displacements, shape (b, 3)."""
-    u = np.empty((len(frames), 2))
-    contact_velocities(pair_bodies(frames, len(motion)), frames.normal, frames.arms, motion, u)
+    u = np.empty((frames.size, 2))
+    contact_velocities(frames.bodies, frames.normal, frames.arms, motion, u)
     return u
-
-
-def compliances(frames: Frames, laws: LawTable, scale: float = 1.0) -> FloatArray:
-    """Compliance ``(1/kn, 1/ks)/scale`` [m/N] of each contact, shape (c, 2); 0 where it is rigid or carries no shear force."""
-    out = np.empty((len(frames), 2))
-    contact_compliances(frames.row, laws.arrays, scale, out)
-    return out
 
 
 def dynamic_mass(bodies: Bodies, dt: float, theta: float) -> FloatArray:
@@ -186,33 +154,31 @@ class DynamicStep:
         at_rest: bool = False,
     ) -> None:
         self._bodies, self._laws, self._solver, self._at_rest = bodies, laws, solver, at_rest
-        self._v0, self._dt, self._theta = v0, dt, theta
+        self._dt, self._theta = dt, theta
         self._round_off, self._resolution = round_off, round_off / (theta * dt)
         self._mass = dynamic_mass(bodies, dt, theta)
-        kept = bodies.mass * v0 * (1.0 / dt - (1.0 - theta) * bodies.xi)
-        self._force = np.where(bodies.free, bodies.load + kept, 0.0)
-        self._prescribed = np.where(bodies.free, 0.0, v0)
+        self._start = Start(np.empty_like(v0), np.empty_like(v0), np.empty_like(v0))
+        start_step(bodies, v0, dt, theta, self._start)
 
     def guess(self) -> FloatArray:
         """Displacements of the free flight."""
-        return self._displacement(self._force / self._mass)
+        return self._displacement(self._start.force / self._mass)
 
     def problem(self, frames: Frames, forces: FloatArray) -> ContactProblem:
         """The contact problem of the step, in velocities [m/s] and forces [N]."""
-        theta, dt, laws = self._theta, self._dt, self._laws
-        bodies, offset = pair_bodies(frames, len(self._mass)), np.empty((len(frames), 2))
-        geometry = (frames.normal, frames.gap, frames.gap_before, frames.shift, frames.arms, frames.row)
-        kept = np.where(self._bodies.free, self._v0, 0.0)
-        dynamic_offsets(bodies, *geometry, laws.arrays, kept, self._prescribed, dt, theta, self._round_off, offset)
+        offset, compliance = np.empty((frames.size, 2)), np.empty((frames.size, 2))
+        dynamic_terms(
+            frames, self._laws.arrays, self._start, self._dt, self._theta, self._round_off, offset, compliance
+        )
         return ContactProblem(
             mass=self._mass,
-            force=self._force,
-            bodies=bodies,
+            force=self._start.force,
+            bodies=frames.bodies,
             normal=frames.normal,
             arms=frames.arms,
             offset=offset,
-            mu=laws.mu[frames.row],
-            compliance=compliances(frames, laws, theta * dt),
+            mu=self._laws.mu[frames.row],
+            compliance=compliance,
             shear_0=forces[:, 1],
             resolution=self._resolution,
         )
@@ -220,32 +186,26 @@ class DynamicStep:
     def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
         """Solve the step with these contacts; raises as `ContactSolver.solve`."""
         result = self._solver.solve(self.problem(frames, forces), start, at_rest=self._at_rest)
-        return Solved(self._displacement(result.v), result.v + self._prescribed, result.r, result)
+        return Solved(self._displacement(result.v), result.v + self._start.prescribed, result.r, result)
 
     def note_impacts(self, step: int, frames: Frames, solved: Solved, blocks: FloatArray, gains: FloatArray) -> None:
         """Add to ``gains`` the energy that impacts fed, by `note_impact_work`; ``blocks`` are the Delassus blocks, shape (c, 3)."""
-        geometry = (frames.normal, frames.gap, frames.gap_before, frames.shift, frames.arms, frames.row)
-        free, n = self._bodies.free, len(self._mass)
-        kept, after = np.where(free, self._v0, 0.0), np.where(free, solved.v, 0.0)
+        v = np.where(self._bodies.free, solved.v, 0.0)
         slack, resolution = FED * self._solver.options.tolerance, self._resolution * self._theta
-        motion = (kept, self._prescribed, after)
         note_impact_work(
-            step, slack, resolution, pair_bodies(frames, n), frames.pairs, *geometry, blocks, self._laws.arrays, *motion,
-            solved.r, self._dt, gains,
-        )  # fmt: skip
+            step, slack, resolution, frames, blocks, self._laws.arrays, self._start, v, solved.r, self._dt, gains
+        )
 
     def _displacement(self, v: FloatArray) -> FloatArray:
-        theta = self._theta
-        free = theta * v + (1.0 - theta) * self._v0
-        return self._dt * np.where(self._bodies.free, free, self._prescribed)
+        dx = np.empty_like(v)
+        step_displacements(self._bodies, self._start, v, self._dt, self._theta, dx)
+        return dx
 
 
 def carried_shear(frames: Frames, place: Place, solved: Solved, laws: LawTable) -> FloatArray:
     """Shear forces with which the next step begins, shape (c,) [N]: see `carry_shear`."""
-    shear, bodies = np.empty(len(frames)), pair_bodies(frames, len(solved.dx))
-    geometry = (frames.normal, frames.gap_before, frames.shift, frames.arms)
-    poses = (place.x, place.before, place.after)
-    carry_shear(frames.pairs, bodies, frames.row, *poses, *geometry, solved.dx, laws.arrays, solved.r, shear)
+    shear = np.empty(frames.size)
+    carry_shear(frames, place.x, place.before, place.after, solved.dx, laws.arrays, solved.r, shear)
     return shear
 
 
@@ -293,17 +253,17 @@ def solve_with_contacts(
     tolerance = MISSED * place.round_off()
     dilation = laws.mu if sliding == "associated" else np.zeros_like(laws.mu)
     factor = 1.0 + float(dilation.max())
-    walls = place.wall_way()
+    walls = place.wall_displacement()
 
     def reach_of(dx: FloatArray) -> float:
-        return factor * (2.0 * surface_way(dx, place.radius) + walls) + max(margin, 2.0 * tolerance)
+        return factor * (2.0 * surface_displacement(dx, place.radius) + walls) + max(margin, 2.0 * tolerance)
 
     def near(reach: float) -> Frames:
         return frames_within(reach, place, finder, laws, grains)
 
     def closing(frames: Frames, dx: FloatArray) -> FloatArray:
-        bodies, out = pair_bodies(frames, len(dx)), np.empty(len(frames))
-        closing_gaps(bodies, frames.normal, frames.arms, frames.gap, frames.shift, frames.row, dilation, dx, out)
+        out = np.empty(frames.size)
+        closing_gaps(frames, dilation, dx, out)
         return out
 
     dx = step.guess()
@@ -461,16 +421,17 @@ class StaticStep:
 
     def problem(self, frames: Frames, forces: FloatArray, mass: FloatArray, near: FloatArray) -> ContactProblem:
         """Proximal problem around the displacements ``near``, in displacements [m] and forces [N]."""
-        free = self._bodies.free
+        free, compliance = self._bodies.free, np.empty((frames.size, 2))
+        contact_compliances(frames.row, self._laws.arrays, 1.0, compliance)
         return ContactProblem(
             mass=np.where(free, mass, np.inf),
             force=np.where(free, self._bodies.load + mass * near, 0.0),
-            bodies=pair_bodies(frames, len(mass)),
+            bodies=frames.bodies,
             normal=frames.normal,
             arms=frames.arms,
             offset=np.column_stack([frames.gap, frames.shift]) + relative(frames, self._prescribed),
             mu=self._laws.mu[frames.row],
-            compliance=compliances(frames, self._laws),
+            compliance=compliance,
             shear_0=forces[:, 1],
             resolution=self._round_off,
         )

@@ -87,7 +87,7 @@ def resting(scene: Scene) -> ContactProblem:
     laws = LawTable(rigid, numerics, "rigid")
     pairs = PairFinder(radius, len(rigid.walls)).within(x, poses, TOUCHING * float(radius.min()))
     frames = contact_frames(pairs, x, radius, poses, poses, laws)
-    closed = replace(frames, gap=np.zeros(len(pairs)), gap_before=np.zeros(len(pairs)))
+    closed = frames._replace(gap=np.zeros(len(pairs)), gap_before=np.zeros(len(pairs)))
     solver = ContactSolver("interior-point", SolverOptions(), "associated")
     place = Place(x, np.zeros(len(x)), radius, poses, poses)
     rest = np.zeros((len(x), 3))

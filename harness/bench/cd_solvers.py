@@ -34,7 +34,6 @@ from ninedisk.core.cd.settings import SolverOptions, SolverResult
 from ninedisk.core.cd.solvers.coulomb import CoulombInteriorPoint
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
-from ninedisk.core.cd.solvers.projected_gradient import solve_projected_gradient
 from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
 from ninedisk.harness.bench.dem_engines import cores
@@ -60,7 +59,7 @@ SICONOS_SWEEP = 3e-7
 START_UP = 60.0
 """Seconds that an external process may take besides the solver's own time: imports, reading, setting up."""
 UNBOUNDED = 10**9
-"""Iterations of first-order methods: the time limit alone stops them."""
+"""Sweeps of Gauss-Seidel: the time limit alone stops them."""
 
 
 @dataclass(frozen=True)
@@ -109,9 +108,7 @@ def solvers() -> list[Solver]:
     own = ninedisk.__version__
     qp = {name: package_version(name)[0] or "" for name in ("clarabel", "piqp")}
     return [
-        Solver("interior-point", "associated", _interior("auto"), version=own),
-        Solver("interior-point (qdldl)", "associated", _interior("qdldl"), version=own),
-        Solver("projected-gradient", "associated", _projected_gradient, version=own),
+        Solver("interior-point", "associated", _interior, version=own),
         Solver("gauss-seidel", "associated", _gauss_seidel(1.0), version=own, sweeps=True),
         *_on_two_cores("gauss-seidel", "associated", 1.0, own),
         Solver("clarabel", "associated", _quadratic("clarabel"), warm=False, version=qp["clarabel"]),
@@ -171,21 +168,11 @@ def _own(task: Task, limit: float, solve: Callable[[SolverOptions], SolverResult
     return Sample(seconds=seconds, facts=facts_of(task, result.r, result.iterations))
 
 
-def _interior(factoriser: str) -> Callable[[Task, float], Sample]:
-    def solve(task: Task, limit: float) -> Sample:
-        def with_options(options: SolverOptions) -> SolverResult:
-            return InteriorPoint(options).solve(task.problem, start=task.start)
-
-        return _own(task, limit, with_options, factoriser=factoriser)
-
-    return solve
-
-
-def _projected_gradient(task: Task, limit: float) -> Sample:
+def _interior(task: Task, limit: float) -> Sample:
     def with_options(options: SolverOptions) -> SolverResult:
-        return solve_projected_gradient(task.problem, options, start=task.start)
+        return InteriorPoint(options).solve(task.problem, start=task.start)
 
-    return _own(task, limit, with_options, max_iterations=UNBOUNDED)
+    return _own(task, limit, with_options)
 
 
 def _gauss_seidel(relaxation: float, threads: int = 1) -> Callable[[Task, float], Sample]:

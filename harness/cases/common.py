@@ -33,7 +33,7 @@ CONTACT_DYNAMICS = (
     Parameter(
         name="solver",
         default="auto",
-        choices=("auto", "interior-point", "projected-gradient", "gauss-seidel"),
+        choices=("auto", "interior-point", "gauss-seidel"),
         only_for="cd",
         help="contact solver of contact dynamics; auto chooses by size and outcome",
     ),

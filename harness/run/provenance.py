@@ -27,7 +27,6 @@ PACKAGES = (
     "pyarrow",
     "matplotlib",
     "pymunk",
-    "qdldl",
     "typer",
     "rich",
     "pint",

@@ -17,11 +17,12 @@ from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from ninedisk.core.history import History
-from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
+if TYPE_CHECKING:
+    from ninedisk.core.history import History
+    from ninedisk.core.numerics import Numerics
+    from ninedisk.core.scene import Scene
 
 Kind = Literal["clean", "kernel", "python", "scene", "numerics", "history"]
 KINDS: dict[str, str] = {
@@ -33,8 +34,8 @@ KINDS: dict[str, str] = {
     "history": "a right engine whose report is wrong",
 }
 
-Before = Callable[[Scene, Numerics], tuple[Scene, Numerics]]
-After = Callable[[History], History]
+Before = Callable[["Scene", "Numerics"], tuple["Scene", "Numerics"]]
+After = Callable[["History"], "History"]
 
 
 @dataclass(frozen=True, kw_only=True)

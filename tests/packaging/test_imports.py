@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 
 # First match wins. The core is meant to run where only a compiler of kernels exists; sparse algebra serves contact
-# dynamics alone, and factorisations one module of it.
+# dynamics alone.
 THIRD_PARTIES = (
-    (r"ninedisk\.core\.(thread_kernels|cd\.solvers\.(vector|factorise)_kernels)", {"numpy", "numba", "llvmlite.ir"}),
-    (r"ninedisk\.core\.cd\.solvers\.factorise", {"numpy", "numba", "scipy.sparse", "qdldl"}),
+    (r"ninedisk\.core\.(thread_kernels|cd\.solvers\.factorise_kernels)", {"numpy", "numba", "llvmlite.ir"}),
     (r"ninedisk\.core\.cd\.solvers\.feasibility", {"numpy", "numba", "scipy.sparse", "scipy.optimize.linprog"}),
     (r"ninedisk\.core\.cd(\..+)?", {"numpy", "numba", "scipy.sparse"}),
     (r"ninedisk\.core(\..+)?", {"numpy", "numba"}),
@@ -152,8 +151,6 @@ def test_yade_is_imported_by_its_drivers_only(sources: dict[str, Path]) -> None:
         ("ninedisk.core.dem.step", "numpy.linalg.norm", False),
         ("ninedisk.core.cd.problem", "scipy.sparse.csc_array", False),
         ("ninedisk.core.cd.problem", "scipy.optimize.root", True),
-        ("ninedisk.core.cd.problem", "qdldl", True),
-        ("ninedisk.core.cd.solvers.factorise", "qdldl.Solver", False),
         ("ninedisk.core.cdx", "scipy.sparse", True),
         ("ninedisk.harness.results.store", "pandas", False),
     ],

@@ -1,12 +1,7 @@
-"""Sparse Cholesky-type factorisation with a symbolic part that is reused: our own, or qdldl to check it.
+"""Factorisations of the body-space matrix: our own supernodal Cholesky, and LU where Coulomb's law makes it unsymmetric.
 
-Sparse Cholesky factorisation of matrices of 3 x 3 blocks, a block for each body and each pair that touches.
-
-An order of elimination of bodies that keeps the factors sparse.
-
-The body-space matrix ``M + H' D H``: its pattern once per contact graph, its values once per iteration.
-
-The body-space matrix ``M + H' D H`` where D is not symmetric, as Coulomb's law makes it.
+The matrix is ``M + H' D H``, in blocks of 3 x 3: one for each body and each pair that touches. Its pattern and the order of elimination
+that keeps its factors sparse hold for a contact graph, its entries for one iteration of a solver.
 """
 
 from __future__ import annotations
@@ -40,69 +35,49 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-class _Backend(Protocol):
-    def update(self, data: FloatArray) -> bool: ...
+class Factorisation(Protocol):
+    """Factors of symmetric positive definite matrices of one pattern of 3 x 3 blocks."""
 
-    def solve(self, right: FloatArray) -> FloatArray: ...
+    def update(self, data: FloatArray) -> bool:
+        """Factorise the matrix with these entries; False if it is not positive definite to round-off."""
+        ...
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Solve with the last factorisation."""
+        ...
 
 
-class Factorisation:
-    """Factors of symmetric positive definite matrices of one sparsity pattern.
+def factorisation(indptr: IntArray, indices: IntArray) -> Factorisation:
+    """The factorisation for a pattern: supernodal, or dense where Numba is told not to compile.
+
+    The supernodal kernels spell out machine instructions, which have no form that could be interpreted.
 
     Parameters
     ----------
     indptr, indices : ndarray of int
         Compressed columns of the upper triangle, diagonal included, rows ascending, in complete blocks of 3 x 3.
-    kind : {"auto", "supernodal", "qdldl"}
-        "auto": supernodal, the faster one at all sizes, unless Numba is told not to compile: its vectors are machine code, without
-        a form that could be interpreted. qdldl checks it.
     """
-
-    def __init__(self, indptr: IntArray, indices: IntArray, kind: str = "auto") -> None:
-        interpreted = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
-        self.kind = ("qdldl" if interpreted else "supernodal") if kind == "auto" else kind
-        self._pattern = indptr, indices
-        qdldl = self.kind == "qdldl"
-        self._backend: _Backend = _Qdldl(indptr, indices) if qdldl else SupernodalCholesky(indptr, indices)
-
-    def __reduce__(self) -> tuple[type[Factorisation], tuple[IntArray, IntArray, str]]:
-        # A copy begins with the pattern: factors are machine objects and views, and every solution begins with `update`.
-        return Factorisation, (*self._pattern, self.kind)
-
-    def update(self, data: FloatArray) -> bool:
-        """Factorise the matrix with these entries; False if it is not positive definite to round-off."""
-        return self._backend.update(data)
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        """Solve with the last factorisation."""
-        return self._backend.solve(right)
+    interpreted = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
+    return _DenseCholesky(indptr, indices) if interpreted else SupernodalCholesky(indptr, indices)
 
 
-class _Qdldl:
+class _DenseCholesky:
     def __init__(self, indptr: IntArray, indices: IntArray) -> None:
         n = len(indptr) - 1
-        # The kind that qdldl takes as it is: conversions cost more than the factorisation of a small matrix.
-        self._matrix = sp.csc_matrix((np.ones(len(indices)), indices, indptr), shape=(n, n))
-        self._solver: Any = None
+        self._column, self._row = np.repeat(np.arange(n), np.diff(indptr)), indices
+        self._matrix = np.zeros((n, n))
 
     def update(self, data: FloatArray) -> bool:
-        import qdldl
-
-        if not np.isfinite(data).all():
-            return False
-        self._matrix.data[:] = data
+        # numpy reads the lower triangle: entry (row, column) of the upper one stands at (column, row) of that.
+        self._matrix[self._column, self._row] = data
         try:
-            if self._solver is None:
-                self._solver = qdldl.Solver(self._matrix, upper=True)
-            else:
-                self._solver.update(self._matrix, upper=True)
-        except (RuntimeError, ValueError):
-            self._solver = None
+            self._factor = np.linalg.cholesky(self._matrix)
+        except np.linalg.LinAlgError:
             return False
-        return True
+        return bool(np.isfinite(self._factor).all())
 
     def solve(self, right: FloatArray) -> FloatArray:
-        solution: FloatArray = self._solver.solve(right)
+        solution: FloatArray = np.linalg.solve(self._factor.T, np.linalg.solve(self._factor, right))
         return solution
 
 
@@ -213,12 +188,10 @@ class BodyGraph:
     n_bodies : int
     bodies : ndarray of int, shape (c, 2)
         Bodies of each contact, -1 for none.
-    factoriser : str
-        One of `options.FACTORISERS`.
     """
 
-    def __init__(self, n_bodies: int, bodies: NDArray[np.int32], factoriser: str = "auto") -> None:
-        self.n_bodies, self.bodies, self.factoriser = n_bodies, bodies, factoriser
+    def __init__(self, n_bodies: int, bodies: NDArray[np.int32]) -> None:
+        self.n_bodies, self.bodies = n_bodies, bodies
         low, high = bodies.min(axis=1).astype(np.int64), bodies.max(axis=1).astype(np.int64)
         joint = (low >= 0) & (low != high)
         # Blocks (low, high) in the order of the columns: unique keys sort by the column's body, then the row's.
@@ -241,15 +214,11 @@ class BodyGraph:
         self.block[joint, :3] = position[slot]
         self.block[joint, 3] = bodies[joint, 0] < bodies[joint, 1]
         self.data = np.empty(self.indptr[-1])
-        self.factorisation = Factorisation(self.indptr, self.indices, factoriser)
+        self.factorisation = factorisation(self.indptr, self.indices)
 
-    def fits(self, problem: ContactProblem, factoriser: str) -> bool:
+    def fits(self, problem: ContactProblem) -> bool:
         """Whether ``problem`` has this very contact graph."""
-        return (
-            self.n_bodies == problem.n_bodies
-            and self.factoriser == factoriser
-            and np.array_equal(self.bodies, problem.bodies)
-        )
+        return self.n_bodies == problem.n_bodies and np.array_equal(self.bodies, problem.bodies)
 
 
 class BodyMatrix:

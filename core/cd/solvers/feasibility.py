@@ -16,7 +16,7 @@ RESISTANCE = 1e-9
 WORK = 1e-7
 """Smallest work ``-g . r / |r|`` of the obstacles that counts as a contradiction, relative to g and b."""
 PROOF_AFTER = 5_000
-"""Iterations after which a first-order solver looks for a contradiction, once: fewer cost less than the proof."""
+"""Sweeps after which Gauss-Seidel looks for a contradiction, once: fewer cost less than the proof."""
 LONGEST_PROOF = 60.0
 """Seconds after which the search ends without a verdict."""
 

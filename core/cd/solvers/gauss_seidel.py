@@ -145,14 +145,10 @@ def _sweeps(
         stripes = Stripes(problem, r, options.threads)
         return lambda count, v, r: stripes.sweep(count, options.relaxation, coulomb, v, r)
     return lambda count, v, r: sweep(
-        problem.bodies,
-        problem.normal,
-        problem.arms,
+        problem.contacts,
         problem.inverse_mass,
         problem.offset,
-        problem.compliance,
         problem.shear_0,
-        problem.mu,
         problem.blocks,
         options.relaxation,
         coulomb,
@@ -199,31 +195,18 @@ class Stripes:
         count = kernels.cut_stripes(first, contacts, level, self.order, bounds)
         self.bounds = bounds[: count + 1]
         self.pairs, self._rows = np.empty((c, 2), dtype=np.int32), np.empty((c, kernels.ROW))
-        kernels.pack_rows(
-            self.order,
-            place,
-            moving,
-            problem.normal,
-            problem.arms,
-            problem.offset,
-            problem.compliance,
-            problem.shear_0,
-            problem.mu,
-            problem.blocks,
-            r,
-            self.pairs,
-            self._rows,
-        )
+        load = (problem.offset, problem.shear_0, problem.blocks)
+        kernels.pack_rows(self.order, place, moving, problem.contacts, *load, r, self.pairs, self._rows)
         self._inverse_mass, self._v = np.empty((b, 3)), np.empty((b, 3))
         kernels.gather_bodies(self._queue, problem.inverse_mass, self._inverse_mass)
-        self._crew = min(threads, count)
-        self._flags = np.zeros(self._crew * PAD, dtype=np.int64)
+        self._threads = min(threads, count)
+        self._flags = np.zeros(self._threads * PAD, dtype=np.int64)
 
     def sweep(self, count: int, relaxation: float, coulomb: bool, v: FloatArray, r: FloatArray) -> None:
         """``count`` sweeps from the velocities ``v``, shape (b, 3), of the forces that it left; these into ``r``, shape (c, 2)."""
         kernels.gather_bodies(self._queue, v, self._v)
         shared = (self._flags, self.bounds, self.pairs, self._inverse_mass, relaxation, coulomb, count)
-        together(sweep_stripes, self._crew, (*shared, self._v, self._rows))
+        together(sweep_stripes, self._threads, (*shared, self._v, self._rows))
         kernels.unpack_forces(self.order, self._rows, r)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem_kernels import (
+    Contacts,
     add_contact_force,
     contact_velocity,
     project_on_cone,
@@ -64,14 +65,10 @@ def _solve_contact(
 
 @kernel
 def sweep(
-    bodies: NDArray[np.int32],
-    normal: Floats,
-    arms: Floats,
+    contacts: Contacts,
     inverse_mass: Floats,
     offset: Floats,
-    compliance: Floats,
     shear_0: Floats,
-    mu: Floats,
     blocks: Floats,
     relaxation: float,
     coulomb: bool,
@@ -83,7 +80,7 @@ def sweep(
 
     Parameters
     ----------
-    bodies, normal, arms, inverse_mass, offset, compliance, shear_0, mu, blocks
+    contacts, inverse_mass, offset, shear_0, blocks
         As in `ContactProblem`.
     relaxation : float
         The change of a contact's force is multiplied by this and projected back on the cone.
@@ -100,6 +97,7 @@ def sweep(
     Nonsmooth Gauss-Seidel: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl. Mech. Engrg. 177
     (1999) 235-257.
     """
+    bodies, normal, arms, mu, compliance = contacts
     for _ in range(count):
         for k in range(bodies.shape[0]):
             p, q = r[k, 0], r[k, 1]
@@ -117,8 +115,8 @@ def sweep(
 
 @kernel
 def sweep_stripes(
-    me: int,
-    crew: int,
+    thread: int,
+    threads: int,
     flags: NDArray[np.int64],
     bounds: Ints,
     pairs: Ints,
@@ -129,7 +127,7 @@ def sweep_stripes(
     v: Floats,
     rows: Floats,
 ) -> int:
-    """The share of thread ``me`` of ``crew`` in ``count`` sweeps over stripes of contacts: first all even ones, then all odd ones.
+    """The share of a thread in ``count`` sweeps over stripes of contacts: first all even ones, then all odd ones.
 
     Stripes of one parity have no body in common, so the result is that of one thread.
 
@@ -138,21 +136,21 @@ def sweep_stripes(
     flags : ndarray of int64
         Of `wait_for_all`.
     bounds, pairs, rows
-        Of `stripe_kernels`; the forces in the rows are updated in place.
+        Of `cut_stripes` and `pack_rows`; the forces in the rows are updated in place.
     inverse_mass, v : ndarray, shape (b, 3)
         As in `sweep`, by the bodies' numbers.
     relaxation, coulomb, count
         As in `sweep`.
     """
     stripes = bounds.shape[0] - 1
-    low, high = stripes * me // crew, stripes * (me + 1) // crew
-    wait_for_all(flags, me, crew)
+    low, high = stripes * thread // threads, stripes * (thread + 1) // threads
+    wait_for_all(flags, thread, threads)
     for _ in range(count):
         for parity in range(2):
             for s in range(low + (low + parity) % 2, high, 2):
                 for m in range(bounds[s], bounds[s + 1]):
                     _sweep_row(m, pairs, inverse_mass, relaxation, coulomb, v, rows)
-            wait_for_all(flags, me, crew)
+            wait_for_all(flags, thread, threads)
     return 0
 
 
@@ -359,18 +357,16 @@ def pack_rows(
     order: Ints,
     place: Ints,
     moving: Ints,
-    normal: Floats,
-    arms: Floats,
+    contacts: Contacts,
     offset: Floats,
-    compliance: Floats,
     shear_0: Floats,
-    mu: Floats,
     blocks: Floats,
     r: Floats,
     pairs: Ints,
     rows: Floats,
 ) -> None:
     """Rows, shape (c, `ROW`), of the contacts in ``order``, and the numbers ``pairs``, shape (c, 2), of their bodies."""
+    _, normal, arms, mu, compliance = contacts
     for m in range(order.shape[0]):
         k = order[m]
         for side in range(2):

@@ -73,8 +73,8 @@ class InteriorPoint:
         unloaded = measure(problem, problem.body_velocity(free), free)
         if unloaded.reached(self.options.tolerance):
             return self._result(problem.body_velocity(free), free, 0, unloaded, clock)
-        if self._graph is None or not self._graph.fits(problem, self.options.factoriser):
-            self._graph = BodyGraph(problem.n_bodies, problem.bodies, self.options.factoriser)
+        if self._graph is None or not self._graph.fits(problem):
+            self._graph = BodyGraph(problem.n_bodies, problem.bodies)
         run = Run(problem, BodyMatrix(problem, self._graph), start)
         limit = self.options.max_iterations or MAX_ITERATIONS
         best, best_point, since = run.residuals(), run.point, 0
@@ -264,11 +264,10 @@ class Run:
         error_v: FloatArray,
     ) -> None:
         """Newton step to the products ``a s + target`` that mends the errors given, with the last factorisation."""
-        problem = self.problem
-        frames, laws = (problem.bodies, problem.normal, problem.arms), (problem.mu, problem.compliance)
-        kernels.load_of_target(*frames, problem.free, *laws, self._e, a, error_u, error_v, target, self._z, self._load)
+        contacts, free = self.problem.contacts, self.problem.free
+        kernels.load_of_target(contacts, free, self._e, a, error_u, error_v, target, self._z, self._load)
         out.v = self.matrix.solve(self._load)
-        kernels.changes_of_rays(*frames, *laws, self._e, a, ratio, self._z, target, out.v, out.a, out.s)
+        kernels.changes_of_rays(contacts, self._e, a, ratio, self._z, target, out.v, out.a, out.s)
 
     def _factorise(self, e: FloatArray) -> bool:
         problem = self.problem

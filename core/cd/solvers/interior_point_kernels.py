@@ -17,11 +17,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.cd.problem_kernels import add_contact_force, contact_velocity
+from ninedisk.core.cd.problem_kernels import Contacts, add_contact_force, contact_velocity
 from ninedisk.core.compile import inline_kernel, kernel
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 
 @inline_kernel
@@ -87,12 +86,8 @@ def expand(mu: float, cn: float, ct: float, e0: float, e1: float, z0: float, z1:
 
 @kernel
 def load_of_target(
-    bodies: Ints,
-    normal: Floats,
-    arms: Floats,
+    contacts: Contacts,
     free: Floats,
-    mu: Floats,
-    compliance: Floats,
     e: Floats,
     a: Floats,
     error_u: Floats,
@@ -105,7 +100,7 @@ def load_of_target(
 
     Parameters
     ----------
-    bodies, normal, arms, free, mu, compliance
+    contacts, free
         As in `ContactProblem`.
     e, a, error_u, target : ndarray, shape (c, 2)
         Compliances and values of the rays, errors of the slacks, wanted changes of the products ``a s``.
@@ -114,6 +109,7 @@ def load_of_target(
     z, load : ndarray, shapes (c, 2) and (b, 3)
         Out.
     """
+    bodies, normal, arms, mu, compliance = contacts
     for i in range(load.shape[0]):
         for d in range(3):
             load[i, d] = error_v[i, d]
@@ -126,11 +122,7 @@ def load_of_target(
 
 @kernel
 def changes_of_rays(
-    bodies: Ints,
-    normal: Floats,
-    arms: Floats,
-    mu: Floats,
-    compliance: Floats,
+    contacts: Contacts,
     e: Floats,
     a: Floats,
     ratio: Floats,
@@ -144,6 +136,7 @@ def changes_of_rays(
 
     Arguments as in `load_of_target`; ``ratio = s/a``; ``da`` and ``ds``, shape (c, 2), are the result.
     """
+    bodies, normal, arms, mu, compliance = contacts
     for k in range(bodies.shape[0]):
         un, ut = contact_velocity(k, bodies, normal, arms, dv)
         m = mu[k]

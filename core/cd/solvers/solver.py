@@ -1,4 +1,4 @@
-"""The contact solver of a run: one of the three methods, or a choice by problem and outcome."""
+"""The contact solver of a run: one of the methods, or a choice by problem and outcome."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ from ninedisk.core.cd.solvers.feasibility import PROOF_AFTER, InfeasibleContacts
 from ninedisk.core.cd.solvers.gauss_seidel import MAX_SWEEPS, GaussSeidel, solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.cd.solvers.polish import Polish
-from ninedisk.core.cd.solvers.projected_gradient import solve_projected_gradient
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
 FloatArray = NDArray[np.float64]
 
-SOLVERS = ("auto", "interior-point", "projected-gradient", "gauss-seidel")
+SOLVERS = ("auto", "interior-point", "gauss-seidel")
 TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
 STAGES = ((200, 20), (5_000, 400), (20_000, 400), (80_000, 400))
@@ -54,7 +53,7 @@ class ContactSolver:
     Parameters
     ----------
     name : str
-        "auto", "interior-point", "projected-gradient" or "gauss-seidel".
+        "auto", "interior-point" or "gauss-seidel".
     options : SolverOptions
     sliding : {"associated", "coulomb"}
 
@@ -66,16 +65,12 @@ class ContactSolver:
     Raises
     ------
     InvalidNumericsError
-        If the name is unknown, or the method cannot solve Coulomb's law.
+        If the name is unknown.
     """
 
     def __init__(self, name: str, options: SolverOptions, sliding: Sliding) -> None:
         if name not in SOLVERS:
             raise InvalidNumericsError(f"solver = {name!r} is unknown: use one of {', '.join(SOLVERS)}")
-        if sliding == "coulomb" and name == "projected-gradient":
-            raise InvalidNumericsError(
-                f"solver = {name!r} solves the associated rule only: with sliding = 'coulomb' use gauss-seidel, interior-point or auto"
-            )
         self.name, self.options, self.sliding = name, options, sliding
         self.problem: ContactProblem | None = None
         self._interior = InteriorPoint(options)
@@ -124,8 +119,6 @@ class ContactSolver:
             return self._coulomb(problem, start, at_rest)
         if self.name == "gauss-seidel":
             return solve_gauss_seidel(problem, self.options, sliding=self.sliding, start=start)
-        if self.name == "projected-gradient":
-            return solve_projected_gradient(problem, self.options, start=start)
         if self.name == "auto" and problem.n_contacts <= self.most_contacts and self._trial_is_due():
             try:
                 result = solve_gauss_seidel(problem, self._trial, start=start)

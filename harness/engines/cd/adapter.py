@@ -98,7 +98,7 @@ class CdEngine:
             "sliding": numerics.sliding,
             "regime": numerics.regime,
             "solver": numerics.solver,
-            **session.settings.told,
+            **session.settings.options,
             "problems solved": ", ".join(f"{name} {count}" for name, count in sorted(session.solves.items())),
             "iterations": session.iterations,
             "largest natural-map residual": session.worst[0],

@@ -1,4 +1,4 @@
-"""The three contact solvers under one signature, for tests that hold for each of them."""
+"""The contact solvers of the associated rule under one signature, for tests that hold for each of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.settings import SolverOptions, SolverResult
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
-from ninedisk.core.cd.solvers.projected_gradient import solve_projected_gradient
 
 Solve = Callable[..., SolverResult]
 
@@ -24,4 +23,4 @@ def solve_interior_point(
     return InteriorPoint(options).solve(problem, start=start)
 
 
-each_solver = pytest.mark.parametrize("solve", [solve_interior_point, solve_projected_gradient, solve_gauss_seidel])
+each_solver = pytest.mark.parametrize("solve", [solve_interior_point, solve_gauss_seidel])

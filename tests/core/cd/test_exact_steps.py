@@ -18,10 +18,8 @@ from ninedisk.references.exact_steps.incline import associated_incline, coulomb_
 from ninedisk.references.exact_steps.rolling import associated_rolling
 from ninedisk.references.exact_steps.sliding import dynamic_sliding, quasistatic_sliding
 
-SOLVERS = ("auto", "interior-point", "projected-gradient", "gauss-seidel")
-RULES = [("associated", solver) for solver in SOLVERS] + [
-    ("coulomb", solver) for solver in ("auto", "interior-point", "gauss-seidel")
-]
+SOLVERS = ("auto", "interior-point", "gauss-seidel")
+RULES = [(sliding, solver) for sliding in ("associated", "coulomb") for solver in SOLVERS]
 ANGLE, G, MASS = math.radians(20.0), 10.0, 7.854
 
 TOLERANCE = 1e-10

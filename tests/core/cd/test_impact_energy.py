@@ -57,9 +57,9 @@ def smooth_run(seed: int, *, same: bool, singly: bool) -> None:
     )
     session = CdSession(scene, numerics)
     if singly:
-        session._march = None
+        session._batches = None
     history = session.run()
-    assert singly or session._march is not None
+    assert singly or session._batches is not None
     energy = kept_energy(scene, numerics, history)
     size = np.abs(energy).max() + history.energy["kinetic"].max()
     assert np.diff(energy).max() <= ROUND_OFF * size
@@ -87,7 +87,7 @@ def test_what_impacts_with_friction_feed_is_said_with_step_contact_and_energy(si
         numerics = Numerics(dt=0.01, n_steps=80, theta=rng.uniform(0.5, 1.0), impact="newton", sliding="coulomb")
         session = CdSession(scene, numerics)
         if singly:
-            session._march = None
+            session._batches = None
         history = session.run()
         energy, gain = kept_energy(scene, numerics, history), history.energy["impact_gain"]
         size = np.abs(energy).max() + history.energy["kinetic"].max()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from problems import FLOOR, LEFT, RIGHT
 
 from ninedisk.core.cd.problem import ContactProblem, Sliding
+from ninedisk.core.cd.problem_kernels import Contacts
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers import gauss_seidel
@@ -109,11 +110,10 @@ def test_a_sweep_is_that_of_the_reordered_contacts(sliding: Sliding, relaxation:
     parity = np.repeat(np.arange(len(stripes.bounds) - 1) % 2, np.diff(stripes.bounds))
     order = stripes.order[np.argsort(parity, kind="stable")]
     assert np.array_equal(np.sort(order), np.arange(problem.n_contacts))
-    fields = ("bodies", "normal", "arms", "offset", "compliance", "shear_0", "mu", "blocks")
-    bodies, normal, arms, offset, compliance, shear_0, mu, blocks = (getattr(problem, name)[order] for name in fields)
+    reordered = Contacts(*(column[order] for column in problem.contacts))
+    offset, shear_0, blocks = problem.offset[order], problem.shear_0[order], problem.blocks[order]
     v, given = problem.body_velocity(r), r[order]
-    sweep(bodies, normal, arms, problem.inverse_mass, offset, compliance, shear_0, mu, blocks,
-          relaxation, sliding == "coulomb", 3, v, given)  # fmt: skip
+    sweep(reordered, problem.inverse_mass, offset, shear_0, blocks, relaxation, sliding == "coulomb", 3, v, given)
     found = np.empty_like(r)
     stripes.sweep(3, relaxation, sliding == "coulomb", problem.body_velocity(r), found)
     # Three sweeps of sums of a dozen terms; the terms are added in another order.
@@ -169,7 +169,7 @@ def test_a_run_has_the_same_bits_with_threads(monkeypatch: pytest.MonkeyPatch) -
         gravity=(1.0, -10.0),
     )
     numerics = Numerics(dt=2e-3, n_steps=20, solver="gauss-seidel", regime="dynamic", options={"cd.tolerance": 1e-6})
-    monkeypatch.setattr(CdSession, "_march_if_dynamic", lambda _: None)  # steps taken together are swept by one thread
+    monkeypatch.setattr(CdSession, "_batches_if_dynamic", lambda _: None)  # batches of steps are swept by one thread
     histories = [simulate(scene, numerics, method="cd", threads=threads) for threads in (1, 3)]
     assert np.array_equal(histories[0].x, histories[1].x)
     assert np.array_equal(histories[0].v, histories[1].v)

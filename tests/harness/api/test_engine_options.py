@@ -113,7 +113,6 @@ GIVEN = {
     "cd.time_limit": ("30", 30.0),
     "cd.relaxation": ("1.25", 1.25),
     "cd.threads": ("2", 2),
-    "cd.factoriser": ("qdldl", "qdldl"),
     "cd.contacts": ("rigid", "rigid"),
     "cd.save_failed": ("failed.npz", "failed.npz"),
 }

@@ -120,7 +120,7 @@ def test_external_solvers_solve_the_problem_that_is_timed(name: str, packed: Con
     assert max(facts["natural_map"], facts["duality_gap"]) > 1e-3
 
 
-@pytest.mark.parametrize("name", ["gauss-seidel", "projected-gradient", "gauss-seidel, Coulomb"])
+@pytest.mark.parametrize("name", ["gauss-seidel", "gauss-seidel, Coulomb"])
 def test_what_is_not_reached_in_time_is_told_with_its_figures(
     name: str, packed: ContactProblem, tmp_path: Path
 ) -> None:

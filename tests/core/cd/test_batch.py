@@ -1,4 +1,4 @@
-"""Many steps in one kernel give what single steps give, and hand over what is not for them."""
+"""Batches of steps give what single steps give, and hand over what is not for them."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 RIGID = ContactLaw(kn=1e8, ks=1e8, mu=0.3, restitution=0.5, regularised=True)
 SOFT = ContactLaw(kn=1e6, ks=8e5, mu=0.3, lever_arm="overlap", wall_velocity_at="mid-overlap")
 TOLERANCE = 1e-11
-"""Of the largest value. The two ways add contacts at different times and end elsewhere within the solver's tolerance, 1e-14 here, which
-150 steps with impacts amplify: a hundred times as large a tolerance makes the differences a hundred times as large."""
+"""Of the largest value. Batches and single steps add contacts at different times and end elsewhere within the solver's tolerance, 1e-14
+here, which 150 steps with impacts amplify: a hundred times as large a tolerance makes the differences a hundred times as large."""
 
 
 def heap(law: ContactLaw, *, turning: bool = False, **more: Any) -> Scene:
@@ -59,7 +59,7 @@ def run(scene: Scene, numerics: Numerics, *, singly: bool) -> tuple[History, CdS
     count, one = [], session._advance
     session._advance = lambda step: (count.append(step), one(step))[1]  # type: ignore[method-assign, func-returns-value]
     if singly:
-        session._march = None
+        session._batches = None
     return session.run(), session, len(count)
 
 
@@ -76,17 +76,17 @@ def difference(one: History, other: History) -> float:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_together_as_singly(name: str) -> None:
+def test_a_batch_gives_what_single_steps_give(name: str) -> None:
     scene, settings = SCENES[name]
     numerics = Numerics(dt=2e-3, n_steps=STEPS, sample_every=15, options={"cd.tolerance": 1e-14}, **settings)
-    together, session, few = run(scene, numerics, singly=False)
+    batched, session, few = run(scene, numerics, singly=False)
     singly, other, all_ = run(scene, numerics, singly=True)
     assert all_ == STEPS
     assert few < 0.7 * STEPS, "hardly any step was taken with others"
     assert other.solves["gauss-seidel"] > 0
     assert sum(session.solves.values()) == sum(other.solves.values())
-    assert float(np.nanmax(np.abs(together.wall_force))) > 0.0
-    assert difference(together, singly) <= TOLERANCE
+    assert float(np.nanmax(np.abs(batched.wall_force))) > 0.0
+    assert difference(batched, singly) <= TOLERANCE
     changed, _, _ = run(scene, numerics.replace(dt=numerics.dt * (1.0 + 1e-9)), singly=False)
     assert difference(changed, singly) > TOLERANCE, "the comparison sees next to nothing"
 
