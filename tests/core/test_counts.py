@@ -43,7 +43,7 @@ def test_counts_are_those_of_all_pairs(sort_from: int, monkeypatch: pytest.Monke
     session = DemSession(scene, numerics(2e-4, 400))
     begun = session.counts
     assert begun.rebuilds == 0
-    assert (begun.pairs, begun.wall_pairs) == counted_one_by_one(scene, scene.disks.x, float(session._skin[0]))
+    assert (begun.pairs, begun.wall_pairs) == counted_one_by_one(scene, scene.disks.x, float(session._progress.skin[0]))
     seen = {begun}
     for _ in range(4):
         session.advance(100)

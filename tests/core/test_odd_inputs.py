@@ -400,7 +400,6 @@ TARGETS: dict[str, Target] = {
         CIRCLE.evaluate, {"parameter": [1.0]}, {"parameter": Column(np.array([0.5, 1.0]), parameter, rows=True), "order": between(0, 2,
         whole=True)}
     ),
-    "NurbsCurve.with_knot": Target(CIRCLE.with_knot, {"value": 0.5}, {"value": between(0.5, 1.5)}, names=("curve",)),
     "NurbsCurve.moved": Target(
         CIRCLE.moved, {}, {"angle": between(-1e100, 1e100), "shift": Column(np.array([1.0, 2.0]))}, names=("points",)
     ),

@@ -47,7 +47,7 @@ def whole() -> History:
     scene = tumbling()
     session = DemSession(scene, numerics(1e-3, 150), all_pairs(scene))
     history = session.run()
-    assert session._clock[REBUILDS] > 5
+    assert session._progress.clock[REBUILDS] > 5
     assert np.abs(history.fs).max() > 10.0
     return history
 
@@ -123,14 +123,14 @@ def test_steps_allocate_nothing() -> None:
     """A thousand steps with rebuilds in the arrays of the start; the check for finite numbers makes 25 truth values or so."""
     session = DemSession(tumbling(), numerics(1e-3, 1200, sample_every=1200))
     session._advance(200)
-    before, rebuilds = buffers(session), int(session._clock[REBUILDS])
+    before, rebuilds = buffers(session), int(session._progress.clock[REBUILDS])
     tracemalloc.start()
     try:
         session._advance(1200)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert session._clock[REBUILDS] > rebuilds + 10
+    assert session._progress.clock[REBUILDS] > rebuilds + 10
     assert buffers(session) == before
     # Objects of a call: arguments as they are unpacked, two masks of 50 bytes with their 100 bytes of head.
     assert peak < 16 * 1024

@@ -8,12 +8,20 @@ import numpy as np
 import pytest
 
 from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, WallSegment
-from ninedisk.core.dem.arrays import disk_arrays, disk_views, first_lists, law_row, step_constants, wall_arrays
+from ninedisk.core.dem.arrays import (
+    disk_arrays,
+    disk_views,
+    first_lists,
+    law_row,
+    step_constants,
+    team_arrays,
+    wall_arrays,
+)
 from ninedisk.core.dem.force_kernels import SCRATCH, disk_disk_forces, disk_wall_forces, note_pairs
 from ninedisk.core.dem.grain_kernels import grain_forces
 from ninedisk.core.dem.grains import outline_arrays
-from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.neighbours import empty_list
+from ninedisk.core.dem.state import NeighbourList, System
 from ninedisk.core.motion import compile_motion
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.mass import uniform_grain
@@ -47,16 +55,16 @@ def pair_shear(x: Array, dt: float, radius: float, law: ContactLaw, spins: Array
     """Shear force [N] of two disks that are led along x, shape (s, 2, 2), with spins of shape (s, 2) in the steps that end there."""
     scene = Scene(disks=Disks(x=x[0], radius=radius, mass=1.0), disk_disk=law)
     disks, lists, row = disk_arrays(scene, lagged=True), first_lists(2, 0), np.array(law_row(law))
-    lists = lists._replace(disks=listed(1))
+    lists = lists._replace(pairs=listed(1))
     views = disk_views(disks, lists, row)
-    note_pairs(disks, views, lists.disks, row)
+    note_pairs(disks, views, lists.pairs, row)
     scratch, found = np.zeros(SCRATCH), np.empty(len(x))
     for n in range(len(x)):
         disks.x[:] = x[n]
         if n:
             disks.v[:], disks.omega[:] = (x[n] - x[n - 1]) / dt, spins[n]
-        disk_disk_forces(disks, views, lists.disks, row, dt if n else 0.0, 0, 2, scratch)
-        found[n] = lists.disks.shear[0]
+        disk_disk_forces(disks, views, lists.pairs, row, dt if n else 0.0, 0, 2, scratch)
+        found[n] = lists.pairs.shear[0]
     return found
 
 
@@ -121,9 +129,10 @@ def wall_shear(s: Array, loop: dict[str, float], steps: int, law: ContactLaw, ou
     disks, walls = disk_arrays(scene, lagged=True), wall_arrays(scene, compile_motion(scene.walls), 1)
     pairs = empty_list(1, 4)
     pairs.start[:], pairs.other[0] = [0, 1], 0
-    none = empty_list(1, 4)
+    lists, row = first_lists(1, 1)._replace(wall_pairs=pairs), np.array(law_row(law))
     arrays = outline_arrays(scene) if outlined else None
     constants = step_constants(scene, Numerics(dt=dt, n_steps=1, contact_dt=dt, damping_form="lagged"), dt, False)
+    system = System(disks, disk_views(disks, lists, row), walls, lists, row, constants, team_arrays(1, 1))
 
     def pose(t: float) -> Array:
         place, turn = (amount * np.sin(frequency * t + phase) for amount in (loop["a"] * size, loop["b"]))
@@ -141,8 +150,7 @@ def wall_shear(s: Array, loop: dict[str, float], steps: int, law: ContactLaw, ou
             disk_wall_forces(disks, walls, pairs, dt if n else 0.0, 0, 1, 0)
             found[n] = pairs.shear[0]
         else:
-            law_of_disks = np.array(law_row(law))
-            assert grain_forces(disks, walls, none, pairs, law_of_disks, arrays, constants, n, dt if n else 0.0)
+            assert grain_forces(system, arrays, n, dt if n else 0.0)
             side = int(arrays.memory.mark[0])
             found[n] = arrays.memory.contact[side, 0, 0]
     return found
@@ -188,13 +196,15 @@ def test_grains_that_retrace_their_path_return(seed: int) -> None:
         disks, walls = disk_arrays(scene, lagged=True), wall_arrays(scene, compile_motion(()), 1)
         arrays, row = outline_arrays(scene), np.array(law_row(law))
         constants = step_constants(scene, Numerics(dt=dt, n_steps=1, contact_dt=dt, damping_form="lagged"), dt, False)
+        lists = first_lists(2, 0)._replace(pairs=listed(1))
+        system = System(disks, disk_views(disks, lists, row), walls, lists, row, constants, team_arrays(1, 1))
         angle = loop["b"] * np.column_stack([s, -0.6 * s])
         found = np.empty(len(s))
         for n in range(len(s)):
             disks.x[:], disks.angle[:] = path[n], angle[n]
             if n:
                 disks.v[:], disks.omega[:] = (path[n] - path[n - 1]) / dt, (angle[n] - angle[n - 1]) / dt
-            assert grain_forces(disks, walls, listed(1), empty_list(0, 4), row, arrays, constants, n, dt if n else 0.0)
+            assert grain_forces(system, arrays, n, dt if n else 0.0)
             side = int(arrays.memory.mark[0])
             assert arrays.memory.mark[1 + side] == 1
             found[n] = arrays.memory.contact[side, 0, 0]

@@ -89,7 +89,7 @@ def test_dense_cluster_whose_lists_are_rebuilt_often() -> None:
     scene = scene.replace(disks=disks, disk_disk=law, walls=(), initial_shear={})
     session = DemSession(scene, numerics(DT, STEPS))
     session.run()
-    assert session._clock[3] > 10
+    assert session._progress.clock[3] > 10
     assert_twins(scene, steps=30)
 
 

@@ -113,7 +113,7 @@ def test_rebuilds_threads_and_restarts_change_no_bit(tmp_path: Path, monkeypatch
     monkeypatch.setattr(session_module, "SORT_FROM", 10)
     whole = DemSession(scene, how, watch)
     reference = bits(whole)
-    assert whole._clock[REBUILDS] > 5
+    assert whole._progress.clock[REBUILDS] > 5
     assert np.any(whole._disks.name != np.arange(49))
     assert len(whole.shear_forces()) >= 4
     two = DemSession(scene, how, watch, threads=2)
@@ -217,7 +217,7 @@ def test_the_critical_step_of_grains() -> None:
     ("x", "message"),
     [
         ([(0.0, 0.0), (0.1, 0.0)], "grain 0, near grain 1, lies wholly inside"),
-        ([(0.0, 0.0), (0.0, 0.0)], "the centres of grains 0 and 1 coincide"),
+        ([(0.0, 0.0), (0.0, 0.0)], "the centres of disks 0 and 1 coincide"),
     ],
 )
 def test_grains_that_no_chord_parts_at_the_start(x: list[tuple[float, float]], message: str) -> None:

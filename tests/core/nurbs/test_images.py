@@ -7,7 +7,7 @@ import pytest
 
 from ninedisk.core import InvalidSceneError
 from ninedisk.core.nurbs.mass import area_moments
-from ninedisk.core.nurbs.shapes import fitted_image, traced
+from ninedisk.core.nurbs.shapes import fitted, traced
 
 
 def ellipse_image(pixel: float) -> np.ndarray:
@@ -31,7 +31,7 @@ def test_an_ellipse(pixel: float) -> None:
     u, v = (points[:, 0] - 4.0) / 3.0, (points[:, 1] - 3.0) / 2.0
     off = np.abs(u * u + v * v - 1.0) / (2.0 * np.hypot(u / 3.0, v / 2.0))
     assert off.max() <= pixel / np.sqrt(2.0)
-    fit = fitted_image(ellipse_image(pixel), 16, pixel=pixel)
+    fit = fitted(traced(ellipse_image(pixel), pixel), 16)
     assert fit.largest <= pixel
     moments = area_moments(fit.curve)
     assert np.hypot(*(moments.centroid - [4.0, 3.0])) <= 0.1 * pixel

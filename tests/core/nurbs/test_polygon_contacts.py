@@ -12,8 +12,9 @@ from ninedisk.core.nurbs.curve import NurbsCurve, powers
 from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
 from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import polygon, regular_polygon
-from ninedisk.core.nurbs.state import CROSSED, UNDECIDED, ContactRows, IntArray, contact_rows, workspace
+from ninedisk.core.nurbs.state import CROSSED, UNDECIDED, ContactRows, contact_rows, workspace
 from ninedisk.core.nurbs.table import shape_table
+from ninedisk.core.validate import IntArray
 
 PLATE = polygon([(-1.5, -0.25), (1.5, -0.25), (1.5, 0.25), (-1.5, 0.25)])
 KINDS = [regular_polygon(3, 0.6), regular_polygon(4, 0.8), regular_polygon(6, 1.0), PLATE]
