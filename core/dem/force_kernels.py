@@ -103,7 +103,7 @@ def normal_force(overlap: float, rate: float, kn: float, beta: float, inv_m_eff:
     return force
 
 
-@inline_kernel
+@fused_inline_kernel
 def shear_force(before: float, slip: float, ks: float, cap: float) -> float:
     """Shear force [N] after the slip increment [m], clipped to ``cap = mu fn`` with its sign kept."""
     force = before - ks * slip
