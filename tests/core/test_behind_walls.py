@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scenes import KN, numerics
 
-from ninedisk.core import BehindWallError, ContactLaw, Disks, Scene, Wall, WallSegment, simulate
+from ninedisk.core import BehindWallError, ContactLaw, Disks, Numerics, Scene, Wall, WallSegment, simulate
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.numerics import Numerics
 from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
 

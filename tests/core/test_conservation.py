@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from scenes import KN, all_pairs, numerics, orders, random_motion, run
 
-from ninedisk.core.history import History
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core import ContactLaw, Disks, History, Scene, Wall, WallSegment
 
 DT = 1e-3
 ROUND_OFF = 2e-12

@@ -11,12 +11,19 @@ import numpy as np
 import pytest
 from scenes import KN, numerics
 
-from ninedisk.core import ContactLaw, Disks, InterruptedRunError, Scene, SolverNotConvergedError, Wall
+from ninedisk.core import (
+    ContactLaw,
+    Disks,
+    History,
+    InterruptedRunError,
+    Numerics,
+    Scene,
+    SolverNotConvergedError,
+    Wall,
+)
 from ninedisk.core.cd import session as cd_session
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.history import History
-from ninedisk.core.numerics import Numerics
 from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
 

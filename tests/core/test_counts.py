@@ -12,7 +12,7 @@ from ninedisk.core import ContactLaw, Disks, Scene, Wall
 from ninedisk.core.dem import session as session_module
 from ninedisk.core.dem.session import Counts, DemSession
 
-LAW = ContactLaw(kn=1e4, ks=5e3, mu=0.5, beta=0.05)
+ROUGH = ContactLaw(kn=1e4, ks=5e3, mu=0.5, beta=0.05)
 
 
 def falling(side: int) -> Scene:
@@ -20,11 +20,11 @@ def falling(side: int) -> Scene:
     rng = np.random.default_rng(4)
     x = rng.permutation(np.array([[1.75 * i + 0.9 * (j % 2), 1.6 * j] for i in range(side) for j in range(side)]))
     walls = [
-        Wall(name="floor", point=(0.0, -0.9), normal=(0.1, 1.0), law=LAW),
-        Wall(name="left", point=(-0.9, 0.0), normal=(1.0, 0.0), law=LAW),
+        Wall(name="floor", point=(0.0, -0.9), normal=(0.1, 1.0), law=ROUGH),
+        Wall(name="left", point=(-0.9, 0.0), normal=(1.0, 0.0), law=ROUGH),
     ]
     disks = Disks(x=x, v=rng.normal(0.0, 3.0, x.shape), radius=rng.uniform(0.7, 1.0, len(x)), mass=1.0)
-    return Scene(disks=disks, disk_disk=LAW, walls=walls, gravity=(-3.0, -10.0))
+    return Scene(disks=disks, disk_disk=ROUGH, walls=walls, gravity=(-3.0, -10.0))
 
 
 def counted_one_by_one(scene: Scene, x: np.ndarray, below: float) -> tuple[int, int]:
@@ -59,7 +59,7 @@ def test_counts_are_those_of_all_pairs(sort_from: int, monkeypatch: pytest.Monke
 
 def test_a_disk_that_touches_nothing_costs_nothing() -> None:
     """And disks at rest keep the lists that the session began with."""
-    alone = Scene(disks=Disks(x=[(0.0, 0.0), (5.0, 0.0)], radius=1.0, mass=1.0), disk_disk=LAW)
+    alone = Scene(disks=Disks(x=[(0.0, 0.0), (5.0, 0.0)], radius=1.0, mass=1.0), disk_disk=ROUGH)
     session = DemSession(alone, numerics(1e-3, 3))
     session.run()
     assert session.counts == Counts(rebuilds=0, pairs=0, wall_pairs=0, contacts=0, wall_contacts=0)

@@ -8,17 +8,22 @@ import numpy as np
 import pytest
 from scenes import KN, floor_scene, numerics, pair_scene, run
 
-from ninedisk.core import errors, simulate
-from ninedisk.core.dem.session import DemSession
-from ninedisk.core.errors import (
+from ninedisk.core import (
     BehindWallError,
+    ContactLaw,
     CoreError,
+    Disks,
     InvalidNumericsError,
     InvalidSceneError,
     NonFiniteStateError,
+    Numerics,
+    Scene,
+    Wall,
+    WallSegment,
+    errors,
+    simulate,
 )
-from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core.dem.session import DemSession
 
 LAW = ContactLaw(kn=KN, ks=KN, mu=0.5)
 NAN, INF = float("nan"), float("inf")

@@ -11,13 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.core import packings
+from ninedisk.core import InvalidNumericsError, InvalidSceneError, Numerics, Scene, packings, simulate
 from ninedisk.core.dem.files import FrameWriter
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
-from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.core.simulate import simulate
 
 
 def deepest(scene: Scene) -> float:

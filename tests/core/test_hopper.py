@@ -8,13 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ninedisk.core import packings
+from ninedisk.core import InvalidSceneError, Numerics, Scene, packings, simulate
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.core.simulate import simulate
 
 OUTLET = 4.0
 

@@ -7,9 +7,9 @@ import pytest
 from oracle import wall_at
 from scenes import KN, numerics, random_motion, run
 
+from ninedisk.core import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.motion_kernels import place_walls
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 
 LAW = ContactLaw(kn=KN)
 

@@ -18,12 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, WallSegment, simulate
+from ninedisk.core import ContactLaw, CoreError, Disks, Numerics, Scene, Wall, WallSegment, simulate
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.errors import CoreError
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.intersect import NurbsGrains
 from ninedisk.core.nurbs.mass import area_moments, extent, uniform_grain
@@ -40,11 +39,11 @@ from ninedisk.core.packings import (
     side_by_side,
 )
 
-LAW = ContactLaw(kn=1e4, ks=1e4, mu=0.5)
+ANY_LAW = ContactLaw(kn=1e4, ks=1e4, mu=0.5)
 DISKS = Disks(x=[[0.0, 0.0], [1.9, 0.0]], radius=1.0, mass=1.0)
-SCENE = Scene(disks=DISKS, disk_disk=LAW)
+SCENE = Scene(disks=DISKS, disk_disk=ANY_LAW)
 STEPS = Numerics(dt=1e-3, n_steps=2)
-WALL = {"name": "floor", "point": (0.0, -2.0), "normal": (0.0, 1.0), "law": LAW}
+WALL = {"name": "floor", "point": (0.0, -2.0), "normal": (0.0, 1.0), "law": ANY_LAW}
 CIRCLE = ellipse(1.0, 1.0)
 BOX = poured(2, 2)
 
@@ -84,7 +83,7 @@ ODD: dict[str, Callable[[], Any]] = {
     "masked": lambda: np.ma.masked, "empty list": list, "list": lambda: [1.0], "nested": lambda: [[1.0]], "mapping": dict,
     "set": lambda: {1.0}, "generator": generator, "function": lambda: generator, "class": lambda: Scene,
     "date": lambda: np.datetime64("2020"),
-    "broken": Broken, "object": object, "law": lambda: LAW, "scene": lambda: SCENE, "numerics": lambda: STEPS, "ellipsis": lambda: ...,
+    "broken": Broken, "object": object, "law": lambda: ANY_LAW, "scene": lambda: SCENE, "numerics": lambda: STEPS, "ellipsis": lambda: ...,
 }  # fmt: skip
 REFUSED, SKIPPED = object(), object()
 """An odd value that stands for nothing; one of which nothing is asked."""
@@ -187,7 +186,7 @@ class Target:
     """Other words of which a message may have one in the place of the argument's name."""
 
 
-def run(**arguments: Any) -> Any:
+def positions_after(**arguments: Any) -> Any:
     """Positions after a run, so that results can be compared."""
     history = simulate(**arguments)
     return [history.x.tolist(), history.pairs, history.particles]
@@ -282,7 +281,7 @@ TARGETS: dict[str, Target] = {
     ),
     "Scene": Target(
         Scene,
-        {"disks": DISKS, "disk_disk": LAW},
+        {"disks": DISKS, "disk_disk": ANY_LAW},
         {
             "disks": is_a(Disks), "disk_disk": is_a(ContactLaw), "walls": nothing, "gravity": Column(np.array([0.0, -9.81]),
             any_size=True), "xi": AMOUNT,
@@ -327,7 +326,7 @@ TARGETS: dict[str, Target] = {
         {"r": Column(np.ones((1, 2)), any_size=True, not_finite=True), "v": Column(np.ones((2, 3)), any_size=True, not_finite=True)},
     ),
     "simulate": Target(
-        run,
+        positions_after,
         {"scene": SCENE, "numerics": STEPS},
         {
             "scene": is_a(Scene), "numerics": is_a(Numerics), "watch": nothing, "method": word("dem"), "threads": between(1, 64,
@@ -548,8 +547,8 @@ def test_every_odd_value_is_refused_by_name_or_right(name: str, argument: str) -
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Scene(disks=None, disk_disk=LAW), "disks = None is not allowed: it must be of the type Disks"),
-        (lambda: Scene(disks=LAW, disk_disk=DISKS), "disks = ContactLaw"),
+        (lambda: Scene(disks=None, disk_disk=ANY_LAW), "disks = None is not allowed: it must be of the type Disks"),
+        (lambda: Scene(disks=ANY_LAW, disk_disk=DISKS), "disks = ContactLaw"),
         (lambda: SCENE.replace(walls=None), "walls = None is not allowed: it must be a sequence of Wall, "),
         (lambda: SCENE.replace(walls=[42]), r"walls\[0\] = 42 is not allowed: it must be of the type Wall"),
         (lambda: SCENE.replace(initial_shear=[((0, 1), 1.0)]), "initial_shear = .* must be of the type Mapping"),
@@ -590,7 +589,7 @@ def test_samples_that_no_machine_can_hold_are_refused_before_they_are_allocated(
         with pytest.raises(
             CoreError, match=r"1000001 samples of 100000 disks need .* GiB, and this machine has .* raise sample_every"
         ):
-            simulate(Scene(disks=many, disk_disk=LAW), Numerics(dt=1e-3, n_steps=10**6), method=method)
+            simulate(Scene(disks=many, disk_disk=ANY_LAW), Numerics(dt=1e-3, n_steps=10**6), method=method)
 
 
 @pytest.mark.parametrize("method", ["dem", "cd"])
@@ -600,7 +599,7 @@ def test_disks_in_one_place_are_refused_at_once(method: str) -> None:
     crowd = Disks(x=1e-3 * rng.uniform(size=(100_000, 2)), radius=1.0, mass=1.0)
     begun = time.perf_counter()
     with pytest.raises(CoreError, match=r"disks lie on top of each other: more than \d+ pairs of the 100000 disks"):
-        simulate(Scene(disks=crowd, disk_disk=LAW), STEPS, method=method)
+        simulate(Scene(disks=crowd, disk_disk=ANY_LAW), STEPS, method=method)
     assert time.perf_counter() - begun < SLOW
 
 
@@ -610,7 +609,9 @@ def scenes_with_everything() -> tuple[Scene, Scene]:
     def made() -> Scene:
         disks = Disks(x=[[0.0, 0.0], [1.9, 0.0]], radius=[1.0, 1.2], mass=1.0, inertia=1.0, outline=[-1, 0])
         walls = [Wall(**WALL, motion=[WallSegment(duration=1.0, velocity=(1.0, 0.0)), WallSegment()])]
-        return Scene(disks=disks, disk_disk=LAW, walls=walls, initial_shear={(0, 1): 1.0}, outlines=[ellipse(1.0, 1.1)])
+        return Scene(
+            disks=disks, disk_disk=ANY_LAW, walls=walls, initial_shear={(0, 1): 1.0}, outlines=[ellipse(1.0, 1.1)]
+        )
 
     return made(), made()  # fmt: skip
 
@@ -633,7 +634,7 @@ def test_scenes_are_equal_by_content_and_no_keys() -> None:
     for held in (one, one.disks, one.outlines[0]):
         with pytest.raises(TypeError, match=f"unhashable type: '{type(held).__name__}'"):
             hash(held)
-    assert hash(LAW) == hash(ContactLaw(kn=1e4, ks=1e4, mu=0.5))
+    assert hash(ANY_LAW) == hash(ContactLaw(kn=1e4, ks=1e4, mu=0.5))
 
 
 def test_numerics_keep_their_options() -> None:

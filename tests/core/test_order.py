@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scenes import KN, floor_scene, numerics, orders, pair_scene, run
 
-from ninedisk.core.history import History
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core import ContactLaw, Disks, History, Scene, Wall, WallSegment
 from ninedisk.references.analytic.compression import continuous_row
 from ninedisk.references.analytic.spring_dashpot import contact_history, restitution_of_beta
 

@@ -11,16 +11,14 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.core.simulate import simulate
+from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, WallSegment, simulate
 
-R, DENSITY, KN, KS, G = 5e-3, 2500.0, 1e4, 8235.0, 9.81
+R, DENSITY, KN, STIFFNESS, G = 5e-3, 2500.0, 1e4, 8235.0, 9.81
 BETA = -math.log(0.5) / math.hypot(math.pi, math.log(0.5))
 
 
 def law(mu, slip_at):
-    return ContactLaw(kn=KN, ks=KS, mu=mu, beta=BETA, slip_at=slip_at)
+    return ContactLaw(kn=KN, ks=STIFFNESS, mu=mu, beta=BETA, slip_at=slip_at)
 
 
 def grain(ratio):
@@ -56,7 +54,7 @@ def test_rolling_in_the_plane_adds_no_slip(ratio):
     held = middle.fn[:, 0] > 0.05 * m * G
     assert 0.3 * len(held) < held.sum() < len(held)
     added = np.abs(end.fs - middle.fs)[held, 0] / (mu * middle.fn[held, 0])
-    assert added.max() < dt * speed * KS / (mu * KN)
+    assert added.max() < dt * speed * STIFFNESS / (mu * KN)
     assert added.max() < 1e-5
     # Both let go of it, at the same place.
     last = int(np.flatnonzero(held)[-1])

@@ -9,15 +9,14 @@ from hypothesis import strategies as st
 from oracle import Oracle
 from scenes import KN, difference, numerics, run
 
+from ninedisk.core import ContactLaw, Disks, History, Scene, Wall
 from ninedisk.core.dem import arrays as arrays_module
 from ninedisk.core.dem import arrays as constants
 from ninedisk.core.dem.neighbour_kernels import build_pairs, build_wall_pairs, sort_into_cells
 from ninedisk.core.dem.neighbours import empty_cells, empty_list
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import NOT_FINITE, OK, PAIRS_FULL, REBUILDS, WALL_PAIRS_FULL
-from ninedisk.core.history import History
 from ninedisk.core.motion import compile_motion, wall_poses
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 
 LAW = ContactLaw(kn=KN, ks=0.5 * KN, mu=0.5, beta=0.05)
 FIELDS = ("x", "v", "angle", "omega", "gap", "fn", "fs")

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from scenes import KN, all_pairs, numerics
 
+from ninedisk.core import ContactLaw, Disks, History, Scene, Wall, WallSegment
 from ninedisk.core.dem import session as session_module
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
-from ninedisk.core.history import History
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 
 LAW = ContactLaw(kn=KN, ks=KN / 2, mu=0.4, beta=0.1)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, WallSegment
+from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, WallSegment, simulate
 from ninedisk.core.dem.arrays import (
     disk_arrays,
     disk_views,
@@ -26,7 +26,6 @@ from ninedisk.core.motion import compile_motion
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
-from ninedisk.core.simulate import simulate
 
 KS = 1e4
 LAW = ContactLaw(kn=KS, ks=KS, mu=1e6)

@@ -9,15 +9,13 @@ import pytest
 from oracle import Oracle
 from scenes import KN, difference, numerics, random_law, random_scene, run
 
+from ninedisk.core import BehindWallError, Disks, History, Scene, Wall, WallSegment
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.errors import BehindWallError
-from ninedisk.core.history import History
-from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
 
 FIELDS = ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force")
 ENERGIES = ("kinetic", "elastic", "gravity", "wall_work")
 
-DT, STEPS = 1e-3, 60
+STEP, STEPS = 1e-3, 60
 """omega dt = 0.1 to 0.2 for kn = 1e4 N/m and masses of 0.25 to 7 kg."""
 
 TOLERANCE = 4e-12
@@ -38,7 +36,7 @@ def assert_twins(scene: Scene, steps: int = STEPS, **how: object) -> Counter[str
 
     A run that takes a centre behind a wall ends at that very step; it is compared up to there.
     """
-    settings = numerics(DT, steps, **how)
+    settings = numerics(STEP, steps, **how)
     twin = Oracle(scene, settings)
     expected = twin.run()
     lost = steps_behind_walls(scene, expected)
@@ -59,7 +57,7 @@ def test_random_scenes(form: str) -> None:
     events: Counter[str] = Counter()
     for seed in range(60):
         rng = np.random.default_rng(seed)
-        events += assert_twins(random_scene(rng, DT, STEPS), damping_form=form)
+        events += assert_twins(random_scene(rng, STEP, STEPS), damping_form=form)
     # The scenes reach every branch of the contact law, many times over.
     assert min(events[name] for name in ("close", "open", "stick", "slip", "no-tension")) >= 20, events
 
@@ -72,7 +70,7 @@ def test_each_convention_on_a_turning_wall(arm: str, at: str, slip_at: str) -> N
     law = random_law(rng, mu=0.7, ks=0.5 * KN, beta=0.2, lever_arm=arm, wall_velocity_at=at, slip_at=slip_at)
     disks = Disks(x=[[0.0, 0.9], [1.9, 0.95]], omega=[3.0, -20.0], radius=1.0, mass=[1.0, 2.0])
     motion = (
-        WallSegment(duration=20 * DT, angular_velocity=4.0, pivot=(-3.0, 0.4)),
+        WallSegment(duration=20 * STEP, angular_velocity=4.0, pivot=(-3.0, 0.4)),
         WallSegment(angular_velocity=-3.0),
     )
     floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law, motion=motion)
@@ -81,13 +79,13 @@ def test_each_convention_on_a_turning_wall(arm: str, at: str, slip_at: str) -> N
 
 def test_dense_cluster_whose_lists_are_rebuilt_often() -> None:
     rng = np.random.default_rng(11)
-    scene = random_scene(rng, DT, STEPS)
+    scene = random_scene(rng, STEP, STEPS)
     n = 25
     law = random_law(rng, mu=0.5, ks=0.5 * KN, beta=0.1)
     x = rng.uniform(-3.0, 3.0, (n, 2))
     disks = Disks(x=x, v=-20.0 * x, omega=rng.normal(0.0, 10.0, n), radius=rng.uniform(0.2, 0.9, n), mass=1.0)
     scene = scene.replace(disks=disks, disk_disk=law, walls=(), initial_shear={})
-    session = DemSession(scene, numerics(DT, STEPS))
+    session = DemSession(scene, numerics(STEP, STEPS))
     session.run()
     assert session._progress.clock[3] > 10
     assert_twins(scene, steps=30)
@@ -98,6 +96,6 @@ def test_spin_of_a_disk_that_does_not_rotate_is_kept() -> None:
     disks = Disks(x=[[0.0, 0.0], [1.9, 0.3]], omega=[5.0, 0.0], radius=1.0, mass=1.0, rotating=[False, True])
     scene = Scene(disks=disks, disk_disk=law, xi=3.0)
     assert_twins(scene)
-    history = run(scene, numerics(DT, 40))
+    history = run(scene, numerics(STEP, 40))
     np.testing.assert_array_equal(history.omega[:, 0], 5.0)
     assert abs(history.omega[-1, 1]) > 0.1

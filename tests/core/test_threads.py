@@ -9,15 +9,22 @@ import pytest
 from oracle import Oracle
 from scenes import KN, all_pairs, difference, numerics
 
+from ninedisk.core import (
+    ContactLaw,
+    Disks,
+    History,
+    InvalidNumericsError,
+    InvalidSceneError,
+    Scene,
+    Wall,
+    WallSegment,
+    simulate,
+)
 from ninedisk.core.dem import session as session_module
 from ninedisk.core.dem.arrays import LINE
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
 from ninedisk.core.dem.step_kernels import BLOCK
-from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
-from ninedisk.core.history import History
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.core.simulate import simulate
 
 LAW = ContactLaw(kn=KN, ks=0.5 * KN, mu=0.5, beta=0.05)
 FIELDS = ("x", "v", "angle", "omega", "gap", "fn", "fs")

@@ -16,7 +16,7 @@ from ninedisk.core.archive import whole_file
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.dem.files import FrameWriter, write_checkpoint
 
-SCENE = Scene(disks=Disks(x=[[0.0, 0.0]], radius=1.0, mass=1.0), disk_disk=ContactLaw(kn=1e4))
+ONE_DISK = Scene(disks=Disks(x=[[0.0, 0.0]], radius=1.0, mass=1.0), disk_disk=ContactLaw(kn=1e4))
 STATE = {"x": np.zeros((1, 2)), "v": np.zeros((1, 2)), "angle": np.zeros(1), "omega": np.zeros(1), "radius": np.ones(1)}
 
 
@@ -28,7 +28,7 @@ def save_problem(path: Any) -> None:
 
 
 def save_checkpoint(path: Any) -> None:
-    write_checkpoint(path, SCENE, Numerics(dt=1e-3, n_steps=1), {"clock": np.zeros(3)})
+    write_checkpoint(path, ONE_DISK, Numerics(dt=1e-3, n_steps=1), {"clock": np.zeros(3)})
 
 
 @pytest.mark.parametrize("save", [save_problem, save_checkpoint])

@@ -7,7 +7,7 @@ import pytest
 from nurbs_shapes_of_tests import periodic, ring
 from scipy.interpolate import BSpline
 
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core import InvalidSceneError
 from ninedisk.core.nurbs.curve import NurbsCurve, homogeneous, inserted
 from ninedisk.core.nurbs.shapes import EXACT_WEIGHTS, QUARTERS, SQUARE, disk, ellipse
 

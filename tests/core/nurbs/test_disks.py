@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from nurbs_shapes_of_tests import placed
 
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core import InvalidSceneError
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.intersect import NurbsGrains
 from ninedisk.core.nurbs.shapes import QUARTERS, SQUARE, disk

@@ -43,7 +43,7 @@ def tumble(seed: int, lever_arm: str, slip_at: str = "middle") -> Scene:
     )
 
 
-def difference(session: DemSession, oracle: GrainOracle, steps: int = STEPS) -> tuple[float, int]:
+def farthest_apart(session: DemSession, oracle: GrainOracle, steps: int = STEPS) -> tuple[float, int]:
     """Largest difference of positions, angles and summed shear forces (over 10 N) on the way; most contacts of a pair. Advances both."""
     worst, most = 0.0, 0
     for _ in range(steps):
@@ -66,7 +66,7 @@ def difference(session: DemSession, oracle: GrainOracle, steps: int = STEPS) -> 
 @pytest.mark.parametrize("slip_at", ["middle", "end"])
 def test_the_same_motion(lever_arm: str, slip_at: str) -> None:
     scene = tumble(1, lever_arm, slip_at)
-    worst, most = difference(DemSession(scene, numerics(DT, STEPS)), GrainOracle(scene, DT))
+    worst, most = farthest_apart(DemSession(scene, numerics(DT, STEPS)), GrainOracle(scene, DT))
     assert worst <= CLOSE
     assert most == 2
 
@@ -74,7 +74,7 @@ def test_the_same_motion(lever_arm: str, slip_at: str) -> None:
 def test_a_lost_torque_of_normal_forces_is_seen() -> None:
     scene = tumble(1, "overlap")
     wrong = GrainOracle(scene, DT, normal_torque=False)
-    assert difference(DemSession(scene, numerics(DT, STEPS)), wrong)[0] > 1e-3
+    assert farthest_apart(DemSession(scene, numerics(DT, STEPS)), wrong)[0] > 1e-3
 
 
 @pytest.mark.parametrize("defect", ["lost", "swapped"])
@@ -82,7 +82,7 @@ def test_a_shear_history_that_follows_the_wrong_contact_is_seen(defect: str) -> 
     """As if a rebuild lost the history, or the two contacts of a pair changed theirs, once."""
     scene = tumble(1, "overlap")
     session, oracle = DemSession(scene, numerics(DT, STEPS)), GrainOracle(scene, DT)
-    assert difference(session, oracle, 100)[0] <= CLOSE
+    assert farthest_apart(session, oracle, 100)[0] <= CLOSE
     assert session._outlines is not None
     memory = session._outlines.memory
     side = int(memory.mark[SIDE])
@@ -93,4 +93,4 @@ def test_a_shear_history_that_follows_the_wrong_contact_is_seen(defect: str) -> 
         memory.head[side] = -1
     else:
         memory.contact[side, rows, FS] = memory.contact[side, rows[::-1], FS]
-    assert difference(session, oracle, 50)[0] > 1e3 * CLOSE
+    assert farthest_apart(session, oracle, 50)[0] > 1e3 * CLOSE

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from nurbs_shapes_of_tests import outline, periodic, ring
 
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core import InvalidSceneError
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.mass import area_moments, centred
 from ninedisk.core.nurbs.shapes import ellipse, fitted

@@ -127,7 +127,7 @@ def test_rows_are_made_as_needed() -> None:
     assert np.ptp(rows.overlap) <= 1e-14
 
 
-def test_order_of_the_pair_does_not_matter() -> None:
+def test_order_of_two_dented_grains_does_not_matter() -> None:
     """Deep and shallow pairs of unlike grains: the same contacts, turned round, to round-off (as for disks, see there).
 
     The room for normals and points is ten times that of disks: chords of corners and waists are conditioned by their angle.

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from nurbs.polygon_oracle import area, clipped, common, exact
 
-from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, simulate
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core import ContactLaw, Disks, InvalidSceneError, Numerics, Scene, Wall, simulate
 from ninedisk.core.nurbs.curve import NurbsCurve, powers
 from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
 from ninedisk.core.nurbs.mass import uniform_grain
@@ -17,7 +16,7 @@ from ninedisk.core.nurbs.table import shape_table
 from ninedisk.core.validate import IntArray
 
 PLATE = polygon([(-1.5, -0.25), (1.5, -0.25), (1.5, 0.25), (-1.5, 0.25)])
-KINDS = [regular_polygon(3, 0.6), regular_polygon(4, 0.8), regular_polygon(6, 1.0), PLATE]
+POLYGONS = [regular_polygon(3, 0.6), regular_polygon(4, 0.8), regular_polygon(6, 1.0), PLATE]
 
 
 def contacts(
@@ -32,7 +31,7 @@ def contacts(
     return count, out
 
 
-def placed(curve: NurbsCurve, x: np.ndarray, angle: float) -> np.ndarray:
+def turned_and_shifted(curve: NurbsCurve, x: np.ndarray, angle: float) -> np.ndarray:
     c, s = np.cos(angle), np.sin(angle)
     return np.asarray(curve.points[:-1] @ np.array([[c, s], [-s, c]]) + x)
 
@@ -62,11 +61,11 @@ def test_contacts_are_the_gradient_of_the_exact_area() -> None:
     """
     n = 2000
     shape, x, angle = random_pairs(n, 5)
-    count, out = contacts(KINDS, shape, x, angle)
+    count, out = contacts(POLYGONS, shape, x, angle)
     assert not np.any(count == UNDECIDED)
     row, seen = 0, {0: 0, 2: 0, 4: 0, 6: 0, CROSSED: 0}
     for k in range(n):
-        one, other = (exact(placed(KINDS[shape[b]], x[b], angle[b])) for b in (2 * k, 2 * k + 1))
+        one, other = (exact(turned_and_shifted(POLYGONS[shape[b]], x[b], angle[b])) for b in (2 * k, 2 * k + 1))
         if count[k] == 0:
             assert area(clipped(one, other)) < 1e-13
             seen[0] += 1
@@ -104,7 +103,7 @@ def test_faces_that_coincide() -> None:
     count, out = contacts(boxes, shape, turned, angle)
     row, touching = 0, 0
     for k in range(n):
-        one, other = (exact(placed(boxes[shape[b]], x[b], 0.0)) for b in (2 * k, 2 * k + 1))
+        one, other = (exact(turned_and_shifted(boxes[shape[b]], x[b], 0.0)) for b in (2 * k, 2 * k + 1))
         shared = clipped(one, other)
         if not area(shared):
             # Seen from the side, a face that touches may be shifted into the other: by 1e-11 of the size.
@@ -125,7 +124,7 @@ def test_faces_that_coincide() -> None:
 
 def pile(numbers: list[int], x: np.ndarray, angle: np.ndarray, width: float, contact: str = "chord") -> Scene:
     """Polygons in a box of ``width`` [m], under gravity."""
-    kinds = [uniform_grain(curve, 1.0) for curve in KINDS]
+    kinds = [uniform_grain(curve, 1.0) for curve in POLYGONS]
     law = ContactLaw(kn=2e4, ks=1e4, mu=0.4, beta=0.5, lever_arm="overlap", contact=contact)  # type: ignore[arg-type]
     each = {name: [getattr(kinds[k], name) for k in numbers] for name in ("radius", "mass", "inertia")}
     walls = [

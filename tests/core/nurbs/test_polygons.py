@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core import InvalidSceneError
 from ninedisk.core.nurbs.mass import area_moments, farthest, uniform_grain
 from ninedisk.core.nurbs.shapes import polygon, regular_polygon
 from ninedisk.references.analytic.rolling_grain import RoundedPolygon

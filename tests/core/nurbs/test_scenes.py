@@ -13,10 +13,10 @@ from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.mass import farthest, uniform_grain
 from ninedisk.core.nurbs.shapes import disk, ellipse
 
-LAW = ContactLaw(kn=1e4)
+LAW_OF_GRAINS = ContactLaw(kn=1e4)
 
 
-def grains(**changes: object) -> Disks:
+def disk_and_grains(**changes: object) -> Disks:
     values = {"x": [(0.0, 0.0), (4.0, 0.0)], "radius": 2.0, "mass": 1.0, "inertia": 1.0, "outline": [0, -1]}
     return Disks(**{**values, **changes})  # type: ignore[arg-type]
 
@@ -24,7 +24,7 @@ def grains(**changes: object) -> Disks:
 def test_json_is_exact_and_old_json_still_loads() -> None:
     law = ContactLaw(kn=1e4, contact="area")
     scene = Scene(
-        disks=grains(angle=[0.1, -1.0 / 3.0]),
+        disks=disk_and_grains(angle=[0.1, -1.0 / 3.0]),
         disk_disk=law,
         outlines=(ellipse(2.0, 0.7), uniform_grain(peanut(), 1.0).outline),
     )
@@ -40,7 +40,7 @@ def test_json_is_exact_and_old_json_still_loads() -> None:
 
 
 def test_scenes_of_disks_keep_their_form() -> None:
-    scene = Scene(disks=Disks(x=[(0.0, 0.0)], radius=1.0, mass=1.0, angle=-0.0), disk_disk=LAW)
+    scene = Scene(disks=Disks(x=[(0.0, 0.0)], radius=1.0, mass=1.0, angle=-0.0), disk_disk=LAW_OF_GRAINS)
     data = scene.to_dict()
     assert "outlines" not in data
     assert not {"outline", "angle"} & set(data["disks"])
@@ -68,17 +68,17 @@ def test_scenes_of_disks_keep_their_form() -> None:
 )
 def test_values(change: dict[str, object], message: str) -> None:
     with pytest.raises(InvalidSceneError, match=message):
-        Scene(disks=grains(**change), disk_disk=LAW, outlines=(ellipse(2.0, 1.0),))
+        Scene(disks=disk_and_grains(**change), disk_disk=LAW_OF_GRAINS, outlines=(ellipse(2.0, 1.0),))
 
 
 def test_outlines_are_curves_about_their_centroids() -> None:
     with pytest.raises(InvalidSceneError, match="the scene has no outlines"):
-        Scene(disks=grains(), disk_disk=LAW)
+        Scene(disks=disk_and_grains(), disk_disk=LAW_OF_GRAINS)
     with pytest.raises(InvalidSceneError, match=r"outlines\[0\] is no NurbsCurve but str"):
-        Scene(disks=grains(), disk_disk=LAW, outlines=("disk",))  # type: ignore[arg-type]
+        Scene(disks=disk_and_grains(), disk_disk=LAW_OF_GRAINS, outlines=("disk",))  # type: ignore[arg-type]
     shifted = ellipse(1.0, 1.0).moved(shift=(1e-3, 0.0))
     with pytest.raises(InvalidSceneError, match=r"outlines\[1\] has its centroid at \(0.001, .* shift it by"):
-        Scene(disks=grains(), disk_disk=LAW, outlines=(ellipse(2.0, 1.0), shifted))
+        Scene(disks=disk_and_grains(), disk_disk=LAW_OF_GRAINS, outlines=(ellipse(2.0, 1.0), shifted))
     with pytest.raises(InvalidSceneError, match="contact = 'volume' is unknown"):
         ContactLaw(kn=1.0, contact="volume")  # type: ignore[arg-type]
 

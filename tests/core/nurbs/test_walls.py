@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from nurbs_shapes_of_tests import peanut
 
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core import InvalidSceneError
 from ninedisk.core.nurbs.intersect import NurbsGrains
 from ninedisk.core.nurbs.shapes import disk, ellipse
 
