@@ -32,7 +32,7 @@ CANCEL = 0.5
 """Length of the sum of chords over the sum of their lengths, on the mean of both outlines, below which they cancel."""
 
 NODES = (0.1834346424956498, 0.5255324099163290, 0.7966664774136267, 0.9602898564975363)
-"""Positive half of the 8 Gauss nodes on a piece, which turns by 0.6 rad at most: they leave round-off (`test_area`)."""
+"""Positive half of the 8 Gauss nodes on a piece, which turns by 0.6 rad at most: they leave round-off."""
 
 GAUSS_WEIGHTS = (0.3626837833783620, 0.3137066458778873, 0.2223810344533745, 0.1012285362903763)
 

@@ -58,7 +58,6 @@ from ninedisk.core.packings import (
 
 LAW = ContactLaw(kn=KN, ks=KN, mu=0.5)
 NAN, INF = float("nan"), float("inf")
-NO_NUMBER = ("x", "5", True, np.bool_(False), None, [1.0], {}, 1j, 10**400)
 
 
 def test_every_error_is_a_core_error_with_a_meaning() -> None:
@@ -71,12 +70,19 @@ def test_every_error_is_a_core_error_with_a_meaning() -> None:
         assert kind.__doc__
 
 
-@pytest.mark.parametrize("name", ["kn", "ks", "mu", "beta"])
-@pytest.mark.parametrize("bad", [-1.0, NAN, INF, -INF])
-def test_law_values(name: str, bad: float) -> None:
-    with pytest.raises(InvalidSceneError, match=name) as caught:
-        ContactLaw(**{"kn": 1.0, name: bad})
-    assert repr(bad).lstrip("-") in str(caught.value)
+def test_a_refused_number_is_named_and_shown() -> None:
+    """All kinds of odd values, of every argument, are below; here the value is in the message, too."""
+    for bad in (-1.0, NAN, "5", 10**400):
+        for name in ("kn", "ks", "mu", "beta", "restitution"):
+            with pytest.raises(
+                InvalidSceneError, match=rf"{name} = .* is not allowed: it must be a (finite )?number"
+            ) as law:
+                ContactLaw(**{"kn": 1.0, name: bad})
+            assert repr(bad) in str(law.value)
+        for name in ("dt", "contact_dt", "n_steps", "sample_every", "sample_from", "sample_until", "theta"):
+            with pytest.raises(InvalidNumericsError, match=name) as numbers:
+                Numerics(**{"dt": 1.0, "n_steps": 3, name: bad})
+            assert repr(bad) in str(numbers.value)
 
 
 def test_stiffness_of_zero_and_choices_that_do_not_exist() -> None:
@@ -96,16 +102,6 @@ def test_stiffness_of_zero_and_choices_that_do_not_exist() -> None:
     for bad in ("start", None, 1):
         with pytest.raises(InvalidSceneError, match=f"slip_at = {bad!r} is unknown: use one of middle, end"):
             ContactLaw(kn=1.0, slip_at=bad)
-
-
-@pytest.mark.parametrize("bad", [bad for bad in NO_NUMBER if bad is not None])
-@pytest.mark.parametrize("name", ["kn", "ks", "mu", "beta", "restitution"])
-def test_law_values_that_are_no_numbers(name: str, bad: object) -> None:
-    with pytest.raises(
-        InvalidSceneError, match=rf"{name} = .* is not allowed: it must be a (finite )?number"
-    ) as caught:
-        ContactLaw(**{"kn": 1.0, name: bad})
-    assert repr(bad) in str(caught.value)
 
 
 def test_marks_of_a_law_and_names_of_walls() -> None:
@@ -258,23 +254,10 @@ def test_questions_about_bodies_that_do_not_exist() -> None:
         simulate(scene(disks=empty), numerics(1e-3, 1))
 
 
-@pytest.mark.parametrize(
-    "name", ["dt", "contact_dt", "n_steps", "sample_every", "sample_from", "sample_until", "theta"]
-)
-@pytest.mark.parametrize("bad", [-1, NAN, INF, *NO_NUMBER])
-def test_numerics_values(name: str, bad: object) -> None:
-    if bad is None and name in ("contact_dt", "sample_until"):
-        assert getattr(Numerics(dt=1.0, n_steps=3, **{name: None}), name) is None
-        return
-    with pytest.raises(InvalidNumericsError, match=name) as caught:
-        Numerics(**{"dt": 1.0, "n_steps": 3, name: bad})
-    assert repr(bad) in str(caught.value)
-
-
-@pytest.mark.parametrize("name", ["damping_form", "impact", "sliding", "regime"])
-def test_numerics_choices(name: str) -> None:
-    with pytest.raises(InvalidNumericsError, match=rf"{name} = 'best' is unknown: use one of \w+, \w+"):
-        Numerics(dt=1.0, n_steps=1, **{name: "best"})
+def test_numerics_choices() -> None:
+    for name in ("damping_form", "impact", "sliding", "regime"):
+        with pytest.raises(InvalidNumericsError, match=rf"{name} = 'best' is unknown: use one of \w+, \w+"):
+            Numerics(dt=1.0, n_steps=1, **{name: "best"})
 
 
 @pytest.mark.parametrize(
