@@ -1,4 +1,4 @@
-"""The in-house engine: 2-D DEM and contact dynamics of disks and of grains with NURBS outlines, between walls that are half-planes."""
+"""The in-house engine, in two dimensions: DEM and contact dynamics of disks and NURBS grains between half-planes that move."""
 
 from __future__ import annotations
 

@@ -24,11 +24,12 @@ from numba.core.compiler_lock import global_compiler_lock
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True, "_nrt": False}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True, "_nrt": False, "fastmath": False}
 """Options of every kernel. ``error_model="numpy"`` removes the branch on every division, ``nogil`` lets threads run kernels side
 by side. Without Numba's runtime (``_nrt=False``) there is no reference counting: the kernels pass tuples of a dozen arrays, and two
 atomic counts for each array at each call were four fifths of a step of nine disks. It also makes an allocation in a kernel a
-compilation error, which is the rule here anyway. ``forceinline`` spares the copies of those tuples."""
+compilation error, which is the rule here anyway. ``forceinline`` spares the copies of those tuples. ``fastmath`` is said although False is
+Numba's default: where nothing is said a function takes it from whatever calls it first, and its bits depend on what was compiled before."""
 
 FUSED: dict[str, Any] = {"fastmath": {"contract"}}
 """Further option of kernels that are bound by arithmetic: a product and the sum that it goes into are rounded once where the
@@ -161,5 +162,5 @@ def inline_kernel(function: Function) -> Function:
 
 def fused_inline_kernel(function: Function) -> Function:
     """Like `inline_kernel`, with `FUSED` arithmetic."""
-    compiled: Any = numba.njit(**OPTIONS, **FUSED)(function)
+    compiled: Any = numba.njit(**OPTIONS | FUSED)(function)
     return cast(Function, compiled)

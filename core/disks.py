@@ -1,7 +1,4 @@
-"""Rigid disks, and grains of other outlines.
-
-Outlines of a scene's grains: what they must fulfil, and their JSON form.
-"""
+"""Rigid disks, and grains of other outlines: what these must fulfil, and their JSON form."""
 
 from __future__ import annotations
 
@@ -17,6 +14,13 @@ from ninedisk.core.validate import LARGEST, SMALLEST, FloatArray, finite, items_
 
 if TYPE_CHECKING:
     from ninedisk.core.nurbs.curve import NurbsCurve
+
+CENTRED = 1e-9
+"""Distance of the centroid from the frame's origin, over the largest distance of the outline, that counts as rounding: moving a curve
+leaves 1e-16 of the distance by which it was moved."""
+
+ENCLOSED = 1e-12
+"""What an outline may stick out of its enclosing circle, over the radius: rounding of the curve's points."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,14 +177,6 @@ def _flags(name: str, value: ArrayLike, shape: tuple[int, ...], form: str) -> ND
     full = np.array(np.broadcast_to(flags, shape))
     full.setflags(write=False)
     return full
-
-
-CENTRED = 1e-9
-"""Distance of the centroid from the frame's origin, over the largest distance of the outline, that counts as rounding: moving a curve
-leaves 1e-16 of the distance by which it was moved."""
-
-ENCLOSED = 1e-12
-"""What an outline may stick out of its enclosing circle, over the radius: rounding of the curve's points."""
 
 
 def check_outlines(outlines: Sequence[NurbsCurve], disks: Disks) -> tuple[NurbsCurve, ...]:

@@ -58,8 +58,8 @@ class ContactLaw:
         With the distance r and the angle phi of the normal, "end" adds ``-(dt/2) r' phi' dt`` to fs/ks in each step: its error is
         of first order and its integral along a closed path is not 0, so that shear forces drift with every cycle ("ratchet"). With
         "middle" each step's slip is the midpoint rule of its integral, and a retraced path of disks leaves O(dt^3). Contact dynamics
-        knows a step's way once it has solved it: "middle" then mends the spring's state, and "end" leaves it as the step's program has
-        it, with the tangent of its start; its outlines keep the arms of the start, and with them an error of first order.
+        knows a step's displacement once it has solved it: "middle" then corrects the spring's state, and "end" leaves it as the step's
+        program has it, with the tangent of its start; its outlines keep the arms of the start, and with them an error of first order.
     contact : {"chord", "area"}
         Normal force of outlines: ``kn`` times the overlap ("chord"), which away from circles has no potential, or the gradient of an
         energy of the common area ("area"). Its derivation, with A the common area of a contact and c its chord:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.motion_kernels import WallMotion, place_walls
+from ninedisk.core.motion_kernels import NORMAL_X, PIVOT_X, POINT_X, POSE, WallMotion, place_walls
 from ninedisk.core.scene import Wall, WallSegment
 
 
@@ -33,16 +33,16 @@ def compile_motion(walls: Sequence[Wall]) -> WallMotion:
                 break
             single = _table([0, 1], [(begin, point, normal, segment)])
             end = begin + segment.duration
-            pose = np.empty((1, 11))
+            pose = np.empty((1, POSE))
             place_walls(single, end, begin, begin, pose)
-            begin, point, normal = end, pose[0, 0:2].copy(), pose[0, 2:4].copy()
+            begin, point, normal = end, pose[0, POINT_X:NORMAL_X].copy(), pose[0, NORMAL_X:PIVOT_X].copy()
         first.append(len(rows))
     return _table(first, rows)
 
 
 def wall_poses(motion: WallMotion, t: float) -> NDArray[np.float64]:
-    """Wall table at time ``t``, shape (m, 11): point, normal, pivot, pivot velocity, rotation rate, pivot velocity (see `place_walls`)."""
-    table = np.empty((len(motion.first) - 1, 11))
+    """Wall table at time ``t``, shape (m, 11), columns of `ninedisk.core.motion_kernels`."""
+    table = np.empty((len(motion.first) - 1, POSE))
     place_walls(motion, t, t, t, table)
     return table
 

@@ -10,6 +10,15 @@ from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
 
+POINT_X, POINT_Y, NORMAL_X, NORMAL_Y, PIVOT_X, PIVOT_Y, PIVOT_VX, PIVOT_VY, TURN_RATE, DASHPOT_VX, DASHPOT_VY = range(
+    11
+)
+"""Columns of a wall's pose: a point of its surface [m], the normal into the free side, the pivot [m] and its velocity [m/s], rotation
+rate [rad/s], and the pivot's velocity that dashpots see [m/s]."""
+
+POSE = 11
+"""Number of columns of a pose."""
+
 
 class WallMotion(NamedTuple):
     """Motion of m walls as a table of s segments, each wall's last one being rest.
@@ -121,8 +130,7 @@ def place_walls(motion: WallMotion, t: float, t_velocity: float, t_rate: float, 
     t_rate : float
         Time at which dashpots see the walls' velocity [s], in the same segment.
     wall : ndarray, shape (m, 11)
-        Out: point x, y [m]; normal x, y; pivot x, y [m]; pivot velocity x, y [m/s]; rotation rate [rad/s]; pivot velocity x, y
-        at ``t_rate`` [m/s].
+        Out, columns above.
     """
     for w in range(wall.shape[0]):
         k = active_segment(motion, w, t_velocity)
@@ -133,9 +141,9 @@ def place_walls(motion: WallMotion, t: float, t_velocity: float, t_rate: float, 
         if later != k:
             px, py, nx, ny, _, _ = pose_at(motion, later, t)
         vx, vy = velocity_at(motion, k, t_velocity)
-        wall[w, 0], wall[w, 1] = px, py
-        wall[w, 2], wall[w, 3] = nx, ny
-        wall[w, 4], wall[w, 5] = cx, cy
-        wall[w, 6], wall[w, 7] = vx, vy
-        wall[w, 8] = motion.spin[k]
-        wall[w, 9], wall[w, 10] = velocity_at(motion, k, t_rate)
+        wall[w, POINT_X], wall[w, POINT_Y] = px, py
+        wall[w, NORMAL_X], wall[w, NORMAL_Y] = nx, ny
+        wall[w, PIVOT_X], wall[w, PIVOT_Y] = cx, cy
+        wall[w, PIVOT_VX], wall[w, PIVOT_VY] = vx, vy
+        wall[w, TURN_RATE] = motion.spin[k]
+        wall[w, DASHPOT_VX], wall[w, DASHPOT_VY] = velocity_at(motion, k, t_rate)

@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from ninedisk.core.errors import InvalidNumericsError
-from ninedisk.core.numerics import Numerics
+from ninedisk.core.numerics import Numerics, check_run
 from ninedisk.core.scene import Scene
 from ninedisk.core.threads import check_threads
 from ninedisk.core.validate import one_of
-from ninedisk.core.watch import check_run
 
 if TYPE_CHECKING:
     from ninedisk.core.history import History, Pair

@@ -50,23 +50,23 @@ def _store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:  # noqa: 
 
 
 @inline_kernel
-def wait_for_all(flags: NDArray[np.int64], me: int, crew: int) -> None:
-    """Barrier: returns when all ``crew`` threads have arrived.
+def wait_for_all(flags: NDArray[np.int64], thread: int, threads: int) -> None:
+    """Barrier: returns when all ``threads`` threads have arrived.
 
     Parameters
     ----------
-    flags : ndarray of int64, shape (crew * PAD,)
+    flags : ndarray of int64, shape (threads * PAD,)
         Number of barriers that each thread has reached, a thread every `PAD` entries.
-    me : int
-        This thread, 0 .. crew-1.
-    crew : int
+    thread : int
+        This thread, 0 .. threads-1.
+    threads : int
         Number of threads; one thread never waits.
     """
-    if crew == 1:
+    if threads == 1:
         return
-    phase = flags[me * PAD] + 1
-    _store(flags, me * PAD, phase)  # type: ignore[call-arg]
-    for other in range(crew):
+    phase = flags[thread * PAD] + 1
+    _store(flags, thread * PAD, phase)  # type: ignore[call-arg]
+    for other in range(threads):
         polls = 0
         while _load(flags, other * PAD) < phase:
             polls += 1

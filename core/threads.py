@@ -22,15 +22,15 @@ def check_threads(threads: int, name: str = "threads") -> int:
     return whole(name, threads, 1, MOST_THREADS)
 
 
-def together(kernel: Callable[..., int], crew: int, shared: tuple[Any, ...]) -> int:
-    """Call ``kernel(me, crew, *shared)`` in ``crew`` threads, this one being ``me = 0``, and return its answer to this one.
+def together(kernel: Callable[..., int], threads: int, shared: tuple[Any, ...]) -> int:
+    """Call ``kernel(thread, threads, *shared)`` in ``threads`` threads, this one being ``thread = 0``, and return its answer to this one.
 
     The kernel releases the interpreter and meets its fellows at barriers, so that all of them end together.
     """
-    others = [Thread(target=kernel, args=(me, crew, *shared)) for me in range(1, crew)]
+    others = [Thread(target=kernel, args=(number, threads, *shared)) for number in range(1, threads)]
     for thread in others:
         thread.start()
-    code = kernel(0, crew, *shared)
+    code = kernel(0, threads, *shared)
     for thread in others:
         thread.join()
     return code

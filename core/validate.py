@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 Item = TypeVar("Item")
 
 LARGEST, SMALLEST = 1e150, 1e-150

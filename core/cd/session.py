@@ -57,9 +57,8 @@ from ninedisk.core.errors import (
 )
 from ninedisk.core.history import History, Pair
 from ninedisk.core.motion import compile_motion, wall_poses
-from ninedisk.core.numerics import Numerics
+from ninedisk.core.numerics import Numerics, check_progress, check_room, check_run, chosen_particles, watched_pairs
 from ninedisk.core.scene import Scene
-from ninedisk.core.watch import check_progress, check_room, check_run, chosen_particles, watched_pairs
 
 if TYPE_CHECKING:
     from ninedisk.core.cd.contacts import GrainFrames

@@ -1,26 +1,23 @@
-"""Allocation of the arrays of a DEM run.
-
-Contact step, law rows and scalars of the scheme for a scene and its numerics.
-"""
+"""What a DEM run begins with, for a scene and its numerics: contact step, law rows, scalars of the scheme, arrays; and its errors."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.dem.critical import critical_time_step, packed_time_step
 from ninedisk.core.dem.force_kernels import SCRATCH, note_pairs
-from ninedisk.core.dem.neighbour_kernels import NeighbourList
-from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, empty_list
-from ninedisk.core.dem.state import DiskArrays, Kick, Samples, StepConstants, Team, Views, WallArrays
+from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, empty_cells, empty_list
+from ninedisk.core.dem.state import DiskArrays, Kick, Lists, Samples, StepConstants, Team, Views, WallArrays
 from ninedisk.core.errors import BehindWallError, NonFiniteStateError, UnstableTimeStepError
 from ninedisk.core.motion import wall_poses
 from ninedisk.core.motion_kernels import WallMotion
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.core.thread_kernels import PAD
+from ninedisk.core.validate import FloatArray
 
 SORT_FROM = 2_000
 """Number of disks from which they are kept in the order of the cells: a smaller scene fits into the fast caches anyway, and the
@@ -32,16 +29,13 @@ STRIPES = 64
 LINE = 64
 """Bytes of a line of the caches."""
 
+SAFETY = 0.1
+"""Fraction of the critical step that ``contact_dt = None`` stands for, unless contacts that form later ask for less."""
+
+FIRST_SKIN, LEAST_SKIN, MOST_SKIN = 0.05, 0.02, 0.4
+"""Skin of the first lists and limits of later ones as fractions of the mean radius."""
+
 ENERGIES = ("translation", "rotation", "elastic_normal", "elastic_shear", "gravity")
-
-
-class Lists(NamedTuple):
-    """Neighbour lists in use and their spares, for disks and walls."""
-
-    disks: NeighbourList
-    walls: NeighbourList
-    spare: NeighbourList
-    wall_spare: NeighbourList
 
 
 def aligned(values: NDArray[Any]) -> NDArray[Any]:
@@ -76,22 +70,22 @@ def disk_arrays(scene: Scene, lagged: bool) -> DiskArrays:
     return DiskArrays(*(aligned(array) for array in arrays))
 
 
-def disk_views(disks: DiskArrays, lists: Lists, law: NDArray[np.float64]) -> Views:
+def disk_views(disks: DiskArrays, lists: Lists, law: FloatArray) -> Views:
     """Views of the disks, and rows and dashpots of the listed pairs.
 
     These stay where a rebuild puts the new list until it copies it: it notes them anew afterwards.
     """
-    seen = disks.v_now if len(disks.v_now) else disks.v
+    dashpot_v = disks.v_now if len(disks.v_now) else disks.v
     views = Views(
         x=disks.x.reshape(-1),
         v=disks.v.reshape(-1),
-        seen=seen.reshape(-1),
+        dashpot_v=dashpot_v.reshape(-1),
         force=disks.force.reshape(-1),
         moved=disks.moved.reshape(-1),
         row=lists.spare.other,
         damping=lists.spare.shear,
     )
-    note_pairs(disks, views, lists.disks, law)
+    note_pairs(disks, views, lists.pairs, law)
     return views
 
 
@@ -126,9 +120,11 @@ def team_arrays(stripes: int, threads: int) -> Team:
 
 
 def first_lists(n: int, m: int) -> Lists:
-    """Empty lists for n disks and m walls."""
+    """Empty lists for n disks and m walls, and what their rebuild works with."""
     room, wall_room = int(PAIRS_PER_DISK * n) + 16, n // 64 + 16
-    return Lists(empty_list(n, room), empty_list(m, wall_room), empty_list(n, room), empty_list(m, wall_room))
+    return Lists(
+        empty_list(n, room), empty_list(m, wall_room), empty_list(n, room), empty_list(m, wall_room), empty_cells(n)
+    )
 
 
 def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArray[np.int64], n_walls: int) -> Samples:
@@ -151,13 +147,6 @@ def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArr
         energy=np.empty((s, len(ENERGIES))),
         wall_work=np.empty(s),
     )
-
-
-SAFETY = 0.1
-"""Fraction of the critical step that ``contact_dt = None`` stands for, unless contacts that form later ask for less."""
-
-FIRST_SKIN, LEAST_SKIN, MOST_SKIN = 0.05, 0.02, 0.4
-"""Skin of the first lists and limits of later ones as fractions of the mean radius."""
 
 
 def contact_step(scene: Scene, numerics: Numerics) -> tuple[float, float]:
@@ -204,6 +193,7 @@ def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) 
             **shared,
         ),
         radius=radius,
+        widest=float(scene.disks.radius.max()),
         first_skin=FIRST_SKIN * radius,
         least_skin=LEAST_SKIN * radius,
         most_skin=MOST_SKIN * radius,

@@ -19,8 +19,6 @@ without stiffness, which stays). There ``k + 2 c + 4 a = 4`` and ``k + 4 c = 4``
 
 With K = B B', s = 1/dt and C' = C/2 + xi/2 or C, the limit has ``s^2 u = s C' u + B B' u/4``, which is ``s u = C' u + B y/2`` with
 ``y = B' u/(2 s)``: s is the largest eigenvalue of the symmetric matrix ``[[C', B/2], [B'/2, 0]]``, which Lanczos' method finds.
-
-Springs of the contacts of outlines, for the critical time step.
 """
 
 from __future__ import annotations
@@ -32,19 +30,28 @@ from ninedisk.core.dem.grains import equal_radii, needs_outlines, outline_arrays
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.motion import compile_motion, wall_poses
+from ninedisk.core.motion_kernels import NORMAL_X, PIVOT_X, POINT_X, POSE
 from ninedisk.core.numerics import DampingForm
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.intersect import NurbsGrains
 from ninedisk.core.nurbs.mass import farthest
-from ninedisk.core.nurbs.state import ContactRows, IntArray
+from ninedisk.core.nurbs.state import ContactRows
 from ninedisk.core.nurbs.table import outline_points
-from ninedisk.core.scene import ContactLaw, FloatArray, Scene
+from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.validate import FloatArray, IntArray
 
 NEAR = 1e-3
 """Pairs with a gap below this fraction of the smaller radius count as contacts of the network."""
 
 MOST, BATCH, TOLERANCE = 400, 10, 1e-4
 """Vectors of Lanczos' method at most, how many are found between two looks at the residual, and the relative residual that is enough."""
+
+FLATTEST = 100.0
+"""Radius of curvature, over that of the disk of the same area, beyond which an outline is not taken to be flatter. Flat faces, and
+convex in concave ones, have no bound: at a first touch of faces of width w the force of the common area grows as overlap^(1/3)."""
+
+SAMPLES = 9
+"""Points of a piece at which curvature and arms are measured."""
 
 
 def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -> float:
@@ -61,7 +68,7 @@ def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -
 
     Grains with outlines have the springs of their contacts at time 0, with the arms of the normal forces. A single contact is bounded by
     the largest arms that the outline allows, normal and shear spring together. The law of the common area is stiffer than ``kn`` where
-    outlines are flatter than the disk of the same area (`ninedisk.core.dem.critical.stiffening`).
+    outlines are flatter than the disk of the same area (`stiffening`).
 
     Parameters
     ----------
@@ -209,7 +216,7 @@ def _network_rate(scene: Scene, form: DampingForm) -> float:
     return value + residual
 
 
-def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
+def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     """Springs and bodies of all pairs with a gap up to ``reach`` [m] at time 0.
 
     Returns
@@ -222,32 +229,36 @@ def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, np.ndarray[
     if needs_outlines(scene):
         return grain_network(scene, reach)
     disks = scene.disks
-    first, second = PairFinder(disks.radius, 0).within(disks.x, np.empty((0, 11)), reach).T
-    d = disks.x[second] - disks.x[first]
-    distance = np.hypot(d[:, 0], d[:, 1])
-    if len(distance) and distance.min() == 0.0:
-        k = int(np.argmin(distance))
-        x, y = disks.x[first[k]]
-        raise InvalidSceneError(
-            f"the centres of disks {first[k]} and {second[k]} coincide at ({x:g}, {y:g}): their contact has no normal; move one"
-        )
-    springs = [disk_springs(d / distance[:, None], scene.disk_disk, 1.0, disks.radius[first], disks.radius[second])]
-    bodies = [np.column_stack([first, second])]
+    listed, normal, _ = _close_pairs(scene, reach)
+    first, second = listed.T
+    springs = [disk_springs(normal, scene.disk_disk, 1.0, disks.radius[first], disks.radius[second])]
+    bodies = [listed]
     for wall, pose in zip(scene.walls, wall_poses(compile_motion(scene.walls), 0.0), strict=True):
-        height = (disks.x - pose[0:2]) @ pose[2:4]
+        height = (disks.x - pose[POINT_X:NORMAL_X]) @ pose[NORMAL_X:PIVOT_X]
         near = np.flatnonzero(height - disks.radius <= reach)
-        normal = np.tile(-pose[2:4], (len(near), 1))
-        springs.append(disk_springs(normal, wall.law, 1.0, disks.radius[near], np.zeros(len(near))))
+        springs.append(_wall_springs(pose, wall.law, 1.0, disks.radius[near]))
         bodies.append(np.column_stack([near, np.full(len(near), -1)]))
     return np.vstack(springs), np.vstack(bodies).astype(np.int64)
 
 
-FLATTEST = 100.0
-"""Radius of curvature, over that of the disk of the same area, beyond which an outline is not taken to be flatter. Flat faces, and
-convex in concave ones, have no bound: at a first touch of faces of width w the force of the common area grows as overlap^(1/3)."""
+def _close_pairs(scene: Scene, reach: float) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Pairs of bodies whose circles have a gap up to ``reach`` [m], their normals and gaps [m].
 
-SAMPLES = 9
-"""Points of a piece at which curvature and arms are measured."""
+    Raises
+    ------
+    InvalidSceneError
+        If two centres coincide.
+    """
+    x, radius = scene.disks.x, scene.disks.radius
+    listed = PairFinder(radius, 0).within(x, np.empty((0, POSE)), reach)
+    d = x[listed[:, 1]] - x[listed[:, 0]]
+    distance = np.hypot(d[:, 0], d[:, 1])
+    if len(distance) and distance.min() == 0.0:
+        i, j = listed[np.argmin(distance)]
+        raise InvalidSceneError(
+            f"the centres of disks {i} and {j} coincide at ({x[i, 0]:g}, {x[i, 1]:g}): their contact has no normal; move one"
+        )
+    return listed, d / distance[:, None], distance - radius[listed[:, 0]] - radius[listed[:, 1]]
 
 
 def stiffening(scene: Scene, law: ContactLaw) -> float:
@@ -295,7 +306,7 @@ def _measures(curve: NurbsCurve) -> tuple[float, float]:
 
 
 def grain_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
-    """Springs and bodies of all contacts at time 0, in the form of `ninedisk.core.dem.critical.contact_network`.
+    """Springs and bodies of all contacts at time 0, in the form of `contact_network`.
 
     Bodies whose enclosing circles have a gap within ``reach`` [m] of 0, and no contact, count as touching disks.
 
@@ -306,13 +317,7 @@ def grain_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     """
     disks, outlines = scene.disks, outline_arrays(scene)
     grains = NurbsGrains.of_table(outlines.table, outlines.shape)
-    listed = PairFinder(disks.radius, 0).within(disks.x, np.empty((0, 11)), reach)
-    d = disks.x[listed[:, 1]] - disks.x[listed[:, 0]]
-    distance = np.hypot(d[:, 0], d[:, 1])
-    if len(distance) and distance.min() == 0.0:
-        i, j = listed[np.argmin(distance)]
-        raise InvalidSceneError(f"the centres of grains {i} and {j} coincide: their contact has no normal; move one")
-    gap = distance - disks.radius[listed[:, 0]] - disks.radius[listed[:, 1]]
+    listed, normal, gap = _close_pairs(scene, reach)
     alone = outlines.round[listed].all(axis=1)
     pair, rows = grains.pair_contacts(disks.x, disks.angle, listed[~alone])
     touching = np.flatnonzero(~alone)[pair]
@@ -320,20 +325,16 @@ def grain_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     law, factor = scene.disk_disk, stiffening(scene, scene.disk_disk)
     springs = [
         _springs(rows, law, factor, disks.x[listed[touching, 0]], disks.x[listed[touching, 1]]),
-        disk_springs(
-            d[as_disks] / distance[as_disks, None], law, factor, *(disks.radius[listed[as_disks, k]] for k in (0, 1))
-        ),
+        disk_springs(normal[as_disks], law, factor, *disks.radius[listed[as_disks]].T),
     ]
     bodies = [listed[touching], listed[as_disks]]
     for wall, pose in zip(scene.walls, wall_poses(compile_motion(scene.walls), 0.0), strict=True):
-        grain, rows = grains.wall_contacts(disks.x, disks.angle, pose[0:2], pose[2:4])
-        gap = (disks.x - pose[0:2]) @ pose[2:4] - disks.radius
+        grain, rows = grains.wall_contacts(disks.x, disks.angle, pose[POINT_X:NORMAL_X], pose[NORMAL_X:PIVOT_X])
+        gap = (disks.x - pose[POINT_X:NORMAL_X]) @ pose[NORMAL_X:PIVOT_X] - disks.radius
         near = np.flatnonzero((np.abs(gap) <= reach) & ~np.isin(np.arange(len(disks)), grain))
         factor = stiffening(scene, wall.law)
         springs.append(_springs(rows, wall.law, factor, disks.x[grain], None))
-        springs.append(
-            disk_springs(np.tile(-pose[2:4], (len(near), 1)), wall.law, factor, disks.radius[near], np.zeros(len(near)))
-        )
+        springs.append(_wall_springs(pose, wall.law, factor, disks.radius[near]))
         bodies += [np.column_stack([own, np.full(len(own), -1)]) for own in (grain, near)]
     return np.vstack(springs), np.vstack(bodies).astype(np.int64)
 
@@ -354,9 +355,15 @@ def _springs(
 
 
 def disk_springs(n: FloatArray, law: ContactLaw, factor: float, first: FloatArray, second: FloatArray) -> FloatArray:
-    """Springs of disks of radii ``first`` and ``second`` [m], 0 for a wall; columns of `ninedisk.core.dem.critical.contact_network`."""
+    """Springs of disks of radii ``first`` and ``second`` [m], 0 for a wall; columns of `contact_network`."""
     zeros = np.zeros(len(n))
     return _rows(n, law, factor, [first, second, zeros, zeros])
+
+
+def _wall_springs(pose: FloatArray, law: ContactLaw, factor: float, radius: FloatArray) -> FloatArray:
+    """Springs of disks of these radii [m] at a wall."""
+    normal = np.tile(-pose[NORMAL_X:PIVOT_X], (len(radius), 1))
+    return disk_springs(normal, law, factor, radius, np.zeros(len(radius)))
 
 
 def _rows(n: FloatArray, law: ContactLaw, factor: float, arms: list[FloatArray]) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Laws of the contacts and the kernel of those with walls: linear spring, dashpot without tension, incremental shear, Coulomb cap.
+"""Forces of disks on each other and on walls: linear spring, dashpot without tension, incremental shear, Coulomb cap.
 
 Source: Cundall & Strack, Geotechnique 29 (1979) 47-65; conventions of `ninedisk.core.scene`: ``n`` points from ``i`` to
 ``j``, ``t = (-n_y, n_x)``, the force on ``i`` is ``-fn n + fs t``. With lever arms ``a_i, a_j`` the slip of ``i`` past ``j`` is
@@ -10,11 +10,10 @@ disks that are ``d = x_j - x_i`` apart at ``t_n`` these are those of ``m = d - (
 tangent ``t_m`` gives ``-t_m.d' = -(d x d')/|m|``: the slip by translation with the normal of ``t_n``, times ``|d|/|m|``. With the
 normal of ``t_n`` it is of first order, and drifts along closed paths (`ContactLaw.slip_at`).
 
-Kernels of the contacts between disks, by chunks of the neighbour list.
-
-A loop that looks at a pair, decides whether it touches and finds its forces is bound by wrong guesses of the processor: which pairs
-touch, and how many partners a disk has. So the pairs of a chunk go through three loops without any branch: differences of the two
-disks into a scratch in the fastest cache, forces of all pairs in vector registers (a pair out of contact gets zero), sums into the disks.
+Contacts between disks are computed by chunks of the neighbour list. A loop that looks at a pair, decides whether it touches and finds its
+forces is bound by wrong guesses of the processor: which pairs touch, and how many partners a disk has. So the pairs of a chunk go through
+three loops without any branch: differences of the two disks into a scratch in the fastest cache, forces of all pairs in vector registers
+(a pair out of contact gets zero), sums into the disks.
 """
 
 from __future__ import annotations
@@ -26,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel, kernel
-from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.state import (
     BETA,
     KN,
@@ -37,9 +35,38 @@ from ninedisk.core.dem.state import (
     TORQUE_OVERLAP,
     WALL_MID,
     DiskArrays,
+    NeighbourList,
     Views,
     WallArrays,
 )
+from ninedisk.core.motion_kernels import (
+    DASHPOT_VX,
+    DASHPOT_VY,
+    NORMAL_X,
+    NORMAL_Y,
+    PIVOT_VX,
+    PIVOT_VY,
+    PIVOT_X,
+    PIVOT_Y,
+    POINT_X,
+    POINT_Y,
+    TURN_RATE,
+)
+
+Index = int | np.uint64
+"""Entry of the list: kernels index with unsigned numbers, which plain Python's `range` turns into its own."""
+
+CHUNK = 128
+"""Pairs that go through the loops together."""
+
+DX, DY, REACH, VX, VY, ROLL, SPIN, DASHPOT_X, DASHPOT_Y = (np.uint64(c * CHUNK) for c in range(9))
+"""Where the scratch holds, for each pair: ``x_j - x_i``, sum of the radii, ``v_i - v_j``, ``R_i omega_i + R_j omega_j``, ``omega_i +
+omega_j``, and the difference of the velocities that dashpots see, if they see other ones."""
+
+GX, GY, SHEAR, ARM_LOSS = DX, DY, REACH, VX
+"""Where the results take their place: the force on ``i``, ``fs``, and what the overlap takes from each body's torque."""
+
+SCRATCH = 9 * CHUNK
 
 
 @inline_kernel
@@ -76,7 +103,7 @@ def normal_force(overlap: float, rate: float, kn: float, beta: float, inv_m_eff:
     return force
 
 
-@inline_kernel
+@fused_inline_kernel
 def shear_force(before: float, slip: float, ks: float, cap: float) -> float:
     """Shear force [N] after the slip increment [m], clipped to ``cap = mu fn`` with its sign kept."""
     force = before - ks * slip
@@ -116,26 +143,29 @@ def disk_wall_forces(
 ) -> None:
     """Add the forces of the contacts between walls and some disks; update shear forces, add to this stripe's share of the loads.
 
-    Parameters are those of `pair_kernels.disk_disk_forces`, the disks being ``begin .. end-1``; rows of ``pairs`` are walls, with
+    Parameters are those of `disk_disk_forces`, the disks being ``begin .. end-1``; rows of ``pairs`` are walls, with
     ascending disks. The normal from disk to wall is the opposite of
     the wall's. The wall's velocity at a point ``q`` is ``v_pivot + spin x (q - pivot)``, with ``q`` the foot of the disk's
     centre on the surface or the middle of the overlap, for the slip at ``t_{n-1/2}`` where that is measured there; the reaction acts at
     the foot.
     """
-    seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
+    dashpot_v = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
     for w in range(walls.now.shape[0]):
         kn, ks, mu, beta = walls.law[w, KN], walls.law[w, KS], walls.law[w, MU], walls.law[w, BETA]
         half, depth = 0.5 * walls.law[w, TORQUE_OVERLAP], 0.5 * walls.law[w, WALL_MID]
         half_slip = 0.5 * walls.law[w, SLIP_OVERLAP]
         rough = mu > 0.0 and ks > 0.0
-        px, py, ux, uy = walls.now[w, 0], walls.now[w, 1], walls.now[w, 2], walls.now[w, 3]
-        cx, cy, spin = walls.now[w, 4], walls.now[w, 5], walls.now[w, 8]
-        rate_x, rate_y = walls.now[w, 9], walls.now[w, 10]
+        px, py, ux, uy = walls.now[w, POINT_X], walls.now[w, POINT_Y], walls.now[w, NORMAL_X], walls.now[w, NORMAL_Y]
+        cx, cy, spin = walls.now[w, PIVOT_X], walls.now[w, PIVOT_Y], walls.now[w, TURN_RATE]
+        rate_x, rate_y = walls.now[w, DASHPOT_VX], walls.now[w, DASHPOT_VY]
         back, sliding = 0.5 * slip_dt * walls.law[w, SLIP_MIDDLE], walls.now
         if walls.law[w, SLIP_MIDDLE] > 0.0:
             sliding = walls.middle
-        sx, sy, tx, ty = sliding[w, 0], sliding[w, 1], -sliding[w, 3], sliding[w, 2]
-        vx, vy = sliding[w, 6] + spin * (sliding[w, 5] - sy), sliding[w, 7] + spin * (sx - sliding[w, 4])
+        sx, sy, tx, ty = sliding[w, POINT_X], sliding[w, POINT_Y], -sliding[w, NORMAL_Y], sliding[w, NORMAL_X]
+        vx, vy = (
+            sliding[w, PIVOT_VX] + spin * (sliding[w, PIVOT_Y] - sy),
+            sliding[w, PIVOT_VY] + spin * (sx - sliding[w, PIVOT_X]),
+        )
         load_x, load_y, load_t = walls.share[stripe, w, 0], walls.share[stripe, w, 1], walls.share[stripe, w, 2]
         last = pairs.start[w + 1]
         for k in range(first_from(pairs, pairs.start[w], last, begin), last):
@@ -151,7 +181,7 @@ def disk_wall_forces(
                 note_behind(disks, walls, stripe, i, w, height)
             foot_x, foot_y = disks.x[i, 0] - height * ux, disks.x[i, 1] - height * uy
             qx, qy = foot_x - depth * overlap * ux - cx, foot_y - depth * overlap * uy - cy
-            rate = (rate_x - spin * qy - seen[i, 0]) * ux + (rate_y + spin * qx - seen[i, 1]) * uy
+            rate = (rate_x - spin * qy - dashpot_v[i, 0]) * ux + (rate_y + spin * qx - dashpot_v[i, 1]) * uy
             fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i])
             gx, gy = fn * ux, fn * uy
             if rough:
@@ -175,22 +205,6 @@ def disk_wall_forces(
             load_y -= gy
             load_t -= foot_x * gy - foot_y * gx
         walls.share[stripe, w, 0], walls.share[stripe, w, 1], walls.share[stripe, w, 2] = load_x, load_y, load_t
-
-
-Index = int | np.uint64
-"""Entry of the list: kernels index with unsigned numbers, which plain Python's `range` turns into its own."""
-
-CHUNK = 128
-"""Pairs that go through the loops together."""
-
-DX, DY, REACH, VX, VY, ROLL, SPIN, SEEN_X, SEEN_Y = (np.uint64(c * CHUNK) for c in range(9))
-"""Where the scratch holds, for each pair: ``x_j - x_i``, sum of the radii, ``v_i - v_j``, ``R_i omega_i + R_j omega_j``, ``omega_i +
-omega_j``, and the difference of the velocities that dashpots see, if they see other ones."""
-
-GX, GY, SHEAR, ARM_LOSS = DX, DY, REACH, VX
-"""Where the results take their place: the force on ``i``, ``fs``, and what the overlap takes from each body's torque."""
-
-SCRATCH = 9 * CHUNK
 
 
 @kernel
@@ -224,18 +238,18 @@ def gather(
 
 
 @fused_inline_kernel
-def gather_seen(views: Views, pairs: NeighbourList, begin: Index, end: Index, scratch: NDArray[np.float64]) -> None:
+def gather_dashpots(views: Views, pairs: NeighbourList, begin: Index, end: Index, scratch: NDArray[np.float64]) -> None:
     """Differences of the velocities that dashpots see, into the scratch."""
-    seen, row, other = views.seen, views.row, pairs.other
+    dashpot_v, row, other = views.dashpot_v, views.row, pairs.other
     one = np.uint64(1)
     for k in range(begin, end):
         q, i, j = k - begin, np.uint64(row[k]), np.uint64(other[k])
-        scratch[SEEN_X + q] = seen[i + i] - seen[j + j]
-        scratch[SEEN_Y + q] = seen[i + i + one] - seen[j + j + one]
+        scratch[DASHPOT_X + q] = dashpot_v[i + i] - dashpot_v[j + j]
+        scratch[DASHPOT_Y + q] = dashpot_v[i + i + one] - dashpot_v[j + j + one]
 
 
-def _pair_forces(seen_x: np.uint64, seen_y: np.uint64) -> Callable[..., None]:
-    """Kernel of the forces where the scratch holds the velocities that dashpots see at ``seen_x`` and ``seen_y``.
+def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64) -> Callable[..., None]:
+    """Kernel of the forces where the scratch holds the velocities that dashpots see at ``dashpot_x`` and ``dashpot_y``.
 
     The compiler has to know all distances in the scratch: only then it finds that no pair waits for another one.
     """
@@ -262,7 +276,7 @@ def _pair_forces(seen_x: np.uint64, seen_y: np.uint64) -> Callable[..., None]:
             d = sqrt(dx * dx + dy * dy)
             overlap, inv_d = scratch[REACH + q] - d, 1.0 / d
             nx, ny = dx * inv_d, dy * inv_d
-            rate = scratch[seen_x + q] * nx + scratch[seen_y + q] * ny
+            rate = scratch[dashpot_x + q] * nx + scratch[dashpot_y + q] * ny
             fn = max(kn * overlap + damping[k] * rate, 0.0)
             vx, vy = scratch[VX + q], scratch[VY + q]
             mx, my = dx + back * vx, dy + back * vy
@@ -279,7 +293,7 @@ def _pair_forces(seen_x: np.uint64, seen_y: np.uint64) -> Callable[..., None]:
     return pair_forces
 
 
-pair_forces_lagged, pair_forces_seen = _pair_forces(VX, VY), _pair_forces(SEEN_X, SEEN_Y)
+pair_forces_lagged, pair_forces_extrapolated = _pair_forces(VX, VY), _pair_forces(DASHPOT_X, DASHPOT_Y)
 
 
 @fused_inline_kernel
@@ -342,8 +356,8 @@ def disk_disk_forces(
         high = min(low + chunk, last)
         gather(disks, views, pairs, low, high, scratch)
         if extrapolated:
-            gather_seen(views, pairs, low, high, scratch)
-            pair_forces_seen(pairs, views.damping, law, slip_dt, low, high, scratch)
+            gather_dashpots(views, pairs, low, high, scratch)
+            pair_forces_extrapolated(pairs, views.damping, law, slip_dt, low, high, scratch)
         else:
             pair_forces_lagged(pairs, views.damping, law, slip_dt, low, high, scratch)
         scatter(disks, views, pairs, low, high, scratch)

@@ -1,4 +1,4 @@
-"""Kernels of the contact forces of bodies with outlines, in the place of those of `force_kernels`.
+"""Forces of the contacts of bodies with outlines, and which contact of the step before each one continues.
 
 With M the middle of the chord, ``r = M - x_i`` and ``t = (-n_y, n_x)``, the arms of a contact about body i are ``b_i = r.t`` of the normal
 and ``a_i = r.n + e_i`` of the shear force, where e_i moves the point of application along the normal to the extreme point of i's
@@ -15,15 +15,13 @@ distance in the middle by. A contact that began in this step has no normal of th
 One thread does all of it: bodies are visited in the order of the lists, and each contact is computed from the body with the smaller
 number, so that neither the lists nor the number of threads change a bit of it.
 
-Kernels that follow contacts of outlines from step to step, so that each keeps its own shear force.
-
-Two grains, or a grain and a wall, can touch at several places. A contact is known by the two arcs that bound its common area, one on
-either outline, which roll and slide along the outlines by little in a step. The rule: the shear force of a contact of the step
-before goes to that contact of the same pair whose arcs' middles are nearest (distances along both outlines, each over the outline's
-length, summed), if on one outline at least the middles are no farther apart than the sum of both arcs' lengths; otherwise the
-contact has opened. Contacts that merge add their shear forces; of a contact that divides the nearest part inherits. A pair of
-strictly convex bodies has one contact at most, which needs no such condition: as on disks, it is the same as long as
-it is closed. With its shear force a contact inherits the normal and the arms of the step before.
+Two grains, or a grain and a wall, can touch at several places, and each contact keeps its own shear force. A contact is known by the two
+arcs that bound its common area, one on either outline, which roll and slide along the outlines by little in a step. The rule: the shear
+force of a contact of the step before goes to that contact of the same pair whose arcs' middles are nearest (distances along both outlines,
+each over the outline's length, summed), if on one outline at least the middles are no farther apart than the sum of both arcs' lengths;
+otherwise the contact has opened. Contacts that merge add their shear forces; of a contact that divides the nearest part inherits. A pair of
+strictly convex bodies has one contact at most, which needs no such condition: as on disks, it is the same as long as it is closed. With its
+shear force a contact inherits the normal and the arms of the step before.
 """
 
 from __future__ import annotations
@@ -35,10 +33,11 @@ from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.force_kernels import normal_force, note_behind, shear_force
-from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.state import (
     ARM_A,
     ARM_B,
+    BEFORE_X,
+    BEFORE_Y,
     BETA,
     CODE,
     COUNT,
@@ -53,8 +52,6 @@ from ninedisk.core.dem.state import (
     MIDDLE_A,
     MIDDLE_B,
     MU,
-    NORMAL_X,
-    NORMAL_Y,
     OVERLAP,
     ROOM,
     SECOND,
@@ -66,7 +63,21 @@ from ninedisk.core.dem.state import (
     DiskArrays,
     Outlines,
     StepConstants,
+    System,
     WallArrays,
+)
+from ninedisk.core.motion_kernels import (
+    DASHPOT_VX,
+    DASHPOT_VY,
+    NORMAL_X,
+    NORMAL_Y,
+    PIVOT_VX,
+    PIVOT_VY,
+    PIVOT_X,
+    PIVOT_Y,
+    POINT_X,
+    POINT_Y,
+    TURN_RATE,
 )
 from ninedisk.core.nurbs.curve_kernels import Pose
 from ninedisk.core.nurbs.intersect_kernels import pair_contacts
@@ -183,7 +194,7 @@ def normal_midway(
         wx, wy = old * ox, old * oy
         if (
             not 0.5 * new < old < 2.0 * new
-        ):  # bodies beside each other as seen along the normal: weights that mean nothing
+        ):  # bodies beside each other as looked at along the normal: weights that mean nothing
             wx, wy, new = ox, oy, 1.0
     elif not new * new > (before_x - dx) ** 2 + (before_y - dy) ** 2:
         return nx, ny
@@ -227,7 +238,7 @@ def pair_forces(
     ring_a, ring_b = ring_of(outlines, a), ring_of(outlines, b)
     arcs_of(outlines, count, ring_a, ring_b)
     inherit(outlines, a, b, count, ring_a, ring_b, convex(outlines, a) and convex(outlines, b))
-    seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
+    dashpot_v = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
     kn, ks, mu, beta = law[KN], law[KS], law[MU], law[BETA]
     found = outlines.found
     for m in range(count):
@@ -237,7 +248,7 @@ def pair_forces(
         side_a, side_b = ry * nx - rx * ny, (ry - dy) * nx - (rx - dx) * ny
         rate = 0.0
         if beta > 0.0:
-            rate = (seen[i, 0] - seen[j, 0]) * nx + (seen[i, 1] - seen[j, 1]) * ny
+            rate = (dashpot_v[i, 0] - dashpot_v[j, 0]) * nx + (dashpot_v[i, 1] - dashpot_v[j, 1]) * ny
             rate += side_b * outlines.spin[b] - side_a * outlines.spin[a]
         stretch, energy = spring(outlines, m, a, b, kn, outlines.area[0])
         fn = normal_force(stretch, rate, kn, beta, disks.inv_mass[i] + disks.inv_mass[j])
@@ -271,8 +282,8 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
 
     The wall's velocity enters the slip at M, which is on its surface, or half an overlap deeper; the reaction acts in M.
     """
-    ux, uy = walls.now[w, 2], walls.now[w, 3]
-    px, py = walls.now[w, 0] - disks.x[i, 0], walls.now[w, 1] - disks.x[i, 1]
+    ux, uy = walls.now[w, NORMAL_X], walls.now[w, NORMAL_Y]
+    px, py = walls.now[w, POINT_X] - disks.x[i, 0], walls.now[w, POINT_Y] - disks.x[i, 1]
     height = -(px * ux + py * uy)
     if disks.radius[i] - height <= 0.0:
         return True
@@ -286,12 +297,12 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
     ring = ring_of(outlines, a)
     arcs_of(outlines, count, ring, 0.0)
     inherit(outlines, a, b, count, ring, 0.0, convex(outlines, a))
-    seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
+    dashpot_v = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
     kn, ks, mu, beta = walls.law[w, KN], walls.law[w, KS], walls.law[w, MU], walls.law[w, BETA]
     middle, sliding = walls.law[w, SLIP_MIDDLE] > 0.0, walls.now
     if middle:
         sliding = walls.middle
-    cx, cy, spin = walls.now[w, 4] - disks.x[i, 0], walls.now[w, 5] - disks.x[i, 1], walls.now[w, 8]
+    cx, cy, spin = walls.now[w, PIVOT_X] - disks.x[i, 0], walls.now[w, PIVOT_Y] - disks.x[i, 1], walls.now[w, TURN_RATE]
     found, load = outlines.found, walls.share
     for m in range(count):
         overlap = found.overlap[m]
@@ -301,13 +312,13 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
         if beta > 0.0:
             deep = 0.5 * walls.law[w, WALL_MID] * overlap
             qx, qy = rx - deep * ux - cx, ry - deep * uy - cy
-            rate = (walls.now[w, 9] - spin * qy - seen[i, 0]) * ux
-            rate += (walls.now[w, 10] + spin * qx - seen[i, 1]) * uy - side * outlines.spin[a]
+            rate = (walls.now[w, DASHPOT_VX] - spin * qy - dashpot_v[i, 0]) * ux
+            rate += (walls.now[w, DASHPOT_VY] + spin * qx - dashpot_v[i, 1]) * uy - side * outlines.spin[a]
         stretch, energy = spring(outlines, m, a, -1, kn, outlines.area[1 + w])
         fn = normal_force(stretch, rate, kn, beta, disks.inv_mass[i])
         fs = 0.0
         if mu > 0.0 and ks > 0.0:
-            sx, sy, tx, ty = sliding[w, 0], sliding[w, 1], -sliding[w, 3], sliding[w, 2]
+            sx, sy, tx, ty = sliding[w, POINT_X], sliding[w, POINT_Y], -sliding[w, NORMAL_Y], sliding[w, NORMAL_X]
             slip_arm, sunk = arm, overlap
             if middle:
                 slip_arm = arm_midway(outlines, m, 2, arm)
@@ -315,8 +326,8 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
                 hy = disks.x[i, 1] - 0.5 * slip_dt * disks.v[i, 1] - sy
                 sunk = slip_arm - (hx * ty - hy * tx)
             # M is on the surface, whose points all move along it as the wall's own does.
-            vt = (sliding[w, 6] + spin * (sliding[w, 5] - sy) - disks.v[i, 0]) * tx
-            vt += (sliding[w, 7] + spin * (sx - sliding[w, 4]) - disks.v[i, 1]) * ty
+            vt = (sliding[w, PIVOT_VX] + spin * (sliding[w, PIVOT_Y] - sy) - disks.v[i, 0]) * tx
+            vt += (sliding[w, PIVOT_VY] + spin * (sx - sliding[w, PIVOT_X]) - disks.v[i, 1]) * ty
             vt -= 0.5 * spin * walls.law[w, WALL_MID] * sunk
             vt += (slip_arm - 0.5 * walls.law[w, SLIP_OVERLAP] * sunk) * disks.omega[i]
             fs = shear_force(outlines.carried[m], vt * slip_dt, ks, mu * fn)
@@ -333,25 +344,14 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
 
 
 @kernel
-def grain_forces(
-    disks: DiskArrays,
-    walls: WallArrays,
-    pairs: NeighbourList,
-    wall_pairs: NeighbourList,
-    law: NDArray[np.float64],
-    outlines: Outlines,
-    step: StepConstants,
-    n: int,
-    slip_dt: float,
-) -> bool:
-    """Add all contact forces of step ``n`` to ``disks`` and ``walls.share``; pass shear forces on to this step's side of the memory.
+def grain_forces(system: System, outlines: Outlines, n: int, slip_dt: float) -> bool:
+    """Add all contact forces of step ``n`` to the bodies and the walls' shares; pass shear forces on to this step's side of the memory.
 
     Parameters
     ----------
-    disks, walls, pairs, wall_pairs, outlines, step
-        See their classes; the forces must be zero. The lists' own shear forces are not used.
-    law : ndarray, shape (8,)
-        Disk-disk law row.
+    system : System
+        The forces must be zero. The lists' own shear forces are not used.
+    outlines : Outlines
     n : int
         Contact step.
     slip_dt : float
@@ -363,12 +363,14 @@ def grain_forces(
         False if a contact could not be computed or there was no room for it: ``memory.mark`` says which, and what the memory holds is
         still the step before.
     """
-    begin_pass(disks, outlines, step, n)
+    disks, walls = system.disks, system.walls
+    pairs, wall_pairs = system.lists.pairs, system.lists.wall_pairs
+    begin_pass(disks, outlines, system.step, n)
     for i in range(disks.x.shape[0]):
         for k in range(pairs.start[i], pairs.start[i + 1]):
             j = int(pairs.other[k])
             first, second = (i, j) if disks.name[i] < disks.name[j] else (j, i)
-            if not pair_forces(disks, outlines, law, slip_dt, first, second):
+            if not pair_forces(disks, outlines, system.law, slip_dt, first, second):
                 return False
     for w in range(walls.now.shape[0]):
         for c in range(3):
@@ -432,7 +434,7 @@ def inherit(outlines: Outlines, a: int, b: int, count: int, ring_a: float, ring_
             if best >= 0:
                 carried[best] += contact[FS]
                 for c in range(4):
-                    before[best, c] = contact[NORMAL_X + c]
+                    before[best, c] = contact[BEFORE_X + c]
         row = memory.body[old, row, 2]
 
 
@@ -450,7 +452,7 @@ def remember(
     contact[FS], contact[FN], contact[OVERLAP], contact[ENERGY] = fs, fn, outlines.found.overlap[m], energy
     contact[MIDDLE_A], contact[LENGTH_A] = outlines.arc[m, 0], outlines.arc[m, 1]
     contact[MIDDLE_B], contact[LENGTH_B] = outlines.arc[m, 2], outlines.arc[m, 3]
-    contact[NORMAL_X], contact[NORMAL_Y] = outlines.found.normal[m, 0], outlines.found.normal[m, 1]
+    contact[BEFORE_X], contact[BEFORE_Y] = outlines.found.normal[m, 0], outlines.found.normal[m, 1]
     contact[ARM_A], contact[ARM_B] = arm_a, arm_b
     memory.body[new, row, 0], memory.body[new, row, 1], memory.body[new, row, 2] = a, b, memory.head[new, a]
     memory.head[new, a] = row

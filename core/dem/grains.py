@@ -1,7 +1,4 @@
-"""What a DEM session does for bodies with outlines: begin, mend, restore, tell shear forces.
-
-Allocation of what a DEM run of bodies with outlines needs.
-"""
+"""What a DEM session does for bodies with outlines: allocate and grow their arrays, restore them, give back shear forces."""
 
 from __future__ import annotations
 
@@ -22,13 +19,16 @@ from ninedisk.core.nurbs.state import MOST_ROOTS, contact_rows, workspace
 from ninedisk.core.scene import Scene
 from ninedisk.core.validate import FloatArray
 
+CONTACTS_PER_BODY = 3
+"""First guess of contacts a body: a packing of convex grains has 2, each shared by two."""
+
 
 def first_outlines(scene: Scene) -> Outlines | None:
     """Arrays of the outlines at time 0; None if all bodies are disks with the disks' law."""
     return outline_arrays(scene) if needs_outlines(scene) else None
 
 
-def mended(outlines: Outlines, scene: Scene, step: int, dt: float) -> Outlines:
+def with_more_room(outlines: Outlines, scene: Scene, step: int, dt: float) -> Outlines:
     """The same with more room for contacts, if that is what stopped the contact step ``step`` of length ``dt`` [s].
 
     Raises
@@ -63,10 +63,6 @@ def shear_of_grains(outlines: Outlines) -> dict[Pair, float]:
         if force != 0.0:
             found[pair] = found.get(pair, 0.0) + float(force)
     return dict(sorted(found.items()))
-
-
-CONTACTS_PER_BODY = 3
-"""First guess of contacts a body: a packing of convex grains has 2, each shared by two."""
 
 
 def needs_outlines(scene: Scene) -> bool:

@@ -66,9 +66,9 @@ def drift(
 ) -> None:
     """Positions of the disks ``begin .. end-1`` to ``t_{n+1}``, and their displacements."""
     for q in range(np.uint64(2 * begin), np.uint64(2 * end)):
-        way = dt * v[q]
-        x[q] += way
-        moved[q] = np.float32(moved[q] + way)
+        displacement = dt * v[q]
+        x[q] += displacement
+        moved[q] = np.float32(moved[q] + displacement)
 
 
 @inline_kernel
@@ -101,16 +101,16 @@ def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end:
     float
         Largest squared displacement since the last rebuild of the lists [m^2]; NaN if any is NaN.
     """
-    x, v, seen = views.x, views.v, views.seen
+    x, v, dashpot_v = views.x, views.v, views.dashpot_v
     first, last = np.uint64(2 * begin), np.uint64(2 * end)
     extrapolated = disks.v_now.shape[0] > 0
     if extrapolated:
         for q in range(first, last):
-            seen[q] = v[q]
+            dashpot_v[q] = v[q]
     kick(v, views.force, disks.inv_mass, step, begin, end)
     if extrapolated:
         for q in range(first, last):
-            seen[q] = v[q] + step.ahead * (v[q] - seen[q])
+            dashpot_v[q] = v[q] + step.ahead * (v[q] - dashpot_v[q])
     drift(x, v, views.moved, step.dt, begin, end)
     turn(disks.omega, disks.angle, disks.torque, disks.inv_inertia, step, begin, end)
     return farthest(views.moved, begin, end)

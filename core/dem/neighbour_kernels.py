@@ -1,62 +1,39 @@
-"""Kernels of the contact search: cell list, half neighbour list with a skin, lists of disks near walls.
+"""Kernels of the contact search and its rebuild: cell list, half neighbour list with a skin, disks near walls, order of the disks, stripes.
 
 The neighbour list is stored by rows: the neighbours ``j > i`` of disk ``i`` are ``other[start[i]:start[i+1]]``, beside
 each the shear force of that contact. Lists are built in the order of the disks, so the same input gives the same bits.
-
-Kernels of the rebuild: disks into the order of the cells, lists with their shear forces, stripes of the threads.
 """
 
 from __future__ import annotations
 
 from math import floor, sqrt
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.dem.state import DiskArrays, StepConstants, Team, WallArrays
+from ninedisk.core.dem.state import (
+    NOT_FINITE,
+    OK,
+    PAIRS_FULL,
+    WALL_PAIRS_FULL,
+    Cells,
+    DiskArrays,
+    Lists,
+    NeighbourList,
+    StepConstants,
+    Team,
+    WallArrays,
+)
+from ninedisk.core.motion_kernels import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 
-OK, PAIRS_FULL, WALL_PAIRS_FULL, NOT_FINITE = 0, 1, 2, 3
+ROWS = 4
+"""Rows of cells of a stripe: the fewer they are, the more disks lie on borders and move in a pass of their own. A stripe of a crowded
+place may have half as many."""
 
-
-class NeighbourList(NamedTuple):
-    """Pairs closer than the skin, by rows.
-
-    Attributes
-    ----------
-    start : ndarray of int32, shape (rows + 1,)
-        Row pointers; a row is a disk (disk-disk list) or a wall (wall list).
-    other : ndarray of uint32, shape (capacity,)
-        The other disk of each pair.
-    shear : ndarray, shape (capacity,)
-        Shear force ``fs`` [N] on the row's body (disk-disk list) or on the disk (wall list).
-    """
-
-    start: NDArray[np.int32]
-    other: NDArray[np.uint32]
-    shear: NDArray[np.float64]
-
-
-class Cells(NamedTuple):
-    """Work arrays of the cell list.
-
-    Attributes
-    ----------
-    start : ndarray of int32, shape (cells + 1,)
-    order : ndarray of uint32, shape (n,)
-        Disks sorted by cell, row by row. Rows lie along the shorter side of the box around the centres: the next row is then not far
-        away in memory.
-    cell : ndarray of int32, shape (n,)
-        Cell of each disk.
-    grid : ndarray, shape (5,)
-        Lower corner [m] along and across the rows, width of a cell [m], cells of a row, rows.
-    """
-
-    start: NDArray[np.int32]
-    order: NDArray[np.uint32]
-    cell: NDArray[np.int32]
-    grid: NDArray[np.float64]
+REBUILD_COST = 5.0
+"""Cost of a rebuild over that of the pairs out of contact in a step, per disk, with a skin of a mean radius (measured: 70 ns over
+2.8 pairs of 5.4 ns)."""
 
 
 @kernel
@@ -143,7 +120,7 @@ def build_pairs(
     in_order : bool
         Whether the disks already lie in the order of the cells; partners then come from the rest of their row and the next.
     listed : ndarray of uint32, shape (n,)
-        Row that each disk had in ``old``. A shear force is the same number seen from either disk.
+        Row that each disk had in ``old``. A shear force is the same number from either disk.
     old, new : NeighbourList
         ``old`` is read, ``new`` written.
 
@@ -217,7 +194,7 @@ def build_wall_pairs(
     for w in range(wall.shape[0]):
         for o in range(old.start[w], old.start[w + 1]):
             scratch[old.other[o]] = old.shear[o]
-        px, py, nx, ny = wall[w, 0], wall[w, 1], wall[w, 2], wall[w, 3]
+        px, py, nx, ny = wall[w, POINT_X], wall[w, POINT_Y], wall[w, NORMAL_X], wall[w, NORMAL_Y]
         for i in range(x.shape[0]):
             if (x[i, 0] - px) * nx + (x[i, 1] - py) * ny - radius[i] < skin:
                 if k == capacity:
@@ -258,16 +235,6 @@ def permute_numbers(values: NDArray[np.uint32], order: NDArray[np.uint32], scrat
         scratch[k] = values[order[k]]
     for k in range(values.shape[0]):
         values[k] = np.uint32(scratch[k])
-
-
-ROWS = 4
-"""Rows of cells of a stripe: the fewer they are, the more disks lie on borders and move in a pass of their own. A stripe of a crowded
-place may have half as many."""
-
-
-REBUILD_COST = 5.0
-"""Cost of a rebuild over that of the pairs out of contact in a step, per disk, with a skin of a mean radius (measured: 70 ns over
-2.8 pairs of 5.4 ns)."""
 
 
 @kernel
@@ -364,7 +331,7 @@ def mark_built(disks: DiskArrays, walls: WallArrays) -> None:
         for c in range(9):
             walls.built[w, c] = walls.now[w, c]
         for i in range(disks.x.shape[0]):
-            dx, dy = disks.x[i, 0] - walls.now[w, 0], disks.x[i, 1] - walls.now[w, 1]
+            dx, dy = disks.x[i, 0] - walls.now[w, POINT_X], disks.x[i, 1] - walls.now[w, POINT_Y]
             extent = max(extent, dx * dx + dy * dy)
         walls.extent[w] = sqrt(extent)
 
@@ -381,44 +348,22 @@ def copy_list(source: NeighbourList, target: NeighbourList) -> None:
 
 
 @kernel
-def rebuild(
-    disks: DiskArrays,
-    walls: WallArrays,
-    pairs: NeighbourList,
-    wall_pairs: NeighbourList,
-    spare: NeighbourList,
-    wall_spare: NeighbourList,
-    cells: Cells,
-    team: Team,
-    skin: float,
-    widest: float,
-    in_order: bool,
-) -> int:
-    """Rebuild both lists, shear forces carried over; on any code but OK the lists in use are untouched.
-
-    Parameters
-    ----------
-    disks, walls, pairs, wall_pairs, team
-        See their classes; forces and torques are zero afterwards.
-    spare, wall_spare, cells
-        Work arrays.
-    skin, widest : float
-        Skin of the lists and largest radius [m].
-    in_order : bool
-        Whether disks are brought into the order of the cells.
+def rebuild(disks: DiskArrays, walls: WallArrays, lists: Lists, team: Team, step: StepConstants, skin: float) -> int:
+    """Rebuild both lists with this skin [m], shear forces carried over; forces and torques are zero afterwards.
 
     Returns
     -------
     int
-        A code of `search_kernels`.
+        OK, PAIRS_FULL, WALL_PAIRS_FULL or NOT_FINITE; on any but OK the lists in use are untouched.
     """
-    if not sort_into_cells(disks.x, 2.0 * widest + skin, cells):
+    pairs, wall_pairs, spare, wall_spare, cells = lists
+    if not sort_into_cells(disks.x, 2.0 * step.widest + skin, cells):
         return NOT_FINITE
-    if in_order:
+    if step.sorted:
         put_in_order(disks, cells)
     for i in range(disks.torque.shape[0]):
         disks.torque[i] = 0.0
-    code = build_pairs(disks.x, disks.radius, skin, cells, in_order, disks.listed, pairs, spare)
+    code = build_pairs(disks.x, disks.radius, skin, cells, step.sorted, disks.listed, pairs, spare)
     if code != OK:
         return code
     code = build_wall_pairs(disks.x, disks.radius, skin, walls.now, disks.listed, disks.torque, wall_pairs, wall_spare)

@@ -1,18 +1,20 @@
-"""Pairs of bodies that are close to each other, from the contact search that the DEM uses.
-
-Allocation and growth of the lists that the search kernels fill.
-"""
+"""Pairs of bodies that are close to each other, and allocation and growth of the lists that the search kernels fill."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.dem.neighbour_kernels import OK, Cells, NeighbourList, build_pairs, build_wall_pairs, sort_into_cells
+from ninedisk.core.dem.neighbour_kernels import build_pairs, build_wall_pairs, sort_into_cells
+from ninedisk.core.dem.state import OK, Cells, NeighbourList
 from ninedisk.core.errors import InvalidSceneError, NonFiniteStateError
+from ninedisk.core.validate import FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+PAIRS_PER_DISK = 2.1
+"""First guess of listed pairs a disk: a settled polydisperse packing has 2.0 with the first skin."""
+
+MOST_PAIRS_PER_DISK, MANY_PAIRS = 100, 1_000_000
+"""Listed pairs a disk above which disks lie on top of each other (packings have 2 to 3), in scenes with more than so many pairs."""
 
 
 class PairFinder:
@@ -76,14 +78,6 @@ class PairFinder:
         keys.sort()  # one number for each pair: several times as fast as sorting by two columns
         pairs = np.column_stack(np.divmod(keys, max(bodies, 1)))
         return pairs if self._fixed is None else pairs[~self._fixed[pairs].all(axis=1)]
-
-
-PAIRS_PER_DISK = 2.1
-"""First guess of listed pairs a disk: a settled polydisperse packing has 2.0 with the first skin."""
-
-
-MOST_PAIRS_PER_DISK, MANY_PAIRS = 100, 1_000_000
-"""Listed pairs a disk above which disks lie on top of each other (packings have 2 to 3), in scenes with more than so many pairs."""
 
 
 def check_crowd(pairs: NeighbourList) -> None:

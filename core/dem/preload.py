@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ninedisk.core.dem.neighbour_kernels import NeighbourList
-from ninedisk.core.dem.state import COUNT, MIDDLE_A, DiskArrays, Outlines
+from ninedisk.core.dem.state import COUNT, MIDDLE_A, DiskArrays, NeighbourList, Outlines
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.history import Pair
 from ninedisk.core.nurbs.intersect import NurbsGrains
@@ -56,7 +55,7 @@ def enter_grain_preload(scene: Scene, outlines: Outlines) -> None:
                 f"the initial shear force {force:g} N belongs to {scene.body_name(i)} and {scene.body_name(j)}, which {touch}: give "
                 "them one contact or drop the entry"
             )
-        # As `arcs_of` in `grain_memory_kernels` has them.
+        # As `grain_kernels.arcs_of` has them.
         start, other_end, end, other_start = places[0]
         arc = [*_arc(start, end, spans[i]), *(_arc(other_start, other_end, spans[j]) if j < n else (0.0, 0.0))]
         row = int(memory.mark[COUNT])

@@ -1,7 +1,4 @@
-"""Kernels that write a sample: synchronised velocities, watched contacts, walls, energies.
-
-Kernels that write what a sample says of contacts when bodies have outlines: watched pairs and elastic energies.
-"""
+"""Kernels that write a sample: synchronised velocities, watched contacts of disks or outlines, walls, energies."""
 
 from __future__ import annotations
 
@@ -13,7 +10,6 @@ from numpy.typing import NDArray
 from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
 from ninedisk.core.dem.force_kernels import normal_force
 from ninedisk.core.dem.kick_kernels import falls
-from ninedisk.core.dem.neighbour_kernels import NeighbourList
 from ninedisk.core.dem.state import (
     BETA,
     COUNT,
@@ -25,11 +21,23 @@ from ninedisk.core.dem.state import (
     OVERLAP,
     SIDE,
     DiskArrays,
+    NeighbourList,
     Outlines,
     Samples,
     StepConstants,
-    Views,
+    System,
     WallArrays,
+)
+from ninedisk.core.motion_kernels import (
+    DASHPOT_VX,
+    DASHPOT_VY,
+    NORMAL_X,
+    NORMAL_Y,
+    PIVOT_X,
+    PIVOT_Y,
+    POINT_X,
+    POINT_Y,
+    TURN_RATE,
 )
 from ninedisk.core.nurbs.curve_kernels import Pose
 from ninedisk.core.nurbs.features_kernels import gap_of_shapes, reach_of_shape
@@ -62,8 +70,8 @@ def watched_disk_pair(
     gap = d - (disks.radius[i] + disks.radius[j])
     if gap >= 0.0:
         return gap, 0.0, 0.0
-    seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
-    rate = ((seen[i, 0] - seen[j, 0]) * dx + (seen[i, 1] - seen[j, 1]) * dy) / d
+    dashpot_v = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
+    rate = ((dashpot_v[i, 0] - dashpot_v[j, 0]) * dx + (dashpot_v[i, 1] - dashpot_v[j, 1]) * dy) / d
     fn = normal_force(-gap, rate, law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j])
     return gap, fn, listed_shear(pairs, min(i, j), max(i, j))
 
@@ -73,31 +81,26 @@ def watched_wall_pair(
     disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, i: int, w: int
 ) -> tuple[float, float, float]:
     """Gap [m], normal and shear force [N] of a disk and a wall."""
-    ux, uy = walls.now[w, 2], walls.now[w, 3]
-    height = (disks.x[i, 0] - walls.now[w, 0]) * ux + (disks.x[i, 1] - walls.now[w, 1]) * uy
+    ux, uy = walls.now[w, NORMAL_X], walls.now[w, NORMAL_Y]
+    height = (disks.x[i, 0] - walls.now[w, POINT_X]) * ux + (disks.x[i, 1] - walls.now[w, POINT_Y]) * uy
     gap = height - disks.radius[i]
     if gap >= 0.0:
         return gap, 0.0, 0.0
     # The wall's normal velocity at the foot: v_pivot.u + spin (u x q) with q from the pivot to the foot.
-    qx = disks.x[i, 0] - height * ux - walls.now[w, 4]
-    qy = disks.x[i, 1] - height * uy - walls.now[w, 5]
-    seen = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
-    rate = walls.now[w, 9] * ux + walls.now[w, 10] * uy + walls.now[w, 8] * (qx * uy - qy * ux)
-    rate -= seen[i, 0] * ux + seen[i, 1] * uy
+    qx = disks.x[i, 0] - height * ux - walls.now[w, PIVOT_X]
+    qy = disks.x[i, 1] - height * uy - walls.now[w, PIVOT_Y]
+    dashpot_v = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
+    rate = walls.now[w, DASHPOT_VX] * ux + walls.now[w, DASHPOT_VY] * uy + walls.now[w, TURN_RATE] * (qx * uy - qy * ux)
+    rate -= dashpot_v[i, 0] * ux + dashpot_v[i, 1] * uy
     fn = normal_force(-gap, rate, walls.law[w, KN], walls.law[w, BETA], disks.inv_mass[i])
     return gap, fn, listed_shear(pairs, w, i)
 
 
 @fused_kernel
-def contact_energy(
-    disks: DiskArrays,
-    views: Views,
-    walls: WallArrays,
-    pairs: NeighbourList,
-    wall_pairs: NeighbourList,
-    law: NDArray[np.float64],
-) -> tuple[float, float]:
+def contact_energy(system: System) -> tuple[float, float]:
     """Elastic energy of the normal and of the shear springs [J]; a contact that is open has no shear force."""
+    disks, views, walls, law = system.disks, system.views, system.walls, system.law
+    pairs, wall_pairs = system.lists.pairs, system.lists.wall_pairs
     x, radius, row, other, shear_of = disks.x, disks.radius, views.row, pairs.other, pairs.shear
     squares, shears = 0.0, 0.0
     # Not row by row: how many pairs a disk has is more than the processor can guess.
@@ -110,7 +113,7 @@ def contact_energy(
     normal = 0.5 * law[KN] * squares
     shear = 0.5 * shears / law[KS] if law[KS] > 0.0 else 0.0
     for w in range(walls.now.shape[0]):
-        px, py, ux, uy = walls.now[w, 0], walls.now[w, 1], walls.now[w, 2], walls.now[w, 3]
+        px, py, ux, uy = walls.now[w, POINT_X], walls.now[w, POINT_Y], walls.now[w, NORMAL_X], walls.now[w, NORMAL_Y]
         squares, shears = 0.0, 0.0
         for k in range(np.uint64(wall_pairs.start[w]), np.uint64(wall_pairs.start[w + 1])):
             j = np.uint64(wall_pairs.other[k])
@@ -124,20 +127,9 @@ def contact_energy(
 
 
 @kernel
-def record(
-    disks: DiskArrays,
-    views: Views,
-    walls: WallArrays,
-    pairs: NeighbourList,
-    wall_pairs: NeighbourList,
-    law: NDArray[np.float64],
-    step: StepConstants,
-    samples: Samples,
-    row: int,
-    start: bool,
-    wall_work: float,
-) -> None:
+def record(system: System, samples: Samples, row: int, start: bool, wall_work: float) -> None:
     """Write row ``row`` of ``samples`` from the state at ``t_n`` with its forces; ``start`` is True at n = 0."""
+    disks, walls, step = system.disks, system.walls, system.step
     translation, rotation, gravity = 0.0, 0.0, 0.0
     for i in range(disks.x.shape[0]):
         weight = falls(disks.inv_mass[i])
@@ -169,15 +161,15 @@ def record(
     for c in range(samples.pairs.shape[0]):
         i, j = int(disks.place[samples.pairs[c, 0]]), samples.pairs[c, 1]
         if j < n:
-            gap, fn, fs = watched_disk_pair(disks, pairs, law, i, int(disks.place[j]))
+            gap, fn, fs = watched_disk_pair(disks, system.lists.pairs, system.law, i, int(disks.place[j]))
         else:
-            gap, fn, fs = watched_wall_pair(disks, walls, wall_pairs, i, j - n)
+            gap, fn, fs = watched_wall_pair(disks, walls, system.lists.wall_pairs, i, j - n)
         samples.gap[row, c], samples.fn[row, c], samples.fs[row, c] = gap, fn, fs
     for w in range(walls.now.shape[0]):
-        samples.wall_point[row, w, 0], samples.wall_point[row, w, 1] = walls.now[w, 0], walls.now[w, 1]
-        samples.wall_angle[row, w] = atan2(walls.now[w, 3], walls.now[w, 2])
+        samples.wall_point[row, w, 0], samples.wall_point[row, w, 1] = walls.now[w, POINT_X], walls.now[w, POINT_Y]
+        samples.wall_angle[row, w] = atan2(walls.now[w, NORMAL_Y], walls.now[w, NORMAL_X])
         samples.wall_force[row, w, 0], samples.wall_force[row, w, 1] = walls.load[w, 0], walls.load[w, 1]
-    normal, shear = contact_energy(disks, views, walls, pairs, wall_pairs, law)
+    normal, shear = contact_energy(system)
     samples.energy[row, 0], samples.energy[row, 1] = translation, rotation
     samples.energy[row, 2], samples.energy[row, 3], samples.energy[row, 4] = normal, shear, gravity
     samples.wall_work[row] = wall_work
@@ -215,8 +207,8 @@ def pair_gap(disks: DiskArrays, outlines: Outlines, a: int, b: int) -> float:
 def wall_gap(disks: DiskArrays, walls: WallArrays, outlines: Outlines, a: int, w: int) -> float:
     """Smallest distance [m] of a body from a wall, negative where it is deeper than the wall's surface."""
     i = int(disks.place[a])
-    ux, uy = walls.now[w, 2], walls.now[w, 3]
-    height = (disks.x[i, 0] - walls.now[w, 0]) * ux + (disks.x[i, 1] - walls.now[w, 1]) * uy
+    ux, uy = walls.now[w, NORMAL_X], walls.now[w, NORMAL_Y]
+    height = (disks.x[i, 0] - walls.now[w, POINT_X]) * ux + (disks.x[i, 1] - walls.now[w, POINT_Y]) * uy
     if outlines.round[a]:
         return float(height - disks.radius[i])
     c, s = outlines.turn[a, 0], outlines.turn[a, 1]
@@ -225,19 +217,13 @@ def wall_gap(disks: DiskArrays, walls: WallArrays, outlines: Outlines, a: int, w
 
 
 @kernel
-def record_contacts(
-    disks: DiskArrays,
-    walls: WallArrays,
-    law: NDArray[np.float64],
-    outlines: Outlines,
-    samples: Samples,
-    row: int,
-) -> None:
+def record_contacts(system: System, outlines: Outlines, samples: Samples, row: int) -> None:
     """Write watched pairs and elastic energies to row ``row`` of ``samples``, in the place of what `record` takes them to be on disks.
 
     A pair's gap is the smallest one: the negative of the largest overlap of its contacts, or the distance of its outlines; its forces are
     the sums over its contacts, each along its own normal and tangent.
     """
+    disks, walls, law = system.disks, system.walls, system.law
     n = disks.x.shape[0]
     for c in range(samples.pairs.shape[0]):
         a, b = int(samples.pairs[c, 0]), int(samples.pairs[c, 1])

@@ -1,11 +1,4 @@
-"""A DEM run in progress: calls the kernels, grows the lists, saves and restores.
-
-What the DEM takes on: checks of a scene, its numerics and the number of threads before anything is allocated.
-
-What a DEM run gives back.
-
-Counts of a DEM run: rebuilds of the lists, listed pairs, contacts.
-"""
+"""A DEM run: what it takes on, its progress (calls of the kernels, growth of the lists, checkpoints), what it gives back and counts."""
 
 from __future__ import annotations
 
@@ -23,7 +16,6 @@ from ninedisk.core.dem.arrays import (
     ENERGIES,
     SORT_FROM,
     STRIPES,
-    Lists,
     aligned,
     behind_wall,
     contact_step,
@@ -38,21 +30,44 @@ from ninedisk.core.dem.arrays import (
     wall_arrays,
 )
 from ninedisk.core.dem.files import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
-from ninedisk.core.dem.grains import first_outlines, mended, restored, shear_of_grains
-from ninedisk.core.dem.neighbour_kernels import NOT_FINITE, OK, PAIRS_FULL, WALL_PAIRS_FULL, NeighbourList, rebuild
-from ninedisk.core.dem.neighbours import check_crowd, empty_cells, grown
+from ninedisk.core.dem.grains import first_outlines, restored, shear_of_grains, with_more_room
+from ninedisk.core.dem.neighbour_kernels import rebuild
+from ninedisk.core.dem.neighbours import check_crowd, grown
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
-from ninedisk.core.dem.state import COUNT, SIDE, DiskArrays, Outlines, Samples, WallArrays
+from ninedisk.core.dem.state import (
+    COUNT,
+    NOT_FINITE,
+    OK,
+    PAIRS_FULL,
+    SIDE,
+    WALL_PAIRS_FULL,
+    DiskArrays,
+    Lists,
+    NeighbourList,
+    Outlines,
+    Progress,
+    Samples,
+    System,
+    WallArrays,
+)
 from ninedisk.core.dem.step_kernels import advance
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.history import History, Pair
 from ninedisk.core.motion import compile_motion
-from ninedisk.core.numerics import MOST_STEPS, Numerics
+from ninedisk.core.motion_kernels import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
+from ninedisk.core.numerics import (
+    MOST_STEPS,
+    Numerics,
+    check_progress,
+    check_room,
+    check_run,
+    chosen_particles,
+    watched_pairs,
+)
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
 from ninedisk.core.threads import check_threads, together
 from ninedisk.core.validate import whole
-from ninedisk.core.watch import check_progress, check_room, check_run, chosen_particles, watched_pairs
 
 STEPS_TIMES_DISKS = 16_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
@@ -110,24 +125,22 @@ class DemSession:
         self.substeps = numerics.substeps(self.contact_dt)
         in_order = n >= SORT_FROM
         stripes = STRIPES if in_order else 1
-        self._crew = threads if in_order else 1
+        self._threads = threads if in_order else 1
         self._step = step_constants(scene, numerics, self.contact_dt, in_order)
         self._disks = disk_arrays(scene, self._step.lagged)
         self._motion = compile_motion(scene.walls)
         self._walls = wall_arrays(scene, self._motion, stripes)
-        self._team = team_arrays(stripes, self._crew)
+        self._team = team_arrays(stripes, self._threads)
         self._lists = first_lists(n, m)
-        self._cells = empty_cells(n)
         self._law = np.array(law_row(scene.disk_disk))
-        self._skin = np.array([self._step.first_skin])
-        self._widest = float(scene.disks.radius.max())
-        self._clock: NDArray[np.int64] = np.array([0, 1, 0, 0, 0], dtype=np.int64)
-        self._work = np.zeros(1)
+        self._progress = Progress(
+            clock=np.array([0, 1, 0, 0, 0], dtype=np.int64), work=np.zeros(1), skin=np.array([self._step.first_skin])
+        )
         self._outlines = first_outlines(scene)
         self._first_lists()
         self._views = disk_views(self._disks, self._lists, self._law)
         if self._outlines is None:
-            enter_preload(scene, self._disks, self._lists.disks, self._lists.walls)
+            enter_preload(scene, self._disks, self._lists.pairs, self._lists.wall_pairs)
         else:
             enter_grain_preload(scene, self._outlines)
         pairs = np.array(self.pairs, dtype=np.int64).reshape(len(self.pairs), 2)
@@ -167,17 +180,17 @@ class DemSession:
         check_progress(progress)
         target = self.numerics.n_steps * self.substeps
         stride = max(1, STEPS_TIMES_DISKS // len(self.scene.disks))
-        while self._clock[state.STEP] < target or self._clock[state.PENDING]:
-            self._advance(min(target, int(self._clock[state.STEP]) + stride))
+        while self._progress.clock[state.STEP] < target or self._progress.clock[state.PENDING]:
+            self._advance(min(target, int(self._progress.clock[state.STEP]) + stride))
             if progress is not None:
-                progress(int(self._clock[state.STEP]) // self.substeps, self.numerics.n_steps)
+                progress(int(self._progress.clock[state.STEP]) // self.substeps, self.numerics.n_steps)
         return self.history()
 
     def advance(self, steps: int) -> None:
         """Advance by ``steps`` steps ``numerics.dt``, at most to the last one; raises as `run`."""
         count = whole("steps", steps, 0, MOST_STEPS)
         last = self.numerics.n_steps * self.substeps
-        self._advance(min(last, int(self._clock[state.STEP]) + count * self.substeps))
+        self._advance(min(last, int(self._progress.clock[state.STEP]) + count * self.substeps))
 
     def snapshot(self) -> tuple[float, dict[str, NDArray[np.float64]]]:
         """Time [s] and present state of all disks in the scene's order, for `FrameWriter.write`.
@@ -186,24 +199,26 @@ class DemSession:
         """
         disks, place = self._disks, self._disks.place
         names = ("x", "v", "angle", "omega", "radius")
-        return int(self._clock[state.STEP]) * self.contact_dt, {name: getattr(disks, name)[place] for name in names}
+        return int(self._progress.clock[state.STEP]) * self.contact_dt, {
+            name: getattr(disks, name)[place] for name in names
+        }
 
     def shear_forces(self) -> dict[Pair, float]:
         """Shear forces ``fs`` [N] of all closed contacts that carry one, by body numbers: a scene's ``initial_shear``."""
         if self._outlines is not None:
             return shear_of_grains(self._outlines)
-        return shear_by_pair(self._disks, self._lists.disks, self._lists.walls)
+        return shear_by_pair(self._disks, self._lists.pairs, self._lists.wall_pairs)
 
     @property
     def counts(self) -> Counts:
         """Rebuilds so far, pairs that the present lists hold, contacts at the present positions."""
-        rebuilds = int(self._clock[state.REBUILDS])
-        return count(self._disks, self._walls, self._lists.disks, self._lists.walls, self._outlines, rebuilds)
+        rebuilds = int(self._progress.clock[state.REBUILDS])
+        return count(self._disks, self._walls, self._lists.pairs, self._lists.wall_pairs, self._outlines, rebuilds)
 
     def warm_up(self) -> None:
         """Compile or load the kernels on a copy of the scene; this session's state stays as it is."""
         once = self.numerics.replace(n_steps=1, sample_every=1, sample_until=None)
-        DemSession(self.scene, once, self.pairs, threads=self._crew).run()
+        DemSession(self.scene, once, self.pairs, threads=self._threads).run()
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a checkpoint from which `load` goes on bit for bit.
@@ -250,87 +265,66 @@ class DemSession:
                 f"n_steps = {numerics.n_steps} is not allowed: the checkpoint has done {done // session.substeps} steps"
             )
         # A spare list need not hold anything, but room for as many pairs.
-        session._lists = Lists(*(saved_list(arrays, name) for name in ("pairs", "wall_pairs", "pairs", "wall_pairs")))
+        pairs, wall_pairs = ([saved_list(arrays, name) for _ in range(2)] for name in ("pairs", "wall_pairs"))
+        session._lists = Lists(pairs[0], wall_pairs[0], pairs[1], wall_pairs[1], session._lists.cells)
         session._outlines = restored(session._outlines, arrays)
-        session._clock[state.ROW] = restore(session._state(), arrays, int(arrays["clock"][state.ROW]))
+        session._progress.clock[state.ROW] = restore(session._state(), arrays, int(arrays["clock"][state.ROW]))
         session._views = disk_views(session._disks, session._lists, session._law)
         return session
 
     def _state(self) -> dict[str, NDArray[Any]]:
-        lists = self._lists
-        return state_arrays(
-            {
-                "clock": self._clock,
-                "work": self._work,
-                "skin": self._skin,
-                "stripe": self._team.stripe,
-                "border": self._team.border,
-            },
-            {
-                "disks": self._disks,
-                "walls": self._walls,
-                "pairs": lists.disks,
-                "wall_pairs": lists.walls,
-                "samples": self._samples,
-            }
-            | ({} if self._outlines is None else {"grains": self._outlines.memory}),
-        )
+        single = {**self._progress._asdict(), "stripe": self._team.stripe, "border": self._team.border}
+        groups: dict[str, Any] = {
+            "disks": self._disks,
+            "walls": self._walls,
+            "pairs": self._lists.pairs,
+            "wall_pairs": self._lists.wall_pairs,
+            "samples": self._samples,
+        }
+        if self._outlines is not None:
+            groups["grains"] = self._outlines.memory
+        return state_arrays(single, groups)
 
     def _advance(self, target: int) -> None:
         if self._walls.passed[0]:
-            self._mend(state.BEHIND_WALL)
+            self._make_good(state.BEHIND_WALL)
         while True:
-            shared = (
-                self._disks,
-                self._views,
-                self._walls,
-                self._motion,
-                *self._lists,
-                self._cells,
-                self._law,
-                self._step,
-                self._samples,
-                self._team,
-                self._outlines,
-                self._clock,
-                self._work,
-                self._skin,
-                self._widest,
-                target,
-            )
-            code = together(advance, self._crew, shared)
+            system = System(self._disks, self._views, self._walls, self._lists, self._law, self._step, self._team)
+            shared = (system, self._motion, self._outlines, self._samples, self._progress, target)
+            code = together(advance, self._threads, shared)
             if code == OK and not (np.isfinite(self._disks.x).all() and np.isfinite(self._disks.v).all()):
                 code = NOT_FINITE
             if code == OK:
                 return
-            self._mend(code)
+            self._make_good(code)
 
-    def _mend(self, code: int) -> None:
-        lists = self._lists
+    def _make_good(self, code: int) -> None:
+        """Grow what was too small for the step to go on, or raise what has stopped it for good."""
+        lists, step = self._lists, int(self._progress.clock[state.STEP])
         if code == PAIRS_FULL:
-            check_crowd(lists.disks)
-            self._lists = lists._replace(disks=grown(lists.disks), spare=grown(lists.spare))
+            check_crowd(lists.pairs)
+            self._lists = lists._replace(pairs=grown(lists.pairs), spare=grown(lists.spare))
             self._views = disk_views(self._disks, self._lists, self._law)
         elif code == WALL_PAIRS_FULL:
-            self._lists = lists._replace(walls=grown(lists.walls), wall_spare=grown(lists.wall_spare))
+            self._lists = lists._replace(wall_pairs=grown(lists.wall_pairs), wall_spare=grown(lists.wall_spare))
         elif code == state.GRAINS_STOPPED and self._outlines is not None:
-            self._outlines = mended(self._outlines, self.scene, int(self._clock[state.STEP]), self.contact_dt)
+            self._outlines = with_more_room(self._outlines, self.scene, step, self.contact_dt)
         elif code == state.BEHIND_WALL:
-            raise behind_wall(self.scene, self._walls, int(self._clock[state.STEP]), self.contact_dt, self.critical_dt)
+            raise behind_wall(self.scene, self._walls, step, self.contact_dt, self.critical_dt)
         else:
-            raise not_finite(self._disks, int(self._clock[state.STEP]), self.contact_dt, self.critical_dt)
+            raise not_finite(self._disks, step, self.contact_dt, self.critical_dt)
 
     def _first_lists(self) -> None:
         while True:
-            room = (*self._lists, self._cells, self._team)
-            code = rebuild(self._disks, self._walls, *room, float(self._skin[0]), self._widest, self._step.sorted)
+            skin = float(self._progress.skin[0])
+            code = rebuild(self._disks, self._walls, self._lists, self._team, self._step, skin)
             if code == OK:
                 return
-            self._mend(code)
+            self._make_good(code)
 
     def history(self) -> History:
         """What has been sampled so far."""
-        rows = int(self._clock[state.ROW])
+        rows = int(self._progress.clock[state.ROW])
         return history_of(self._samples, rows, self.substeps, self.contact_dt, self.pairs)
 
 
@@ -418,7 +412,7 @@ def touching_walls(disks: DiskArrays, walls: WallArrays, pairs: NeighbourList) -
     """Listed pairs of a disk and a wall that overlap."""
     found = 0
     for w in range(walls.now.shape[0]):
-        px, py, ux, uy = walls.now[w, 0], walls.now[w, 1], walls.now[w, 2], walls.now[w, 3]
+        px, py, ux, uy = walls.now[w, POINT_X], walls.now[w, POINT_Y], walls.now[w, NORMAL_X], walls.now[w, NORMAL_Y]
         for k in range(pairs.start[w], pairs.start[w + 1]):
             i = pairs.other[k]
             height = (disks.x[i, 0] - px) * ux + (disks.x[i, 1] - py) * uy

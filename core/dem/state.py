@@ -1,7 +1,4 @@
-"""Arrays of a DEM run, grouped as the kernels read them. All are float64 unless said.
-
-Arrays of a DEM run whose bodies have outlines, grouped as the kernels read them.
-"""
+"""Arrays of a DEM run, of disks and of bodies with outlines, grouped as the kernels read them. All are float64 unless said."""
 
 from __future__ import annotations
 
@@ -12,8 +9,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
 from ninedisk.core.nurbs.state import ContactRows, Workspace
-
-FloatArray = NDArray[np.float64]
+from ninedisk.core.validate import FloatArray, IntArray
 
 KN, KS, MU, BETA, TORQUE_OVERLAP, SLIP_OVERLAP, WALL_MID, SLIP_MIDDLE = range(8)
 """Columns of a law row: kn [N/m], ks [N/m], mu, beta, lever arm R - overlap/2 (1) or R (0) of the torque and of the slip, wall
@@ -23,12 +19,22 @@ STEP, PENDING, ROW, REBUILDS, BUILT = range(5)
 """Entries of the clock: contact steps done; 1 if forces at this step are still to be found; next sample row; list
 rebuilds so far; step of the last one."""
 
-GRAINS_STOPPED = 4
-"""What `advance` returns, beside the codes of `search_kernels`, if the memory of the outlines' contacts says why a step stopped."""
+OK, PAIRS_FULL, WALL_PAIRS_FULL, NOT_FINITE, GRAINS_STOPPED, BEHIND_WALL = range(6)
+"""What `step_kernels.advance` returns: done; no room for another pair of disks, or of a disk and a wall, in the lists; a position
+that is no number; a contact of outlines that stops the step (`Memory.mark` says why); the centre of a disk behind a wall
+(`WallArrays.behind` says which)."""
 
 
-BEHIND_WALL = 5
-"""What `advance` returns if the centre of a disk is behind a wall: `WallArrays.behind` says which."""
+FS, FN, OVERLAP, ENERGY, MIDDLE_A, LENGTH_A, MIDDLE_B, LENGTH_B, BEFORE_X, BEFORE_Y, ARM_A, ARM_B = range(12)
+"""Columns of a contact: shear and normal force [N], overlap [m], energy of the normal force [J], the arcs of the first and of the second
+outline that bound the common area: middle and length, in spans; the normal, and the arms [m] of the two bodies' own outlines."""
+
+SIDE, COUNT, CODE, FIRST, SECOND = 0, 1, 3, 4, 5
+"""Entries of `Memory.mark`: which of the two sides holds the last finished step; contacts of either side (2 entries); what stopped
+the step that is not finished, a code of `ninedisk.core.nurbs.state` or `ROOM`, and the two bodies."""
+
+ROOM = -5
+"""No room for another contact in the memory."""
 
 
 class DiskArrays(NamedTuple):
@@ -75,7 +81,7 @@ class Views(NamedTuple):
 
     Attributes
     ----------
-    x, v, seen, force : shape (2 n,)
+    x, v, dashpot_v, force : shape (2 n,)
         The memory of ``DiskArrays.x``, ``v``, the velocities that dashpots see (``v_now`` or ``v``) and ``force``.
     moved : ndarray of float32, shape (2 n,)
         The memory of ``DiskArrays.moved``.
@@ -87,11 +93,69 @@ class Views(NamedTuple):
 
     x: FloatArray
     v: FloatArray
-    seen: FloatArray
+    dashpot_v: FloatArray
     force: FloatArray
     moved: NDArray[np.float32]
     row: NDArray[np.uint32]
     damping: FloatArray
+
+
+class NeighbourList(NamedTuple):
+    """Pairs closer than the skin, by rows.
+
+    Attributes
+    ----------
+    start : ndarray of int32, shape (rows + 1,)
+        Row pointers; a row is a disk (disk-disk list) or a wall (wall list).
+    other : ndarray of uint32, shape (capacity,)
+        The other disk of each pair.
+    shear : ndarray, shape (capacity,)
+        Shear force ``fs`` [N] on the row's body (disk-disk list) or on the disk (wall list).
+    """
+
+    start: NDArray[np.int32]
+    other: NDArray[np.uint32]
+    shear: NDArray[np.float64]
+
+
+class Cells(NamedTuple):
+    """Work arrays of the cell list.
+
+    Attributes
+    ----------
+    start : ndarray of int32, shape (cells + 1,)
+    order : ndarray of uint32, shape (n,)
+        Disks sorted by cell, row by row. Rows lie along the shorter side of the box around the centres: the next row is then not far
+        away in memory.
+    cell : ndarray of int32, shape (n,)
+        Cell of each disk.
+    grid : ndarray, shape (5,)
+        Lower corner [m] along and across the rows, width of a cell [m], cells of a row, rows.
+    """
+
+    start: NDArray[np.int32]
+    order: NDArray[np.uint32]
+    cell: NDArray[np.int32]
+    grid: NDArray[np.float64]
+
+
+class Lists(NamedTuple):
+    """Neighbour lists in use and what a rebuild works with.
+
+    Attributes
+    ----------
+    pairs, wall_pairs : NeighbourList
+        Rows are the disks with the smaller row number; rows are the walls.
+    spare, wall_spare : NeighbourList
+        Where a rebuild puts the new lists before it copies them.
+    cells : Cells
+    """
+
+    pairs: NeighbourList
+    wall_pairs: NeighbourList
+    spare: NeighbourList
+    wall_spare: NeighbourList
+    cells: Cells
 
 
 class WallArrays(NamedTuple):
@@ -192,6 +256,8 @@ class StepConstants(NamedTuple):
         The half kick from ``t_0`` to ``t_{1/2}``, and all later ones.
     radius : float
         Mean radius [m].
+    widest : float
+        Largest radius [m].
     first_skin, least_skin, most_skin : float
         Skin of the first neighbour lists and limits of later ones [m].
     lagged : bool
@@ -203,11 +269,42 @@ class StepConstants(NamedTuple):
     first: Kick
     kick: Kick
     radius: float
+    widest: float
     first_skin: float
     least_skin: float
     most_skin: float
     lagged: bool
     sorted: bool
+
+
+class System(NamedTuple):
+    """All that the forces of a step depend on; ``law`` is the law row of disks among each other, shape (8,)."""
+
+    disks: DiskArrays
+    views: Views
+    walls: WallArrays
+    lists: Lists
+    law: FloatArray
+    step: StepConstants
+    team: Team
+
+
+class Progress(NamedTuple):
+    """How far a run has come.
+
+    Attributes
+    ----------
+    clock : ndarray of int64, shape (5,)
+        Entries above.
+    work : ndarray, shape (1,)
+        Work of the walls on the disks so far [J].
+    skin : ndarray, shape (1,)
+        Skin of the lists in use [m].
+    """
+
+    clock: IntArray
+    work: FloatArray
+    skin: FloatArray
 
 
 class Samples(NamedTuple):
@@ -248,20 +345,6 @@ class Samples(NamedTuple):
     wall_force: FloatArray
     energy: FloatArray
     wall_work: FloatArray
-
-
-IntArray = NDArray[np.int64]
-
-FS, FN, OVERLAP, ENERGY, MIDDLE_A, LENGTH_A, MIDDLE_B, LENGTH_B, NORMAL_X, NORMAL_Y, ARM_A, ARM_B = range(12)
-"""Columns of a contact: shear and normal force [N], overlap [m], energy of the normal force [J], the arcs of the first and of the second
-outline that bound the common area: middle and length, in spans; the normal, and the arms [m] of the two bodies' own outlines."""
-
-SIDE, COUNT, CODE, FIRST, SECOND = 0, 1, 3, 4, 5
-"""Entries of `Memory.mark`: which of the two sides holds the last finished step; contacts of either side (2 entries); what stopped
-the step that is not finished, a code of `nurbs_state` or `ROOM`, and the two bodies."""
-
-ROOM = -5
-"""No room for another contact in the memory."""
 
 
 class Memory(NamedTuple):

@@ -20,6 +20,12 @@ MOST_DEGREE, MOST_POINTS = 12, 1_000
 CLOSED_TO = 1e-12
 """Largest distance of first and last point, relative to the control polygon's size, that counts as rounding."""
 
+SEGMENTS = 12
+"""Straight segments into which a piece, turning by 0.6 rad at most, is divided to look for crossings."""
+
+FLAT = 1e-9
+"""Enclosed area over squared perimeter below which an outline is taken as having no area; a disk has 1/(4 pi)."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NurbsCurve:
@@ -151,23 +157,12 @@ class NurbsCurve:
         sample(self.table, 0, span, (at - self.breaks[span]) / width - 0.5, out)
         return out[:, 2 * order : 2 * order + 2] / width[:, None] ** order
 
-    def with_knot(self, value: float) -> NurbsCurve:
-        """The same curve with one more knot, strictly inside its range and there at most ``degree`` times (Boehm's algorithm)."""
-        value = real(given := value)
-        if not self.breaks[0] < value < self.breaks[-1] or np.count_nonzero(self.knots == value) >= self.degree:
-            raise InvalidSceneError(
-                f"knot value = {shown(given)} cannot be inserted: it must lie inside {self.breaks[0]:g} .. {self.breaks[-1]:g} "
-                f"and be there fewer than {self.degree} times"
-            )
-        knots, points = inserted(self.knots, homogeneous(self.points, self.weights), self.degree, value)
-        return NurbsCurve(degree=self.degree, knots=knots, points=points[:, :2] / points[:, 2:], weights=points[:, 2])
-
     def moved(self, *, shift: ArrayLike = (0.0, 0.0), angle: float = 0.0) -> NurbsCurve:
         """The outline turned about the origin by ``angle`` [rad], then shifted [m]."""
-        turn, way = finite("angle", angle, (), most=LARGEST), finite("shift", shift, (2,), most=LARGEST)
+        turn, displacement = finite("angle", angle, (), most=LARGEST), finite("shift", shift, (2,), most=LARGEST)
         c, s = np.cos(turn), np.sin(turn)
         turned = self.points @ np.array([[c, s], [-s, c]])
-        return NurbsCurve(degree=self.degree, knots=self.knots, points=turned + way, weights=self.weights)
+        return NurbsCurve(degree=self.degree, knots=self.knots, points=turned + displacement, weights=self.weights)
 
 
 def homogeneous(points: FloatArray, weights: FloatArray) -> FloatArray:
@@ -199,13 +194,6 @@ def powers(spans: FloatArray) -> FloatArray:
     )
     coefficients: FloatArray = np.einsum("ki,ij,sjc->skc", about_middle, forward, spans)
     return coefficients
-
-
-SEGMENTS = 12
-"""Straight segments into which a piece, turning by 0.6 rad at most, is divided to look for crossings."""
-
-FLAT = 1e-9
-"""Enclosed area over squared perimeter below which an outline is taken as having no area; a disk has 1/(4 pi)."""
 
 
 def check_weights(weights: ArrayLike, n: int) -> FloatArray:

@@ -11,13 +11,13 @@ from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
 from ninedisk.core.nurbs.features_kernels import DEEPEST, features_of_pairs, features_with_walls
 from ninedisk.core.nurbs.intersect import NurbsGrains
-from ninedisk.core.nurbs.state import FULL, FeatureRows, IntArray, feature_rows
+from ninedisk.core.nurbs.state import FULL, FeatureRows, feature_rows
 from ninedisk.core.nurbs.table import vertices_of
-from ninedisk.core.validate import FloatArray
+from ninedisk.core.validate import FloatArray, IntArray
 
 
 class NurbsFeatures:
-    """Features of grains of given shapes at any positions (see `nurbs_feature_kernels`).
+    """Features of grains of given shapes at any positions (see `features_kernels`).
 
     Parameters
     ----------

@@ -1,33 +1,98 @@
-"""Kernels that find where two outlines are nearest to each other, whether they are apart, touch or overlap by little.
+"""Kernels that find where two outlines, or an outline and a wall, are nearest: features within reach, and gaps of what is apart.
 
-The intersection-based contact of `nurbs_kernels` needs an intersection. What a step has to keep from overlapping is known before: the
+The intersection-based contact of `intersect_kernels` needs an intersection. What a step has to keep from overlapping is known before: the
 common normals of both outlines at which their distance is smallest among all places nearby, and each vertex (a corner, or an end of a
-straight part) with its foot on the other outline. The gap along the normal passes through 0 smoothly, so that a contact
-that just touches, opens or closes is found in the same way. Two straight parts have no single common normal; their vertices do.
+straight part) with its foot on the other outline, and corners that face each other. The gap along the normal passes through 0 smoothly, so
+that a contact that just touches, opens or closes is found in the same way. Two straight parts have no single common normal; their vertices
+do.
 
-Kernel that keeps the features of a pair: each once, and those within reach.
-
-Kernels of the vertices of outlines: their feet on the other outline, and pairs of corners that face each other.
-
-Kernels of the gap between outlines that do not touch: their smallest distance.
-
-Strictly convex outlines have one common normal between them, which Newton's method finds. Otherwise all pairs of pieces that their
-bounding circles do not exclude are searched: along a piece of the one outline the distance to the nearest point of a piece of the other
-has the slope ``(p - q).C'/|p - q|``, whose zero is bisected. A piece turns by 0.6 rad at most, so that this has one valley; corners
-are ends of pieces.
-
-Kernels that list the features of many pairs of outlines, and of outlines and walls.
+The gap of outlines that do not touch is their smallest distance. Strictly convex ones have one common normal between them, which Newton's
+method finds. Otherwise all pairs of pieces that their bounding circles do not exclude are searched: along a piece of the one outline the
+distance to the nearest point of a piece of the other has the slope ``(p - q).C'/|p - q|``, whose zero is bisected. A piece turns by 0.6 rad
+at most, so that this has one valley; corners are ends of pieces.
 """
 
 from __future__ import annotations
 
 from math import asin, atan2, pi, sqrt
+from typing import NamedTuple
 
 from ninedisk.core.compile import inline_kernel, kernel
+from ninedisk.core.motion_kernels import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, bend_at, tangent_at, walked
 from ninedisk.core.nurbs.lens_kernels import extent_on
 from ninedisk.core.nurbs.roots_kernels import deepest, normal_step
-from ninedisk.core.nurbs.state import FULL, TOO_DEEP, FeatureRows, FloatArray, IntArray, Vertices
+from ninedisk.core.nurbs.state import FULL, TOO_DEEP, FeatureRows, Vertices
+from ninedisk.core.validate import FloatArray, IntArray
+
+DEEPEST = 0.05
+"""Overlap over the smaller radius up to which a contact is followed; it leaves the far sides of both bodies alone."""
+
+SAME = 1e-6
+"""Distance over the smaller radius up to which two features are one; the gaps of such neighbours differ by the square of it."""
+
+CONVERGED = 1e-9
+"""Step of Newton's method in ``u`` after which the next one is below rounding."""
+
+AT_END = 1e-9
+"""Range of ``u`` beyond a piece that still counts as the piece: rounding must not lose what lies on the border of two."""
+
+BISECTIONS = 40
+"""Halvings of a piece: its 1e-12th part, in whose square the distance errs."""
+
+TOUCHING = 1e-14
+"""Of the coordinates of two points that touch: rounding of their difference, some operations each."""
+
+PARTS = 4
+"""Parts of a piece between whose ends its height over a wall can have a valley: more than the inflections of a piece."""
+
+
+class Pair(NamedTuple):
+    """Two shapes of a table whose features are sought, in the frame of the first, and where these go.
+
+    Attributes
+    ----------
+    table : ShapeTable
+    vertices : Vertices
+        Of the same shapes.
+    a, b : int
+        The two shapes.
+    pose : Pose
+        Places the second one.
+    out : FeatureRows
+        Out, the pair's features from ``row`` on.
+    row : int
+    """
+
+    table: ShapeTable
+    vertices: Vertices
+    a: int
+    b: int
+    pose: Pose
+    out: FeatureRows
+    row: int
+
+
+class Line(NamedTuple):
+    """A wall in the frame of a shape: the points q with ``n . q = height`` [m], n into the free side."""
+
+    nx: float
+    ny: float
+    height: float
+
+
+class Feature(NamedTuple):
+    """A row of `FeatureRows`: points of the first and the second body, normal, gap [m], places on both outlines."""
+
+    ax: float
+    ay: float
+    bx: float
+    by: float
+    nx: float
+    ny: float
+    gap: float
+    place_a: float
+    place_b: float
 
 
 @inline_kernel
@@ -56,28 +121,16 @@ def normal_found(
 
 
 @inline_kernel
-def normal_added(
-    table: ShapeTable,
-    a: int,
-    i: int,
-    u: float,
-    b: int,
-    j: int,
-    v: float,
-    pose: Pose,
-    reach: float,
-    out: FeatureRows,
-    row: int,
-    n: int,
-) -> int:
-    """Add the common normal at (i, u) and (j, v) if the distance is smallest there.
+def normal_added(pair: Pair, reach: float, n: int, i: int, u: float, j: int, v: float) -> int:
+    """Add the common normal at (i, u) and (j, v) if the distance is smallest there; the number of features then.
 
     Over tangential displacements s and t of the points, ``(gap + (ka s^2 + kb t^2)/2)^2 + (s - t)^2`` with the curvatures ka and kb is
     smallest at 0 if ``1 + gap ka``, ``1 + gap kb`` and ``ka + kb + gap ka kb`` are positive; the signed gap is where it is negative.
     """
+    table, a, b = pair.table, pair.a, pair.b
     still = Pose(1.0, 0.0, 0.0, 0.0)
     x, y, dx, dy, hx, hy = bend_at(table, a, i, u, still)
-    px, py, ex, ey, kx, ky = bend_at(table, b, j, v, pose)
+    px, py, ex, ey, kx, ky = bend_at(table, b, j, v, pair.pose)
     if dx * ex + dy * ey >= 0.0:
         return n
     speed_a, speed_b = sqrt(dx * dx + dy * dy), sqrt(ex * ex + ey * ey)
@@ -88,7 +141,7 @@ def normal_added(
     if 1.0 + gap * ka <= 0.0 or 1.0 + gap * kb <= 0.0 or ka + kb + gap * ka * kb <= 0.0:
         return n
     size = min(table.radius[a], table.radius[b])
-    return added(out, row, n, size, reach, x, y, px, py, nx, ny, gap, i + u + 0.5, j + v + 0.5)
+    return added(pair.out, pair.row, n, size, reach, Feature(x, y, px, py, nx, ny, gap, i + u + 0.5, j + v + 0.5))
 
 
 @inline_kernel
@@ -99,10 +152,9 @@ def turn_bound(table: ShapeTable, k: int, speed: float) -> float:
 
 
 @inline_kernel
-def normals_of_pieces(
-    table: ShapeTable, a: int, ka: int, b: int, kb: int, pose: Pose, reach: float, out: FeatureRows, row: int, n: int
-) -> int:
+def normals_of_pieces(pair: Pair, reach: float, n: int, ka: int, kb: int) -> int:
     """Add the common normal of two pieces, of which one at least is curved, if they have one."""
+    table, a, b, pose = pair.table, pair.a, pair.b, pair.pose
     still = Pose(1.0, 0.0, 0.0, 0.0)
     i, low_a, high_a = int(table.piece_span[ka]), table.piece_range[ka, 0], table.piece_range[ka, 1]
     j, low_b, high_b = int(table.piece_span[kb]), table.piece_range[kb, 0], table.piece_range[kb, 1]
@@ -118,15 +170,14 @@ def normals_of_pieces(
         v = mid_b if start == 0 else (mid_b - quarter_b if start % 2 == 1 else mid_b + quarter_b)
         found, _, u, _, v = normal_found(table, a, i, u, b, j, v, pose, False)
         if found and low_a - AT_END <= u <= high_a + AT_END and low_b - AT_END <= v <= high_b + AT_END:
-            return normal_added(table, a, i, u, b, j, v, pose, reach, out, row, n)
+            return normal_added(pair, reach, n, i, u, j, v)
     return n
 
 
 @inline_kernel
-def features_in_frame(
-    table: ShapeTable, vertices: Vertices, a: int, b: int, pose: Pose, reach: float, out: FeatureRows, row: int
-) -> int:
-    """Features of two shapes in the frame of the first, the second one placed by ``pose``: their number, or `FULL`."""
+def features_in_frame(pair: Pair, reach: float) -> int:
+    """Features of two shapes: their number, or `FULL`."""
+    table, vertices, a, b, pose = pair.table, pair.vertices, pair.a, pair.b, pair.pose
     n = 0
     if table.smallest_radius[a] > 0.0 and table.smallest_radius[b] > 0.0:
         found, i, u, j, v = deepest(table, a, b, pose)
@@ -134,9 +185,9 @@ def features_in_frame(
             found, i, u, j, v = normal_found(table, a, i, u, b, j, v, pose, True)
         if found:
             # Strictly convex shapes have one common normal with facing sides; where the shapes are deep in each other it may be another.
-            n = normal_added(table, a, i, u, b, j, v, pose, 1e300, out, row, 0)
+            n = normal_added(pair, 1e300, 0, i, u, j, v)
             if n != 0:
-                return n if n < 0 or out.gap[row] < reach else 0
+                return n if n < 0 or pair.out.gap[pair.row] < reach else 0
     for ka in range(table.first_piece[a], table.first_piece[a + 1]):
         for kb in range(table.first_piece[b], table.first_piece[b + 1]):
             px, py = table.piece_circle[kb, 0], table.piece_circle[kb, 1]
@@ -145,83 +196,62 @@ def features_in_frame(
             far = table.piece_circle[ka, 2] + table.piece_circle[kb, 2] + reach
             if x * x + y * y > far * far or (vertices.straight[ka] and vertices.straight[kb]):
                 continue
-            n = normals_of_pieces(table, a, ka, b, kb, pose, reach, out, row, n)
+            n = normals_of_pieces(pair, reach, n, ka, kb)
             if n < 0:
                 return n
     for turn in range(2):
-        n = vertices_on_pieces(table, vertices, a, b, pose, turn == 1, reach, out, row, n)
+        n = vertices_on_pieces(pair, reach, n, turn == 1)
         if n < 0:
             return n
-    return vertices_on_vertices(table, vertices, a, b, pose, reach, out, row, n)
-
-
-DEEPEST = 0.05
-"""Overlap over the smaller radius up to which a contact is followed; it leaves the far sides of both bodies alone."""
-
-SAME = 1e-6
-"""Distance over the smaller radius up to which two features are one; the gaps of such neighbours differ by the square of it."""
-
-CONVERGED = 1e-9
-"""Step of Newton's method in ``u`` after which the next one is below rounding."""
-
-AT_END = 1e-9
-"""Range of ``u`` beyond a piece that still counts as the piece: rounding must not lose what lies on the border of two."""
+    return vertices_on_vertices(pair, reach, n)
 
 
 @inline_kernel
-def added(
-    out: FeatureRows,
-    row: int,
-    n: int,
-    size: float,
-    reach: float,
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    nx: float,
-    ny: float,
-    gap: float,
-    place_a: float,
-    place_b: float,
-) -> int:
+def added(out: FeatureRows, row: int, n: int, size: float, reach: float, new: Feature) -> int:
     """Number of features of a pair after one more, unless it is out of range or known; those of the pair begin at ``row``.
 
     Points are in the frame in which the pair is computed. `FULL` where there is no room.
     """
-    if not -DEEPEST * size < gap < reach:
+    if not -DEEPEST * size < new.gap < reach:
         return n
     same = SAME * size
     k = row + n
     for other in range(row, row + n):
         if (
-            abs(out.first[other, 0] - ax) + abs(out.first[other, 1] - ay) <= same
-            and abs(out.second[other, 0] - bx) + abs(out.second[other, 1] - by) <= same
+            abs(out.first[other, 0] - new.ax) + abs(out.first[other, 1] - new.ay) <= same
+            and abs(out.second[other, 0] - new.bx) + abs(out.second[other, 1] - new.by) <= same
         ):
-            if gap >= out.gap[other]:
+            if new.gap >= out.gap[other]:
                 return n
             k, n = other, n - 1
             break
     if k >= out.gap.shape[0]:
         return FULL
-    out.first[k, 0], out.first[k, 1], out.second[k, 0], out.second[k, 1] = ax, ay, bx, by
-    out.normal[k, 0], out.normal[k, 1], out.gap[k] = nx, ny, gap
-    out.place[k, 0], out.place[k, 1] = place_a, place_b
+    out.first[k, 0], out.first[k, 1], out.second[k, 0], out.second[k, 1] = new.ax, new.ay, new.bx, new.by
+    out.normal[k, 0], out.normal[k, 1], out.gap[k] = new.nx, new.ny, new.gap
+    out.place[k, 0], out.place[k, 1] = new.place_a, new.place_b
     return n + 1
 
 
 @inline_kernel
-def foot_on(table: ShapeTable, shape: int, k: int, pose: Pose, x: float, y: float) -> tuple[bool, float]:
-    """Where a piece is nearest to (x, y) [m], and whether that is inside the piece or, but for rounding, at its end."""
+def foot_on(table: ShapeTable, shape: int, k: int, pose: Pose, x: float, y: float) -> tuple[bool, float, float, float]:
+    """Where a piece is nearest to (x, y) [m], by Newton's method kept inside by bisection.
+
+    Returns
+    -------
+    tuple
+        Whether that is inside the piece or, but for rounding, at its end; ``u``; the point [m].
+    """
     span, low, high = table.piece_span[k], table.piece_range[k, 0], table.piece_range[k, 1]
-    qx, qy, dx, dy = tangent_at(table, shape, span, low, pose)
-    at_low = ((qx - x) * dx + (qy - y) * dy) / (dx * dx + dy * dy)
+    lx, ly, dx, dy = tangent_at(table, shape, span, low, pose)
+    at_low = ((lx - x) * dx + (ly - y) * dy) / (dx * dx + dy * dy)
     qx, qy, dx, dy = tangent_at(table, shape, span, high, pose)
     at_high = ((qx - x) * dx + (qy - y) * dy) / (dx * dx + dy * dy)
-    if at_low > AT_END or at_high < -AT_END:
-        return False, low
-    if at_low >= 0.0 or at_high <= 0.0:
-        return True, low if at_low >= 0.0 else high
+    near = at_low <= AT_END and at_high >= -AT_END
+    if at_low >= 0.0:
+        return near, low, lx, ly
+    if at_high <= 0.0:
+        return near, high, qx, qy
     u = 0.5 * (low + high)
     for _ in range(60):
         qx, qy, dx, dy, ex, ey = bend_at(table, shape, span, u, pose)
@@ -232,31 +262,20 @@ def foot_on(table: ShapeTable, shape: int, k: int, pose: Pose, x: float, y: floa
             high = u
         step = -slope / (dx * dx + dy * dy + (qx - x) * ex + (qy - y) * ey)
         if abs(step) < CONVERGED:
-            return True, u + step
+            return True, u + step, qx + step * dx, qy + step * dy
         u = u + step if low < u + step < high else 0.5 * (low + high)
-    return True, u
+    return True, u, qx, qy
 
 
 @inline_kernel
-def vertices_on_pieces(
-    table: ShapeTable,
-    vertices: Vertices,
-    a: int,
-    b: int,
-    pose: Pose,
-    swapped: bool,
-    reach: float,
-    out: FeatureRows,
-    row: int,
-    n: int,
-) -> int:
+def vertices_on_pieces(pair: Pair, reach: float, n: int, swapped: bool) -> int:
     """Add the vertices of one outline with their feet on the other: of the first one's, or of the second one's if ``swapped``.
 
     A vertex is inside the other body if the nearest of its feet says so, and leaves through that one: close to a corner it has a foot on
     either face, and may be beyond the one face's line without being inside.
     """
-    still = Pose(1.0, 0.0, 0.0, 0.0)
-    owner, other, at, of = (b, a, pose, still) if swapped else (a, b, still, pose)
+    table, vertices, still = pair.table, pair.vertices, Pose(1.0, 0.0, 0.0, 0.0)
+    owner, other, at, of = (pair.b, pair.a, pair.pose, still) if swapped else (pair.a, pair.b, still, pair.pose)
     for m in range(vertices.first[owner], vertices.first[owner + 1]):
         x = at.c * vertices.point[m, 0] - at.s * vertices.point[m, 1] + at.x
         y = at.s * vertices.point[m, 0] + at.c * vertices.point[m, 1] + at.y
@@ -267,7 +286,7 @@ def vertices_on_pieces(
             far = table.piece_circle[k, 2] + reach
             if dx * dx + dy * dy > far * far:
                 continue
-            found, u = foot_on(table, other, k, of, x, y)
+            found, u, _, _ = foot_on(table, other, k, of, x, y)
             if not found:
                 continue
             qx, qy, dx, dy = tangent_at(table, other, int(table.piece_span[k]), u, of)
@@ -276,46 +295,31 @@ def vertices_on_pieces(
                 least, inner_k, inner_u = abs(gap), k if gap < 0.0 else -1, u
             if gap < 0.0:
                 continue
-            n = foot_added(table, vertices, a, b, m, other, k, u, of, x, y, swapped, reach, out, row, n)
+            n = foot_added(pair, reach, n, swapped, m, x, y, k, u)
             if n < 0:
                 return n
         if inner_k >= 0:
-            n = foot_added(table, vertices, a, b, m, other, inner_k, inner_u, of, x, y, swapped, reach, out, row, n)
+            n = foot_added(pair, reach, n, swapped, m, x, y, inner_k, inner_u)
             if n < 0:
                 return n
     return n
 
 
 @inline_kernel
-def foot_added(
-    table: ShapeTable,
-    vertices: Vertices,
-    a: int,
-    b: int,
-    m: int,
-    other: int,
-    k: int,
-    u: float,
-    of: Pose,
-    x: float,
-    y: float,
-    swapped: bool,
-    reach: float,
-    out: FeatureRows,
-    row: int,
-    n: int,
-) -> int:
-    """Add vertex ``m``, at (x, y), with its foot at ``u`` of piece ``k``."""
-    size = min(table.radius[a], table.radius[b])
+def foot_added(pair: Pair, reach: float, n: int, swapped: bool, m: int, x: float, y: float, k: int, u: float) -> int:
+    """Add vertex ``m``, at (x, y), of the first outline, or of the second if ``swapped``, with its foot at ``u`` of piece ``k``."""
+    table, still = pair.table, Pose(1.0, 0.0, 0.0, 0.0)
+    other, of = (pair.a, still) if swapped else (pair.b, pair.pose)
+    size = min(table.radius[pair.a], table.radius[pair.b])
     span = int(table.piece_span[k])
     qx, qy, dx, dy = tangent_at(table, other, span, u, of)
     speed = sqrt(dx * dx + dy * dy)
     nx, ny = dy / speed, -dx / speed
     gap = (x - qx) * nx + (y - qy) * ny
-    place = span + u + 0.5
+    foot, corner = span + u + 0.5, pair.vertices.place[m]
     if swapped:
-        return added(out, row, n, size, reach, qx, qy, x, y, nx, ny, gap, place, vertices.place[m])
-    return added(out, row, n, size, reach, x, y, qx, qy, -nx, -ny, gap, vertices.place[m], place)
+        return added(pair.out, pair.row, n, size, reach, Feature(qx, qy, x, y, nx, ny, gap, foot, corner))
+    return added(pair.out, pair.row, n, size, reach, Feature(x, y, qx, qy, -nx, -ny, gap, corner, foot))
 
 
 @inline_kernel
@@ -326,19 +330,10 @@ def in_cone(vertices: Vertices, m: int, dx: float, dy: float) -> bool:
 
 
 @inline_kernel
-def vertices_on_vertices(
-    table: ShapeTable,
-    vertices: Vertices,
-    a: int,
-    b: int,
-    pose: Pose,
-    reach: float,
-    out: FeatureRows,
-    row: int,
-    n: int,
-) -> int:
+def vertices_on_vertices(pair: Pair, reach: float, n: int) -> int:
     """Add pairs of corners that are apart and face each other."""
-    size = min(table.radius[a], table.radius[b])
+    vertices, a, b, pose = pair.vertices, pair.a, pair.b, pair.pose
+    size = min(pair.table.radius[a], pair.table.radius[b])
     for m in range(vertices.first[a], vertices.first[a + 1]):
         x, y = vertices.point[m, 0], vertices.point[m, 1]
         for k in range(vertices.first[b], vertices.first[b + 1]):
@@ -350,42 +345,11 @@ def vertices_on_vertices(
                 continue
             if in_cone(vertices, k, -(pose.c * dx + pose.s * dy), pose.s * dx - pose.c * dy):
                 nx, ny = dx / gap, dy / gap
-                n = added(out, row, n, size, reach, x, y, px, py, nx, ny, gap, vertices.place[m], vertices.place[k])
+                facing = Feature(x, y, px, py, nx, ny, gap, vertices.place[m], vertices.place[k])
+                n = added(pair.out, pair.row, n, size, reach, facing)
                 if n < 0:
                     return n
     return n
-
-
-BISECTIONS = 40
-"""Halvings of a piece: its 1e-12th part, in whose square the distance errs."""
-
-TOUCHING = 1e-14
-"""Of the coordinates of two points that touch: rounding of their difference, some operations each."""
-
-
-@inline_kernel
-def foot(table: ShapeTable, shape: int, k: int, pose: Pose, x: float, y: float) -> tuple[float, float]:
-    """The point of a piece of a placed shape that is nearest to (x, y) [m], by Newton's method kept inside by bisection."""
-    span, low, high = table.piece_span[k], table.piece_range[k, 0], table.piece_range[k, 1]
-    qx, qy, dx, dy = tangent_at(table, shape, span, low, pose)
-    if (qx - x) * dx + (qy - y) * dy >= 0.0:
-        return qx, qy
-    qx, qy, dx, dy = tangent_at(table, shape, span, high, pose)
-    if (qx - x) * dx + (qy - y) * dy <= 0.0:
-        return qx, qy
-    u = 0.5 * (low + high)
-    for _ in range(60):
-        qx, qy, dx, dy, ex, ey = bend_at(table, shape, span, u, pose)
-        slope = (qx - x) * dx + (qy - y) * dy
-        if slope < 0.0:
-            low = u
-        else:
-            high = u
-        step = -slope / (dx * dx + dy * dy + (qx - x) * ex + (qy - y) * ey)
-        if abs(step) < 1e-10:
-            return qx + step * dx, qy + step * dy
-        u = u + step if low < u + step < high else 0.5 * (low + high)
-    return qx, qy
 
 
 @inline_kernel
@@ -397,7 +361,7 @@ def distance_of_pieces(table: ShapeTable, a: int, ka: int, b: int, kb: int, pose
     for k in range(BISECTIONS + 2):
         u = low if k == 0 else (high if k == 1 else 0.5 * (low + high))
         x, y, dx, dy = tangent_at(table, a, span, u, still)
-        qx, qy = foot(table, b, kb, pose, x, y)
+        _, _, qx, qy = foot_on(table, b, kb, pose, x, y)
         best = min(best, sqrt((x - qx) * (x - qx) + (y - qy) * (y - qy)))
         if k >= 2:
             if (x - qx) * dx + (y - qy) * dy < 0.0:
@@ -452,10 +416,6 @@ def reach_of_shape(table: ShapeTable, shape: int, nx: float, ny: float) -> float
     return best
 
 
-PARTS = 4
-"""Parts of a piece between whose ends its height over a wall can have a valley: more than the inflections of a piece."""
-
-
 @kernel
 def features_of_pairs(
     table: ShapeTable,
@@ -491,11 +451,10 @@ def features_of_pairs(
     row = 0
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]
-        a, b = shape[i], shape[j]
         c, s, p, q = turn[i, 0], turn[i, 1], turn[j, 0], turn[j, 1]
         dx, dy = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1]
         pose = Pose(c * p + s * q, c * q - s * p, c * dx + s * dy, c * dy - s * dx)
-        found = features_in_frame(table, vertices, a, b, pose, reach, out, row)
+        found = features_in_frame(Pair(table, vertices, shape[i], shape[j], pose, out, row), reach)
         count[k] = found
         for m in range(row, row + max(found, 0)):
             ax, ay, bx, by = out.first[m, 0], out.first[m, 1], out.second[m, 0] - pose.x, out.second[m, 1] - pose.y
@@ -528,18 +487,11 @@ def lowest_between(table: ShapeTable, shape: int, span: int, low: float, high: f
 
 @inline_kernel
 def features_at_wall(
-    table: ShapeTable,
-    vertices: Vertices,
-    shape: int,
-    height: float,
-    nx: float,
-    ny: float,
-    reach: float,
-    out: FeatureRows,
-    row: int,
+    table: ShapeTable, vertices: Vertices, shape: int, line: Line, reach: float, out: FeatureRows, row: int
 ) -> int:
-    """Lowest places and vertices of a shape over the wall ``n . q = height``, in the shape's frame: their number, `FULL` or `TOO_DEEP`."""
+    """Lowest places and vertices of a shape over a wall, in the shape's frame: their number, `FULL` or `TOO_DEEP`."""
     still = Pose(1.0, 0.0, 0.0, 0.0)
+    nx, ny, height = line
     n, size = 0, table.radius[shape]
     for k in range(table.first_piece[shape], table.first_piece[shape + 1]):
         circle = table.piece_circle
@@ -562,12 +514,11 @@ def features_at_wall(
                 else (end if slope <= 0.0 else lowest_between(table, shape, span, begin, end, nx, ny))
             )
             px, py, _, _ = tangent_at(table, shape, span, u, still)
-            n = wall_feature(out, row, n, size, reach, px, py, height, nx, ny, span + u + 0.5)
+            n = wall_feature(out, row, n, size, reach, line, px, py, span + u + 0.5)
             if n < 0:
                 return n
     for m in range(vertices.first[shape], vertices.first[shape + 1]):
-        px, py = vertices.point[m, 0], vertices.point[m, 1]
-        n = wall_feature(out, row, n, size, reach, px, py, height, nx, ny, vertices.place[m])
+        n = wall_feature(out, row, n, size, reach, line, vertices.point[m, 0], vertices.point[m, 1], vertices.place[m])
         if n < 0:
             return n
     return n
@@ -575,23 +526,14 @@ def features_at_wall(
 
 @inline_kernel
 def wall_feature(
-    out: FeatureRows,
-    row: int,
-    n: int,
-    size: float,
-    reach: float,
-    px: float,
-    py: float,
-    height: float,
-    nx: float,
-    ny: float,
-    place: float,
+    out: FeatureRows, row: int, n: int, size: float, reach: float, line: Line, px: float, py: float, place: float
 ) -> int:
     """`added` for the point (px, py) over a wall; `TOO_DEEP` beyond `DEEPEST`."""
-    gap = nx * px + ny * py - height
+    nx, ny = line.nx, line.ny
+    gap = nx * px + ny * py - line.height
     if gap <= -DEEPEST * size:
         return TOO_DEEP
-    return added(out, row, n, size, reach, px, py, px - gap * nx, py - gap * ny, -nx, -ny, gap, place, 0.0)
+    return added(out, row, n, size, reach, Feature(px, py, px - gap * nx, py - gap * ny, -nx, -ny, gap, place, 0.0))
 
 
 @kernel
@@ -623,10 +565,10 @@ def features_with_walls(
     row = 0
     for k in range(pairs.shape[0]):
         i, w = pairs[k, 0], pairs[k, 1] - x.shape[0]
-        nx, ny, c, s = wall[w, 2], wall[w, 3], turn[i, 0], turn[i, 1]
-        height = nx * (wall[w, 0] - x[i, 0]) + ny * (wall[w, 1] - x[i, 1])
-        mx, my = c * nx + s * ny, c * ny - s * nx
-        found = features_at_wall(table, vertices, shape[i], height, mx, my, reach, out, row)
+        nx, ny, c, s = wall[w, NORMAL_X], wall[w, NORMAL_Y], turn[i, 0], turn[i, 1]
+        height = nx * (wall[w, POINT_X] - x[i, 0]) + ny * (wall[w, POINT_Y] - x[i, 1])
+        line = Line(c * nx + s * ny, c * ny - s * nx, height)
+        found = features_at_wall(table, vertices, shape[i], line, reach, out, row)
         count[k] = found
         for m in range(row, row + max(found, 0)):
             for rows in (out.first, out.second):

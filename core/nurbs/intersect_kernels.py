@@ -4,7 +4,7 @@ Two outlines that intersect in two points have a contact: its point is the middl
 right angles to the chord, from the first body to the second, and its overlap is the extent of the common area along the
 normal, from the extreme point of the second outline to that of the first. On disks this is ``R1 + R2 - d``. Outlines that
 are not convex can have several. Where both outlines cut corners off each other, a common area has more than two corners
-(`nurbs_loop_kernels`).
+(`lens_kernels`).
 """
 
 from __future__ import annotations
@@ -20,20 +20,12 @@ from ninedisk.core.nurbs.lens_kernels import (
     extreme_near,
     measured_together,
     normal_of,
+    note_places,
 )
 from ninedisk.core.nurbs.roots_kernels import APART, LENS, ROUNDING, SHIFT, UNSURE, convex_lens, crossings
-from ninedisk.core.nurbs.state import (
-    CROSSED,
-    ENCLOSED,
-    FULL,
-    PARALLEL,
-    UNDECIDED,
-    ContactRows,
-    FloatArray,
-    IntArray,
-    Workspace,
-)
+from ninedisk.core.nurbs.state import CROSSED, ENCLOSED, FULL, PARALLEL, UNDECIDED, ContactRows, Workspace
 from ninedisk.core.nurbs.wall_kernels import line_crossings
+from ninedisk.core.validate import FloatArray, IntArray
 
 POINT = 8.0
 """Roundings below which a chord is a point: the outlines touch at a corner."""
@@ -85,15 +77,12 @@ def measured(
     tuple of float
         In the frame of ``a``: its normal, and the chord's coordinate along the normal [m].
     """
-    i0, u0, j0, v0 = int(root[k, 0]), root[k, 1], int(root[k, 2]), root[k, 3]
-    i1, u1, j1, v1 = int(root[m, 0]), root[m, 1], int(root[m, 2]), root[m, 3]
-    dx, dy, x, y = chord(table, a, b, pose, i0, u0, j0, v0, i1, u1, j1, v1)
+    dx, dy, x, y = chord(table, a, b, pose, root, k, m)
     length, nx, ny = normal_of(dx, dy)
     out.point[row, 0], out.point[row, 1] = at.c * x - at.s * y + at.x, at.s * x + at.c * y + at.y
     out.normal[row, 0], out.normal[row, 1] = at.c * nx - at.s * ny, at.s * nx + at.c * ny
     out.chord[row] = length
-    out.place[row, 0], out.place[row, 1] = i0 + u0 + 0.5, j0 + v0 + 0.5
-    out.place[row, 2], out.place[row, 3] = i1 + u1 + 0.5, j1 + v1 + 0.5
+    note_places(out, row, root, k, m)
     return nx, ny, nx * x + ny * y
 
 
@@ -102,15 +91,15 @@ def lens_extent(
     table: ShapeTable, a: int, b: int, pose: Pose, root: FloatArray, k: int, m: int, nx: float, ny: float
 ) -> tuple[float, float]:
     """Upper end of the common area between intersections ``k`` and ``m`` along the normal, and its extent, from both its arcs [m]."""
-    shape, first, last, column, way = a, k, m, 0, 1.0
+    shape, first, last, column, sign = a, k, m, 0, 1.0
     side = Pose(1.0, 0.0, 0.0, 0.0)
     top, extent = 0.0, 0.0
     for _ in range(2):
         top = extent
         i0, u0 = int(root[first, column]), root[first, column + 1]
         i1, u1 = int(root[last, column]), root[last, column + 1]
-        extent += extent_along(table, shape, side, i0, u0, i1, u1, way * nx, way * ny)
-        shape, first, last, column, way, side = b, m, k, 2, -1.0, pose
+        extent += extent_along(table, shape, side, i0, u0, i1, u1, sign * nx, sign * ny)
+        shape, first, last, column, sign, side = b, m, k, 2, -1.0, pose
     return top, extent
 
 

@@ -1,4 +1,4 @@
-"""Kernels that measure one contact: its chord and its extent along the normal.
+"""Kernels that measure one contact: its chord, its extent along the normal, and its area.
 
 Near grazing an intersection is known along the tangent to round-off over the crossing angle only, and a normal from the
 difference of two such points loses half of all digits. Two things prevent this. The chord is computed from the differences of points along
@@ -7,20 +7,16 @@ curve by round-off, and the second one is corrected until both curves give the s
 from the intersections at all: it is the difference of the extreme points' coordinates along the normal, which is stationary in
 their places.
 
-Kernels of contacts whose common area has more than two corners.
-
-Its boundary is several arcs of the first outline, each from where it enters the second one to where it leaves, with arcs of the second
-one between them. Moving the first body by dx sweeps ``dx . (integral of the outward normal along its arcs)``, which is the sum of
-its arcs' chords turned clockwise, and turning it sweeps the sum of ``-c . M``, c a chord as a vector and M its middle
-(`ninedisk.core.law.ContactLaw`). The one chord in their place is therefore their sum C: the normal is at right angles to it, and its
-middle is where ``C . M`` is the sum of the chords'; along the normal it is at the mean of the chords of both outlines, weighted by
-their lengths. It changes continuously where two corners meet and vanish. Where chords cancel, as when a plate goes through a grain,
+The boundary of a common area with more than two corners is several arcs of the first outline, each from where it enters the second one
+to where it leaves, with arcs of the second one between them. Moving the first body by dx sweeps ``dx . (integral of the outward normal
+along its arcs)``, which is the sum of its arcs' chords turned clockwise, and turning it sweeps the sum of ``-c . M``, c a chord as a vector
+and M its middle (`ninedisk.core.law.ContactLaw`). The one chord in their place is therefore their sum C: the normal is at right angles to
+it, and its middle is where ``C . M`` is the sum of the chords'; along the normal it is at the mean of the chords of both outlines, weighted
+by their lengths. It changes continuously where two corners meet and vanish. Where chords cancel, as when a plate goes through a grain,
 there is no such chord.
 
-Kernels of the area that two outlines have in common, contact by contact, by Green's theorem on its arcs.
-
-The area between an arc and its chord is the integral of ``(r x dr)/2`` along the arc with r measured from the chord's end: the chord
-itself contributes nothing, and no area of the outline's own size is subtracted.
+The area between an arc and its chord is the integral of ``(r x dr)/2`` along the arc (Green's theorem) with r measured from the chord's
+end: the chord itself contributes nothing, and no area of the outline's own size is subtracted.
 """
 
 from __future__ import annotations
@@ -29,25 +25,25 @@ from math import sqrt
 
 from ninedisk.core.compile import inline_kernel
 from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, bend_at, step_along, tangent_at, walked
-from ninedisk.core.nurbs.state import ContactRows, FloatArray
+from ninedisk.core.nurbs.state import ContactRows
+from ninedisk.core.validate import FloatArray
+
+CANCEL = 0.5
+"""Length of the sum of chords over the sum of their lengths, on the mean of both outlines, below which they cancel."""
+
+NODES = (0.1834346424956498, 0.5255324099163290, 0.7966664774136267, 0.9602898564975363)
+"""Positive half of the 8 Gauss nodes on a piece, which turns by 0.6 rad at most: they leave round-off."""
+
+GAUSS_WEIGHTS = (0.3626837833783620, 0.3137066458778873, 0.2223810344533745, 0.1012285362903763)
 
 
 @inline_kernel
 def chord(
-    table: ShapeTable,
-    a: int,
-    b: int,
-    pose: Pose,
-    i0: int,
-    u0: float,
-    j0: int,
-    v0: float,
-    i1: int,
-    u1: float,
-    j1: int,
-    v1: float,
+    table: ShapeTable, a: int, b: int, pose: Pose, root: FloatArray, k: int, m: int
 ) -> tuple[float, float, float, float]:
-    """Chord from the entering to the leaving intersection of ``a``, and its middle [m]: dx, dy, x, y."""
+    """Chord from the intersection ``k``, where ``a`` enters, to ``m``, where it leaves, and its middle [m]: dx, dy, x, y."""
+    i0, u0, j0, v0 = int(root[k, 0]), root[k, 1], int(root[k, 2]), root[k, 3]
+    i1, u1, j1, v1 = int(root[m, 0]), root[m, 1], int(root[m, 2]), root[m, 3]
     still = Pose(1.0, 0.0, 0.0, 0.0)
     for _ in range(2):
         x, y = step_along(table, a, i0, u0, i1, u1, still)
@@ -150,10 +146,6 @@ def normal_of(dx: float, dy: float) -> tuple[float, float, float]:
     return length, dy / length, -dx / length
 
 
-CANCEL = 0.5
-"""Length of the sum of chords over the sum of their lengths, on the mean of both outlines, below which they cancel."""
-
-
 @inline_kernel
 def entry_after(n: int, m: int, ring: float, root: FloatArray) -> int:
     """The intersection of ``n`` at which the first outline enters that follows ``m`` along the second one, of ``ring`` spans."""
@@ -185,6 +177,13 @@ def between(x: float, y: float, px: float, py: float) -> tuple[float, float, flo
 
 
 @inline_kernel
+def note_places(out: ContactRows, row: int, root: FloatArray, k: int, m: int) -> None:
+    """Write where the outlines intersect at ``k`` (entering) and ``m`` (leaving)."""
+    out.place[row, 0], out.place[row, 1] = root[k, 0] + root[k, 1] + 0.5, root[k, 2] + root[k, 3] + 0.5
+    out.place[row, 2], out.place[row, 3] = root[m, 0] + root[m, 1] + 0.5, root[m, 2] + root[m, 3] + 0.5
+
+
+@inline_kernel
 def measured_together(
     table: ShapeTable,
     a: int,
@@ -204,16 +203,13 @@ def measured_together(
     i = k
     for turn in range(n):
         m = i + 1 if i + 1 < n else 0
-        i0, u0, j0, v0 = int(root[i, 0]), root[i, 1], int(root[i, 2]), root[i, 3]
-        i1, u1, j1, v1 = int(root[m, 0]), root[m, 1], int(root[m, 2]), root[m, 3]
-        dx, dy, x, y = chord(table, a, b, pose, i0, u0, j0, v0, i1, u1, j1, v1)
+        dx, dy, x, y = chord(table, a, b, pose, root, i, m)
         length = sqrt(dx * dx + dy * dy)
         cx, cy, along, total = cx + dx, cy + dy, along + dx * x + dy * y, total + length
         across_x, across_y = across_x + length * x, across_y + length * y
         if length > longest:
             longest = length
-            out.place[row, 0], out.place[row, 1] = i0 + u0 + 0.5, j0 + v0 + 0.5
-            out.place[row, 2], out.place[row, 3] = i1 + u1 + 0.5, j1 + v1 + 0.5
+            note_places(out, row, root, i, m)
         # The second outline's chords, from where the first one left to where it enters, count alike: neither body comes first.
         if turn == 0:
             first_x, first_y = x - 0.5 * dx, y - 0.5 * dy
@@ -247,12 +243,6 @@ def measured_together(
     out.normal[row, 0], out.normal[row, 1] = at.c * nx - at.s * ny, at.s * nx + at.c * ny
     out.chord[row], out.overlap[row], out.beyond[row] = size, top + low, top - level
     return True
-
-
-NODES = (0.1834346424956498, 0.5255324099163290, 0.7966664774136267, 0.9602898564975363)
-"""Positive half of the 8 Gauss nodes on a piece, which turns by 0.6 rad at most: they leave round-off (`test_area`)."""
-
-GAUSS_WEIGHTS = (0.3626837833783620, 0.3137066458778873, 0.2223810344533745, 0.1012285362903763)
 
 
 @inline_kernel

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +20,9 @@ integrands are analytic well around the piece and 16 nodes leave round-off."""
 
 MOST_NODES = 100
 """Gauss nodes a piece: their weights are found by eigenvalues, in a time that grows with the third power."""
+
+SAMPLES = 17
+"""Points of a piece among which the farthest one is sought: a piece turns by 0.6 rad at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,10 +77,6 @@ def centred(curve: NurbsCurve) -> NurbsCurve:
     return kind_of("curve", curve, NurbsCurve).moved(shift=-area_moments(curve).centroid)
 
 
-SAMPLES = 17
-"""Points of a piece among which the farthest one is sought: a piece turns by 0.6 rad at most."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class UniformGrain:
     """What `Disks` needs to know of a grain of uniform density.
@@ -119,38 +120,38 @@ def uniform_grain(curve: NurbsCurve, density: float) -> UniformGrain:
 
 def farthest(curve: NurbsCurve) -> float:
     """Largest distance of the outline from the origin of its frame [m], to round-off."""
-    table, best = kind_of("curve", curve, NurbsCurve).table, 0.0
-    for k in range(len(table.piece_span)):
-        low, high = table.piece_range[k]
-        coef = table.coef[table.piece_span[k] : table.piece_span[k] + 1]
-        at = np.linspace(low, high, SAMPLES)
-        u = float(at[np.argmax(np.hypot(*outline_points(coef, at)[0][0].T))])
-        for _ in range(6):
-            (point,), (slope,), (bend,) = (rows[0] for rows in outline_points(coef, np.array([u])))
-            best = max(best, float(np.hypot(*point)))
-            # Half the slope and the curvature of the squared distance; a maximum has a negative one.
-            rise, fall = float(point @ slope), float(slope @ slope + point @ bend)
-            if fall >= 0.0:
-                break
-            u = float(np.clip(u - rise / fall, low, high))
-    return best
+    # Half the slope and the curvature of the squared distance.
+    return max(0.0, _largest(curve, lambda x: np.hypot(*x.T), lambda x, dx, ddx: (x @ dx, dx @ dx + x @ ddx)))
 
 
 def extent(curve: NurbsCurve, direction: ArrayLike) -> float:
     """Largest coordinate of the outline along a unit vector of its frame [m], to round-off."""
-    table, best = kind_of("curve", curve, NurbsCurve).table, -np.inf
     n = finite("direction", direction, (2,))
     if abs(np.hypot(n[0], n[1]) - 1.0) > 1e-12:
         raise InvalidSceneError(f"direction = ({n[0]:g}, {n[1]:g}) is not allowed: it must be a unit vector")
+    return _largest(curve, lambda x: x @ n, lambda _, dx, ddx: (dx @ n, ddx @ n))
+
+
+def _largest(
+    curve: NurbsCurve,
+    measure: Callable[[FloatArray], FloatArray],
+    rates: Callable[[FloatArray, FloatArray, FloatArray], tuple[Any, Any]],
+) -> float:
+    """Largest measure of an outline's points, shape (k, 2), by Newton's method on each piece.
+
+    ``rates`` gives the slope and the curvature of the measure, or of an increasing function of it, from a point and its derivatives.
+    """
+    table, best = kind_of("curve", curve, NurbsCurve).table, -np.inf
     for k in range(len(table.piece_span)):
         low, high = table.piece_range[k]
         coef = table.coef[table.piece_span[k] : table.piece_span[k] + 1]
         at = np.linspace(low, high, SAMPLES)
-        u = float(at[np.argmax(outline_points(coef, at)[0][0] @ n)])
+        u = float(at[np.argmax(measure(outline_points(coef, at)[0][0]))])
         for _ in range(6):
             (point,), (slope,), (bend,) = (rows[0] for rows in outline_points(coef, np.array([u])))
-            best = max(best, float(point @ n))
-            if bend @ n >= 0.0:
+            best = max(best, float(measure(point[None, :])[0]))
+            rise, fall = rates(point, slope, bend)
+            if fall >= 0.0:  # no maximum
                 break
-            u = float(np.clip(u - (slope @ n) / (bend @ n), low, high))
+            u = float(np.clip(u - rise / fall, low, high))
     return best

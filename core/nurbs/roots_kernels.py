@@ -1,17 +1,15 @@
-"""Kernels that find all intersections of two outlines: bounding volumes, subdivision, then Newton.
+"""Kernels that find all intersections of two outlines: bounding volumes, subdivision, then Newton; a short way for convex ones.
 
 On a box, a range of ``u`` on either curve, each curve is its tangent at the middle and a remainder of length
 ``bend (range)^2 / 8`` at most. If the tangents cannot meet within the remainders, the box holds no intersection; if the remainders are
 so small beside the angle of the tangents that Newton's map contracts, it holds one at most, and Newton finds it or runs out
 of the box; otherwise the longer range is halved. Curves that touch are halved down to `TOUCHING` of their size.
 
-Kernels of the short way to the two intersections of strictly convex outlines that overlap little.
-
-Where the tangents are parallel and opposite and the points lie on a common normal, each convex outline is on its own side of
-its tangent. If these tangents leave a gap, the shapes are apart. If they overlap by d, all intersections lie in the strip of
-width d between them, on one cap of either outline; when d is below the smallest radius of curvature, each cap is a graph
-over the tangent, one concave, one convex, so that there are two intersections, one on either side. Where this does not apply,
-the search among all pieces decides.
+Strictly convex outlines that overlap little have two intersections, which need no search. Where the tangents are parallel and opposite
+and the points lie on a common normal, each outline is on its own side of its tangent. If these tangents leave a gap, the shapes are apart.
+If they overlap by d, all intersections lie in the strip of width d between them, on one cap of either outline; when d is below the
+smallest radius of curvature, each cap is a graph over the tangent, one concave, one convex, so that there are two intersections, one on
+either side. Where this does not apply, the search among all pieces decides.
 """
 
 from __future__ import annotations
@@ -20,7 +18,8 @@ from math import sqrt
 
 from ninedisk.core.compile import inline_kernel
 from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, bend_at, extreme_guess, tangent_at, walked
-from ninedisk.core.nurbs.state import MOST_ROOTS, PARALLEL, STACK, UNDECIDED, FloatArray, Workspace
+from ninedisk.core.nurbs.state import MOST_ROOTS, PARALLEL, STACK, UNDECIDED, Workspace
+from ninedisk.core.validate import FloatArray
 
 TOUCHING = 5e-10
 """Length of a box, over the smaller shape's radius R, below which the curves are taken to touch without crossing. An overlap of
@@ -41,6 +40,10 @@ COINCIDE = 1000.0
 
 SHIFT = 4000.0
 """Roundings by which a shape is shifted off another body with which it shares a line; more than `COINCIDE` at 0.3 rad to the line."""
+
+
+APART, LENS, UNSURE = 0, 1, 2
+"""What `convex_lens` finds: no contact, one with two intersections, or nothing that could be told."""
 
 
 @inline_kernel
@@ -106,11 +109,11 @@ def solve_box(
 
 
 @inline_kernel
-def known(root: FloatArray, first: int, n: int, u: float, way: float, room: float) -> bool:
+def known(root: FloatArray, first: int, n: int, u: float, crossing: float, room: float) -> bool:
     """Whether an intersection is among ``first .. n-1`` of the same two pieces: where boxes are smaller than rounding makes the
     place, many find the same one."""
     for k in range(first, n):  # noqa: SIM110 - a generator expression would need memory
-        if root[k, 4] == way and abs(root[k, 1] - u) <= room:
+        if root[k, 4] == crossing and abs(root[k, 1] - u) <= room:
             return True
     return False
 
@@ -159,12 +162,12 @@ def piece_crossings(
             # An intersection on the edge of two boxes may be found in both, for none to be lost to rounding.
             slack_u = 1e-6 * half_u + 100.0 * noise * speed_b / abs(det)
             slack_v = 1e-6 * half_v + 100.0 * noise * speed_a / abs(det)
-            found, u, v, way = solve_box(table, a, i, u, b, j, v, pose, half_u, half_v, slack_u, slack_v)
-            if found and not known(work.root, before, n, u, way, 3.0 * slack_u):
+            found, u, v, crossing = solve_box(table, a, i, u, b, j, v, pose, half_u, half_v, slack_u, slack_v)
+            if found and not known(work.root, before, n, u, crossing, 3.0 * slack_u):
                 if n >= MOST_ROOTS:
                     return UNDECIDED, boxes
                 root = work.root
-                root[n, 0], root[n, 1], root[n, 2], root[n, 3], root[n, 4] = i, u, j, v, way
+                root[n, 0], root[n, 1], root[n, 2], root[n, 3], root[n, 4] = i, u, j, v, crossing
                 n += 1
             continue
         if max(long_a, long_b) < smallest:
@@ -189,13 +192,13 @@ def tidy(n: int, ring: int, root: FloatArray) -> int:
     Along a closed curve entering and leaving alternate: neighbours of the same kind and at the same place are one.
     """
     for k in range(1, n):  # insertion sort: the list is short
-        i, u, j, v, way = root[k, 0], root[k, 1], root[k, 2], root[k, 3], root[k, 4]
+        i, u, j, v, crossing = root[k, 0], root[k, 1], root[k, 2], root[k, 3], root[k, 4]
         m = k - 1
         while m >= 0 and root[m, 0] + root[m, 1] > i + u:
             for column in range(5):
                 root[m + 1, column] = root[m, column]
             m -= 1
-        root[m + 1, 0], root[m + 1, 1], root[m + 1, 2], root[m + 1, 3], root[m + 1, 4] = i, u, j, v, way
+        root[m + 1, 0], root[m + 1, 1], root[m + 1, 2], root[m + 1, 3], root[m + 1, 4] = i, u, j, v, crossing
     kept = 0
     for k in range(n):
         if kept > 0 and root[kept - 1, 4] == root[k, 4]:
@@ -236,9 +239,6 @@ def crossings(table: ShapeTable, a: int, b: int, pose: Pose, work: Workspace) ->
                     return n
     n = tidy(n, table.first_span[a + 1] - table.first_span[a], work.root)
     return PARALLEL if n == UNDECIDED else n
-
-
-APART, LENS, UNSURE = 0, 1, 2
 
 
 @inline_kernel

@@ -1,7 +1,4 @@
-"""Outlines to begin with: exact disk and ellipse, polygons, rounded polygons, fits of a closed polyline and of an image.
-
-The shapes of all bodies of a scene come as one table.
-"""
+"""Outlines to begin with: exact disk and ellipse, polygons, fits of a polyline or an image; the table of all bodies of a scene."""
 
 from __future__ import annotations
 
@@ -27,6 +24,19 @@ EXACT_WEIGHTS = np.array([1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 2.0, 1.0, 1.0])
 
 The usual weights, 1 and sqrt(1/2) in turn, cannot be written in binary numbers: their curve is off the circle by round-off.
 With these, weights and control points are exact, and so is the circle."""
+
+MOST_FACES = MOST_POINTS // 4 - 1
+"""A rounded polygon has four control points a face."""
+
+STEPS = {1: "bl", 2: "rb", 3: "rl", 4: "tr", 6: "tb", 7: "tl", 8: "lt", 9: "bt", 11: "rt", 12: "lr", 13: "br", 14: "lb"}
+"""Sides (left, bottom, right, top) where the boundary enters and leaves a cell whose corners, counter-clockwise from below left, are bits
+1, 2, 4, 8 if inside; it runs with the inside on its left. Cells 5 and 10, with two opposite corners inside, have two parts each: pixels
+touching at a corner only are not connected."""
+
+SADDLES = {5: ("bl", "tr"), 10: ("rb", "lt")}
+
+MIDDLES = {"l": (0, 1), "b": (1, 0), "r": (2, 1), "t": (1, 2)}
+"""Middles of a cell's sides, in halves of a pixel from below left."""
 
 
 def disk(radius: float) -> NurbsCurve:
@@ -146,10 +156,6 @@ def _periodic_basis(at: FloatArray, n: int, degree: int) -> FloatArray:
     return matrix
 
 
-MOST_FACES = MOST_POINTS // 4 - 1
-"""A rounded polygon has four control points a face."""
-
-
 def polygon(vertices: ArrayLike) -> NurbsCurve:
     """The polygon with these corners [m], counter-clockwise, each once, shape (k, 2), k >= 3: a curve of degree 1.
 
@@ -188,15 +194,15 @@ def regular_polygon(faces: int, apothem: float, *, roundness: float = 0.0) -> Nu
     if not 0.0 <= part < 1.0:
         raise InvalidSceneError(f"roundness = {shown(roundness)} is not allowed: it must be in [0, 1); 1 is a disk")
     half = pi / m
-    ways = -0.5 * pi + 2.0 * half * np.arange(m, dtype=np.float64)  # of the faces' outward normals
-    normal, along = _directions(ways), _directions(ways + 0.5 * pi)
+    directions = -0.5 * pi + 2.0 * half * np.arange(m, dtype=np.float64)  # of the faces' outward normals
+    normal, along = _directions(directions), _directions(directions + 0.5 * pi)
     reach = height * (1.0 - part) * tan(half)
     end = height * normal + reach * along
     if part == 0.0:
         return polygon(end)
     # Each face and the arc behind it, in quadratic arcs: the face's start, its middle, its end, where its line meets the next one's.
     start = height * normal - reach * along
-    crossing = height / cos(half) * _directions(ways + half)
+    crossing = height / cos(half) * _directions(directions + half)
     points = np.stack([start, height * normal, end, crossing], axis=1).reshape(-1, 2)
     weights = np.tile([1.0, 1.0, 1.0, sin(0.5 * pi - half)], m)
     knots = np.concatenate([[0.0], np.repeat(np.arange(2.0 * m + 1.0), 2), [2.0 * m]])
@@ -207,17 +213,6 @@ def regular_polygon(faces: int, apothem: float, *, roundness: float = 0.0) -> Nu
 
 def _directions(angle: FloatArray) -> FloatArray:
     return np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-STEPS = {1: "bl", 2: "rb", 3: "rl", 4: "tr", 6: "tb", 7: "tl", 8: "lt", 9: "bt", 11: "rt", 12: "lr", 13: "br", 14: "lb"}
-"""Sides (left, bottom, right, top) where the boundary enters and leaves a cell whose corners, counter-clockwise from below left, are bits
-1, 2, 4, 8 if inside; it runs with the inside on its left. Cells 5 and 10, with two opposite corners inside, have two parts each: pixels
-touching at a corner only are not connected."""
-
-SADDLES = {5: ("bl", "tr"), 10: ("rb", "lt")}
-
-MIDDLES = {"l": (0, 1), "b": (1, 0), "r": (2, 1), "t": (1, 2)}
-"""Middles of a cell's sides, in halves of a pixel from below left."""
 
 
 def traced(image: ArrayLike, pixel: float = 1.0) -> FloatArray:
@@ -273,18 +268,6 @@ def traced(image: ArrayLike, pixel: float = 1.0) -> FloatArray:
         )
     polyline: FloatArray = (0.5 * np.array(loop, dtype=np.float64) - 1.0) * width
     return polyline
-
-
-def fitted_image(image: ArrayLike, n: int, *, pixel: float = 1.0, degree: int = 3) -> Fit:
-    """Smooth outline of the true pixels of an image (see `traced`), with ``n`` different control points.
-
-    Returns
-    -------
-    Fit
-        Its ``largest`` is the largest distance of the traced vertices from the curve [m]; the traced polyline itself is as far off as
-        `traced` says.
-    """
-    return fitted(traced(image, pixel), n, degree=degree)
 
 
 def body_shapes(

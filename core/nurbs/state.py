@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from ninedisk.core.validate import FloatArray, IntArray
 
 MOST_ROOTS = 128
 """Intersections of two outlines that are kept."""
@@ -23,7 +21,7 @@ ENCLOSED, CROSSED, UNDECIDED, FULL = -1, -2, -3, -4
 whose chords cancel; intersections that could not be told apart (boundaries that coincide); no room in the output."""
 
 PARALLEL = -6
-"""Intersections of straight lines, or at corners, that a small shift can tell apart: tried by `nurbs_kernels.placed_contacts`."""
+"""Intersections of straight lines, or at corners, that a small shift can tell apart: tried by `intersect_kernels.placed_contacts`."""
 
 TOO_DEEP = -5
 """A grain that is deeper in a wall, or in another grain, than features are followed."""
@@ -160,7 +158,7 @@ class Vertices(NamedTuple):
     straight : ndarray of bool, shape (m,)
     """
 
-    first: NDArray[np.int64]
+    first: IntArray
     place: FloatArray
     point: FloatArray
     cone: FloatArray

@@ -1,7 +1,4 @@
-"""From the polynomials of an outline to the table that the kernels read: pieces, their bounds, extreme points.
-
-Points of outlines that touch before a smooth part does: convex corners, and the ends of straight parts.
-"""
+"""From the polynomials of an outline to what the kernels read: pieces and their bounds, extreme points, vertices."""
 
 from __future__ import annotations
 
@@ -24,6 +21,15 @@ MOST_PIECES = 1_000
 
 SPLITS = 12
 """Halvings of a span after which a piece is taken as it is: where the curve nearly stands still, the bound may never be met."""
+
+STRAIGHT = 1e-9
+"""Turning of the tangent [rad] up to which a piece counts as straight: rounding of its control points."""
+
+CORNER = 1e-6
+"""Turning between two pieces [rad] from which there is a corner: a fitted outline with continuous tangents stays far below."""
+
+PLACES = 5
+"""Points of a piece at which its curvature is looked at."""
 
 
 class Piece:
@@ -257,16 +263,6 @@ def _hull(poly: FloatArray, low: float, high: float) -> FloatArray:
         [sum(comb(j, k) * (-0.5) ** (j - k) * half**j * shifted[j] for j in range(k, p + 1)) for k in range(p + 1)]
     )
     return np.array([sum(comb(i, k) / comb(p, k) * in_t[k] for k in range(i + 1)) for i in range(p + 1)])
-
-
-STRAIGHT = 1e-9
-"""Turning of the tangent [rad] up to which a piece counts as straight: rounding of its control points."""
-
-CORNER = 1e-6
-"""Turning between two pieces [rad] from which there is a corner: a fitted outline with continuous tangents stays far below."""
-
-PLACES = 5
-"""Points of a piece at which its curvature is looked at."""
 
 
 def vertices_of(table: ShapeTable) -> Vertices:

@@ -8,18 +8,8 @@ from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, step_along, tangent_at
 from ninedisk.core.nurbs.lens_kernels import extent_along, extent_on
 from ninedisk.core.nurbs.roots_kernels import COINCIDE, CONTRACTION, MOST_BOXES, ROUNDING, SHIFT, TOUCHING, known, tidy
-from ninedisk.core.nurbs.state import (
-    ENCLOSED,
-    FULL,
-    MOST_ROOTS,
-    PARALLEL,
-    STACK,
-    UNDECIDED,
-    ContactRows,
-    FloatArray,
-    IntArray,
-    Workspace,
-)
+from ninedisk.core.nurbs.state import ENCLOSED, FULL, MOST_ROOTS, PARALLEL, STACK, UNDECIDED, ContactRows, Workspace
+from ninedisk.core.validate import FloatArray, IntArray
 
 
 @inline_kernel
@@ -74,14 +64,14 @@ def line_crossings(table: ShapeTable, shape: int, nx: float, ny: float, height: 
             if 4.0 * rest <= CONTRACTION * abs(slope) * 2.0 * half and slope != 0.0:
                 slack = 1e-6 * half + 100.0 * noise / abs(slope)
                 found, u, slope = solve_range(table, shape, i, u, nx, ny, height, half, slack)
-                way = 1.0 if slope < 0.0 else -1.0
+                crossing = 1.0 if slope < 0.0 else -1.0
                 # Where the outline is parallel to the wall, rounding lets many boxes find the same intersection.
-                if found and not known(work.root, before, n, u, way, 3.0 * slack):
+                if found and not known(work.root, before, n, u, crossing, 3.0 * slack):
                     if n >= MOST_ROOTS:
                         return UNDECIDED
                     root = work.root
                     root[n, 0], root[n, 1], root[n, 2], root[n, 3] = i, u, 0.0, 0.0
-                    root[n, 4] = way
+                    root[n, 4] = crossing
                     n += 1
                 continue
             if 2.0 * half * sqrt(dx * dx + dy * dy) < smallest:
@@ -156,7 +146,7 @@ def wall_contacts(
             continue
         m = k + 1 if k + 1 < n else 0
         i0, u0, i1, u1 = int(root[k, 0]), root[k, 1], int(root[m, 0]), root[m, 1]
-        # As in `nurbs_lens_kernels`: the second intersection at the very height of the first one, by differences along the curve.
+        # As in `lens_kernels.chord`: the second intersection at the very height of the first one, by differences along the curve.
         along = 0.0
         for _ in range(2):
             x, y = step_along(table, shape, i0, u0, i1, u1, still)

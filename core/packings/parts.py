@@ -1,4 +1,4 @@
-"""What all scenes of the gallery share: lengths, masses, laws of contact, and being at rest."""
+"""What all packings share: lengths, masses, laws of contact, and being at rest."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ninedisk.core.disks import Disks
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
-from ninedisk.core.numerics import Numerics
+from ninedisk.core.numerics import Numerics, check_progress
 from ninedisk.core.scene import Scene
-from ninedisk.core.validate import at_least, kind_of, whole, within
-from ninedisk.core.watch import check_progress
-
-FloatArray = NDArray[np.float64]
+from ninedisk.core.validate import FloatArray, at_least, kind_of, whole, within
 
 MOST_DISKS = 10_000_000
 """Disks of a scene: more would need tens of gigabytes."""
@@ -93,7 +89,7 @@ def settle(scene: Scene, *, progress: Callable[[int, int], None] | None = None, 
 
 
 def uniform_disks(x: FloatArray, radius: FloatArray, mass: FloatArray | None = None) -> Disks:
-    """Disks at rest, of the gallery's density unless their masses [kg] are given."""
+    """Disks at rest, of the common density unless their masses [kg] are given."""
     return Disks(x=x, radius=radius, mass=DENSITY * math.pi * radius**2 if mass is None else mass)
 
 

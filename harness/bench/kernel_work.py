@@ -9,7 +9,7 @@ processor fuses are two). `disk_disk_forces` does the same for every listed pair
 pair out of contact gets its zero after its forces have been found.
 
 - `gather`: dx, dy, reach: 3; difference of the velocities 2; R_i omega_i + R_j omega_j 3, omega_i + omega_j: together 9,
-- `gather_seen`, where dashpots see extrapolated velocities: 2,
+- `gather_dashpots`, where dashpots see extrapolated velocities: 2,
 - `pair_forces`: d 4, overlap, 1/d, nx, ny: 8; rate of the overlap 3; kn overlap, damping times rate, the sum: 3; difference of the
   positions half a step before 4, 1 over its length 5; slip rate by translation 4, by rotation, whose arms see the overlap of then,
   4 + 5; times dt; mu fn; fs 2; force 3 + 3; what the overlap takes from the torques 2: 48,

@@ -12,7 +12,8 @@ import numpy as np
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import FloatArray, Scene, Wall
+from ninedisk.core.scene import Scene, Wall
+from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
 
 TOUCH_ULPS = 16.0

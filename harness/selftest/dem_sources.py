@@ -93,7 +93,7 @@ STEPPING = (
     _kernel("half-gravity", "half of gravity is left out of the vertical motion", "slide",
             (KICK, "inv_mass[i] + weight * step.gravity_y)", "inv_mass[i] + 0.5 * weight * step.gravity_y)")),
     _kernel("single-precision", "positions are kept in single precision", "press",
-            (KICK, "x[q] += way", "x[q] = np.float32(x[q] + way)")),
+            (KICK, "x[q] += displacement", "x[q] = np.float32(x[q] + displacement)")),
     _kernel("unsynchronised", "velocities are reported at half steps", "slide",
             ("dem.sample_kernels", "return 0.5 * (value + step.kick.keep * value + step.kick.gain * acceleration)",
              "return value + 0.0 * acceleration")),
@@ -117,8 +117,8 @@ REOPENED = (
             (FORCES, "            if overlap <= 0.0:\n                pairs.shear[k] = 0.0\n",
              "            if overlap <= 0.0:\n                pairs.shear[k] *= 1.0\n")),
     _kernel("dashpot-of-walls", "dashpots at walls do not see the wall's own motion", "push-wall",
-            (FORCES, "rate = (rate_x - spin * qy - seen[i, 0]) * ux + (rate_y + spin * qx - seen[i, 1]) * uy",
-             "rate = -seen[i, 0] * ux - seen[i, 1] * uy")),
+            (FORCES, "rate = (rate_x - spin * qy - dashpot_v[i, 0]) * ux + (rate_y + spin * qx - dashpot_v[i, 1]) * uy",
+             "rate = -dashpot_v[i, 0] * ux - dashpot_v[i, 1] * uy")),
     _kernel("wall-shakes", "harmonic motions of walls have the wrong sign", "shake",
             (MOTION, "wave = sin(motion.frequency[k] * tau + motion.phase[k]) - sin(motion.phase[k])",
              "wave = sin(motion.phase[k]) - sin(motion.frequency[k] * tau + motion.phase[k])")),
@@ -128,8 +128,8 @@ REOPENED = (
     _python("dashpot-lagged", "dashpots see the velocity of half a step before", "push-wall",
             ("dem.arrays", "ahead=0.5", "ahead=0.0")),
     _kernel("dashpot-stale", "dashpots are not found anew when the neighbour lists are rebuilt", "hit-damped",
-            (STEP, "note_pairs(disks, views, pairs, law)",
-             "noted = views.damping.copy(); note_pairs(disks, views, pairs, law); views.damping[:] = noted")),
+            (STEP, "note_pairs(disks, views, system.lists.pairs, system.law)",
+             "noted = views.damping.copy(); note_pairs(disks, views, system.lists.pairs, system.law); views.damping[:] = noted")),
 )  # fmt: skip
 
 RETRACED = (
@@ -154,10 +154,10 @@ SORT_ALL = (("dem.arrays", "SORT_FROM = 2_000", "SORT_FROM = 1"), ("dem.arrays",
 
 STRIPED = (
     _kernel("border-unmoved", "disks on the borders of stripes are not moved", "stack",
-            *SORT_ALL, (STEP, "far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))", "far += 0.0")),
+            *SORT_ALL, (STEP, "far = farther(far, kick_borders(system, thread, threads))", "far += 0.0")),
     _kernel("border-early", "disks on the borders of stripes move before the stripe below has acted on them", "stack",
             *SORT_ALL, (STEP, "kicked_from = team.border[s] if parity == 0 else stripe[s]", "kicked_from = stripe[s]"),
-            (STEP, "far = farther(far, kick_borders(disks, views, step.kick, team, me, crew))", "far += 0.0")),
+            (STEP, "far = farther(far, kick_borders(system, thread, threads))", "far += 0.0")),
     _kernel("border-narrow", "the border of a stripe ends one disk too early", "stack",
             *SORT_ALL, ("dem.neighbour_kernels", "cells.start[(row + 1) * nx]", "cells.start[row * nx]")),
     _kernel("load-of-a-stripe", "the first stripe's load on the walls is lost", "stack",

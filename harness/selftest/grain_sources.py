@@ -49,7 +49,7 @@ DEFECTS = (
     _cd_kernel("grain-memory", "contacts of grains forget their shear force in every step", "rough-outlines",
             (MEETINGS, "forces[best, 1] += old_forces[m, 1]", "forces[best, 1] += 0.0 * old_forces[m, 1]")),
     _cd_kernel("grain-gap-at-walls", "grains sink a thousandth of a radius into walls", "rest",
-            (FEATURES, "gap = nx * px + ny * py - height", "gap = nx * px + ny * py - height + 1e-3 * size")),
+            (FEATURES, "gap = nx * px + ny * py - line.height", "gap = nx * px + ny * py - line.height + 1e-3 * size")),
     _cd_kernel("grain-vertices", "the ends of faces are not seen by walls", "stand",
             (FEATURES, "for m in range(vertices.first[shape], vertices.first[shape + 1]):",
              "for m in range(vertices.first[shape], vertices.first[shape]):")),

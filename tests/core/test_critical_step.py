@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from scenes import KN, all_pairs, floor_scene, numerics, pair_scene, run
 
+from ninedisk.core import ContactLaw, Disks, History, InvalidSceneError, Numerics, Scene, UnstableTimeStepError, Wall
 from ninedisk.core.dem.arrays import SAFETY, contact_step
 from ninedisk.core.dem.critical import critical_time_step, packed_time_step
-from ninedisk.core.errors import InvalidSceneError, UnstableTimeStepError
-from ninedisk.core.history import History
-from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.references.analytic.critical_step import row_frequencies
 
 SMOOTH = ContactLaw(kn=KN)

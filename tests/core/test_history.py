@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from scenes import KN, numerics
 
-from ninedisk.core import simulate
+from ninedisk.core import ContactLaw, Disks, History, Numerics, Scene, Wall, simulate
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.history import History
-from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 
 LAW = ContactLaw(kn=KN, ks=KN / 2, mu=0.5, beta=0.1)
 

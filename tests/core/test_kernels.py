@@ -19,7 +19,7 @@ from numba.core.registry import CPUDispatcher
 
 import ninedisk
 from ninedisk import core
-from ninedisk.core.compile import OPTIONS, inline_kernel, source_hash
+from ninedisk.core.compile import FUSED, OPTIONS, fused_inline_kernel, inline_kernel, source_hash
 
 compiled = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -38,16 +38,37 @@ def test_a_kernel_cannot_allocate() -> None:
 
 
 @compiled
-def test_every_function_of_the_dem_that_is_compiled_is_such_a_kernel() -> None:
-    found = 0
-    for package in ("contacts", "dem", "geometry"):
+def test_every_function_of_dem_and_outlines_that_is_compiled_is_such_a_kernel() -> None:
+    for package in ("dem", "nurbs"):
+        found = 0
         folder = Path(core.__file__).parent / package
         for module in pkgutil.iter_modules([str(folder)], f"ninedisk.core.{package}."):
             for value in vars(importlib.import_module(module.name)).values():
                 if isinstance(value, CPUDispatcher):
-                    assert {name: value.targetoptions.get(name) for name in OPTIONS} == OPTIONS, value
+                    options = {name: value.targetoptions.get(name) for name in OPTIONS}
+                    assert options in (OPTIONS, OPTIONS | FUSED), value
                     found += 1
-    assert found > 20
+        assert found > 20, package
+
+
+@compiled
+def test_arithmetic_of_a_kernel_does_not_depend_on_who_calls_it_first() -> None:
+    """Rounded twice, 1 - 2^-60 - 1 is 0; fused, as the first caller's arithmetic is, it would be -2^-60."""
+
+    @inline_kernel
+    def product_and_sum(a: float, b: float, c: float) -> float:
+        return a * b + c
+
+    @fused_inline_kernel
+    def by_a_fused_one(a: float, b: float, c: float) -> float:
+        return product_and_sum(a, b, c)
+
+    @inline_kernel
+    def by_a_plain_one(a: float, b: float, c: float) -> float:
+        return product_and_sum(a, b, c)
+
+    numbers = (1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0)
+    assert [caller(*numbers) for caller in (by_a_fused_one, by_a_plain_one)] == [0.0, 0.0]
 
 
 PROGRAM = """

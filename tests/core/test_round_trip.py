@@ -13,9 +13,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import random_scene
 
-from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError
-from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core import (
+    ContactLaw,
+    CoreError,
+    Disks,
+    InvalidNumericsError,
+    InvalidSceneError,
+    Numerics,
+    Scene,
+    Wall,
+    WallSegment,
+)
 
 ANY = st.floats(allow_nan=False, allow_infinity=False)
 """Every finite float, -0.0 and subnormal ones among them."""

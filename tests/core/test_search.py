@@ -9,23 +9,14 @@ from hypothesis import strategies as st
 from oracle import Oracle
 from scenes import KN, difference, numerics, run
 
+from ninedisk.core import ContactLaw, Disks, History, Scene, Wall
 from ninedisk.core.dem import arrays as arrays_module
 from ninedisk.core.dem import arrays as constants
-from ninedisk.core.dem.neighbour_kernels import (
-    NOT_FINITE,
-    OK,
-    PAIRS_FULL,
-    WALL_PAIRS_FULL,
-    build_pairs,
-    build_wall_pairs,
-    sort_into_cells,
-)
+from ninedisk.core.dem.neighbour_kernels import build_pairs, build_wall_pairs, sort_into_cells
 from ninedisk.core.dem.neighbours import empty_cells, empty_list
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.dem.state import REBUILDS
-from ninedisk.core.history import History
+from ninedisk.core.dem.state import NOT_FINITE, OK, PAIRS_FULL, REBUILDS, WALL_PAIRS_FULL
 from ninedisk.core.motion import compile_motion, wall_poses
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 
 LAW = ContactLaw(kn=KN, ks=0.5 * KN, mu=0.5, beta=0.05)
 FIELDS = ("x", "v", "angle", "omega", "gap", "fn", "fs")
@@ -157,10 +148,10 @@ def with_room(scene: Scene, steps: int, monkeypatch: pytest.MonkeyPatch) -> Hist
 def test_full_disk_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = imploding(40)
     session = DemSession(scene, numerics(1e-3, 20), [(0, 1)])
-    room = session._lists.disks.other.shape[0]
+    room = session._lists.pairs.other.shape[0]
     found = session.run()
-    assert session._lists.disks.start[-1] > 1.5 * room
-    assert session._lists.disks.other.shape[0] == session._lists.spare.other.shape[0] > 1.5 * room
+    assert session._lists.pairs.start[-1] > 1.5 * room
+    assert session._lists.pairs.other.shape[0] == session._lists.spare.other.shape[0] > 1.5 * room
     expected = with_room(scene, 20, monkeypatch)
     for name in ("x", "v", "omega", "angle"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
@@ -174,10 +165,10 @@ def test_full_wall_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyP
     walls = tuple(Wall(name=n, point=(0.0, -1.0), normal=(s, 1.0), law=soft) for n, s in (("a", 0.0), ("b", 1e-3)))
     scene = imploding(64, walls)
     session = DemSession(scene, numerics(1e-3, 12))
-    room = session._lists.walls.other.shape[0]
+    room = session._lists.wall_pairs.other.shape[0]
     found = session.run()
-    assert session._lists.walls.start[-1] > 1.5 * room
-    assert np.ptp(session._lists.walls.start[:-1]) > room
+    assert session._lists.wall_pairs.start[-1] > 1.5 * room
+    assert np.ptp(session._lists.wall_pairs.start[:-1]) > room
     expected = with_room(scene, 12, monkeypatch)
     np.testing.assert_array_equal(found.x, expected.x)
     np.testing.assert_array_equal(found.wall_force, expected.wall_force)
@@ -188,7 +179,7 @@ def test_lists_that_are_full_at_the_start_grow() -> None:
     """All pairs of 60 concentric-like disks: 1770, ten times the first guess."""
     x = np.random.default_rng(4).uniform(0.0, 0.5, (60, 2))
     scene = Scene(disks=Disks(x=x, radius=1.0, mass=1.0), disk_disk=LAW)
-    assert DemSession(scene, numerics(1e-4, 1))._lists.disks.start[-1] == 60 * 59 // 2
+    assert DemSession(scene, numerics(1e-4, 1))._lists.pairs.start[-1] == 60 * 59 // 2
 
 
 def settled_with_shear() -> Scene:
@@ -214,7 +205,7 @@ def test_shear_history_survives_rebuilds(monkeypatch: pytest.MonkeyPatch) -> Non
             monkeypatch.setattr(constants, name, skin)
         session = DemSession(scene, how, [(i, j) for i in range(36) for j in range(i + 1, 38)])
         histories.append(session.run())
-        rebuilds.append(int(session._clock[REBUILDS]))
+        rebuilds.append(int(session._progress.clock[REBUILDS]))
     assert rebuilds[0] == 80
     assert rebuilds[0] > rebuilds[1] > rebuilds[2] > rebuilds[3]
     sticking = (np.abs(histories[0].fs) > 0.0) & (np.abs(histories[0].fs) < 0.499 * histories[0].fn)

@@ -9,15 +9,22 @@ import pytest
 from oracle import Oracle
 from scenes import KN, all_pairs, difference, numerics
 
+from ninedisk.core import (
+    ContactLaw,
+    Disks,
+    History,
+    InvalidNumericsError,
+    InvalidSceneError,
+    Scene,
+    Wall,
+    WallSegment,
+    simulate,
+)
 from ninedisk.core.dem import session as session_module
 from ninedisk.core.dem.arrays import LINE
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
 from ninedisk.core.dem.step_kernels import BLOCK
-from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
-from ninedisk.core.history import History
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.core.simulate import simulate
 
 LAW = ContactLaw(kn=KN, ks=0.5 * KN, mu=0.5, beta=0.05)
 FIELDS = ("x", "v", "angle", "omega", "gap", "fn", "fs")
@@ -69,7 +76,7 @@ def test_sorted_and_striped_disks_follow_the_twin(monkeypatch: pytest.MonkeyPatc
     how = numerics(5e-4, 200)
     session = DemSession(scene, how, all_pairs(scene))
     found = session.run()
-    assert session._clock[REBUILDS] > 5
+    assert session._progress.clock[REBUILDS] > 5
     assert len(set(session._team.stripe.tolist())) > 3, "an even stripe with a border"
     assert not np.array_equal(session._disks.name, np.arange(64))
     twin = Oracle(scene, how).run()
@@ -93,7 +100,7 @@ def test_where_a_run_pauses_or_samples_does_not_matter(
     whole.run()
     for steps in (1, 2, 30, 67):
         paused.advance(steps)
-    assert whole._clock[REBUILDS] > 2
+    assert whole._progress.clock[REBUILDS] > 2
     for name in ("x", "v", "angle", "omega", "wall_force"):
         np.testing.assert_array_equal(
             getattr(paused.history(), name)[-1], getattr(whole.history(), name)[-1], err_msg=name
@@ -117,9 +124,9 @@ def test_any_number_of_threads_gives_the_same_bits(threads: int) -> None:
     how, watch = numerics(2e-4, 300, sample_every=50), [(0, 1), (5, 2116)]
     one = DemSession(scene, how, watch).run()
     many = DemSession(scene, how, watch, threads=threads)
-    assert many._crew == threads
+    assert many._threads == threads
     assert_same_bits(one, many.run())
-    assert many._clock[REBUILDS] > 3
+    assert many._progress.clock[REBUILDS] > 3
 
 
 def test_arrays_begin_with_a_line_of_the_caches() -> None:

@@ -11,7 +11,8 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, FloatArray, Scene, Wall, WallSegment
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.case import Setup
 
 

@@ -30,7 +30,8 @@ import numpy as np
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
-from ninedisk.core.scene import ContactLaw, FloatArray, Scene
+from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.engines.mujoco.adapter import OPTIONS
 from ninedisk.harness.engines.plane import WallPoses, finite_state, write_contacts

@@ -16,7 +16,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ninedisk.core.cd.problem import ContactProblem, FloatArray, Residuals, measure
+from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
+from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
 from ninedisk.harness.engines.siconos.adapter import (
     INSTALL,

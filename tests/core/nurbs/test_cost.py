@@ -13,11 +13,21 @@ from nurbs_shapes_of_tests import outline, periodic, ring
 
 from ninedisk.core import ContactLaw, Disks, Scene
 from ninedisk.core.compile import fused_kernel
-from ninedisk.core.dem.arrays import Lists, disk_arrays, disk_views, law_row
+from ninedisk.core.dem.arrays import disk_arrays, disk_views, law_row
 from ninedisk.core.dem.force_kernels import SCRATCH, disk_disk_forces, shear_force
-from ninedisk.core.dem.neighbour_kernels import NeighbourList
-from ninedisk.core.dem.neighbours import empty_list
-from ninedisk.core.dem.state import BETA, KN, KS, MU, SLIP_OVERLAP, TORQUE_OVERLAP, DiskArrays, Views
+from ninedisk.core.dem.neighbours import empty_cells, empty_list
+from ninedisk.core.dem.state import (
+    BETA,
+    KN,
+    KS,
+    MU,
+    SLIP_OVERLAP,
+    TORQUE_OVERLAP,
+    DiskArrays,
+    Lists,
+    NeighbourList,
+    Views,
+)
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.intersect import NurbsGrains
 from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
@@ -58,7 +68,7 @@ def one_by_one(
     disks: DiskArrays, views: Views, pairs: NeighbourList, law: np.ndarray, slip_dt: float, begin: int, end: int
 ) -> None:
     """Forces of the contacts of disks, one pair after the other: the loop of the DEM when the bound was set."""
-    x, v, seen, force, damping = views.x, views.v, views.seen, views.force, views.damping
+    x, v, dashpot_v, force, damping = views.x, views.v, views.dashpot_v, views.force, views.damping
     radius, omega, torques = disks.radius, disks.omega, disks.torque
     start, other, shear = pairs.start, pairs.other, pairs.shear
     kn, ks, mu = law[KN], law[KS], law[MU]
@@ -83,7 +93,7 @@ def one_by_one(
             nx, ny = dx * inv_d, dy * inv_d
             fn = kn * overlap
             if damped:
-                rate = (seen[ix] - seen[jx]) * nx + (seen[iy] - seen[jy]) * ny
+                rate = (dashpot_v[ix] - dashpot_v[jx]) * nx + (dashpot_v[iy] - dashpot_v[jy]) * ny
                 fn = max(fn + damping[k] * rate, 0.0)
             gx, gy = -fn * nx, -fn * ny
             if rough:
@@ -125,7 +135,9 @@ def test_contact_of_disks_against_disks(record_property: Callable[[str, object],
     pairs.start[0::2], pairs.start[1::2] = np.arange(n + 1), np.arange(1, n + 1)
     pairs.other[:] = np.arange(1, 2 * n, 2)
     row = np.array(law_row(law))
-    views = disk_views(disks, Lists(pairs, empty_list(0, 0), empty_list(2 * n, n), empty_list(0, 0)), row)
+    views = disk_views(
+        disks, Lists(pairs, empty_list(0, 0), empty_list(2 * n, n), empty_list(0, 0), empty_cells(0)), row
+    )
     scratch = np.zeros(SCRATCH)
     run = nurbs_run(
         [disk(float(r)) for r in radii], shape, x, rng.uniform(-3.0, 3.0, 2 * n), np.arange(2 * n).reshape(-1, 2)

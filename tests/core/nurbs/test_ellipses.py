@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core import InvalidSceneError
 from ninedisk.core.nurbs.intersect import NurbsGrains
 from ninedisk.core.nurbs.shapes import ellipse
 

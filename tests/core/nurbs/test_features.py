@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nurbs_shapes_of_tests import peanut, periodic, ring
 from scipy.ndimage import minimum_filter
 
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core import InvalidSceneError
 from ninedisk.core.nurbs.curve import powers
 from ninedisk.core.nurbs.curve_kernels import sample
 from ninedisk.core.nurbs.features import NurbsFeatures

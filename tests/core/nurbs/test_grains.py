@@ -1,7 +1,8 @@
-"""Grains in the DEM: at rest, on an incline, over rebuilds and restarts; what is refused."""
+"""Scenes of grains and their JSON; in the DEM: at rest, on an incline, over rebuilds and restarts; what is refused."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from ninedisk.core.dem import session as session_module
 from ninedisk.core.dem.critical import critical_time_step
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
-from ninedisk.core.nurbs.mass import UniformGrain, uniform_grain
+from ninedisk.core.nurbs.curve import NurbsCurve
+from ninedisk.core.nurbs.mass import UniformGrain, farthest, uniform_grain
 from ninedisk.core.nurbs.shapes import disk, ellipse
 
 LAW = ContactLaw(kn=2e4, ks=1e4, mu=0.6, beta=0.3, lever_arm="overlap")
@@ -113,7 +115,7 @@ def test_rebuilds_threads_and_restarts_change_no_bit(tmp_path: Path, monkeypatch
     monkeypatch.setattr(session_module, "SORT_FROM", 10)
     whole = DemSession(scene, how, watch)
     reference = bits(whole)
-    assert whole._clock[REBUILDS] > 5
+    assert whole._progress.clock[REBUILDS] > 5
     assert np.any(whole._disks.name != np.arange(49))
     assert len(whole.shear_forces()) >= 4
     two = DemSession(scene, how, watch, threads=2)
@@ -217,7 +219,7 @@ def test_the_critical_step_of_grains() -> None:
     ("x", "message"),
     [
         ([(0.0, 0.0), (0.1, 0.0)], "grain 0, near grain 1, lies wholly inside"),
-        ([(0.0, 0.0), (0.0, 0.0)], "the centres of grains 0 and 1 coincide"),
+        ([(0.0, 0.0), (0.0, 0.0)], "the centres of disks 0 and 1 coincide"),
     ],
 )
 def test_grains_that_no_chord_parts_at_the_start(x: list[tuple[float, float]], message: str) -> None:
@@ -257,3 +259,93 @@ def test_contacts_that_merge_and_divide_keep_their_shear_force() -> None:
         assert abs(force[turn]) > 5.0
         # A step slips by 0.03 mm at most: 0.06 N for two contacts.
         assert abs(force[turn + 1] - force[turn]) <= 0.06
+
+
+LAW_OF_GRAINS = ContactLaw(kn=1e4)
+
+
+def disk_and_grains(**changes: object) -> Disks:
+    values = {"x": [(0.0, 0.0), (4.0, 0.0)], "radius": 2.0, "mass": 1.0, "inertia": 1.0, "outline": [0, -1]}
+    return Disks(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def test_json_is_exact_and_old_json_still_loads() -> None:
+    law = ContactLaw(kn=1e4, contact="area")
+    scene = Scene(
+        disks=disk_and_grains(angle=[0.1, -1.0 / 3.0]),
+        disk_disk=law,
+        outlines=(ellipse(2.0, 0.7), uniform_grain(peanut(), 1.0).outline),
+    )
+    data = scene.to_dict()
+    again = Scene.from_dict(json.loads(json.dumps(data)))
+    assert again.to_dict() == data
+    assert again.disk_disk.contact == "area"
+    for one, two in zip(scene.outlines, again.outlines, strict=True):
+        for name in ("knots", "points", "weights"):
+            assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
+    for name in ("outline", "angle"):
+        assert getattr(scene.disks, name).tobytes() == getattr(again.disks, name).tobytes()
+
+
+def test_scenes_of_disks_keep_their_form() -> None:
+    scene = Scene(disks=Disks(x=[(0.0, 0.0)], radius=1.0, mass=1.0, angle=-0.0), disk_disk=LAW_OF_GRAINS)
+    data = scene.to_dict()
+    assert "outlines" not in data
+    assert not {"outline", "angle"} & set(data["disks"])
+    assert "contact" not in data["disk_disk"]
+    again = Scene.from_dict(data)
+    assert again.outlines == ()
+    assert again.disks.outline.tolist() == [-1]
+    assert again.disk_disk.contact == "chord"
+    with pytest.raises(InvalidSceneError, match=r"unknown key\(s\) in the scene: outline"):
+        Scene.from_dict({**data, "outline": []})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"outline": [1, -1]}, r"disks.outline\[0\] = 1 is not allowed: the scene has outlines 0 .. 0"),
+        ({"outline": [-2, -1]}, r"disks.outline\[0\] = -2 is not allowed"),
+        ({"outline": [0.5, -1]}, r"disks.outline\[0\] = 0.5 is not allowed"),
+        ({"outline": [0]}, r"disks.outline has shape \(1,\)"),
+        ({"outline": "a"}, "disks.outline must be numbers"),
+        ({"angle": [0.0, np.inf]}, "disks.angle must be finite"),
+        ({"inertia": None}, "disks.inertia is missing and grain 0 has an outline"),
+        ({"radius": 1.9}, r"disks.radius\[0\] = 1.8999999999999999 is not allowed: outline 0 reaches 2 m"),
+    ],
+)
+def test_values(change: dict[str, object], message: str) -> None:
+    with pytest.raises(InvalidSceneError, match=message):
+        Scene(disks=disk_and_grains(**change), disk_disk=LAW_OF_GRAINS, outlines=(ellipse(2.0, 1.0),))
+
+
+def test_outlines_are_curves_about_their_centroids() -> None:
+    with pytest.raises(InvalidSceneError, match="the scene has no outlines"):
+        Scene(disks=disk_and_grains(), disk_disk=LAW_OF_GRAINS)
+    with pytest.raises(InvalidSceneError, match=r"outlines\[0\] is no NurbsCurve but str"):
+        Scene(disks=disk_and_grains(), disk_disk=LAW_OF_GRAINS, outlines=("disk",))  # type: ignore[arg-type]
+    shifted = ellipse(1.0, 1.0).moved(shift=(1e-3, 0.0))
+    with pytest.raises(InvalidSceneError, match=r"outlines\[1\] has its centroid at \(0.001, .* shift it by"):
+        Scene(disks=disk_and_grains(), disk_disk=LAW_OF_GRAINS, outlines=(ellipse(2.0, 1.0), shifted))
+    with pytest.raises(InvalidSceneError, match="contact = 'volume' is unknown"):
+        ContactLaw(kn=1.0, contact="volume")  # type: ignore[arg-type]
+
+
+def test_a_uniform_grain() -> None:
+    grain = uniform_grain(ellipse(2.0, 0.5).moved(shift=(3.0, -1.0), angle=0.4), 3.0)
+    assert grain.mass == pytest.approx(3.0 * np.pi, rel=1e-14)
+    assert grain.inertia == pytest.approx(grain.mass * (4.0 + 0.25) / 4.0, rel=1e-13)
+    assert grain.radius == pytest.approx(2.0, rel=1e-13)
+    with pytest.raises(InvalidSceneError, match="density = 0 is not allowed"):
+        uniform_grain(disk(1.0), 0)
+
+
+def test_the_farthest_point() -> None:
+    assert farthest(disk(1.3)) == pytest.approx(1.3, rel=1e-15)
+    corners = ring(7, 3)
+    polygon = NurbsCurve(degree=1, knots=np.r_[0.0, np.arange(8), 7.0], points=np.r_[corners, corners[:1]])
+    assert farthest(polygon) == pytest.approx(np.hypot(*corners.T).max(), rel=1e-15)
+    curve = uniform_grain(peanut(), 1.0).outline
+    dense = curve.evaluate(np.linspace(curve.breaks[0], curve.breaks[-1], 20_001))
+    away = farthest(curve) - np.hypot(*dense.T).max()
+    assert -1e-15 <= away <= 1e-7

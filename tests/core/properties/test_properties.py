@@ -237,8 +237,8 @@ def test_planted_defects_are_found(name: str, method: str) -> None:
 def test_a_checkpoint_that_forgets_the_shear_forces_is_found(tmp_path: Path) -> None:
     def forgetting(file: Path) -> DemSession:
         session = DemSession.load(file)
-        session._lists.disks.shear[:] = 0.0
-        session._lists.walls.shear[:] = 0.0
+        session._lists.pairs.shear[:] = 0.0
+        session._lists.wall_pairs.shear[:] = 0.0
         return session
 
     found = 0

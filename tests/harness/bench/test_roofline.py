@@ -145,11 +145,11 @@ def step_by_hand(session: DemSession, monkeypatch: pytest.MonkeyPatch) -> Memory
     disks = memory.group("", session._disks)
     seen = "v_now" if len(session._disks.v_now) else "v"
     watched = type(views)(
-        **{name: memory.array(seen if name == "seen" else name, value) for name, value in views._asdict().items()}
+        **{name: memory.array(seen if name == "dashpot_v" else name, value) for name, value in views._asdict().items()}
     )
     scratch = memory.array("scratch", session._team.scratch[0])
     walls = memory.group("walls.", session._walls)._replace(law=session._walls.law.astype(object))
-    pairs, wall_pairs = memory.group("pairs.", lists.disks), memory.group("wall_pairs.", lists.walls)
+    pairs, wall_pairs = memory.group("pairs.", lists.pairs), memory.group("wall_pairs.", lists.wall_pairs)
     n, dt, kick = len(session.scene.disks), session.contact_dt, session._step.kick
     Number.done = 0
     force_kernels.disk_wall_forces(disks, walls, wall_pairs, dt, 0, n, 0)
