@@ -26,7 +26,7 @@ from ninedisk.harness.api.engine import EngineRun, Support
 from ninedisk.harness.engines.rigid import NOTE_PRELOAD, rigid_support, without_spring_preload
 from ninedisk.harness.wire.external import ExternalEngine
 
-DRIVER = Path(__file__).parent / "drivers" / "package_driver.py"
+DRIVER = Path(__file__).with_name("package_driver.py")
 
 
 @cache

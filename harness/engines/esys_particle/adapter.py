@@ -24,7 +24,7 @@ from ninedisk.harness.engines.spring import contact_steps
 from ninedisk.harness.run.warden import owned
 from ninedisk.harness.wire.external import ExternalEngine
 
-DRIVER = Path(__file__).parents[1] / "drivers" / "esys_driver.py"
+DRIVER = Path(__file__).with_name("driver.py")
 PROGRAMS = ("esysparticle", "mpirun")
 CAPABILITIES = frozenset(
     {

@@ -20,7 +20,7 @@ from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
 from ninedisk.harness.engines.spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps
 from ninedisk.harness.wire.external import ExternalEngine
 
-DRIVER = Path(__file__).parents[1] / "drivers" / "kratos_driver.py"
+DRIVER = Path(__file__).with_name("driver.py")
 PACKAGES = ("KratosDEMApplication", "KratosMultiphysics")
 ARMS = frozenset(LEVER_ARMS.values())
 CAPABILITIES = frozenset(

@@ -21,7 +21,7 @@ from ninedisk.harness.engines.plane import contact_frame
 from ninedisk.harness.engines.spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps, laws_in_use
 from ninedisk.harness.wire.external import ExternalEngine
 
-DRIVER = Path(__file__).parents[1] / "drivers" / "lammps_driver.py"
+DRIVER = Path(__file__).with_name("driver.py")
 MPI = "libmpi.so.12"
 CAPABILITIES = (
     frozenset(Capability)

@@ -24,7 +24,7 @@ from ninedisk.harness.engines.spring import NOTE_SLIP_END, OF_SLIP_AT, contact_s
 from ninedisk.harness.run.warden import owned
 from ninedisk.harness.wire.external import ExternalEngine
 
-DRIVER = Path(__file__).parents[1] / "drivers" / "liggghts_driver.py"
+DRIVER = Path(__file__).with_name("driver.py")
 LIBRARY = "libliggghts.so.3"
 LDCONFIG = "/sbin/ldconfig"
 CAPABILITIES = frozenset(

@@ -28,7 +28,7 @@ from ninedisk.harness.wire.external import ExternalEngine
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 INSTALL = "apt-get install python3-siconos"
-DRIVER = Path(__file__).parents[1] / "drivers" / "siconos_driver.py"
+DRIVER = Path(__file__).with_name("driver.py")
 CAPABILITIES = frozenset(
     {
         Capability.FRICTION,

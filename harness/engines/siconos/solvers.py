@@ -29,7 +29,7 @@ from ninedisk.harness.run.isolation import run_isolated
 
 Solver = Literal["nsgs", "lemke"]
 ProblemFile = str | os.PathLike[str]
-DRIVER = Path(__file__).parents[1] / "drivers" / "siconos_solver_driver.py"
+DRIVER = Path(__file__).with_name("solver_driver.py")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from ninedisk.harness.engines.spring import NOTE_SLIP_END, OF_SLIP_AT, contact_s
 from ninedisk.harness.run.warden import owned
 from ninedisk.harness.wire.external import ExternalEngine
 
-DRIVER = Path(__file__).parents[1] / "drivers" / "yade_driver.py"
+DRIVER = Path(__file__).with_name("driver.py")
 _FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "DISPLAY", "OMPI_COMM_WORLD_RANK")
 CAPABILITIES = (
     frozenset(Capability)
