@@ -91,13 +91,13 @@ class EngineInfo:
 
     id: str
     name: str
-    version: str | None
+    version: str | None = None
     scheme: str
     contact: str
     licence: str
     how_it_runs: str
-    precision: str
-    threads: int
+    precision: str = "float64"
+    threads: int = 1
     install: str
     capabilities: frozenset[Capability]
     not_installed_because: str = ""

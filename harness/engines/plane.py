@@ -13,7 +13,20 @@ import numpy as np
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import FloatArray, Scene, Wall
+from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineError
+
+OF_SLIP = frozenset(
+    {
+        Capability.FRICTION,
+        Capability.SHEAR_SPRING,
+        Capability.LEVER_ARM_RADIUS,
+        Capability.LEVER_ARM_OVERLAP,
+        Capability.SLIP_MIDDLE,
+        Capability.SLIP_END,
+    }
+)
+"""What no engine needs where no contact can slip."""
 
 TOUCH_ULPS = 16.0
 """A gap is a sum of a few coordinates of disks and walls, each rounded to half a unit in the last place."""
@@ -256,3 +269,29 @@ def _images(one: Wall, two: Wall, foot: FloatArray, normal: FloatArray, size: fl
 
 def _same(one: FloatArray, two: FloatArray) -> bool:
     return bool((np.abs(one - two) <= TOLERANCE * float(np.abs(two).max(initial=0.0))).all())
+
+
+def no_contact_can_slip(scene: Scene) -> bool:
+    """Whether symmetry alone keeps every contact from slipping, whatever the friction between disks.
+
+    Equal disks at rest on a full rectangular lattice along x and y, smooth walls along x or y that move along their
+    normals, no gravity: with x a function of the column and y one of the row, contacts lie in rows and columns and their
+    forces depend on the column, or the row, alone. The motion therefore keeps that form, and no contact ever slips.
+    """
+    disks = scene.disks
+    if len(disks) == 0 or any(scene.gravity) or np.any(disks.v) or np.any(disks.omega):
+        return False
+    if any(np.ptp(values) for values in (disks.radius, disks.mass)):
+        return False
+    columns, rows = np.unique(disks.x[:, 0]), np.unique(disks.x[:, 1])
+    if len(columns) * len(rows) != len(disks) or len(np.unique(disks.x, axis=0)) != len(disks):
+        return False
+    for wall in scene.walls:
+        if wall.law.mu > 0.0 or 0.0 not in wall.normal:
+            return False
+        along = 0 if wall.normal[0] == 0.0 else 1
+        for segment in wall.motion:
+            sideways = (segment.velocity[along], segment.amplitude[along], segment.tan_lever[along])
+            if segment.angular_velocity or any(sideways):
+                return False
+    return True

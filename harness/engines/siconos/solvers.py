@@ -18,13 +18,8 @@ import numpy as np
 
 from ninedisk.core.cd.problem import ContactProblem, FloatArray, Residuals, measure
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
-from ninedisk.harness.engines.siconos.adapter import (
-    INSTALL,
-    SYSTEM_PYTHON,
-    clean_environment,
-    installed_siconos,
-    system_python,
-)
+from ninedisk.harness.engines.process import SYSTEM_PYTHON, clean_environment, system_python
+from ninedisk.harness.engines.siconos.adapter import INSTALL, installed_siconos
 from ninedisk.harness.run.isolation import run_isolated
 
 Solver = Literal["nsgs", "lemke"]

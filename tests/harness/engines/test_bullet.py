@@ -13,6 +13,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
+from ninedisk.harness.engines import package
 from ninedisk.harness.engines import plane as plane_geometry
 from ninedisk.harness.engines.bullet import adapter as adapter
 from ninedisk.harness.engines.bullet.adapter import ENGINE
@@ -238,7 +239,7 @@ def test_a_state_that_is_no_longer_finite_is_an_error(rigid, on_plane, monkeypat
 
 
 def test_without_pybullet_the_adapter_says_how_to_get_it(rigid, on_plane, monkeypatch):
-    monkeypatch.setattr(adapter, "package_version", lambda name: (None, f"no {name}"))
+    monkeypatch.setattr(package, "package_version", lambda name: (None, f"no {name}"))
     assert not ENGINE.info().installed
     with pytest.raises(EngineNotInstalledError, match="pip install pybullet"):
         ENGINE.run(on_plane(rigid()), numerics(1), [])

@@ -13,7 +13,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
-from ninedisk.harness.engines import package as package_engine
+from ninedisk.harness.engines import process
 from ninedisk.harness.engines.mujoco.adapter import ENGINE, OPTIONS, MuJoCoEngine
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution
 
@@ -68,15 +68,15 @@ def test_facts():
 
 def test_what_is_not_installed_says_how_to_get_it(monkeypatch):
     def missing(_name):
-        raise package_engine.metadata.PackageNotFoundError
+        raise process.metadata.PackageNotFoundError
 
-    package_engine.package_version.cache_clear()
-    monkeypatch.setattr(package_engine.metadata, "version", missing)
+    process.package_version.cache_clear()
+    monkeypatch.setattr(process.metadata, "version", missing)
     try:
         with pytest.raises(EngineNotInstalledError, match="pip install mujoco"):
             MuJoCoEngine().run(on_plane(rigid()), numerics(1), [])
     finally:
-        package_engine.package_version.cache_clear()
+        process.package_version.cache_clear()
 
 
 def test_what_it_cannot_express_is_refused_by_name():
