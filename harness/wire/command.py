@@ -196,6 +196,7 @@ _TRAITS = (
     "keeps_kn",
     "impact_as_springs",
     "normal_turns_in_impact",
+    "second_order_dashpots",
     "precision",
     "threads",
 )

@@ -94,7 +94,7 @@ def test_choices_are_those_of_the_code() -> None:
     assert one["description"] == "; ".join(f"{wire_name(each)}: {each}" for each in Capability) + "."
     assert set(about) - names(EngineInfo) == {"wire_version", "approximations"}
     # Whatever an adapter in Python can say of its engine, a command can say of itself; these two the harness says of it.
-    assert names(EngineInfo) - set(about) == {"how_it_runs", "not_installed_because"}
+    assert names(EngineInfo) - set(about) == {"how_it_runs", "not_installed_because", "reference"}
     arms = [wire_name(arm) for arm in ARMS_OF_LAWS.values()]
     assert about["turns_exactly_with"]["items"]["enum"] == about["arms_at_walls"]["items"]["enum"] == arms
     kinds = about["options"]["additionalProperties"]["oneOf"]
