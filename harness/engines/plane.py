@@ -6,6 +6,7 @@ Symmetry of scenes: where a mirror image alone keeps every disk from turning.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -114,6 +115,57 @@ def write_contacts(
         for (_, j), impulse in impulses.items():
             if j >= len(scene.disks):
                 history.wall_force[row, j - len(scene.disks)] -= impulse / dt
+
+
+class WorldSession(ABC):
+    """`Session` of an engine that steps a world of rigid bodies, whose forces are the impulses of a step.
+
+    A subclass builds the world and gives `engine` (its name in messages), `step`, `copy`, `impulses` and `drive`.
+    """
+
+    engine = ""
+
+    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
+        self.scene, self.dt, self.pairs, self.done = scene, numerics.dt, pairs, 0
+        self.poses, self.fixed = WallPoses(scene), scene.disks.fixed.tolist()
+
+    def warm_up(self) -> None:
+        """Compile the walls' motion where there is any; the engine itself is native code."""
+        self.poses(0.0)
+
+    def advance(self, n_steps: int) -> None:
+        """Step the world; before each step a moving wall gets its exact pose and the velocity that takes it to the next."""
+        for remaining in range(n_steps, 0, -1):
+            if self.poses.moving:
+                here, facing = self.poses(self.done * self.dt)
+                there, to_face = self.poses((self.done + 1) * self.dt)
+                for k in range(len(self.scene.walls)):
+                    self.drive(k, here[k], there[k], facing[k], turn(facing[k], to_face[k]) / self.dt)
+            self.step(last=remaining == 1)
+            self.done += 1
+
+    def observe(self, history: History, row: int) -> None:
+        """Copy the state, and the contact impulses of the last step as forces."""
+        self.copy(history, row)
+        finite_state(self.engine, self.done, history.x[row], history.v[row], history.omega[row])
+        impulses = self.impulses() if self.done else None
+        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
+
+    @abstractmethod
+    def step(self, *, last: bool) -> None:
+        """One step; ``last``: the next call is `observe`."""
+
+    @abstractmethod
+    def copy(self, history: History, row: int) -> None:
+        """Write positions, velocities, angles and spins."""
+
+    @abstractmethod
+    def impulses(self) -> Mapping[Pair, FloatArray]:
+        """Impulse [N s] of the last step on the first body of each touching pair, shape (2,)."""
+
+    @abstractmethod
+    def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
+        """Put wall ``k`` at ``here`` [m] with the normal ``facing``, on its way to ``there`` in one step, turning at ``rate`` [rad/s]."""
 
 
 def turn(one: FloatArray | tuple[float, float], two: FloatArray) -> float:
