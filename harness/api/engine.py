@@ -83,6 +83,11 @@ class EngineInfo:
     normal_turns_in_impact : bool
         Whether restitution takes the approach along the line of centres at the begin of a step, and the impulse acts along that at
         its end: e = 1 then gains energy, first order in the step.
+    second_order_dashpots : bool
+        Whether dashpots see the velocity of t_n to second order, as the exact steps of central differences have it; others
+        extrapolate it in a way of their own, to first order.
+    reference : bool
+        Whether other engines of its scheme are held against this one's runs; it has to report all that a history has room for.
     options : mapping from str to Option
         Settings that ``Numerics.options`` may hold as ``<id>.<name>``.
     out_of_scope : mapping from Capability to str
@@ -91,13 +96,13 @@ class EngineInfo:
 
     id: str
     name: str
-    version: str | None
+    version: str | None = None
     scheme: str
     contact: str
     licence: str
     how_it_runs: str
-    precision: str
-    threads: int
+    precision: str = "float64"
+    threads: int = 1
     install: str
     capabilities: frozenset[Capability]
     not_installed_because: str = ""
@@ -113,6 +118,8 @@ class EngineInfo:
     keeps_kn: bool = False
     impact_as_springs: bool = False
     normal_turns_in_impact: bool = False
+    second_order_dashpots: bool = False
+    reference: bool = False
     options: Mapping[str, Option] = field(default_factory=dict)
     out_of_scope: Mapping[Capability, str] = field(default_factory=dict)
 

@@ -38,14 +38,8 @@ from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
 from ninedisk.harness.bench.dem_engines import cores
 from ninedisk.harness.bench.measure import NotReachedError, Sample
-from ninedisk.harness.engines.package import package_version
-from ninedisk.harness.engines.siconos.adapter import (
-    INSTALL,
-    SYSTEM_PYTHON,
-    clean_environment,
-    installed_siconos,
-    system_python,
-)
+from ninedisk.harness.engines.process import SYSTEM_PYTHON, clean_environment, package_version, system_python
+from ninedisk.harness.engines.siconos.adapter import INSTALL, installed_siconos
 from ninedisk.harness.run.isolation import run_isolated
 
 FloatArray = NDArray[np.float64]

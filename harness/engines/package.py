@@ -1,73 +1,63 @@
-"""Engines that are Python packages with native code: each run in a process of its own, so that a crash is a status.
+"""Engines that are Python packages with native code: each runs in a process of its own, so that a crash is a status.
 
 The process runs this very Python and drives the engine's `Session` (see `ninedisk.harness.api.engine`); scene and history go
-over the wire format.
-
-Engines with rigid contacts that are Python packages: what they support, and their settings checked before they start.
+over the wire format. Most have rigid contacts: what those support is here, too.
 """
 
 from __future__ import annotations
 
 import math
-import sys
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import cache
-from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.options import Option, read_options
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.engine import EngineRun, Support
-from ninedisk.harness.engines.rigid import NOTE_PRELOAD, rigid_support, without_spring_preload
-from ninedisk.harness.wire.external import ExternalEngine
-
-DRIVER = Path(__file__).parent / "drivers" / "package_driver.py"
-
-
-@cache
-def package_version(distribution: str) -> tuple[str | None, str]:
-    """Version of an installed distribution and "", or None and the reason; imports nothing of it."""
-    try:
-        return metadata.version(distribution), ""
-    except metadata.PackageNotFoundError:
-        return None, f"there is no Python package {distribution} in this environment"
-
-
-class PackageEngine(ExternalEngine):
-    """Adapter of an engine whose `Session` lives in this package; a subclass gives `id`, `info`, `session`."""
-
-    @property
-    @abstractmethod
-    def session(self) -> str:
-        """Where the session is, ``"module:Class"``; its module may import the engine."""
-
-    def command(self) -> Sequence[str]:
-        """This Python with the driver; no user site, no current folder on its path."""
-        return [sys.executable, "-P", "-s", str(DRIVER), self.session]
-
-    def environment(self, folder: Path) -> Mapping[str, str]:
-        """One thread, and a home of its own for engines that write logs there."""
-        home = str(folder)
-        return {**super().environment(folder), "HOME": home, "MPLCONFIGDIR": home, "OMP_NUM_THREADS": "1"}
-
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run the engine on the scene without the preload of regularising springs; raises as `ExternalEngine.run`."""
-        return super().run(without_spring_preload(scene), numerics, watch)
-
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
+from ninedisk.harness.api.support import NOTE_PRELOAD, rigid_support, without_spring_preload
+from ninedisk.harness.engines.process import ProcessEngine, package_version
 
 _SMALL = 1e-8
 """Factor of a disk whose pairs with disks have the coefficient 0 while walls have another: 1e-16 is left between disks."""
 
 
-class RigidPackageEngine(PackageEngine):
-    """Adapter of such an engine; a subclass gives `id`, `info`, `session` and `options`."""
+class PackageEngine(ProcessEngine):
+    """Adapter of an engine whose `Session` lives in this package; a subclass gives `id`, `facts`, `session` and `distribution`."""
 
-    options: Mapping[str, Option] = {}
+    driver = Path(__file__).with_name("package_driver.py")
+    session: str
+    """Where the session is, ``"module:Class"``; its module may import the engine."""
+    distribution: str
+    """The Python package."""
+    keeps_overlaps = False
+    """Whether the engine gets the preload of regularising springs, too."""
+
+    def installed(self) -> tuple[str | None, str]:
+        """Version of the Python package."""
+        return package_version(self.distribution)
+
+    def command(self) -> Sequence[str]:
+        """This Python with the driver and the session's place."""
+        return [*super().command(), self.session]
+
+    def environment(self, folder: Path) -> Mapping[str, str]:
+        """One thread, and a home of its own for engines that write logs there."""
+        home = str(folder)
+        return {**super().environment(folder), "HOME": home, "MPLCONFIGDIR": home}
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene; raises `InvalidNumericsError` on an impossible setting, else as `ExternalEngine.run`."""
+        read_options(self.id, self.facts.options, numerics)
+        return super().run(scene if self.keeps_overlaps else without_spring_preload(scene), numerics, watch)
+
+
+class RigidPackageEngine(PackageEngine):
+    """Adapter of such an engine with rigid contacts."""
+
     preload_note = NOTE_PRELOAD
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
@@ -75,7 +65,7 @@ class RigidPackageEngine(PackageEngine):
         return rigid_support(
             scene,
             numerics,
-            self.info().capabilities,
+            self.facts.capabilities,
             refused=self.refusals(scene, numerics),
             approximations=self.approximations(scene, numerics),
             preload_note=self.preload_note,
@@ -89,10 +79,11 @@ class RigidPackageEngine(PackageEngine):
         """In what this engine only comes near to the scene."""
         return ()
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run the scene; raises `InvalidNumericsError` on an impossible setting, else as `PackageEngine.run`."""
-        read_options(self.id, self.options, numerics)
-        return super().run(scene, numerics, watch)
+
+def package_facts(distribution: str, **facts: Any) -> EngineInfo:
+    """`EngineInfo` of an engine that is this Python package, where its keywords do not say otherwise."""
+    how = f"process of its own (Python package {distribution})"
+    return EngineInfo(how_it_runs=how, install=f"pip install {distribution}", **facts)
 
 
 def prescribed_spins(scene: Scene, engine: str) -> list[str]:

@@ -6,6 +6,7 @@ Symmetry of scenes: where a mirror image alone keeps every disk from turning.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -14,7 +15,20 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall
 from ninedisk.core.validate import FloatArray
+from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineError
+
+OF_SLIP = frozenset(
+    {
+        Capability.FRICTION,
+        Capability.SHEAR_SPRING,
+        Capability.LEVER_ARM_RADIUS,
+        Capability.LEVER_ARM_OVERLAP,
+        Capability.SLIP_MIDDLE,
+        Capability.SLIP_END,
+    }
+)
+"""What no engine needs where no contact can slip."""
 
 TOUCH_ULPS = 16.0
 """A gap is a sum of a few coordinates of disks and walls, each rounded to half a unit in the last place."""
@@ -102,6 +116,57 @@ def write_contacts(
         for (_, j), impulse in impulses.items():
             if j >= len(scene.disks):
                 history.wall_force[row, j - len(scene.disks)] -= impulse / dt
+
+
+class WorldSession(ABC):
+    """`Session` of an engine that steps a world of rigid bodies, whose forces are the impulses of a step.
+
+    A subclass builds the world and gives `engine` (its name in messages), `step`, `copy`, `impulses` and `drive`.
+    """
+
+    engine = ""
+
+    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
+        self.scene, self.dt, self.pairs, self.done = scene, numerics.dt, pairs, 0
+        self.poses, self.fixed = WallPoses(scene), scene.disks.fixed.tolist()
+
+    def warm_up(self) -> None:
+        """Compile the walls' motion where there is any; the engine itself is native code."""
+        self.poses(0.0)
+
+    def advance(self, n_steps: int) -> None:
+        """Step the world; before each step a moving wall gets its exact pose and the velocity that takes it to the next."""
+        for remaining in range(n_steps, 0, -1):
+            if self.poses.moving:
+                here, facing = self.poses(self.done * self.dt)
+                there, to_face = self.poses((self.done + 1) * self.dt)
+                for k in range(len(self.scene.walls)):
+                    self.drive(k, here[k], there[k], facing[k], turn(facing[k], to_face[k]) / self.dt)
+            self.step(last=remaining == 1)
+            self.done += 1
+
+    def observe(self, history: History, row: int) -> None:
+        """Copy the state, and the contact impulses of the last step as forces."""
+        self.copy(history, row)
+        finite_state(self.engine, self.done, history.x[row], history.v[row], history.omega[row])
+        impulses = self.impulses() if self.done else None
+        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
+
+    @abstractmethod
+    def step(self, *, last: bool) -> None:
+        """One step; ``last``: the next call is `observe`."""
+
+    @abstractmethod
+    def copy(self, history: History, row: int) -> None:
+        """Write positions, velocities, angles and spins."""
+
+    @abstractmethod
+    def impulses(self) -> Mapping[Pair, FloatArray]:
+        """Impulse [N s] of the last step on the first body of each touching pair, shape (2,)."""
+
+    @abstractmethod
+    def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
+        """Put wall ``k`` at ``here`` [m] with the normal ``facing``, on its way to ``there`` in one step, turning at ``rate`` [rad/s]."""
 
 
 def turn(one: FloatArray | tuple[float, float], two: FloatArray) -> float:
@@ -257,3 +322,29 @@ def _images(one: Wall, two: Wall, foot: FloatArray, normal: FloatArray, size: fl
 
 def _same(one: FloatArray, two: FloatArray) -> bool:
     return bool((np.abs(one - two) <= TOLERANCE * float(np.abs(two).max(initial=0.0))).all())
+
+
+def no_contact_can_slip(scene: Scene) -> bool:
+    """Whether symmetry alone keeps every contact from slipping, whatever the friction between disks.
+
+    Equal disks at rest on a full rectangular lattice along x and y, smooth walls along x or y that move along their
+    normals, no gravity: with x a function of the column and y one of the row, contacts lie in rows and columns and their
+    forces depend on the column, or the row, alone. The motion therefore keeps that form, and no contact ever slips.
+    """
+    disks = scene.disks
+    if len(disks) == 0 or any(scene.gravity) or np.any(disks.v) or np.any(disks.omega):
+        return False
+    if any(np.ptp(values) for values in (disks.radius, disks.mass)):
+        return False
+    columns, rows = np.unique(disks.x[:, 0]), np.unique(disks.x[:, 1])
+    if len(columns) * len(rows) != len(disks) or len(np.unique(disks.x, axis=0)) != len(disks):
+        return False
+    for wall in scene.walls:
+        if wall.law.mu > 0.0 or 0.0 not in wall.normal:
+            return False
+        along = 0 if wall.normal[0] == 0.0 else 1
+        for segment in wall.motion:
+            sideways = (segment.velocity[along], segment.amplitude[along], segment.tan_lever[along])
+            if segment.angular_velocity or any(sideways):
+                return False
+    return True

@@ -1,36 +1,122 @@
-"""What adapters of engines with contact springs share."""
+"""Engines with contact springs in a process of their own: how they fit a scene, what their drivers get, what is on record."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
-from ninedisk.harness.api.capabilities import SLIP_AT
+from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
+from ninedisk.harness.api.engine import EngineRun, Support, SupportLevel
+from ninedisk.harness.api.support import NOTE_SLIP_END, OF_SLIP_AT, contact_steps, laws_in_use
+from ninedisk.harness.api.wall_path import wall_path
+from ninedisk.harness.engines.process import ProcessEngine
 
-OF_SLIP_AT = frozenset(SLIP_AT.values())
-"""What an engine may lack whose runs are those of the same physics, discretised otherwise: of first order in the step."""
-
-NOTE_SLIP_AT = (
-    "slip is not measured where in the step the scene's slip_at says: a difference of first order in the step"
-)
-NOTE_SLIP_END = (
-    "the half step's slip is measured with the normal of the step's end (slip_at = end): of first order in the step"
-)
+ARMS = frozenset(LEVER_ARMS.values())
 
 
-def contact_steps(scene: Scene, numerics: Numerics) -> tuple[int, float]:
-    """Contact steps in one ``dt`` and their length [s]: those of the in-house DEM, whose scheme it is.
+@dataclass
+class Fit:
+    """What keeps an engine from expressing a scene as it is.
 
-    Raises
-    ------
-    UnstableTimeStepError
-        If ``numerics.contact_dt`` exceeds the critical step and ``numerics.allow_unstable`` is False.
+    Attributes
+    ----------
+    missing : set of Capability
+        What it lacks.
+    near : set of Capability
+        What it lacks and comes near to: lever arms.
+    approximate, equivalent : bool
+        Whether it only comes near to the scene for another reason; whether it discretises the same physics otherwise.
+    notes : list of str
     """
-    from ninedisk.core.dem.arrays import contact_step
 
-    contact_dt, _ = contact_step(scene, numerics)
-    return numerics.substeps(contact_dt), contact_dt
+    missing: set[Capability]
+    near: set[Capability] = field(default_factory=set)
+    approximate: bool = False
+    equivalent: bool = False
+    notes: list[str] = field(default_factory=list)
+
+    def lacks(self, capability: Capability, note: str) -> None:
+        """Note that a capability is missing for this very scene."""
+        self.missing.add(capability)
+        self.notes.append(note)
+
+    def support(self) -> Support:
+        """The answer of `Engine.supports`."""
+        missing, notes = tuple(sorted(self.missing | self.near)), tuple(self.notes)
+        if self.missing:
+            return Support(SupportLevel.NO, missing, notes)
+        if self.near or self.approximate:
+            return Support(SupportLevel.APPROXIMATE, missing, notes)
+        return Support(SupportLevel.EQUIVALENT if self.equivalent else SupportLevel.EXACT, (), notes)
 
 
-def laws_in_use(scene: Scene) -> list[ContactLaw]:
-    """Laws of the pairs that the scene can have: between disks (of two or more), then of each wall."""
-    return ([scene.disk_disk] if len(scene.disks) > 1 else []) + [wall.law for wall in scene.walls]
+class SpringEngine(ProcessEngine):
+    """Adapter of an engine that integrates linear contact springs by central differences, as the in-house DEM does.
+
+    A subclass gives what a `ProcessEngine` asks for, and `judge`.
+    """
+
+    chosen: Mapping[str, Any]
+    """Settings of every run that are chosen on purpose, for the record."""
+    dashpot_note = "dashpot with the velocity of t_{n-1/2}; never tension"
+
+    @abstractmethod
+    def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
+        """Add to ``fit`` what the capabilities do not tell, and take out what this very scene does not ask for."""
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        """How far the engine's conventions are the scene's.
+
+        EQUIVALENT also where dashpots see v_{n-1/2} though the numerics ask for the central form, and where slip is asked for
+        elsewhere in the step: the same physics, first order in the step.
+        """
+        own = self.facts.capabilities
+        fit = Fit(set(capabilities_needed(scene, numerics) - own))
+        if own & OF_SLIP_AT and fit.missing & OF_SLIP_AT:
+            fit.missing -= OF_SLIP_AT
+            fit.equivalent = True
+            fit.notes.append(NOTE_SLIP_END)
+        self.judge(scene, numerics, fit)
+        if any(law.beta > 0.0 for law in laws_in_use(scene)) and Capability.CONTACT_DAMPING not in fit.missing:
+            fit.notes.append(self.dashpot_note)
+            fit.equivalent = fit.equivalent or numerics.damping_form == "central"
+        return fit.support()
+
+    def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
+        """Contact step, and the walls' path at every contact step (a file: it can be long)."""
+        count, contact_dt = contact_steps(scene, numerics)
+        path = folder / "wall_path.npy"
+        np.save(path, wall_path(scene, contact_dt, count * numerics.n_steps))
+        return {"substeps": count, "contact_dt": contact_dt, "wall_path": str(path)}
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the engine; raises as `ExternalEngine.run`."""
+        done = super().run(scene, numerics, watch)
+        count, contact_dt = contact_steps(scene, numerics)
+        settings = {
+            "contact_dt": contact_dt,
+            "contact_steps_per_dt": count,
+            "damping_form": numerics.damping_form,
+            "start": "half kick: v(1/2) = v0 + dt/2 (F0/m - xi v0), set by the driver",
+            **self.chosen,
+            "threads": 1,
+        }
+        return EngineRun(history=done.history, timings=done.timings, settings={**settings, **done.settings})
+
+
+def rough(law: ContactLaw) -> bool:
+    """Whether a contact can carry shear."""
+    return law.mu > 0.0 and law.ks > 0.0
+
+
+def turns(wall_motion: Sequence[Any]) -> bool:
+    """Whether a wall with this motion turns."""
+    return any(segment.angular_velocity for segment in wall_motion)

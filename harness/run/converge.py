@@ -23,7 +23,7 @@ from ninedisk.core.history import History
 from ninedisk.harness.api.case import Case, Check, Observed, Setup
 from ninedisk.harness.api.engine import Engine, EngineInfo
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.engines.spring import contact_steps, laws_in_use
+from ninedisk.harness.api.support import contact_steps, laws_in_use
 from ninedisk.harness.results.tables import CaseResult, Row
 from ninedisk.harness.run.judge import expected_series
 from ninedisk.harness.run.matched import slip_of

@@ -86,7 +86,7 @@ STEPS = (
             (BATCH, "for_disks <= near.reach[0] - 2.0 * moved and for_walls <= near.reach[1] - moved - turned",
              "for_disks <= near.reach[0] and for_walls <= near.reach[1]")),
     _kernel("parting-dead", "contacts that part are stopped dead where other impulses close them", "gas-newton",
-            (FRAMES, "if before < 0.0 else before", "if before < 0.0 else 0.0")),
+            (SHARED, "if before < 0.0 else before", "if before < 0.0 else 0.0")),
 )  # fmt: skip
 
 HOLES = tuple(

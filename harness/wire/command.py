@@ -27,9 +27,15 @@ from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineRun, EngineTimeoutError, Support, SupportLevel
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.registry import engine_table
+from ninedisk.harness.api.support import (
+    NOTE_SLIP_AT,
+    OF_SLIP_AT,
+    contact_steps,
+    laws_in_use,
+    rigid_support,
+    without_spring_preload,
+)
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.engines.rigid import rigid_support, without_spring_preload
-from ninedisk.harness.engines.spring import NOTE_SLIP_AT, OF_SLIP_AT, contact_steps, laws_in_use
 from ninedisk.harness.run.isolation import Finished, run_isolated, time_limit_from_environment
 from ninedisk.harness.wire.external import ExternalEngine
 from ninedisk.harness.wire.protocol import WireError, parse_message
@@ -190,6 +196,7 @@ _TRAITS = (
     "keeps_kn",
     "impact_as_springs",
     "normal_turns_in_impact",
+    "second_order_dashpots",
     "precision",
     "threads",
 )

@@ -9,7 +9,7 @@ from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
-from ninedisk.harness.engines.spring import contact_steps
+from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.run.plan import plan_case
 from ninedisk.harness.wire.command import CommandEngine
 from ninedisk.harness.wire.protocol import Request, encode_request

@@ -21,7 +21,7 @@ import numpy as np
 import yade
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(sys.argv[0])))  # YADE runs this file without its folder on the path
-sys.path.insert(1, os.path.join(sys.path[0], "..", "..", "engines", "drivers"))
+sys.path.insert(1, os.path.join(sys.path[0], "..", "..", "engines", "yade"))
 from dem_request import kinetic, read_request, resident, write_answer
 from yade import (
     Bo1_Box_Aabb,

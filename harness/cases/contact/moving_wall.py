@@ -121,8 +121,7 @@ class MovingWall:
             expected = told(observed, engine, name, curve[observed.step])
             found.append(Check(quantity=name, expected=expected, atol=1e-14, **common))  # type: ignore[arg-type]
         exact = engine.scheme == "central-difference" and params["damping_form"] == "central"
-        # Others extrapolate the velocity in a way of their own.
-        if exact and (params["beta"] == 0.0 or engine.id == "dem"):
+        if exact and (params["beta"] == 0.0 or engine.second_order_dashpots):
             found += _compared(params, observed, engine, _stepped(params, t), "exact-step", 0.0)
         continuous, relative = _continuous(params, t), _relative(params, engine)
         found += _compared(params, observed, engine, continuous, "analytic", relative)

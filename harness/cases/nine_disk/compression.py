@@ -215,7 +215,7 @@ def compression_checks(
     outlined = params["shape"] == "nurbs"
     if outlined:
         found.append(outline_check())
-    if engine.scheme == "central-difference" and (outlined or engine.id != "dem"):
+    if engine.scheme == "central-difference" and (outlined or not engine.reference):
         history = core_history(as_disks(setup) if outlined else setup, engine)
         at = np.searchsorted(history.step, observed.step)
         expected = {name: history.fn[at, history.contact(pair)] for name, pair in setup.labels.items()}

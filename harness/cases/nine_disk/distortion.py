@@ -269,7 +269,7 @@ def distortion_checks(
     outlined = params["shape"] == "nurbs"
     if outlined:
         found.append(outline_check())
-    if engine.scheme == "central-difference" and (outlined or engine.id != "dem"):
+    if engine.scheme == "central-difference" and (outlined or not engine.reference):
         history = core_history(as_disks(setup) if outlined else setup, engine)
         rows = np.searchsorted(history.step, observed.step + history.step[-1] - observed.step[-1])
         expected = {}

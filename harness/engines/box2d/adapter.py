@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from ninedisk.core.options import Option
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.engines.package import RigidPackageEngine, package_version
+from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
 CAPABILITIES = frozenset(
     {
@@ -45,32 +44,27 @@ OPTIONS = {
 }
 
 
+FACTS = package_facts(
+    "Box2D",
+    id="box2d",
+    name="Box2D",
+    scheme="semi-implicit-euler",
+    contact="impulse",
+    options=OPTIONS,
+    out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), RIGID_BODIES),
+    licence="zlib",
+    precision="float32",
+    capabilities=CAPABILITIES,
+)
+
+
 class Box2DEngine(RigidPackageEngine):
     """Adapter of Box2D."""
 
     id = "box2d"
     session = "ninedisk.harness.engines.box2d.session:Box2DSession"
-    options = OPTIONS
-
-    def info(self) -> EngineInfo:
-        """Facts about the installed Box2D; does not import it."""
-        version, because = package_version("Box2D")
-        return EngineInfo(
-            id=self.id,
-            name="Box2D",
-            version=version,
-            scheme="semi-implicit-euler",
-            contact="impulse",
-            options=OPTIONS,
-            out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), RIGID_BODIES),
-            licence="zlib",
-            how_it_runs="process of its own (Python package Box2D)",
-            precision="float32",
-            threads=1,
-            install="pip install Box2D",
-            capabilities=CAPABILITIES,
-            not_installed_because=because,
-        )
+    distribution = "Box2D"
+    facts = FACTS
 
 
 ENGINE = Box2DEngine()

@@ -33,14 +33,12 @@ from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.engines.box2d.adapter import OPTIONS
 from ninedisk.harness.engines.plane import (
-    WallPoses,
-    finite_state,
+    WorldSession,
     path,
     size,
     top_speed,
     turn,
     wall_reach,
-    write_contacts,
 )
 
 ENGINE_VERSION = version("Box2D")
@@ -88,12 +86,14 @@ def _power_of_two(at_least: float) -> float:
     return float(2.0 ** math.ceil(math.log2(at_least)))
 
 
-class Box2DSession:
+class Box2DSession(WorldSession):
     """The `Session` of one run."""
 
-    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
+    engine = "Box2D"
+
+    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
+        super().__init__(scene, numerics, pairs)
         options = read_options("box2d", OPTIONS, numerics)
-        self.scene, self.dt, self.done = scene, numerics.dt, 0
         self.reach = wall_reach(scene, numerics, "Box2D")
         self.units = units = units_of(scene, numerics)
         extent = (size(scene) + path(scene, numerics)) / units.length
@@ -119,41 +119,38 @@ class Box2DSession:
             "box2d.pair_coefficients": "the scene's own, set on each contact",
             "wall_half_length": self.reach,
         }
-        self.poses, self.fixed = WallPoses(scene), scene.disks.fixed.tolist()
         self.walls = [self._wall(k) for k in range(len(scene.walls))]
         self.disks = [self._disk(i) for i in range(len(scene.disks))]
         self.laws, self.recorder = _Laws(scene), _Recorder(scene)
 
-    def warm_up(self) -> None:
-        """Compile the walls' motion where there is any; Box2D itself is native code."""
-        self.poses(0.0)
-
-    def advance(self, n_steps: int) -> None:
+    def step(self, *, last: bool) -> None:
         """Step the world; impulses are recorded in the last step only."""
+        self.world.contactListener = self.recorder if last else self.laws
         step = self.dt / self.units.time
-        self.world.contactListener = self.laws
-        for remaining in range(n_steps, 0, -1):
-            if remaining == 1:
-                self.recorder.forget()
-                self.world.contactListener = self.recorder
-            if self.poses.moving:
-                self._drive_walls()
-            self.world.Step(step, *self.iterations)
-            self.done += 1
-            self._check_speeds(step)
+        self.recorder.forget()
+        self.world.Step(step, *self.iterations)
+        self._check_speeds(step)
 
-    def observe(self, history: History, row: int) -> None:
-        """Copy the state, and the contact impulses of the last step as forces."""
+    def copy(self, history: History, row: int) -> None:
+        """Copy the state."""
         length, velocity, time = self.units.length, self.units.velocity, self.units.time
         for i, body in enumerate(self.disks):
             history.x[row, i] = np.multiply(body.position, length)
             history.v[row, i] = np.multiply(body.linearVelocity, velocity)
             history.angle[row, i] = body.angle
             history.omega[row, i] = body.angularVelocity / time
-        finite_state("Box2D", self.done, history.x[row], history.v[row])
-        scale = self.units.mass * velocity
-        impulses = {pair: scale * impulse for pair, impulse in self.recorder.impulses.items()} if self.done else None
-        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
+
+    def impulses(self) -> dict[Pair, FloatArray]:
+        """Those of the last step."""
+        scale = self.units.mass * self.units.velocity
+        return {pair: scale * impulse for pair, impulse in self.recorder.impulses.items()}
+
+    def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
+        """Set a wall's pose and its chord velocity over the coming step."""
+        body = self.walls[k]
+        body.transform = (_pair(here / self.units.length), _tilt(facing))
+        body.linearVelocity = _pair((there - here) / self.dt / self.units.velocity)
+        body.angularVelocity = rate * self.units.time
 
     def _check_speeds(self, step: float) -> None:
         """Raise where Box2D has cut a velocity off, which it does in silence."""
@@ -164,22 +161,13 @@ class Box2DSession:
             if math.hypot(v[0], v[1]) >= fastest:
                 limit = Box2D.b2_maxTranslation * self.units.length / self.dt
                 raise EngineError(
-                    f"Box2D: disk {i} has reached {limit:g} m/s at step {self.done}, the speed at which Box2D cuts "
+                    f"Box2D: disk {i} has reached {limit:g} m/s at step {self.done + 1}, the speed at which Box2D cuts "
                     "velocities off in these units; reduce dt"
                 )
             if abs(body.angularVelocity) >= spinning:
                 raise EngineError(
-                    f"Box2D: disk {i} turns by a quarter turn in step {self.done}, where Box2D cuts spins off; reduce dt"
+                    f"Box2D: disk {i} turns by a quarter turn in step {self.done + 1}, where Box2D cuts spins off; reduce dt"
                 )
-
-    def _drive_walls(self) -> None:
-        """Give the walls their exact poses, and the chord velocities over the coming step."""
-        here, facing = self.poses(self.done * self.dt)
-        there, to_face = self.poses((self.done + 1) * self.dt)
-        for k, body in enumerate(self.walls):
-            body.transform = (_pair(here[k] / self.units.length), _tilt(facing[k]))
-            body.linearVelocity = _pair((there[k] - here[k]) / self.dt / self.units.velocity)
-            body.angularVelocity = turn(facing[k], to_face[k]) / self.dt * self.units.time
 
     def _disk(self, i: int) -> Any:
         disks, units = self.scene.disks, self.units

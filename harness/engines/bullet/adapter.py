@@ -12,9 +12,8 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.engines.package import RigidPackageEngine, package_version
-from ninedisk.harness.engines.spring import laws_in_use
+from ninedisk.harness.api.support import laws_in_use
+from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
 CAPABILITIES = frozenset(
     {
@@ -50,31 +49,25 @@ MAX_FRICTION = 10.0
 """Bullet caps the coefficient of a pair here."""
 
 
+FACTS = package_facts(
+    "pybullet",
+    id="bullet",
+    name="Bullet",
+    scheme="semi-implicit-euler",
+    contact="impulse",
+    options=OPTIONS,
+    licence="zlib",
+    capabilities=CAPABILITIES,
+)
+
+
 class BulletEngine(RigidPackageEngine):
     """Adapter of Bullet."""
 
     id = "bullet"
     session = "ninedisk.harness.engines.bullet.session:BulletSession"
-    options = OPTIONS
-
-    def info(self) -> EngineInfo:
-        """Facts about the installed pybullet; does not import it."""
-        version, because = package_version("pybullet")
-        return EngineInfo(
-            id=self.id,
-            name="Bullet",
-            version=version,
-            scheme="semi-implicit-euler",
-            contact="impulse",
-            options=OPTIONS,
-            licence="zlib",
-            how_it_runs="process of its own (Python package pybullet)",
-            precision="float64",
-            threads=1,
-            install="pip install pybullet",
-            capabilities=CAPABILITIES,
-            not_installed_because=because,
-        )
+    distribution = "pybullet"
+    facts = FACTS
 
     def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """A friction that Bullet would cap in silence."""

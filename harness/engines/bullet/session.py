@@ -24,16 +24,15 @@ from typing import Any
 
 import numpy as np
 import pybullet
-from numpy.typing import NDArray
 from pybullet_utils.bullet_client import BulletClient
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
-from ninedisk.core.scene import Scene
+from ninedisk.core.scene import FloatArray, Scene
 from ninedisk.harness.engines.bullet.adapter import OPTIONS
 from ninedisk.harness.engines.package import product_factors
-from ninedisk.harness.engines.plane import WallPoses, finite_state, touch_length, turn, write_contacts
+from ninedisk.harness.engines.plane import WorldSession, touch_length, turn
 
 ENGINE_VERSION = version("pybullet")
 
@@ -41,12 +40,14 @@ _UNLIMITED = 1e30
 """Limit [m/s, rad/s] of a body's velocities; Bullet's own is 100."""
 
 
-class BulletSession:
+class BulletSession(WorldSession):
     """The `Session` of one run."""
 
-    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
+    engine = "Bullet"
+
+    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
+        super().__init__(scene, numerics, pairs)
         options = read_options("bullet", OPTIONS, numerics)
-        self.scene, self.dt, self.done = scene, numerics.dt, 0
         touch = touch_length(scene, numerics, "Bullet")
         radii = scene.disks.radius
         self.unit = 2.0 ** -round(math.log2(float(radii.mean()))) if len(radii) else 1.0
@@ -79,40 +80,30 @@ class BulletSession:
         alone = len(scene.disks) < 2
         friction = product_factors(None if alone else law.mu, [wall.mu for wall in walls])
         bounce = product_factors(None if alone else law.restitution or 0.0, [wall.restitution or 0.0 for wall in walls])
-        self.poses, self.fixed = WallPoses(scene), scene.disks.fixed.tolist()
         self.disks = [self._disk(i, friction[0], bounce[0]) for i in range(len(scene.disks))]
         self.walls = [self._wall(k, friction[1][k], bounce[1][k]) for k in range(len(scene.walls))]
         self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
         self.angle = np.zeros(len(scene.disks))
 
-    def warm_up(self) -> None:
-        """Compile the walls' motion where there is any; Bullet itself is native code."""
-        self.poses(0.0)
+    def step(self, *, last: bool) -> None:  # noqa: ARG002
+        """Step the world, and follow the rotations: Bullet knows orientations, not angles."""
+        self.world.stepSimulation()
+        for i, body in enumerate(self.disks):
+            _, (_, _, z, w) = self.world.getBasePositionAndOrientation(body)
+            self.angle[i] += math.remainder(2.0 * math.atan2(z, w) - self.angle[i], math.tau)
 
-    def advance(self, n_steps: int) -> None:
-        """Step the world; moving walls reach their exact pose at the end of each step."""
-        for _ in range(n_steps):
-            if self.poses.moving:
-                self._drive_walls()
-            self.world.stepSimulation()
-            self.done += 1
-            self._follow_rotation()
-
-    def observe(self, history: History, row: int) -> None:
-        """Copy the state, and the contact impulses of the last step as forces."""
+    def copy(self, history: History, row: int) -> None:
+        """Copy the state."""
         for i, body in enumerate(self.disks):
             position, _ = self.world.getBasePositionAndOrientation(body)
             velocity, spin = self.world.getBaseVelocity(body)
             history.x[row, i], history.v[row, i] = np.array([position[:2], velocity[:2]]) / self.unit
             history.omega[row, i] = spin[2]
         history.angle[row] = self.angle
-        finite_state("Bullet", self.done, history.x[row], history.v[row], history.omega[row])
-        impulses = self._impulses() if self.done else None
-        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
 
-    def _impulses(self) -> dict[Pair, NDArray[np.float64]]:
+    def impulses(self) -> dict[Pair, FloatArray]:
         """Impulse [N s] of the last step on the first body of each touching pair."""
-        found: dict[Pair, NDArray[np.float64]] = {}
+        found: dict[Pair, FloatArray] = {}
         for contact in self.world.getContactPoints():
             one, two = self.number[contact[1]], self.number[contact[2]]
             # Bullet's normal points from its second body to its first; its forces act on the first.
@@ -124,23 +115,12 @@ class BulletSession:
             found[pair] = found.get(pair, np.zeros(2)) + (on_first if one < two else -on_first)
         return found
 
-    def _follow_rotation(self) -> None:
-        """Add the last step's rotations; Bullet knows orientations, not angles."""
-        for i, body in enumerate(self.disks):
-            _, (_, _, z, w) = self.world.getBasePositionAndOrientation(body)
-            self.angle[i] += math.remainder(2.0 * math.atan2(z, w) - self.angle[i], math.tau)
-
-    def _drive_walls(self) -> None:
-        """Set the walls' poses and their chord velocities over the coming step."""
-        here, facing = self.poses(self.done * self.dt)
-        there, to_face = self.poses((self.done + 1) * self.dt)
-        for k, body in enumerate(self.walls):
-            half = 0.5 * turn(self.scene.walls[k].normal, facing[k])
-            self.world.resetBasePositionAndOrientation(
-                body, [*(here[k] * self.unit), 0.0], [0.0, 0.0, math.sin(half), math.cos(half)]
-            )
-            rate = turn(facing[k], to_face[k]) / self.dt
-            self.world.resetBaseVelocity(body, [*((there[k] - here[k]) * (self.unit / self.dt)), 0.0], [0.0, 0.0, rate])
+    def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
+        """Set a wall's pose and its chord velocity over the coming step."""
+        half = 0.5 * turn(self.scene.walls[k].normal, facing)
+        body, place = self.walls[k], [*(here * self.unit), 0.0]
+        self.world.resetBasePositionAndOrientation(body, place, [0.0, 0.0, math.sin(half), math.cos(half)])
+        self.world.resetBaseVelocity(body, [*((there - here) * (self.unit / self.dt)), 0.0], [0.0, 0.0, rate])
 
     def _disk(self, i: int, friction: float, restitution: float) -> int:
         disks = self.scene.disks

@@ -14,8 +14,13 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel, Timings
-from ninedisk.harness.engines.rigid import has_spring_preload, rigid_needs, without_spring_preload
-from ninedisk.harness.engines.spring import NOTE_SLIP_AT, OF_SLIP_AT
+from ninedisk.harness.api.support import (
+    NOTE_SLIP_AT,
+    OF_SLIP_AT,
+    has_spring_preload,
+    rigid_needs,
+    without_spring_preload,
+)
 
 CAPABILITIES = frozenset(Capability) - {
     Capability.AREA_CONTACT,

@@ -15,8 +15,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.engines.package import RigidPackageEngine, package_version, prescribed_spins
+from ninedisk.harness.engines.package import RigidPackageEngine, package_facts, prescribed_spins
 
 CAPABILITIES = frozenset(
     {
@@ -52,34 +51,28 @@ OPTIONS = {
 }
 
 
+FACTS = package_facts(
+    "dartpy",
+    id="dart",
+    name="DART",
+    scheme="semi-implicit Euler, regularised",
+    contact="soft",
+    softness=FORCE_MIXING,
+    softness_why="constraint force mixing",
+    options=OPTIONS,
+    out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), NO_SPRINGS),
+    licence="BSD-2-Clause",
+    capabilities=CAPABILITIES,
+)
+
+
 class DartEngine(RigidPackageEngine):
     """Adapter of DART."""
 
     id = "dart"
     session = "ninedisk.harness.engines.dart.session:DartSession"
-    options = OPTIONS
-
-    def info(self) -> EngineInfo:
-        """Facts about the installed dartpy; does not import it."""
-        version, because = package_version("dartpy")
-        return EngineInfo(
-            id=self.id,
-            name="DART",
-            version=version,
-            scheme="semi-implicit Euler, regularised",
-            contact="soft",
-            softness=FORCE_MIXING,
-            softness_why="constraint force mixing",
-            options=OPTIONS,
-            out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), NO_SPRINGS),
-            licence="BSD-2-Clause",
-            how_it_runs="process of its own (Python package dartpy)",
-            precision="float64",
-            threads=1,
-            install="pip install dartpy",
-            capabilities=CAPABILITIES,
-            not_installed_because=because,
-        )
+    distribution = "dartpy"
+    facts = FACTS
 
     def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """What the smaller of two coefficients, and a body without the rotation's degree of freedom, cannot express."""

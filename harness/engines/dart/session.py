@@ -17,15 +17,14 @@ from typing import Any
 
 import dartpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
-from ninedisk.core.scene import Scene
+from ninedisk.core.scene import FloatArray, Scene
 from ninedisk.harness.engines.dart.adapter import FORCE_MIXING, OPTIONS
 from ninedisk.harness.engines.package import product_factors
-from ninedisk.harness.engines.plane import WallPoses, finite_state, touch_length, turn, write_contacts
+from ninedisk.harness.engines.plane import WorldSession, touch_length, turn
 
 ENGINE_VERSION = str(dartpy.__version__)
 
@@ -43,12 +42,14 @@ DETECTORS = {
 }
 
 
-class DartSession:
+class DartSession(WorldSession):
     """The `Session` of one run."""
 
-    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
+    engine = "DART"
+
+    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
+        super().__init__(scene, numerics, pairs)
         options = read_options("dart", OPTIONS, numerics)
-        self.scene, self.dt, self.done = scene, numerics.dt, 0
         self.touch = touch_length(scene, numerics, "DART")
         sweeps = options["dart.solver"] == "nsgs"
         self.settings: dict[str, Any] = {
@@ -78,37 +79,25 @@ class DartSession:
             [wall.law.restitution or 0.0 for wall in scene.walls],
         )
         friction = _UNLIMITED if alone else scene.disk_disk.mu
-        self.poses = WallPoses(scene)
         self.number: dict[str, int] = {}
         self.disks = [self._disk(i, friction, bounce[0]) for i in range(len(scene.disks))]
         self.walls = [self._wall(k, bounce[1][k]) for k in range(len(scene.walls))]
 
-    def warm_up(self) -> None:
-        """Compile the walls' motion where there is any; DART itself is native code."""
-        self.poses(0.0)
+    def step(self, *, last: bool) -> None:  # noqa: ARG002
+        """Step the world."""
+        self.world.step()
 
-    def advance(self, n_steps: int) -> None:
-        """Step the world; moving walls are where they belong at the begin of each step."""
-        for _ in range(n_steps):
-            if self.poses.moving:
-                self._drive_walls()
-            self.world.step()
-            self.done += 1
-
-    def observe(self, history: History, row: int) -> None:
-        """Copy the state, and the contact impulses of the last step as forces."""
+    def copy(self, history: History, row: int) -> None:
+        """Copy the state."""
         for i, disk in enumerate(self.disks):
             position, velocity = disk.getPositions(), disk.getVelocities()
             history.x[row, i], history.v[row, i] = position[:2], velocity[:2]
             turning = len(position) > 2
             history.angle[row, i], history.omega[row, i] = (position[2], velocity[2]) if turning else (0.0, 0.0)
-        finite_state("DART", self.done, history.x[row], history.v[row], history.omega[row])
-        impulses = self._impulses() if self.done else None
-        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
 
-    def _impulses(self) -> dict[Pair, NDArray[np.float64]]:
+    def impulses(self) -> dict[Pair, FloatArray]:
         """Impulse [N s] of the last step on the first body of each touching pair."""
-        found: dict[Pair, NDArray[np.float64]] = {}
+        found: dict[Pair, FloatArray] = {}
         for contact in self.world.getLastCollisionResult().getContacts():
             objects = (contact.collisionObject1, contact.collisionObject2)
             one, two = (self.number[each.getShapeFrame().getName()] for each in objects)
@@ -117,14 +106,10 @@ class DartSession:
             found[pair] = found.get(pair, np.zeros(2)) + (on_first if one < two else -on_first)
         return found
 
-    def _drive_walls(self) -> None:
-        """Set the walls' poses and their chord velocities over the coming step."""
-        here, facing = self.poses(self.done * self.dt)
-        there, to_face = self.poses((self.done + 1) * self.dt)
-        for k, wall in enumerate(self.walls):
-            velocity = (there[k] - here[k]) / self.dt
-            wall.setPositions([*here[k], turn(self.scene.walls[k].normal, facing[k])])
-            wall.setVelocities([*velocity, turn(facing[k], to_face[k]) / self.dt])
+    def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
+        """Set a wall's pose and its chord velocity over the coming step."""
+        self.walls[k].setPositions([*here, turn(self.scene.walls[k].normal, facing)])
+        self.walls[k].setVelocities([*((there - here) / self.dt), rate])
 
     def _disk(self, i: int, friction: float, restitution: float) -> Any:
         disks = self.scene.disks

@@ -34,6 +34,8 @@ class DemEngine:
             threads=1,
             install="part of ninedisk",
             capabilities=frozenset(Capability) - LACKS,
+            second_order_dashpots=True,
+            reference=True,
         )
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:

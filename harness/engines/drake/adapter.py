@@ -12,19 +12,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
-import numpy as np
-
-from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.options import Option, read_options
+from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_version, prescribed_spins
-from ninedisk.harness.engines.spring import laws_in_use
-from ninedisk.harness.wire.external import ExternalEngine
+from ninedisk.harness.api.engine import Support, SupportLevel
+from ninedisk.harness.api.support import laws_in_use
+from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_facts, prescribed_spins
+from ninedisk.harness.engines.plane import OF_SLIP, no_contact_can_slip
 
 SPRINGS = frozenset(
     {
@@ -38,18 +34,6 @@ SPRINGS = frozenset(
     }
 )
 """Of the continuous plant. In the limit of small steps both forms of global damping are the same."""
-
-OF_SLIP = frozenset(
-    {
-        Capability.FRICTION,
-        Capability.SHEAR_SPRING,
-        Capability.LEVER_ARM_RADIUS,
-        Capability.LEVER_ARM_OVERLAP,
-        Capability.SLIP_MIDDLE,
-        Capability.SLIP_END,
-    }
-)
-"""What no engine needs where no contact can slip."""
 
 RIGID = frozenset({Capability.FRICTION, Capability.GRAVITY, Capability.BLOCKED_ROTATION, Capability.DISK_INERTIA})
 """Of the discrete plants: their walls rest, and all they know of impacts is dissipation."""
@@ -99,15 +83,19 @@ class DrakeEngine(PackageEngine):
 
     id = "drake"
     session = "ninedisk.harness.engines.drake.session:DrakeSession"
-    options = OPTIONS
-
-    def info(self) -> EngineInfo:
-        """Facts about the installed Drake; does not import it."""
-        return replace(
-            _info(self.id, "Drake", scheme="runge-kutta-3", contact="spring", capabilities=SPRINGS),
-            options=OPTIONS,
-            out_of_scope=dict.fromkeys((Capability.FRICTION, Capability.SHEAR_SPRING), REGULARISED),
-        )
+    distribution = "drake"
+    keeps_overlaps = True
+    facts = package_facts(
+        "drake",
+        id="drake",
+        name="Drake",
+        scheme="runge-kutta-3",
+        contact="spring",
+        licence="BSD-3-Clause",
+        capabilities=SPRINGS,
+        options=OPTIONS,
+        out_of_scope=dict.fromkeys((Capability.FRICTION, Capability.SHEAR_SPRING), REGULARISED),
+    )
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """Linear springs without dashpots, in scenes whose contacts do not slip."""
@@ -133,11 +121,6 @@ class DrakeEngine(PackageEngine):
             return Support(SupportLevel.APPROXIMATE, notes=tuple(notes))
         return Support(SupportLevel.EQUIVALENT if notes else SupportLevel.EXACT, notes=tuple(notes))
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run the scene with its overlaps; raises `InvalidNumericsError` on an impossible setting."""
-        read_options(self.id, self.options, numerics)
-        return ExternalEngine.run(self, scene, numerics, watch)
-
 
 class DrakeDiscreteEngine(RigidPackageEngine):
     """Adapter of Drake's discrete plants.
@@ -147,31 +130,30 @@ class DrakeDiscreteEngine(RigidPackageEngine):
 
     preload_note = "the shear forces of the preload are left out, its overlaps are kept: there is no shear spring"
 
+    distribution = "drake"
+    keeps_overlaps = True
+
     def __init__(
         self, engine_id: str, name: str, session: str, scheme: str, model: str, *, dilates: bool, friction_lags: bool
     ) -> None:
-        self.id, self.name, self.scheme, self.model = engine_id, name, scheme, model
-        self.dilates, self.friction_lags = dilates, friction_lags
-        self.options = DISCRETE_OPTIONS[engine_id]
-        self._session = f"ninedisk.harness.engines.drake.session:{session}"
-
-    @property
-    def session(self) -> str:
-        """The class for this approximation."""
-        return self._session
-
-    def info(self) -> EngineInfo:
-        """Facts about the installed Drake; does not import it."""
-        return replace(
-            _info(self.id, self.name, scheme=self.scheme, contact="soft", capabilities=RIGID),
-            dilates=self.dilates,
-            friction_lags=self.friction_lags,
+        self.id, self.model = engine_id, model
+        self.facts = package_facts(
+            "drake",
+            id=engine_id,
+            name=name,
+            scheme=scheme,
+            contact="soft",
+            licence="BSD-3-Clause",
+            capabilities=RIGID,
+            dilates=dilates,
+            friction_lags=friction_lags,
             softness=FRICTION_REGULARISATION,
             softness_why="regularisation of friction, sigma",
             keeps_kn=True,
-            options=self.options,
+            options=DISCRETE_OPTIONS[engine_id],
             out_of_scope={Capability.SHEAR_SPRING: REGULARISED},
         )
+        self.session = f"ninedisk.harness.engines.drake.session:{session}"
 
     def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """Coefficients that no two bodies' shares give, and spins that nothing may change."""
@@ -189,11 +171,6 @@ class DrakeDiscreteEngine(RigidPackageEngine):
     def approximations(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """The contact model."""
         return [self.model]
-
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run the scene with its overlaps; raises `InvalidNumericsError` on an impossible setting."""
-        read_options(self.id, self.options, numerics)
-        return ExternalEngine.run(self, scene, numerics, watch)
 
 
 def shares_in_series(between: float | None, with_walls: Sequence[float]) -> tuple[float, list[float]]:
@@ -220,50 +197,6 @@ def stiffness_refusals(scene: Scene) -> list[str]:
         for wall in scene.walls
         if wall.law.kn >= 2.0 * scene.disk_disk.kn
     ]
-
-
-def no_contact_can_slip(scene: Scene) -> bool:
-    """Whether symmetry alone keeps every contact from slipping, whatever the friction between disks.
-
-    Equal disks at rest on a full rectangular lattice along x and y, smooth walls along x or y that move along their
-    normals, no gravity: with x a function of the column and y one of the row, contacts lie in rows and columns and their
-    forces depend on the column, or the row, alone. The motion therefore keeps that form, and no contact ever slips.
-    """
-    disks = scene.disks
-    if len(disks) == 0 or any(scene.gravity) or np.any(disks.v) or np.any(disks.omega):
-        return False
-    if any(np.ptp(values) for values in (disks.radius, disks.mass)):
-        return False
-    columns, rows = np.unique(disks.x[:, 0]), np.unique(disks.x[:, 1])
-    if len(columns) * len(rows) != len(disks) or len(np.unique(disks.x, axis=0)) != len(disks):
-        return False
-    for wall in scene.walls:
-        if wall.law.mu > 0.0 or 0.0 not in wall.normal:
-            return False
-        along = 0 if wall.normal[0] == 0.0 else 1
-        for segment in wall.motion:
-            sideways = (segment.velocity[along], segment.amplitude[along], segment.tan_lever[along])
-            if segment.angular_velocity or any(sideways):
-                return False
-    return True
-
-
-def _info(engine_id: str, name: str, *, scheme: str, contact: str, capabilities: frozenset[Capability]) -> EngineInfo:
-    version, because = package_version("drake")
-    return EngineInfo(
-        id=engine_id,
-        name=name,
-        version=version,
-        scheme=scheme,
-        contact=contact,
-        licence="BSD-3-Clause",
-        how_it_runs="process of its own (Python package drake)",
-        precision="float64",
-        threads=1,
-        install="pip install drake",
-        capabilities=capabilities,
-        not_installed_because=because,
-    )
 
 
 ENGINES = (

@@ -12,11 +12,11 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
+from ninedisk.harness.api.support import laws_in_use
 from ninedisk.harness.api.wall_path import moving_until
 from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS, OPTIONS, shares_in_series
 from ninedisk.harness.engines.drake.world import ENGINE_VERSION, DrakeWorld, Surfaces
 from ninedisk.harness.engines.plane import WallPoses, finite_state, touch_length, write_contacts
-from ninedisk.harness.engines.spring import laws_in_use
 
 __all__ = ["ENGINE_VERSION", "DrakeSession", "LaggedSession", "SapSession"]
 

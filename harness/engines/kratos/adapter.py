@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.api.wall_path import wall_path
-from ninedisk.harness.engines.package import package_version
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.support import laws_in_use
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
-from ninedisk.harness.engines.spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps
-from ninedisk.harness.wire.external import ExternalEngine
+from ninedisk.harness.engines.process import package_version
+from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, rough, turns
 
-DRIVER = Path(__file__).parents[1] / "drivers" / "kratos_driver.py"
 PACKAGES = ("KratosDEMApplication", "KratosMultiphysics")
-ARMS = frozenset(LEVER_ARMS.values())
 CAPABILITIES = frozenset(
     {
         Capability.LINEAR_CONTACT,
@@ -62,107 +55,68 @@ NOTE_NO_DASHPOT = (
 )
 
 
-class Kratos(ExternalEngine):
+FACTS = EngineInfo(
+    id="kratos",
+    name="Kratos DEM",
+    scheme="central-difference",
+    contact="spring",
+    licence="BSD-4-Clause",
+    how_it_runs="subprocess: Python with Kratos as a package, scene and history as JSON",
+    install="pip install KratosMultiphysics KratosDEMApplication",
+    capabilities=CAPABILITIES,
+    turns_shear="to first order",
+    fixed_wall_shear=True,
+    arms_at_walls=frozenset(),
+    keeps_opened_shear=True,
+)
+
+
+class Kratos(SpringEngine):
     """Kratos DEM: cylinders in the plane, symplectic Euler, one thread."""
 
     id = "kratos"
+    facts = FACTS
+    driver = Path(__file__).with_name("driver.py")
+    dashpot_note = NOTE_DASHPOT
+    chosen: Mapping[str, Any] = {
+        "global damping": "external force -xi m v and moment -xi I w; central form by nodal masses and inertias times 1 + xi dt/2",
+        "reported_velocities": "(v(n-1/2) + v(n+1/2))/2",
+        "walls": "RigidEdge2D2N, one each, nodes placed by the driver at t_n before the forces at t_n",
+        "element": "CylinderParticle2D",
+        "scheme": "Symplectic_Euler, Direct_Integration",
+        "NeighbourSearchFrequency": 1,
+    }
 
-    def info(self) -> EngineInfo:
-        """Facts about Kratos; nothing of it is imported."""
+    def installed(self) -> tuple[str | None, str]:
+        """Version of Kratos' application, which needs the core beside it."""
         (version, reason), (core, without) = map(package_version, PACKAGES)
-        return EngineInfo(
-            id=self.id,
-            name="Kratos DEM",
-            version=version if core else None,
-            scheme="central-difference",
-            contact="spring",
-            licence="BSD-4-Clause",
-            how_it_runs="subprocess: Python with Kratos as a package, scene and history as JSON",
-            precision="float64",
-            threads=1,
-            install="pip install KratosMultiphysics KratosDEMApplication",
-            capabilities=CAPABILITIES,
-            not_installed_because=reason or without,
-            turns_shear="to first order",
-            fixed_wall_shear=True,
-            arms_at_walls=frozenset(),
-            keeps_opened_shear=True,
-        )
+        return version if core else None, reason or without
 
-    def command(self) -> Sequence[str]:
-        """This Python with the driver; no user site, no current folder on its path."""
-        return [sys.executable, "-P", "-s", str(DRIVER)]
+    def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
+        """EXACT for smooth walls and disks that roll on each other with the arm R - overlap/2, or where symmetry forbids turning.
 
-    def environment(self, folder: Path) -> Mapping[str, str]:
-        """One thread."""
-        return {**super().environment(folder), "OMP_NUM_THREADS": "1"}
-
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
-        """EXACT for smooth walls and disks that roll on each other with the arm R - overlap/2, and where symmetry forbids turning.
-
-        APPROXIMATE where a lever arm differs or rough walls turn; EQUIVALENT where a dashpot sees v_{n-1/2} though the numerics ask
-        for the central form, or slip is asked for in the middle of the step.
+        APPROXIMATE where a lever arm differs or rough walls turn.
         """
-        missing = set(capabilities_needed(scene, numerics))
-        notes: list[str] = []
-        early = missing & OF_SLIP_AT - CAPABILITIES
-        missing -= early
-        notes += [NOTE_SLIP_END] if early else []
         between = [scene.disk_disk] if len(scene.disks) > 1 else []
-        laws = between + [wall.law for wall in scene.walls]
-        turning, foreign = False, set[Capability]()
-        if missing & ARMS and no_disk_can_turn(scene):
-            notes.append(NOTE_SYMMETRY)
-        elif missing & ARMS:
-            notes += [NOTE_ARMS, NOTE_ROTATION]
-            foreign = {LEVER_ARMS[law.lever_arm] for law in between if _rough(law)} - {Capability.LEVER_ARM_OVERLAP}
-            foreign |= {LEVER_ARMS[wall.law.lever_arm] for wall in scene.walls if _rough(wall.law)}
-        missing -= CAPABILITIES | ARMS
-        if any(_rough(wall.law) and any(s.angular_velocity for s in wall.motion) for wall in scene.walls):
-            notes += [NOTE_WALL_VELOCITY, NOTE_TURNING]
-            turning = True
-        damped = [law for law in laws if law.beta > 0.0]
-        if any(wall.law.beta > 0.0 for wall in scene.walls) or any(_rough(law) for law in damped):
-            missing.add(Capability.CONTACT_DAMPING)
-            notes.append(NOTE_NO_DASHPOT)
-        if missing:
-            return Support(SupportLevel.NO, tuple(sorted(missing | foreign)), tuple(notes))
-        notes += [NOTE_DASHPOT] if damped else []
-        if foreign or turning:
-            return Support(SupportLevel.APPROXIMATE, tuple(sorted(foreign)), tuple(notes))
-        late = bool(damped) and numerics.damping_form == "central"
-        return Support(SupportLevel.EQUIVALENT if late or early else SupportLevel.EXACT, (), tuple(notes))
+        rough_walls = [wall for wall in scene.walls if rough(wall.law)]
+        fit.missing -= ARMS
+        if capabilities_needed(scene, numerics) & ARMS:
+            if no_disk_can_turn(scene):
+                fit.notes.append(NOTE_SYMMETRY)
+            else:
+                fit.notes += [NOTE_ARMS, NOTE_ROTATION]
+                arms = {LEVER_ARMS[law.lever_arm] for law in between if rough(law)} - {Capability.LEVER_ARM_OVERLAP}
+                fit.near |= arms | {LEVER_ARMS[wall.law.lever_arm] for wall in rough_walls}
+        if any(turns(wall.motion) for wall in rough_walls):
+            fit.notes += [NOTE_WALL_VELOCITY, NOTE_TURNING]
+            fit.approximate = True
+        damped = [law for law in laws_in_use(scene) if law.beta > 0.0]
+        if any(wall.law.beta > 0.0 for wall in scene.walls) or any(rough(law) for law in damped):
+            fit.lacks(Capability.CONTACT_DAMPING, NOTE_NO_DASHPOT)
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
-        """Contact step, the walls' path at every contact step (a file: it can be long), and the length of walls."""
-        count, contact_dt = contact_steps(scene, numerics)
-        path = folder / "wall_path.npy"
-        np.save(path, wall_path(scene, contact_dt, count * numerics.n_steps))
-        reach = wall_reach(scene, numerics, self.id)
-        return {"substeps": count, "contact_dt": contact_dt, "wall_path": str(path), "reach": reach}
-
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run Kratos; raises as `ExternalEngine.run`."""
-        done = super().run(scene, numerics, watch)
-        count, contact_dt = contact_steps(scene, numerics)
-        chosen = {
-            "contact_dt": contact_dt,
-            "contact_steps_per_dt": count,
-            "damping_form": numerics.damping_form,
-            "global damping": "external force -xi m v and moment -xi I w; central form by nodal masses and inertias times 1 + xi dt/2",
-            "start": "half kick: v(1/2) = v0 + dt/2 (F0/m - xi v0), set by the driver",
-            "reported_velocities": "(v(n-1/2) + v(n+1/2))/2",
-            "walls": "RigidEdge2D2N, one each, nodes placed by the driver at t_n before the forces at t_n",
-            "element": "CylinderParticle2D",
-            "scheme": "Symplectic_Euler, Direct_Integration",
-            "NeighbourSearchFrequency": 1,
-            "threads": 1,
-        }
-        return EngineRun(history=done.history, timings=done.timings, settings={**chosen, **done.settings})
-
-
-def _rough(law: ContactLaw) -> bool:
-    return law.mu > 0.0 and law.ks > 0.0
+        """Also the length of walls."""
+        return {**super().extra(scene, numerics, folder), "reach": wall_reach(scene, numerics, self.id)}
 
 
 ENGINE = Kratos()

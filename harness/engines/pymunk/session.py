@@ -20,25 +20,24 @@ from typing import Any
 
 import numpy as np
 import pymunk
-from numpy.typing import NDArray
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.harness.engines.plane import WallPoses, finite_state, touch_length, turn, wall_reach, write_contacts
-
-FloatArray = NDArray[np.float64]
+from ninedisk.core.scene import FloatArray, Scene
+from ninedisk.harness.engines.plane import WorldSession, touch_length, turn, wall_reach
 
 _MEETS_DISKS, _MEETS_WALLS, _WALL = 1, 2, 4
 
 
-class PymunkSession:
+class PymunkSession(WorldSession):
     """The `Session` of one run."""
+
+    engine = "pymunk"
 
     def __init__(
         self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...], *, options: Mapping[str, Any]
     ) -> None:
-        self.scene, self.dt, self.pairs, self.done = scene, numerics.dt, pairs, 0
+        super().__init__(scene, numerics, pairs)
         self.reach = wall_reach(scene, numerics, "pymunk")
         self.touch = touch_length(scene, numerics, "pymunk")
         self.space = pymunk.Space()
@@ -56,35 +55,23 @@ class PymunkSession:
             "pymunk.damping": self.space.damping,
             "wall_half_length": self.reach,
         }
-        self.poses, self.fixed = WallPoses(scene), scene.disks.fixed.tolist()
         self.walls = [self._wall(k) for k in range(len(scene.walls))]
         self.disks = [self._disk(i) for i in range(len(scene.disks))]
         self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
 
-    def warm_up(self) -> None:
-        """Compile the walls' motion where there is any; pymunk itself is native code."""
-        self.poses(0.0)
+    def step(self, *, last: bool) -> None:  # noqa: ARG002
+        """Step the space."""
+        self.space.step(self.dt)
 
-    def advance(self, n_steps: int) -> None:
-        """Step the space; moving walls reach their exact pose at the end of each step."""
-        for _ in range(n_steps):
-            if self.poses.moving:
-                self._drive_walls()
-            self.space.step(self.dt)
-            self.done += 1
-
-    def observe(self, history: History, row: int) -> None:
-        """Copy the state, and the contact impulses of the last step as forces."""
+    def copy(self, history: History, row: int) -> None:
+        """Copy the state."""
         for i, body in enumerate(self.disks):
             history.x[row, i] = body.position
             history.v[row, i] = body.velocity
             history.angle[row, i] = body.angle
             history.omega[row, i] = body.angular_velocity
-        finite_state("pymunk", self.done, history.x[row], history.v[row])
-        pose = self.poses(self.done * self.dt)
-        write_contacts(self.scene, history, row, pose, self._impulses() if self.done else None, self.dt)
 
-    def _impulses(self) -> dict[Pair, FloatArray]:
+    def impulses(self) -> dict[Pair, FloatArray]:
         """Impulse [N s] of the last step on the first body of each touching pair that is watched or has a wall."""
         found: dict[Pair, FloatArray] = {}
 
@@ -98,17 +85,14 @@ class PymunkSession:
             body.each_arbiter(collect)
         return found
 
-    def _drive_walls(self) -> None:
-        """Set the walls' chord velocities over the coming step."""
-        here, facing = self.poses(self.done * self.dt)
-        there, to_face = self.poses((self.done + 1) * self.dt)
-        for k, body in enumerate(self.walls):
-            first = self.scene.walls[k].normal
-            body.position = tuple(here[k].tolist())
-            body.angle = turn(first, facing[k])
-            body.velocity = tuple(((there[k] - here[k]) / self.dt).tolist())
-            body.angular_velocity = turn(facing[k], to_face[k]) / self.dt
-            self.space.reindex_shapes_for_body(body)
+    def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
+        """Set a wall's pose and its chord velocity over the coming step."""
+        body = self.walls[k]
+        body.position = tuple(here.tolist())
+        body.angle = turn(self.scene.walls[k].normal, facing)
+        body.velocity = tuple(((there - here) / self.dt).tolist())
+        body.angular_velocity = rate
+        self.space.reindex_shapes_for_body(body)
 
     def _disk(self, i: int) -> pymunk.Body:
         disks, law, fixed = self.scene.disks, self.scene.disk_disk, self.fixed[i]

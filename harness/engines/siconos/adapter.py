@@ -5,10 +5,7 @@ Siconos is Debian's ``python3-siconos`` and lives under the system's Python only
 
 from __future__ import annotations
 
-import os
-import subprocess
 from collections.abc import Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +17,19 @@ from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
+from ninedisk.harness.api.support import rigid_support, without_spring_preload
 from ninedisk.harness.api.wall_path import wall_path
 from ninedisk.harness.engines.plane import path, touch_length
-from ninedisk.harness.engines.rigid import rigid_support, without_spring_preload
-from ninedisk.harness.run.warden import owned
-from ninedisk.harness.wire.external import ExternalEngine
+from ninedisk.harness.engines.process import (
+    SYSTEM_PYTHON,
+    ProcessEngine,
+    clean_environment,
+    system_python,
+    system_version,
+)
 
-SYSTEM_PYTHON = "/usr/bin/python3"
 INSTALL = "apt-get install python3-siconos"
-DRIVER = Path(__file__).parents[1] / "drivers" / "siconos_driver.py"
+DRIVER = Path(__file__).with_name("driver.py")
 CAPABILITIES = frozenset(
     {
         Capability.FRICTION,
@@ -66,33 +67,10 @@ NOTE_THETA = (
 )
 
 
-def clean_environment() -> dict[str, str]:
-    """Environment without what belongs to another Python; one thread."""
-    kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "VIRTUAL_ENV"))}
-    return {**kept, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-
-
-def system_python(*arguments: str) -> list[str]:
-    """Command that runs the system's Python without user site and ``PYTHON...`` variables."""
-    return [SYSTEM_PYTHON, "-E", "-s", *arguments]
-
-
-@cache
 def installed_siconos(program: str) -> tuple[str | None, str]:
-    """Version of the Siconos of the Python at this path, or None and the reason."""
+    """Version of the Siconos of the Python at this path, or None and the reason; it is asked once per process."""
     code = "import siconos.kernel, siconos.numerics, siconos.mechanics.collision.bodies; print(siconos.version)"
-    command = [program, *system_python("-c", code)[1:]]
-    try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=30, env=owned(clean_environment()), check=False
-        )
-    except (OSError, subprocess.SubprocessError) as error:
-        return None, f"{program} cannot be run: {error}"
-    version = done.stdout.strip()
-    if done.returncode or not version:
-        said = (done.stderr.strip().splitlines() or ["it prints no version"])[-1]
-        return None, f"{program} cannot import it: {said}"
-    return version, ""
+    return system_version((program, *system_python("-c", code)[1:]))
 
 
 def activation_threshold(scene: Scene, numerics: Numerics) -> float:
@@ -105,34 +83,34 @@ def activation_threshold(scene: Scene, numerics: Numerics) -> float:
     return touch_length(scene, numerics, Siconos.id) + 10.0 * tolerance * path(scene, numerics)
 
 
-class Siconos(ExternalEngine):
+FACTS = EngineInfo(
+    id="siconos",
+    name="Siconos",
+    scheme="moreau-jean",
+    contact="impulse",
+    normal_turns_in_impact=True,
+    options=OPTIONS,
+    licence="Apache-2.0",
+    how_it_runs="subprocess of the system's Python, scene and history as JSON",
+    install=INSTALL,
+    capabilities=CAPABILITIES,
+)
+
+
+class Siconos(ProcessEngine):
     """Siconos' kernel: Coulomb friction and Newton's impact law at velocity level."""
 
     id = "siconos"
+    facts = FACTS
+    driver = DRIVER
 
-    def info(self) -> EngineInfo:
-        """Facts about Siconos; its version is asked once per process."""
-        version, reason = installed_siconos(SYSTEM_PYTHON)
-        return EngineInfo(
-            id=self.id,
-            name="Siconos",
-            version=version,
-            scheme="moreau-jean",
-            contact="impulse",
-            normal_turns_in_impact=True,
-            options=OPTIONS,
-            licence="Apache-2.0",
-            how_it_runs="subprocess of the system's Python, scene and history as JSON",
-            precision="float64",
-            threads=1,
-            install=INSTALL,
-            capabilities=CAPABILITIES,
-            not_installed_because=reason,
-        )
+    def installed(self) -> tuple[str | None, str]:
+        """Version of the system's Siconos."""
+        return installed_siconos(SYSTEM_PYTHON)
 
     def command(self) -> Sequence[str]:
         """The system's Python with the driver."""
-        return system_python(str(DRIVER))
+        return system_python(str(self.driver))
 
     def environment(self, folder: Path) -> Mapping[str, str]:
         """The clean environment with temporary files in ``folder``."""

@@ -19,18 +19,13 @@ import numpy as np
 from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
-from ninedisk.harness.engines.siconos.adapter import (
-    INSTALL,
-    SYSTEM_PYTHON,
-    clean_environment,
-    installed_siconos,
-    system_python,
-)
+from ninedisk.harness.engines.process import SYSTEM_PYTHON, clean_environment, system_python
+from ninedisk.harness.engines.siconos.adapter import INSTALL, installed_siconos
 from ninedisk.harness.run.isolation import run_isolated
 
 Solver = Literal["nsgs", "lemke"]
 ProblemFile = str | os.PathLike[str]
-DRIVER = Path(__file__).parents[1] / "drivers" / "siconos_solver_driver.py"
+DRIVER = Path(__file__).with_name("solver_driver.py")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,7 @@ from ninedisk.core.simulate import simulate
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_engine
+from ninedisk.harness.api.support import NOTE_SLIP_END
 from ninedisk.harness.cases.common import follows_associated_rule, single, slack_time, softness
 from ninedisk.harness.cases.impact.binary import CASE as COLLISION
 from ninedisk.harness.cases.incline.block import CASE as INCLINE
@@ -27,7 +28,6 @@ from ninedisk.harness.engines.lammps.adapter import ENGINE as LAMMPS
 from ninedisk.harness.engines.mujoco.adapter import ENGINE as MUJOCO
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 from ninedisk.harness.engines.siconos.adapter import ENGINE as SICONOS
-from ninedisk.harness.engines.spring import NOTE_SLIP_END
 from ninedisk.harness.engines.yade.adapter import ENGINE as YADE
 
 DRAKE, SAP, LAGGED = DRAKES

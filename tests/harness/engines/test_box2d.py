@@ -7,13 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness import run_case
-from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
-from ninedisk.harness.engines import package as package_engine
+from ninedisk.harness.api.engine import EngineError, run_session
 from ninedisk.harness.engines.box2d.adapter import ENGINE, Box2DEngine
 
 G = 10.0
@@ -55,51 +52,6 @@ def run(scene, n_steps=100, *, dt=0.01, watch=((0, 1),), **options):
     from ninedisk.harness.engines.box2d.session import Box2DSession
 
     return run_session(Box2DSession, scene, numerics(n_steps, dt, **options), watch)
-
-
-def test_facts():
-    info = ENGINE.info()
-    assert isinstance(ENGINE, Engine)
-    assert (info.scheme, info.contact, info.precision, info.licence) == (
-        "semi-implicit-euler",
-        "impulse",
-        "float32",
-        "zlib",
-    )
-
-
-def test_what_is_not_installed_says_how_to_get_it(monkeypatch):
-    def missing(_name):
-        raise package_engine.metadata.PackageNotFoundError
-
-    package_engine.package_version.cache_clear()
-    monkeypatch.setattr(package_engine.metadata, "version", missing)
-    try:
-        assert not Box2DEngine().info().installed
-        with pytest.raises(EngineNotInstalledError, match="pip install Box2D"):
-            Box2DEngine().run(on_plane(rigid()), numerics(1), [])
-    finally:
-        package_engine.package_version.cache_clear()
-
-
-def test_a_stiffness_that_matters_is_refused_by_name():
-    support = ENGINE.supports(on_plane(ContactLaw(kn=1e6, ks=1e6, mu=0.3, beta=0.1)), numerics(1))
-    assert support.level is SupportLevel.NO
-    assert {Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING, Capability.CONTACT_DAMPING} <= set(support.missing)
-    assert ENGINE.supports(on_plane(rigid()), numerics(1)).level is SupportLevel.EXACT
-
-
-@pytest.mark.parametrize(
-    ("option", "words"),
-    [
-        ({"velocity_iterations": 0}, "box2d.velocity_iterations = 0"),
-        ({"position_iterations": 2.5}, "whole number"),
-        ({"slop": 1.0}, "'box2d.slop' is unknown"),
-    ],
-)
-def test_bad_settings_are_refused_before_anything_starts(option, words):
-    with pytest.raises(InvalidNumericsError, match=words):
-        ENGINE.run(on_plane(rigid()), numerics(1, **option), [])
 
 
 def errors(case, variant, truth):
@@ -169,92 +121,6 @@ def test_units_fit_scenes_of_any_size(scale):
 
 
 @needs_box2d
-@pytest.mark.parametrize("degrees", [*range(0, 360, 30), 7.3, 111.1])
-def test_a_touching_disk_is_in_contact_from_the_first_step(degrees):
-    slope, mu = 0.5, 0.3
-    history = run(on_plane(rigid(mu=mu), degrees=degrees, slope=slope)).history
-    normal, down = 2.0 * G * math.cos(slope), G * (math.sin(slope) - mu * math.cos(slope))
-    # On a tilted plane each of the hundred iterations rounds a velocity of the size of down; the impulse follows.
-    rounding = 100 * EPS * 2.0 * down / 0.01
-    np.testing.assert_allclose(history.fn[1:, 0], normal, atol=rounding)
-    np.testing.assert_allclose(history.fs[1:, 0], -mu * normal, atol=rounding)
-    np.testing.assert_allclose(history.gap[:, 0], 0.0, atol=2e-5)
-    np.testing.assert_allclose(np.hypot(*history.v[-1, 0]), down, rtol=100 * EPS)
-
-
-@needs_box2d
-def test_forces_follow_the_scene_s_signs_and_are_step_means():
-    history = run(on_plane(rigid(mu=0.4), v=(-1.0, 0.0)), 3).history
-    assert history.force_meaning == "step-mean"
-    assert np.isnan(history.fn[0, 0])
-    assert history.fn[1, 0] == pytest.approx(20.0, rel=4 * EPS)
-    assert history.fs[1, 0] == pytest.approx(8.0, rel=4 * EPS)
-    np.testing.assert_allclose(history.wall_force[1, 0], [-8.0, -20.0], rtol=4 * EPS)
-    np.testing.assert_allclose(history.v[1, 0], [-1.0 + 0.4 * G * 0.01, 0.0], atol=4 * EPS)
-
-
-@needs_box2d
-def test_each_pair_has_its_own_friction_and_restitution():
-    # Box2D would take the geometric mean and the larger one: neither gives these three from coefficients of bodies.
-    disks = Disks(x=[[0.0, 0.5], [3.0, 0.5]], v=[[4.0, 0.0], [0.0, 0.0]], radius=0.5, mass=[2.0, 3.0], rotating=False)
-    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=rigid(mu=0.25))
-    back = Wall(name="back", point=(3.7, 0.0), normal=(-1.0, 0.0), law=rigid(restitution=0.8))
-    scene = Scene(disks=disks, disk_disk=rigid(restitution=0.3), walls=(floor, back), gravity=(0.0, -G))
-    history = run(scene, 400, dt=0.0025, watch=((0, 1), (0, 2), (1, 2), (1, 3))).history
-    speed, fall = history.v[:, :, 0], 0.25 * G * 0.0025
-    hit = int(np.flatnonzero(history.fn[:, 0] > 0)[0])
-    assert speed[0, 0] - speed[hit - 1, 0] == pytest.approx((hit - 1) * fall, rel=1e-4)
-    before = speed[hit - 1]
-    assert (speed[hit, 1] - speed[hit, 0]) / (before[0] - before[1]) == pytest.approx(0.3, abs=2 * fall)
-    turned = int(np.flatnonzero(history.fn[:, 3] > 0)[0])
-    assert -speed[turned, 1] / speed[turned - 1, 1] == pytest.approx(0.8, abs=2 * fall)
-
-
-@needs_box2d
-@pytest.mark.parametrize("restitution", [0.0, 0.3, 1.0])
-def test_oblique_impact_of_two_disks(restitution):
-    line = np.array([0.6, 0.8])
-    disks = Disks(
-        x=[[0.0, 0.0], 2.0 * line + 1e-3], v=[line + np.array([-0.8, 0.6]), [0.0, 0.0]], radius=1.0, mass=[1.0, 3.0]
-    )
-    history = run(Scene(disks=disks, disk_disk=rigid(restitution=restitution)), 3).history
-    hit = int(np.flatnonzero(history.fn[:, 0] > 0)[0])
-    apart = history.x[hit - 1, 1] - history.x[hit - 1, 0]
-    normal = apart / np.hypot(*apart)
-    approach = (disks.v[0] - disks.v[1]) @ normal
-    assert (history.v[-1, 1] - history.v[-1, 0]) @ normal == pytest.approx(restitution * approach, abs=16 * EPS)
-    np.testing.assert_allclose(history.v[-1, 0] + 3.0 * history.v[-1, 1], disks.v[0], atol=8 * EPS)
-
-
-@needs_box2d
-def test_a_stack_carries_its_weight():
-    disks = Disks(x=[[0.0, 0.5], [0.0, 1.5], [0.0, 2.5]], radius=0.5, mass=[1.0, 2.0, 3.0])
-    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=rigid(mu=0.5))
-    scene = Scene(disks=disks, disk_disk=rigid(mu=0.5), walls=(floor,), gravity=(0.0, -G))
-    history = run(scene, 20, watch=((0, 3), (0, 1), (1, 2))).history
-    np.testing.assert_allclose(history.fn[-1], [60.0, 50.0, 30.0], rtol=1e-4)
-    few = run(scene, 1, watch=((0, 3), (0, 1), (1, 2)), velocity_iterations=2).history
-    assert np.abs(few.fn[1] - [60.0, 50.0, 30.0]).max() > 1.0
-
-
-@needs_box2d
-def test_moving_walls_carry_a_disk():
-    motion = (WallSegment(duration=0.25, velocity=(0.3, 0.2)), WallSegment(angular_velocity=0.2, pivot=(0.0, 0.0)))
-    history = run(on_plane(rigid(mu=2.0), motion=motion), 60).history
-    np.testing.assert_allclose(history.v[5:25, 0], [[0.3, 0.2]] * 20, atol=1e-5)
-    # The slop, and the wall's way in the first step, which finds the disk at rest.
-    assert np.abs(history.gap[:25, 0]).max() < 0.2 * 0.01 + 1e-3
-    assert history.wall_angle[-1, 0] == pytest.approx(math.pi / 2 + 0.2 * 0.35, abs=1e-12)
-
-
-@needs_box2d
-def test_disks_that_cannot_turn_keep_their_spin():
-    history = run(on_plane(rigid(mu=0.3), v=(1.0, 0.0), omega=0.75)).history
-    np.testing.assert_array_equal(history.omega[:, 0], 0.75)
-    assert history.angle[-1, 0] == pytest.approx(0.75, rel=1e-5)
-
-
-@needs_box2d
 def test_a_speed_that_box2d_would_cut_off_is_an_error():
     # A light disk between a heavy one and a wall: the impact throws it faster than anything was at the start.
     disks = Disks(x=[[0.0, 0.0], [0.6, 0.0]], v=[[10.0, 0.0], [0.0, 0.0]], radius=[0.3, 0.25], mass=[1e3, 1e-3])
@@ -264,17 +130,6 @@ def test_a_speed_that_box2d_would_cut_off_is_an_error():
         run(scene, 60, watch=())
     with pytest.raises(EngineError, match="cuts spins off"):
         run(on_plane(rigid(), rotating=True, omega=200.0), 1)
-
-
-@needs_box2d
-def test_settings_are_recorded_and_runs_repeat_to_the_bit_in_a_process_of_their_own():
-    scene = on_plane(rigid(mu=0.3), slope=0.5, degrees=33.0)
-    one, two = (ENGINE.run(scene, numerics(20, velocity_iterations=7), ((0, 1),)) for _ in range(2))
-    assert one.settings["box2d.velocity_iterations"] == 7
-    assert one.settings["box2d.allow_sleep"] is False
-    assert one.settings["engine_version"] == ENGINE.info().version
-    np.testing.assert_array_equal(one.history.x, two.history.x)
-    np.testing.assert_array_equal(one.history.x, run(scene, 20, velocity_iterations=7).history.x)
 
 
 @needs_box2d

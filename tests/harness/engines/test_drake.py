@@ -17,6 +17,7 @@ from ninedisk.harness.api.params import resolve
 from ninedisk.harness.cases.nine_disk.compression import CASE as COMPRESSION
 from ninedisk.harness.cases.nine_disk.compression import WATCH
 from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
+from ninedisk.harness.engines import package
 from ninedisk.harness.engines.drake import adapter as adapter
 from ninedisk.harness.engines.drake.adapter import ENGINES, no_contact_can_slip, shares_in_series
 from ninedisk.references.analytic.compression import continuous_row
@@ -336,7 +337,7 @@ def test_bad_settings_are_refused_before_a_process_starts(rigid, on_plane, engin
 
 
 def test_without_drake_the_adapters_say_how_to_get_it(rigid, on_plane, monkeypatch):
-    monkeypatch.setattr(adapter, "package_version", lambda name: (None, f"no {name}"))
+    monkeypatch.setattr(package, "package_version", lambda name: (None, f"no {name}"))
     for engine in ENGINES:
         assert not engine.info().installed
         with pytest.raises(EngineNotInstalledError, match="pip install drake"):

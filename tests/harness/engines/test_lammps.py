@@ -372,7 +372,7 @@ def test_oblique_walls_with_every_kind_of_motion() -> None:
 
 
 def formulas() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("lammps_walls", DRIVER.with_name("lammps_walls.py"))
+    spec = importlib.util.spec_from_file_location("lammps_driver", DRIVER)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -197,7 +197,7 @@ def test_run_stopped_half_way_is_a_timeout(tmp_path: Path, monkeypatch: pytest.M
 def test_errors_of_liggghts_are_shown(tmp_path: Path) -> None:
     """Its own error aborts the process; its words are among the last lines all the same."""
     engine, folder = Liggghts(), str(adapter.DRIVER.parent)
-    code = f"import sys; sys.path.insert(0, {folder!r}); import liggghts_library as l; l.Liggghts({adapter._library()[0]!r}).do('nonsense')"
+    code = f"import sys; sys.path.insert(0, {folder!r}); import driver; driver.Liggghts({adapter._library()[0]!r}).do('nonsense')"
     with pytest.raises(EngineError, match=r"ended with status 1 (.*\n)*.*ERROR: Unknown command: nonsense"):
         run_isolated([sys.executable, "-c", code], env=engine.environment(tmp_path), cwd=tmp_path)
 

@@ -7,14 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
-from ninedisk.harness.engines import package as package_engine
-from ninedisk.harness.engines.mujoco.adapter import ENGINE, OPTIONS, MuJoCoEngine
+from ninedisk.harness.api.engine import EngineError, SupportLevel, run_session
+from ninedisk.harness.engines.mujoco.adapter import ENGINE, OPTIONS
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution
 
 G, MASS, DT = 10.0, 2.0, 0.01
@@ -59,26 +57,6 @@ def run(scene, n_steps=100, *, watch=((0, 1),), **options):
     return run_session(MuJoCoSession, scene, numerics(n_steps, **options), watch)
 
 
-def test_facts():
-    info = ENGINE.info()
-    assert isinstance(ENGINE, Engine)
-    assert (info.contact, info.precision, info.licence) == ("soft", "float64", "Apache-2.0")
-    assert info.scheme not in {"semi-implicit-euler", "position-first-euler", "theta"}  # no exact steps bind substeps
-
-
-def test_what_is_not_installed_says_how_to_get_it(monkeypatch):
-    def missing(_name):
-        raise package_engine.metadata.PackageNotFoundError
-
-    package_engine.package_version.cache_clear()
-    monkeypatch.setattr(package_engine.metadata, "version", missing)
-    try:
-        with pytest.raises(EngineNotInstalledError, match="pip install mujoco"):
-            MuJoCoEngine().run(on_plane(rigid()), numerics(1), [])
-    finally:
-        package_engine.package_version.cache_clear()
-
-
 def test_what_it_cannot_express_is_refused_by_name():
     stiff = ENGINE.supports(on_plane(ContactLaw(kn=1e6, ks=1e6, mu=0.3)), numerics(1))
     assert stiff.level is SupportLevel.NO
@@ -92,21 +70,6 @@ def test_it_is_only_approximate_and_says_why():
     assert support.level is SupportLevel.APPROXIMATE
     assert "soft" in " ".join(support.notes)
     assert "convex" in " ".join(support.notes)
-
-
-@pytest.mark.parametrize(
-    ("option", "words"),
-    [
-        ({"substeps": 0}, "mujoco.substeps = 0"),
-        ({"substeps": 2.5}, "whole number"),
-        ({"impedance": 1.0}, "mujoco.impedance = 1.0"),
-        ({"slip_damping": 2.0}, r"in \[1e-06, 1\]"),
-        ({"solref": 1.0}, "'mujoco.solref' is unknown"),
-    ],
-)
-def test_bad_settings_are_refused_before_anything_starts(option, words):
-    with pytest.raises(InvalidNumericsError, match=words):
-        ENGINE.run(on_plane(rigid()), numerics(1, **option), [])
 
 
 @needs_mujoco
@@ -244,15 +207,6 @@ def test_sliding_takes_from_the_overlap_what_the_convex_problem_opens(speed):
 def test_beyond_that_speed_the_contact_opens():
     history = run(on_plane(rigid(mu=0.3), v=(8.0, 0.0)), 20).history
     assert np.ptp(history.fn[3:, 0]) > 5e-3 * MASS * G
-
-
-@needs_mujoco
-def test_a_stack_carries_its_weight():
-    disks = Disks(x=[[0.0, 0.5], [0.0, 1.5], [0.0, 2.5]], radius=0.5, mass=[1.0, 2.0, 3.0])
-    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=rigid(mu=0.5))
-    scene = Scene(disks=disks, disk_disk=rigid(mu=0.5), walls=(floor,), gravity=(0.0, -G))
-    history = run(scene, 100, watch=((0, 3), (0, 1), (1, 2))).history
-    np.testing.assert_allclose(history.fn[-1], [60.0, 50.0, 30.0], rtol=1e-6)
 
 
 @needs_mujoco

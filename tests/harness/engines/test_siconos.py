@@ -19,13 +19,14 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness import run_case
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, SupportLevel
-from ninedisk.harness.engines.rigid import NOTE_PRELOAD, NOTE_RESTITUTION
+from ninedisk.harness.api.support import NOTE_PRELOAD, NOTE_RESTITUTION
+from ninedisk.harness.engines import process
 from ninedisk.harness.engines.siconos import adapter as siconos
 from ninedisk.harness.engines.siconos.adapter import NOTE_THETA, Siconos, installed_siconos
 from ninedisk.references.analytic.slip_to_roll import slip_to_roll
 from ninedisk.references.exact_steps.incline import coulomb_incline_theta
 
-VERSION, REASON = installed_siconos(siconos.SYSTEM_PYTHON)
+VERSION, REASON = installed_siconos(process.SYSTEM_PYTHON)
 needs_siconos = pytest.mark.skipif(VERSION is None, reason=f"Siconos is not installed ({REASON}): {siconos.INSTALL}")
 
 ROUND_OFF = 1e-13

@@ -15,11 +15,12 @@ from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
+from ninedisk.harness.engines import process
 from ninedisk.harness.engines.siconos import adapter as siconos
 from ninedisk.harness.engines.siconos import solvers as siconos_solvers
 from ninedisk.harness.engines.siconos.solvers import Solution, evaluate_saved, judge, solve_saved
 
-VERSION, REASON = siconos.installed_siconos(siconos.SYSTEM_PYTHON)
+VERSION, REASON = siconos.installed_siconos(process.SYSTEM_PYTHON)
 pytestmark = pytest.mark.slow
 needs_siconos = pytest.mark.skipif(VERSION is None, reason=f"Siconos is not installed ({REASON}): {siconos.INSTALL}")
 

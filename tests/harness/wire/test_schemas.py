@@ -93,8 +93,8 @@ def test_choices_are_those_of_the_code() -> None:
     assert one["enum"] == [wire_name(capability) for capability in Capability]
     assert one["description"] == "; ".join(f"{wire_name(each)}: {each}" for each in Capability) + "."
     assert set(about) - names(EngineInfo) == {"wire_version", "approximations"}
-    # Whatever an adapter in Python can say of its engine, a command can say of itself; these two the harness says of it.
-    assert names(EngineInfo) - set(about) == {"how_it_runs", "not_installed_because"}
+    # Whatever an adapter in Python can say of its engine, a command can say of itself; these three the harness says of it.
+    assert names(EngineInfo) - set(about) == {"how_it_runs", "not_installed_because", "reference"}
     arms = [wire_name(arm) for arm in ARMS_OF_LAWS.values()]
     assert about["turns_exactly_with"]["items"]["enum"] == about["arms_at_walls"]["items"]["enum"] == arms
     kinds = about["options"]["additionalProperties"]["oneOf"]
@@ -256,7 +256,7 @@ def told_by(info: EngineInfo) -> dict[str, Any]:
 def test_a_command_can_say_whatever_a_built_in_engine_says(engine_id: str) -> None:
     info = replace(get_engine(engine_id).info(), version="1")
     found = read_description(json.dumps(told_by(info)), how_it_runs=info.how_it_runs).info
-    assert found == replace(info, not_installed_because="")
+    assert found == replace(info, not_installed_because="", reference=False)
 
 
 def test_what_is_out_of_scope_is_no_capability() -> None:

@@ -1,4 +1,4 @@
-"""One simulation in ESyS-Particle.
+"""Driver that runs inside ESyS-Particle (``mpirun -np 2 esysparticle driver.py``), under the system's Python.
 
 A step of ESyS-Particle takes (positions t_n, velocities v_{n-1/2}) and the walls where they are, computes the forces at t_n, and
 ends with (positions t_{n+1}, velocities v_{n+1/2}). The walls are therefore put to their places of t_n before that step. With
@@ -14,10 +14,16 @@ sample is checked: the change of each disk's momentum in ESyS-Particle must be w
 their sums.
 """
 
+import os
+import sys
 import time
 
+# ESyS-Particle runs this file without a folder on the path.
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(sys.argv[0])), "..", "drivers"))
+
 import numpy as np
-from esys.lsm import GravityPrms, NRotElasticPrms, NRotElasticWallPrms, NRotSphere
+from driver_parts import SpringRun, serve
+from esys.lsm import GravityPrms, LsmMpi, NRotElasticPrms, NRotElasticWallPrms, NRotSphere
 from esys.lsm.util import BoundingBox, Vec3
 
 ROUND_OFF = 1e-9
@@ -25,28 +31,23 @@ ULPS = 16.0
 """Of the largest force so far, and of the momenta per step: agreement of contact forces with changes of momentum."""
 
 
-class Run:
+class Run(SpringRun):
     """One simulation."""
 
+    name = "ESyS-Particle"
+
     def __init__(self, engine, request):
-        scene, extra = request["scene"], request["extra"]
-        disks = scene["disks"]
-        self.engine, self.n = engine, len(disks["radius"])
-        if not self.n:
-            raise ValueError("there is no disk: ESyS-Particle needs at least one")
-        self.x0, self.v0 = (np.array(disks[key]).reshape(self.n, 2) for key in ("x", "v"))
-        self.radius, self.mass, self.inertia = (np.array(disks[key]) for key in ("radius", "mass", "inertia"))
+        super().__init__(request)
+        self.engine, self.largest = engine, 0.0
         self.rotating = np.zeros(self.n, dtype=bool)  # spheres without rotation
-        self.gravity, self.xi = np.array(scene["gravity"]), scene["xi"]
-        self.substeps, self.dt = extra["substeps"], extra["contact_dt"]
-        a, central = 0.5 * self.xi * self.dt, request["numerics"]["damping_form"] == "central"
-        self.inflate = 1.0 + a if central else 1.0
-        self.decay = (1.0 - a) / (1.0 + a) if central else 1.0 - 2.0 * a
-        self.kn, self.walls = scene["disk_disk"]["kn"], scene["walls"]
-        self.path = np.load(extra["wall_path"])
-        self.pairs = [tuple(pair) for pair in request["watch"]]
-        self.samples, self.largest = [], 0.0
-        self._build(extra["reach"])
+        self.kn = self.law["kn"]
+        self._build(request["extra"]["reach"])
+
+    def version(self):
+        return self.engine.getLsmVersion().strip()
+
+    def settings(self):
+        return {"grid spacing [m]": self.spacing, "verlet distance [m]": self.skin}
 
     def _build(self, reach):
         engine, radius = self.engine, float(self.radius.max())
@@ -109,10 +110,10 @@ class Run:
                 started = self.decay * v
                 self.set_velocities(started)
             self.engine.runTimeStep()
-            told = step in wanted
-            if told or damped or step + 1 in wanted:
+            sampling = step in wanted
+            if sampling or damped or step + 1 in wanted:
                 before, (x_next, v_next) = (x, v), self.state()
-                if told:
+                if sampling:
                     spent += time.perf_counter() - begin
                     self._sample(step, *before, started, v_next)
                     begin = time.perf_counter()
@@ -120,9 +121,9 @@ class Run:
         return spent + time.perf_counter() - begin
 
     def _move_walls(self, step):
-        for w, way in enumerate(self.path[step, :, 0:2] - self.path[step - 1, :, 0:2]):
-            if way.any():
-                self.engine.moveWallBy(f"wall{w}", vector(way))
+        for w, displacement in enumerate(self.path[step, :, 0:2] - self.path[step - 1, :, 0:2]):
+            if displacement.any():
+                self.engine.moveWallBy(f"wall{w}", vector(displacement))
 
     def contacts(self, x, pose):
         """Touching pairs: ``{(i, j): (fn [N], overlap [m], normal from i to j)}``."""
@@ -153,7 +154,7 @@ class Run:
 
     def _sample(self, step, x, v, started, after):
         """State at ``t_n``: ``v`` is ``v_{n-1/2}``, ``started`` the velocities of the step and ``after`` those at its end."""
-        pose = self.path[min(step, len(self.path) - 1)]
+        pose = self.pose(step)
         found = self.contacts(x, pose)
         made = (self.mass * self.inflate)[:, None] * (after - started) / self.dt
         unsure = ROUND_OFF * (self.largest + float((self.mass[:, None] * np.abs(after)).max()) / self.dt)
@@ -173,24 +174,22 @@ class Run:
                 f"at step {step // self.substeps} the contact forces of ESyS-Particle's positions and the momenta that it "
                 f"exchanged differ by {off:g} N (allowed {unsure:g} N): it missed or added a contact"
             )
-        springs = [self.kn if j < self.n else self.walls[j - self.n]["law"]["kn"] for _, j in found]
-        spin = np.zeros(self.n)
-        self.samples.append(
-            {
-                "step": step // self.substeps,
-                "x": x,
-                "v": 0.5 * (v + after) if step else self.v0,
-                "omega": spin,
-                "angle": spin,
-                "forces": [(found[pair][0] if pair in found else 0.0, 0.0) for pair in self.pairs],
-                "elastic": sum(0.5 * kn * c[1] ** 2 for kn, c in zip(springs, found.values(), strict=True)),
-                "wall_point": pose[:, 0:2],
-                "wall_normal": pose[:, 2:4],
-                "wall_force": loads,
-            }
-        )
+        _, elastic = self.sums({pair: (fn, 0.0, overlap) for pair, (fn, overlap, _) in found.items()}, pose)
+        spin, mean = np.zeros(self.n), 0.5 * (v + after) if step else self.v0
+        forces = [(found[pair][0] if pair in found else 0.0, 0.0) for pair in self.pairs]
+        self.sample(step // self.substeps, x, mean, spin, spin, forces, pose, loads, elastic)
 
 
 def vector(values):
     """A vector of ESyS-Particle in the plane z = 0."""
     return Vec3(float(values[0]), float(values[1]), 0.0)
+
+
+def main():
+    """One master process, one worker."""
+    engine = LsmMpi(numWorkerProcesses=1, mpiDimList=[1, 1, 1])
+    serve(lambda request: Run(engine, request))
+    engine.exit()  # without it the worker process waits for ever
+
+
+main()

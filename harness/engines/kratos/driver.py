@@ -1,4 +1,4 @@
-"""One simulation in Kratos DEM.
+"""Driver of Kratos DEM, under the harness' Python: one simulation, and its input files, which are plain text.
 
 A step of Kratos' symplectic Euler scheme takes (positions t_n, velocities v_{n-1/2}) and the walls where they are, computes the
 forces at t_n, and ends with (positions t_{n+1}, velocities v_{n+1/2}); slip is that of the displacements since t_{n-1}. The walls
@@ -10,49 +10,56 @@ are therefore put to their places of t_n before that step. With a = xi dt/2:
 - start ``v_{1/2} = v_0 + dt/2 (F_0/m - xi v_0)``: the first step starts from v_0 without drag and is corrected at its end by the
   force that it shows;
 - both forms have ``v_n = (v- + v+)/2``.
+Kratos writes into the current folder and much to standard output.
 """
 
+import json
+import os
+import sys
 import time
+from importlib import metadata
+
+sys.path.insert(
+    0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "drivers")
+)  # -P keeps folders off the path
 
 import KratosMultiphysics as Kratos
 import numpy as np
-from kratos_files import LAW, NAME, disks_file, materials, settings, walls_file
+from driver_parts import SpringRun, number, rough, serve
 from KratosMultiphysics import DEMApplication as Dem
 from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStage
+
+LAW = "DEM_D_Linear_Custom_Constants"
+"""Linear springs and dashpot without tension, Coulomb friction; stiffnesses given pair by pair, whatever Young's modulus."""
+
+NAME = "scene"
+HEAD = "Begin ModelPartData\nEnd ModelPartData\n\nBegin Properties 0\nEnd Properties\n\n"
+
 
 SEARCH = 0.01
 """Search tolerance of contacts in units of the smallest radius: neighbours are searched in every step, so it only needs to exceed
 round-off."""
 
 
-class Run:
+class Run(SpringRun):
     """One simulation."""
 
-    law_name = LAW
+    name = "Kratos"
 
     def __init__(self, request):
-        scene, extra = request["scene"], request["extra"]
-        disks = scene["disks"]
-        self.n = len(disks["radius"])
-        if not self.n:
-            raise ValueError("there is no disk: Kratos needs at least one")
-        self.x0, self.v0 = (np.array(disks[key]).reshape(self.n, 2) for key in ("x", "v"))
-        self.omega0, self.radius, self.mass, self.inertia, self.rotating = (
-            np.array(disks[key]) for key in ("omega", "radius", "mass", "inertia", "rotating")
-        )
-        self.gravity, self.xi = np.array(scene["gravity"]), scene["xi"]
-        self.substeps, self.dt, self.reach = extra["substeps"], extra["contact_dt"], extra["reach"]
-        central = request["numerics"]["damping_form"] == "central"
-        self.inflate = 1.0 + 0.5 * self.xi * self.dt if central else 1.0
-        self.law, self.walls = scene["disk_disk"], scene["walls"]
-        self.path = np.load(extra["wall_path"])
-        self.pairs = [tuple(pair) for pair in request["watch"]]
-        self.samples, self.time = [], 0.0
+        super().__init__(request)
+        self.reach, self.time = request["extra"]["reach"], 0.0
         middle = 0.5 * (self.x0.min(axis=0) + self.x0.max(axis=0))
         self.along = [
             (middle - pose[0:2]) @ (-pose[3], pose[2]) for pose in self.path[0]
         ]  # middle of each edge, opposite the middle of the disks
         self._build()
+
+    def version(self):
+        return metadata.version("KratosDEMApplication")
+
+    def settings(self):
+        return {"contact law": LAW, "edge half-length [m]": self.reach}
 
     def _build(self):
         density = self.mass / (np.pi * self.radius**2)
@@ -66,7 +73,7 @@ class Run:
             with open(name, "w", encoding="ascii") as file:
                 file.write(text)
         Kratos.Logger.GetDefaultOutput().SetSeverity(Kratos.Logger.Severity.WARNING)
-        text = settings(self.dt, self.gravity.tolist(), SEARCH * float(self.radius.min()))
+        text = parameters(self.dt, self.gravity.tolist(), SEARCH * float(self.radius.min()))
         self.stage = DEMAnalysisStage(Kratos.Model(), Kratos.Parameters(text))
         self.stage.Initialize()
         self.solver, self.part = self.stage._GetSolver(), self.stage.spheres_model_part
@@ -95,9 +102,9 @@ class Run:
         for w, nodes in enumerate(self.wall_nodes):
             for node, new, old in zip(nodes, self._ends(row, w), self._ends(before, w), strict=True):
                 node.X, node.Y = float(new[0]), float(new[1])
-                way = new - old
-                node.SetSolutionStepValue(Dem.DELTA_DISPLACEMENT, vector(way))
-                node.SetSolutionStepValue(Kratos.VELOCITY, vector(way / self.dt))
+                displacement = new - old
+                node.SetSolutionStepValue(Dem.DELTA_DISPLACEMENT, vector(displacement))
+                node.SetSolutionStepValue(Kratos.VELOCITY, vector(displacement / self.dt))
 
     def start(self):
         """Initial velocities."""
@@ -114,23 +121,23 @@ class Run:
         wanted, last = {step * self.substeps for step in sampled}, max(sampled) * self.substeps
         spent, begin = 0.0, time.perf_counter()
         for step in range(last + 1):
-            told = step in wanted
-            if told:
+            sampling = step in wanted
+            if sampling:
                 before = self.state()
-            self._step(step, told)
+            self._step(step, sampling)
             if step == 0:
                 self._correct_start()
-            if told:
+            if sampling:
                 spent += time.perf_counter() - begin
                 self._sample(step, *before)
                 begin = time.perf_counter()
         return spent + time.perf_counter() - begin
 
-    def _step(self, step, told):
+    def _step(self, step, sampling):
         self._place_walls(step)
         # The solver's own steps, without those of the stage around it, whose housekeeping takes ten times as long.
         self.time = self.solver.AdvanceInTime(self.time)
-        self.part.ProcessInfo[Dem.IS_TIME_TO_PRINT] = told  # only then contact forces are kept
+        self.part.ProcessInfo[Dem.IS_TIME_TO_PRINT] = sampling  # only then contact forces are kept
         self.solver.InitializeSolutionStep()
         if self.xi and step:
             for i, node in enumerate(self.nodes):
@@ -147,10 +154,10 @@ class Run:
         half = self.v0 + 0.5 * ((v - self.v0) * self.inflate - dt * self.xi * self.v0)
         spin = self.omega0 + 0.5 * ((w - self.omega0) * self.inflate - dt * self.xi * self.omega0)
         for i, node in enumerate(self.nodes):
-            way, turn = dt * half[i], [0.0, 0.0, float(dt * spin[i])]
-            node.X, node.Y = (float(c) for c in self.x0[i] + way)
+            displacement, turn = dt * half[i], [0.0, 0.0, float(dt * spin[i])]
+            node.X, node.Y = (float(c) for c in self.x0[i] + displacement)
             for name in (Dem.DELTA_DISPLACEMENT, Kratos.DISPLACEMENT):
-                node.SetSolutionStepValue(name, vector(way))
+                node.SetSolutionStepValue(name, vector(displacement))
             for name in (Kratos.DELTA_ROTATION, Dem.PARTICLE_ROTATION_ANGLE):
                 node.SetSolutionStepValue(name, turn)
             node.SetSolutionStepValue(Kratos.VELOCITY, vector(half[i]))
@@ -165,31 +172,17 @@ class Run:
     def _sample(self, step, x, v, omega, angle):
         """State at ``t_n``: positions and angles before the step, mean velocities, the forces that the step has computed."""
         _, after, spun, _ = self.state()
-        pose = self.path[min(step, len(self.path) - 1)]
+        pose = self.pose(step)
         found = {**self._disk_contacts(x), **self._wall_contacts(x, pose)}
-        loads, elastic = np.zeros((len(self.walls), 2)), 0.0
-        for (_, j), (fn, fs, overlap, normal) in found.items():
-            law = self.law if j < self.n else self.walls[j - self.n]["law"]
-            elastic += 0.5 * law["kn"] * overlap**2 + (0.5 * fs**2 / law["ks"] if fs and law["ks"] else 0.0)
-            if j >= self.n:
-                loads[j - self.n] += fn * normal - fs * np.array([-normal[1], normal[0]])
-        self.samples.append(
-            {
-                "step": step // self.substeps,
-                "x": x,
-                "v": 0.5 * (v + after) if step else self.v0,
-                "omega": 0.5 * (omega + spun) if step else self.omega0,
-                "angle": angle,
-                "forces": [found[pair][:2] if pair in found else (0.0, 0.0) for pair in self.pairs],
-                "elastic": elastic,
-                "wall_point": pose[:, 0:2],
-                "wall_normal": pose[:, 2:4],
-                "wall_force": loads,
-            }
-        )
+        loads, elastic = self.sums(found, pose)
+        if step:
+            v, omega = 0.5 * (v + after), 0.5 * (omega + spun)
+        else:
+            v, omega = self.v0, self.omega0
+        self.sample(step // self.substeps, x, v, omega, angle, self.watched(found), pose, loads, elastic)
 
     def _disk_contacts(self, x):
-        """Touching pairs of disks: ``{(i, j): (fn, fs, overlap, normal)}``, forces as Kratos keeps them."""
+        """Touching pairs of disks: ``{(i, j): (fn, fs, overlap)}``, forces as Kratos keeps them."""
         self.solver.PrepareContactElementsForPrinting()
         number, found = {node.Id: i for i, node in enumerate(self.nodes)}, {}
         for element in self.stage.contact_model_part.Elements:
@@ -203,7 +196,7 @@ class Run:
                 if one > two:
                     force = -force
                 normal = d / distance
-                found[i, j] = (float(-force @ normal), float(force @ (-normal[1], normal[0])), overlap, normal)
+                found[i, j] = (float(-force @ normal), float(force @ (-normal[1], normal[0])), overlap)
         return found
 
     def _wall_contacts(self, x, pose):
@@ -224,8 +217,8 @@ class Run:
             if not touching:
                 continue
             left = total[i] + sum(fn * normal for _, fn, _, normal in touching)
-            rough = [w for w, *_ in touching if self.walls[w]["law"]["mu"] > 0.0 and self.walls[w]["law"]["ks"] > 0.0]
-            tangents = np.array([(pose[w, 3], -pose[w, 2]) for w in rough]).reshape(-1, 2).T
+            shearing = [w for w, *_ in touching if rough(self.walls[w]["law"])]
+            tangents = np.array([(pose[w, 3], -pose[w, 2]) for w in shearing]).reshape(-1, 2).T
             solved, _, rank, _ = np.linalg.lstsq(tangents, left, rcond=1e-9)
             # An overlap is known to some units of round-off of the coordinates: disks that just touch have no force beyond it.
             unsure = 16.0 * float(np.spacing(np.abs(x).max())) * max(wall["law"]["kn"] for wall in self.walls)
@@ -234,12 +227,139 @@ class Run:
                     f"the forces of walls on disk {i} are {total[i].tolist()} N in Kratos; those of its springs are "
                     f"{[fn for _, fn, _, _ in touching]} N: it missed or added a contact"
                 )
-            shear = dict(zip(rough, solved if rank == len(rough) else np.full(len(rough), np.nan), strict=True))
-            for w, fn, overlap, normal in touching:
-                found[i, self.n + w] = (fn, float(shear.get(w, 0.0)), overlap, normal)
+            shear = dict(
+                zip(shearing, solved if rank == len(shearing) else np.full(len(shearing), np.nan), strict=True)
+            )
+            for w, fn, overlap, _ in touching:
+                found[i, self.n + w] = (fn, float(shear.get(w, 0.0)), overlap)
         return found
 
 
 def vector(values):
     """A vector of Kratos in the plane z = 0."""
     return [float(values[0]), float(values[1]), 0.0]
+
+
+def block(name, lines):
+    """A block of an mdpa file."""
+    body = "".join(f"{line}\n" for line in lines)
+    return f"Begin {name}\n{body}End {name.split()[0]}\n\n"
+
+
+def disks_file(x, radius, kind):
+    """Disks as nodes 1..n, with a sub model part for each kind."""
+    n = len(x)
+    text = HEAD + block("Nodes", (f"{i + 1} {number(x[i][0])} {number(x[i][1])} 0.0" for i in range(n)))
+    text += block("Elements CylinderParticle2D", (f"{i + 1} 0 {i + 1}" for i in range(n)))
+    text += block("NodalData RADIUS", (f"{i + 1} 0 {number(radius[i])}" for i in range(n)))
+    for k in range(max(kind) + 1):
+        members = [str(i + 1) for i in range(n) if kind[i] == k]
+        parts = block("SubModelPartNodes", members) + block("SubModelPartElements", members)
+        text += block(f"SubModelPart kind{k}", [parts])
+    return text
+
+
+def walls_file(edges):
+    """Walls as edges, ``edges`` the end points of each, with a sub model part for each."""
+    ends = [(w, end) for w, pair in enumerate(edges) for end in pair]
+    text = HEAD + block("Nodes", (f"{k + 1} {number(end[0])} {number(end[1])} 0.0" for k, (_, end) in enumerate(ends)))
+    text += block("Conditions RigidEdge2D2N", (f"{w + 1} 0 {2 * w + 1} {2 * w + 2}" for w in range(len(edges))))
+    for w in range(len(edges)):
+        data = block("SubModelPartData", [f"IDENTIFIER wall{w}", "FIXED_MESH_OPTION 0", "RIGID_BODY_MOTION 0"])
+        nodes = block("SubModelPartNodes", [str(2 * w + 1), str(2 * w + 2)])
+        text += block(f"SubModelPart wall{w}", [data + nodes + block("SubModelPartConditions", [str(w + 1)])])
+    return text
+
+
+def materials(densities, law, walls):
+    """Materials: the kinds of disks by density, then the walls; relations of disks among themselves and with each wall."""
+    kinds = len(densities)
+    names = [f"kind{k}" for k in range(kinds)] + [f"wall{w}" for w in range(len(walls))]
+    # Young's modulus only shares the overlap of two disks between them, and that equally where it is the same.
+    common = {"YOUNG_MODULUS": law["kn"], "POISSON_RATIO": 0.0}
+    found = [
+        {"material_name": name, "material_id": k + 1, "Variables": {**common, **own}}
+        for k, (name, own) in enumerate(
+            zip(
+                names,
+                [{"PARTICLE_DENSITY": density} for density in densities] + [{"COMPUTE_WEAR": False}] * len(walls),
+                strict=True,
+            )
+        )
+    ]
+    pairs = [(a, b, law) for a in range(kinds) for b in range(a, kinds)]
+    pairs += [(a, kinds + w, wall) for a in range(kinds) for w, wall in enumerate(walls)]
+    relations = [
+        {
+            "material_names_list": [names[a], names[b]],
+            "material_ids_list": [a + 1, b + 1],
+            "Variables": contact(pair_law),
+        }
+        for a, b, pair_law in pairs
+    ]
+    table = [[f"SpheresPart.kind{k}", f"kind{k}"] for k in range(kinds)]
+    table += [[f"RigidFacePart.wall{w}", f"wall{w}"] for w in range(len(walls))]
+    return json.dumps(
+        {"materials": found, "material_relations": relations, "material_assignation_table": table}, allow_nan=False
+    )
+
+
+def contact(law):
+    """Variables of one relation; a contact without friction or without shear spring carries no shear force."""
+    mu = law["mu"] if rough(law) else 0.0
+    return {
+        "DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": LAW,
+        "K_NORMAL": law["kn"],
+        "K_TANGENTIAL": law["ks"] if rough(law) else law["kn"],
+        "COEFFICIENT_OF_RESTITUTION": 1.0,  # the dashpot's ratio is set by the driver
+        "STATIC_FRICTION": mu,
+        "DYNAMIC_FRICTION": mu,
+        "FRICTION_DECAY": 500.0,
+        "ROLLING_FRICTION": 0.0,
+        "ROLLING_FRICTION_WITH_WALLS": 0.0,
+        "DEM_ROLLING_FRICTION_MODEL_NAME": "DEMRollingFrictionModelBounded",
+    }
+
+
+def parameters(dt, gravity, tolerance):
+    """Parameters of the analysis."""
+    return json.dumps(
+        {
+            "problem_name": NAME,
+            "Dimension": 2,
+            "do_print_results_option": False,
+            "dem_inlet_option": False,
+            "BoundingBoxOption": False,
+            "GravityX": gravity[0],
+            "GravityY": gravity[1],
+            "GravityZ": 0.0,
+            "solver_settings": {
+                "strategy": "sphere_strategy",
+                "RemoveBallsInitiallyTouchingWalls": False,
+                "model_import_settings": {"input_type": "mdpa", "input_filename": NAME},
+                "material_import_settings": {"materials_filename": "MaterialsDEM.json"},
+            },
+            "RotationOption": True,
+            "RollingFrictionOption": False,
+            "GlobalDamping": 0.0,
+            "CleanIndentationsOption": False,
+            "DeltaOption": "Absolute",
+            "SearchTolerance": tolerance,
+            "search_tolerance_against_walls": tolerance,
+            "NeighbourSearchFrequency": 1,
+            "ContactMeshOption": True,
+            "PostRigidElementForces": True,
+            "ElementType": "CylinderPartDEMElement2D",
+            "TranslationalIntegrationScheme": "Symplectic_Euler",
+            "RotationalIntegrationScheme": "Direct_Integration",
+            "AutomaticTimestep": False,
+            "MaxTimeStep": dt,
+            "FinalTime": 1e9 * dt,
+            "ControlTime": 1e9,
+        },
+        allow_nan=False,
+    )
+
+
+if __name__ == "__main__":
+    serve(Run)

@@ -1,4 +1,4 @@
-"""Driver that runs inside YADE (``yade -n -x -j1 yade_driver.py``): a request on standard input, an answer file out.
+"""Driver that runs inside YADE (``yade -n -x -j1 driver.py``): a request on standard input, an answer file out.
 
 It runs under the system's Python and knows the wire format only. One cycle is arranged so that the state between two
 ``O.step()`` is (positions t_n, forces t_n, velocities t_{n-1/2}): the engines are ordered NewtonIntegrator,
@@ -15,7 +15,6 @@ Derivations used below, a = xi dt/2:
 """
 
 import contextlib
-import json
 import math
 import os
 import sys
@@ -24,7 +23,10 @@ import time
 import numpy as np
 import yade
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(sys.argv[0])))  # YADE runs this file without its folder on the path
+# YADE runs this file without a folder on the path.
+sys.path.insert(0, os.path.dirname(os.path.abspath(sys.argv[0])))
+sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
+from driver_parts import SpringRun, serve
 from yade import (
     Bo1_Box_Aabb,
     Bo1_Sphere_Aabb,
@@ -47,45 +49,43 @@ from yade import (
     ViscElPhys,
 )
 from yade.utils import sphere
-from yade_history import history
 from yade_parts import DISK_MASK, INTEGRATED, NOBODY, WALLS_APART, Law, WallBox
 
 SMALL_SCENE = 200  # bodies up to which the collider runs at every step: it costs nothing there
 HALF_PLANE = 1e6  # half-length of a wall's box in units of the scene's size: only its face counts
 
 
-class Run:
+class Run(SpringRun):
     """One simulation."""
 
+    needs_a_disk = False
+
     def __init__(self, request):
-        scene, extra = request["scene"], request["extra"]
-        self.disks, self.gravity, self.xi = scene["disks"], scene["gravity"], scene["xi"]
-        self.n = len(self.disks["radius"])
-        self.substeps, self.dt = extra["substeps"], extra["contact_dt"]
-        self.central = request["numerics"]["damping_form"] == "central"
-        self.a = 0.5 * self.xi * self.dt
-        self.inflate = 1.0 + self.a if self.central else 1.0
-        self.decay = (1.0 - self.a) / (1.0 + self.a) if self.central else 1.0 - 2.0 * self.a
-        self.laws = [Law(scene["disk_disk"])] + [Law(wall["law"]) for wall in scene["walls"]]
-        self.path = np.load(extra["wall_path"])
-        self.m = len(scene["walls"])
-        self.pairs = [tuple(pair) for pair in request["watch"]]
-        self.preload = scene["initial_shear"]
-        self.damped_contacts = any(law.beta > 0.0 for law in self.laws)
-        self.samples = []
+        global RUN
+        RUN = self  # for what YADE calls between its engines
+        super().__init__(request)
+        self.disks = request["scene"]["disks"]
+        self.m = len(self.walls)
+        self.laws = [Law(self.law)] + [Law(wall["law"]) for wall in self.walls]
         self._bodies()
         self._engines()
+
+    def version(self):
+        return str(yade.config.version)
+
+    def settings(self):
+        return {"contact_law": type(self.contact_law).__name__}
 
     def _bodies(self):
         """Walls come first: YADE wants a box before a sphere, and cannot swap a pair that already has its physics."""
         disks, n = self.disks, self.n
         for law in self.laws:
-            kind = ViscElMat if self.damped_contacts else FrictMat
+            kind = ViscElMat if self.damped else FrictMat
             O.materials.append(kind(frictionAngle=math.atan(law.mu)))
-        x, radius = np.array(disks["x"]).reshape(-1, 2), max(disks["radius"], default=1.0)
+        x, radius = self.x0, max(disks["radius"], default=1.0)
         middle = 0.5 * (x.min(axis=0) + x.max(axis=0)) if n else np.zeros(2)
         size = HALF_PLANE * (float(np.ptp(x, axis=0).max()) + radius if n else 1.0)
-        self.walls = [WallBox(self.path[0, w], middle, radius, size, O.materials[1 + w]) for w in range(self.m)]
+        self.boxes = [WallBox(self.path[0, w], middle, radius, size, O.materials[1 + w]) for w in range(self.m)]
         for i in range(n):
             body = sphere((*disks["x"][i], 0.0), disks["radius"][i], material=O.materials[0])
             body.mask = DISK_MASK
@@ -100,11 +100,11 @@ class Run:
     def _engines(self):
         spheres = Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False)
         geometry = [spheres, Ig2_Box_Sphere_ScGeom()]
-        if self.damped_contacts:
-            self.law = Law2_ScGeom_ViscElPhys_Basic()
-            loop = InteractionLoop(geometry, [Ip2_ViscElMat_ViscElMat_ViscElPhys()], [self.law])
+        if self.damped:
+            self.contact_law = Law2_ScGeom_ViscElPhys_Basic()
+            loop = InteractionLoop(geometry, [Ip2_ViscElMat_ViscElMat_ViscElPhys()], [self.contact_law])
         else:
-            self.law = Law2_ScGeom_FrictPhys_CundallStrack()
+            self.contact_law = Law2_ScGeom_FrictPhys_CundallStrack()
             materials = range(1 + self.m)
             angle, kn, ks = (
                 [(0, k, value(self.laws[k])) for k in materials]
@@ -113,7 +113,7 @@ class Run:
             physics = Ip2_FrictMat_FrictMat_FrictPhys(
                 frictAngle=MatchMaker(matches=angle), kn=MatchMaker(matches=kn), ks=MatchMaker(matches=ks)
             )
-            loop = InteractionLoop(geometry, [physics], [self.law])
+            loop = InteractionLoop(geometry, [physics], [self.contact_law])
         gravity = Vector3(*self.gravity, 0.0) / self.inflate
         self.newton = NewtonIntegrator(damping=0, gravity=gravity, mask=INTEGRATED, warnNoForceReset=False)
         collider = InsertionSortCollider([Bo1_Sphere_Aabb(), Bo1_Box_Aabb()], avoidSelfInteractionMask=WALLS_APART)
@@ -124,7 +124,7 @@ class Run:
             self.newton,
             ForceResetter(),
             collider,
-            *(physics_of_pairs if self.damped_contacts else []),
+            *(physics_of_pairs if self.damped else []),
             loop,
         ]
         O.dt = self.dt
@@ -152,7 +152,7 @@ class Run:
         # newton.dead the forces of both steps would add up.
         self.newton.mask = NOBODY
         O.dt = 0.0  # dashpots see v_0, but no slip accumulates
-        v0, w0 = np.array(self.disks["v"]).reshape(-1, 2), np.array(self.disks["omega"])
+        v0, w0 = self.v0, self.omega0
         for i, state in enumerate(self.states):
             state.vel, state.angVel = Vector3(*v0[i], 0.0), Vector3(0.0, 0.0, w0[i])
         O.step()
@@ -211,8 +211,8 @@ class Run:
                     state.angVel = state.angVel * decay
             if step <= rest:
                 row = self.path[step]
-                for w, wall in enumerate(self.walls):
-                    wall.place(row[w])
+                for w, box in enumerate(self.boxes):
+                    box.place(row[w])
             step_once()
             if step in wanted:
                 now = time.perf_counter()
@@ -224,15 +224,30 @@ class Run:
     def _sample(self, step, v=None, omega=None):
         """Append one sample; velocities are synchronised with the forces unless they are given (step 0)."""
         states, forces = self.states, O.forces
-        position = [(p[0], p[1]) for p in (s.pos for s in states)]  # components one by one: iterating a Vector3 is slow
-        half = [(u[0], u[1]) for u in (s.vel for s in states)]
-        spin = [s.angVel[2] for s in states]
-        turn = [2.0 * math.atan2(q[2], q[3]) for q in (s.ori for s in states)]
-        force = [(f[0], f[1]) for f in map(forces.f, self.ids)]
-        torque = [forces.t(b)[2] for b in self.ids[: self.n]]
-        contact = [self._contact(*pair) for pair in self.pairs]
-        given = None if v is None else (v, omega)
-        self.samples.append((step, position, half, spin, turn, force, torque, contact, self._elastic(), given))
+        # Components one by one: iterating a Vector3 is slow.
+        x = np.array([(p[0], p[1]) for p in (s.pos for s in states)]).reshape(-1, 2)
+        force = np.array([(f[0], f[1]) for f in map(forces.f, self.ids)]).reshape(-1, 2)
+        if v is None:
+            half = np.array([(u[0], u[1]) for u in (s.vel for s in states)]).reshape(-1, 2)
+            v = self._synchronised(half, force[: self.n] / self.mass[:, None] + self.gravity)
+            spin = np.array([s.angVel[2] for s in states])
+            torque = np.array([forces.t(b)[2] for b in self.ids[: self.n]])
+            omega = np.where(self.rotating, self._synchronised(spin, torque / self.inertia), spin)
+        angle = np.array([2.0 * math.atan2(q[2], q[3]) for q in (s.ori for s in states)])
+        if self.samples:  # without jumps: whole turns are added as the mean spin since the last sample asks
+            last, _, _, spun, turned, *_ = self.samples[-1]
+            length = self.substeps * self.dt
+            expected = turned + 0.5 * (spun + omega) * (step * length - last * length)
+            angle = angle + 2.0 * math.pi * np.round((expected - angle) / (2.0 * math.pi))
+        watched = [self._contact(*pair) for pair in self.pairs]
+        pose = self.pose(step * self.substeps)
+        self.sample(step, x, v, omega, angle, watched, pose, force[self.n :], self._elastic())
+
+    def _synchronised(self, half, acceleration):
+        """Velocities at the sampled time from those half a step before and the accelerations."""
+        if self.central:
+            return (half + 0.5 * self.dt * acceleration) / (1.0 + self.a)
+        return half + 0.5 * self.dt * (acceleration - self.xi * half)
 
     def _contact(self, i, j):
         contact = self._touching(i, j)
@@ -244,8 +259,8 @@ class Run:
         return physics.normalForce.dot(normal), -sign * (shear[0] * t[0] + shear[1] * t[1])
 
     def _elastic(self):
-        if not self.damped_contacts:
-            return self.law.elasticEnergy()
+        if not self.damped:
+            return self.contact_law.elasticEnergy()
         energy = 0.0
         for contact in O.interactions:
             physics = contact.phys
@@ -262,30 +277,7 @@ def remove_temporary_folder():
         print("removed", folder)
 
 
-def main():
-    """Read the request, run it, write the answer; any exception becomes an ``error`` answer."""
-    begin = time.perf_counter()
-    remove_temporary_folder()
-    request = json.load(sys.stdin)
-    try:
-        global RUN
-        RUN = Run(request)
-        RUN.start()
-        setup = time.perf_counter() - begin
-        advance = RUN.advance(request["sampled_steps"])
-        answer = {
-            "wire_version": 1,
-            "engine_version": str(yade.config.version),
-            "timings": {"setup": setup, "warm_up": 0.0, "advance": advance},
-            "settings": {"contact_law": type(RUN.law).__name__},
-            "history": history(RUN),
-        }
-    except Exception as error:  # the harness shows the text; a traceback would only bury it
-        answer = {"wire_version": 1, "error": f"{type(error).__name__}: {error}"}
-    with open(request["answer_file"], "w", encoding="utf-8") as out:
-        out.write(json.dumps(answer))  # dump() would take the slow encoder
-    sys.stdout.flush()
-    os._exit(0)  # YADE's own exit waits for its network threads
-
-
-main()
+remove_temporary_folder()
+serve(Run)
+sys.stdout.flush()
+os._exit(0)  # YADE's own exit waits for its network threads

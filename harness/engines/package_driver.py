@@ -13,7 +13,7 @@ from ninedisk.harness.api.engine import EngineError, run_session
 from ninedisk.harness.wire.protocol import WIRE_VERSION, Answer, decode_request, encode_answer
 
 
-def main():
+def main() -> None:
     """Read the request, drive the session, write the answer file."""
     module, name = sys.argv[1].split(":")
     request = decode_request(sys.stdin.read())

@@ -1,4 +1,4 @@
-"""One simulation in LIGGGHTS, held as a library.
+"""Driver of LIGGGHTS, which it holds as a library, under the harness' Python.
 
 LIGGGHTS integrates by velocity Verlet: between two runs its state is (positions t_n, forces t_n, velocities t_n), and forces see
 ``v_{n-1/2}`` where they depend on velocities. With a = xi dt/2:
@@ -12,11 +12,27 @@ The particles are spheres in the plane z = 0; nothing here lets a disk's spin ch
 triangle that crosses this plane, large enough for the whole run, so that no contact is near an edge.
 """
 
+import ctypes
 import math
+import os
+import sys
 import time
 
+sys.path.insert(
+    0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "drivers")
+)  # -P keeps folders off the path
+
 import numpy as np
-from liggghts_library import Liggghts
+from driver_parts import SpringRun, number, rough, serve
+
+NOT_BUFFERED = 2
+"""``_IONBF`` of the C library."""
+
+SCALAR, LOCAL, ARRAY = 0, 2, 2
+"""Of ``lammps_extract_compute``: type of a scalar; style of local data, and type of an array of them."""
+
+PER_ATOM = {"x": 3, "v": 3, "f": 3, "omega": 3, "torque": 3, "radius": 1, "rmass": 1}
+"""Numbers per atom of the arrays that are read or written."""
 
 BINS = 1e6
 """Largest number of bins of the neighbour search: walls make the box large, memory should not follow."""
@@ -28,38 +44,25 @@ PRELOAD_ROUND_OFF = 1e-9
 """Of the preload: round-off of the velocity that stretches a spring in one step."""
 
 
-def number(value):
-    """Shortest text that gives the same double back."""
-    return repr(float(value))
-
-
-class Run:
+class Run(SpringRun):
     """One simulation."""
 
+    name = "LIGGGHTS"
+
     def __init__(self, request):
-        scene, extra = request["scene"], request["extra"]
-        disks = scene["disks"]
-        self.n = len(disks["radius"])
-        if not self.n:
-            raise ValueError("there is no disk: LIGGGHTS needs at least one")
-        self.x0, self.v0 = (np.array(disks[key]).reshape(self.n, 2) for key in ("x", "v"))
-        self.omega0, self.radius, self.mass, self.inertia, self.rotating = (
-            np.array(disks[key]) for key in ("omega", "radius", "mass", "inertia", "rotating")
-        )
-        self.gravity, self.xi = np.array(scene["gravity"]), scene["xi"]
-        self.substeps, self.dt, self.reach = extra["substeps"], extra["contact_dt"], extra["reach"]
-        central = request["numerics"]["damping_form"] == "central"
-        self.inflate = 1.0 + 0.5 * self.xi * self.dt if central else 1.0
-        self.law, self.walls, self.legs = scene["disk_disk"], scene["walls"], extra["wall_legs"]
-        self.path = np.load(extra["wall_path"])
-        self.damped = any(law["beta"] > 0.0 for law in [self.law, *(wall["law"] for wall in self.walls)])
-        self.pairs = [tuple(pair) for pair in request["watch"]]
-        self.preload = [tuple(entry) for entry in scene["initial_shear"] if entry[2]]
-        self.samples = []
+        super().__init__(request)
+        extra = request["extra"]
+        self.reach, self.legs, self.known_version = extra["reach"], extra["wall_legs"], extra["version"]
         self.engine = Liggghts(extra["library"])
         self._atoms()
         self._contacts()
         self._walls()
+
+    def version(self):
+        return self.known_version
+
+    def settings(self):
+        return {"contact model": self.model + self.limit, "plate half-length [m]": self.reach}
 
     def _atoms(self):
         """Atom types are the distinct masses, then the walls."""
@@ -99,11 +102,10 @@ class Run:
         table = {name: np.zeros((self.types, self.types)) for name in ("kn", "kt", "gamman", "gammat", "mu")}
         for a, row in enumerate(laws):
             for b, law in enumerate(row):
-                rough = law["mu"] > 0.0 and law["ks"] > 0.0
                 reduced = 1.0 / (1.0 / self.kinds[a] + (1.0 / self.kinds[b] if b < kinds else 0.0))
                 rate = 2.0 * law["beta"] * math.sqrt(law["kn"] / reduced) / self.inflate
-                values = {"kn": law["kn"], "kt": law["ks"] if rough else law["kn"], "gamman": rate}
-                for name, value in {**values, "mu": law["mu"] if rough else 0.0}.items():
+                values = {"kn": law["kn"], "kt": law["ks"] if rough(law) else law["kn"], "gamman": rate}
+                for name, value in {**values, "mu": law["mu"] if rough(law) else 0.0}.items():
                     table[name][a, b] = table[name][b, a] = value
         for wall in range(kinds, self.types):  # no two walls meet, but a stiffness of zero is refused
             table["kn"][wall, kinds:] = table["kt"][wall, kinds:] = 1.0
@@ -249,36 +251,88 @@ class Run:
         if late:
             engine.set("v", v)
         x, omega = engine.get("x")[:, :2], engine.get("omega")[:, 2]
-        pose = self.path[min(step * self.substeps, len(self.path) - 1)]
-        self._check_behind(x, pose)
-        loads, elastic = np.zeros((len(self.walls), 2)), 0.0
-        for (_, j), (fn, fs, overlap) in found.items():
-            law = self.law
-            if j >= self.n:
-                law, normal = self.walls[j - self.n]["law"], -pose[j - self.n, 2:4]
-                loads[j - self.n] += fn * normal - fs * np.array([-normal[1], normal[0]])
-            elastic += 0.5 * law["kn"] * overlap**2 + (0.5 * fs**2 / law["ks"] if fs and law["ks"] else 0.0)
-        self.samples.append(
-            {
-                "step": step,
-                "x": x,
-                "v": v,
-                "omega": omega,
-                # No spin changes: see the adapter.
-                "angle": omega * (step * self.substeps * self.dt),
-                "forces": [found.get(pair, (0.0, 0.0))[:2] for pair in self.pairs],
-                "elastic": elastic,
-                "wall_point": pose[:, 0:2],
-                "wall_normal": pose[:, 2:4],
-                "wall_force": loads,
-            }
-        )
+        pose = self.pose(step * self.substeps)
+        for w, (px, py, nx, ny) in enumerate(pose[:, :4]):
+            self.check_in_front((x - (px, py)) @ (nx, ny), w, "LIGGGHTS' mesh pushes it the wrong way")
+        loads, elastic = self.sums(found, pose)
+        angle = omega * (step * self.substeps * self.dt)  # no spin changes: see the adapter
+        self.sample(step, x, v, omega, angle, self.watched(found), pose, loads, elastic)
 
-    def _check_behind(self, x, pose):
-        for wall, (px, py, nx, ny) in zip(self.walls, pose[:, :4], strict=True):
-            height = (x - (px, py)) @ (nx, ny)
-            if (height < 0.0).any():
-                raise RuntimeError(
-                    f"disk {int(np.argmin(height))} is {-height.min():g} m behind wall {wall['name']!r}, where LIGGGHTS' mesh "
-                    f"pushes it the wrong way: a smaller contact_dt or a stiffer wall is the way out"
-                )
+
+class Liggghts:
+    """One instance; its messages and errors go to standard error, and an error ends the process."""
+
+    def __init__(self, path):
+        # Open MPI loads its plug-ins against symbols that must be global.
+        self.library = ctypes.CDLL(path, mode=ctypes.RTLD_GLOBAL)
+        library, words = self.library, ctypes.POINTER(ctypes.c_char_p)
+        library.lammps_open_no_mpi.argtypes = [ctypes.c_int, words, ctypes.POINTER(ctypes.c_void_p)]
+        library.lammps_command.argtypes = [ctypes.c_void_p, ctypes.c_char_p]
+        library.lammps_get_natoms.argtypes = [ctypes.c_void_p]
+        library.lammps_extract_atom.argtypes = [ctypes.c_void_p, ctypes.c_char_p]
+        library.lammps_extract_atom.restype = ctypes.c_void_p
+        library.lammps_extract_compute.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_int]
+        library.lammps_extract_compute.restype = ctypes.c_void_p
+        # With "-screen none" reading a mesh crashes: it prints to a file that is not there. Its standard output goes to standard error,
+        # unbuffered: an error aborts the process at once.
+        libc = ctypes.CDLL(None)
+        os.dup2(2, 1)
+        libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, NOT_BUFFERED, 0)
+        given = [b"liggghts", b"-log", b"none"]
+        self.handle, self.atoms, self.order = ctypes.c_void_p(), 0, None
+        library.lammps_open_no_mpi(len(given), (ctypes.c_char_p * len(given))(*given), ctypes.byref(self.handle))
+
+    def do(self, *commands):
+        """Run commands."""
+        for command in commands:
+            self.library.lammps_command(self.handle, command.encode())
+
+    def look(self, count):
+        """Note the number of atoms and their order, which stays as it is: sorting is off and there is one process."""
+        self.atoms, made = count, self.library.lammps_get_natoms(self.handle)
+        if made != count:
+            raise RuntimeError(f"LIGGGHTS took {made} of {count} disks")
+        pointer = self.library.lammps_extract_atom(self.handle, b"id")
+        ids = np.ctypeslib.as_array(ctypes.cast(pointer, ctypes.POINTER(ctypes.c_int)), (count,))
+        self.order = np.argsort(ids)
+
+    def _view(self, name):
+        pointer = self.library.lammps_extract_atom(self.handle, name.encode())
+        if PER_ATOM[name] == 1:
+            return np.ctypeslib.as_array(ctypes.cast(pointer, ctypes.POINTER(ctypes.c_double)), (self.atoms, 1))
+        rows = ctypes.cast(pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double)))
+        return np.ctypeslib.as_array(rows[0], (self.atoms, PER_ATOM[name]))
+
+    def get(self, name):
+        """Copy of a per-atom array by disk, shape (n, numbers)."""
+        return np.array(self._view(name)[self.order])
+
+    def set(self, name, values):
+        """Write the first columns of a per-atom array, by disk."""
+        values = np.reshape(values, (self.atoms, -1))
+        self._view(name)[self.order, : values.shape[1]] = values
+
+    def count(self, *names):
+        """Number of rows of local data: the sum of a column over its average, which computes ``names`` give."""
+        total, average = (
+            ctypes.cast(
+                self.library.lammps_extract_compute(self.handle, name.encode(), SCALAR, SCALAR),
+                ctypes.POINTER(ctypes.c_double),
+            )[0]
+            for name in names
+        )
+        return round(total / average) if total else 0
+
+    def local(self, name, rows, columns):
+        """Copy of local data, shape (rows, columns)."""
+        if not rows:
+            return np.empty((0, columns))
+        pointer = self.library.lammps_extract_compute(self.handle, name.encode(), LOCAL, ARRAY)
+        table = ctypes.cast(pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double)))
+        return np.array(np.ctypeslib.as_array(table[0], (rows, columns)))
+
+
+if __name__ == "__main__":
+    serve(Run)
+    sys.stderr.flush()
+    os._exit(0)  # MPI's own exit would complain that it was not finalised

@@ -16,41 +16,41 @@ All masses are divided by one power of two, so that the contact problem has numb
 and velocities, and its Gauss-Seidel takes 1e-12 for 0 whatever the units. That changes no bit of the motion.
 """
 
-import json
 import math
 import os
 import sys
 import time
 
+sys.path.insert(1, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "drivers"))
+
 import numpy as np
 import siconos
 import siconos.kernel as sk
 import siconos.numerics as sn
+from driver_parts import Run, serve
 from siconos.mechanics.collision.bodies import DiskDiskR
-from siconos_error import natural_map
-from siconos_history import history
+from solver_driver import SOLVERS, natural_map
 
 PRESCRIBED = 2.0**200
-SOLVERS = {"nsgs": sn.SICONOS_FRICTION_2D_NSGS, "lemke": sn.SICONOS_FRICTION_2D_LEMKE}
 
 
-class Run:
-    """One simulation."""
+class SiconosRun(Run):
+    """One simulation; forces are means over the step that ends at a sample."""
+
+    force_meaning = "step-mean"
 
     def __init__(self, request):
+        super().__init__(request, request["numerics"]["dt"])
         scene, options = request["scene"], request["extra"]["options"]
-        self.dt, self.disks, self.gravity = request["numerics"]["dt"], scene["disks"], scene["gravity"]
-        self.n, self.m = len(self.disks["radius"]), len(scene["walls"])
-        self.pairs = [tuple(pair) for pair in request["watch"]]
-        self.path = np.load(request["extra"]["wall_path"])
+        self.disks = scene["disks"]
         self.unit = 2.0 ** round(math.log2(float(np.median(self.disks["mass"])))) if self.n else 1.0
         self.tolerance = options["siconos.tolerance"]
-        self.samples, self.worst = [], 0.0
+        self.worst = 0.0
         self.nsds = sk.NonSmoothDynamicalSystem(0.0, self.dt * (request["numerics"]["n_steps"] + 2))
         self.bodies = [self._disk(i, scene["xi"]) for i in range(self.n)]
-        self.walls = [self._wall(w) for w in range(self.m)]
+        self.wall_bodies = [self._wall(w) for w in range(len(self.walls))]
         self.contacts = {}
-        self._contacts(scene)
+        self._contacts()
         self._simulation(options, request["extra"]["threshold"])
 
     def _disk(self, i, xi):
@@ -83,14 +83,14 @@ class Run:
         here, there = self.path[self._place(step), w, 0:2], self.path[self._place(step + 1), w, 0:2]
         return (there - here) / self.dt
 
-    def _contacts(self, scene):
+    def _contacts(self):
         radius = self.disks["radius"]
         for i in range(self.n):
             for j in range(i + 1, self.n):
                 relation = DiskDiskR(radius[i], radius[j])
-                self._link(i, j, scene["disk_disk"], relation, self.bodies[i], self.bodies[j])
-            for w, wall in enumerate(scene["walls"]):
-                bodies = [self.bodies[i]] if self.walls[w] is None else [self.bodies[i], self.walls[w]]
+                self._link(i, j, self.law, relation, self.bodies[i], self.bodies[j])
+            for w, wall in enumerate(self.walls):
+                bodies = [self.bodies[i]] if self.wall_bodies[w] is None else [self.bodies[i], self.wall_bodies[w]]
                 self._link(i, self.n + w, wall["law"], self._half_plane(i, w), *bodies)
 
     def _half_plane(self, i, w):
@@ -99,7 +99,7 @@ class Run:
         radius = self.disks["radius"][i]
         # The contact's normal n is -N, so that its tangent (-n_y, n_x) is (N_y, -N_x).
         rows = np.array([[nx, ny, 0.0], [ny, -nx, radius]])
-        if self.walls[w] is not None:
+        if self.wall_bodies[w] is not None:
             return sk.LagrangianLinearTIR(np.hstack([rows, -rows[:, 0:2]]), np.array([-radius, 0.0]))
         return sk.LagrangianLinearTIR(rows, np.array([-(nx * px + ny * py) - radius, 0.0]))
 
@@ -121,11 +121,20 @@ class Run:
         self.simulation.setNewtonOptions(sk.SICONOS_TS_LINEAR)
         self.simulation.setWarnOnNonConvergence(False)
 
+    def version(self):
+        return siconos.version
+
+    def settings(self):
+        return {"largest_solver_residual": self.worst}
+
+    def start(self):
+        """The sample of time 0."""
+        self._sample(0)
+
     def advance(self, sampled):
         """All steps; returns the seconds spent on them, sampling apart."""
         wanted, spent = set(sampled), 0.0
-        self._sample(0)
-        moving = [(w, body) for w, body in enumerate(self.walls) if body is not None]
+        moving = [(w, body) for w, body in enumerate(self.wall_bodies) if body is not None]
         begin = time.perf_counter()
         for step in range(1, max(wanted) + 1):
             self.simulation.computeOneStep()
@@ -164,14 +173,17 @@ class Run:
         q = np.array([body.q() for body in self.bodies]).reshape(-1, 3)
         v = np.array([body.velocity() for body in self.bodies]).reshape(-1, 3)
         watched = np.array([self._force(pair) for pair in self.pairs]).reshape(-1, 2)
-        on_walls = np.zeros((self.m, 2))
-        normals = self.path[self._place(step), :, 2:4]
+        on_walls = np.zeros((len(self.walls), 2))
+        pose = self.pose(step)
         for i, j in self.contacts:
             if j >= self.n:
                 fn, fs = self._force((i, j))
-                nx, ny = normals[j - self.n]
+                nx, ny = pose[j - self.n, 2:4]
                 on_walls[j - self.n] += (-fn * nx - fs * ny, -fn * ny + fs * nx)
-        self.samples.append((step, q, v, watched, on_walls))
+        if step == 0:
+            watched, on_walls = np.full_like(watched, np.nan), np.full_like(on_walls, np.nan)
+        omega = np.where(self.rotating, v[:, 2], self.omega0)
+        self.sample(step, q[:, 0:2], v[:, 0:2], omega, q[:, 2], watched, pose, on_walls)
 
     def _force(self, pair):
         """``(fn, fs)`` [N], means over the step."""
@@ -181,27 +193,6 @@ class Run:
         return self.unit * impulse[0] / self.dt, sign * self.unit * impulse[1] / self.dt
 
 
-def main():
-    """Read the request, run it, write the answer; any exception becomes an ``error`` answer."""
-    begin = time.perf_counter()
-    request = json.load(sys.stdin)
-    try:
-        run = Run(request)
-        setup = time.perf_counter() - begin
-        advance = run.advance(request["sampled_steps"])
-        answer = {
-            "wire_version": 1,
-            "engine_version": siconos.version,
-            "timings": {"setup": setup, "warm_up": 0.0, "advance": advance},
-            "settings": {"largest_solver_residual": run.worst},
-            "history": history(run),
-        }
-    except Exception as error:  # the harness shows the text; a traceback would only bury it
-        answer = {"wire_version": 1, "error": f"{type(error).__name__}: {error}"}
-    with open(request["answer_file"], "w", encoding="utf-8") as out:
-        out.write(json.dumps(answer))
-    sys.stdout.flush()
-    os._exit(0)  # Siconos' objects and Python's may be destroyed in an order that crashes
-
-
-main()
+serve(SiconosRun)
+sys.stdout.flush()
+os._exit(0)  # Siconos' objects and Python's may be destroyed in an order that crashes

@@ -1,0 +1,213 @@
+"""What the drivers of several engines share: the request, the samples, the arrays of the wire format, the answer.
+
+Drivers run inside other programs, some under the system's Python: plain Python and numpy here, nothing of an engine or of the harness.
+"""
+
+import json
+import sys
+import time
+
+import numpy as np
+
+
+def serve(make):
+    """Read the request, run it, write the answer; any exception becomes an ``error`` answer.
+
+    ``make(request)`` gives the run: a `Run`, or what has its ``start``, ``advance``, ``version``, ``settings`` and ``history``.
+    """
+    begin = time.perf_counter()
+    request = json.load(sys.stdin)
+    try:
+        run = make(request)
+        run.start()
+        setup = time.perf_counter() - begin
+        advance = run.advance(request["sampled_steps"])
+        answer = {
+            "wire_version": 1,
+            "engine_version": run.version(),
+            "timings": {"setup": setup, "warm_up": 0.0, "advance": advance},
+            "settings": run.settings(),
+            "history": run.history(),
+        }
+    except Exception as error:  # the harness shows the text; a traceback would only bury it
+        answer = {"wire_version": 1, "error": f"{type(error).__name__}: {error}"}
+    write(request, answer)
+
+
+def write(request, answer):
+    """Write an answer file."""
+    with open(request["answer_file"], "w", encoding="utf-8") as out:
+        out.write(json.dumps(answer))  # dump() would take the slow encoder
+
+
+class Run:
+    """One simulation: what the request says, and the samples.
+
+    A subclass gives `start`, which ends at time 0 with everything but the first step done, `advance`, `version` and `settings`, and
+    calls `sample`.
+
+    Attributes
+    ----------
+    x0, v0 : arrays, shape (n, 2)
+        Positions [m] and velocities [m/s] at time 0.
+    omega0, radius, mass, inertia, rotating : arrays, shape (n,)
+    dt : float
+        Step [s]; ``substeps`` of them lie between two steps of the request.
+    path : array or None
+        Point, normal and more of each wall at each step, see `ninedisk.harness.api.wall_path`; the last row lasts.
+    """
+
+    force_meaning = "instantaneous"
+
+    def __init__(self, request, dt, substeps=1):
+        scene = request["scene"]
+        disks = scene["disks"]
+        self.n = len(disks["radius"])
+        self.x0, self.v0 = (np.array(disks[key], dtype=float).reshape(self.n, 2) for key in ("x", "v"))
+        self.omega0, self.radius, self.mass, self.inertia = (
+            np.array(disks[key], dtype=float) for key in ("omega", "radius", "mass", "inertia")
+        )
+        self.rotating = np.array(disks["rotating"], dtype=bool)
+        self.gravity, self.xi = np.array(scene["gravity"]), scene["xi"]
+        self.law, self.walls = scene["disk_disk"], scene["walls"]
+        self.dt, self.substeps = dt, substeps
+        self.path = np.load(request["extra"]["wall_path"]) if "wall_path" in request["extra"] else None
+        self.pairs = [tuple(pair) for pair in request["watch"]]
+        self.samples = []
+
+    def pose(self, step):
+        """Points and normals of the walls and more at a step, shape (m, columns)."""
+        return self.path[min(step, len(self.path) - 1)]
+
+    def sample(self, step, x, v, omega, angle, forces, pose, wall_force, elastic=None):
+        """Append one sample.
+
+        Parameters
+        ----------
+        step : int
+            Of the request.
+        x, v, omega, angle : arrays by disk
+        forces : sequence of (fn, fs)
+            Of the watched pairs [N]; NaN where they cannot be observed.
+        pose : sequence
+            Point and normal of each wall, its first four columns.
+        wall_force : array, shape (m, 2)
+            Force on each wall [N].
+        elastic : float or None
+            Energy of the springs [J]; None: there are none.
+        """
+        self.samples.append((step, x, v, omega, angle, forces, np.array(pose)[..., :4], wall_force, elastic))
+
+    def history(self):
+        """All samples as the arrays of the wire format."""
+        steps, n, m, c = len(self.samples), self.n, len(self.walls), len(self.pairs)
+        step, *columns, elastic = zip(*self.samples)  # noqa: B905
+        shapes = ((n, 2), (n, 2), (n,), (n,), (c, 2), (m, 4), (m, 2))
+        x, v, omega, angle, forces, pose, wall_force = (
+            np.array(column, dtype=float).reshape((steps, *shape))
+            for column, shape in zip(columns, shapes, strict=True)
+        )
+        point, normal = pose[:, :, 0:2], pose[:, :, 2:4]
+        # A blocked spin is prescribed: it exchanges no energy with the scene and is not counted, as in the in-house DEM.
+        inertia = np.where(self.rotating, self.inertia, 0.0)
+        energy = {
+            "kinetic": (0.5 * (v**2).sum(axis=2) @ self.mass + 0.5 * omega**2 @ inertia).tolist(),
+            "gravity": (-(x @ self.gravity) @ self.mass).tolist(),
+        }
+        if elastic[0] is not None:
+            energy["elastic"] = known(np.array(elastic, dtype=float))
+        return {
+            "step": list(step),
+            "t": (np.array(step) * (self.substeps * self.dt)).tolist(),
+            "x": x.tolist(),
+            "v": v.tolist(),
+            "angle": angle.tolist(),
+            "omega": omega.tolist(),
+            "gap": self._gaps(x, point, normal).tolist(),
+            "fn": known(forces[:, :, 0]),
+            "fs": known(forces[:, :, 1]),
+            "force_meaning": self.force_meaning,
+            "wall_point": point.tolist(),
+            "wall_angle": np.arctan2(normal[:, :, 1], normal[:, :, 0]).tolist(),
+            "wall_force": known(wall_force),
+            "energy": energy,
+        }
+
+    def _gaps(self, x, point, normal):
+        """Gaps of the watched pairs, shape (samples, pairs)."""
+        gaps = np.empty((len(x), len(self.pairs)))
+        for c, (i, j) in enumerate(self.pairs):
+            if j < self.n:
+                gaps[:, c] = np.linalg.norm(x[:, j] - x[:, i], axis=1) - self.radius[i] - self.radius[j]
+            else:
+                w = j - self.n
+                gaps[:, c] = ((x[:, i] - point[:, w]) * normal[:, w]).sum(axis=1) - self.radius[i]
+        return gaps
+
+
+def known(values):
+    """Nested lists with null for NaN, which JSON does not have."""
+    return np.where(np.isnan(values), None, values).tolist()
+
+
+class SpringRun(Run):
+    """One simulation with contact springs by central differences: velocities at half steps, forces at positions of t_n.
+
+    With a = xi dt/2 and a ``central`` form of damping, ``v+ = ((1 - a) v- + dt F/m)/(1 + a)``, masses and inertias times
+    ``1 + a`` make the step an undamped one (or one with the lagged drag, ``v+ = v- + dt (F/m - xi v-)``): ``inflate``. Each
+    driver derives what its engine makes of that. ``start`` reaches ``v_{1/2} = v_0 + dt/2 (F_0/m - xi v_0)``.
+    """
+
+    name = ""
+    """The engine's, for messages."""
+
+    needs_a_disk = True
+
+    def __init__(self, request):
+        extra = request["extra"]
+        super().__init__(request, extra["contact_dt"], extra["substeps"])
+        if self.needs_a_disk and not self.n:
+            raise ValueError(f"there is no disk: {self.name} needs at least one")
+        self.central = request["numerics"]["damping_form"] == "central"
+        self.a = 0.5 * self.xi * self.dt
+        self.inflate = 1.0 + self.a if self.central else 1.0
+        self.decay = (1.0 - self.a) / (1.0 + self.a) if self.central else 1.0 - 2.0 * self.a
+        self.preload = [tuple(entry) for entry in request["scene"]["initial_shear"] if entry[2]]
+        self.damped = any(law["beta"] > 0.0 for law in [self.law, *(wall["law"] for wall in self.walls)])
+
+    def law_of(self, j):
+        """Law of the pairs whose second body is ``j``."""
+        return self.law if j < self.n else self.walls[j - self.n]["law"]
+
+    def sums(self, contacts, pose):
+        """Force on each wall [N], shape (m, 2), and elastic energy [J] of contacts ``{(i, j): (fn, fs, overlap)}``."""
+        loads, elastic = np.zeros((len(self.walls), 2)), 0.0
+        for (_, j), (fn, fs, overlap) in contacts.items():
+            law = self.law_of(j)
+            elastic += 0.5 * law["kn"] * overlap**2 + (0.5 * fs**2 / law["ks"] if fs and law["ks"] else 0.0)
+            if j >= self.n:
+                normal = -pose[j - self.n, 2:4]
+                loads[j - self.n] += fn * normal - fs * np.array([-normal[1], normal[0]])
+        return loads, elastic
+
+    def watched(self, contacts):
+        """(fn, fs) [N] of the watched pairs."""
+        return [contacts[pair][:2] if pair in contacts else (0.0, 0.0) for pair in self.pairs]
+
+    def check_in_front(self, height, w, engine):
+        """Raise if a disk's centre, ``height`` [m] above wall ``w``, is behind it; ``engine`` says what happens there."""
+        if (height < 0.0).any():
+            raise RuntimeError(
+                f"disk {int(np.argmin(height))} is {-height.min():g} m behind wall {self.walls[w]['name']!r}, where {engine}: "
+                "a smaller contact_dt or a stiffer wall is the way out"
+            )
+
+
+def rough(law):
+    """Whether a contact can carry shear."""
+    return law["mu"] > 0.0 and law["ks"] > 0.0
+
+
+def number(value):
+    """Shortest text that gives the same double back."""
+    return repr(float(value))

