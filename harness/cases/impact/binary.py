@@ -30,6 +30,7 @@ from ninedisk.harness.cases.common import (
     softness,
     whole_steps,
 )
+from ninedisk.harness.cases.impact.shown import BINARY_CLAIMS, BINARY_FIGURES
 from ninedisk.references.analytic.collision import collision_history
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution, contact_duration, restitution_of_beta
 from ninedisk.references.exact_steps.impact import collision_step_theta
@@ -55,6 +56,8 @@ class BinaryCollision:
     requirement = (
         "momentum always conserved; energy after an elastic impact; velocities (0, 1) elastic, (1/2, 1/2) plastic"
     )
+    figures = BINARY_FIGURES
+    claims = BINARY_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(
             name="kind",

@@ -36,6 +36,7 @@ from ninedisk.harness.cases.common import (
     summed_round_off,
     whole_steps,
 )
+from ninedisk.harness.cases.incline.shown import BLOCK_CLAIMS, BLOCK_FIGURES
 from ninedisk.references.analytic.incline import acceleration, critical_mu, incline
 from ninedisk.references.exact_steps.incline import (
     InclineSteps,
@@ -62,6 +63,8 @@ class InclineBlock:
     title = "Block on an incline"
     source = "appendix A.3.4 of Lim's thesis, (A.7), figures A.17-A.26"
     requirement = "mu = 0.36 slides with a = g (sin - mu cos), mu = 0.4 stays; fn = m g cos; dilation shrinks with dt"
+    figures = BLOCK_FIGURES
+    claims = BLOCK_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.36, low=0.0, unit="-", in_id=True, help="friction coefficient"),
         Parameter(

@@ -36,6 +36,7 @@ from ninedisk.harness.cases.nine_disk.scene import (
     nine_disks,
     shear_growth,
 )
+from ninedisk.harness.cases.nine_disk.shown import COMPRESSION_CLAIMS, COMPRESSION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
 from ninedisk.harness.run.matched import core_history
 from ninedisk.references.analytic.compression import continuous_row, row_frequency, steady_force, undamped_amplitude
@@ -59,6 +60,8 @@ class Compression:
     title = "Nine disks, uniform compression"
     source = "appendix A.1.1, Table A.1, Figures A.2 and A.3"
     requirement = "Contact forces of the explicit scheme follow the exact recurrence and settle at kn v T/2."
+    figures = COMPRESSION_FIGURES
+    claims = COMPRESSION_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(
             name="load_case", default="a1", choices=tuple(LOAD_CASES), in_id=True, help="row of Table A.1: kn, dt, v, T"

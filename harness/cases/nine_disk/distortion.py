@@ -37,6 +37,7 @@ from ninedisk.harness.cases.nine_disk.scene import (
     nine_disks,
     shear_growth,
 )
+from ninedisk.harness.cases.nine_disk.shown import DISTORTION_CLAIMS, DISTORTION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
 from ninedisk.harness.run.matched import core_history, slip_of
 from ninedisk.references.analytic.compression import row_frequency
@@ -70,6 +71,8 @@ class Distortion:
     title = "Nine disks, constant-volume distortion"
     source = "appendix A.1.2, Figures A.4 and A.5"
     requirement = "Forces at the centre disk follow the converged history; shear never exceeds mu times normal force."
+    figures = DISTORTION_FIGURES
+    claims = DISTORTION_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(
             name="phi_deg",

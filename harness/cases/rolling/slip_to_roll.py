@@ -32,6 +32,7 @@ from ninedisk.harness.cases.common import (
     summed_round_off,
     whole_steps,
 )
+from ninedisk.harness.cases.rolling.shown import SLIP_TO_ROLL_CLAIMS, SLIP_TO_ROLL_FIGURES
 from ninedisk.references.analytic.slip_to_roll import (
     UNIFORM_DISK,
     slide_to_stop,
@@ -65,6 +66,8 @@ class SlipToRoll:
     title = "Slip to roll"
     source = "appendix A.3.3 of Lim's thesis (rotations); classical rigid-body mechanics"
     requirement = "slides until v0/(3 mu g), then rolls at 2 v0/3; without rotation stops at v0/(mu g)"
+    figures = SLIP_TO_ROLL_FIGURES
+    claims = SLIP_TO_ROLL_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.3, low=0.0, low_open=True, unit="-", in_id=True, help="friction coefficient"),
         Parameter(

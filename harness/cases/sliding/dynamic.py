@@ -22,6 +22,7 @@ from ninedisk.harness.cases.common import (
     softness,
 )
 from ninedisk.harness.cases.sliding.scene import KN, MASS, PAIR, RADIUS, observe_particle, particle_on_plane
+from ninedisk.harness.cases.sliding.shown import DYNAMIC_CLAIMS, DYNAMIC_FIGURES
 from ninedisk.references.exact_steps.sliding import SlidingSteps, dynamic_sliding
 
 PHASE = 0.1
@@ -41,6 +42,8 @@ class DynamicSliding:
     title = "Sliding rule, one dynamic step and on"
     source = "appendix A.3.2, (A.3) to (A.5)"
     requirement = "the first step rises by (mu v dt - g0)/(1 + mu^2) above dt_cr = g0/(mu v), by nothing below"
+    figures = DYNAMIC_FIGURES
+    claims = DYNAMIC_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(name="dt", default=0.01, low=0.0, low_open=True, unit="s", in_id=True, help="step"),
         Parameter(name="g0", default=0.001, low=0.0, unit="m", in_id=True, help="gap at time 0"),
