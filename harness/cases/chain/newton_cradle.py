@@ -15,7 +15,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -262,7 +262,7 @@ def binding_truth(params: Mapping[str, Any], setup: Setup, observed: Observed, e
         for k, event in enumerate(history.t[1:]):
             v[np.abs(t - event) <= (k + 2.5) * dt] = np.nan
         return Truth(v, history.v[-1], atol, "one collision after the other, Newton's restitution", why)
-    if engine.impact_as_springs:
+    if Difference.IMPACT_AS_SPRINGS in engine.differences:
         history, _ = spring_chain(params, setup)
         final, source = (
             history.v[-1],

@@ -14,7 +14,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
 from ninedisk.harness.run.matched import slip_of
 from ninedisk.references.analytic.retraced_loop import (
@@ -303,7 +303,7 @@ def _turning(
     To first order a force changes by half the square of the rotation of each step, of its value then. Along fixed axes a wall's shear
     force gains fn times the rotation: up to the largest overlap times the angle, of which a sum of ends leaves ``dt phi' way`` a cycle.
     """
-    if params["kind"] == "wall" and engine.fixed_wall_shear:
+    if params["kind"] == "wall" and Difference.FIXED_WALL_SHEAR in engine.differences:
         most = (SUNK + params["amplitude"]) * _angle(params)
         remains = 2.0 / count * params["cycles"] * params["amplitude"] * _angle(params)
         return most, remains, "; shear forces at walls along fixed axes gain fn times the rotation"

@@ -15,7 +15,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -231,7 +231,7 @@ def binding_truth(params: Mapping[str, Any], setup: Setup, observed: Observed, e
         source = "Newton's restitution"
         why = "an impact falls anywhere in a step, and its speed and place with it: first order in dt, bounce by bounce"
         why += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
-        rest = -mass * params["g"] / law.kn if engine.keeps_kn else 0.0
+        rest = -mass * params["g"] / law.kn if Difference.KEEPS_KN in engine.differences else 0.0
         settled = _landed(params, setup) + 1e-12 + softness(engine) * params["height"]
     return _collect(params, setup, observed, flights, errors, _Words(source, why), (rest, settled), spring=spring)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -175,7 +175,13 @@ class ElasticGas:
                           source="theta scheme, theta = 1/2: e_eff(phase) <= 1", why=why, atol=1e-10)  # fmt: skip
             return [*found, bound]
         limit = energy_bounds(params, setup, engine, hits)
-        name = "energy" if engine.contact == "spring" else "kinetic_level" if engine.impact_as_springs else "kinetic"
+        name = (
+            "energy"
+            if engine.contact == "spring"
+            else "kinetic_level"
+            if Difference.IMPACT_AS_SPRINGS in engine.differences
+            else "kinetic"
+        )
         whole: dict[str, Any] = {
             "truth": "analytic",
             "expected": 1.0,
@@ -299,7 +305,7 @@ def energy_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, h
     rough = 1e-13 * hits.all + 2.0 * single(engine, 1.0, 2.0 * hits.all / n)
     why = f"e = 1 keeps the energy of each of {hits.all:.0f} collisions: round-off"
     why += (" of single precision" if engine.precision == "float32" else "") + soft_reason(engine)
-    if engine.normal_turns_in_impact:
+    if Difference.NORMAL_TURNS_IN_IMPACT in engine.differences:
         lost += _gain_of_turning(params, setup, hits)
         why += "; restitution and impulse along normals of either end of the step: energy is gained, first order in dt"
     return EnergyBound(rough + lost, why)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -410,7 +410,7 @@ def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineIn
     force = softness(engine) * weight + single(engine, weight, 1)
     atol |= {"fn": atol["fn"] + force, "fs": atol["fs"] + force}
     rule = "; dilation of the associated rule" if associated else ""
-    if engine.keeps_kn:
+    if Difference.KEEPS_KN in engine.differences:
         atol["gap"] += weight / kn
         rule += "; overlap of the weight over kn"
         if not params["preload"]:
@@ -437,7 +437,7 @@ def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineIn
         force=atol["fs"] + atol["fn"],
         gain=atol["vx"],
     )
-    if engine.friction_lags and not params["preload"]:
+    if Difference.FRICTION_LAGS in engine.differences and not params["preload"]:
         bounds = _first_step_smooth(params, bounds, dt, t_end)
     return chatter_bounds(params, setup, bounds) if chatters(engine) and a > 0.0 else bounds
 

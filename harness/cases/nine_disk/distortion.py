@@ -18,7 +18,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.nine_disk.compression import outline_check
 from ninedisk.harness.cases.nine_disk.converged import consensus_checks, converged_checks
 from ninedisk.harness.cases.nine_disk.scene import (
@@ -306,7 +306,7 @@ def _even_walls(params: Mapping[str, Any]) -> bool:
 def _other_arm(setup: Setup, engine: EngineInfo) -> tuple[str, float]:
     """Reason and relative size of the difference that another lever arm makes; empty and 0 where the arms agree."""
     turning = [wall for wall in setup.scene.walls if wall.law.mu > 0.0 and any(s.angular_velocity for s in wall.motion)]
-    if engine.fixed_wall_shear and turning:
+    if Difference.FIXED_WALL_SHEAR in engine.differences and turning:
         angle = sum(abs(segment.angular_velocity) * segment.duration for segment in turning[0].motion)
         return (
             "the engine keeps shear forces at walls along fixed axes: a turning wall adds fn times its rotation, up to "

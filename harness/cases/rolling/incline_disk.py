@@ -14,7 +14,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -332,7 +332,7 @@ def _rigid(
     weight = mass * g
     force = softness(engine) * weight + single(engine, weight, 1) + 1e-10 * weight + mass * lift / dt
     # A contact that gives way lets the disk sink, and friction then acts on a shorter arm.
-    yields = rates.fn / kn if engine.keeps_kn else 0.0
+    yields = rates.fn / kn if Difference.KEEPS_KN in engine.differences else 0.0
     arm = (speed * t_end + yields) / float(setup.scene.disks.radius[0])
     vx = mu * lift + 1e-12 + speed + arm * rates.along * t_end
     depth = 0.0

@@ -14,7 +14,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -417,7 +417,11 @@ def _rigid_bounds(
     rough = g * let_through + single(engine, max(speed, g * t_end), setup.numerics.n_steps)
     vx = (mu * lift_vy + mu * g * (flight + dt) if associated else 0.0) + 1e-11 * speed + rough
     fall = g * dt**2 if associated and engine.contact != "cd" else 0.0
-    weight_yields = float(setup.scene.disks.mass[0]) * g / setup.scene.walls[0].law.kn if engine.keeps_kn else 0.0
+    weight_yields = (
+        float(setup.scene.disks.mass[0]) * g / setup.scene.walls[0].law.kn
+        if Difference.KEEPS_KN in engine.differences
+        else 0.0
+    )
     atol = {
         "x": 0.5 * dt * lost + mu * g * dt**2 / 8.0 + (vx * (lost / (mu * g) + flight) if associated else 0.0)
         + 1e-12 * speed * t_end + rough * t_end,

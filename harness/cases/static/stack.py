@@ -14,7 +14,7 @@ import numpy as np
 from ninedisk.core.history import History, Pair
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -177,7 +177,9 @@ def _truth(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> dict[
     weight = MASS * params["g"]
     if params["arrangement"] == "column":
         return dict(zip(setup.labels, column_forces(n=params["n"], weight=weight).tolist(), strict=True))
-    settles = params["start"] == "touching" and (engine.contact == "spring" or engine.keeps_kn)
+    settles = params["start"] == "touching" and (
+        engine.contact == "spring" or Difference.KEEPS_KN in engine.differences
+    )
     rest = pyramid_forces(
         weight=weight,
         chord=2.0 * RADIUS,
@@ -244,7 +246,7 @@ def stack_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, en
     why = "rigid contacts bear the weight at once: residual of the solver, round-off"
     why += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
     force = EXACT_STEP_RTOL * weight + single(engine, weight, 1) + softness(engine) * weight
-    if engine.keeps_kn:
+    if Difference.KEEPS_KN in engine.differences:
         why += "; overlaps fn/kn, into which it settles"
         return StackBounds(force, force, length, _sunk(params, setup), True, None, why)
     # While a soft contact still gives way it hands its part on to the others; at rest it bears what statics asks for.

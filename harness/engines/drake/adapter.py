@@ -21,7 +21,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.api.engine import Difference, EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_version, prescribed_spins
 from ninedisk.harness.engines.spring import laws_in_use
 from ninedisk.harness.wire.external import ExternalEngine
@@ -151,7 +151,10 @@ class DrakeDiscreteEngine(RigidPackageEngine):
         self, engine_id: str, name: str, session: str, scheme: str, model: str, *, dilates: bool, friction_lags: bool
     ) -> None:
         self.id, self.name, self.scheme, self.model = engine_id, name, scheme, model
-        self.dilates, self.friction_lags = dilates, friction_lags
+        self.dilates = dilates
+        self.differences = {Difference.KEEPS_KN: "contacts have the scene's stiffness"}
+        if friction_lags:
+            self.differences[Difference.FRICTION_LAGS] = "Drake's lagged approximation"
         self.options = DISCRETE_OPTIONS[engine_id]
         self._session = f"ninedisk.harness.engines.drake.session:{session}"
 
@@ -165,10 +168,9 @@ class DrakeDiscreteEngine(RigidPackageEngine):
         return replace(
             _info(self.id, self.name, scheme=self.scheme, contact="soft", capabilities=RIGID),
             dilates=self.dilates,
-            friction_lags=self.friction_lags,
+            differences=self.differences,
             softness=FRICTION_REGULARISATION,
             softness_why="regularisation of friction, sigma",
-            keeps_kn=True,
             options=self.options,
             out_of_scope={Capability.SHEAR_SPRING: REGULARISED},
         )

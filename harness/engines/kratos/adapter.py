@@ -13,7 +13,7 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.api.engine import Difference, EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.wall_path import wall_path
 from ninedisk.harness.engines.package import package_version
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
@@ -55,6 +55,10 @@ NOTE_TURNING = (
     "in every step, up to the friction limit; with the lever arms that makes up to 2.5 % of the largest normal and 4.6 % of the largest "
     "shear force of the nine-disk distortion"
 )
+NOTE_KEPT = (
+    "the engine's neighbours keep the shear force of their last contact while they are apart, as long as they stay within the search "
+    "tolerance: the second contact goes on from it"
+)
 NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; never tension"
 NOTE_NO_DASHPOT = (
     "Kratos' dashpots act along the shear spring too, and its forces on walls cannot be taken apart where a dashpot acts: contact "
@@ -84,9 +88,8 @@ class Kratos(ExternalEngine):
             capabilities=CAPABILITIES,
             not_installed_because=reason or without,
             turns_shear="to first order",
-            fixed_wall_shear=True,
+            differences={Difference.FIXED_WALL_SHEAR: NOTE_TURNING, Difference.KEEPS_OPENED_SHEAR: NOTE_KEPT},
             arms_at_walls=frozenset(),
-            keeps_opened_shear=True,
         )
 
     def command(self) -> Sequence[str]:

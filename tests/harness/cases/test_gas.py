@@ -73,7 +73,7 @@ def test_siconos_gains_energy_first_order_in_the_step(run_cell, judge_history):
         assert cell.failures == []
         gains.append(cell.observed.scalars["kinetic_final"][1] - 1.0)
     assert 0.5 < np.log2(gains[0] / gains[1]) / 2.0 < 1.6
-    other = dataclasses.replace(SICONOS.info(), normal_turns_in_impact=False)
+    other = dataclasses.replace(SICONOS.info(), differences={})
     assert "kinetic" in seen(judge_history(CASE, other, {"dt": 1.25e-3, "duration": 2.0}, cell.history))
 
 

@@ -59,7 +59,7 @@ def test_mujoco_s_impacts_are_those_of_springs(run_cell, judge_history):
     touching = {"n": 3, "gap": 0.0}
     cell = run_cell(CASE, MUJOCO, touching)
     assert cell.failures == []
-    other = dataclasses.replace(MUJOCO.info(), impact_as_springs=False)
+    other = dataclasses.replace(MUJOCO.info(), differences={})
     assert "handed_on" in seen(judge_history(CASE, other, touching, cell.history))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.engine import Difference
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.cases.contact.reopening import CASE
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
@@ -75,7 +76,9 @@ def test_what_another_engine_does_not_tell_is_not_judged_and_what_it_is_known_to
 ):
     cell = run_cell(CASE, DEM, DISKS, kept)
     other = dataclasses.replace(
-        scheme_info("central-difference", "spring"), capabilities=DEM.info().capabilities, keeps_opened_shear=True
+        scheme_info("central-difference", "spring"),
+        capabilities=DEM.info().capabilities,
+        differences={Difference.KEEPS_OPENED_SHEAR: "it keeps"},
     )
     silent = dataclasses.replace(cell.history, energy={})
     judged = judge_history(CASE, other, DISKS, silent)
