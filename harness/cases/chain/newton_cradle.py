@@ -1,7 +1,4 @@
-"""Row of equal disks hit at one end: who takes the velocity, and by which law.
-
-What a row of disks does that is hit at one end: several laws, and which of them binds an engine.
-"""
+"""Row of equal disks hit at one end: who takes the velocity, by several laws, and which of them binds an engine."""
 
 from __future__ import annotations
 
@@ -184,9 +181,6 @@ class NewtonCradle:
         return series_and_final((*names, "energy"), expected, truth="exact-step", source=source, tolerance=tolerance)
 
 
-CASE = NewtonCradle()
-
-
 class Truth(NamedTuple):
     """Velocities at the samples, shape (s, n), NaN while an impact goes on; absolute tolerance [m/s]; final ones; and why."""
 
@@ -318,3 +312,6 @@ def exact_steps(params: Mapping[str, Any], setup: Setup) -> ChainSteps:
         restitution=params["restitution"] if numerics.impact == "newton" else None,
         n_steps=numerics.n_steps,
     )
+
+
+CASE = NewtonCradle()

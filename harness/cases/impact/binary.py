@@ -1,7 +1,6 @@
-"""Head-on collision of two equal disks, elastic or plastic (appendix A.2).
+"""Head-on collision of two equal disks, elastic or plastic (appendix A.2), and what binds an engine on it.
 
-What binds an engine on a binary collision: restitution by the kind of its contacts, or the exact steps of its
-scheme.
+That is the restitution by the kind of its contacts, or the exact steps of its scheme.
 """
 
 from __future__ import annotations
@@ -40,6 +39,18 @@ PAIR = (0, 1)
 
 PHASE, DAMPED_PHASE = 0.02, 0.05
 """Default resolution of the contact: ``omega dt <= PHASE`` and ``beta omega dt <= DAMPED_PHASE``."""
+
+
+PLASTIC_BETA = 10.0
+"""Largest dashpot that the case chooses: e = 0.00244, a 400th of the elastic one. The step falls with 1/beta, and e = 0
+needs an infinite dashpot."""
+
+KINDS = {"elastic": 1.0, "plastic": 0.0}
+
+ROUND_OFF = 1e-12
+"""Of the speed: a collision is one impulse, a handful of roundings; free flight changes no velocity."""
+
+NAMES = ("vx_1", "vx_2", "energy")
 
 
 class BinaryCollision:
@@ -205,21 +216,6 @@ class BinaryCollision:
         ]  # fmt: skip
 
 
-CASE = BinaryCollision()
-
-
-PLASTIC_BETA = 10.0
-"""Largest dashpot that the case chooses: e = 0.00244, a 400th of the elastic one. The step falls with 1/beta, and e = 0
-needs an infinite dashpot."""
-
-KINDS = {"elastic": 1.0, "plastic": 0.0}
-
-ROUND_OFF = 1e-12
-"""Of the speed: a collision is one impulse, a handful of roundings; free flight changes no velocity."""
-
-NAMES = ("vx_1", "vx_2", "energy")
-
-
 class Knobs(NamedTuple):
     """What each kind of engine is told about the impact."""
 
@@ -351,3 +347,6 @@ def _restitution(e: float, truth: TruthKind, source: str, atol: float, why: str)
     return Check(
         quantity="restitution_effective", norm="scalar", truth=truth, expected=e, source=source, atol=atol, why=why
     )
+
+
+CASE = BinaryCollision()

@@ -1,6 +1,6 @@
 """Disk dropped on a plane: it bounces lower and lower, and rests after a finite time.
 
-Bounces that bind an engine by the kind of its contacts, and how far its step may take it from them, derived.
+Which bounces bind an engine follows from the kind of its contacts; how far its step may take it from them is derived.
 """
 
 from __future__ import annotations
@@ -42,6 +42,10 @@ PHASE, DAMPED_PHASE = 0.05, 0.02
 
 REST = 1.25
 """Default duration in units of the time by which a rigid disk rests."""
+
+
+FOLLOWED = 1e-6
+"""Part of the largest speed that the growth of rounding errors may reach in steps that are compared as exact."""
 
 
 class BouncingDisk:
@@ -177,13 +181,6 @@ def _stepped(params: Mapping[str, Any], setup: Setup, observed: Observed) -> lis
         )
         for name, curve in exact.curves.items()
     ]
-
-
-CASE = BouncingDisk()
-
-
-FOLLOWED = 1e-6
-"""Part of the largest speed that the growth of rounding errors may reach in steps that are compared as exact."""
 
 
 class Truth(NamedTuple):
@@ -421,3 +418,6 @@ def exact_curves(params: Mapping[str, Any], setup: Setup, observed: Observed) ->
     shown = observed.step <= end
     curves = {name: np.where(shown, getattr(steps, name)[observed.step], np.nan) for name in atol}
     return Stepped(curves, atol)
+
+
+CASE = BouncingDisk()

@@ -1,6 +1,6 @@
 """Gas of elastic smooth disks in a box: energy over many collisions, momentum between hits of the walls.
 
-Collisions that a gas of disks has in a run, and how much energy they may cost an engine.
+How many collisions a run has, and how much energy they may cost an engine, is derived.
 """
 
 from __future__ import annotations
@@ -33,6 +33,13 @@ RADIUS, MASS = 1.0, math.pi
 """Unit radius and density."""
 
 NAMES = ("left", "right", "bottom", "top")
+
+
+SIGMAS = 6.0
+"""Standard deviations of a sum of independent errors that a tolerance allows: one run in 10^9 has more."""
+
+MEETING = 10.0
+"""Energy of approach, in units of the mean energy of a disk, of all contacts that go on at one time, at most."""
 
 
 class ElasticGas:
@@ -236,16 +243,6 @@ def _kept(far: NDArray[np.bool_], change: FloatArray) -> FloatArray:
     return np.concatenate(([0.0], np.where(far | np.isnan(change), change, 0.0)))
 
 
-CASE = ElasticGas()
-
-
-SIGMAS = 6.0
-"""Standard deviations of a sum of independent errors that a tolerance allows: one run in 10^9 has more."""
-
-MEETING = 10.0
-"""Energy of approach, in units of the mean energy of a disk, of all contacts that go on at one time, at most."""
-
-
 class EnergyBound(NamedTuple):
     """Tolerance of the energy over its first value, and why."""
 
@@ -321,3 +318,6 @@ def _gain_of_turning(params: Mapping[str, Any], setup: Setup, hits: Hits) -> flo
     n, sigma = params["rows"] ** 2, 2.0 * float(setup.scene.disks.radius[0])
     turn = math.sqrt(math.pi) * params["speed"] / math.sqrt(2.0) * setup.numerics.dt / sigma
     return math.expm1(2.0 * turn * hits.pairs / n)
+
+
+CASE = ElasticGas()

@@ -1,6 +1,6 @@
 """Disk that hits a plane at an angle: normal restitution and Coulomb friction in one impact.
 
-What binds an engine on an oblique impact: rigid impulses, springs with Coulomb's cap, or the exact steps of its scheme.
+What binds an engine: rigid impulses, springs with Coulomb's cap, or the exact steps of its scheme.
 """
 
 from __future__ import annotations
@@ -48,6 +48,9 @@ DAMPED_PHASE = 0.05
 
 AFTER = 4
 """Steps ``dt`` after the contact in a run of default length."""
+
+
+NAMES = ("vx", "vy", "spin", "slip", "energy")
 
 
 class ObliqueImpact:
@@ -222,12 +225,6 @@ def _event(params: Mapping[str, Any], setup: Setup, observed: Observed) -> NDArr
     return np.asarray((observed.t > begin - 1.5 * dt) & (observed.t < begin + length + 1.5 * dt))
 
 
-CASE = ObliqueImpact()
-
-
-NAMES = ("vx", "vy", "spin", "slip", "energy")
-
-
 class Truth(NamedTuple):
     """Rebound that binds an engine, absolute tolerances of its velocities by name, and why."""
 
@@ -372,3 +369,6 @@ def exact_curves(params: Mapping[str, Any], setup: Setup, observed: Observed) ->
     energy = 0.5 * mass * (steps.vx**2 + steps.vy**2) + 0.5 * inertia * steps.spin**2
     curves = {**steps._asdict(), "slip": steps.vx - radius * steps.spin, "energy": energy}
     return {name: np.asarray(curve)[observed.step] for name, curve in curves.items()}
+
+
+CASE = ObliqueImpact()

@@ -1,8 +1,6 @@
 """Block on an incline, sliding or sticking (appendix A.3.4).
 
-How far an engine's scheme or springs may take the block from the continuous solution, derived.
-
-Exact time-discrete truths of the block on an incline, by the engine's scheme.
+The truths are the continuous solution, with bounds derived for schemes and springs, and the exact steps of an engine's scheme.
 """
 
 from __future__ import annotations
@@ -53,6 +51,13 @@ PHASE = 0.1
 
 CONTACT_BETA = 1.0
 """The plane's dashpot is critical: without preload the block settles on the plane instead of bouncing for ever."""
+
+
+NAMES = ("x", "vx", "gap", "fn", "fs")
+
+SETTLING = 40.0
+"""Time in units of 1/omega after which a critically damped contact is in equilibrium to round-off: 41 exp(-40) =
+2e-16."""
 
 
 class InclineBlock:
@@ -276,16 +281,6 @@ def _analytic(params: Mapping[str, Any], observed: Observed, bounds: Bounds) -> 
                   source="Coulomb: a stuck block rests", atol=bounds.creep / elapsed, why=bounds.why["creep"]),
         )  # fmt: skip
     return found
-
-
-CASE = InclineBlock()
-
-
-NAMES = ("x", "vx", "gap", "fn", "fs")
-
-SETTLING = 40.0
-"""Time in units of 1/omega after which a critically damped contact is in equilibrium to round-off: 41 exp(-40) =
-2e-16."""
 
 
 class Bounds(NamedTuple):
@@ -551,3 +546,6 @@ def _scheme_solution(params: Mapping[str, Any], setup: Setup, engine: EngineInfo
     if engine.scheme == "theta" and numerics.theta == 1.0:
         return associated_incline(**block), "theta scheme, theta = 1, associated sliding rule"
     return None, ""
+
+
+CASE = InclineBlock()

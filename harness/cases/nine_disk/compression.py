@@ -1,7 +1,4 @@
-"""Nine disks between four walls that move in (appendix A.1.1).
-
-Truths of the nine-disk compression.
-"""
+"""Nine disks between four walls that move in (appendix A.1.1): scene and truths."""
 
 from __future__ import annotations
 
@@ -45,6 +42,19 @@ from ninedisk.references.exact_steps.compression import smooth_row
 
 WATCH = ((3, CENTRE), (0, 1), (3, LEFT), (0, LEFT))
 """Contacts of `HISTORIES`, in order: centre row, edge row, wall/middle disk, wall/corner disk, all along x."""
+
+
+Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Forces [N] of a half row after each cycle: disk-disk, wall."""
+
+OVERLAP_ROUND_OFF = 1e-12
+"""Of the radius, what rounding leaves of an intersection of outlines; forces, kn times that, are far below `ROUND_OFF`."""
+
+HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
+
+ROUND_OFF = 1e-9
+"""Of the largest value: the forces are kn times differences of positions near 300 m, so one unit in the last place of a position
+(6e-14 m) is 1e-12 of the force; some hundred steps add up to less than 1e-9."""
 
 
 class Compression:
@@ -155,21 +165,6 @@ class Compression:
     ) -> Sequence[Check]:
         """Exact recurrence and analytic forces for smooth walls, converged histories for rough ones."""
         return compression_checks(params, setup, observed, engine)
-
-
-CASE = Compression()
-
-
-Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Forces [N] of a half row after each cycle: disk-disk, wall."""
-
-OVERLAP_ROUND_OFF = 1e-12
-"""Of the radius, what rounding leaves of an intersection of outlines; forces, kn times that, are far below `ROUND_OFF`."""
-
-HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
-ROUND_OFF = 1e-9
-"""Of the largest value: the forces are kn times differences of positions near 300 m, so one unit in the last place of a position
-(6e-14 m) is 1e-12 of the force; some hundred steps add up to less than 1e-9."""
 
 
 def compression_checks(
@@ -427,3 +422,6 @@ def step_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, omeg
     if engine.scheme == "central-difference" and params["damping_form"] == "central":
         return StepError(h**2 / 24.0, h**2, h**2, False, f"second order, omega dt = {h:.3g}")
     return StepError(h / 2.0, h, h**2, False, f"first order, omega dt = {h:.3g}")
+
+
+CASE = Compression()

@@ -1,7 +1,4 @@
-"""Nine disks, compressed, settled, then sheared at constant volume by turning the side walls (appendix A.1.2).
-
-Truths of the nine-disk distortion.
-"""
+"""Nine disks, compressed, settled, then sheared at constant volume by turning the side walls (appendix A.1.2)."""
 
 from __future__ import annotations
 
@@ -57,6 +54,21 @@ READINGS: tuple[tuple[str, Value], ...] = (*((walls, "mu") for walls in WALLS), 
 
 SLIPPING = 1.0 - 1e-9
 """A contact slips where |Fs| reaches this fraction of mu Fn: at the cap up to round-off."""
+
+
+HISTORIES = ("fn_up", "fs_up", "fn_right", "fs_right")
+
+NUMBERS = ("x_2_final", "y_2_final", "x_8_final", "y_8_final")
+"""Coordinates: what a run decides are displacements, which are of the size of the walls' way."""
+
+MATCHED = 1e-9
+"""Of the largest force: agreement of two codes with the same conventions throughout."""
+
+ARM_WORDS: Mapping[LeverArm, str] = {
+    "radius": "R",
+    "overlap": "R - overlap/2",
+    "torque-overlap": "R - overlap/2 of the torque with R of the slip",
+}
 
 
 class Distortion:
@@ -214,23 +226,6 @@ def wall_motions(walls: str) -> dict[str, tuple[WallSegment, ...]]:
     }
 
 
-CASE = Distortion()
-
-
-HISTORIES = ("fn_up", "fs_up", "fn_right", "fs_right")
-NUMBERS = ("x_2_final", "y_2_final", "x_8_final", "y_8_final")
-"""Coordinates: what a run decides are displacements, which are of the size of the walls' way."""
-
-MATCHED = 1e-9
-"""Of the largest force: agreement of two codes with the same conventions throughout."""
-
-ARM_WORDS: Mapping[LeverArm, str] = {
-    "radius": "R",
-    "overlap": "R - overlap/2",
-    "torque-overlap": "R - overlap/2 of the torque with R of the slip",
-}
-
-
 def distortion_checks(
     params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
 ) -> Sequence[Check]:
@@ -382,3 +377,6 @@ def _first_slip(params: Mapping[str, Any], engine: EngineInfo) -> list[Check]:
             )
         )
     return found
+
+
+CASE = Distortion()

@@ -38,6 +38,10 @@ PHASE = 0.1
 PAIR = (0, 1)
 
 
+SYMMETRY = 1e-9
+"""Asymmetry [m] that the least-squares fit leaves in the outline: its parameters are found to round-off times the condition."""
+
+
 class Settle:
     """A grain falls from 20 mm, rocks on its two feet and stays.
 
@@ -140,10 +144,6 @@ class Settle:
                       atol=SYMMETRY + swing, **common),
             ]  # fmt: skip
         return found
-
-
-SYMMETRY = 1e-9
-"""Asymmetry [m] that the least-squares fit leaves in the outline: its parameters are found to round-off times the condition."""
 
 
 def waisted() -> NurbsCurve:

@@ -1,7 +1,4 @@
-"""Uniform disk on an incline: it rolls, or slides and spins.
-
-How far schemes, springs and soft contacts may take a disk on an incline from the continuous solution, derived.
-"""
+"""Uniform disk on an incline: it rolls, or slides and spins; how far an engine may be from that is derived."""
 
 from __future__ import annotations
 
@@ -50,6 +47,10 @@ CONTACT_BETA = 1.0
 """The plane's dashpot is critical; the disk starts in equilibrium normal to the plane, so that it has nothing to do."""
 
 NAMES = ("x", "vx", "spin", "slip", "gap", "fn", "fs")
+
+
+PER_SLIP = 1.0 + 1.0 / UNIFORM_DISK
+"""Change of the slip that friction makes together with a unit change of the velocity."""
 
 
 class InclineDisk:
@@ -251,13 +252,6 @@ def rolls(params: Mapping[str, Any]) -> bool:
     return bool(params["mu"] >= rolling_mu(angle=math.radians(params["angle_deg"])))
 
 
-CASE = InclineDisk()
-
-
-PER_SLIP = 1.0 + 1.0 / UNIFORM_DISK
-"""Change of the slip that friction makes together with a unit change of the velocity."""
-
-
 class RollBounds(NamedTuple):
     """Absolute tolerances by quantity and their reasons, the gap at rest [m], and whether forces are bound step by step."""
 
@@ -368,3 +362,6 @@ def rolling_round_off(engine: EngineInfo, rates: RollRates, mass: float, dt: flo
     if rates.slip > 0.0:
         return 0.0
     return single(engine, rates.along * t_end, 1) * mass / (PER_SLIP * dt)
+
+
+CASE = InclineDisk()

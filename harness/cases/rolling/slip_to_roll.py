@@ -1,7 +1,4 @@
-"""Disk thrown with slip on a plane: it slides, then rolls (appendix A.3.3 with rotations).
-
-Truths of the slip-to-roll test, and how far schemes and springs may be from them.
-"""
+"""Disk thrown with slip on a plane: it slides, then rolls (appendix A.3.3 with rotations), and how far engines may be off."""
 
 from __future__ import annotations
 
@@ -56,6 +53,10 @@ CONTACT_BETA = 1.0
 RUN = 3.0
 """Default duration in units of v0/(mu g), the time in which a disk that cannot turn stops; a rolling disk
 rolls from a third of it on."""
+
+
+NO_TURN = 1e30
+"""Inertia ratio that stands for a disk that cannot turn: 1 + 1/k is 1 to the last bit."""
 
 
 class SlipToRoll:
@@ -229,13 +230,6 @@ class SlipToRoll:
 def inertia_ratio(params: Mapping[str, Any]) -> float:
     """``I/(m R^2)``; `NO_TURN` for a disk that cannot turn."""
     return UNIFORM_DISK if params["rotating"] else NO_TURN
-
-
-CASE = SlipToRoll()
-
-
-NO_TURN = 1e30
-"""Inertia ratio that stands for a disk that cannot turn: 1 + 1/k is 1 to the last bit."""
 
 
 class Truth(NamedTuple):
@@ -443,3 +437,6 @@ def _rigid_bounds(
         "slip_end": "sampled every dt; slip counts as ended within a tolerance" + rule,
     }
     return SlipBounds(atol, why, 0.0)
+
+
+CASE = SlipToRoll()

@@ -1,6 +1,6 @@
 """Disks at rest under gravity: a column, and a disk on two others between smooth walls.
 
-How far springs, rounding and soft contacts may take a stack from its statics, derived.
+How far springs, rounding and soft contacts may take a stack from its statics is derived.
 """
 
 from __future__ import annotations
@@ -197,9 +197,6 @@ def _motion(setup: Setup, bounds: StackBounds) -> Check:
     )  # fmt: skip
 
 
-CASE = Stack()
-
-
 class StackBounds(NamedTuple):
     """Tolerances and their reason.
 
@@ -304,3 +301,6 @@ def _left(params: Mapping[str, Any], n: int, t_end: float) -> float:
     omega = math.sqrt(params["kn"])  # of a disk of 1 kg
     slowest = 2.0 * omega * math.sin(0.5 * math.pi / (2 * n + 1))
     return float(n * math.exp(-(slowest**2) / (math.sqrt(2.0) * omega) * 0.5 * t_end))
+
+
+CASE = Stack()
