@@ -468,20 +468,22 @@ def passing(info: EngineInfo, slip_at: SlipAt) -> Probe:
     It passes the other's centre at the distance h with the speed v: the slip is the integral of ``v h/r`` over the time, and the
     rectangle rule of the steps' ends adds ``dt/2`` times what its integrand grows by.
     """
-    speed, height, way, count = 1.0, 0.5 * R, 1.5 * R, 50
-    dt = way / speed / count
-    # In the time T of the way a contact moves disks by some kn overlap T^2/m: round-off of the way.
-    kn = 1e-12 * M * (speed / way) ** 2
+    speed, height, distance, count = 1.0, 0.5 * R, 1.5 * R, 50
+    dt = distance / speed / count
+    # In the time T of the distance a contact moves disks by some kn overlap T^2/m: round-off of the distance.
+    kn = 1e-12 * M * (speed / distance) ** 2
     # Slips of up to 0.9 R on overlaps of 0.4 R and more do not reach the cone.
     contact = ContactLaw(kn=kn, ks=kn, mu=10.0, slip_at=slip_at)
     turning = Capability.BLOCKED_ROTATION not in info.capabilities
     scene = Scene(
-        disks=some_disks(x=[[0.0, 0.0], [-way, height]], v=[[0.0, 0.0], [speed, 0.0]], rotating=[turning, turning]),
+        disks=some_disks(
+            x=[[0.0, 0.0], [-distance, height]], v=[[0.0, 0.0], [speed, 0.0]], rotating=[turning, turning]
+        ),
         disk_disk=contact,
     )
     numerics = Numerics(dt=dt, n_steps=count, contact_dt=dt, sample_from=count)
-    grown = speed * (1.0 - height / math.hypot(way, height))
-    slip = height * math.asinh(way / height) + (0.5 * dt * grown if slip_at == "end" else 0.0)
+    grown = speed * (1.0 - height / math.hypot(distance, height))
+    slip = height * math.asinh(distance / height) + (0.5 * dt * grown if slip_at == "end" else 0.0)
 
     def closed_forms(history: History) -> list[ClosedForm]:
         return [
@@ -553,16 +555,20 @@ def driven(info: EngineInfo, motion: str) -> Probe:
 def squeezed(info: EngineInfo) -> Probe:
     """The static limit: a disk between a floor and a lid that comes down takes half of the way at either contact."""
     contact = law(info, ks=0.0)
-    way, count = 1e-3, 5
+    displacement, count = 1e-3, 5
     lid = Wall(
-        name="lid", point=(0.0, 2.0 * R), normal=(0.0, -1.0), law=contact, motion=(WallSegment(velocity=(0.0, -way)),)
+        name="lid",
+        point=(0.0, 2.0 * R),
+        normal=(0.0, -1.0),
+        law=contact,
+        motion=(WallSegment(velocity=(0.0, -displacement)),),
     )
     floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=contact)
     scene = Scene(disks=some_disks(x=[[0.0, R]]), disk_disk=contact, walls=(floor, lid))
     numerics = Numerics(dt=1.0, n_steps=count, regime="quasi-static")
 
     def closed_forms(history: History) -> list[ClosedForm]:
-        down = 0.5 * way * numerics.sampled_steps()
+        down = 0.5 * displacement * numerics.sampled_steps()
         bound = contact_error(info)
         return [
             ClosedForm(quantity="fn", unit="N", value=history.fn, expected=np.column_stack([KN * down, KN * down]),

@@ -20,6 +20,7 @@ from ninedisk.harness.cases.common import (
     contact_step,
     last,
     numerics_of,
+    phase_error,
     series_and_final,
     single,
     soft_reason,
@@ -273,7 +274,7 @@ def _by_springs(params: Mapping[str, Any], setup: Setup, observed: Observed) -> 
     """Event by event.
 
     Each contact begins and ends somewhere in a contact step, and its speeds are off by what
-    `ninedisk.harness.cases.impact.binary.binding_impact` derives: of the approach by the square of the phase, of what is left of it by a
+    `ninedisk.harness.cases.common.phase_error` derives: of the approach by the square of the phase, of what is left of it by a
     dashpot's share. While several contacts act, the frequencies of the scheme are high by ``(omega dt)^2/24``, at most that of the
     row's fastest mode, which turns the modes' phases by that times omega T.
     """
@@ -282,9 +283,8 @@ def _by_springs(params: Mapping[str, Any], setup: Setup, observed: Observed) -> 
     contact_dt = setup.numerics.contact_dt or setup.numerics.dt
     phase = math.sqrt(2.0 * law.kn / params["mass"]) * contact_dt
     fast = math.sqrt(2.0) * phase
-    damped = 2.0 * law.beta * phase
     left = float(np.abs(np.diff(history.v[-1])).max()) / params["speed"]
-    share = (params["n"] - 1) * (phase**2 / 8.0 * (1.0 + phase**2) + left * damped * (1.0 + damped))
+    share = (params["n"] - 1) * phase_error(phase, law.beta, left)
     share += fast**3 / 24.0 * _time_of_many(history) / contact_dt
     first = params["gap"] / params["speed"]
     dt = setup.numerics.dt

@@ -14,7 +14,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, TruthKind, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.common import told
+from ninedisk.harness.cases.common import where_observed
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
 from ninedisk.references.analytic.driven_contact import shuttle
 from ninedisk.references.exact_steps.normal_contact import Plane, normal_contact_central
@@ -268,7 +268,7 @@ def _compared(
     for name, curve in expected.items():
         if atol[name] >= float(np.nanmax(np.abs(curve))):
             continue  # a bound beyond the quantity itself would let anything pass
-        shown = told(observed, engine, name, curve[observed.step])
+        shown = where_observed(observed, engine, name, curve[observed.step])
         opens = name == "fs" and params["pair"] == "disks"
         kept = engine.differences.get(Difference.KEEPS_OPENED_SHEAR, "") if opens else ""
         found.append(

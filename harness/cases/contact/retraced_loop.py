@@ -200,17 +200,17 @@ class RetracedLoop:
                 )
             )
         within, drift, left = _midpoint(params, count), 0.0, _unfinished(params, count)
-        told = "the midpoint rule's error within a cycle"
+        first = "the midpoint rule's error within a cycle"
         if place == "end":
             # Halfway through a cycle the sum of ends is ahead by half of the cycle's drift, and by half of what its integrand grew by.
             drift, left = 1.1 * abs(predicted_drift(params, count, mid=mid)), 0.0
             within += 2.0 * drift
-            told = "what slip of the step's end adds to first order, and a tenth more for the next order"
+            first = "what slip of the step's end adds to first order, and a tenth more for the next order"
         elif engine.contact == "cd":
             # The last step's force still has the tangent of its begin; rates of an oscillation are at most twice their mean square.
             one = 2.0 * abs(predicted_drift(params, count, mid=mid)) / count
             left, within = within + one, within + one
-            told += ", and one step's error of first order, which the next step mends"
+            first += ", and one step's error of first order, which the next step mends"
         cycles, path = float(params["cycles"]), "line integral of slip along the path: 0 after a cycle"
         # An engine that feels a wall in another place has another integral within a cycle.
         way = float(params["amplitude"]) * _part(observed.t)
@@ -219,11 +219,11 @@ class RetracedLoop:
             *found,
             Check(
                 quantity="astray", norm="max", truth="analytic", expected=other, source=path,
-                atol=within + cycles * drift + rounding + growth, why=f"{told}; {why}",
+                atol=within + cycles * drift + rounding + growth, why=f"{first}; {why}",
             ),
             Check(
                 quantity="drift", norm="scalar", truth="analytic", expected=0.0, source=path,
-                atol=(drift + (remains + rounding + left) / cycles) / float(params["amplitude"]), why=f"{told}; {why}",
+                atol=(drift + (remains + rounding + left) / cycles) / float(params["amplitude"]), why=f"{first}; {why}",
             ),
         ]  # fmt: skip
 

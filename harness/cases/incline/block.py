@@ -26,8 +26,10 @@ from ninedisk.harness.cases.common import (
     last,
     numerics_of,
     round_off_speed,
+    second_half,
     series_and_final,
     single,
+    single_precision,
     slack_time,
     soft_reason,
     softness,
@@ -167,7 +169,7 @@ class InclineBlock:
             "fs": ("N", fs),
         }
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
-        half = _half(history.t)
+        half = second_half(history.t)
         elapsed = history.t[-1] - history.t[half]
         vx = series["vx"][1]
         inertial = params["mass"] * (vx[-1] - vx[half]) / elapsed
@@ -241,11 +243,6 @@ def _dilation(
     ]  # fmt: skip
 
 
-def _half(t: FloatArray) -> int:
-    """Sample from which the second half of the run counts; never the last one."""
-    return min(int(np.searchsorted(t, 0.5 * t[-1])), len(t) - 2)
-
-
 def _analytic(params: Mapping[str, Any], observed: Observed, bounds: Bounds) -> list[Check]:
     angle = math.radians(params["angle_deg"])
     truth = incline(observed.t, mu=params["mu"], angle=angle, g=params["g"], mass=params["mass"])
@@ -268,7 +265,7 @@ def _analytic(params: Mapping[str, Any], observed: Observed, bounds: Bounds) -> 
                   source=source, atol=bounds.atol[name] + bounds.chatter, why=f"mean over half the run; {bounds.why[name]}")
             for name in ("fn", "fs")
         ]  # fmt: skip
-    elapsed = float(observed.t[-1] - observed.t[_half(observed.t)])
+    elapsed = float(observed.t[-1] - observed.t[second_half(observed.t)])
     weight = params["mass"] * params["g"] * math.cos(angle)
     found.append(
         Check(quantity="mu_crit", norm="scalar", truth="analytic", expected=critical_mu(angle=angle),
@@ -321,15 +318,15 @@ def spring_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed) -
     length = 8.0 * float(np.spacing(radius))
     v_max = acceleration(mu=params["mu"], angle=angle, g=params["g"]) * t_end
     speed = (1.0 + params["mu"]) * round_off_speed(radius, contact_dt) + summed_round_off(v_max, steps)
-    way = speed * t_end + summed_round_off(v_max * t_end / 2.0, steps)
+    drift = speed * t_end + summed_round_off(v_max * t_end / 2.0, steps)
     force = law.kn * length + 1e-13 * normal
-    atol = {"x": way, "vx": speed, "gap": length, "fn": force, "fs": (params["mu"] + law.ks / law.kn) * force}
+    atol = {"x": drift, "vx": speed, "gap": length, "fn": force, "fs": (params["mu"] + law.ks / law.kn) * force}
     exact = "constant acceleration, exact in the scheme; round-off of the overlap times kn"
     why = dict.fromkeys((*NAMES, "creep"), exact)
     after = np.asarray(observed.t > 0.0)
     settled_only = not params["preload"]
     exact_bounds = Bounds(
-        atol, why, -normal / law.kn, after, settled_only, creep=way, force=atol["fs"] + atol["fn"], gain=speed
+        atol, why, -normal / law.kn, after, settled_only, creep=drift, force=atol["fs"] + atol["fn"], gain=speed
     )
     return (
         exact_bounds if params["preload"] else _without_preload(params, exact_bounds, law.kn, law.ks, pull, observed.t)
@@ -412,7 +409,7 @@ def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineIn
             landing = mass * weight / kn / dt**2
             atol |= {"fn": atol["fn"] + landing, "fs": atol["fs"] + mu * landing}
             rule += ", into which the block sinks within a step at the earliest"
-    rule += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
+    rule += soft_reason(engine) + single_precision(engine)
     why = {
         "x": "first order in dt: a t dt/2" + rule,
         "vx": "constant acceleration: exact velocities, round-off" + rule,
@@ -508,11 +505,11 @@ def exact_step_checks(params: Mapping[str, Any], setup: Setup, observed: Observe
         why, touch = f"{why} in single precision", f"{touch} in single precision"
     count, weight = setup.numerics.n_steps, params["mass"] * params["g"]
     of_speed, of_force = single(engine, speed, count), single(engine, weight, 1)
-    way = of_speed * float(observed.t[-1])
+    drift = of_speed * float(observed.t[-1])
     tolerance = {
-        "x": (1e-15 * speed + way, EXACT_STEP_RTOL, why),
+        "x": (1e-15 * speed + drift, EXACT_STEP_RTOL, why),
         "vx": (1e-15 * speed + of_speed, EXACT_STEP_RTOL, why),
-        "gap": (1e-12 + way, EXACT_STEP_RTOL, touch),
+        "gap": (1e-12 + drift, EXACT_STEP_RTOL, touch),
         "fn": (of_force, EXACT_STEP_RTOL, why),
         "fs": (of_force, EXACT_STEP_RTOL, why),
     }

@@ -287,16 +287,16 @@ def row_sums(scalars: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
 
 
 def _row_sum_checks(setup: Setup, load: LoadCase) -> list[Check]:
-    """A half row bears ``kn w``, w the way of its wall, however wall friction shares it among the contacts.
+    """A half row bears ``kn w``, w the displacement of its wall, however wall friction shares it among the contacts.
 
-    The middle disk of each row keeps its x by symmetry, so that the wall's way w is what the two contacts between it and the wall
+    The middle disk of each row keeps its x by symmetry, so that the wall's displacement w is what the two contacts between it and the wall
     are closed by along x: the sum of their overlaps where both lie along x, as they do in the centre row. In the edge row friction
     lets the middle disk and the corner disk move differently along y, by ``w/2`` at most as either lies between its neighbours;
     a contact tilted by ``dy`` over the distance 2R has an overlap that is smaller by ``dy^2/(4R)``.
     """
-    way = load.v_wall * load.dt * min(setup.numerics.n_steps, load.load_cycles)
-    tilt = load.kn * (0.5 * way) ** 2 / (4.0 * RADIUS)
-    common = {"norm": "scalar", "truth": "analytic", "expected": load.kn * way, "rtol": ROUND_OFF}
+    displacement = load.v_wall * load.dt * min(setup.numerics.n_steps, load.load_cycles)
+    tilt = load.kn * (0.5 * displacement) ** 2 / (4.0 * RADIUS)
+    common = {"norm": "scalar", "truth": "analytic", "expected": load.kn * displacement, "rtol": ROUND_OFF}
     common["source"] = "the two contacts of a half row are closed by their wall's way: kn v T"
     why = "round-off of positions near 300 m (see ROUND_OFF)"
     return [
@@ -307,14 +307,14 @@ def _row_sum_checks(setup: Setup, load: LoadCase) -> list[Check]:
 
 def _static_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase) -> list[Check]:
     """Equilibrium in every step: both springs of a half row bear half the wall's displacement."""
-    way = load.v_wall * load.dt * np.minimum(observed.step, load.load_cycles)
+    displacement = load.v_wall * load.dt * np.minimum(observed.step, load.load_cycles)
     common = {
         "truth": "analytic",
         "source": "equilibrium of the smooth row: kn w/2",
         "why": "round-off of positions near 300 m (see ROUND_OFF); the static balance is solved to 1e-10",
         "rtol": ROUND_OFF,
     }
-    found = [Check(quantity=name, norm="max", expected=0.5 * load.kn * way, **common) for name in HISTORIES]  # type: ignore[arg-type]
+    found = [Check(quantity=name, norm="max", expected=0.5 * load.kn * displacement, **common) for name in HISTORIES]  # type: ignore[arg-type]
     if params["xi"] > 0.0:
         steady = steady_force(kn=load.kn, v_wall=load.v_wall, t_wall=load.load_cycles * load.dt)
         found += [Check(quantity=f"{name}_settled", norm="scalar", expected=steady, **common) for name in HISTORIES]  # type: ignore[arg-type]

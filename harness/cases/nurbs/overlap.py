@@ -78,8 +78,8 @@ class Overlap:
             depth = min(*one, *two) * 10.0 ** rng.uniform(low, high)
             if params["shape"] == "disk" and grade_of(k) != "deep" and k // len(GRADES) % APART == 0:
                 depth = -depth
-            way = rng.uniform(-math.pi, math.pi)
-            n = np.array([math.cos(way), math.sin(way)])
+            direction = rng.uniform(-math.pi, math.pi)
+            n = np.array([math.cos(direction), math.sin(direction)])
             x[2 * k] = SPACING * (np.array(divmod(k, side)) - 0.5 * (side - 1))
             x[2 * k + 1] = x[2 * k] + _extreme(one, angle[2 * k], n) - _extreme(two, angle[2 * k + 1], -n) - depth * n
         scene = Scene(**grains(kinds, number, x=x, angle=angle), disk_disk=ContactLaw(kn=KN))

@@ -95,9 +95,9 @@ class Settle:
             "kinetic": ("J", kinetic),
         }
         still = history.t >= SETTLED - 0.5 * DT
-        way = [np.ptp(values[still]) for values in (x, y, disks.radius[0] * angle)]
+        moved = [np.ptp(values[still]) for values in (x, y, disks.radius[0] * angle)]
         scalars = {f"{name}_final": (unit, float(values[-1])) for name, (unit, values) in series.items()}
-        scalars["way_settled"] = ("m", float(np.max(way)))
+        scalars["way_settled"] = ("m", float(np.max(moved)))
         scalars["kinetic_settled"] = ("J", float(kinetic[still].max()))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 

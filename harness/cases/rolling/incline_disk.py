@@ -10,7 +10,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -22,8 +22,10 @@ from ninedisk.harness.cases.common import (
     last,
     numerics_of,
     round_off_speed,
+    second_half,
     series_and_final,
     single,
+    single_precision,
     slack_time,
     soft_reason,
     softness,
@@ -127,7 +129,7 @@ class InclineDisk:
             "fs": ("N", fs),
         }
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
-        half = _half(history.t)
+        half = second_half(history.t)
         elapsed = float(history.t[-1] - history.t[half])
         scalars |= {
             "acceleration": ("m/s^2", float(vx[-1] - vx[half]) / elapsed),
@@ -158,11 +160,6 @@ def _rates(params: Mapping[str, Any]) -> RollRates:
     return roll_rates(mu=params["mu"], angle=math.radians(params["angle_deg"]), g=params["g"], mass=MASS, radius=RADIUS)
 
 
-def _half(t: FloatArray) -> int:
-    """Sample from which the second half of the run counts; never the last one."""
-    return min(int(np.searchsorted(t, 0.5 * t[-1])), len(t) - 2)
-
-
 def _analytic(observed: Observed, rates: RollRates, bounds: RollBounds, engine: EngineInfo) -> list[Check]:
     truth = roll_down(observed.t, rates)
     loaded = np.ones_like(observed.t)
@@ -174,7 +171,7 @@ def _analytic(observed: Observed, rates: RollRates, bounds: RollBounds, engine: 
     source = "Newton and Euler with Coulomb friction"
     tolerance = {name: (bounds.atol[name], 0.0, bounds.why[name]) for name in names}
     found = series_and_final(names, expected, truth="analytic", source=source, tolerance=tolerance)
-    elapsed = float(observed.t[-1] - observed.t[_half(observed.t)])
+    elapsed = float(observed.t[-1] - observed.t[second_half(observed.t)])
     numbers = (
         ("acceleration", rates.along, 2.0 * bounds.atol["vx"] / elapsed, "vx"),
         ("spin_rate", rates.spin, 2.0 * bounds.atol["spin"] / elapsed, "spin"),
@@ -347,7 +344,7 @@ def _rigid(
     )
     rule = "; dilation of the associated rule" if associated or chatter else ""
     rule += "; overlap of the weight over kn" if yields else ""
-    rule += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
+    rule += soft_reason(engine) + single_precision(engine)
     why = dict.fromkeys(atol, "constant rates: exact velocities, round-off" + rule)
     why |= {"x": "first order in dt: a t dt/2" + rule, "gap": "rigid contact: round-off" + rule}
     return RollBounds(atol, why, 0.0, forces=not chatter)

@@ -24,6 +24,7 @@ from ninedisk.harness.cases.common import (
     round_off_speed,
     series_and_final,
     single,
+    single_precision,
     slack_time,
     soft_reason,
     summed_round_off,
@@ -426,7 +427,7 @@ def _rigid_bounds(
         "slip_end": dt + flight + _early(params, setup, inertia_ratio) + let_through / mu,
     }  # fmt: skip
     rule = "; lift of the associated rule" if associated else ""
-    rule += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
+    rule += soft_reason(engine) + single_precision(engine)
     exact = "constant friction: exact velocities, round-off" + rule
     why = {
         "x": "first order in dt: dt (v0 - v_final)/2" + rule,

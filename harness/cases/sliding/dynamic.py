@@ -96,13 +96,16 @@ class DynamicSliding:
         truth: TruthKind = "exact-step" if associated else "analytic"
         source = "(A.3) to (A.5), every step" if associated else "Coulomb's law: no load, no contact force"
         steps = _steps(params, setup, associated)
-        way = params["speed"] * float(observed.t[-1])
+        distance = params["speed"] * float(observed.t[-1])
         soft, count = softness(engine), setup.numerics.n_steps
         of_speed = single(engine, params["speed"], count)
         # A velocity is rounded in each step; a height is the radius and more, kept to one unit in the last place.
         height = 8.0 * float(np.spacing(RADIUS + params["g0"])) + single(engine, RADIUS + params["g0"], count)
         length = (
-            height + EXACT_STEP_RTOL * float(np.abs(steps.gap).max()) + soft * way + of_speed * float(observed.t[-1])
+            height
+            + EXACT_STEP_RTOL * float(np.abs(steps.gap).max())
+            + soft * distance
+            + of_speed * float(observed.t[-1])
         )
         speed = EXACT_STEP_RTOL * params["speed"] + soft * params["speed"] + of_speed
         impulse = MASS * params["speed"] / params["dt"]
@@ -112,7 +115,9 @@ class DynamicSliding:
         if of_speed:
             why += "; single precision"
         atol = {
-            "x": (EXACT_STEP_RTOL + soft) * way + single(engine, way, count) + of_speed * float(observed.t[-1]),
+            "x": (EXACT_STEP_RTOL + soft) * distance
+            + single(engine, distance, count)
+            + of_speed * float(observed.t[-1]),
             "gap": length,
             "vx": speed,
             "vy": speed,

@@ -24,6 +24,7 @@ from ninedisk.harness.cases.common import (
     last,
     numerics_of,
     single,
+    single_precision,
     slack_time,
     soft_reason,
     softness,
@@ -241,7 +242,7 @@ def stack_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, en
     speed = params["g"] * slack_time(engine, setup.numerics.dt, t_end) * len(disks)
     length = 1e-12 + speed * t_end + single(engine, height, setup.numerics.n_steps)
     why = "rigid contacts bear the weight at once: residual of the solver, round-off"
-    why += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
+    why += soft_reason(engine) + single_precision(engine)
     force = EXACT_STEP_RTOL * weight + single(engine, weight, 1) + softness(engine) * weight
     if Difference.KEEPS_KN in engine.differences:
         why += "; overlaps fn/kn, into which it settles"
