@@ -17,10 +17,6 @@ from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 DISKS, WALL = {"pair": "disks"}, {"pair": "wall", "arm": "overlap"}
 
 
-def seen(cell):
-    return {text.split()[0] for text in cell.failures}
-
-
 @pytest.mark.parametrize("params", CASE.matrix(), ids=lambda params: resolve(CASE, params).id)
 def test_the_matrix_passes(run_cell, params):
     for engine in (CD, DEM):
@@ -63,12 +59,12 @@ def kept(history):
     ids=["kept", "turned-round", "exchanged", "loads", "energies", "untold", "scale"],
 )
 def test_defects_are_seen(run_cell, spoil, names):
-    assert names <= seen(run_cell(CASE, DEM, DISKS, spoil))
+    assert names <= run_cell(CASE, DEM, DISKS, spoil).seen
 
 
 def test_shear_that_is_kept_is_seen_at_a_wall_and_on_engines_without_exact_steps(run_cell):
-    assert "fs" in seen(run_cell(CASE, DEM, WALL, kept))
-    assert "fs" in seen(run_cell(CASE, CD, DISKS, kept))
+    assert "fs" in run_cell(CASE, DEM, WALL, kept).seen
+    assert "fs" in run_cell(CASE, CD, DISKS, kept).seen
 
 
 def test_what_another_engine_does_not_tell_is_not_judged_and_what_it_is_known_to_keep_is_excused(
