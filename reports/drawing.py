@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ninedisk.harness.results.schema import Figure
 from ninedisk.reports.draw import (
     Configuration,
     HistoryPanel,
@@ -32,8 +33,6 @@ from ninedisk.reports.draw import (
     read_scene,
 )
 from ninedisk.reports.figures import (
-    SETUP_FIGURES,
-    FigurePlan,
     case_figures,
     case_speed,
     convergences,
@@ -76,7 +75,7 @@ class Chart:
     legend: dict[str, Look]
 
 
-def drawn_groups(plan: FigurePlan) -> int:
+def drawn_groups(plan: Figure) -> int:
     """Groups of a figure that get a picture beside their charts: more for figures of the source."""
     return DRAWN_GROUPS if plan.number else 1
 
@@ -148,7 +147,7 @@ class CaseDrawing:
         used = {id(body[0]): body[0] for _, pictures in self.groups for p in pictures for body in p.bodies}
         return {
             "sketches": [self._sketch(scene, variant, path) for scene, variant, path in self.sketches],
-            "setup_figure": SETUP_FIGURES.get(self.case.id, ""),
+            "setup_figure": next((figure.number for figure in self.case.figures if figure.kind == "setup"), ""),
             "blocks": blocks,
             "configuration_plan": self.plan,
             "configuration_looks": {engine: look for engine, look in self.looks.engines.items() if id(look) in used},

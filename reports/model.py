@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.results.schema import WORST_FIRST, row_tolerance, worst_status
+from ninedisk.harness.results.schema import WORST_FIRST, Figure, figures_from_text, row_tolerance, worst_status
 from ninedisk.reports import text
 from ninedisk.reports.load import Curve, Row, Series, Stored, differences
 from ninedisk.reports.text import Slugs, as_float, decoded, shade, symbol
@@ -88,6 +88,7 @@ class CaseData:
     cells: list[Row] = field(default_factory=list)
     measurements: list[Row] = field(default_factory=list)
     claims: list[Row] = field(default_factory=list)
+    figures: tuple[Figure, ...] = ()
     variants: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
@@ -177,6 +178,7 @@ def build_panel(stored: Stored) -> Panel:
             ),
         )
         case.cells.append(cell)
+        case.figures = case.figures or figures_from_text(cell["case_figures"])
         case.variants.setdefault(cell["variant"], decoded(cell["params"], dict))
         known = engines.get(cell["engine"])
         if known is None or (cell["engine_version"] and not known.version):

@@ -237,41 +237,6 @@ def _plain(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-DERIVATIONS: dict[str, tuple[str, ...]] = {
-    "contact-forces-match-mg": (
-        "The block touches a plane inclined by theta. Along the plane's normal act the contact force p and gravity's "
-        "component m g cos theta, and the block's acceleration in that direction vanishes up to the dilation, which the "
-        "source itself calls negligible. Hence p = m g cos theta.",
-        "While the block slides, Coulomb's law gives q = mu p = mu m g cos theta. While it sticks, equilibrium along the "
-        "plane gives q = m g sin theta.",
-        "The forces m g and mu m g belong to a horizontal plane. They are larger by 1/cos theta.",
-    ),
-    "critical-time-step": (
-        "(A.3) has m du_y = p dt^2 with p >= 0. (A.4) gives du_y = (mu v_T dt - g0)/(1 + mu^2), which is negative for "
-        "dt < dt_cr = g0/(mu v_T): the contact would have to pull. The step that satisfies p >= 0 is then p = q = 0 and "
-        "du_y = 0, so that (A.4) holds for dt >= dt_cr only.",
-        "Both statements belong to the associated sliding rule. Under Coulomb's rule nothing opens a contact by sliding: "
-        "with a gap there is no force, and the gap keeps its size at every dt. An engine with Coulomb friction therefore "
-        "contradicts the statement, as it should.",
-    ),
-    "quasistatic-dilates-once": (
-        "The associated rule (A.2) sets the gap after every increment to mu times the slip of that increment: equal "
-        "increments lift once and then no more.",
-        "Coulomb's rule lifts by nothing, so a run with that rule contradicts the statement, as it should.",
-    ),
-    "rotations-limit-dilation": (
-        "Under the associated rule the gap after a step is mu times the slip of the step, so it vanishes once the disk "
-        "rolls. An engine whose disk keeps a larger gap than the one that cannot turn dilates for another reason.",
-    ),
-    "elastic-collision-conserves": (
-        "Two equal disks that exchange their velocities keep momentum and energy exactly. With a time step, the impact "
-        "falls inside a step: if the gap is no whole number of v dt, a scheme of positions closes it first and keeps "
-        "only a part of the velocity, e_eff(phase).",
-    ),
-}  # fmt: skip
-"""Why measurements differ from a claim, by the claim's id."""
-
-
 @dataclass(frozen=True)
 class Statement:
     """One quantity that the source states, beside what the better truth and the engines give."""
@@ -308,7 +273,7 @@ def errata(panel: Panel) -> list[Erratum]:
         claims: dict[str, list[Row]] = {}
         for row in case.claims:
             claims.setdefault(row["claim"], []).append(row)
-        for name, rows in claims.items():
+        for rows in claims.values():
 
             def engines(verdict: str, rows: list[Row] = rows) -> list[str]:
                 held = [row["engine"] for row in rows if row["verdict"] == verdict]
@@ -320,7 +285,7 @@ def errata(panel: Panel) -> list[Erratum]:
                 for engine, evidence in zip(engines("contradicted"), against, strict=True):
                     told.setdefault(evidence, []).append(engine)
                 confirmed = engines("confirmed")
-                derivation = DERIVATIONS.get(name, ())
+                derivation = tuple(str(line) for line in text.decoded(rows[0]["derivation"], list))
                 stated = [] if confirmed else _statements(case)
                 undecided = engines("undecided")
                 found.append(Erratum(rows[0], case, told, confirmed, undecided, not confirmed, derivation, stated))

@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.harness.results.schema import Figure
 from ninedisk.reports.draw import Configuration, WallView, read_scene
-from ninedisk.reports.figures import PLANS, FigurePlan, Looks, tolerances, varying
+from ninedisk.reports.figures import Looks, tolerances, varying
 from ninedisk.reports.load import Curve, Row
 from ninedisk.reports.model import CaseData, Panel
 from ninedisk.reports.style import Look
@@ -187,8 +188,7 @@ def _plain(look: Look) -> dict[str, Any]:
 MOST_GROUPS = 8
 """Variants whose configurations are drawn on one page."""
 
-UNPLANNED = FigurePlan(
-    number="",
+UNPLANNED = Figure(
     title="Configurations",
     kind="configuration",
     shows="Disks and walls at the stored steps; each spoke turns with its disk.",
@@ -196,11 +196,9 @@ UNPLANNED = FigurePlan(
 )
 
 
-def case_configurations(
-    case: CaseData, looks: dict[str, Look]
-) -> tuple[FigurePlan, list[tuple[str, list[Configuration]]]]:
+def case_configurations(case: CaseData, looks: dict[str, Look]) -> tuple[Figure, list[tuple[str, list[Configuration]]]]:
     """Plan of the configuration figure and, for each variant that has frames, heading and one picture a stored step."""
-    plan = next((p for p in PLANS.get(case.id, ()) if p.kind == "configuration"), UNPLANNED)
+    plan = next((p for p in case.figures if p.kind == "configuration"), UNPLANNED)
     cells = [cell for cell in case.cells if decoded(cell["frames"], dict).get("x")]
     chosen = [cell for cell in cells if plan.matches(case.variants[cell["variant"]])] or cells
     most = 1 if plan is UNPLANNED else MOST_GROUPS

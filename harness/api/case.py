@@ -14,6 +14,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.results.schema import Figure
 
 FloatArray = NDArray[np.float64]
 Norm = Literal["max", "scalar"]
@@ -126,7 +127,9 @@ class Case(Protocol):
     """A verification problem.
 
     ``source`` says where the problem comes from, ``requirement`` what an engine must do to pass; ``version`` changes whenever
-    results of the old and new definition must not be joined.
+    results of the old and new definition must not be joined. A case may also have ``figures``, a tuple of `Figure`, which its
+    report page shows before any other, and ``claims``, a tuple of `ninedisk.harness.api.claims.Claim`, statements of its source
+    that every engine confirms or contradicts.
     """
 
     id: str
@@ -153,3 +156,8 @@ class Case(Protocol):
     ) -> Sequence[Check]:
         """Truths that bind this engine on this variant."""
         ...
+
+
+def figures_of(case: Case) -> tuple[Figure, ...]:
+    """The figures that a case declares; none where it has no such attribute."""
+    return tuple(getattr(case, "figures", ()))

@@ -35,6 +35,25 @@ class Support:
     notes: tuple[str, ...] = ()
 
 
+class Difference(StrEnum):
+    """A known difference of an engine from what a scene commonly means; cases allow for it, by a size that they derive."""
+
+    FIXED_WALL_SHEAR = "shear forces at a wall keep their direction in space while the wall turns"
+    KEEPS_OPENED_SHEAR = "a contact between disks that opens and closes again goes on from its old shear force"
+    FRICTION_LAGS = (
+        "friction is bounded by the normal force of the step before: a contact that begins has none in its first step"
+    )
+    KEEPS_KN = "contacts are soft, and a load at rest overlaps by load/kn, kn the scene's"
+    IMPACT_AS_SPRINGS = (
+        "contacts are soft, and an impact is a spring's motion over several of the engine's own steps: contacts that are hit at "
+        "one time share it as springs do"
+    )
+    NORMAL_TURNS_IN_IMPACT = (
+        "restitution takes the approach along the line of centres at the begin of a step, the impulse acts along that at its "
+        "end: e = 1 gains energy, first order in the step"
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class EngineInfo:
     """Facts about an engine; `version` is None where it is not installed.
@@ -60,34 +79,22 @@ class EngineInfo:
         each step.
     turns_exactly_with : frozenset of Capability
         Lever arms with which that is exact all the same.
-    fixed_wall_shear : bool
-        Whether shear forces at a wall keep their direction in space while the wall turns.
     arms_at_walls : frozenset of Capability or None
         Lever arms of contacts with walls, where they are not those among ``capabilities``.
-    keeps_opened_shear : bool
-        Whether a contact between disks that opens and closes again goes on from its old shear force.
     dilates : bool
         Whether a sliding contact opens, as the associated rule of convex contact models has it.
-    friction_lags : bool
-        Whether friction is bounded by the normal force of the step before: a contact that begins has none in its first step.
     softness : float or None
         Of engines whose contacts are soft: part of what it should withstand in one step that a contact lets through, by the
         engine's own regularisation. None: no such figure, see `ninedisk.harness.cases.common.SOFT_TOLERANCE`.
     softness_why : str
         Where that figure comes from.
-    keeps_kn : bool
-        Of engines whose contacts are soft: whether a load at rest overlaps by load/kn, kn the scene's.
-    impact_as_springs : bool
-        Of engines whose contacts are soft: whether an impact is a spring's motion over several of the engine's own steps, so that
-        contacts that are hit at one time share the impact as springs do.
-    normal_turns_in_impact : bool
-        Whether restitution takes the approach along the line of centres at the begin of a step, and the impulse acts along that at
-        its end: e = 1 then gains energy, first order in the step.
     second_order_dashpots : bool
         Whether dashpots see the velocity of t_n to second order, as the exact steps of central differences have it; others
         extrapolate it in a way of their own, to first order.
     reference : bool
         Whether other engines of its scheme are held against this one's runs; it has to report all that a history has room for.
+    differences : mapping from Difference to str
+        Known differences of the engine, each with its reason.
     options : mapping from str to Option
         Settings that ``Numerics.options`` may hold as ``<id>.<name>``.
     out_of_scope : mapping from Capability to str
@@ -108,18 +115,13 @@ class EngineInfo:
     not_installed_because: str = ""
     turns_shear: str = "exactly"
     turns_exactly_with: frozenset[Capability] = frozenset()
-    fixed_wall_shear: bool = False
     arms_at_walls: frozenset[Capability] | None = None
-    keeps_opened_shear: bool = False
     dilates: bool = False
-    friction_lags: bool = False
     softness: float | None = None
     softness_why: str = ""
-    keeps_kn: bool = False
-    impact_as_springs: bool = False
-    normal_turns_in_impact: bool = False
     second_order_dashpots: bool = False
     reference: bool = False
+    differences: Mapping[Difference, str] = field(default_factory=dict)
     options: Mapping[str, Option] = field(default_factory=dict)
     out_of_scope: Mapping[Capability, str] = field(default_factory=dict)
 

@@ -169,12 +169,12 @@ def soft_reason(engine: EngineInfo) -> str:
     """Words for the reason of a tolerance; empty for all but soft contacts."""
     if engine.contact != "soft":
         return ""
-    told = (
+    reason = (
         engine.softness_why
         if engine.softness is not None
         else "the engine does not say how soft: of the run's whole motion"
     )
-    return f"; a soft contact lets through {softness(engine):g} of what it should withstand ({told})"
+    return f"; a soft contact lets through {softness(engine):g} of what it should withstand ({reason})"
 
 
 def follows_associated_rule(engine: EngineInfo, numerics: Numerics) -> bool:
@@ -182,10 +182,39 @@ def follows_associated_rule(engine: EngineInfo, numerics: Numerics) -> bool:
     return engine.dilates or (engine.contact == "cd" and numerics.sliding == "associated")
 
 
-def told(observed: Observed, engine: EngineInfo, name: str, expected: FloatArray) -> FloatArray:
+def where_observed(observed: Observed, engine: EngineInfo, name: str, expected: FloatArray) -> FloatArray:
     """The truth of a quantity; NaN, no truth, for energies and loads of walls that an engine may leave out and does."""
     silent = not engine.reference and name.startswith(OPTIONAL) and not np.isfinite(observed.series[name][1]).any()
     return np.full_like(expected, np.nan) if silent else expected
+
+
+def single_precision(engine: EngineInfo) -> str:
+    """Words for the reason of a tolerance that holds `single`; empty for engines that compute in double precision."""
+    return "; single precision" if engine.precision == "float32" else ""
+
+
+def phase_error(phase: float, beta: float, share: float = 1.0) -> float:
+    """Relative error of the speed after an impact on a spring and dashpot, by where in a contact step it falls.
+
+    With ``phase = omega dt``, dt the contact step, an undamped contact of any scheme equivalent to central differences keeps
+    ``v_{n+1/2}^2 + omega^2 x_n x_{n+1}``. At entry and exit, a fraction phi into the step, the product is ``-phi (1 - phi) (v dt)^2``,
+    so that ``|e - 1| <= phase^2/8 (1 + phase^2)``. With a dashpot the force jumps at touch by ``c v``; the sampled jump is up to dt/2
+    early or late, which scales e by ``1 +- beta phase``; a dashpot that sees ``v_{n-1/2}`` acts as ``beta (1 + beta phase/2)``, another
+    ``beta phase`` at most since ``|d ln e/d ln beta| <= 2``. Second-order terms of the dashpot: the same again, squared. ``share`` is the
+    part of the speed that the dashpot's error is of.
+    """
+    damped = 2.0 * beta * phase
+    return phase**2 / 8.0 * (1.0 + phase**2) + share * damped * (1.0 + damped)
+
+
+def around_contact(t: FloatArray, begin: float, duration: float, dt: float) -> NDArray[np.bool_]:
+    """Samples in a contact, or as near to it as a step may place the impact, shape (s,)."""
+    return np.asarray((t > begin - 1.5 * dt) & (t < begin + duration + 1.5 * dt))
+
+
+def second_half(t: FloatArray) -> int:
+    """Sample from which the second half of the run counts; never the last one."""
+    return min(int(np.searchsorted(t, 0.5 * t[-1])), len(t) - 2)
 
 
 def last(values: FloatArray) -> float:

@@ -8,11 +8,9 @@ from collections.abc import Callable, Iterator, Sequence
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Engine, EngineError, SupportLevel
 from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, probe_of, weights
 from ninedisk.harness.check_engine import conduct
-from ninedisk.harness.check_engine import conduct as form
-from ninedisk.harness.check_engine import conduct as honesty
 from ninedisk.harness.check_engine.findings import REFUSED, Bench, Finding, attempt
-from ninedisk.harness.check_engine.probes import Probe, fall, free_flight, probe_of, weights
 
 Progress = Callable[[int, int, str], None]
 
@@ -34,8 +32,8 @@ def check_engine(engine: Engine, progress: Progress | None = None, only: Sequenc
         info = engine.info()
     except Exception as error:
         raise EngineError(f"info() must not fail, it says {type(error).__name__}: {error}") from error
-    bench = Bench(engine, info, {})
-    checks = [("facts", lambda: form.facts(engine.id, info)), *_checks(bench)]
+    bench = Bench(engine, info)
+    checks = [("facts", lambda: conduct.facts(engine.id, info)), *_checks(bench)]
     names = [name for name, _ in checks]
     for pattern in only:
         if not fnmatch.filter(names, pattern):
@@ -50,7 +48,7 @@ def check_engine(engine: Engine, progress: Progress | None = None, only: Sequenc
 
 
 def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Finding]]]:
-    info = bench.info
+    info = bench.info()
     simplest = next((probe for probe in _simple(bench) if _runs(bench, probe)), None)
     if simplest is None:
         why = "neither a disk in flight, nor one that falls, nor two at rest on a floor is supported"
@@ -59,10 +57,10 @@ def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Finding]]]:
     touching = next((probe for probe in (weights(info), simplest) if _runs(bench, probe)), simplest)
     flight = free_flight(info, **UNEVEN)
     for name, check, probe in (
-        ("form", form.form, touching),
-        ("sampling", form.sampling, flight),
-        ("copies", form.copies, simplest),
-        ("settings", form.settings, touching),
+        ("form", conduct.form, touching),
+        ("sampling", conduct.sampling, flight),
+        ("copies", conduct.copies, simplest),
+        ("settings", conduct.settings, touching),
         ("determinism", conduct.determinism, touching),
         ("input", conduct.input_unchanged, touching),
         ("warm-up", conduct.start, simplest),
@@ -72,23 +70,25 @@ def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Finding]]]:
     for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
         yield name, _judged(bench, name, probe)
     for asked in Capability:
-        yield f"supports: {asked.name}", lambda asked=asked: honesty.capability(bench, probe_of(asked, info), asked)  # type: ignore[misc]
+        yield f"supports: {asked.name}", lambda asked=asked: conduct.capability(bench, probe_of(asked, info), asked)  # type: ignore[misc]
 
 
 def _simple(bench: Bench) -> Iterator[Probe]:
-    yield free_flight(bench.info)
-    yield fall(bench.info)
-    yield weights(bench.info)
+    yield free_flight(bench.info())
+    yield fall(bench.info())
+    yield weights(bench.info())
 
 
 def _runs(bench: Bench, probe: Probe) -> bool:
-    return bench.engine.supports(probe.setup.scene, probe.setup.numerics).level is not SupportLevel.NO
+    return bench.supports(probe.setup.scene, probe.setup.numerics).level is not SupportLevel.NO
 
 
 def _bound(bench: Bench, name: str, check: Callable[[Bench, Probe], Finding], probe: Probe) -> Callable[[], Finding]:
     def run() -> Finding:
         if not _runs(bench, probe):
-            return Finding(check=name, status=REFUSED, found=f"the scene of this check ({probe.name}) is not supported")
+            return Finding(
+                check=name, status=REFUSED, found=f"the scene of this check ({probe.title}) is not supported"
+            )
         return check(bench, probe)
 
     return run
@@ -96,7 +96,7 @@ def _bound(bench: Bench, name: str, check: Callable[[Bench, Probe], Finding], pr
 
 def _judged(bench: Bench, name: str, probe: Probe) -> Callable[[], Finding]:
     def judge(bench: Bench, probe: Probe) -> Finding:
-        support = bench.engine.supports(probe.setup.scene, probe.setup.numerics)
-        return honesty.judged(name, bench, probe, support)
+        support = bench.supports(probe.setup.scene, probe.setup.numerics)
+        return conduct.judged(name, bench, probe, support)
 
     return _bound(bench, name, judge, probe)

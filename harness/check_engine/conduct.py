@@ -1,9 +1,4 @@
-"""Checks of an adapter's conduct: the same answer twice, its input left alone, impossible requests refused.
-
-Checks of an answer's form: shapes and types, sampling, copies, what is recorded.
-
-Whether `supports` tells the truth: what it declares is held against a probe of each capability.
-"""
+"""What a sound adapter does besides computing: form of its answers, its conduct, and whether `supports` tells the truth."""
 
 from __future__ import annotations
 
@@ -20,18 +15,23 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineError, EngineInfo, Support, SupportLevel
+from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.cases.adapter.probes import COARSE, KN, OMEGA, Probe, on_floor, round_off
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED, Bench, Finding, finding
-from ninedisk.harness.check_engine.probes import COARSE, KN, OMEGA, Probe, on_floor, round_off
 from ninedisk.harness.run.observation import check_history
 from ninedisk.harness.wire.protocol import MEANINGS
 
 REFUSAL = "raise CoreError or EngineError with a message that names the bad value and the way out"
 
 
+def _again(bench: Bench, probe: Probe) -> EngineRun:
+    """One more run of a probe, which is not kept."""
+    return bench.engine.run(probe.setup.scene, probe.setup.numerics, probe.setup.watch)
+
+
 def determinism(bench: Bench, probe: Probe) -> Finding:
     """Two runs of a scene with contacts give the same bits."""
-    one, two = bench.run(probe).history, bench.run(probe, again=True).history
+    one, two = bench.run_of(probe).history, _again(bench, probe).history
     differ = [
         field.name
         for field in fields(History)
@@ -67,8 +67,8 @@ def _text(scene: Scene, numerics: Numerics, watch: list[tuple[int, int]]) -> str
 
 def start(bench: Bench, probe: Probe) -> Finding:
     """The first sample is the state that was given: neither the set-up nor the warm-up has moved it."""
-    history, disks = bench.run(probe).history, probe.setup.scene.disks
-    bound = round_off(bench.info)
+    history, disks = bench.run_of(probe).history, probe.setup.scene.disks
+    bound = round_off(bench.info())
     mend = "warm up on a copy of the state, or on a scene of its own; observe step 0 before the first step"
     faults = []
     for name, wanted in (("x", disks.x), ("v", disks.v), ("omega", disks.omega), ("angle", 0.0 * disks.omega)):
@@ -80,7 +80,7 @@ def start(bench: Bench, probe: Probe) -> Finding:
 
 def impossible(bench: Bench, probe: Probe) -> Finding:
     """Requests that cannot be met are refused with an error of ours, and not answered."""
-    info, setup = bench.info, probe.setup
+    info, setup = bench.info(), probe.setup
     requests: dict[str, Request] = {
         "a watched pair of bodies that do not exist": (setup.scene, setup.numerics, ((0, 99),))
     }
@@ -157,7 +157,7 @@ def facts(engine_id: str, info: EngineInfo) -> Finding:
 
 def form(bench: Bench, probe: Probe) -> Finding:
     """Shapes, types, finite numbers, meaning of forces, timings."""
-    run = bench.run(probe)
+    run = bench.run_of(probe)
     history, faults = run.history, []
     for field in fields(History):
         array = getattr(history, field.name)
@@ -183,20 +183,21 @@ def form(bench: Bench, probe: Probe) -> Finding:
 
 def sampling(bench: Bench, probe: Probe) -> Finding:
     """The state at the steps that were asked for, which are neither all nor regular."""
-    history = bench.run(probe).history
+    history = bench.run_of(probe).history
     wanted = probe.setup.numerics.sampled_steps()
     mend = "sample at numerics.sampled_steps(), and t = step dt"
     if not np.array_equal(history.step, wanted):
         return finding("sampling", [(f"steps {history.step.tolist()} instead of {wanted.tolist()}", mend)])
     late = float(np.abs(history.t - wanted * probe.setup.numerics.dt).max())
-    faults = [] if late <= 1e-9 * probe.setup.numerics.dt * wanted[-1] else [(f"times are off by {late:.3g} s", mend)]
-    faults += [(claim.text(), mend) for claim in probe.claims(history) if not claim.holds()]
+    if late > 1e-9 * probe.setup.numerics.dt * wanted[-1]:
+        return finding("sampling", [(f"times are off by {late:.3g} s", mend)])
+    faults = [(text, mend) for text, _ in bench.faults(probe)]
     return finding("sampling", faults, f"steps {wanted.tolist()}")
 
 
 def copies(bench: Bench, probe: Probe) -> Finding:
     """Observations belong to the caller: no two share memory, and a later run does not change them."""
-    history = bench.run(probe).history
+    history = bench.run_of(probe).history
     arrays = {f.name: a for f in fields(History) if isinstance(a := getattr(history, f.name), np.ndarray) and a.size}
     mend = "write copies of the state into History: history.x[row] = state, not history.x = state"
     names, faults = list(arrays), []
@@ -209,7 +210,7 @@ def copies(bench: Bench, probe: Probe) -> Finding:
         if np.shares_memory(arrays[one], probe.setup.scene.disks.x):
             faults.append((f"{one} is the scene's own memory", mend))
     before = {name: array.copy() for name, array in arrays.items()}
-    bench.run(probe, again=True)
+    _again(bench, probe)
     changed = [name for name in names if not np.array_equal(arrays[name], before[name], equal_nan=True)]
     faults += [(f"{name} changed with the next run", mend) for name in changed]
     return finding("copies", faults, "arrays of their own, untouched by a second run")
@@ -217,7 +218,7 @@ def copies(bench: Bench, probe: Probe) -> Finding:
 
 def settings(bench: Bench, probe: Probe) -> Finding:
     """What was chosen on purpose is on record, with the values that acted."""
-    recorded, faults = dict(bench.run(probe).settings), []
+    recorded, faults = dict(bench.run_of(probe).settings), []
     if not recorded:
         faults.append(
             ("the run has no settings", "record every setting that the adapter chooses: steps, solver, tolerances")
@@ -228,9 +229,9 @@ def settings(bench: Bench, probe: Probe) -> Finding:
         for name in strange
     ]
     mend = "record each option by its full name, ENGINE.OPTION, with the value that acted"
-    lacking = [name for name in bench.info.options if f"{bench.info.id}.{name}" not in recorded]
+    lacking = [name for name in bench.info().options if f"{bench.info().id}.{name}" not in recorded]
     faults += [(f"the option {name} is not recorded", mend) for name in lacking]
-    if changed := _changed_option(bench.info):
+    if changed := _changed_option(bench.info()):
         name, value = changed
         numerics = probe.setup.numerics.replace(options={name: value})
         found = bench.engine.run(probe.setup.scene, numerics, probe.setup.watch).settings.get(name)
@@ -262,10 +263,10 @@ def _changed_option(info: EngineInfo) -> tuple[str, float] | None:
 def capability(bench: Bench, probe: Probe, asked: Capability) -> Finding:
     """One capability: refused for a reason, or matched by the run of its probe."""
     name = f"supports: {asked.name}"
-    support = bench.engine.supports(probe.setup.scene, probe.setup.numerics)
+    support = bench.supports(probe.setup.scene, probe.setup.numerics)
     if support.level is SupportLevel.NO:
         return _refusal(name, bench, support, asked)
-    lacking = capabilities_needed(probe.setup.scene, probe.setup.numerics) - bench.info.capabilities
+    lacking = capabilities_needed(probe.setup.scene, probe.setup.numerics) - bench.info().capabilities
     if lacking and support.level is not SupportLevel.APPROXIMATE and not support.notes:
         lacks = ", ".join(sorted(each.name for each in lacking))
         mend = "declare it in info(), or answer NO or APPROXIMATE, or say in a note why this scene does not need it"
@@ -274,18 +275,15 @@ def capability(bench: Bench, probe: Probe, asked: Capability) -> Finding:
     may_lack = support.level is SupportLevel.APPROXIMATE or (
         asked in SLIP_AT.values() and support.level is SupportLevel.EQUIVALENT
     )
-    return judged(name, bench, probe, support, claimed=asked in bench.info.capabilities or not may_lack)
+    return judged(name, bench, probe, support, claimed=asked in bench.info().capabilities or not may_lack)
 
 
 def judged(name: str, bench: Bench, probe: Probe, support: Support, *, claimed: bool = True) -> Finding:
     """The run of a probe against its closed form, coarsely where it is graded approximate."""
-    history = bench.run(probe).history
-    coarse = support.level is SupportLevel.APPROXIMATE
+    faults = bench.faults(probe, coarse=support.level is SupportLevel.APPROXIMATE)
     if not claimed:
-        return Finding(check=name, status=PASS, found=f"{probe.name}: not claimed, runs as {support.level}")
-    wrong = [claim for claim in probe.claims(history) if not claim.holds(coarse=coarse)]
-    faults = [(f"{probe.name}: {claim.text()}", claim.mend) for claim in wrong]
-    return finding(name, faults, f"{probe.name}: {support.level}")
+        return Finding(check=name, status=PASS, found=f"{probe.title}: not claimed, runs as {support.level}")
+    return finding(name, [(f"{probe.title}: {text}", mend) for text, mend in faults], f"{probe.title}: {support.level}")
 
 
 def _refusal(name: str, bench: Bench, support: Support, asked: Capability) -> Finding:
@@ -293,12 +291,12 @@ def _refusal(name: str, bench: Bench, support: Support, asked: Capability) -> Fi
     if not support.missing and not support.notes:
         mend = "a refusal names the missing capabilities, or says in a note what stands against this scene"
         return Finding(check=name, status=FAIL, found="refused without a reason", mend=mend)
-    declared = sorted(each.name for each in support.missing if each in bench.info.capabilities)
+    declared = sorted(each.name for each in support.missing if each in bench.info().capabilities)
     if declared and not support.notes:
         mend = "take it out of info().capabilities, or say in a note what stands against this scene"
         return Finding(
             check=name, status=FAIL, found=f"refused for {', '.join(declared)}, which info() declares", mend=mend
         )
     why = f"lacks {missing}" if missing else "; ".join(support.notes)
-    claimed = " (declared, but not in this scene)" if asked in bench.info.capabilities else ""
+    claimed = " (declared, but not in this scene)" if asked in bench.info().capabilities else ""
     return Finding(check=name, status=REFUSED, found=why + claimed)

@@ -1,7 +1,4 @@
-"""What a check of an adapter found.
-
-Findings as a table and as JSON.
-"""
+"""What a check of an adapter found, as a table and as JSON, and the bench that its runs are made on."""
 
 from __future__ import annotations
 
@@ -11,12 +8,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ninedisk.harness.api.engine import Engine, EngineInfo, EngineRun
+from ninedisk.core.history import Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, EngineRun, Support
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.check_engine.probes import Probe
+from ninedisk.harness.cases.adapter.probes import Probe
 from ninedisk.harness.cli.support import console, table
 from ninedisk.harness.results.whole_file import write_whole
-from ninedisk.harness.run.runner import last_lines
+from ninedisk.harness.run.observation import blank_history
+from ninedisk.harness.run.plan import plan_case
+from ninedisk.harness.run.runner import last_lines, run_cell
 
 PASS, FAIL, REFUSED = "pass", "fail", "refused"
 """``refused``: the engine says that it cannot express the scene, and why; that is no defect."""
@@ -44,28 +46,52 @@ def finding(check: str, faults: Sequence[tuple[str, str]], found: str = "") -> F
     return Finding(check=check, status=FAIL, found="; ".join(text for text, _ in faults), mend=mends)
 
 
-@dataclass(frozen=True)
 class Bench:
-    """An engine on the bench: its facts, and its runs of probes, each run once and kept."""
+    """An engine on the bench, an `Engine` itself: each run is made once and kept, and probes are run as any case is."""
 
-    engine: Engine
-    info: EngineInfo
-    runs: dict[str, EngineRun]
+    def __init__(self, engine: Engine, info: EngineInfo) -> None:
+        self.id, self.engine, self._info = engine.id, engine, info
+        self._runs: dict[str, EngineRun] = {}
 
-    def run(self, probe: Probe, *, again: bool = False) -> EngineRun:
-        """The run of a probe; ``again``: one more, which is not kept."""
-        if again:
-            return _run(self.engine, probe)
-        setup = probe.setup
-        key = json.dumps([setup.scene.to_dict(), setup.numerics.to_dict(), setup.watch])
-        if key not in self.runs:
-            self.runs[key] = _run(self.engine, probe)
-        return self.runs[key]
+    def info(self) -> EngineInfo:
+        """The engine's facts, asked for once."""
+        return self._info
 
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        """What the engine answers."""
+        return self.engine.supports(scene, numerics)
 
-def _run(engine: Engine, probe: Probe) -> EngineRun:
-    setup = probe.setup
-    return engine.run(setup.scene, setup.numerics, setup.watch)
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """The engine's run of this scene, kept."""
+        key = json.dumps([scene.to_dict(), numerics.to_dict(), watch])
+        if key not in self._runs:
+            self._runs[key] = self.engine.run(scene, numerics, watch)
+        return self._runs[key]
+
+    def run_of(self, probe: Probe) -> EngineRun:
+        """The run of a probe, as the engine gives it."""
+        return self.run(probe.setup.scene, probe.setup.numerics, probe.setup.watch)
+
+    def faults(self, probe: Probe, *, coarse: bool = False) -> list[tuple[str, str]]:
+        """What the probe's closed forms say against its run, each quantity once: (what was found, what to mend).
+
+        Raises
+        ------
+        EngineError
+            If the probe does not run to its end.
+        """
+        result = run_cell(plan_case(probe, self, {"coarse": coarse}))
+        if result.status not in ("pass", "fail", "no-truth"):
+            raise EngineError(result.reason)
+        mends = {form.quantity: form.mend for form in probe.closed_forms(blank_history(probe.setup))}
+        found: dict[str, tuple[str, str]] = {}
+        for row in result.rows:
+            quantity = row["quantity"].partition("[")[0]
+            if row["status"] == "fail":
+                shown = f"{row['value']:.9g} instead of {row['expected']:.9g} {row['unit']}"
+                text = f"{quantity} is {shown} (allowed: {row['atol']:.2g}, {row['why']})"
+                found.setdefault(quantity, (text, mends[quantity]))
+        return list(found.values())
 
 
 def attempt(check: str, make: Callable[[], Finding]) -> Finding:

@@ -15,6 +15,7 @@ import numpy as np
 import typer
 
 from ninedisk.harness.api.case import Case
+from ninedisk.harness.api.claims import claims_of
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import allowed, format_value
@@ -71,7 +72,8 @@ Progress = Callable[[int, int, str], None]
 
 
 def docs_record(progress: Progress | None = None) -> list[Row]:
-    """A record of every case: ``id, version, title, source, requirement, about, parameters, variants, setup, truths, commands``.
+    """A record of every case: ``id, version, title, source, requirement, about, parameters, variants, setup, truths,
+    claims, commands``.
 
     ``truths`` are those that bind the engines on the first variant of the matrix, found without running anything.
     """
@@ -120,6 +122,7 @@ def case_record(case: Case) -> Row:
         "shown": settings_text(shown),
         "setup": json.loads(plain_json(stored)),
         "truths": truths(cells),
+        "claims": [{"place": c.place, "text": c.text, "decided_by": c.decided_by} for c in claims_of(case)],
         "commands": commands(case.id, cells, shown),
     }
 

@@ -7,12 +7,13 @@ form in `ninedisk.harness.results.schema` too, so that pages can be made of it.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 OLDEST_SCHEMA = 1
 """Older runs than this cannot be read; those between lack columns, which are then empty."""
@@ -81,6 +82,7 @@ CELL_COLUMNS: dict[str, str] = {
     "case_title": "string",
     "case_source": "string",
     "case_requirement": "string",
+    "case_figures": "string",  # JSON list of `Figure`
     "variant": "string",
     "params": "string",  # JSON object
     "engine": "string",
@@ -170,6 +172,7 @@ CLAIM_COLUMNS: dict[str, str] = {
     "engine": "string",
     "verdict": "string",  # confirmed | contradicted | undecided
     "evidence": "string",
+    "derivation": "string",  # JSON list of paragraphs: why measurements differ from the claim, where they do
 }
 """One row per claim of the source and engine."""
 
@@ -180,6 +183,107 @@ TABLES: dict[str, dict[str, str]] = {
     "references": REFERENCE_COLUMNS,
     "claims": CLAIM_COLUMNS,
 }
+
+Allowed = float | str | bool | None
+"""A value of a parameter that a figure admits; None also stands for a parameter that the case does not have."""
+
+
+@dataclass(frozen=True)
+class Plotted:
+    """A quantity of a figure: its name in the records, axis label and the number of its figure in the source."""
+
+    name: str
+    label: str
+    number: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """A figure of a case: which of its variants and quantities are shown, and what that lets one conclude.
+
+    Parameters
+    ----------
+    number, title : str
+        Figure number in the source ("" for a figure of our own) and heading.
+    kind : {"history", "configuration", "values", "setup"}
+        Histories; the stored configurations; a number over the step size, held against ``levels``; or the sketch of the
+        set-up, of which only the number counts.
+    quantities : tuple of Plotted
+        Panels; empty means every series quantity of the variants.
+    where : mapping from parameter to allowed values
+        Variants that the figure shows. Numbers match to 1e-3 relative (2/3 is stored in full), words exactly.
+    compare : str
+        Parameter whose values stand side by side with a common scale; the other parameters that vary split the figure
+        into titled groups.
+    x : {"cycle", "time"}
+        Horizontal axis.
+    last : int or None
+        Show the last so many steps, counted from their beginning.
+    levels : tuple of (str, float)
+        Names and values of the horizontal lines of ``values``.
+    shows, allows : str
+        What is to be seen, and which conclusion it allows.
+    """
+
+    number: str = ""
+    title: str = ""
+    kind: Literal["history", "configuration", "values", "setup"] = "history"
+    quantities: tuple[Plotted, ...] = ()
+    where: Mapping[str, tuple[Allowed, ...]] = field(default_factory=dict)
+    compare: str = ""
+    x: Literal["cycle", "time"] = "time"
+    last: int | None = None
+    levels: tuple[tuple[str, float], ...] = ()
+    shows: str = ""
+    allows: str = ""
+
+    def matches(self, params: Mapping[str, Any]) -> bool:
+        """Whether a variant belongs to the figure."""
+        return all(any(_same(params.get(name), value) for value in allowed) for name, allowed in self.where.items())
+
+
+def _same(value: Any, wanted: Allowed) -> bool:
+    if isinstance(wanted, str | bool) or wanted is None or isinstance(value, str | bool) or value is None:
+        return bool(value == wanted)
+    return bool(abs(float(value) - wanted) <= 1e-3 * abs(wanted))
+
+
+def figures_to_text(figures: Iterable[Figure]) -> str:
+    """Figures as the column ``case_figures`` holds them."""
+    return json.dumps([asdict(figure) for figure in figures])
+
+
+def figures_from_text(text: str) -> tuple[Figure, ...]:
+    """Figures of a column ``case_figures``; those of another make, or of none, are left out."""
+    try:
+        stored = json.loads(text or "[]")
+        return tuple(_figure(each) for each in stored)
+    except (ValueError, TypeError, AttributeError):
+        return ()
+
+
+def _figure(stored: Mapping[str, Any]) -> Figure:
+    known = {each.name for each in fields(Figure)}
+    plain = {name: value for name, value in stored.items() if name in known}
+    if not all(isinstance(plain[name], int | None if name == "last" else str) for name in plain.keys() - _COMPOSED):
+        raise TypeError("a text, or a number of steps, is none")
+    where = {name: tuple(allowed) for name, allowed in stored.get("where", {}).items()}
+    if not all(isinstance(value, Allowed) for allowed in where.values() for value in allowed):
+        raise TypeError("a value of a parameter is none")
+    return Figure(
+        **plain
+        | {
+            "quantities": tuple(
+                Plotted(**{key: str(value) for key, value in each.items()}) for each in stored.get("quantities", ())
+            ),
+            "where": where,
+            "levels": tuple((str(name), float(level)) for name, level in stored.get("levels", ())),
+        }
+    )
+
+
+_COMPOSED = {"quantities", "where", "levels"}
+
 
 CHANGE_VERDICTS = ("worse", "suspect", "lost", "not-comparable", "better", "new", "same")
 """How something changed between two runs, what wants attention first."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 ROUND_OFF = 1e-9
 """Tolerance of an exactly printed value where no other truth says what an engine owes: round-off of 10^6 steps."""
 
-_KIN = ("analytic", "converged", "exact-step", "consensus")
+_LENDERS = ("analytic", "converged", "exact-step", "consensus")
 """Whose tolerance a published value borrows: the source states results of the continuous problem, so that one first."""
 
 
@@ -88,23 +88,23 @@ def _curves(folder: Path) -> tuple[PublishedCurve, ...]:
 
 def _value_check(value: PublishedValue, observed: Observed, own: Sequence[Check]) -> Check:
     _same_unit(f"published value {value.id!r}", value.quantity, value.unit, observed.scalars)
-    kin = _kin(value.quantity, own)
+    related = _related(value.quantity, own)
     atol, why, gap = value.precision, "half a unit of the last printed digit", value.contradicted_by
     if value.precision == 0.0:
         why = "the source states it exactly"
-    if kin is None:
+    if related is None:
         atol += ROUND_OFF * max(1.0, abs(value.value))
         why += f"; round-off {ROUND_OFF:g}"
     else:
-        truth = float(kin.expected)
-        owed = kin.atol + kin.rtol * abs(truth)
+        truth = float(related.expected)
+        owed = related.atol + related.rtol * abs(truth)
         atol += owed
-        why += f"; plus what the {kin.truth} truth allows: {kin.why}"
+        why += f"; plus what the {related.truth} truth allows: {related.why}"
         if not gap and abs(truth - value.value) > atol:
-            gap = kin.gap_reason or (
-                f"the {kin.truth} truth is {truth:.9g}, the print says {value.value:.9g} ({kin.source})"
+            gap = related.gap_reason or (
+                f"the {related.truth} truth is {truth:.9g}, the print says {value.value:.9g} ({related.source})"
             )
-        gap = gap or kin.gap_reason
+        gap = gap or related.gap_reason
     return Check(
         quantity=value.quantity,
         norm="scalar",
@@ -118,16 +118,16 @@ def _value_check(value: PublishedValue, observed: Observed, own: Sequence[Check]
     )
 
 
-def _kin(quantity: str, own: Sequence[Check]) -> Check | None:
+def _related(quantity: str, own: Sequence[Check]) -> Check | None:
     found = [
         check
         for check in own
         if check.quantity == quantity
         and check.norm == "scalar"
-        and check.truth in _KIN
+        and check.truth in _LENDERS
         and np.isfinite(float(np.asarray(check.expected)))
     ]
-    return min(found, key=lambda check: (bool(check.gap_reason), _KIN.index(check.truth)), default=None)
+    return min(found, key=lambda check: (bool(check.gap_reason), _LENDERS.index(check.truth)), default=None)
 
 
 def _curve_check(curve: PublishedCurve, observed: Observed) -> Check:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
-from ninedisk.harness.api.case import Check, Setup
+from ninedisk.harness.api.case import Check, Setup, figures_of
 from ninedisk.harness.api.engine import (
     EngineError,
     EngineInfo,
@@ -28,7 +28,7 @@ from ninedisk.harness.api.engine import (
     SupportLevel,
 )
 from ninedisk.harness.api.params import foreign_settings
-from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS
+from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, figures_to_text
 from ninedisk.harness.results.tables import (
     CaseResult,
     Row,
@@ -187,6 +187,7 @@ def planned_columns(cell: Cell) -> Row:
         "case_title": case.title,
         "case_source": case.source,
         "case_requirement": case.requirement,
+        "case_figures": figures_to_text(figures_of(case)),
         "variant": cell.variant.id,
         "params": plain_json(dict(cell.variant.params)),
         "engine": cell.engine_id,

@@ -24,7 +24,15 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineRun, EngineTimeoutError, Support, SupportLevel
+from ninedisk.harness.api.engine import (
+    Difference,
+    EngineError,
+    EngineInfo,
+    EngineRun,
+    EngineTimeoutError,
+    Support,
+    SupportLevel,
+)
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.registry import engine_table
 from ninedisk.harness.api.support import (
@@ -187,15 +195,9 @@ NOTE_SOFT = "contacts are soft in a way of the engine's own"
 
 _TRAITS = (
     "turns_shear",
-    "fixed_wall_shear",
-    "keeps_opened_shear",
     "dilates",
-    "friction_lags",
     "softness",
     "softness_why",
-    "keeps_kn",
-    "impact_as_springs",
-    "normal_turns_in_impact",
     "second_order_dashpots",
     "precision",
     "threads",
@@ -246,6 +248,7 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
     traits: dict[str, Any] = {"precision": "float64", "threads": 1}
     traits |= {trait: data[trait] for trait in _TRAITS if trait in data}
     traits |= {trait: frozenset(names[name] for name in data[trait]) for trait in _ARMS if trait in data}
+    differences = {each: str(each) for each in Difference if data.get(each.name.lower())}
     out_of_scope = {names[name]: printable(link) for name, link in data.get("out_of_scope", {}).items()}
     both = sorted(set(data["capabilities"]) & set(data.get("out_of_scope", {})))
     if both:
@@ -263,6 +266,7 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
         install=printable(data.get("install", "given by --engine-cmd")),
         not_installed_because="its description gives no version" if data["version"] is None else "",
         capabilities=frozenset(names[name] for name in data["capabilities"]),
+        differences=differences,
         options=options,
         out_of_scope=out_of_scope,
         **traits,

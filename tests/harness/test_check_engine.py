@@ -18,10 +18,10 @@ from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.api.registry import get_engine
+from ninedisk.harness.api.registry import case_table, get_engine
+from ninedisk.harness.cases.adapter.probes import probe_of
 from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED
-from ninedisk.harness.check_engine.probes import probe_of
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.engines.dem.adapter import DemEngine
 
@@ -285,6 +285,12 @@ def test_a_planted_defect_is_found(defect: str) -> None:
     assert said in findings[0].found
     if defect != "a crash":
         assert findings[0].mend
+
+
+def test_probes_are_in_no_list_of_cases() -> None:
+    probes = [probe_of(asked, DemEngine().info()) for asked in Capability]
+    assert all(probe.id.startswith("adapter/") for probe in probes)
+    assert not any(name.startswith("adapter/") for name in case_table())
 
 
 def test_every_check_has_been_seen_failing() -> None:

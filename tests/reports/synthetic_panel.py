@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.results.schema import TABLES
+from ninedisk.harness.api.case import figures_of
+from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.results.schema import TABLES, figures_to_text
 
 Row = dict[str, Any]
 ENGINES = {  # id: name, version, support, relative error of its histories
@@ -242,6 +244,7 @@ def panel_tables(scenes: ModuleType) -> dict[str, list[Row]]:
                         "case_title": title,
                         "case_source": "Appendix A",
                         "case_requirement": "Forces follow the truth.",
+                        "case_figures": figures_to_text(figures_of(get_case(case))),
                         "engine_name": name,
                         "engine_licence": "BSD-3-Clause",
                         "engine_runs": "in this process",

@@ -1,4 +1,4 @@
-"""Plans and pictures: which variants a figure takes, which limits and points a panel has."""
+"""Figures that cases declare, and pictures: which variants a figure takes, which limits and points a panel has."""
 
 from __future__ import annotations
 
@@ -10,40 +10,67 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ninedisk.harness.api.case import figures_of
+from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
+from ninedisk.harness.results.schema import figures_from_text, figures_to_text
 from ninedisk.reports import draw as draw_history
-from ninedisk.reports import figures as plans
 from ninedisk.reports.draw import error_limits, read_scene, round_off, thin, value_limits
 from ninedisk.reports.drawing import CaseDrawing, Job, render
-from ninedisk.reports.figures import case_figures, looks_of
+from ninedisk.reports.figures import GENERIC, case_figures, looks_of
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel
 from ninedisk.reports.scenes import case_configurations
 
-FIGURES = {f"A.{k}" for k in (2, 3, 4, *range(6, 14), *range(17, 27))} | {"A.5 (a)", "A.5 (b)"}
+FIGURES = {f"A.{k}" for k in (2, 3, 4, *range(6, 14), *range(17, 27))} | {
+    "A.1",
+    "A.5 (a)",
+    "A.5 (b)",
+    "A.14",
+    "A.15",
+    "A.16",
+}
 
 
-def test_plans_cover_every_figure_of_the_source():
+def declared():
+    return [figure for case_id in BUILTIN_CASES for figure in figures_of(get_case(case_id))]
+
+
+def test_the_cases_show_every_figure_of_the_source():
     numbers = set()
-    for case_plans in plans.PLANS.values():
-        for plan in case_plans:
-            numbers |= {quantity.number for quantity in plan.quantities} if "–" in plan.number else {plan.number}
+    for figure in declared():
+        numbers |= {quantity.number for quantity in figure.quantities} if "–" in figure.number else {figure.number}
     assert numbers - {""} == FIGURES
-    assert set(plans.SETUP_FIGURES.values()) == {"A.1", "A.14", "A.15", "A.16"}
 
 
-def test_every_plan_says_what_is_seen_and_concluded():
-    for plan in [plan for some in plans.PLANS.values() for plan in some]:
-        assert plan.title
-        assert plan.shows.endswith(".")
-        assert plan.allows.endswith(".")
+def test_every_figure_says_what_is_seen_and_concluded():
+    for figure in declared():
+        if figure.kind != "setup":
+            assert figure.title
+            assert figure.shows.endswith(".")
+            assert figure.allows.endswith(".")
 
 
-def test_plans_match_numbers_by_value_and_words_exactly():
-    plan = plans.PLANS["nine-disk/distortion"][1]
-    assert plan.matches({"phi_deg": 15.0, "ks_over_kn": 0.6667})
-    assert not plan.matches({"phi_deg": 15.0, "ks_over_kn": 0.7})
-    assert not plan.matches({"phi_deg": "15", "ks_over_kn": 1.0})
-    elastic = plans.PLANS["binary-collision"][0]
+def test_figures_survive_the_store_and_nonsense_is_none():
+    assert all(figures_from_text(figures_to_text([figure])) == (figure,) for figure in declared())
+    for text in (
+        "",
+        "{",
+        "[1]",
+        '[{"title": 3}]',
+        '[{"where": {"a": [{}]}}]',
+        '[{"last": "x"}]',
+        '[{"quantities": [{}]}]',
+        "null",
+    ):
+        assert figures_from_text(text) == (), text
+
+
+def test_figures_match_numbers_by_value_and_words_exactly():
+    figure = next(figure for figure in get_case("nine-disk/distortion").figures if figure.number == "A.5 (a)")
+    assert figure.matches({"phi_deg": 15.0, "ks_over_kn": 0.6667})
+    assert not figure.matches({"phi_deg": 15.0, "ks_over_kn": 0.7})
+    assert not figure.matches({"phi_deg": "15", "ks_over_kn": 1.0})
+    elastic = get_case("binary-collision").figures[0]
     assert elastic.matches({"kind": "elastic", "restitution": None})
     assert not elastic.matches({"kind": "elastic", "restitution": 0.5})
 
@@ -69,7 +96,7 @@ def test_variants_that_no_plan_takes_are_shown_too(tmp_path, write, small):
     write(tmp_path, "a", small(case="incline-block"))
     panel = build_panel(load_store(tmp_path))
     (block,) = case_figures(panel, panel.cases["incline-block"])
-    assert block.plan.title == plans.GENERIC.title
+    assert block.plan.title == GENERIC.title
     assert block.groups[0].panels[0].picture.y_label == "x [m]"
 
 

@@ -8,6 +8,7 @@ import re
 
 import pytest
 
+from ninedisk.harness.results.schema import Figure, figures_to_text
 from ninedisk.reports.build import build_report
 
 HOSTILE = "../../../<script>alert('x')</script>"
@@ -28,6 +29,12 @@ def test_hostile_names_run_nothing_and_stay_inside(tmp_path, write, small):
         case_title=HOSTILE,
         case_source=HOSTILE,
         case_requirement=HOSTILE,
+        case_figures=figures_to_text(
+            [
+                Figure(number=HOSTILE, title=HOSTILE, compare=HOSTILE, shows=HOSTILE, allows=HOSTILE),
+                Figure(kind="setup", number=HOSTILE),
+            ]
+        ),
         reason=HOSTILE,
         support=HOSTILE,
         status=HOSTILE,
@@ -53,6 +60,7 @@ def test_hostile_names_run_nothing_and_stay_inside(tmp_path, write, small):
             "engine": HOSTILE,
             "verdict": "contradicted",
             "evidence": HOSTILE,
+            "derivation": json.dumps([HOSTILE]),
         }
     ]
     folder = write(tmp_path / "store", "a", tables)

@@ -1,7 +1,4 @@
-"""Row of equal disks hit at one end: who takes the velocity, and by which law.
-
-What a row of disks does that is hit at one end: several laws, and which of them binds an engine.
-"""
+"""Row of equal disks hit at one end: who takes the velocity, by several laws, and which of them binds an engine."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -23,6 +20,7 @@ from ninedisk.harness.cases.common import (
     contact_step,
     last,
     numerics_of,
+    phase_error,
     series_and_final,
     single,
     soft_reason,
@@ -184,9 +182,6 @@ class NewtonCradle:
         return series_and_final((*names, "energy"), expected, truth="exact-step", source=source, tolerance=tolerance)
 
 
-CASE = NewtonCradle()
-
-
 class Truth(NamedTuple):
     """Velocities at the samples, shape (s, n), NaN while an impact goes on; absolute tolerance [m/s]; final ones; and why."""
 
@@ -262,7 +257,7 @@ def binding_truth(params: Mapping[str, Any], setup: Setup, observed: Observed, e
         for k, event in enumerate(history.t[1:]):
             v[np.abs(t - event) <= (k + 2.5) * dt] = np.nan
         return Truth(v, history.v[-1], atol, "one collision after the other, Newton's restitution", why)
-    if engine.impact_as_springs:
+    if Difference.IMPACT_AS_SPRINGS in engine.differences:
         history, _ = spring_chain(params, setup)
         final, source = (
             history.v[-1],
@@ -279,7 +274,7 @@ def _by_springs(params: Mapping[str, Any], setup: Setup, observed: Observed) -> 
     """Event by event.
 
     Each contact begins and ends somewhere in a contact step, and its speeds are off by what
-    `ninedisk.harness.cases.impact.binary.binding_impact` derives: of the approach by the square of the phase, of what is left of it by a
+    `ninedisk.harness.cases.common.phase_error` derives: of the approach by the square of the phase, of what is left of it by a
     dashpot's share. While several contacts act, the frequencies of the scheme are high by ``(omega dt)^2/24``, at most that of the
     row's fastest mode, which turns the modes' phases by that times omega T.
     """
@@ -288,9 +283,8 @@ def _by_springs(params: Mapping[str, Any], setup: Setup, observed: Observed) -> 
     contact_dt = setup.numerics.contact_dt or setup.numerics.dt
     phase = math.sqrt(2.0 * law.kn / params["mass"]) * contact_dt
     fast = math.sqrt(2.0) * phase
-    damped = 2.0 * law.beta * phase
     left = float(np.abs(np.diff(history.v[-1])).max()) / params["speed"]
-    share = (params["n"] - 1) * (phase**2 / 8.0 * (1.0 + phase**2) + left * damped * (1.0 + damped))
+    share = (params["n"] - 1) * phase_error(phase, law.beta, left)
     share += fast**3 / 24.0 * _time_of_many(history) / contact_dt
     first = params["gap"] / params["speed"]
     dt = setup.numerics.dt
@@ -318,3 +312,6 @@ def exact_steps(params: Mapping[str, Any], setup: Setup) -> ChainSteps:
         restitution=params["restitution"] if numerics.impact == "newton" else None,
         n_steps=numerics.n_steps,
     )
+
+
+CASE = NewtonCradle()

@@ -115,8 +115,8 @@ class PushedRow:
         rough = _round_off(params, setup, engine)
         across = Check(quantity="across", norm="scalar", truth="analytic", expected=0.0, source="symmetry", atol=1e-15,
                        why="all centres lie on the x axis: no force has a y component")  # fmt: skip
-        way = params["speed"] * params["dt"] * np.minimum(observed.step, LOAD_STEPS)
-        static = _rest(params) + static_force(n=params["n"], kn=params["kn"], way=1.0) * way[:, None]
+        displacement = params["speed"] * params["dt"] * np.minimum(observed.step, LOAD_STEPS)
+        static = _rest(params) + static_force(n=params["n"], kn=params["kn"], way=1.0) * displacement[:, None]
         if engine.contact == "cd" and params["regime"] == "quasi-static":
             return [
                 across,

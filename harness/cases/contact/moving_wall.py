@@ -13,7 +13,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, TruthKind, Value
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.common import told
+from ninedisk.harness.cases.common import where_observed
 from ninedisk.harness.cases.nine_disk.scene import DAMPING_FORM, NINE_DISK_CD, cd_settings
 from ninedisk.references.analytic.driven_contact import shaken_contact
 from ninedisk.references.analytic.spring_dashpot import contact_duration, contact_history
@@ -118,7 +118,7 @@ class MovingWall:
         place, _ = _wall(params, t)
         common = {"norm": "max", "truth": "analytic", "source": "prescribed path", "why": "round-off"}
         for name, curve in (("wall_place", place), ("wall_angle", np.full_like(t, 0.5 * math.pi))):
-            expected = told(observed, engine, name, curve[observed.step])
+            expected = where_observed(observed, engine, name, curve[observed.step])
             found.append(Check(quantity=name, expected=expected, atol=1e-14, **common))  # type: ignore[arg-type]
         exact = engine.scheme == "central-difference" and params["damping_form"] == "central"
         if exact and (params["beta"] == 0.0 or engine.second_order_dashpots):
@@ -239,7 +239,7 @@ def _compared(
         source = "impact seen from the wall" if params["motion"] == "push" else "driven oscillator"
     return [
         Check(
-            quantity=name, norm="max", truth=truth, expected=told(observed, engine, name, curve[observed.step]),
+            quantity=name, norm="max", truth=truth, expected=where_observed(observed, engine, name, curve[observed.step]),
             source=source, atol=atol[name], why=why,
         )
         for name, curve in curves.items()

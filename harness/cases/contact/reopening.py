@@ -13,8 +13,8 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, TruthKind, Value
-from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.common import told
+from ninedisk.harness.api.engine import Difference, EngineInfo
+from ninedisk.harness.cases.common import where_observed
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
 from ninedisk.references.analytic.driven_contact import shuttle
 from ninedisk.references.exact_steps.normal_contact import Plane, normal_contact_central
@@ -22,12 +22,6 @@ from ninedisk.references.exact_steps.normal_contact import Plane, normal_contact
 RADIUS, MASS = 0.5, 1.0
 CONTACTS = 4
 """Contacts with either plane that a run has, the last begun one included."""
-
-
-KEPT = (
-    "the engine's neighbours keep the shear force of their last contact while they are apart, as long as they stay within the search "
-    "tolerance: the second contact goes on from it"
-)
 
 
 class Reopening:
@@ -274,8 +268,9 @@ def _compared(
     for name, curve in expected.items():
         if atol[name] >= float(np.nanmax(np.abs(curve))):
             continue  # a bound beyond the quantity itself would let anything pass
-        shown = told(observed, engine, name, curve[observed.step])
-        kept = KEPT if name == "fs" and params["pair"] == "disks" and engine.keeps_opened_shear else ""
+        shown = where_observed(observed, engine, name, curve[observed.step])
+        opens = name == "fs" and params["pair"] == "disks"
+        kept = engine.differences.get(Difference.KEEPS_OPENED_SHEAR, "") if opens else ""
         found.append(
             Check(
                 quantity=name,

@@ -14,7 +14,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
 from ninedisk.harness.run.matched import slip_of
 from ninedisk.references.analytic.retraced_loop import (
@@ -200,17 +200,17 @@ class RetracedLoop:
                 )
             )
         within, drift, left = _midpoint(params, count), 0.0, _unfinished(params, count)
-        told = "the midpoint rule's error within a cycle"
+        first = "the midpoint rule's error within a cycle"
         if place == "end":
             # Halfway through a cycle the sum of ends is ahead by half of the cycle's drift, and by half of what its integrand grew by.
             drift, left = 1.1 * abs(predicted_drift(params, count, mid=mid)), 0.0
             within += 2.0 * drift
-            told = "what slip of the step's end adds to first order, and a tenth more for the next order"
+            first = "what slip of the step's end adds to first order, and a tenth more for the next order"
         elif engine.contact == "cd":
             # The last step's force still has the tangent of its begin; rates of an oscillation are at most twice their mean square.
             one = 2.0 * abs(predicted_drift(params, count, mid=mid)) / count
             left, within = within + one, within + one
-            told += ", and one step's error of first order, which the next step mends"
+            first += ", and one step's error of first order, which the next step mends"
         cycles, path = float(params["cycles"]), "line integral of slip along the path: 0 after a cycle"
         # An engine that feels a wall in another place has another integral within a cycle.
         way = float(params["amplitude"]) * _part(observed.t)
@@ -219,11 +219,11 @@ class RetracedLoop:
             *found,
             Check(
                 quantity="astray", norm="max", truth="analytic", expected=other, source=path,
-                atol=within + cycles * drift + rounding + growth, why=f"{told}; {why}",
+                atol=within + cycles * drift + rounding + growth, why=f"{first}; {why}",
             ),
             Check(
                 quantity="drift", norm="scalar", truth="analytic", expected=0.0, source=path,
-                atol=(drift + (remains + rounding + left) / cycles) / float(params["amplitude"]), why=f"{told}; {why}",
+                atol=(drift + (remains + rounding + left) / cycles) / float(params["amplitude"]), why=f"{first}; {why}",
             ),
         ]  # fmt: skip
 
@@ -303,7 +303,7 @@ def _turning(
     To first order a force changes by half the square of the rotation of each step, of its value then. Along fixed axes a wall's shear
     force gains fn times the rotation: up to the largest overlap times the angle, of which a sum of ends leaves ``dt phi' way`` a cycle.
     """
-    if params["kind"] == "wall" and engine.fixed_wall_shear:
+    if params["kind"] == "wall" and Difference.FIXED_WALL_SHEAR in engine.differences:
         most = (SUNK + params["amplitude"]) * _angle(params)
         remains = 2.0 / count * params["cycles"] * params["amplitude"] * _angle(params)
         return most, remains, "; shear forces at walls along fixed axes gain fn times the rotation"

@@ -1,7 +1,6 @@
-"""Head-on collision of two equal disks, elastic or plastic (appendix A.2).
+"""Head-on collision of two equal disks, elastic or plastic (appendix A.2), and what binds an engine on it.
 
-What binds an engine on a binary collision: restitution by the kind of its contacts, or the exact steps of its
-scheme.
+That is the restitution by the kind of its contacts, or the exact steps of its scheme.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene
@@ -21,15 +19,18 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
+    around_contact,
     contact_step,
     last,
     numerics_of,
+    phase_error,
     series_and_final,
     single,
     soft_reason,
     softness,
     whole_steps,
 )
+from ninedisk.harness.cases.impact.shown import BINARY_CLAIMS, BINARY_FIGURES
 from ninedisk.references.analytic.collision import collision_history
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution, contact_duration, restitution_of_beta
 from ninedisk.references.exact_steps.impact import collision_step_theta
@@ -39,6 +40,18 @@ PAIR = (0, 1)
 
 PHASE, DAMPED_PHASE = 0.02, 0.05
 """Default resolution of the contact: ``omega dt <= PHASE`` and ``beta omega dt <= DAMPED_PHASE``."""
+
+
+PLASTIC_BETA = 10.0
+"""Largest dashpot that the case chooses: e = 0.00244, a 400th of the elastic one. The step falls with 1/beta, and e = 0
+needs an infinite dashpot."""
+
+KINDS = {"elastic": 1.0, "plastic": 0.0}
+
+ROUND_OFF = 1e-12
+"""Of the speed: a collision is one impulse, a handful of roundings; free flight changes no velocity."""
+
+NAMES = ("vx_1", "vx_2", "energy")
 
 
 class BinaryCollision:
@@ -55,6 +68,8 @@ class BinaryCollision:
     requirement = (
         "momentum always conserved; energy after an elastic impact; velocities (0, 1) elastic, (1/2, 1/2) plastic"
     )
+    figures = BINARY_FIGURES
+    claims = BINARY_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(
             name="kind",
@@ -127,8 +142,8 @@ class BinaryCollision:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Two disks on the x axis."""
-        told, m_eff = knobs(params), params["mass"] / 2.0
-        law = ContactLaw(kn=params["kn"], beta=told.beta, restitution=told.restitution, regularised=True)
+        given, m_eff = knobs(params), params["mass"] / 2.0
+        law = ContactLaw(kn=params["kn"], beta=given.beta, restitution=given.restitution, regularised=True)
         disks = Disks(
             x=np.array([[0.0, 0.0], [2.0 * RADIUS + params["gap"], 0.0]]),
             v=np.array([[params["speed"], 0.0], [0.0, 0.0]]),
@@ -136,10 +151,10 @@ class BinaryCollision:
             mass=np.full(2, params["mass"]),
         )
         flight, dt = params["gap"] / params["speed"], params["dt"]
-        contact = contact_duration(kn=params["kn"], m_eff=m_eff, beta=told.beta)
+        contact = contact_duration(kn=params["kn"], m_eff=m_eff, beta=given.beta)
         end = flight + contact + 2.0 * dt
         omega = math.sqrt(params["kn"] / m_eff)
-        target = min(PHASE, DAMPED_PHASE / told.beta if told.beta > 0.0 else math.inf) / omega
+        target = min(PHASE, DAMPED_PHASE / given.beta if given.beta > 0.0 else math.inf) / omega
         numerics = numerics_of(
             params,
             n_steps=whole_steps(
@@ -149,7 +164,7 @@ class BinaryCollision:
                 event="the collision, spread over its steps,",
             ),
             contact_dt=contact_step(dt, target),
-            theta=told.theta,
+            theta=given.theta,
         )
         return Setup(
             scene=Scene(disks=disks, disk_disk=law), numerics=numerics, watch=(PAIR,), labels={"contact": PAIR}
@@ -200,21 +215,6 @@ class BinaryCollision:
                   why=conserved, atol=1e-13 * momentum + of_momentum),
             *still,
         ]  # fmt: skip
-
-
-CASE = BinaryCollision()
-
-
-PLASTIC_BETA = 10.0
-"""Largest dashpot that the case chooses: e = 0.00244, a 400th of the elastic one. The step falls with 1/beta, and e = 0
-needs an infinite dashpot."""
-
-KINDS = {"elastic": 1.0, "plastic": 0.0}
-
-ROUND_OFF = 1e-12
-"""Of the speed: a collision is one impulse, a handful of roundings; free flight changes no velocity."""
-
-NAMES = ("vx_1", "vx_2", "energy")
 
 
 class Knobs(NamedTuple):
@@ -269,27 +269,21 @@ def impact_checks(params: Mapping[str, Any], setup: Setup, observed: Observed, e
 def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Impact:
     """Restitution that an engine must reach, by the kind of its contacts.
 
-    Spring engines: with ``eps = (omega dt)^2``, dt the contact step, an undamped contact of any scheme equivalent to
-    central differences keeps ``v_{n+1/2}^2 + omega^2 x_n x_{n+1}``. At entry and exit, a fraction phi into the step,
-    the product is ``-phi (1 - phi) (v dt)^2``, so that ``|e - 1| <= eps/8 (1 + eps)``: phase of the impact in the step.
-    With a dashpot the force jumps at touch by ``c v``; the sampled jump is up to dt/2 early or late, which scales e by
-    ``1 +- beta omega dt``; a dashpot that sees ``v_{n-1/2}`` acts as ``beta (1 + beta omega dt/2)``, another ``beta
-    omega dt`` at most since ``|d ln e/d ln beta| <= 2``. Second-order terms of the dashpot: the same again, squared.
+    That of springs is off by `phase_error`.
     """
-    told = knobs(params)
+    given = knobs(params)
     if engine.contact == "spring":
-        e = restitution_of_beta(told.beta)
+        e = restitution_of_beta(given.beta)
         phase = math.sqrt(2.0 * params["kn"] / params["mass"]) * (setup.numerics.contact_dt or setup.numerics.dt)
-        damped = 2.0 * told.beta * phase
-        bound = e * (phase**2 / 8.0 * (1.0 + phase**2) + damped * (1.0 + damped))
-        why = f"phase of the impact in the contact step: omega dt = {phase:.3g}, beta = {told.beta:.4g}"
+        bound = e * phase_error(phase, given.beta)
+        why = f"phase of the impact in the contact step: omega dt = {phase:.3g}, beta = {given.beta:.4g}"
         return Impact(e, bound + ROUND_OFF, f"spring and dashpot without tension, e(beta) = {e:.6g}", why)
     # An impulse is 1 + e times what a plastic one is; a soft contact misses a part of it.
-    missed = (1.0 + told.restitution) * softness(engine)
+    missed = (1.0 + given.restitution) * softness(engine)
     # The relative velocity after the impact is the difference of two, each rounded.
     rounding = 2.0 * single(engine, params["speed"], 1) / params["speed"]
     why = "impact law at velocity level: round-off" + (" of single precision" if rounding else "") + soft_reason(engine)
-    return Impact(told.restitution, ROUND_OFF + missed + rounding, "Newton's restitution, momentum conserved", why)
+    return Impact(given.restitution, ROUND_OFF + missed + rounding, "Newton's restitution, momentum conserved", why)
 
 
 def _analytic(params: Mapping[str, Any], setup: Setup, observed: Observed, impact: Impact) -> list[Check]:
@@ -297,7 +291,8 @@ def _analytic(params: Mapping[str, Any], setup: Setup, observed: Observed, impac
     curves = collision_history(
         observed.t, gap=params["gap"], speed=speed, mass_1=mass, mass_2=mass, restitution=e
     )._asdict()
-    event = _event(params, setup, observed)
+    contact = contact_duration(kn=params["kn"], m_eff=mass / 2.0, beta=knobs(params).beta)
+    event = around_contact(observed.t, params["gap"] / speed, contact, setup.numerics.dt)
     expected = {name: np.where(event, np.nan, curves[name]) for name in NAMES}
     # vx_1, vx_2 = v (1 -+ e)/2 and energy = m v^2 (1 + e^2)/4.
     of_speed = speed * (impact.tolerance / 2.0 + ROUND_OFF)
@@ -311,15 +306,6 @@ def _analytic(params: Mapping[str, Any], setup: Setup, observed: Observed, impac
         *series_and_final(NAMES, expected, truth="analytic", source=impact.source, tolerance=tolerance),
         _restitution(e, "analytic", impact.source, impact.tolerance, impact.why),
     ]
-
-
-def _event(params: Mapping[str, Any], setup: Setup, observed: Observed) -> NDArray[np.bool_]:
-    """Samples in the contact, or as near to it as a step may place the impact, shape (s,)."""
-    begin = params["gap"] / params["speed"]
-    told = knobs(params)
-    length = contact_duration(kn=params["kn"], m_eff=params["mass"] / 2.0, beta=told.beta)
-    dt = setup.numerics.dt
-    return np.asarray((observed.t > begin - 1.5 * dt) & (observed.t < begin + length + 1.5 * dt))
 
 
 def _exact_steps(params: Mapping[str, Any], setup: Setup, observed: Observed) -> list[Check]:
@@ -348,3 +334,6 @@ def _restitution(e: float, truth: TruthKind, source: str, atol: float, why: str)
     return Check(
         quantity="restitution_effective", norm="scalar", truth=truth, expected=e, source=source, atol=atol, why=why
     )
+
+
+CASE = BinaryCollision()

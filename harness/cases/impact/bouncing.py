@@ -1,6 +1,6 @@
 """Disk dropped on a plane: it bounces lower and lower, and rests after a finite time.
 
-Bounces that bind an engine by the kind of its contacts, and how far its step may take it from them, derived.
+Which bounces bind an engine follows from the kind of its contacts; how far its step may take it from them is derived.
 """
 
 from __future__ import annotations
@@ -15,15 +15,17 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     contact_step,
     last,
     numerics_of,
+    phase_error,
     round_off_speed,
     single,
+    single_precision,
     soft_reason,
     softness,
     summed_round_off,
@@ -42,6 +44,10 @@ PHASE, DAMPED_PHASE = 0.05, 0.02
 
 REST = 1.25
 """Default duration in units of the time by which a rigid disk rests."""
+
+
+FOLLOWED = 1e-6
+"""Part of the largest speed that the growth of rounding errors may reach in steps that are compared as exact."""
 
 
 class BouncingDisk:
@@ -179,13 +185,6 @@ def _stepped(params: Mapping[str, Any], setup: Setup, observed: Observed) -> lis
     ]
 
 
-CASE = BouncingDisk()
-
-
-FOLLOWED = 1e-6
-"""Part of the largest speed that the growth of rounding errors may reach in steps that are compared as exact."""
-
-
 class Truth(NamedTuple):
     """Curves (NaN where they say nothing) and numbers that bind an engine, absolute tolerances by name, and why."""
 
@@ -230,8 +229,8 @@ def binding_truth(params: Mapping[str, Any], setup: Setup, observed: Observed, e
         errors = _step_errors(params, setup, engine, flights)
         source = "Newton's restitution"
         why = "an impact falls anywhere in a step, and its speed and place with it: first order in dt, bounce by bounce"
-        why += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
-        rest = -mass * params["g"] / law.kn if engine.keeps_kn else 0.0
+        why += soft_reason(engine) + single_precision(engine)
+        rest = -mass * params["g"] / law.kn if Difference.KEEPS_KN in engine.differences else 0.0
         settled = _landed(params, setup) + 1e-12 + softness(engine) * params["height"]
     return _collect(params, setup, observed, flights, errors, _Words(source, why), (rest, settled), spring=spring)
 
@@ -308,14 +307,13 @@ def _phase(setup: Setup) -> float:
 def _spring_errors(params: Mapping[str, Any], setup: Setup, flights: Bounces) -> list[Errors]:
     """Flights of a central-difference scheme.
 
-    Free flight is exact. Each contact changes the speed by what `ninedisk.harness.cases.impact.binary.binding_impact` derives, relative to
+    Free flight is exact. Each contact changes the speed by what `ninedisk.harness.cases.common.phase_error` derives, relative to
     it; the weight adds its own share, ``g dt`` at either end, where it is at work for a part of a step with or without the spring.
     The contact's length is uncertain by a step and a half, and flights by twice the error of the speed over g.
     """
     law, g = setup.scene.walls[0].law, params["g"]
     contact_dt, phase = setup.numerics.contact_dt or setup.numerics.dt, _phase(setup)
-    damped = 2.0 * law.beta * phase
-    relative = phase**2 / 8.0 * (1.0 + phase**2) + damped * (1.0 + damped)
+    relative = phase_error(phase, law.beta)
     rounding = round_off_speed(1.0 + params["height"], contact_dt)
     found, speed, time = [Errors(rounding, 0.0)], rounding, 0.0
     landing = math.sqrt(2.0 * g * params["height"])
@@ -421,3 +419,6 @@ def exact_curves(params: Mapping[str, Any], setup: Setup, observed: Observed) ->
     shown = observed.step <= end
     curves = {name: np.where(shown, getattr(steps, name)[observed.step], np.nan) for name in atol}
     return Stepped(curves, atol)
+
+
+CASE = BouncingDisk()

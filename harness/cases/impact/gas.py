@@ -1,6 +1,6 @@
 """Gas of elastic smooth disks in a box: energy over many collisions, momentum between hits of the walls.
 
-Collisions that a gas of disks has in a run, and how much energy they may cost an engine.
+How many collisions a run has, and how much energy they may cost an engine, is derived.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -33,6 +33,13 @@ RADIUS, MASS = 1.0, math.pi
 """Unit radius and density."""
 
 NAMES = ("left", "right", "bottom", "top")
+
+
+SIGMAS = 6.0
+"""Standard deviations of a sum of independent errors that a tolerance allows: one run in 10^9 has more."""
+
+MEETING = 10.0
+"""Energy of approach, in units of the mean energy of a disk, of all contacts that go on at one time, at most."""
 
 
 class ElasticGas:
@@ -175,7 +182,13 @@ class ElasticGas:
                           source="theta scheme, theta = 1/2: e_eff(phase) <= 1", why=why, atol=1e-10)  # fmt: skip
             return [*found, bound]
         limit = energy_bounds(params, setup, engine, hits)
-        name = "energy" if engine.contact == "spring" else "kinetic_level" if engine.impact_as_springs else "kinetic"
+        name = (
+            "energy"
+            if engine.contact == "spring"
+            else "kinetic_level"
+            if Difference.IMPACT_AS_SPRINGS in engine.differences
+            else "kinetic"
+        )
         whole: dict[str, Any] = {
             "truth": "analytic",
             "expected": 1.0,
@@ -228,16 +241,6 @@ def _far_from_walls(params: Mapping[str, Any], setup: Setup, room: FloatArray) -
 def _kept(far: NDArray[np.bool_], change: FloatArray) -> FloatArray:
     """Changes over the step before each sample, 0 where a wall may have acted; NaN stays."""
     return np.concatenate(([0.0], np.where(far | np.isnan(change), change, 0.0)))
-
-
-CASE = ElasticGas()
-
-
-SIGMAS = 6.0
-"""Standard deviations of a sum of independent errors that a tolerance allows: one run in 10^9 has more."""
-
-MEETING = 10.0
-"""Energy of approach, in units of the mean energy of a disk, of all contacts that go on at one time, at most."""
 
 
 class EnergyBound(NamedTuple):
@@ -299,7 +302,7 @@ def energy_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, h
     rough = 1e-13 * hits.all + 2.0 * single(engine, 1.0, 2.0 * hits.all / n)
     why = f"e = 1 keeps the energy of each of {hits.all:.0f} collisions: round-off"
     why += (" of single precision" if engine.precision == "float32" else "") + soft_reason(engine)
-    if engine.normal_turns_in_impact:
+    if Difference.NORMAL_TURNS_IN_IMPACT in engine.differences:
         lost += _gain_of_turning(params, setup, hits)
         why += "; restitution and impulse along normals of either end of the step: energy is gained, first order in dt"
     return EnergyBound(rough + lost, why)
@@ -315,3 +318,6 @@ def _gain_of_turning(params: Mapping[str, Any], setup: Setup, hits: Hits) -> flo
     n, sigma = params["rows"] ** 2, 2.0 * float(setup.scene.disks.radius[0])
     turn = math.sqrt(math.pi) * params["speed"] / math.sqrt(2.0) * setup.numerics.dt / sigma
     return math.expm1(2.0 * turn * hits.pairs / n)
+
+
+CASE = ElasticGas()

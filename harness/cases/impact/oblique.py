@@ -1,6 +1,6 @@
 """Disk that hits a plane at an angle: normal restitution and Coulomb friction in one impact.
 
-What binds an engine on an oblique impact: rigid impulses, springs with Coulomb's cap, or the exact steps of its scheme.
+What binds an engine: rigid impulses, springs with Coulomb's cap, or the exact steps of its scheme.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
@@ -20,10 +19,12 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
+    around_contact,
     contact_step,
     follows_associated_rule,
     last,
     numerics_of,
+    phase_error,
     series_and_final,
     single,
     soft_reason,
@@ -48,6 +49,9 @@ DAMPED_PHASE = 0.05
 
 AFTER = 4
 """Steps ``dt`` after the contact in a run of default length."""
+
+
+NAMES = ("vx", "vy", "spin", "slip", "energy")
 
 
 class ObliqueImpact:
@@ -182,7 +186,8 @@ class ObliqueImpact:
 def _rebound(params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
     beta = setup.scene.walls[0].law.beta
     truth = binding_truth(params, setup, engine, beta)
-    event = _event(params, setup, observed)
+    contact = contact_duration(kn=params["kn"], m_eff=MASS, beta=setup.scene.walls[0].law.beta)
+    event = around_contact(observed.t, params["gap"] / params["vn"], contact, setup.numerics.dt)
     first, after = curves_of(before(params), setup), curves_of(truth.rebound, setup)
     middle = params["gap"] / params["vn"]
     expected = {
@@ -213,19 +218,6 @@ def _stepped(params: Mapping[str, Any], setup: Setup, observed: Observed) -> lis
     floor = {"gap": 1e-12 * RADIUS, "spin": 1e-10 * largest / RADIUS}
     tolerance = {name: (floor.get(name, 1e-11 * largest), EXACT_STEP_RTOL, why) for name in curves}
     return series_and_final(tuple(curves), curves, truth="exact-step", source=source, tolerance=tolerance)
-
-
-def _event(params: Mapping[str, Any], setup: Setup, observed: Observed) -> NDArray[np.bool_]:
-    """Samples in the contact, or as near to it as a step may place the impact, shape (s,)."""
-    begin, dt = params["gap"] / params["vn"], setup.numerics.dt
-    length = contact_duration(kn=params["kn"], m_eff=MASS, beta=setup.scene.walls[0].law.beta)
-    return np.asarray((observed.t > begin - 1.5 * dt) & (observed.t < begin + length + 1.5 * dt))
-
-
-CASE = ObliqueImpact()
-
-
-NAMES = ("vx", "vy", "spin", "slip", "energy")
 
 
 class Truth(NamedTuple):
@@ -313,8 +305,7 @@ def _spring(params: Mapping[str, Any], setup: Setup, beta: float) -> Truth:
     e = restitution_of_beta(beta)
     contact_dt = setup.numerics.contact_dt or setup.numerics.dt
     phase = math.sqrt(law.kn / mass) * contact_dt
-    damped = 2.0 * beta * phase
-    normal = (e * (phase**2 / 8.0 * (1.0 + phase**2) + damped * (1.0 + damped)) + ROUND_OFF) * params["vn"]
+    normal = (e * phase_error(phase, beta) + ROUND_OFF) * params["vn"]
     ease = 1.0 + 1.0 / inertia_ratio(params)
     slip = abs(params["vt"] - radius * params["spin"])
     swing = math.sqrt(ease * law.ks / mass) * contact_dt
@@ -372,3 +363,6 @@ def exact_curves(params: Mapping[str, Any], setup: Setup, observed: Observed) ->
     energy = 0.5 * mass * (steps.vx**2 + steps.vy**2) + 0.5 * inertia * steps.spin**2
     curves = {**steps._asdict(), "slip": steps.vx - radius * steps.spin, "energy": energy}
     return {name: np.asarray(curve)[observed.step] for name, curve in curves.items()}
+
+
+CASE = ObliqueImpact()

@@ -1,8 +1,6 @@
 """Block on an incline, sliding or sticking (appendix A.3.4).
 
-How far an engine's scheme or springs may take the block from the continuous solution, derived.
-
-Exact time-discrete truths of the block on an incline, by the engine's scheme.
+The truths are the continuous solution, with bounds derived for schemes and springs, and the exact steps of an engine's scheme.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -28,14 +26,17 @@ from ninedisk.harness.cases.common import (
     last,
     numerics_of,
     round_off_speed,
+    second_half,
     series_and_final,
     single,
+    single_precision,
     slack_time,
     soft_reason,
     softness,
     summed_round_off,
     whole_steps,
 )
+from ninedisk.harness.cases.incline.shown import BLOCK_CLAIMS, BLOCK_FIGURES
 from ninedisk.references.analytic.incline import acceleration, critical_mu, incline
 from ninedisk.references.exact_steps.incline import (
     InclineSteps,
@@ -54,6 +55,13 @@ CONTACT_BETA = 1.0
 """The plane's dashpot is critical: without preload the block settles on the plane instead of bouncing for ever."""
 
 
+NAMES = ("x", "vx", "gap", "fn", "fs")
+
+SETTLING = 40.0
+"""Time in units of 1/omega after which a critically damped contact is in equilibrium to round-off: 41 exp(-40) =
+2e-16."""
+
+
 class InclineBlock:
     """A disk that cannot turn, touching a plane under tilted gravity: x runs down the incline, y is its normal."""
 
@@ -62,6 +70,8 @@ class InclineBlock:
     title = "Block on an incline"
     source = "appendix A.3.4 of Lim's thesis, (A.7), figures A.17-A.26"
     requirement = "mu = 0.36 slides with a = g (sin - mu cos), mu = 0.4 stays; fn = m g cos; dilation shrinks with dt"
+    figures = BLOCK_FIGURES
+    claims = BLOCK_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.36, low=0.0, unit="-", in_id=True, help="friction coefficient"),
         Parameter(
@@ -159,7 +169,7 @@ class InclineBlock:
             "fs": ("N", fs),
         }
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
-        half = _half(history.t)
+        half = second_half(history.t)
         elapsed = history.t[-1] - history.t[half]
         vx = series["vx"][1]
         inertial = params["mass"] * (vx[-1] - vx[half]) / elapsed
@@ -233,11 +243,6 @@ def _dilation(
     ]  # fmt: skip
 
 
-def _half(t: FloatArray) -> int:
-    """Sample from which the second half of the run counts; never the last one."""
-    return min(int(np.searchsorted(t, 0.5 * t[-1])), len(t) - 2)
-
-
 def _analytic(params: Mapping[str, Any], observed: Observed, bounds: Bounds) -> list[Check]:
     angle = math.radians(params["angle_deg"])
     truth = incline(observed.t, mu=params["mu"], angle=angle, g=params["g"], mass=params["mass"])
@@ -260,7 +265,7 @@ def _analytic(params: Mapping[str, Any], observed: Observed, bounds: Bounds) -> 
                   source=source, atol=bounds.atol[name] + bounds.chatter, why=f"mean over half the run; {bounds.why[name]}")
             for name in ("fn", "fs")
         ]  # fmt: skip
-    elapsed = float(observed.t[-1] - observed.t[_half(observed.t)])
+    elapsed = float(observed.t[-1] - observed.t[second_half(observed.t)])
     weight = params["mass"] * params["g"] * math.cos(angle)
     found.append(
         Check(quantity="mu_crit", norm="scalar", truth="analytic", expected=critical_mu(angle=angle),
@@ -273,16 +278,6 @@ def _analytic(params: Mapping[str, Any], observed: Observed, bounds: Bounds) -> 
                   source="Coulomb: a stuck block rests", atol=bounds.creep / elapsed, why=bounds.why["creep"]),
         )  # fmt: skip
     return found
-
-
-CASE = InclineBlock()
-
-
-NAMES = ("x", "vx", "gap", "fn", "fs")
-
-SETTLING = 40.0
-"""Time in units of 1/omega after which a critically damped contact is in equilibrium to round-off: 41 exp(-40) =
-2e-16."""
 
 
 class Bounds(NamedTuple):
@@ -323,15 +318,15 @@ def spring_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed) -
     length = 8.0 * float(np.spacing(radius))
     v_max = acceleration(mu=params["mu"], angle=angle, g=params["g"]) * t_end
     speed = (1.0 + params["mu"]) * round_off_speed(radius, contact_dt) + summed_round_off(v_max, steps)
-    way = speed * t_end + summed_round_off(v_max * t_end / 2.0, steps)
+    drift = speed * t_end + summed_round_off(v_max * t_end / 2.0, steps)
     force = law.kn * length + 1e-13 * normal
-    atol = {"x": way, "vx": speed, "gap": length, "fn": force, "fs": (params["mu"] + law.ks / law.kn) * force}
+    atol = {"x": drift, "vx": speed, "gap": length, "fn": force, "fs": (params["mu"] + law.ks / law.kn) * force}
     exact = "constant acceleration, exact in the scheme; round-off of the overlap times kn"
     why = dict.fromkeys((*NAMES, "creep"), exact)
     after = np.asarray(observed.t > 0.0)
     settled_only = not params["preload"]
     exact_bounds = Bounds(
-        atol, why, -normal / law.kn, after, settled_only, creep=way, force=atol["fs"] + atol["fn"], gain=speed
+        atol, why, -normal / law.kn, after, settled_only, creep=drift, force=atol["fs"] + atol["fn"], gain=speed
     )
     return (
         exact_bounds if params["preload"] else _without_preload(params, exact_bounds, law.kn, law.ks, pull, observed.t)
@@ -407,14 +402,14 @@ def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineIn
     force = softness(engine) * weight + single(engine, weight, 1)
     atol |= {"fn": atol["fn"] + force, "fs": atol["fs"] + force}
     rule = "; dilation of the associated rule" if associated else ""
-    if engine.keeps_kn:
+    if Difference.KEEPS_KN in engine.differences:
         atol["gap"] += weight / kn
         rule += "; overlap of the weight over kn"
         if not params["preload"]:
             landing = mass * weight / kn / dt**2
             atol |= {"fn": atol["fn"] + landing, "fs": atol["fs"] + mu * landing}
             rule += ", into which the block sinks within a step at the earliest"
-    rule += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
+    rule += soft_reason(engine) + single_precision(engine)
     why = {
         "x": "first order in dt: a t dt/2" + rule,
         "vx": "constant acceleration: exact velocities, round-off" + rule,
@@ -434,7 +429,7 @@ def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineIn
         force=atol["fs"] + atol["fn"],
         gain=atol["vx"],
     )
-    if engine.friction_lags and not params["preload"]:
+    if Difference.FRICTION_LAGS in engine.differences and not params["preload"]:
         bounds = _first_step_smooth(params, bounds, dt, t_end)
     return chatter_bounds(params, setup, bounds) if chatters(engine) and a > 0.0 else bounds
 
@@ -510,11 +505,11 @@ def exact_step_checks(params: Mapping[str, Any], setup: Setup, observed: Observe
         why, touch = f"{why} in single precision", f"{touch} in single precision"
     count, weight = setup.numerics.n_steps, params["mass"] * params["g"]
     of_speed, of_force = single(engine, speed, count), single(engine, weight, 1)
-    way = of_speed * float(observed.t[-1])
+    drift = of_speed * float(observed.t[-1])
     tolerance = {
-        "x": (1e-15 * speed + way, EXACT_STEP_RTOL, why),
+        "x": (1e-15 * speed + drift, EXACT_STEP_RTOL, why),
         "vx": (1e-15 * speed + of_speed, EXACT_STEP_RTOL, why),
-        "gap": (1e-12 + way, EXACT_STEP_RTOL, touch),
+        "gap": (1e-12 + drift, EXACT_STEP_RTOL, touch),
         "fn": (of_force, EXACT_STEP_RTOL, why),
         "fs": (of_force, EXACT_STEP_RTOL, why),
     }
@@ -548,3 +543,6 @@ def _scheme_solution(params: Mapping[str, Any], setup: Setup, engine: EngineInfo
     if engine.scheme == "theta" and numerics.theta == 1.0:
         return associated_incline(**block), "theta scheme, theta = 1, associated sliding rule"
     return None, ""
+
+
+CASE = InclineBlock()

@@ -69,17 +69,17 @@ class Frame:
     def history(self, history: History) -> History:
         """The observer's history in the terms of the original scene; energies are left out, a moving observer has others."""
         length, time = self.length, self.time
-        way = np.outer(history.t / time, self.velocity)[:, None, :]
+        offset = np.outer(history.t / time, self.velocity)[:, None, :]
         return replace(
             history,
             t=history.t / time,
-            x=self.turn(history.x / length - way, back=True),
+            x=self.turn(history.x / length - offset, back=True),
             v=self.turn(history.v * (time / length) - np.asarray(self.velocity), back=True),
             omega=history.omega * time,
             gap=history.gap / length,
             fn=history.fn / self.force,
             fs=history.fs / self.force,
-            wall_point=self.turn(history.wall_point / length - way, back=True),
+            wall_point=self.turn(history.wall_point / length - offset, back=True),
             wall_angle=history.wall_angle - self.angle,
             wall_force=self.turn(history.wall_force / self.force, back=True),
             energy={},

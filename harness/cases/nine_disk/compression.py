@@ -1,7 +1,4 @@
-"""Nine disks between four walls that move in (appendix A.1.1).
-
-Truths of the nine-disk compression.
-"""
+"""Nine disks between four walls that move in (appendix A.1.1): scene and truths."""
 
 from __future__ import annotations
 
@@ -36,6 +33,7 @@ from ninedisk.harness.cases.nine_disk.scene import (
     nine_disks,
     shear_growth,
 )
+from ninedisk.harness.cases.nine_disk.shown import COMPRESSION_CLAIMS, COMPRESSION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
 from ninedisk.harness.run.matched import core_history
 from ninedisk.references.analytic.compression import continuous_row, row_frequency, steady_force, undamped_amplitude
@@ -44,6 +42,19 @@ from ninedisk.references.exact_steps.compression import smooth_row
 
 WATCH = ((3, CENTRE), (0, 1), (3, LEFT), (0, LEFT))
 """Contacts of `HISTORIES`, in order: centre row, edge row, wall/middle disk, wall/corner disk, all along x."""
+
+
+Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Forces [N] of a half row after each cycle: disk-disk, wall."""
+
+OVERLAP_ROUND_OFF = 1e-12
+"""Of the radius, what rounding leaves of an intersection of outlines; forces, kn times that, are far below `ROUND_OFF`."""
+
+HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
+
+ROUND_OFF = 1e-9
+"""Of the largest value: the forces are kn times differences of positions near 300 m, so one unit in the last place of a position
+(6e-14 m) is 1e-12 of the force; some hundred steps add up to less than 1e-9."""
 
 
 class Compression:
@@ -59,6 +70,8 @@ class Compression:
     title = "Nine disks, uniform compression"
     source = "appendix A.1.1, Table A.1, Figures A.2 and A.3"
     requirement = "Contact forces of the explicit scheme follow the exact recurrence and settle at kn v T/2."
+    figures = COMPRESSION_FIGURES
+    claims = COMPRESSION_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(
             name="load_case", default="a1", choices=tuple(LOAD_CASES), in_id=True, help="row of Table A.1: kn, dt, v, T"
@@ -152,21 +165,6 @@ class Compression:
     ) -> Sequence[Check]:
         """Exact recurrence and analytic forces for smooth walls, converged histories for rough ones."""
         return compression_checks(params, setup, observed, engine)
-
-
-CASE = Compression()
-
-
-Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Forces [N] of a half row after each cycle: disk-disk, wall."""
-
-OVERLAP_ROUND_OFF = 1e-12
-"""Of the radius, what rounding leaves of an intersection of outlines; forces, kn times that, are far below `ROUND_OFF`."""
-
-HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
-ROUND_OFF = 1e-9
-"""Of the largest value: the forces are kn times differences of positions near 300 m, so one unit in the last place of a position
-(6e-14 m) is 1e-12 of the force; some hundred steps add up to less than 1e-9."""
 
 
 def compression_checks(
@@ -289,16 +287,16 @@ def row_sums(scalars: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
 
 
 def _row_sum_checks(setup: Setup, load: LoadCase) -> list[Check]:
-    """A half row bears ``kn w``, w the way of its wall, however wall friction shares it among the contacts.
+    """A half row bears ``kn w``, w the displacement of its wall, however wall friction shares it among the contacts.
 
-    The middle disk of each row keeps its x by symmetry, so that the wall's way w is what the two contacts between it and the wall
+    The middle disk of each row keeps its x by symmetry, so that the wall's displacement w is what the two contacts between it and the wall
     are closed by along x: the sum of their overlaps where both lie along x, as they do in the centre row. In the edge row friction
     lets the middle disk and the corner disk move differently along y, by ``w/2`` at most as either lies between its neighbours;
     a contact tilted by ``dy`` over the distance 2R has an overlap that is smaller by ``dy^2/(4R)``.
     """
-    way = load.v_wall * load.dt * min(setup.numerics.n_steps, load.load_cycles)
-    tilt = load.kn * (0.5 * way) ** 2 / (4.0 * RADIUS)
-    common = {"norm": "scalar", "truth": "analytic", "expected": load.kn * way, "rtol": ROUND_OFF}
+    displacement = load.v_wall * load.dt * min(setup.numerics.n_steps, load.load_cycles)
+    tilt = load.kn * (0.5 * displacement) ** 2 / (4.0 * RADIUS)
+    common = {"norm": "scalar", "truth": "analytic", "expected": load.kn * displacement, "rtol": ROUND_OFF}
     common["source"] = "the two contacts of a half row are closed by their wall's way: kn v T"
     why = "round-off of positions near 300 m (see ROUND_OFF)"
     return [
@@ -309,14 +307,14 @@ def _row_sum_checks(setup: Setup, load: LoadCase) -> list[Check]:
 
 def _static_checks(params: Mapping[str, Any], observed: Observed, load: LoadCase) -> list[Check]:
     """Equilibrium in every step: both springs of a half row bear half the wall's displacement."""
-    way = load.v_wall * load.dt * np.minimum(observed.step, load.load_cycles)
+    displacement = load.v_wall * load.dt * np.minimum(observed.step, load.load_cycles)
     common = {
         "truth": "analytic",
         "source": "equilibrium of the smooth row: kn w/2",
         "why": "round-off of positions near 300 m (see ROUND_OFF); the static balance is solved to 1e-10",
         "rtol": ROUND_OFF,
     }
-    found = [Check(quantity=name, norm="max", expected=0.5 * load.kn * way, **common) for name in HISTORIES]  # type: ignore[arg-type]
+    found = [Check(quantity=name, norm="max", expected=0.5 * load.kn * displacement, **common) for name in HISTORIES]  # type: ignore[arg-type]
     if params["xi"] > 0.0:
         steady = steady_force(kn=load.kn, v_wall=load.v_wall, t_wall=load.load_cycles * load.dt)
         found += [Check(quantity=f"{name}_settled", norm="scalar", expected=steady, **common) for name in HISTORIES]  # type: ignore[arg-type]
@@ -424,3 +422,6 @@ def step_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, omeg
     if engine.scheme == "central-difference" and params["damping_form"] == "central":
         return StepError(h**2 / 24.0, h**2, h**2, False, f"second order, omega dt = {h:.3g}")
     return StepError(h / 2.0, h, h**2, False, f"first order, omega dt = {h:.3g}")
+
+
+CASE = Compression()

@@ -1,7 +1,4 @@
-"""Nine disks, compressed, settled, then sheared at constant volume by turning the side walls (appendix A.1.2).
-
-Truths of the nine-disk distortion.
-"""
+"""Nine disks, compressed, settled, then sheared at constant volume by turning the side walls (appendix A.1.2)."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.nine_disk.compression import outline_check
 from ninedisk.harness.cases.nine_disk.converged import consensus_checks, converged_checks
 from ninedisk.harness.cases.nine_disk.scene import (
@@ -37,6 +34,7 @@ from ninedisk.harness.cases.nine_disk.scene import (
     nine_disks,
     shear_growth,
 )
+from ninedisk.harness.cases.nine_disk.shown import DISTORTION_CLAIMS, DISTORTION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
 from ninedisk.harness.run.matched import core_history, slip_of
 from ninedisk.references.analytic.compression import row_frequency
@@ -58,6 +56,21 @@ SLIPPING = 1.0 - 1e-9
 """A contact slips where |Fs| reaches this fraction of mu Fn: at the cap up to round-off."""
 
 
+HISTORIES = ("fn_up", "fs_up", "fn_right", "fs_right")
+
+NUMBERS = ("x_2_final", "y_2_final", "x_8_final", "y_8_final")
+"""Coordinates: what a run decides are displacements, which are of the size of the walls' way."""
+
+MATCHED = 1e-9
+"""Of the largest force: agreement of two codes with the same conventions throughout."""
+
+ARM_WORDS: Mapping[LeverArm, str] = {
+    "radius": "R",
+    "overlap": "R - overlap/2",
+    "torque-overlap": "R - overlap/2 of the torque with R of the slip",
+}
+
+
 class Distortion:
     """Constant-volume distortion of the compressed assembly.
 
@@ -70,6 +83,8 @@ class Distortion:
     title = "Nine disks, constant-volume distortion"
     source = "appendix A.1.2, Figures A.4 and A.5"
     requirement = "Forces at the centre disk follow the converged history; shear never exceeds mu times normal force."
+    figures = DISTORTION_FIGURES
+    claims = DISTORTION_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(
             name="phi_deg",
@@ -211,23 +226,6 @@ def wall_motions(walls: str) -> dict[str, tuple[WallSegment, ...]]:
     }
 
 
-CASE = Distortion()
-
-
-HISTORIES = ("fn_up", "fs_up", "fn_right", "fs_right")
-NUMBERS = ("x_2_final", "y_2_final", "x_8_final", "y_8_final")
-"""Coordinates: what a run decides are displacements, which are of the size of the walls' way."""
-
-MATCHED = 1e-9
-"""Of the largest force: agreement of two codes with the same conventions throughout."""
-
-ARM_WORDS: Mapping[LeverArm, str] = {
-    "radius": "R",
-    "overlap": "R - overlap/2",
-    "torque-overlap": "R - overlap/2 of the torque with R of the slip",
-}
-
-
 def distortion_checks(
     params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
 ) -> Sequence[Check]:
@@ -303,7 +301,7 @@ def _even_walls(params: Mapping[str, Any]) -> bool:
 def _other_arm(setup: Setup, engine: EngineInfo) -> tuple[str, float]:
     """Reason and relative size of the difference that another lever arm makes; empty and 0 where the arms agree."""
     turning = [wall for wall in setup.scene.walls if wall.law.mu > 0.0 and any(s.angular_velocity for s in wall.motion)]
-    if engine.fixed_wall_shear and turning:
+    if Difference.FIXED_WALL_SHEAR in engine.differences and turning:
         angle = sum(abs(segment.angular_velocity) * segment.duration for segment in turning[0].motion)
         return (
             "the engine keeps shear forces at walls along fixed axes: a turning wall adds fn times its rotation, up to "
@@ -379,3 +377,6 @@ def _first_slip(params: Mapping[str, Any], engine: EngineInfo) -> list[Check]:
             )
         )
     return found
+
+
+CASE = Distortion()

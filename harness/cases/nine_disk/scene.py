@@ -27,35 +27,6 @@ LEFT, RIGHT, BOTTOM, TOP = 9, 10, 11, 12
 CENTRE = 4
 
 
-@dataclass(frozen=True)
-class LoadCase:
-    """One row of Table A.1.
-
-    Attributes
-    ----------
-    kn : float
-        Contact stiffness [N/m].
-    dt : float
-        Step [s].
-    load_cycles : int
-        Cycles during which the walls move.
-    v_wall : float
-        Speed of each wall [m/s].
-    """
-
-    kn: float
-    dt: float
-    load_cycles: int
-    v_wall: float
-
-
-LOAD_CASES = {
-    "a1": LoadCase(1.35e9, 0.01525, 40, 0.12),
-    "a2": LoadCase(1.35e9, 0.01525, 120, 0.04),
-    "b1": LoadCase(1.5e8, 0.04576, 40, 0.36),
-    "b2": LoadCase(1.5e8, 0.04576, 120, 0.12),
-}
-
 ARMS: dict[str, tuple[LeverArm, LeverArm, WallVelocityAt]] = {
     "radius": ("radius", "radius", "surface"),
     "overlap": ("overlap", "overlap", "mid-overlap"),
@@ -98,6 +69,36 @@ NINE_DISK_CD = (
     *(parameter for parameter in CONTACT_DYNAMICS if parameter.name != "impact"),
 )
 """Settings of contact dynamics, whose contacts are elastic here: no impact law."""
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """One row of Table A.1.
+
+    Attributes
+    ----------
+    kn : float
+        Contact stiffness [N/m].
+    dt : float
+        Step [s].
+    load_cycles : int
+        Cycles during which the walls move.
+    v_wall : float
+        Speed of each wall [m/s].
+    """
+
+    kn: float
+    dt: float
+    load_cycles: int
+    v_wall: float
+
+
+LOAD_CASES = {
+    "a1": LoadCase(1.35e9, 0.01525, 40, 0.12),
+    "a2": LoadCase(1.35e9, 0.01525, 120, 0.04),
+    "b1": LoadCase(1.5e8, 0.04576, 40, 0.36),
+    "b2": LoadCase(1.5e8, 0.04576, 120, 0.12),
+}
 
 
 def cd_settings(params: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.harness.api.case import Check, FloatArray, Norm, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nurbs.grains import disk_gap, grains
+from ninedisk.harness.cases.nurbs.shown import OVERLAP_CLAIMS
 from ninedisk.references.analytic.ellipse_contact import Ellipse, ellipse_overlap
 
 KN, DENSITY = 1e4, 1000.0
@@ -48,6 +49,7 @@ class Overlap:
     title = "Overlaps of outlines"
     source = "appendix A.1: 'the particle overlap is identical with that calculated using equation (2.5)'"
     requirement = "gap and force of every pair equal the closed form of disks, and of ellipses, to round-off"
+    claims = OVERLAP_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(
             name="shape", default="disk", choices=("disk", "ellipse"), in_id=True, help="outlines that are circles, or ellipses"
@@ -76,8 +78,8 @@ class Overlap:
             depth = min(*one, *two) * 10.0 ** rng.uniform(low, high)
             if params["shape"] == "disk" and grade_of(k) != "deep" and k // len(GRADES) % APART == 0:
                 depth = -depth
-            way = rng.uniform(-math.pi, math.pi)
-            n = np.array([math.cos(way), math.sin(way)])
+            direction = rng.uniform(-math.pi, math.pi)
+            n = np.array([math.cos(direction), math.sin(direction)])
             x[2 * k] = SPACING * (np.array(divmod(k, side)) - 0.5 * (side - 1))
             x[2 * k + 1] = x[2 * k] + _extreme(one, angle[2 * k], n) - _extreme(two, angle[2 * k + 1], -n) - depth * n
         scene = Scene(**grains(kinds, number, x=x, angle=angle), disk_disk=ContactLaw(kn=KN))

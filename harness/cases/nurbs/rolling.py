@@ -1,6 +1,6 @@
 """Grain on an incline beside a disk: the disk rolls, the grain rests until the slope exceeds the one that tips it.
 
-How grains are released on an incline, and how far springs and steps may take them from the rigid grain's motion.
+How far springs and steps may take grains from the motion of rigid ones, from their release on, is derived.
 """
 
 from __future__ import annotations
@@ -54,6 +54,19 @@ AHEAD = 4.0
 
 DURATION = 2.5
 """Default length of the run [s]: a grain that tips needs about one for the first face."""
+
+
+APOTHEM, AXES, DENSITY, G = 0.5, (0.6, 0.4), 1.0, 9.81
+"""Distance of a polygon's faces from its centre, and half-axes of the ellipse [m]; mass per area and gravity."""
+
+CLOSE = 0.02
+"""Slopes so near the one that tips a grain are not allowed: a lean of `LEAN` would tip it below."""
+
+LEAN = 4e-3
+"""Angle [rad] by which a polygon leans over its lower corner when it is released to roll: it then touches with the corner alone."""
+
+ELLIPSE_WAY = 1.5
+"""Angle [rad] of rolling on by which the ellipse has passed its highest position, and over which its energy is held to its truth."""
 
 
 class RollingGrain:
@@ -260,22 +273,6 @@ def crossing_time(t: FloatArray, turned: FloatArray, spin: FloatArray, angle: fl
         value += u * (1 - u) ** 2 * ends[2] - u**2 * (1 - u) * ends[3]
         low, high = (low, u) if value > angle else (u, high)
     return float(t[k - 1]) + low * length
-
-
-CASE = RollingGrain()
-
-
-APOTHEM, AXES, DENSITY, G = 0.5, (0.6, 0.4), 1.0, 9.81
-"""Distance of a polygon's faces from its centre, and half-axes of the ellipse [m]; mass per area and gravity."""
-
-CLOSE = 0.02
-"""Slopes so near the one that tips a grain are not allowed: a lean of `LEAN` would tip it below."""
-
-LEAN = 4e-3
-"""Angle [rad] by which a polygon leans over its lower corner when it is released to roll: it then touches with the corner alone."""
-
-ELLIPSE_WAY = 1.5
-"""Angle [rad] of rolling on by which the ellipse has passed its highest position, and over which its energy is held to its truth."""
 
 
 class Release(NamedTuple):
@@ -504,3 +501,6 @@ def _rigid(
             "x_disk": f"{first}: a t dt",
         },
     )
+
+
+CASE = RollingGrain()

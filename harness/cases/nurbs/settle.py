@@ -38,6 +38,10 @@ PHASE = 0.1
 PAIR = (0, 1)
 
 
+SYMMETRY = 1e-9
+"""Asymmetry [m] that the least-squares fit leaves in the outline: its parameters are found to round-off times the condition."""
+
+
 class Settle:
     """A grain falls from 20 mm, rocks on its two feet and stays.
 
@@ -91,9 +95,9 @@ class Settle:
             "kinetic": ("J", kinetic),
         }
         still = history.t >= SETTLED - 0.5 * DT
-        way = [np.ptp(values[still]) for values in (x, y, disks.radius[0] * angle)]
+        moved = [np.ptp(values[still]) for values in (x, y, disks.radius[0] * angle)]
         scalars = {f"{name}_final": (unit, float(values[-1])) for name, (unit, values) in series.items()}
-        scalars["way_settled"] = ("m", float(np.max(way)))
+        scalars["way_settled"] = ("m", float(np.max(moved)))
         scalars["kinetic_settled"] = ("J", float(kinetic[still].max()))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
@@ -140,10 +144,6 @@ class Settle:
                       atol=SYMMETRY + swing, **common),
             ]  # fmt: skip
         return found
-
-
-SYMMETRY = 1e-9
-"""Asymmetry [m] that the least-squares fit leaves in the outline: its parameters are found to round-off times the condition."""
 
 
 def waisted() -> NurbsCurve:

@@ -1,7 +1,4 @@
-"""Uniform disk on an incline: it rolls, or slides and spins.
-
-How far schemes, springs and soft contacts may take a disk on an incline from the continuous solution, derived.
-"""
+"""Uniform disk on an incline: it rolls, or slides and spins; how far an engine may be from that is derived."""
 
 from __future__ import annotations
 
@@ -13,8 +10,8 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -25,8 +22,10 @@ from ninedisk.harness.cases.common import (
     last,
     numerics_of,
     round_off_speed,
+    second_half,
     series_and_final,
     single,
+    single_precision,
     slack_time,
     soft_reason,
     softness,
@@ -50,6 +49,10 @@ CONTACT_BETA = 1.0
 """The plane's dashpot is critical; the disk starts in equilibrium normal to the plane, so that it has nothing to do."""
 
 NAMES = ("x", "vx", "spin", "slip", "gap", "fn", "fs")
+
+
+PER_SLIP = 1.0 + 1.0 / UNIFORM_DISK
+"""Change of the slip that friction makes together with a unit change of the velocity."""
 
 
 class InclineDisk:
@@ -126,7 +129,7 @@ class InclineDisk:
             "fs": ("N", fs),
         }
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
-        half = _half(history.t)
+        half = second_half(history.t)
         elapsed = float(history.t[-1] - history.t[half])
         scalars |= {
             "acceleration": ("m/s^2", float(vx[-1] - vx[half]) / elapsed),
@@ -157,11 +160,6 @@ def _rates(params: Mapping[str, Any]) -> RollRates:
     return roll_rates(mu=params["mu"], angle=math.radians(params["angle_deg"]), g=params["g"], mass=MASS, radius=RADIUS)
 
 
-def _half(t: FloatArray) -> int:
-    """Sample from which the second half of the run counts; never the last one."""
-    return min(int(np.searchsorted(t, 0.5 * t[-1])), len(t) - 2)
-
-
 def _analytic(observed: Observed, rates: RollRates, bounds: RollBounds, engine: EngineInfo) -> list[Check]:
     truth = roll_down(observed.t, rates)
     loaded = np.ones_like(observed.t)
@@ -173,7 +171,7 @@ def _analytic(observed: Observed, rates: RollRates, bounds: RollBounds, engine: 
     source = "Newton and Euler with Coulomb friction"
     tolerance = {name: (bounds.atol[name], 0.0, bounds.why[name]) for name in names}
     found = series_and_final(names, expected, truth="analytic", source=source, tolerance=tolerance)
-    elapsed = float(observed.t[-1] - observed.t[_half(observed.t)])
+    elapsed = float(observed.t[-1] - observed.t[second_half(observed.t)])
     numbers = (
         ("acceleration", rates.along, 2.0 * bounds.atol["vx"] / elapsed, "vx"),
         ("spin_rate", rates.spin, 2.0 * bounds.atol["spin"] / elapsed, "spin"),
@@ -251,13 +249,6 @@ def rolls(params: Mapping[str, Any]) -> bool:
     return bool(params["mu"] >= rolling_mu(angle=math.radians(params["angle_deg"])))
 
 
-CASE = InclineDisk()
-
-
-PER_SLIP = 1.0 + 1.0 / UNIFORM_DISK
-"""Change of the slip that friction makes together with a unit change of the velocity."""
-
-
 class RollBounds(NamedTuple):
     """Absolute tolerances by quantity and their reasons, the gap at rest [m], and whether forces are bound step by step."""
 
@@ -332,7 +323,7 @@ def _rigid(
     weight = mass * g
     force = softness(engine) * weight + single(engine, weight, 1) + 1e-10 * weight + mass * lift / dt
     # A contact that gives way lets the disk sink, and friction then acts on a shorter arm.
-    yields = rates.fn / kn if engine.keeps_kn else 0.0
+    yields = rates.fn / kn if Difference.KEEPS_KN in engine.differences else 0.0
     arm = (speed * t_end + yields) / float(setup.scene.disks.radius[0])
     vx = mu * lift + 1e-12 + speed + arm * rates.along * t_end
     depth = 0.0
@@ -353,7 +344,7 @@ def _rigid(
     )
     rule = "; dilation of the associated rule" if associated or chatter else ""
     rule += "; overlap of the weight over kn" if yields else ""
-    rule += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
+    rule += soft_reason(engine) + single_precision(engine)
     why = dict.fromkeys(atol, "constant rates: exact velocities, round-off" + rule)
     why |= {"x": "first order in dt: a t dt/2" + rule, "gap": "rigid contact: round-off" + rule}
     return RollBounds(atol, why, 0.0, forces=not chatter)
@@ -368,3 +359,6 @@ def rolling_round_off(engine: EngineInfo, rates: RollRates, mass: float, dt: flo
     if rates.slip > 0.0:
         return 0.0
     return single(engine, rates.along * t_end, 1) * mass / (PER_SLIP * dt)
+
+
+CASE = InclineDisk()

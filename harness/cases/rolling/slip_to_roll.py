@@ -1,7 +1,4 @@
-"""Disk thrown with slip on a plane: it slides, then rolls (appendix A.3.3 with rotations).
-
-Truths of the slip-to-roll test, and how far schemes and springs may be from them.
-"""
+"""Disk thrown with slip on a plane: it slides, then rolls (appendix A.3.3 with rotations), and how far engines may be off."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -27,11 +24,13 @@ from ninedisk.harness.cases.common import (
     round_off_speed,
     series_and_final,
     single,
+    single_precision,
     slack_time,
     soft_reason,
     summed_round_off,
     whole_steps,
 )
+from ninedisk.harness.cases.rolling.shown import SLIP_TO_ROLL_CLAIMS, SLIP_TO_ROLL_FIGURES
 from ninedisk.references.analytic.slip_to_roll import (
     UNIFORM_DISK,
     slide_to_stop,
@@ -57,6 +56,10 @@ RUN = 3.0
 rolls from a third of it on."""
 
 
+NO_TURN = 1e30
+"""Inertia ratio that stands for a disk that cannot turn: 1 + 1/k is 1 to the last bit."""
+
+
 class SlipToRoll:
     """A disk with forward velocity and no spin on a plane, under gravity."""
 
@@ -65,6 +68,8 @@ class SlipToRoll:
     title = "Slip to roll"
     source = "appendix A.3.3 of Lim's thesis (rotations); classical rigid-body mechanics"
     requirement = "slides until v0/(3 mu g), then rolls at 2 v0/3; without rotation stops at v0/(mu g)"
+    figures = SLIP_TO_ROLL_FIGURES
+    claims = SLIP_TO_ROLL_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.3, low=0.0, low_open=True, unit="-", in_id=True, help="friction coefficient"),
         Parameter(
@@ -226,13 +231,6 @@ class SlipToRoll:
 def inertia_ratio(params: Mapping[str, Any]) -> float:
     """``I/(m R^2)``; `NO_TURN` for a disk that cannot turn."""
     return UNIFORM_DISK if params["rotating"] else NO_TURN
-
-
-CASE = SlipToRoll()
-
-
-NO_TURN = 1e30
-"""Inertia ratio that stands for a disk that cannot turn: 1 + 1/k is 1 to the last bit."""
 
 
 class Truth(NamedTuple):
@@ -414,7 +412,11 @@ def _rigid_bounds(
     rough = g * let_through + single(engine, max(speed, g * t_end), setup.numerics.n_steps)
     vx = (mu * lift_vy + mu * g * (flight + dt) if associated else 0.0) + 1e-11 * speed + rough
     fall = g * dt**2 if associated and engine.contact != "cd" else 0.0
-    weight_yields = float(setup.scene.disks.mass[0]) * g / setup.scene.walls[0].law.kn if engine.keeps_kn else 0.0
+    weight_yields = (
+        float(setup.scene.disks.mass[0]) * g / setup.scene.walls[0].law.kn
+        if Difference.KEEPS_KN in engine.differences
+        else 0.0
+    )
     atol = {
         "x": 0.5 * dt * lost + mu * g * dt**2 / 8.0 + (vx * (lost / (mu * g) + flight) if associated else 0.0)
         + 1e-12 * speed * t_end + rough * t_end,
@@ -425,7 +427,7 @@ def _rigid_bounds(
         "slip_end": dt + flight + _early(params, setup, inertia_ratio) + let_through / mu,
     }  # fmt: skip
     rule = "; lift of the associated rule" if associated else ""
-    rule += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
+    rule += soft_reason(engine) + single_precision(engine)
     exact = "constant friction: exact velocities, round-off" + rule
     why = {
         "x": "first order in dt: dt (v0 - v_final)/2" + rule,
@@ -436,3 +438,6 @@ def _rigid_bounds(
         "slip_end": "sampled every dt; slip counts as ended within a tolerance" + rule,
     }
     return SlipBounds(atol, why, 0.0)
+
+
+CASE = SlipToRoll()

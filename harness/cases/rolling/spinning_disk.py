@@ -24,6 +24,7 @@ from ninedisk.harness.cases.common import (
     single,
     whole_steps,
 )
+from ninedisk.harness.cases.rolling.shown import SPINNING_DISK_FIGURES
 from ninedisk.harness.cases.rolling.slip_to_roll import (
     CONTACT_BETA,
     MASS,
@@ -58,6 +59,7 @@ class SpinningDisk:
     title = "Spinning disk"
     source = "classical rigid-body mechanics; mirror of appendix A.3.3 of Lim's thesis (rotations)"
     requirement = "gains mu g t until R omega0/(3 mu g), then rolls at R omega0/3; two thirds of the energy are lost"
+    figures = SPINNING_DISK_FIGURES
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.3, low=0.0, low_open=True, unit="-", in_id=True, help="friction coefficient"),
         Parameter(

@@ -22,6 +22,7 @@ from ninedisk.harness.cases.common import (
     softness,
 )
 from ninedisk.harness.cases.sliding.scene import KN, MASS, PAIR, RADIUS, observe_particle, particle_on_plane
+from ninedisk.harness.cases.sliding.shown import DYNAMIC_CLAIMS, DYNAMIC_FIGURES
 from ninedisk.references.exact_steps.sliding import SlidingSteps, dynamic_sliding
 
 PHASE = 0.1
@@ -41,6 +42,8 @@ class DynamicSliding:
     title = "Sliding rule, one dynamic step and on"
     source = "appendix A.3.2, (A.3) to (A.5)"
     requirement = "the first step rises by (mu v dt - g0)/(1 + mu^2) above dt_cr = g0/(mu v), by nothing below"
+    figures = DYNAMIC_FIGURES
+    claims = DYNAMIC_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(name="dt", default=0.01, low=0.0, low_open=True, unit="s", in_id=True, help="step"),
         Parameter(name="g0", default=0.001, low=0.0, unit="m", in_id=True, help="gap at time 0"),
@@ -93,13 +96,16 @@ class DynamicSliding:
         truth: TruthKind = "exact-step" if associated else "analytic"
         source = "(A.3) to (A.5), every step" if associated else "Coulomb's law: no load, no contact force"
         steps = _steps(params, setup, associated)
-        way = params["speed"] * float(observed.t[-1])
+        distance = params["speed"] * float(observed.t[-1])
         soft, count = softness(engine), setup.numerics.n_steps
         of_speed = single(engine, params["speed"], count)
         # A velocity is rounded in each step; a height is the radius and more, kept to one unit in the last place.
         height = 8.0 * float(np.spacing(RADIUS + params["g0"])) + single(engine, RADIUS + params["g0"], count)
         length = (
-            height + EXACT_STEP_RTOL * float(np.abs(steps.gap).max()) + soft * way + of_speed * float(observed.t[-1])
+            height
+            + EXACT_STEP_RTOL * float(np.abs(steps.gap).max())
+            + soft * distance
+            + of_speed * float(observed.t[-1])
         )
         speed = EXACT_STEP_RTOL * params["speed"] + soft * params["speed"] + of_speed
         impulse = MASS * params["speed"] / params["dt"]
@@ -109,7 +115,9 @@ class DynamicSliding:
         if of_speed:
             why += "; single precision"
         atol = {
-            "x": (EXACT_STEP_RTOL + soft) * way + single(engine, way, count) + of_speed * float(observed.t[-1]),
+            "x": (EXACT_STEP_RTOL + soft) * distance
+            + single(engine, distance, count)
+            + of_speed * float(observed.t[-1]),
             "gap": length,
             "vx": speed,
             "vy": speed,

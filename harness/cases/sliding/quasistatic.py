@@ -13,6 +13,7 @@ from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import CONTACT_DYNAMICS
 from ninedisk.harness.cases.sliding.scene import MASS, PAIR, RADIUS, observe_particle, particle_on_plane
+from ninedisk.harness.cases.sliding.shown import QUASISTATIC_CLAIMS, QUASISTATIC_FIGURES
 from ninedisk.references.exact_steps.sliding import quasistatic_sliding
 
 ROUND_OFF = 1e-9
@@ -30,6 +31,8 @@ class QuasistaticSliding:
     title = "Sliding rule, static limit"
     source = "appendix A.3.1, (A.2)"
     requirement = "the first increment lifts the particle by mu du_T, later ones by nothing"
+    figures = QUASISTATIC_FIGURES
+    claims = QUASISTATIC_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.3, low=0.0, unit="-", in_id=True, help="friction coefficient"),
         Parameter(

@@ -1,6 +1,6 @@
 """Disks at rest under gravity: a column, and a disk on two others between smooth walls.
 
-How far springs, rounding and soft contacts may take a stack from its statics, derived.
+How far springs, rounding and soft contacts may take a stack from its statics is derived.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from ninedisk.core.history import History, Pair
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
@@ -24,6 +24,7 @@ from ninedisk.harness.cases.common import (
     last,
     numerics_of,
     single,
+    single_precision,
     slack_time,
     soft_reason,
     softness,
@@ -177,7 +178,9 @@ def _truth(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> dict[
     weight = MASS * params["g"]
     if params["arrangement"] == "column":
         return dict(zip(setup.labels, column_forces(n=params["n"], weight=weight).tolist(), strict=True))
-    settles = params["start"] == "touching" and (engine.contact == "spring" or engine.keeps_kn)
+    settles = params["start"] == "touching" and (
+        engine.contact == "spring" or Difference.KEEPS_KN in engine.differences
+    )
     rest = pyramid_forces(
         weight=weight,
         chord=2.0 * RADIUS,
@@ -193,9 +196,6 @@ def _motion(setup: Setup, bounds: StackBounds) -> Check:
         quantity="motion_final", norm="scalar", truth="analytic", expected=0.0, source=source,
         atol=bounds.motion + bounds.length * len(setup.scene.disks), why=bounds.why,
     )  # fmt: skip
-
-
-CASE = Stack()
 
 
 class StackBounds(NamedTuple):
@@ -242,9 +242,9 @@ def stack_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, en
     speed = params["g"] * slack_time(engine, setup.numerics.dt, t_end) * len(disks)
     length = 1e-12 + speed * t_end + single(engine, height, setup.numerics.n_steps)
     why = "rigid contacts bear the weight at once: residual of the solver, round-off"
-    why += soft_reason(engine) + ("; single precision" if engine.precision == "float32" else "")
+    why += soft_reason(engine) + single_precision(engine)
     force = EXACT_STEP_RTOL * weight + single(engine, weight, 1) + softness(engine) * weight
-    if engine.keeps_kn:
+    if Difference.KEEPS_KN in engine.differences:
         why += "; overlaps fn/kn, into which it settles"
         return StackBounds(force, force, length, _sunk(params, setup), True, None, why)
     # While a soft contact still gives way it hands its part on to the others; at rest it bears what statics asks for.
@@ -302,3 +302,6 @@ def _left(params: Mapping[str, Any], n: int, t_end: float) -> float:
     omega = math.sqrt(params["kn"])  # of a disk of 1 kg
     slowest = 2.0 * omega * math.sin(0.5 * math.pi / (2 * n + 1))
     return float(n * math.exp(-(slowest**2) / (math.sqrt(2.0) * omega) * 0.5 * t_end))
+
+
+CASE = Stack()

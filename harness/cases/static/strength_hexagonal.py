@@ -19,6 +19,7 @@ from ninedisk.harness.cases.common import (
     contact_step,
     numerics_of,
     single,
+    single_precision,
     soft_reason,
     softness,
 )
@@ -212,7 +213,7 @@ def _bounds(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, truth: 
     path = slip**2 * dt * dt * steps / (2.0 * RADIUS) + 2.0 * slip * dt + single(engine, 2.0 * RADIUS, steps)
     skewed = turning * dt * (1.0 + params["mu"] ** 2) + 1e-6
     why += "; a step's geometry is that of one of its ends" + soft_reason(engine)
-    why += "; single precision" if engine.precision == "float32" else ""
+    why += single_precision(engine)
     if engine.contact == "cd":
         associated = setup.numerics.sliding == "associated"
         lift = params["mu"] * slip * dt if associated else 0.0

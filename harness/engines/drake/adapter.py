@@ -17,7 +17,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
-from ninedisk.harness.api.engine import Support, SupportLevel
+from ninedisk.harness.api.engine import Difference, Support, SupportLevel
 from ninedisk.harness.api.support import laws_in_use
 from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.plane import OF_SLIP, no_contact_can_slip
@@ -137,6 +137,9 @@ class DrakeDiscreteEngine(RigidPackageEngine):
         self, engine_id: str, name: str, session: str, scheme: str, model: str, *, dilates: bool, friction_lags: bool
     ) -> None:
         self.id, self.model = engine_id, model
+        differences = {Difference.KEEPS_KN: "contacts have the scene's stiffness"}
+        if friction_lags:
+            differences[Difference.FRICTION_LAGS] = "Drake's lagged approximation"
         self.facts = package_facts(
             "drake",
             id=engine_id,
@@ -146,10 +149,9 @@ class DrakeDiscreteEngine(RigidPackageEngine):
             licence="BSD-3-Clause",
             capabilities=RIGID,
             dilates=dilates,
-            friction_lags=friction_lags,
+            differences=differences,
             softness=FRICTION_REGULARISATION,
             softness_why="regularisation of friction, sigma",
-            keeps_kn=True,
             options=DISCRETE_OPTIONS[engine_id],
             out_of_scope={Capability.SHEAR_SPRING: REGULARISED},
         )

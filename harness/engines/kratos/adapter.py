@@ -9,7 +9,7 @@ from typing import Any
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.api.support import laws_in_use
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
 from ninedisk.harness.engines.process import package_version
@@ -48,6 +48,10 @@ NOTE_TURNING = (
     "in every step, up to the friction limit; with the lever arms that makes up to 2.5 % of the largest normal and 4.6 % of the largest "
     "shear force of the nine-disk distortion"
 )
+NOTE_KEPT = (
+    "the engine's neighbours keep the shear force of their last contact while they are apart, as long as they stay within the search "
+    "tolerance: the second contact goes on from it"
+)
 NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; never tension"
 NOTE_NO_DASHPOT = (
     "Kratos' dashpots act along the shear spring too, and its forces on walls cannot be taken apart where a dashpot acts: contact "
@@ -65,9 +69,8 @@ FACTS = EngineInfo(
     install="pip install KratosMultiphysics KratosDEMApplication",
     capabilities=CAPABILITIES,
     turns_shear="to first order",
-    fixed_wall_shear=True,
     arms_at_walls=frozenset(),
-    keeps_opened_shear=True,
+    differences={Difference.FIXED_WALL_SHEAR: NOTE_TURNING, Difference.KEEPS_OPENED_SHEAR: NOTE_KEPT},
 )
 
 

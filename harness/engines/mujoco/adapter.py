@@ -18,6 +18,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import Difference
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
 CAPABILITIES = frozenset(
@@ -85,7 +86,7 @@ FACTS = package_facts(
     contact="soft",
     softness=1.0 / OPTIONS["substeps"].default,
     softness_why="a contact takes its load up within one of MuJoCo's own steps in dt",
-    impact_as_springs=True,
+    differences={Difference.IMPACT_AS_SPRINGS: "an elastic contact takes contact_time, many of MuJoCo's own steps"},
     options=OPTIONS,
     out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), OWN_SOFTNESS),
     licence="Apache-2.0",

@@ -16,7 +16,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
+from ninedisk.harness.api.engine import Difference, EngineInfo, EngineRun, Support
 from ninedisk.harness.api.support import rigid_support, without_spring_preload
 from ninedisk.harness.api.wall_path import wall_path
 from ninedisk.harness.engines.plane import path, touch_length
@@ -88,7 +88,7 @@ FACTS = EngineInfo(
     name="Siconos",
     scheme="moreau-jean",
     contact="impulse",
-    normal_turns_in_impact=True,
+    differences={Difference.NORMAL_TURNS_IN_IMPACT: str(Difference.NORMAL_TURNS_IN_IMPACT)},
     options=OPTIONS,
     licence="Apache-2.0",
     how_it_runs="subprocess of the system's Python, scene and history as JSON",

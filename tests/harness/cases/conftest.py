@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pytest
 
 from ninedisk.core.history import History
+from ninedisk.core.scene import Scene
 from ninedisk.harness.api.case import Case, Check, Observed, Setup
 from ninedisk.harness.api.engine import Engine, EngineInfo
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.run.judge import compare, judge
 from ninedisk.harness.run.observation import blank_history, check_history
+from ninedisk.harness.selftest.setups import with_laws
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,11 @@ class Cell:
                 found.append(f"{check.quantity} ({check.truth}): {status} {reason}")
         return found
 
+    @property
+    def seen(self) -> set[str]:
+        """Quantities with a check that does not pass."""
+        return {text.split()[0] for text in self.failures}
+
     def margin(self, quantity: str, truth: str) -> float:
         """Error over tolerance."""
         check = next(c for c in self.checks if (c.quantity, c.truth) == (quantity, truth))
@@ -54,11 +61,22 @@ def judge_history(case: Case, info: EngineInfo, params: Mapping[str, Any], histo
 
 
 def run_cell(
-    case: Case, engine: Engine, params: Mapping[str, Any], spoil: Callable[[History], None] | None = None
+    case: Case,
+    engine: Engine,
+    params: Mapping[str, Any],
+    spoil: Callable[[History], object] | None = None,
+    *,
+    scene: Callable[[Scene], Scene] = lambda scene: scene,
+    law: Mapping[str, Any] | None = None,
 ) -> Cell:
-    """Run a variant; ``spoil`` alters the history in place, as a defect of the engine would."""
+    """Run a variant.
+
+    ``spoil`` alters the history in place, as a defect of the engine would; ``scene`` and ``law`` give the engine another scene, or
+    other values of all contact laws, than the variant has.
+    """
     setup = case.build(resolve(case, params).params)
-    history = engine.run(setup.scene, setup.numerics, setup.watch).history
+    changed = with_laws(scene(setup.scene), lambda own: replace(own, **(law or {})))
+    history = engine.run(changed, setup.numerics, setup.watch).history
     check_history(history, setup)
     if spoil is not None:
         spoil(history)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -13,20 +11,6 @@ from ninedisk.harness.cases.impact.bouncing import CASE
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
-
-MATRIX = CASE.matrix()
-
-
-def seen(cell):
-    return {text.split()[0] for text in cell.failures}
-
-
-@pytest.mark.parametrize("engine", [PYMUNK, DEM, CD], ids=lambda engine: engine.id)
-@pytest.mark.parametrize("params", MATRIX, ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, engine, params):
-    cell = run_cell(CASE, engine, params)
-    assert cell.failures == []
-    assert cell.checks
 
 
 @pytest.mark.parametrize(
@@ -75,33 +59,15 @@ def test_contact_dynamics_is_followed_until_rounding_has_grown(run_cell):
     spoken = {c.quantity: np.isfinite(c.expected).mean() for c in cell.checks}
     assert all(0.4 < part < 0.9 for part in spoken.values())
     late = run_cell(CASE, CD, params, lambda h: h.v[160:].__imul__(1 + 1e-6))
-    assert "vy" in seen(late)
-
-
-class _Wrong:
-    """pymunk with another restitution or gravity than the scene's."""
-
-    id = "wrong"
-    info = staticmethod(PYMUNK.info)
-
-    def __init__(self, restitution=None, gravity=None):
-        self.restitution, self.gravity = restitution, gravity
-
-    def run(self, scene, numerics, watch):
-        wall = scene.walls[0]
-        if self.restitution is not None:
-            law = dataclasses.replace(wall.law, restitution=self.restitution)
-            scene = scene.replace(walls=(dataclasses.replace(wall, law=law),))
-        if self.gravity is not None:
-            scene = scene.replace(gravity=self.gravity)
-        return PYMUNK.run(scene, numerics, watch)
+    assert "vy" in late.seen
 
 
 def test_wrong_laws_are_seen(run_cell):
-    assert {"apex_1", "apex_time_2", "gap"} <= seen(run_cell(CASE, _Wrong(restitution=0.53), {"dt": 1e-3}))
-    assert {"apex_time_1", "energy"} <= seen(run_cell(CASE, _Wrong(gravity=(0.0, -9.81)), {"dt": 5e-4}))
-    gains = run_cell(CASE, _Wrong(restitution=0.99), {"restitution": 1.0, "dt": 5e-4})
-    assert {"apex_1", "apex_3", "energy"} <= seen(gains)
+    assert {"apex_1", "apex_time_2", "gap"} <= run_cell(CASE, PYMUNK, {"dt": 1e-3}, law={"restitution": 0.53}).seen
+    pulled = run_cell(CASE, PYMUNK, {"dt": 5e-4}, scene=lambda scene: scene.replace(gravity=(0.0, -9.81)))
+    assert {"apex_time_1", "energy"} <= pulled.seen
+    gains = run_cell(CASE, PYMUNK, {"restitution": 1.0, "dt": 5e-4}, law={"restitution": 0.99})
+    assert {"apex_1", "apex_3", "energy"} <= gains.seen
 
 
 @pytest.mark.parametrize(
@@ -115,7 +81,7 @@ def test_wrong_laws_are_seen(run_cell):
     ids=["gap", "speed", "missing", "no-flight"],
 )
 def test_defects_are_seen(run_cell, spoil, quantities):
-    assert quantities <= seen(run_cell(CASE, PYMUNK, {}, spoil))
+    assert quantities <= run_cell(CASE, PYMUNK, {}, spoil).seen
 
 
 def test_an_exact_drop_sees_a_defect_of_the_dem(run_cell):
@@ -123,16 +89,7 @@ def test_an_exact_drop_sees_a_defect_of_the_dem(run_cell):
         history.gap[history.t > 0.32] *= 1.01
 
     cell = run_cell(CASE, DEM, {"restitution": 1.0}, higher)
-    assert {"apex_1", "gap"} <= seen(cell)
-
-
-def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
-    for engine in (PYMUNK, DEM, CD):
-        for params in MATRIX[:3]:
-            names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, engine, {**params, "dt": 8e-3}).checks]
-            blank = judge_history(CASE, engine.info(), {**params, "dt": 8e-3}, None)
-            assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
-            assert len(blank.failures) == len(names)
+    assert {"apex_1", "gap"} <= cell.seen
 
 
 def test_impossible_variants_are_refused():

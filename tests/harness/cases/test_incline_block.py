@@ -19,16 +19,7 @@ from ninedisk.references.exact_steps.incline import (
     semi_implicit_euler_incline,
 )
 
-MATRIX = CASE.matrix()
 NORMAL, DRIVING = 7.854 * 10 * math.cos(math.radians(20)), 7.854 * 10 * math.sin(math.radians(20))
-
-
-@pytest.mark.parametrize("engine", [PYMUNK, DEM], ids=lambda engine: engine.id)
-@pytest.mark.parametrize("params", MATRIX, ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, engine, params):
-    cell = run_cell(CASE, engine, params)
-    assert cell.failures == []
-    assert cell.checks
 
 
 @pytest.mark.parametrize(("dt", "x"), [(0.01, 0.018467459), (0.005, 0.018560729), (0.0025, 0.018607364)])
@@ -110,7 +101,7 @@ def test_dilation_is_no_coulomb_friction(judge_history, scheme_info):
     block = {"mu": 0.36, "angle": math.radians(20), "g": 10.0, "mass": 7.854, "dt": 0.01, "n_steps": 100}
     params = {"mu": 0.36, "sliding": "coulomb"}
     cell = judge_history(CASE, scheme_info("theta", "cd"), params, _history(params, associated_incline(**block)))
-    assert {"gap", "gap_final"} <= {text.split()[0] for text in cell.failures}
+    assert {"gap", "gap_final"} <= cell.seen
 
 
 @pytest.mark.parametrize(
@@ -127,7 +118,7 @@ def test_dilation_is_no_coulomb_friction(judge_history, scheme_info):
 )
 def test_defects_are_seen(run_cell, spoil, seen):
     for engine in (PYMUNK, DEM):
-        names = {text.split()[0] for text in run_cell(CASE, engine, {"mu": 0.36}, spoil).failures}
+        names = run_cell(CASE, engine, {"mu": 0.36}, spoil).seen
         assert seen <= names, engine.id
 
 
@@ -136,13 +127,5 @@ def test_creep_is_seen(run_cell):
         history.x[:, 0, 0] += 1e-9 * history.t
 
     for engine in (PYMUNK, DEM):
-        names = {text.split()[0] for text in run_cell(CASE, engine, {"mu": 0.4}, creep).failures}
+        names = run_cell(CASE, engine, {"mu": 0.4}, creep).seen
         assert {"creep_rate", "x"} <= names
-
-
-def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
-    for params in MATRIX:
-        names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, PYMUNK, params).checks]
-        blank = judge_history(CASE, PYMUNK.info(), params, None)
-        assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
-        assert len(blank.failures) == len(names)

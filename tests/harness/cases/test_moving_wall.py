@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ninedisk.core.scene import ContactLaw
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.cases.contact.moving_wall import CASE
-from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.selftest.setups import with_motion
 
 PUSH, SHAKE = {"motion": "push"}, {"motion": "shake"}
-
-
-def seen(cell):
-    return {text.split()[0] for text in cell.failures}
-
-
-@pytest.mark.parametrize("params", CASE.matrix(), ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, params):
-    for engine in (DEM,) if params["beta"] else (CD, DEM):
-        cell = run_cell(CASE, engine, params)
-        assert cell.failures == [], engine.id
-        assert len(cell.checks) >= 7
 
 
 def test_the_other_form_of_damping_is_of_first_order(run_cell):
@@ -57,41 +46,19 @@ def test_errors_fall_with_the_square_of_the_step(run_cell):
     ids=["load", "late", "turned", "energies", "speed", "missing"],
 )
 def test_defects_are_seen(run_cell, params, spoil, names):
-    assert names <= seen(run_cell(CASE, DEM, params, spoil))
-
-
-class Told:
-    """The DEM on a scene of its own."""
-
-    def __init__(self, change):
-        self.id, self.info, self._change = DEM.id, DEM.info, change
-
-    def run(self, scene, numerics, watch):
-        return DEM.run(self._change(scene), numerics, watch)
+    assert names <= run_cell(CASE, DEM, params, spoil).seen
 
 
 def test_a_wall_that_shakes_the_other_way_and_another_dashpot_are_seen_by_the_closed_forms_too(run_cell):
     def turned(scene):
-        (wall,) = scene.walls
-        (segment,) = wall.motion
-        back = type(segment)(amplitude=(0.0, -segment.amplitude[1]), frequency=segment.frequency, phase=segment.phase)
-        return scene.replace(
-            walls=(type(wall)(name=wall.name, point=wall.point, normal=wall.normal, law=wall.law, motion=(back,)),)
-        )
+        return with_motion(scene, lambda s: replace(s, amplitude=(0.0, -s.amplitude[1])))
 
-    def undamped(scene):
-        (wall,) = scene.walls
-        law = ContactLaw(kn=wall.law.kn)
-        return scene.replace(
-            walls=(type(wall)(name=wall.name, point=wall.point, normal=wall.normal, law=law, motion=wall.motion),)
-        )
+    def of_closed_forms(params, **change):
+        return {text.split()[0] for text in run_cell(CASE, DEM, params, **change).failures if "(analytic)" in text}
 
-    def of_closed_forms(params, change):
-        return {text.split()[0] for text in run_cell(CASE, Told(change), params).failures if "(analytic)" in text}
-
-    assert {"fn", "y", "vy", "wall_place"} <= of_closed_forms(SHAKE, turned)
-    assert {"fn", "y", "vy"} <= of_closed_forms(SHAKE, undamped)
-    assert {"fn", "y", "vy", "vy_final"} <= of_closed_forms(PUSH, undamped)
+    assert {"fn", "y", "vy", "wall_place"} <= of_closed_forms(SHAKE, scene=turned)
+    assert {"fn", "y", "vy"} <= of_closed_forms(SHAKE, law={"beta": 0.0})
+    assert {"fn", "y", "vy", "vy_final"} <= of_closed_forms(PUSH, law={"beta": 0.0})
 
 
 def test_what_the_closed_forms_do_not_cover_is_refused():

@@ -15,20 +15,6 @@ from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.mujoco.adapter import ENGINE as MUJOCO
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 
-MATRIX = CASE.matrix()
-
-
-def seen(cell):
-    return {text.split()[0] for text in cell.failures}
-
-
-@pytest.mark.parametrize("engine", [PYMUNK, DEM, CD], ids=lambda engine: engine.id)
-@pytest.mark.parametrize("params", MATRIX, ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, engine, params):
-    cell = run_cell(CASE, engine, params)
-    assert cell.failures == []
-    assert cell.checks
-
 
 @pytest.mark.parametrize("params", [{"n": 2}, {"n": 4, "gap": 0.01}, {"gap": 0.0, "restitution": 0.4}, {"gap": 1e-3}])
 def test_other_rows_pass(run_cell, params):
@@ -50,8 +36,8 @@ def test_each_law_fails_on_the_other_s_engine(run_cell, judge_history):
     touching = {"n": 3, "gap": 0.0}
     for ran, judged in ((DEM, PYMUNK), (PYMUNK, DEM)):
         cell = judge_history(CASE, judged.info(), touching, run_cell(CASE, ran, touching).history)
-        assert {"vx_1", "vx_2", "vx_3", "handed_on"} <= seen(cell)
-        assert "momentum_x" not in seen(cell)
+        assert {"vx_1", "vx_2", "vx_3", "handed_on"} <= cell.seen
+        assert "momentum_x" not in cell.seen
 
 
 @pytest.mark.skipif(not MUJOCO.info().installed, reason="mujoco is not installed")
@@ -59,8 +45,8 @@ def test_mujoco_s_impacts_are_those_of_springs(run_cell, judge_history):
     touching = {"n": 3, "gap": 0.0}
     cell = run_cell(CASE, MUJOCO, touching)
     assert cell.failures == []
-    other = dataclasses.replace(MUJOCO.info(), impact_as_springs=False)
-    assert "handed_on" in seen(judge_history(CASE, other, touching, cell.history))
+    other = dataclasses.replace(MUJOCO.info(), differences={})
+    assert "handed_on" in judge_history(CASE, other, touching, cell.history).seen
 
 
 def test_the_springs_error_is_second_order(run_cell):
@@ -84,16 +70,7 @@ def test_the_springs_error_is_second_order(run_cell):
     ids=["loss", "swapped", "sideways", "missing"],
 )
 def test_defects_are_seen(run_cell, spoil, quantities):
-    assert quantities <= seen(run_cell(CASE, PYMUNK, {}, spoil))
-
-
-def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
-    for engine in (PYMUNK, DEM, CD):
-        for params in MATRIX[:3]:
-            names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, engine, params).checks]
-            blank = judge_history(CASE, engine.info(), params, None)
-            assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
-            assert len(blank.failures) == len(names)
+    assert quantities <= run_cell(CASE, PYMUNK, {}, spoil).seen
 
 
 def test_a_run_that_ends_before_the_last_collision_is_refused():

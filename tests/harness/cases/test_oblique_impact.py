@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -13,20 +11,6 @@ from ninedisk.harness.cases.impact.oblique import CASE
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
-
-MATRIX = CASE.matrix()
-
-
-def seen(cell):
-    return {text.split()[0] for text in cell.failures}
-
-
-@pytest.mark.parametrize("engine", [PYMUNK, DEM, CD], ids=lambda engine: engine.id)
-@pytest.mark.parametrize("params", MATRIX, ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, engine, params):
-    cell = run_cell(CASE, engine, params)
-    assert cell.failures == []
-    assert cell.checks
 
 
 @pytest.mark.parametrize(
@@ -81,31 +65,18 @@ def test_the_tolerance_is_the_error_s_own_bound(run_cell):
     assert 0.1 < max(margins) <= 1.0
 
 
-class _Wrong:
-    """pymunk with another law than the scene's."""
-
-    id = "wrong"
-    info = staticmethod(PYMUNK.info)
-
-    def __init__(self, **law):
-        self.law = law
-
-    def run(self, scene, numerics, watch):
-        wall = scene.walls[0]
-        law = dataclasses.replace(wall.law, **self.law)
-        return PYMUNK.run(scene.replace(walls=(dataclasses.replace(wall, law=law),)), numerics, watch)
-
-
 def test_wrong_laws_are_seen(run_cell):
-    assert {"vx_final", "spin_final", "impulse_ratio"} <= seen(run_cell(CASE, _Wrong(mu=0.2999), {}))
-    assert {"vy_final", "restitution_effective", "vx_final"} <= seen(run_cell(CASE, _Wrong(restitution=0.999), {}))
+    assert {"vx_final", "spin_final", "impulse_ratio"} <= run_cell(CASE, PYMUNK, {}, law={"mu": 0.2999}).seen
+    assert {"vy_final", "restitution_effective", "vx_final"} <= run_cell(
+        CASE, PYMUNK, {}, law={"restitution": 0.999}
+    ).seen
 
 
 def test_a_sphere_s_inertia_is_seen(run_cell):
     def heavier(history):
         history.omega[:] *= 1.25
 
-    assert {"spin", "slip"} <= seen(run_cell(CASE, DEM, {"vt": 0.3}, heavier))
+    assert {"spin", "slip"} <= run_cell(CASE, DEM, {"vt": 0.3}, heavier).seen
 
 
 @pytest.mark.parametrize(
@@ -122,23 +93,14 @@ def test_a_sphere_s_inertia_is_seen(run_cell):
     ids=["restitution", "sense", "before", "missing"],
 )
 def test_defects_are_seen(run_cell, spoil, quantities):
-    assert quantities <= seen(run_cell(CASE, PYMUNK, {}, spoil))
+    assert quantities <= run_cell(CASE, PYMUNK, {}, spoil).seen
 
 
 def test_exact_steps_see_a_part_in_1e9(run_cell):
     def off(history):
         history.v[-1, 0, 0] *= 1 + 1e-9
 
-    assert "vx" in seen(run_cell(CASE, CD, {}, off))
-
-
-def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
-    for engine in (PYMUNK, CD):
-        for params in MATRIX:
-            names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, engine, params).checks]
-            blank = judge_history(CASE, engine.info(), params, None)
-            assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
-            assert len(blank.failures) == len(names)
+    assert "vx" in run_cell(CASE, CD, {}, off).seen
 
 
 def test_impossible_variants_are_refused():

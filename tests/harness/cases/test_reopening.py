@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 
 from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.engine import Difference
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.cases.contact.reopening import CASE
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 
 DISKS, WALL = {"pair": "disks"}, {"pair": "wall", "arm": "overlap"}
-
-
-def seen(cell):
-    return {text.split()[0] for text in cell.failures}
 
 
 @pytest.mark.parametrize("params", CASE.matrix(), ids=lambda params: resolve(CASE, params).id)
@@ -62,12 +59,12 @@ def kept(history):
     ids=["kept", "turned-round", "exchanged", "loads", "energies", "untold", "scale"],
 )
 def test_defects_are_seen(run_cell, spoil, names):
-    assert names <= seen(run_cell(CASE, DEM, DISKS, spoil))
+    assert names <= run_cell(CASE, DEM, DISKS, spoil).seen
 
 
 def test_shear_that_is_kept_is_seen_at_a_wall_and_on_engines_without_exact_steps(run_cell):
-    assert "fs" in seen(run_cell(CASE, DEM, WALL, kept))
-    assert "fs" in seen(run_cell(CASE, CD, DISKS, kept))
+    assert "fs" in run_cell(CASE, DEM, WALL, kept).seen
+    assert "fs" in run_cell(CASE, CD, DISKS, kept).seen
 
 
 def test_what_another_engine_does_not_tell_is_not_judged_and_what_it_is_known_to_keep_is_excused(
@@ -75,7 +72,9 @@ def test_what_another_engine_does_not_tell_is_not_judged_and_what_it_is_known_to
 ):
     cell = run_cell(CASE, DEM, DISKS, kept)
     other = dataclasses.replace(
-        scheme_info("central-difference", "spring"), capabilities=DEM.info().capabilities, keeps_opened_shear=True
+        scheme_info("central-difference", "spring"),
+        capabilities=DEM.info().capabilities,
+        differences={Difference.KEEPS_OPENED_SHEAR: "it keeps"},
     )
     silent = dataclasses.replace(cell.history, energy={})
     judged = judge_history(CASE, other, DISKS, silent)

@@ -19,14 +19,6 @@ ANGLE = math.radians(20)
 ROLLS, SLIDES = {"mu": 0.3}, {"mu": 0.1}
 
 
-@pytest.mark.parametrize("engine", [PYMUNK, DEM, CD], ids=lambda engine: engine.id)
-@pytest.mark.parametrize("params", CASE.matrix(), ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, engine, params):
-    cell = run_cell(CASE, engine, params)
-    assert cell.failures == []
-    assert cell.checks
-
-
 def test_both_branches_have_the_textbook_rates(run_cell):
     rolls = run_cell(CASE, DEM, ROLLS).observed.scalars
     assert rolls["acceleration"][1] == pytest.approx(2 / 3 * 10 * math.sin(ANGLE), rel=1e-6)
@@ -55,7 +47,7 @@ def test_a_sphere_is_no_disk(judge_history, scheme_info, params):
     disk = associated_rolling(**thrown, inertia_ratio=0.5)
     assert judge_history(CASE, info, params, history_of(params, disk)).failures == []
     sphere = judge_history(CASE, info, params, history_of(params, associated_rolling(**thrown, inertia_ratio=0.4)))
-    assert {"spin", "spin_final", "spin_rate"} <= {text.split()[0] for text in sphere.failures}
+    assert {"spin", "spin_final", "spin_rate"} <= sphere.seen
 
 
 @pytest.mark.parametrize("params", [ROLLS, SLIDES], ids=["rolls", "slides"])
@@ -75,12 +67,4 @@ def test_a_sphere_is_no_disk(judge_history, scheme_info, params):
 )
 def test_defects_are_seen(run_cell, spoil, seen, params):
     for engine in (PYMUNK, DEM):
-        assert seen <= {text.split()[0] for text in run_cell(CASE, engine, params, spoil).failures}, engine.id
-
-
-def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
-    for params in CASE.matrix():
-        names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, PYMUNK, params).checks]
-        blank = judge_history(CASE, PYMUNK.info(), params, None)
-        assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
-        assert len(blank.failures) == len(names)
+        assert seen <= run_cell(CASE, engine, params, spoil).seen, engine.id

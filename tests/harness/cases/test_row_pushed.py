@@ -14,14 +14,6 @@ from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 WAVE, DAMPED = {"xi": 0.0, "g": 0.0}, {"xi": 300.0, "g": 10.0}
 
 
-@pytest.mark.parametrize("params", CASE.matrix(), ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, params):
-    for engine in (CD,) if set(params) & {"theta", "regime"} else (CD, DEM):
-        cell = run_cell(CASE, engine, params)
-        assert cell.failures == [], engine.id
-        assert len(cell.checks) >= 7
-
-
 def test_substeps_and_the_other_form_have_exact_steps_too(run_cell):
     for extra in ({"substeps": 4}, {"damping_form": "lagged"}):
         cell = run_cell(CASE, DEM, {**DAMPED, "steps": 300, **extra})
@@ -48,22 +40,14 @@ def test_the_wave_reaches_the_stop_when_it_should(run_cell):
 @pytest.mark.parametrize("params", [WAVE, DAMPED], ids=["wave", "damped"])
 def test_defects_are_seen(run_cell, spoil, seen, params):
     for engine in (CD, DEM):
-        assert seen <= {text.split()[0] for text in run_cell(CASE, engine, params, spoil).failures}, engine.id
+        assert seen <= run_cell(CASE, engine, params, spoil).seen, engine.id
 
 
 def test_a_lost_settled_force_is_seen(run_cell):
     cell = run_cell(CASE, DEM, DAMPED, lambda h: h.fn[-1:].__iadd__(1e-5))
-    assert {"fn_push_settled", "fn_link_4_settled"} <= {text.split()[0] for text in cell.failures}
+    assert {"fn_push_settled", "fn_link_4_settled"} <= cell.seen
 
 
 def test_contacts_that_would_open_are_refused():
     with pytest.raises(ParameterError, match="a contact would open"):
         CASE.build(resolve(CASE, {"speed": -1.0}).params)
-
-
-def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
-    for params in (WAVE, DAMPED):
-        names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, CD, params).checks]
-        blank = judge_history(CASE, CD.info(), params, None)
-        assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
-        assert len(blank.failures) == len(names)

@@ -11,16 +11,6 @@ from ninedisk.harness.cases.rolling.slip_to_roll import CASE
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 
-MATRIX = CASE.matrix()
-
-
-@pytest.mark.parametrize("engine", [PYMUNK, DEM], ids=lambda engine: engine.id)
-@pytest.mark.parametrize("params", MATRIX, ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, engine, params):
-    cell = run_cell(CASE, engine, params)
-    assert cell.failures == []
-    assert cell.checks
-
 
 @pytest.mark.parametrize(("dt", "onset"), [(0.01, 0.12), (0.005, 0.115), (0.0025, 0.1125)])
 def test_pymunk_rolls_at_two_thirds(run_cell, dt, onset):
@@ -75,23 +65,8 @@ def test_a_slip_that_never_ends_is_no_number(run_cell):
     assert any(text.startswith("slip_end") for text in cell.failures)
 
 
-def _imitation(scene):
-    """The scene with three quarters of the friction that it asks for."""
-    wall = scene.walls[0]
-    law = type(wall.law)(kn=wall.law.kn, mu=0.75 * wall.law.mu, restitution=0.0, regularised=True)
-    weak = type(wall)(name=wall.name, point=wall.point, normal=wall.normal, law=law)
-    return scene.replace(walls=(weak,), disk_disk=law)
-
-
 def test_wrong_friction_is_seen(run_cell):
-    class Slippery:
-        id = "slippery"
-        info = staticmethod(PYMUNK.info)
-
-        def run(self, scene, numerics, watch):
-            return PYMUNK.run(_imitation(scene), numerics, watch)
-
-    names = {text.split()[0] for text in run_cell(CASE, Slippery(), {}).failures}
+    names = run_cell(CASE, PYMUNK, {}, law={"mu": 0.225}).seen
     assert {"vx", "x", "spin", "slip_end"} <= names
     assert "vx_final" not in names
 
@@ -109,15 +84,7 @@ def test_wrong_friction_is_seen(run_cell):
     ids=["sense", "speed", "sphere", "position", "gap", "missing"],
 )
 def test_defects_are_seen(run_cell, spoil, seen):
-    assert seen <= {text.split()[0] for text in run_cell(CASE, PYMUNK, {}, spoil).failures}
-
-
-def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
-    for params in [*MATRIX, {"start": "dilated"}]:
-        names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, PYMUNK, params).checks]
-        blank = judge_history(CASE, PYMUNK.info(), params, None)
-        assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
-        assert len(blank.failures) == len(names)
+    assert seen <= run_cell(CASE, PYMUNK, {}, spoil).seen
 
 
 def test_a_plane_too_soft_to_carry_the_disk_is_refused():

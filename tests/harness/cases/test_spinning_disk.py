@@ -14,20 +14,6 @@ from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 
-MATRIX = CASE.matrix()
-
-
-def seen(cell):
-    return {text.split()[0] for text in cell.failures}
-
-
-@pytest.mark.parametrize("engine", [PYMUNK, DEM, CD], ids=lambda engine: engine.id)
-@pytest.mark.parametrize("params", MATRIX, ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, engine, params):
-    cell = run_cell(CASE, engine, params)
-    assert cell.failures == []
-    assert cell.checks
-
 
 def test_pymunk_rolls_at_a_third_and_keeps_a_third_of_the_energy(run_cell):
     values = run_cell(CASE, PYMUNK, {}).observed.scalars
@@ -46,7 +32,7 @@ def test_exact_steps_bind_their_schemes(run_cell, engine, params):
     def late(history):
         history.v[1:, 0, 0] += 3e-9
 
-    assert "vx" in seen(run_cell(CASE, engine, params, late))
+    assert "vx" in run_cell(CASE, engine, params, late).seen
 
 
 def test_the_positions_of_another_scheme_are_seen(run_cell, judge_history):
@@ -63,15 +49,10 @@ def test_the_springs_overshoot_fills_its_tolerance(run_cell):
 
 
 def test_a_sphere_s_inertia_is_seen(run_cell):
-    class Sphere:
-        id = "sphere"
-        info = staticmethod(PYMUNK.info)
+    def sphere(scene):
+        return scene.replace(disks=dataclasses.replace(scene.disks, inertia=0.8 * scene.disks.inertia))
 
-        def run(self, scene, numerics, watch):
-            disks = dataclasses.replace(scene.disks, inertia=0.8 * scene.disks.inertia)
-            return PYMUNK.run(scene.replace(disks=disks), numerics, watch)
-
-    assert {"vx_final", "spin_final", "energy_kept", "slip_end"} <= seen(run_cell(CASE, Sphere(), {}))
+    assert {"vx_final", "spin_final", "energy_kept", "slip_end"} <= run_cell(CASE, PYMUNK, {}, scene=sphere).seen
 
 
 @pytest.mark.parametrize(
@@ -86,15 +67,7 @@ def test_a_sphere_s_inertia_is_seen(run_cell):
     ids=["sense", "speed", "spin", "gap", "missing"],
 )
 def test_defects_are_seen(run_cell, spoil, quantities):
-    assert quantities <= seen(run_cell(CASE, PYMUNK, {}, spoil))
-
-
-def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
-    for params in MATRIX:
-        names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, PYMUNK, params).checks]
-        blank = judge_history(CASE, PYMUNK.info(), params, None)
-        assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
-        assert len(blank.failures) == len(names)
+    assert quantities <= run_cell(CASE, PYMUNK, {}, spoil).seen
 
 
 def test_a_plane_too_soft_to_carry_the_disk_is_refused():

@@ -9,7 +9,6 @@ import pytest
 
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.cases.static.stack import CASE, TILT, contact_network
-from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.kratos.adapter import ENGINE as KRATOS
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
@@ -17,16 +16,6 @@ from ninedisk.harness.engines.siconos.adapter import ENGINE as SICONOS
 from ninedisk.references.analytic.stack import pyramid_forces
 
 PYRAMID, AT_REST = {"arrangement": "pyramid"}, {"start": "equilibrium"}
-
-
-@pytest.mark.parametrize("engine", [PYMUNK, DEM, CD], ids=lambda engine: engine.id)
-@pytest.mark.parametrize("params", CASE.matrix(), ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, engine, params):
-    if engine is PYMUNK and params["start"] == "equilibrium":
-        pytest.skip("pymunk has no springs to start with overlaps")
-    cell = run_cell(CASE, engine, params)
-    assert cell.failures == []
-    assert cell.checks
 
 
 def test_the_pyramid_presses_its_walls_apart(run_cell):
@@ -73,7 +62,7 @@ def test_defects_are_seen(run_cell, spoil, seen, arrangement):
         cell = run_cell(CASE, engine, {"arrangement": arrangement}, spoil)
         expected = seen & {check.quantity for check in cell.checks}
         assert expected
-        assert expected <= {text.split()[0] for text in cell.failures}, engine.id
+        assert expected <= cell.seen, engine.id
 
 
 def test_springs_close_to_the_rigid_pyramid_with_order_one():
@@ -82,11 +71,3 @@ def test_springs_close_to_the_rigid_pyramid_with_order_one():
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=1e-2)
     with pytest.raises(ValueError, match="falls through"):
         pyramid_forces(weight=10.0, chord=1.0, half_width=0.99, kn=100.0)
-
-
-def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
-    for params in CASE.matrix():
-        names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, DEM, params).checks]
-        blank = judge_history(CASE, DEM.info(), params, None)
-        assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
-        assert len(blank.failures) == len(names)

@@ -10,20 +10,12 @@ import pytest
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.cases.static.strength_hexagonal import CASE
-from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 from ninedisk.references.analytic.wedge import wedge
 
 PARTS, CLOSES = {"speed": 0.01}, {"speed": -0.01}
 CELL = {"g": 10.0, "mass": 1.0, "chord": 1.0, "half_width": 0.57}
-
-
-@pytest.mark.parametrize("params", CASE.matrix(), ids=lambda params: resolve(CASE, params).id)
-def test_the_matrix_passes(run_cell, params):
-    for engine in (CD, DEM, PYMUNK) if params["sliding"] == "associated" else (CD,):
-        cell = run_cell(CASE, engine, params)
-        assert cell.failures == [], engine.id
 
 
 def test_friction_holds_the_cell_together_and_resists_its_closing(run_cell):
@@ -53,7 +45,7 @@ def test_a_contact_that_hops_reports_the_impulse_of_its_last_touch(run_cell):
 )
 def test_defects_are_seen(run_cell, spoil, seen):
     for engine in (DEM, PYMUNK):
-        assert seen <= {text.split()[0] for text in run_cell(CASE, engine, PARTS, spoil).failures}, engine.id
+        assert seen <= run_cell(CASE, engine, PARTS, spoil).seen, engine.id
 
 
 def test_smooth_disks_give_the_ratio_of_statics_and_rowe_s_with_friction():
@@ -81,10 +73,3 @@ def test_cells_that_hold_or_fall_apart_are_refused():
         CASE.build(resolve(CASE, {"mu": 0.8}).params)
     with pytest.raises(ParameterError, match="falls through"):
         CASE.build(resolve(CASE, {"speed": 0.1, "steps": 9000}).params)
-
-
-def test_checks_do_not_depend_on_the_values(run_cell, judge_history):
-    names = [(c.quantity, c.norm, c.truth) for c in run_cell(CASE, PYMUNK, PARTS).checks]
-    blank = judge_history(CASE, PYMUNK.info(), PARTS, None)
-    assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == names
-    assert len(blank.failures) == len(names)

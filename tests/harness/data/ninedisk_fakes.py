@@ -19,6 +19,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.case import Check, Observed, Parameter, Setup
+from ninedisk.harness.api.claims import Cells, Claim, Verdict, scalar
 from ninedisk.harness.api.engine import (
     EngineError,
     EngineInfo,
@@ -29,6 +30,7 @@ from ninedisk.harness.api.engine import (
     SupportLevel,
     Timings,
 )
+from ninedisk.harness.results.schema import Figure, Plotted
 from ninedisk.harness.run.isolation import run_isolated
 
 STUBBORN = """
@@ -43,6 +45,11 @@ time.sleep(600)
 """An engine's process that ignores whoever asks it to end, and has a child in another session."""
 
 
+def falls(cells: Cells) -> Verdict:
+    way = min(scalar(cell, "x_final") for cell in cells)
+    return way > 0.0, f"shortest way {way:g} m"
+
+
 class FallingDisk:
     """One disk that is pulled by gravity: x = a t^2/2."""
 
@@ -51,6 +58,17 @@ class FallingDisk:
     title = "Falling disk"
     source = "mechanics"
     requirement = "x = a t^2/2"
+    figures = (Figure(title="The fall", quantities=(Plotted("x", "way"),), shows="The way.", allows="It falls."),)
+    claims = (
+        Claim(
+            id="it-falls",
+            place="p. 1",
+            text="What is heavy falls.",
+            decided_by="The way is positive.",
+            rule=falls,
+            derivation=("Nothing else can follow.",),
+        ),
+    )
     parameters = (
         Parameter(name="a", default=1.0, help="acceleration", unit="m/s^2", low=0.0, in_id=True),
         Parameter(name="dt", default=0.1, help="step", unit="s", low=0.0, low_open=True),

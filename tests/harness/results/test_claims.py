@@ -13,12 +13,15 @@ import pytest
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.harness.api.case import Observed, Setup
-from ninedisk.harness.results.claims import CONTACTS, RULES, UndecidedError, judge_claims
+from ninedisk.harness.api.claims import UndecidedError, claims_of
+from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
+from ninedisk.harness.cases.nine_disk.shown import CONTACTS
+from ninedisk.harness.results.claims import judge_claims
 from ninedisk.harness.results.schema import CELL_COLUMNS, CLAIM_COLUMNS, MEASUREMENT_COLUMNS
 from ninedisk.harness.results.tables import CaseResult, complete
-from ninedisk.references.claims import load_claims
 
 G = 10.0
+CLAIMS = {claim.id: claim for case_id in BUILTIN_CASES for claim in claims_of(get_case(case_id))}
 
 
 def cell(
@@ -171,14 +174,14 @@ LIFT = (0.005 - 1e-3) / 1.25
 def test_rules(claim: str, cells: list[CaseResult], verdict: bool | None) -> None:
     if verdict is None:
         with pytest.raises(UndecidedError):
-            RULES[claim](cells)
+            CLAIMS[claim].rule(cells)
     else:
-        found, evidence = RULES[claim](cells)
+        found, evidence = CLAIMS[claim].rule(cells)
         assert found is verdict, evidence
         assert evidence
 
 
-@pytest.mark.parametrize("claim", RULES)
+@pytest.mark.parametrize("claim", CLAIMS)
 def test_an_engine_that_cannot_see_decides_nothing(claim: str) -> None:
     """NaN in every series never confirms and never contradicts."""
     blind = {
@@ -193,15 +196,18 @@ def test_an_engine_that_cannot_see_decides_nothing(claim: str) -> None:
         "contact-forces-match-mg": pressed(math.nan),
     }
     with pytest.raises(UndecidedError):
-        RULES[claim](blind.get(claim, [cell({"mu": 0.4, "kind": "elastic"})]))
+        CLAIMS[claim].rule(blind.get(claim, [cell({"mu": 0.4, "kind": "elastic"})]))
 
 
-def test_every_claim_has_a_rule_or_no_case_yet() -> None:
-    from ninedisk.harness.api.registry import case_table
-
-    for claim in load_claims():
-        assert claim.id in RULES or claim.case not in case_table(), claim.id
-    assert set(RULES) <= {claim.id for claim in load_claims()}
+def test_the_source_s_claims_are_all_there() -> None:
+    """Twelve, each with its own words and how it is decided; no id is used twice."""
+    found = [claim for case_id in BUILTIN_CASES for claim in claims_of(get_case(case_id))]
+    assert len(found) == len(CLAIMS) == 12
+    for claim in found:
+        assert claim.place.startswith("A."), claim.id
+        assert claim.text
+        assert claim.decided_by.endswith("."), claim.id
+        assert all(line.endswith(".") for line in claim.derivation), claim.id
 
 
 def test_rows() -> None:
@@ -215,5 +221,9 @@ def test_rows() -> None:
     assert found["contact-forces-match-mg", "dem"][0] == "contradicted"
     assert found["contact-forces-match-mg", "pymunk"][0] == "contradicted"
     assert found["contact-forces-match-mg", "yade"] == ("undecided", "not-installed: no yade")
-    assert found["critical-time-step", ""] == ("undecided", "the case 'sliding/dynamic' is not part of this run")
-    assert {row["claim"] for row in rows} == {claim.id for claim in load_claims()}
+    assert {row["claim"] for row in rows} == {claim.id for claim in get_case("incline-block").claims}
+    assert any("m g cos" in line for row in rows for line in json.loads(row["derivation"]))
+
+
+def test_a_case_that_cannot_be_loaded_has_no_claims() -> None:
+    assert judge_claims([cell({}, case="no/such")]) == []

@@ -18,6 +18,10 @@ from ninedisk.harness.results import store as store_module
 from ninedisk.harness.results.claims import judge_claims
 from ninedisk.harness.results.schema import RUN_KEYS, SCHEMA_VERSION, TABLES
 from ninedisk.harness.results.store import new_run_id, prepare_store, read_run, run_ids, write_run
+from ninedisk.reports.figures import case_figures
+from ninedisk.reports.load import load_store
+from ninedisk.reports.model import build_panel
+from ninedisk.reports.pages import errata
 
 pytestmark = pytest.mark.usefixtures("fakes")
 
@@ -32,6 +36,20 @@ def written(store: Path, engines: tuple[str, ...] = ("fake-good", "fake-wrong", 
 
 def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_an_outsider_s_figures_and_claims_reach_the_report(tmp_path: Path) -> None:
+    """A case of another package shows its own figure, with the claim of its source that an engine contradicts."""
+    results = run_matrix(["fake/fall"], ("fake-good", "fake-wrong", "fake-absent"))
+    verdicts = {row["engine"]: row["verdict"] for row in judge_claims(results)}
+    assert verdicts == {"fake-good": "confirmed", "fake-wrong": "confirmed", "fake-absent": "undecided"}
+    prepare_store(tmp_path)
+    contradicted = [row | {"verdict": "contradicted"} for row in judge_claims(results)]
+    write_run(tmp_path, new_run_id(), results, contradicted, FACTS)
+    panel = build_panel(load_store(tmp_path))
+    (figure,) = case_figures(panel, panel.cases["fake/fall"])
+    assert [panel.picture.title for group in figure.groups for panel in group.panels] == ["way"] * 2
+    assert errata(panel)[0].derivation == ("Nothing else can follow.",)
 
 
 def test_round_trip(tmp_path: Path) -> None:

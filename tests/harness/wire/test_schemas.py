@@ -21,7 +21,7 @@ from ninedisk.core.options import Option
 from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS as ARMS_OF_LAWS
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import EngineError, EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineError, EngineInfo
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine
@@ -92,9 +92,10 @@ def test_choices_are_those_of_the_code() -> None:
     one = about["capabilities"]["items"]
     assert one["enum"] == [wire_name(capability) for capability in Capability]
     assert one["description"] == "; ".join(f"{wire_name(each)}: {each}" for each in Capability) + "."
-    assert set(about) - names(EngineInfo) == {"wire_version", "approximations"}
-    # Whatever an adapter in Python can say of its engine, a command can say of itself; these three the harness says of it.
-    assert names(EngineInfo) - set(about) == {"how_it_runs", "not_installed_because", "reference"}
+    differences = {each.name.lower() for each in Difference}
+    assert set(about) - names(EngineInfo) == {"wire_version", "approximations"} | differences
+    # Whatever an adapter in Python can say of its engine, a command can say of itself; these the harness says of it.
+    assert names(EngineInfo) - set(about) == {"how_it_runs", "not_installed_because", "reference", "differences"}
     arms = [wire_name(arm) for arm in ARMS_OF_LAWS.values()]
     assert about["turns_exactly_with"]["items"]["enum"] == about["arms_at_walls"]["items"]["enum"] == arms
     kinds = about["options"]["additionalProperties"]["oneOf"]
@@ -244,6 +245,9 @@ def told_by(info: EngineInfo) -> dict[str, Any]:
         if each.name == "options":
             value = {name: {f.name: list(v) if isinstance(v, tuple) else v for f in fields(option)
                             if (v := getattr(option, f.name)) != f.default} for name, option in value.items()}  # fmt: skip
+        elif each.name == "differences":
+            told |= {difference.name.lower(): True for difference in value}
+            continue
         elif each.name == "out_of_scope":
             value = {wire_name(capability): link for capability, link in value.items()}
         elif isinstance(value, frozenset):
@@ -256,7 +260,9 @@ def told_by(info: EngineInfo) -> dict[str, Any]:
 def test_a_command_can_say_whatever_a_built_in_engine_says(engine_id: str) -> None:
     info = replace(get_engine(engine_id).info(), version="1")
     found = read_description(json.dumps(told_by(info)), how_it_runs=info.how_it_runs).info
-    assert found == replace(info, not_installed_because="", reference=False)
+    # The wire says that an engine differs, not why.
+    differences = {each: str(each) for each in info.differences}
+    assert found == replace(info, not_installed_because="", reference=False, differences=differences)
 
 
 def test_what_is_out_of_scope_is_no_capability() -> None:

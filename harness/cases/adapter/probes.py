@@ -1,21 +1,14 @@
-"""The probe of each capability: a scene that needs it, and little else, with its closed form.
+"""The probe of each capability: a case whose scene needs it, and little else, with its closed form.
 
-What a probe holds against what, and the bounds that it uses.
-
-Scenes of probes that need no springs: a disk in the air, and a disk at rest or sliding on a floor.
-
-Probes of contact springs, of the walls that move them, and of the static limit.
-
-Probes of grains: an ellipse that lies on its flat side, and a disk on a floor under the law of the common area.
-
-Scenes of probes whose disks are held.
+Probes are in no list of cases and in no matrix: their truths hold an adapter to the meaning of a scene, not a method to its
+accuracy.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,54 +19,55 @@ from ninedisk.core.law import LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability
-from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.case import Check, FloatArray, Norm, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nurbs.grains import grains
+from ninedisk.harness.run.observation import blank_history
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution, contact_duration, contact_history
 
 SHALLOW = 1e-4
 """Overlap over radius at which all lever arms are the same to that part."""
 
-
-def probe_of(capability: Capability, info: EngineInfo) -> Probe:
-    """The probe of a capability, in the engine's own kind of contact where it may be springs or rigid."""
-    arms: dict[Capability, LeverArm] = {held_by: name for name, held_by in LEVER_ARMS.items()}
-    own: LeverArm = next((arm for held_by, arm in arms.items() if held_by in info.capabilities), "radius")
-    if capability in arms:
-        return rolling(arms[capability])
-    return {
-        Capability.LINEAR_CONTACT: lambda: impact(),
-        Capability.SHEAR_SPRING: lambda: rolling(own, sunk=SHALLOW),
-        Capability.FRICTION: lambda: sliding(info, rotating=False),
-        Capability.CONTACT_DAMPING: lambda: impact(beta=0.2),
-        Capability.RESTITUTION: lambda: rebound(info),
-        Capability.GLOBAL_DAMPING_CENTRAL: lambda: damped(info, "central"),
-        Capability.GLOBAL_DAMPING_LAGGED: lambda: damped(info, "lagged"),
-        Capability.MOVING_WALLS: lambda: driven(info, "moving"),
-        Capability.ROTATING_WALLS: lambda: driven(info, "turning"),
-        Capability.CURVED_WALL_MOTION: lambda: driven(info, "curved"),
-        Capability.GRAVITY: lambda: fall(info),
-        Capability.BLOCKED_ROTATION: lambda: sliding(info, rotating=False),
-        Capability.HELD_MOTION: lambda: held(info),
-        Capability.FIXED_DISKS: lambda: fixed(info),
-        Capability.QUASI_STATIC: lambda: squeezed(info),
-        Capability.PRELOAD: lambda: rolling(own, sunk=SHALLOW, speed=0.0, force=-1.0),
-        Capability.DISK_INERTIA: lambda: sliding(info, rotating=True),
-        Capability.SLIP_MIDDLE: lambda: passing(info, "middle"),
-        Capability.SLIP_END: lambda: passing(info, "end"),
-        Capability.OUTLINES: lambda: ellipse_at_rest(info),
-        Capability.AREA_CONTACT: lambda: lens_on_floor(),
-    }[capability]()
-
-
 COARSE = 0.3
 """Part of a quantity's scale that a run which is graded approximate may be off: conventions stay below, a wrong unit, sign or
 factor of two does not."""
 
+R, M, KN, G = 0.5, 2.0, 1e6, 9.81
+"""Radius [m], mass [kg], stiffness [N/m] and gravity [m/s^2]: no two alike, so that one in place of another shows."""
+
+FLOOR = (0, 1)
+"""The contact of a single disk with a single wall."""
+
+STEPS = 100
+"""Steps in the quarter period, or half contact, that a probe follows."""
+
+OMEGA = math.sqrt(KN / M)
+"""Angular frequency of a disk on its contact spring [rad/s]."""
+
+FIRST_ORDER = 0.5 * math.pi * (0.5 * math.pi / STEPS)
+"""omega t times omega dt at the end of a quarter period: the relative error that a first-order scheme may have made."""
+
+WHY = "first order in the step: omega t omega dt"
+
+FLAT = 0.6
+"""Half-axis of the ellipse across the floor, over that along it."""
+
+COARSE_GRADE = Parameter(
+    name="coarse",
+    default=False,
+    choices=(False, True),
+    help="whether the run is graded approximate: bounds of `COARSE`",
+)
+
 
 @dataclass(frozen=True, kw_only=True)
-class Claim:
-    """A quantity of a run against its closed form; ``bound`` is absolute, ``why`` says where it comes from."""
+class ClosedForm:
+    """A quantity of a run beside its closed form; ``bound`` is absolute, ``why`` says where it comes from.
+
+    ``value`` and ``expected`` are a number, or arrays; an array with a row a sample is a series for each of its columns, any
+    other a number for each of its entries. ``mend`` says what is wrong with an adapter that misses it; where not ``observed``,
+    NaN is allowed.
+    """
 
     quantity: str
     unit: str
@@ -83,40 +77,81 @@ class Claim:
     why: str
     mend: str = ""
     observed: bool = True
-    """False: NaN is allowed, since an engine need not observe it."""
 
-    def error(self) -> float:
-        """Largest absolute difference; NaN where a number is missing that must be there."""
-        value, expected = np.asarray(self.value, dtype=np.float64), np.asarray(self.expected, dtype=np.float64)
-        apart = np.abs(value - expected)
-        if not self.observed:
-            apart = apart[~np.isnan(apart)]
-        return float(apart.max()) if apart.size else 0.0
-
-    def scale(self) -> float:
-        """Largest magnitude of the closed form."""
-        return float(np.abs(np.asarray(self.expected, dtype=np.float64)).max(initial=0.0))
-
-    def holds(self, *, coarse: bool = False) -> bool:
-        """Whether the error is within the bound, or within `COARSE` of the scale."""
-        return self.error() <= (max(self.bound, COARSE * self.scale()) if coarse else self.bound)
-
-    def text(self) -> str:
-        """The numbers of a claim that does not hold."""
-        value, expected = np.atleast_1d(self.value), np.atleast_1d(self.expected)
-        apart = np.abs(value - expected).ravel()
-        worst = int(np.argmax(np.where(np.isnan(apart), np.inf, apart)))
-        shown = f"{value.ravel()[worst]:.9g} instead of {np.broadcast_to(expected, value.shape).ravel()[worst]:.9g}"
-        return f"{self.quantity} is {shown} {self.unit} (allowed: {self.bound:.2g}, {self.why})"
+    def parts(self, samples: int) -> list[tuple[str, Norm, FloatArray, FloatArray]]:
+        """Name, norm, value and closed form of each series, shape (samples,), or number, shape ()."""
+        value, expected = np.broadcast_arrays(np.asarray(self.value, dtype=np.float64), self.expected)
+        norm: Norm = "max" if value.ndim and len(value) == samples else "scalar"
+        shape = (samples, -1) if norm == "max" else (1, -1)
+        columns = [
+            (a, b) if norm == "max" else (a[0], b[0])
+            for a, b in zip(value.reshape(shape).T, expected.reshape(shape).T, strict=True)
+        ]
+        names = [self.quantity] if len(columns) == 1 else [f"{self.quantity}[{k}]" for k in range(len(columns))]
+        return [(name, norm, *column) for name, column in zip(names, columns, strict=True)]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class Probe:
-    """A scene and what is known about its run."""
+    """A case of one scene; ``closed_forms`` takes a history and says what is known about it."""
 
-    name: str
+    title: str
     setup: Setup
-    claims: Callable[[History], Sequence[Claim]]
+    closed_forms: Callable[[History], Sequence[ClosedForm]]
+    id: str = field(init=False)
+    version: int = 1
+    source: str = "closed form"
+    requirement: str = "what the capability means, in the units of the scene"
+    parameters: tuple[Parameter, ...] = (COARSE_GRADE,)
+
+    def __post_init__(self) -> None:
+        self.id = "adapter/" + self.title.replace(",", "").replace(" ", "-")
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """The scene itself."""
+        return ({},)
+
+    def build(self, params: Mapping[str, Any]) -> Setup:  # noqa: ARG002
+        """The scene."""
+        return self.setup
+
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
+        """What has a closed form."""
+        series, scalars = {}, {}
+        for form in self.closed_forms(history):
+            for name, norm, value, _ in form.parts(len(history.step)):
+                if norm == "max":
+                    series[name] = (form.unit, value)
+                else:
+                    scalars[name] = (form.unit, float(value))
+        return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def checks(
+        self,
+        params: Mapping[str, Any],
+        setup: Setup,
+        observed: Observed,
+        engine: EngineInfo,  # noqa: ARG002
+    ) -> Sequence[Check]:
+        """The closed forms, which depend on no value of a history; coarsely where the run is graded approximate."""
+        found = []
+        for form in self.closed_forms(blank_history(setup)):
+            scale = float(np.abs(np.asarray(form.expected, dtype=np.float64)).max(initial=0.0))
+            for name, norm, _, expected in form.parts(len(observed.step)):
+                value = (observed.series if norm == "max" else observed.scalars)[name][1]
+                truth = expected if form.observed else np.where(np.isnan(value), np.nan, expected)
+                found.append(
+                    Check(
+                        quantity=name,
+                        norm=norm,
+                        truth="analytic",
+                        expected=truth,
+                        source=self.source,
+                        atol=max(form.bound, COARSE * scale) if params["coarse"] else form.bound,
+                        why=form.why,
+                    )
+                )
+        return found
 
 
 def round_off(info: EngineInfo) -> float:
@@ -129,13 +164,6 @@ def contact_error(info: EngineInfo) -> float:
     if info.contact == "soft":
         return 1e-2 if info.softness is None else max(info.softness, 1e-6)
     return max(1e-6, round_off(info))
-
-
-R, M, KN, G = 0.5, 2.0, 1e6, 9.81
-"""Radius [m], mass [kg], stiffness [N/m] and gravity [m/s^2]: no two alike, so that one in place of another shows."""
-
-FLOOR = (0, 1)
-"""The contact of a single disk with a single wall."""
 
 
 def has_springs(info: EngineInfo) -> bool:
@@ -183,13 +211,15 @@ def free_flight(info: EngineInfo, **sampling: int) -> Probe:
     numerics = Numerics(dt=0.01, n_steps=17).replace(**sampling)
     eps = round_off(info)
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         t = numerics.sampled_steps() * numerics.dt
         why = "round-off: nothing acts"
         mend = "report positions in m, angles in rad, and the state at the sampled step itself"
 
-        def claim(quantity: str, unit: str, value: ArrayLike, expected: ArrayLike, *, observed: bool = True) -> Claim:
-            return Claim(
+        def closed(
+            quantity: str, unit: str, value: ArrayLike, expected: ArrayLike, *, observed: bool = True
+        ) -> ClosedForm:
+            return ClosedForm(
                 quantity=quantity,
                 unit=unit,
                 value=value,
@@ -201,13 +231,13 @@ def free_flight(info: EngineInfo, **sampling: int) -> Probe:
             )
 
         return [
-            claim("x", "m", history.x[:, 0], [0.3, 0.4] + t[:, None] * v),
-            claim("v", "m/s", history.v[:, 0], np.tile(v, (len(t), 1))),
-            claim("angle", "rad", history.angle[:, 0], omega * t, observed=False),
-            claim("omega", "rad/s", history.omega[:, 0], np.full(len(t), omega), observed=False),
+            closed("x", "m", history.x[:, 0], [0.3, 0.4] + t[:, None] * v),
+            closed("v", "m/s", history.v[:, 0], np.tile(v, (len(t), 1))),
+            closed("angle", "rad", history.angle[:, 0], omega * t, observed=False),
+            closed("omega", "rad/s", history.omega[:, 0], np.full(len(t), omega), observed=False),
         ]
 
-    return Probe(name="free flight", setup=Setup(scene=scene, numerics=numerics, watch=()), claims=claims)
+    return Probe(title="free flight", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms)
 
 
 def fall(info: EngineInfo) -> Probe:
@@ -217,18 +247,18 @@ def fall(info: EngineInfo) -> Probe:
     scene = Scene(disks=moved, disk_disk=law(info), gravity=(3.0, -G))
     numerics = Numerics(dt=0.005, n_steps=40)
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         t = (numerics.sampled_steps() * numerics.dt)[:, None]
         lag = 0.5 * G * float(t[-1, 0]) * numerics.dt * (1.0 + 1e-6) + round_off(info)
         mend = "apply Scene.gravity as an acceleration [m/s^2] to both components, once a step"
         return [
-            Claim(quantity="v", unit="m/s", value=history.v[:, 0], expected=[0.2, 1.0] + g * t, bound=10 * round_off(info),
+            ClosedForm(quantity="v", unit="m/s", value=history.v[:, 0], expected=[0.2, 1.0] + g * t, bound=10 * round_off(info),
                   why="a constant acceleration is exact in v", mend=mend),
-            Claim(quantity="x", unit="m", value=history.x[:, 0], expected=[0.2, 1.0] * t + 0.5 * g * t**2, bound=lag,
+            ClosedForm(quantity="x", unit="m", value=history.x[:, 0], expected=[0.2, 1.0] * t + 0.5 * g * t**2, bound=lag,
                   why="g t dt/2: half a step's lag of first-order schemes", mend=mend),
         ]  # fmt: skip
 
-    return Probe(name="fall", setup=Setup(scene=scene, numerics=numerics, watch=()), claims=claims)
+    return Probe(title="fall", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms)
 
 
 def weights(info: EngineInfo) -> Probe:
@@ -242,25 +272,25 @@ def weights(info: EngineInfo) -> Probe:
     numerics = Numerics(dt=0.002, n_steps=20, sample_from=20)
     allowed, weight = contact_error(info), masses * G
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         fn, gap = history.fn[-1], history.gap[-1]
         sunk = [-overlap[1], -overlap[0], 3.0 - 2.0 * R]
         why = "equilibrium: round-off and the solver's tolerance"
         slack = 1e-9 if has_springs(info) else max(1e-3, allowed) * R
         return [
-            Claim(quantity="fn of the pairs (1, 2), (0, 2), (0, 1)", unit="N", value=fn, expected=[weight[1], weight[0], 0.0],
+            ClosedForm(quantity="fn of the pairs (1, 2), (0, 2), (0, 1)", unit="N", value=fn, expected=[weight[1], weight[0], 0.0],
                   bound=float(allowed * weight.max()), why=why,
                   mend="give columns in the order of `watch`, forces in N (impulses divided by dt), compression positive, open contacts 0"),
-            Claim(quantity="gap of the same pairs", unit="m", value=gap, expected=sunk, bound=slack,
+            ClosedForm(quantity="gap of the same pairs", unit="m", value=gap, expected=sunk, bound=slack,
                   why="kn gap = weight" if has_springs(info) else "rigid disks may sink by a thousandth of their radius",
                   mend="gaps are positive where open, negative where bodies overlap: centre distance less radii"),
-            Claim(quantity="force on the floor", unit="N", value=history.wall_force[-1, 0], expected=[0.0, -float(weight.sum())],
+            ClosedForm(quantity="force on the floor", unit="N", value=history.wall_force[-1, 0], expected=[0.0, -float(weight.sum())],
                   bound=float(allowed * weight.sum()), why=why,
                   mend="wall_force is the force of the disks ON the wall, summed over them", observed=False),
         ]  # fmt: skip
 
     watch = ((1, 2), (0, 2), (0, 1))
-    return Probe(name="weights", setup=Setup(scene=scene, numerics=numerics, watch=watch), claims=claims)
+    return Probe(title="weights", setup=Setup(scene=scene, numerics=numerics, watch=watch), closed_forms=closed_forms)
 
 
 def sliding(info: EngineInfo, *, rotating: bool) -> Probe:
@@ -271,21 +301,22 @@ def sliding(info: EngineInfo, *, rotating: bool) -> Probe:
     end = numerics.dt * numerics.n_steps
     slow = mu * G * numerics.dt + contact_error(info) * mu * G * end
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         spin = -2.0 * mu * G * end / R if rotating else 0.0
         why = "friction may act one step less, in the first"
         return [
-            Claim(quantity="v along the floor", unit="m/s", value=history.v[-1, 0, 0], expected=speed - mu * G * end, bound=slow, why=why,
+            ClosedForm(quantity="v along the floor", unit="m/s", value=history.v[-1, 0, 0], expected=speed - mu * G * end,
+                       bound=slow, why=why,
                   mend="friction on a sliding disk is mu fn against its slip"),
-            Claim(quantity="omega", unit="rad/s", value=history.omega[-1, 0], expected=spin, bound=2.0 * slow / R, why=why,
+            ClosedForm(quantity="omega", unit="rad/s", value=history.omega[-1, 0], expected=spin, bound=2.0 * slow / R, why=why,
                   mend="a disk's inertia is that of Disks.inertia; a blocked disk keeps its spin; counter-clockwise is positive"),
-            Claim(quantity="mean fs", unit="N", value=np.mean(history.fs[1:, 0]), expected=-mu * M * G, bound=slow / end * M,
+            ClosedForm(quantity="mean fs", unit="N", value=np.mean(history.fs[1:, 0]), expected=-mu * M * G, bound=slow / end * M,
                   why=why, observed=False,
                   mend="the shear force on the first body counts along t = (-n_y, n_x), n from the first body to the second"),
         ]  # fmt: skip
 
     name = "sliding" if rotating else "sliding without rotation"
-    return Probe(name=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+    return Probe(title=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms)
 
 
 def rebound(info: EngineInfo) -> Probe:
@@ -306,13 +337,16 @@ def rebound(info: EngineInfo) -> Probe:
         else (contact_error(info), "the solver's tolerance")
     )
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         return [
-            Claim(quantity="v after the impact", unit="m/s", value=history.v[-1, 0, 1], expected=e * speed, bound=bound * speed, why=why,
+            ClosedForm(quantity="v after the impact", unit="m/s", value=history.v[-1, 0, 1], expected=e * speed,
+                       bound=bound * speed, why=why,
                   mend="the relative normal velocity after an impact is -restitution times that before"),
         ]  # fmt: skip
 
-    return Probe(name="rebound", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+    return Probe(
+        title="rebound", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms
+    )
 
 
 def damped(info: EngineInfo, form: str) -> Probe:
@@ -330,7 +364,7 @@ def damped(info: EngineInfo, form: str) -> Probe:
     step, count = xi * numerics.dt, numerics.n_steps
     second = speed * step * count * step**2
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         if form == "central":
             expected, bound, why = speed * math.exp(-step * count), second, "second order: xi t (xi dt)^2"
         elif info.scheme == "central-difference":
@@ -344,24 +378,14 @@ def damped(info: EngineInfo, form: str) -> Probe:
             )
         mend = "global damping is the force -xi m v (and the moment -xi I omega); see Numerics.damping_form for the velocity that it sees"
         return [
-            Claim(
+            ClosedForm(
                 quantity="v", unit="m/s", value=history.v[-1, 0, 0], expected=expected, bound=bound, why=why, mend=mend
             )
         ]
 
-    return Probe(name=f"damping, {form}", setup=Setup(scene=scene, numerics=numerics, watch=()), claims=claims)
-
-
-STEPS = 100
-"""Steps in the quarter period, or half contact, that a probe follows."""
-
-OMEGA = math.sqrt(KN / M)
-"""Angular frequency of a disk on its contact spring [rad/s]."""
-
-FIRST_ORDER = 0.5 * math.pi * (0.5 * math.pi / STEPS)
-"""omega t times omega dt at the end of a quarter period: the relative error that a first-order scheme may have made."""
-
-WHY = "first order in the step: omega t omega dt"
+    return Probe(
+        title=f"damping, {form}", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms
+    )
 
 
 def impact(beta: float = 0.0) -> Probe:
@@ -372,23 +396,23 @@ def impact(beta: float = 0.0) -> Probe:
     numerics = Numerics(dt=half / STEPS, n_steps=STEPS, sample_from=STEPS // 2)
     deepest = speed / OMEGA
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         times = numerics.sampled_steps() * numerics.dt
         overlap, rate, force = contact_history(times[1:], kn=KN, m_eff=M, beta=beta, speed=speed)
         late = FIRST_ORDER + 0.5 * math.pi / STEPS
         # The dashpot acts in full from the first moment on, and a scheme of half steps feels it half a step late.
         strongest = KN * deepest * (1.0 + 2.0 * beta)
         return [
-            Claim(quantity="overlap", unit="m", value=R - history.x[1:, 0, 1], expected=overlap, bound=FIRST_ORDER * deepest, why=WHY,
+            ClosedForm(quantity="overlap", unit="m", value=R - history.x[1:, 0, 1], expected=overlap, bound=FIRST_ORDER * deepest, why=WHY,
                   mend="the normal force is kn overlap" + (" + c rate, c = 2 beta sqrt(m_eff kn)" if beta else "")),
-            Claim(quantity="v", unit="m/s", value=history.v[1:, 0, 1], expected=-rate, bound=late * speed, why=WHY),
-            Claim(quantity="fn", unit="N", value=history.fn[1:, 0], expected=force, bound=2.0 * late * strongest,
+            ClosedForm(quantity="v", unit="m/s", value=history.v[1:, 0, 1], expected=-rate, bound=late * speed, why=WHY),
+            ClosedForm(quantity="fn", unit="N", value=history.fn[1:, 0], expected=force, bound=2.0 * late * strongest,
                   why=f"{WHY}, and the force of a step before or after",
                   mend="fn is a force in N at t, or the impulse of the step that ends at t divided by dt (force_meaning)"),
         ]  # fmt: skip
 
     name = "spring and dashpot" if beta else "spring"
-    return Probe(name=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+    return Probe(title=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms)
 
 
 def rolling(arm: LeverArm, *, sunk: float = 0.2, speed: float = 0.5, force: float = 0.0) -> Probe:
@@ -412,30 +436,30 @@ def rolling(arm: LeverArm, *, sunk: float = 0.2, speed: float = 0.5, force: floa
     pull = ks * speed / omega  # of the slip at the end
     apart = 0.01 * R
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         x, v = float(history.x[-1, 0, 0]), float(history.v[-1, 0, 0])
         angle, spin, fs = float(history.angle[-1, 0]), float(history.omega[-1, 0]), float(history.fs[-1, 0])
         impulse = pull / omega if speed else -force / omega
         torque_seen = inertia * spin / (M * (v - speed)) if v != speed else math.nan
         slip_seen = (-fs / ks - x) / angle if angle else math.nan
         found = [
-            Claim(quantity="v", unit="m/s", value=v, expected=speed - impulse / M, bound=2.0 * FIRST_ORDER * abs(impulse) / M, why=WHY,
+            ClosedForm(quantity="v", unit="m/s", value=v, expected=speed - impulse / M, bound=2.0 * FIRST_ORDER * abs(impulse) / M, why=WHY,
                   mend="the shear force grows by ks times the slip of each step; Scene.initial_shear is where it begins"),
-            Claim(quantity="arm of the torque, I omega / m (v - v0)", unit="m", value=torque_seen,
+            ClosedForm(quantity="arm of the torque, I omega / m (v - v0)", unit="m", value=torque_seen,
                   expected=torque_arm, bound=apart, why="a tenth of what the lever arms differ by",
                   mend="the shear torque's arm is that of ContactLaw.lever_arm; declare only the ones that the engine has"),
         ]  # fmt: skip
         if speed:
             found += [
-                Claim(quantity="fs", unit="N", value=fs, expected=-pull, bound=2.0 * FIRST_ORDER * pull, why=WHY),
-                Claim(quantity="arm of the slip, (-fs/ks - x)/angle", unit="m", value=slip_seen, expected=slip_arm,
+                ClosedForm(quantity="fs", unit="N", value=fs, expected=-pull, bound=2.0 * FIRST_ORDER * pull, why=WHY),
+                ClosedForm(quantity="arm of the slip, (-fs/ks - x)/angle", unit="m", value=slip_seen, expected=slip_arm,
                       bound=apart, why="a tenth of what the lever arms differ by",
                       mend="the slip by rotation uses the arm of ContactLaw.lever_arm"),
             ]  # fmt: skip
         return found
 
     name = f"preload, arm {arm}" if force else f"rolling, arm {arm}"
-    return Probe(name=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+    return Probe(title=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms)
 
 
 def passing(info: EngineInfo, slip_at: SlipAt) -> Probe:
@@ -444,32 +468,34 @@ def passing(info: EngineInfo, slip_at: SlipAt) -> Probe:
     It passes the other's centre at the distance h with the speed v: the slip is the integral of ``v h/r`` over the time, and the
     rectangle rule of the steps' ends adds ``dt/2`` times what its integrand grows by.
     """
-    speed, height, way, count = 1.0, 0.5 * R, 1.5 * R, 50
-    dt = way / speed / count
-    # In the time T of the way a contact moves disks by some kn overlap T^2/m: round-off of the way.
-    kn = 1e-12 * M * (speed / way) ** 2
+    speed, height, distance, count = 1.0, 0.5 * R, 1.5 * R, 50
+    dt = distance / speed / count
+    # In the time T of the distance a contact moves disks by some kn overlap T^2/m: round-off of the distance.
+    kn = 1e-12 * M * (speed / distance) ** 2
     # Slips of up to 0.9 R on overlaps of 0.4 R and more do not reach the cone.
     contact = ContactLaw(kn=kn, ks=kn, mu=10.0, slip_at=slip_at)
     turning = Capability.BLOCKED_ROTATION not in info.capabilities
     scene = Scene(
-        disks=some_disks(x=[[0.0, 0.0], [-way, height]], v=[[0.0, 0.0], [speed, 0.0]], rotating=[turning, turning]),
+        disks=some_disks(
+            x=[[0.0, 0.0], [-distance, height]], v=[[0.0, 0.0], [speed, 0.0]], rotating=[turning, turning]
+        ),
         disk_disk=contact,
     )
     numerics = Numerics(dt=dt, n_steps=count, contact_dt=dt, sample_from=count)
-    grown = speed * (1.0 - height / math.hypot(way, height))
-    slip = height * math.asinh(way / height) + (0.5 * dt * grown if slip_at == "end" else 0.0)
+    grown = speed * (1.0 - height / math.hypot(distance, height))
+    slip = height * math.asinh(distance / height) + (0.5 * dt * grown if slip_at == "end" else 0.0)
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         return [
-            Claim(quantity="slip, -fs/ks", unit="m", value=-history.fs[-1, 0] / kn, expected=slip,
+            ClosedForm(quantity="slip, -fs/ks", unit="m", value=-history.fs[-1, 0] / kn, expected=slip,
                   bound=0.125 * dt * grown, why="a quarter of what the two places in the step differ by",
                   mend="the slip of the half step's velocities is measured with the normal of ContactLaw.slip_at"),
         ]  # fmt: skip
 
     return Probe(
-        name=f"passing, slip at the {slip_at}",
+        title=f"passing, slip at the {slip_at}",
         setup=Setup(scene=scene, numerics=numerics, watch=((0, 1),)),
-        claims=claims,
+        closed_forms=closed_forms,
     )
 
 
@@ -494,7 +520,7 @@ def driven(info: EngineInfo, motion: str) -> Probe:
     numerics = Numerics(dt=dt, n_steps=count)
     eps = round_off(info)
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         t = numerics.sampled_steps() * dt
         floor = amplitude * (1.0 - np.cos(frequency * t)) if motion == "curved" else speed * t
         turned = speed / lever * t if motion == "turning" else 0.0 * t
@@ -513,42 +539,47 @@ def driven(info: EngineInfo, motion: str) -> Probe:
         bound += speed * end * float(turned[-1])
         mend = "a wall pushes where it is at t_n, pose by WallSegment: move it every step"
         return [
-            Claim(quantity="way of the disk", unit="m", value=history.x[:, 0, 1] - R, expected=carried, bound=bound, why=why, mend=mend),
-            Claim(quantity="wall_point", unit="m", value=history.wall_point[:, 0], expected=np.column_stack([0.0 * t, height]),
+            ClosedForm(quantity="way of the disk", unit="m", value=history.x[:, 0, 1] - R, expected=carried,
+                       bound=bound, why=why, mend=mend),
+            ClosedForm(quantity="wall_point", unit="m", value=history.wall_point[:, 0], expected=np.column_stack([0.0 * t, height]),
                   bound=10 * eps, why="a prescribed motion", mend="wall_point is the wall's reference point, moved with it"),
-            Claim(quantity="wall_angle", unit="rad", value=history.wall_angle[:, 0], expected=0.5 * math.pi + turned, bound=10 * eps,
+            ClosedForm(quantity="wall_angle", unit="rad", value=history.wall_angle[:, 0], expected=0.5 * math.pi + turned, bound=10 * eps,
                   why="a prescribed motion", mend="wall_angle is the direction of the wall's normal [rad]"),
         ]  # fmt: skip
 
-    return Probe(name=f"{motion} wall", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+    return Probe(
+        title=f"{motion} wall", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms
+    )
 
 
 def squeezed(info: EngineInfo) -> Probe:
     """The static limit: a disk between a floor and a lid that comes down takes half of the way at either contact."""
     contact = law(info, ks=0.0)
-    way, count = 1e-3, 5
+    displacement, count = 1e-3, 5
     lid = Wall(
-        name="lid", point=(0.0, 2.0 * R), normal=(0.0, -1.0), law=contact, motion=(WallSegment(velocity=(0.0, -way)),)
+        name="lid",
+        point=(0.0, 2.0 * R),
+        normal=(0.0, -1.0),
+        law=contact,
+        motion=(WallSegment(velocity=(0.0, -displacement)),),
     )
     floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=contact)
     scene = Scene(disks=some_disks(x=[[0.0, R]]), disk_disk=contact, walls=(floor, lid))
     numerics = Numerics(dt=1.0, n_steps=count, regime="quasi-static")
 
-    def claims(history: History) -> list[Claim]:
-        down = 0.5 * way * numerics.sampled_steps()
+    def closed_forms(history: History) -> list[ClosedForm]:
+        down = 0.5 * displacement * numerics.sampled_steps()
         bound = contact_error(info)
         return [
-            Claim(quantity="fn", unit="N", value=history.fn, expected=np.column_stack([KN * down, KN * down]),
+            ClosedForm(quantity="fn", unit="N", value=history.fn, expected=np.column_stack([KN * down, KN * down]),
                   bound=bound * KN * float(down[-1]), why="the solver's tolerance", mend="each step ends in equilibrium"),
-            Claim(quantity="way of the disk", unit="m", value=R - history.x[:, 0, 1], expected=down, bound=bound * float(down[-1]),
+            ClosedForm(quantity="way of the disk", unit="m", value=R - history.x[:, 0, 1], expected=down, bound=bound * float(down[-1]),
                   why="the solver's tolerance"),
         ]  # fmt: skip
 
-    return Probe(name="squeezed", setup=Setup(scene=scene, numerics=numerics, watch=((0, 1), (0, 2))), claims=claims)
-
-
-FLAT = 0.6
-"""Half-axis of the ellipse across the floor, over that along it."""
+    return Probe(
+        title="squeezed", setup=Setup(scene=scene, numerics=numerics, watch=((0, 1), (0, 2))), closed_forms=closed_forms
+    )
 
 
 def ellipse_at_rest(info: EngineInfo) -> Probe:
@@ -564,18 +595,20 @@ def ellipse_at_rest(info: EngineInfo) -> Probe:
     numerics = Numerics(dt=0.002, n_steps=20, sample_from=20)
     allowed = contact_error(info)
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         why = "equilibrium: round-off and the solver's tolerance"
         mend = "the body's surface is its outline, turned by Disks.angle, not the circle of Disks.radius around it"
         return [
-            Claim(quantity="fn", unit="N", value=history.fn[-1], expected=[M * G], bound=allowed * M * G, why=why, mend=mend),
-            Claim(quantity="gap", unit="m", value=history.gap[-1], expected=[-overlap], bound=max(1e-9, allowed * overlap),
+            ClosedForm(quantity="fn", unit="N", value=history.fn[-1], expected=[M * G], bound=allowed * M * G, why=why, mend=mend),
+            ClosedForm(quantity="gap", unit="m", value=history.gap[-1], expected=[-overlap], bound=max(1e-9, allowed * overlap),
                   why=why, mend=mend),
-            Claim(quantity="angle", unit="rad", value=history.angle[-1], expected=[0.0], bound=allowed, why=why,
+            ClosedForm(quantity="angle", unit="rad", value=history.angle[-1], expected=[0.0], bound=allowed, why=why,
                   mend="the flat side is the stable one, and angles count from time 0"),
         ]  # fmt: skip
 
-    return Probe(name="ellipse at rest", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+    return Probe(
+        title="ellipse at rest", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms
+    )
 
 
 def lens_on_floor() -> Probe:
@@ -593,15 +626,17 @@ def lens_on_floor() -> Probe:
     scene = on_floor(ContactLaw(kn=KN, contact="area"), overlap=depth, gravity=(0.0, -force / M))
     numerics = Numerics(dt=0.002, n_steps=5)
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         return [
-            Claim(quantity="fn", unit="N", value=history.fn[:, 0], expected=[force] * len(history.fn), bound=1e-9 * force,
+            ClosedForm(quantity="fn", unit="N", value=history.fn[:, 0], expected=[force] * len(history.fn), bound=1e-9 * force,
                   why="round-off: the disk is in equilibrium", mend="fn = U'(A) times the chord, see ContactLaw.contact"),
-            Claim(quantity="gap", unit="m", value=history.gap[:, 0], expected=[-depth] * len(history.gap), bound=1e-9 * R,
+            ClosedForm(quantity="gap", unit="m", value=history.gap[:, 0], expected=[-depth] * len(history.gap), bound=1e-9 * R,
                   why="round-off: the disk is in equilibrium"),
         ]  # fmt: skip
 
-    return Probe(name="lens on a floor", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), claims=claims)
+    return Probe(
+        title="lens on a floor", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms
+    )
 
 
 def held(info: EngineInfo) -> Probe:
@@ -610,15 +645,15 @@ def held(info: EngineInfo) -> Probe:
     scene = Scene(disks=moved, disk_disk=law(info), gravity=(1.0, -2.0))
     numerics = Numerics(dt=0.01, n_steps=20)
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         t = numerics.sampled_steps() * numerics.dt
         return [
-            Claim(quantity="v", unit="m/s", value=history.v[:, 0], expected=np.column_stack([np.full(len(t), 0.3), -2.0 * t]),
+            ClosedForm(quantity="v", unit="m/s", value=history.v[:, 0], expected=np.column_stack([np.full(len(t), 0.3), -2.0 * t]),
                   bound=10 * round_off(info), why="round-off", mend="a held component keeps its velocity, the other one stays free"),
-            Claim(quantity="x", unit="m", value=history.x[:, 0, 0], expected=0.3 * t, bound=10 * round_off(info), why="round-off"),
+            ClosedForm(quantity="x", unit="m", value=history.x[:, 0, 0], expected=0.3 * t, bound=10 * round_off(info), why="round-off"),
         ]  # fmt: skip
 
-    return Probe(name="held", setup=Setup(scene=scene, numerics=numerics, watch=()), claims=claims)
+    return Probe(title="held", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms)
 
 
 def fixed(info: EngineInfo) -> Probe:
@@ -631,18 +666,50 @@ def fixed(info: EngineInfo) -> Probe:
     numerics = Numerics(dt=0.002, n_steps=20)
     allowed = contact_error(info)
 
-    def claims(history: History) -> list[Claim]:
+    def closed_forms(history: History) -> list[ClosedForm]:
         why = "round-off: nothing moves it"
         slack = 1e-9 if has_springs(info) else max(1e-3, allowed) * R
         return [
-            Claim(quantity="x of the fixed disks", unit="m", value=history.x[-1, [0, 2]], expected=[x[0], x[2]], bound=round_off(info),
+            ClosedForm(quantity="x of the fixed disks", unit="m", value=history.x[-1, [0, 2]], expected=[x[0], x[2]], bound=round_off(info),
                   why=why, mend="a disk that is held at rest in both directions and does not turn stays: gravity and contacts move it not"),
-            Claim(quantity="v of the fixed disks", unit="m/s", value=history.v[-1, [0, 2]], expected=np.zeros((2, 2)), bound=0.0, why=why),
-            Claim(quantity="y of the disk on top", unit="m", value=history.x[-1, 1, 1], expected=x[1][1], bound=slack,
+            ClosedForm(quantity="v of the fixed disks", unit="m/s", value=history.v[-1, [0, 2]], expected=np.zeros((2, 2)),
+                       bound=0.0, why=why),
+            ClosedForm(quantity="y of the disk on top", unit="m", value=history.x[-1, 1, 1], expected=x[1][1], bound=slack,
                   why="kn gap = weight" if has_springs(info) else "rigid disks may sink by a thousandth of their radius",
                   mend="a fixed disk bears contacts as a wall does"),
-            Claim(quantity="fn of the pair (0, 1)", unit="N", value=history.fn[-1, 0], expected=M * G, bound=float(allowed * M * G),
+            ClosedForm(quantity="fn of the pair (0, 1)", unit="N", value=history.fn[-1, 0], expected=M * G, bound=float(allowed * M * G),
                   why="equilibrium: round-off and the solver's tolerance"),
         ]  # fmt: skip
 
-    return Probe(name="fixed", setup=Setup(scene=scene, numerics=numerics, watch=((0, 1),)), claims=claims)
+    return Probe(title="fixed", setup=Setup(scene=scene, numerics=numerics, watch=((0, 1),)), closed_forms=closed_forms)
+
+
+def probe_of(capability: Capability, info: EngineInfo) -> Probe:
+    """The probe of a capability, in the engine's own kind of contact where it may be springs or rigid."""
+    arms: dict[Capability, LeverArm] = {held_by: name for name, held_by in LEVER_ARMS.items()}
+    own: LeverArm = next((arm for held_by, arm in arms.items() if held_by in info.capabilities), "radius")
+    if capability in arms:
+        return rolling(arms[capability])
+    return {
+        Capability.LINEAR_CONTACT: lambda: impact(),
+        Capability.SHEAR_SPRING: lambda: rolling(own, sunk=SHALLOW),
+        Capability.FRICTION: lambda: sliding(info, rotating=False),
+        Capability.CONTACT_DAMPING: lambda: impact(beta=0.2),
+        Capability.RESTITUTION: lambda: rebound(info),
+        Capability.GLOBAL_DAMPING_CENTRAL: lambda: damped(info, "central"),
+        Capability.GLOBAL_DAMPING_LAGGED: lambda: damped(info, "lagged"),
+        Capability.MOVING_WALLS: lambda: driven(info, "moving"),
+        Capability.ROTATING_WALLS: lambda: driven(info, "turning"),
+        Capability.CURVED_WALL_MOTION: lambda: driven(info, "curved"),
+        Capability.GRAVITY: lambda: fall(info),
+        Capability.BLOCKED_ROTATION: lambda: sliding(info, rotating=False),
+        Capability.HELD_MOTION: lambda: held(info),
+        Capability.FIXED_DISKS: lambda: fixed(info),
+        Capability.QUASI_STATIC: lambda: squeezed(info),
+        Capability.PRELOAD: lambda: rolling(own, sunk=SHALLOW, speed=0.0, force=-1.0),
+        Capability.DISK_INERTIA: lambda: sliding(info, rotating=True),
+        Capability.SLIP_MIDDLE: lambda: passing(info, "middle"),
+        Capability.SLIP_END: lambda: passing(info, "end"),
+        Capability.OUTLINES: lambda: ellipse_at_rest(info),
+        Capability.AREA_CONTACT: lambda: lens_on_floor(),
+    }[capability]()
