@@ -15,7 +15,7 @@ from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledE
 from ninedisk.harness.api.registry import get_case, get_engine
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 from ninedisk.harness.run.matched import core_history
 from ninedisk.harness.run.warden import owned
 

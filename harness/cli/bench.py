@@ -14,7 +14,7 @@ import typer
 from ninedisk.harness.cli.support import INTERRUPTED, fail, guarded
 
 if TYPE_CHECKING:
-    from ninedisk.harness.results.tables import Row
+    from ninedisk.harness.results.schema import Row
 WritePage = Callable[[Mapping[str, Any], Path], None]
 SUITES = ("dem", "cd", "flow", "harness")
 FAILED, BROKEN = 1, 3

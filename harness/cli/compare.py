@@ -30,8 +30,9 @@ from ninedisk.harness.results.compare import (
     worth_showing,
 )
 from ninedisk.harness.results.history import history
+from ninedisk.harness.results.reader import run_ids
 from ninedisk.harness.results.schema import Comparison, History, RunFacts
-from ninedisk.harness.results.store import in_order, load_snapshot, run_ids
+from ninedisk.harness.results.store import in_order, load_snapshot
 
 if TYPE_CHECKING:
     from ninedisk.harness.results.schema import Comparison, History

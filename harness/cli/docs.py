@@ -20,8 +20,8 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import allowed, format_value
 from ninedisk.harness.api.registry import case_table, engine_table, get_case
 from ninedisk.harness.cli.support import guarded
-from ninedisk.harness.results.schema import tolerance
-from ninedisk.harness.results.tables import Row, plain_json
+from ninedisk.harness.results.schema import Row, tolerance
+from ninedisk.harness.results.tables import plain_json
 from ninedisk.harness.run.judge import largest
 from ninedisk.harness.run.plan import Cell, plan_matrix
 from ninedisk.harness.run.runner import dry_checks

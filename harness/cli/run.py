@@ -21,9 +21,9 @@ from ninedisk.harness.api.errors import StoreError, UsageError
 from ninedisk.harness.api.registry import match_cases, problems
 from ninedisk.harness.cli.support import FAILURE, CellProgress, console, fail, table
 from ninedisk.harness.results.claims import judge_claims
-from ninedisk.harness.results.schema import WORST_FIRST, row_tolerance
+from ninedisk.harness.results.schema import WORST_FIRST, Row, row_tolerance
 from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
-from ninedisk.harness.results.tables import CaseResult, Row, plain_json
+from ninedisk.harness.results.tables import CaseResult, plain_json
 from ninedisk.harness.results.whole_file import check_writable, write_whole
 from ninedisk.harness.run.judge import exit_code
 from ninedisk.harness.run.matrix import run_cells
@@ -189,7 +189,7 @@ def show_summary(
     Parameters
     ----------
     cells, rows : sequence of dict
-        With the columns of `records.CELL_COLUMNS` and `records.MEASUREMENT_COLUMNS`.
+        With the columns of `schema.CELL_COLUMNS` and `schema.MEASUREMENT_COLUMNS`.
     folder : Path or None
         The stored run, ``STORE/runs/ID``; None: there is none.
     everything : bool

@@ -12,7 +12,7 @@ import typer
 from ninedisk.harness.cli.support import FAILURE, fail, guarded
 
 if TYPE_CHECKING:
-    from ninedisk.harness.results.tables import Row
+    from ninedisk.harness.results.schema import Row
     from ninedisk.harness.selftest.defect import Defect
 WritePage = Callable[[Sequence["Row"], Path], None]
 MISSED = 1

@@ -16,14 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.tables import CaseResult
 from ninedisk.references.claims import Claim, load_claims
 
 _RAN = frozenset({"pass", "fail", "known-gap", "gap-closed", "no-truth"})
 
 
 def judge_claims(results: Sequence[CaseResult]) -> list[Row]:
-    """A row of `records.CLAIM_COLUMNS` for each claim and engine of the run.
+    """A row of `schema.CLAIM_COLUMNS` for each claim and engine of the run.
 
     A claim whose case the run does not hold has one row without an engine, undecided, with that reason.
     """

@@ -20,22 +20,11 @@ from xml.etree import ElementTree
 from ninedisk.harness.api.errors import StoreError, UsageError, close_matches
 from ninedisk.harness.api.text import duration, printable, short, times
 from ninedisk.harness.results.export import FORMATS, read_export
+from ninedisk.harness.results.reader import CellKey, moment, read_about, run_facts, run_ids
 from ninedisk.harness.results.rules import ERROR_RULE, LEAST, TIMING_RULE, error_of, judge_errors, judge_timings
-from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison, RunFacts, row_tolerance
-from ninedisk.harness.results.store import (
-    BROKEN,
-    NOT_RUN,
-    CellKey,
-    CheckKey,
-    Snapshot,
-    in_order,
-    load_snapshot,
-    moment,
-    read_about,
-    run_facts,
-    run_ids,
-)
-from ninedisk.harness.results.tables import Row, plain_json
+from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison, Row, RunFacts, row_tolerance
+from ninedisk.harness.results.store import BROKEN, NOT_RUN, CheckKey, Snapshot, in_order, load_snapshot
+from ninedisk.harness.results.tables import plain_json
 
 NAN = float("nan")
 TIMINGS = {"advance_s": "stepping", "setup_s": "set-up"}
@@ -91,7 +80,7 @@ def growth(change: Change) -> float:
 
 
 def counts(comparison: Comparison) -> dict[str, int]:
-    """How many changes have each verdict, in the order of `records.CHANGE_VERDICTS`."""
+    """How many changes have each verdict, in the order of `schema.CHANGE_VERDICTS`."""
     found = Counter(change.verdict for change in comparison.changes)
     return {verdict: found[verdict] for verdict in CHANGE_VERDICTS}
 

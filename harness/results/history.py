@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ninedisk.harness.results.compare import EVERY, TIMINGS, Side, compare
+from ninedisk.harness.results.reader import CellKey
 from ninedisk.harness.results.rules import (
     ERROR_RULE,
     MANY,
@@ -18,9 +19,8 @@ from ninedisk.harness.results.rules import (
     error_shifts,
     timing_shifts,
 )
-from ninedisk.harness.results.schema import Comparison, History, Line, Point, row_tolerance
-from ninedisk.harness.results.store import BROKEN, CellKey, Snapshot
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Comparison, History, Line, Point, Row, row_tolerance
+from ninedisk.harness.results.store import BROKEN, Snapshot
 
 AROUND = 10
 """Runs on each side of a mark that give the timings of the comparison around it."""

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.harness.api.text import short
-from ninedisk.harness.results.schema import Point, Shift, row_tolerance
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Point, Row, Shift, row_tolerance
 
 QUIET = 0.1
 """Fraction of its tolerance below which an error may move freely."""
@@ -43,7 +42,7 @@ def grew(before: float, after: float, allowed: float, factor: float = GROWTH) ->
 
 
 def judge_errors(base: Row, head: Row) -> tuple[str, str]:
-    """Verdict (one of `records.CHANGE_VERDICTS`) and reason for a check before and after."""
+    """Verdict (one of `schema.CHANGE_VERDICTS`) and reason for a check before and after."""
     before, after = error_of(base), error_of(head)
     allowed_before, allowed = row_tolerance(base), row_tolerance(head)
     moved = abs(allowed - allowed_before) > 0.01 * max(allowed, allowed_before)

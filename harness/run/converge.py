@@ -25,7 +25,8 @@ from ninedisk.harness.api.case import Case, Check, Observed, Setup
 from ninedisk.harness.api.engine import Engine, EngineInfo
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.engines.spring import contact_steps, laws_in_use
-from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.judge import expected_series
 from ninedisk.harness.run.plan import Cell, plan_case
 from ninedisk.harness.run.runner import run_cell

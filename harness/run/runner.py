@@ -1,6 +1,6 @@
 """Runs one cell: a variant of a case on an engine, held against every truth that binds it; `ninedisk.harness.run.matrix` runs many.
 
-Columns of `records.CELL_COLUMNS`, as they become known while a cell runs, and results of cells that did not run to their end.
+Columns of `schema.CELL_COLUMNS`, as they become known while a cell runs, and results of cells that did not run to their end.
 
 Which checks a cell will have, found without running its engine.
 """
@@ -28,17 +28,9 @@ from ninedisk.harness.api.engine import (
     SupportLevel,
 )
 from ninedisk.harness.api.params import foreign_settings
-from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS
-from ninedisk.harness.results.tables import (
-    CaseResult,
-    Row,
-    complete,
-    measurement_row,
-    plain_json,
-    reference_blocks,
-    series_blocks,
-)
-from ninedisk.harness.run.judge import cell_verdict
+from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, Row
+from ninedisk.harness.results.tables import CaseResult, complete, plain_json
+from ninedisk.harness.run.judge import cell_verdict, curves, measurement_row, reference_curves
 from ninedisk.harness.run.observation import blank_history, check_history, frames
 from ninedisk.harness.run.plan import Cell, request_command
 from ninedisk.harness.run.published import published_checks
@@ -149,8 +141,8 @@ def _measure(
     return CaseResult(
         cell=complete(cell_row, CELL_COLUMNS),
         rows=rows,
-        series_blocks=series_blocks(names, observed, checks),
-        reference_blocks=reference_blocks(names[:2], observed, checks),
+        curves=curves(names, observed, checks),
+        reference_curves=reference_curves(names[:2], observed, checks),
         setup=setup,
         history=run.history,
         observed=observed,

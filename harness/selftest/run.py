@@ -24,7 +24,8 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.case import Setup
 from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, EngineRun, Support
-from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.isolation import end_commands, run_isolated
 from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.runner import run_cell

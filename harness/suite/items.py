@@ -23,8 +23,8 @@ import pytest
 from ninedisk.harness.api.case import Variant
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import match_cases
-from ninedisk.harness.results.schema import row_tolerance
-from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.results.schema import Row, row_tolerance
+from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.plan import Cell, plan_matrix, run_command
 from ninedisk.harness.run.runner import check_ids, dry_checks, last_lines, run_cell
 from ninedisk.harness.suite.gaps import KnownGap, gap_of, read_gaps

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from ninedisk.harness.cli.app import app
+from ninedisk.harness.results.reader import run_facts, run_ids
 from ninedisk.harness.results.schema import MEASUREMENT_COLUMNS
-from ninedisk.harness.results.store import run_facts, run_ids
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from ninedisk.harness.results.store import run_ids
+from ninedisk.harness.results.reader import run_ids
 
 
 def command(*arguments: str) -> list[str]:

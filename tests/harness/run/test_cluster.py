@@ -11,7 +11,7 @@ import pytest
 import ninedisk
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cli.run import execute
-from ninedisk.harness.results.store import run_facts, run_ids
+from ninedisk.harness.results.reader import run_facts, run_ids
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.cluster import connected
 from ninedisk.harness.run.matrix import run_cells

@@ -162,8 +162,8 @@ def test_a_users_curve_joins(tmp_path: Path) -> None:
     assert rows.loc["published", "abs_error"] == pytest.approx(0.01)
     assert rows.loc["published", "atol"] == 0.02
     assert rows.loc["published", "source"] == "Digitised fall: somebody 1979, figure 1"
-    curves = [block for block in result.reference_blocks if block.columns["truth"] == "published"]
-    assert [block.length for block in curves] == [7]
+    curves = [curve for curve in result.reference_curves if curve["truth"] == "published"]
+    assert [len(curve["step"]) for curve in curves] == [7]
     assert len(run_case("fake/fall", engine="fake-good", params={"a": 1}, published=folder).rows) == 2
     strict = digitise(tmp_path / "strict", uncertainty=0.005)
     assert run_case("fake/fall", engine="fake-good", params={"a": 2}, published=strict).status == "fail"
