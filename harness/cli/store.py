@@ -8,11 +8,8 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import guarded
+from ninedisk.harness.cli.support import Store, console, guarded, table
 from ninedisk.harness.results.schema import Row
-
-Store = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the stored results.")]
-"""Option of every command that reads or writes results."""
 
 
 def register(app: typer.Typer) -> None:
@@ -37,7 +34,6 @@ def runs(store: Store = Path("results")) -> None:
       ninedisk runs --store nightly
     """
     from ninedisk.harness.api.text import printable
-    from ninedisk.harness.cli.support import console, table
     from ninedisk.harness.results.schema import WORST_FIRST
     from ninedisk.harness.results.store import listed
 

@@ -19,7 +19,7 @@ from ninedisk.harness.results.rules import (
     error_shifts,
     timing_shifts,
 )
-from ninedisk.harness.results.schema import Comparison, History, Line, Point, Row, row_tolerance
+from ninedisk.harness.results.schema import Comparison, Line, Point, Row, StoreHistory, row_tolerance
 from ninedisk.harness.results.store import BROKEN, Snapshot
 
 AROUND = 10
@@ -29,7 +29,7 @@ LineKey = tuple[str, str, int, str, str, str, str, int]
 """Kind, case, case version, variant, engine, quantity, kind of truth, number of the check: one line on a machine."""
 
 
-def history(runs: Sequence[Snapshot], progress: Callable[[int, int], None] | None = None) -> History:
+def history(runs: Sequence[Snapshot], progress: Callable[[int, int], None] | None = None) -> StoreHistory:
     """Lines and marks of runs in their order in time, and the comparisons around the marks.
 
     Runs on different machines, and of different versions of a case, give different lines.
@@ -44,7 +44,7 @@ def history(runs: Sequence[Snapshot], progress: Callable[[int, int], None] | Non
         lines += _lines_of_machine(machine, [(number, runs[number]) for number in numbers])
     n_timings = sum(line.kind == "timing" for line in lines)
     marked = [line for line in _marked(lines, n_timings) if line.points]
-    return History(
+    return StoreHistory(
         runs=tuple(run.facts for run in runs),
         lines=tuple(marked),
         comparisons=_comparisons(runs, by_machine, marked),

@@ -300,7 +300,7 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class History:
+class StoreHistory:
     """All runs of a store, oldest first; ``comparisons`` holds those around shifts by numbers of the two runs."""
 
     runs: tuple[RunFacts, ...]

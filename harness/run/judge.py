@@ -1,4 +1,7 @@
-"""Pass or fail: errors of an observed quantity against a truth, from them statuses of checks and cells, and the rows that tell them."""
+"""From a history to pass or fail: its form, the errors of observed quantities against truths, statuses of checks and cells.
+
+The rows and curves that are stored of a cell are made here too, where their numbers are.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.harness.api.case import Check, Observed
+from ninedisk.core.history import History
+from ninedisk.harness.api.case import Check, Observed, Setup
+from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.results.schema import EXCUSED, MEASUREMENT_COLUMNS, Row, tolerance, worst_status
 from ninedisk.harness.results.tables import CurveColumns, complete
 
@@ -21,6 +26,46 @@ TRUTH_PREFERENCE = ("exact-step", "analytic", "converged", "published", "consens
 
 class CheckError(ValueError):
     """A check that does not fit the observed quantities; the mistake is the case's, not the engine's."""
+
+
+def blank_history(setup: Setup) -> History:
+    """A history of the right shapes that holds no number at all."""
+    steps = setup.numerics.sampled_steps()
+    return History.empty(
+        steps,
+        np.asarray(steps * setup.numerics.dt, dtype=np.float64),
+        n_disks=len(setup.scene.disks),
+        n_walls=len(setup.scene.walls),
+        pairs=tuple(setup.scene.check_pair(pair) for pair in setup.watch),
+    )
+
+
+def check_history(history: History, setup: Setup) -> None:
+    """Refuse an answer of the wrong form, before anything is computed from it.
+
+    Raises
+    ------
+    EngineError
+        If an array's shape or the sampled steps are not those that were asked for, times are wrong, or a
+        number is infinite.
+    """
+    wanted = blank_history(setup)
+    for name in ("step", "t", "x", "v", "angle", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force"):
+        array, want = np.asarray(getattr(history, name)), getattr(wanted, name)
+        if array.shape != want.shape:
+            raise EngineError(f"the engine answered {name} of shape {array.shape} instead of {want.shape}")
+        if array.dtype.kind not in "iuf":
+            raise EngineError(f"the engine answered {name} of type {array.dtype} instead of numbers")
+        if np.isinf(array).any():
+            row = int(np.argwhere(np.isinf(array))[0][0])
+            raise EngineError(f"the engine answered an infinite {name} at step {int(wanted.step[row])}")
+    if not np.array_equal(history.step, wanted.step):
+        raise EngineError("the engine sampled other steps than it was asked for")
+    # Engines may accumulate t by adding dt: round-off of n additions, far below a step.
+    if not np.allclose(history.t, wanted.t, rtol=1e-6, atol=1e-6 * setup.numerics.dt):
+        raise EngineError("the engine's times are not its steps times dt")
+    if history.pairs != wanted.pairs:
+        raise EngineError(f"the engine watched the contacts {history.pairs} instead of {wanted.pairs}")
 
 
 @dataclass(frozen=True, kw_only=True)

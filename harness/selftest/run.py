@@ -179,7 +179,7 @@ panel takes seconds to interpret. Results are the same."""
 Outcome = EngineRun | EngineError
 
 
-class Played:
+class EngineWithResult:
     """The real engine's card with a result that is there already."""
 
     def __init__(self, real: Engine, outcome: Outcome) -> None:
@@ -210,13 +210,13 @@ def outcomes(defect: Defect, cells: Sequence[Cell]) -> list[Outcome]:
     """
     check_edits(defect.edits)
     asked = [_setup(cell) for cell in cells]
-    told = [_told(defect, setup) for setup in asked]
+    given = [_given(defect, setup) for setup in asked]
     with tempfile.TemporaryDirectory(prefix="ninedisk-selftest-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
-        files = [folder / f"answer-{k}.json" for k in range(len(told))]
+        files = [folder / f"answer-{k}.json" for k in range(len(given))]
         requests = [
             encode_request(Request(scene=scene, numerics=numerics, watch=setup.watch, answer_file=str(file)))
-            for (scene, numerics), setup, file in zip(told, asked, files, strict=True)
+            for (scene, numerics), setup, file in zip(given, asked, files, strict=True)
         ]
         edits = [[edit.module, edit.old, edit.new] for edit in defect.edits]
         job = {"engine": defect.engine, "edits": edits, "requests": requests}
@@ -231,7 +231,7 @@ def outcomes(defect: Defect, cells: Sequence[Cell]) -> list[Outcome]:
         except EngineError as error:
             ended = str(error)
         found = []
-        for (scene, numerics), setup, file in zip(told, asked, files, strict=True):
+        for (scene, numerics), setup, file in zip(given, asked, files, strict=True):
             found.append(_read(file, scene, numerics, setup, ended))
         return found
 
@@ -250,7 +250,7 @@ def judged(cells: Sequence[Cell], found: Sequence[Outcome]) -> list[CaseResult]:
         if isinstance(cell.engine, Exception):
             raise cell.engine
         with np.errstate(all="ignore"):  # a wrong engine's numbers may be of any size
-            results.append(run_cell(replace(cell, engine=Played(cell.engine, outcome))))
+            results.append(run_cell(replace(cell, engine=EngineWithResult(cell.engine, outcome))))
     return results
 
 
@@ -260,7 +260,7 @@ def _setup(cell: Cell) -> Setup:
     return cell.setup
 
 
-def _told(defect: Defect, setup: Setup) -> tuple[Scene, Numerics]:
+def _given(defect: Defect, setup: Setup) -> tuple[Scene, Numerics]:
     if defect.before is None:
         return setup.scene, setup.numerics
     return defect.before(setup.scene, setup.numerics)

@@ -37,7 +37,7 @@ MEASURED = frozenset({"pass", "fail", "known-gap", "gap-closed", "no-truth"})
 class StoredCells:
     """Cells that may be judged from a store, newest first, and what there is to tell about it."""
 
-    told: str
+    message: str
     cells: Mapping[CellKey, tuple[str, Row]] = field(default_factory=dict)
     rows: Mapping[tuple[str, CellKey], list[Row]] = field(default_factory=dict)
 

@@ -477,24 +477,24 @@ def read_history_file(name: Any, folder: Path | None, arrays: Iterable[str]) -> 
     WireError
         If the file lies elsewhere, is none of this form, or holds arrays of other names or of objects.
     """
-    told = text_field(name, "history.file")
+    named = text_field(name, "history.file")
     if folder is None:
-        raise WireError(f"history.file is {told!r}, but this run has no folder for files: write the arrays themselves")
-    path = (folder / told).resolve()
+        raise WireError(f"history.file is {named!r}, but this run has no folder for files: write the arrays themselves")
+    path = (folder / named).resolve()
     if not path.is_relative_to(folder.resolve()) or not path.is_file():
         raise WireError(
-            f"history.file is {told!r}; expected a file in the folder of the request's answer_file, which is removed after "
+            f"history.file is {named!r}; expected a file in the folder of the request's answer_file, which is removed after "
             f"the run"
         )
     try:
         with np.load(path, allow_pickle=False) as file:
             found = {key: file[key] for key in file.files}
     except (OSError, ValueError, EOFError, TypeError, AttributeError, zlib.error, zipfile.BadZipFile) as error:
-        raise WireError(f"history.file {told!r} is no NPZ file of plain arrays ({error})") from error
+        raise WireError(f"history.file {named!r} is no NPZ file of plain arrays ({error})") from error
     allowed = ("step", *arrays)
     unknown = [key for key in found if key not in allowed and not key.startswith(ENERGY)]
     if unknown or "step" not in found:
         fault = f"has the unknown array(s) {', '.join(unknown)}" if unknown else "lacks the array step"
-        raise WireError(f"history.file {told!r} {fault}; expected {', '.join(allowed)} and {ENERGY}NAME")
+        raise WireError(f"history.file {named!r} {fault}; expected {', '.join(allowed)} and {ENERGY}NAME")
     energy = {key.removeprefix(ENERGY): array for key, array in found.items() if key.startswith(ENERGY)}
     return {"energy": energy} | {key: found.get(key) for key in allowed}

@@ -12,8 +12,7 @@ from ninedisk.core.history import History
 from ninedisk.harness.api.case import Case, Check, Observed, Setup
 from ninedisk.harness.api.engine import Engine, EngineInfo
 from ninedisk.harness.api.params import resolve
-from ninedisk.harness.run.judge import compare, judge
-from ninedisk.harness.run.observation import blank_history, check_history
+from ninedisk.harness.run.judge import blank_history, check_history, compare, judge
 
 
 @dataclass(frozen=True)

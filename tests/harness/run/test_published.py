@@ -14,8 +14,7 @@ from ninedisk.harness.api.case import Check, Observed
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import BUILTIN_CASES, case_table, get_case
-from ninedisk.harness.run.judge import compare, judge
-from ninedisk.harness.run.observation import blank_history
+from ninedisk.harness.run.judge import blank_history, compare, judge
 from ninedisk.harness.run.plan import plan_matrix
 from ninedisk.harness.run.published import check_folder, published_checks
 from ninedisk.references.published_values import load_entries, published_values
