@@ -37,6 +37,24 @@ if TYPE_CHECKING:
     from ninedisk.harness.run.cluster import Cluster
 
 
+MAX_LINES = 28
+"""Lines of table, reasons and notes together: with what stands around them a run ends within 40 lines of the terminal."""
+
+LEAST_OF_TABLE = 10
+"""Lines that reasons and notes leave to the table."""
+
+MAX_REASONS, REASON_LINES = 8, 14
+
+MAX_NOTES, NOTES_BESIDE_REASONS = 8, 3
+
+MAX_LENGTH = 300
+"""Letters of a reason where there is no room for all of them."""
+
+BAD = ("error", "timeout", "fail", "gap-closed")
+
+_NOT_RUN = ("unsupported", "not-installed")
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
     app.command("run", short_help="Run cases on engines and judge the results.")(run)
@@ -235,21 +253,6 @@ def _cluster(address: str | None) -> AbstractContextManager[Cluster | None]:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-MAX_LINES = 28
-"""Lines of table, reasons and notes together: with what stands around them a run ends within 40 lines of the terminal."""
-
-LEAST_OF_TABLE = 10
-"""Lines that reasons and notes leave to the table."""
-
-MAX_REASONS, REASON_LINES = 8, 14
-MAX_NOTES, NOTES_BESIDE_REASONS = 8, 3
-MAX_LENGTH = 300
-"""Letters of a reason where there is no room for all of them."""
-
-BAD = ("error", "timeout", "fail", "gap-closed")
-_NOT_RUN = ("unsupported", "not-installed")
 
 
 def show_summary(

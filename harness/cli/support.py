@@ -49,6 +49,10 @@ UNUSABLE = frozenset(
 """What the system says of a path that no command can use, whichever of them stumbles over it first."""
 
 
+PIPE_WIDTH = 200
+"""Columns where standard output is no terminal: wide enough that ids are not broken up."""
+
+
 def guarded(command: Callable[P, R]) -> Callable[P, R]:
     """Turn mistakes of the user into a message and exit code 2, anything unforeseen into code 3, Ctrl-C into 130."""
 
@@ -145,10 +149,6 @@ class CellProgress:
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.add_task(label, completed=done, total=total or None)
             self._bar.start()
-
-
-PIPE_WIDTH = 200
-"""Columns where standard output is no terminal: wide enough that ids are not broken up."""
 
 
 def console() -> Console:

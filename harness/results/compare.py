@@ -1,8 +1,7 @@
 """Two runs, or two groups of runs, side by side: what got worse, what got better, what cannot be compared.
 
-What the words BASE and HEAD of ``ninedisk compare`` mean: runs of a store, folders, exported files.
-
-A comparison as Markdown (GitHub's flavour) and as JUnit XML.
+`resolve` reads what the words BASE and HEAD of ``ninedisk compare`` mean: runs of a store, folders, exported files. A comparison
+is written as Markdown (GitHub's flavour), JUnit XML or JSON.
 """
 
 from __future__ import annotations
@@ -32,6 +31,21 @@ TIMINGS = {"advance_s": "stepping", "setup_s": "set-up"}
 
 EVERY = "all timings"
 """Stands where a case's id stands, for what all timings share."""
+
+
+_LATEST = re.compile(r"latest(?:~(\d+))?")
+
+MEANINGS = (
+    "give a run id (see `ninedisk runs`), latest, latest~1, a range such as latest~9..latest~5, a folder with runs, "
+    "or a file of `ninedisk export`"
+)
+
+MOST_ROWS = 100
+"""Rows of a Markdown table: GitHub cuts a summary at one megabyte, a reader tires earlier."""
+
+SYMBOLS = {"worse": "❌", "suspect": "⚠️", "lost": "⚠️", "not-comparable": "↔️", "better": "✅", "new": "➕", "same": "·"}
+
+_ACTIVE = re.compile(r"[\\`*\[\]<>|~@&#!$\"]|(?<=www)\.|:(?=//)")
 
 
 @dataclass(frozen=True)
@@ -228,13 +242,6 @@ def _every(verdict: str, before: float, after: float, reason: str) -> Change:
                    base_status="", head_status="")  # fmt: skip
 
 
-_LATEST = re.compile(r"latest(?:~(\d+))?")
-MEANINGS = (
-    "give a run id (see `ninedisk runs`), latest, latest~1, a range such as latest~9..latest~5, a folder with runs, "
-    "or a file of `ninedisk export`"
-)
-
-
 def resolve(word: str, store: Path) -> list[Snapshot]:
     """Runs that a word names, oldest first, at least one.
 
@@ -319,13 +326,6 @@ def _index(word: str, ids: list[str], store: Path) -> int:
     if found:
         raise UsageError(f"{word!r} is the beginning of {len(found)} runs of {str(store)!r}: give more of it")
     raise UsageError(f"{word!r} names no run of the store {str(store)!r}: {MEANINGS}.{close_matches(word, ids)}")
-
-
-MOST_ROWS = 100
-"""Rows of a Markdown table: GitHub cuts a summary at one megabyte, a reader tires earlier."""
-
-SYMBOLS = {"worse": "❌", "suspect": "⚠️", "lost": "⚠️", "not-comparable": "↔️", "better": "✅", "new": "➕", "same": "·"}
-_ACTIVE = re.compile(r"[\\`*\[\]<>|~@&#!$\"]|(?<=www)\.|:(?=//)")
 
 
 def headline(comparison: Comparison) -> str:

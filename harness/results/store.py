@@ -44,6 +44,22 @@ UNFINISHED = ".tmp-"
 """What the name of a half-written run begins with."""
 
 
+CheckKey = tuple[str, str, str, int]
+"""Quantity, norm, kind of truth, and a number that tells checks alike in these apart."""
+
+LEFT_OUT = ("setup", "frames", "settings")
+"""Columns of cells that are large and that no comparison reads."""
+
+CELLS = tuple(column for column in CELL_COLUMNS if column not in LEFT_OUT)
+
+BROKEN = frozenset({"error", "timeout"})
+
+NOT_RUN = frozenset({"unsupported", "not-installed"})
+
+STALE_SECONDS = 86400.0
+"""Age from which on a half-written folder is no longer anyone's: the longest main job takes a fraction of a day."""
+
+
 def new_run_id(now: datetime | None = None) -> str:
     """UTC time and a random tail: sorts by time, unique across machines."""
     moment = (now or datetime.now(UTC)).astimezone(UTC)
@@ -140,17 +156,6 @@ def _flush(path: Path) -> None:
         os.close(handle)
 
 
-CheckKey = tuple[str, str, str, int]
-"""Quantity, norm, kind of truth, and a number that tells checks alike in these apart."""
-
-LEFT_OUT = ("setup", "frames", "settings")
-"""Columns of cells that are large and that no comparison reads."""
-
-CELLS = tuple(column for column in CELL_COLUMNS if column not in LEFT_OUT)
-BROKEN = frozenset({"error", "timeout"})
-NOT_RUN = frozenset({"unsupported", "not-installed"})
-
-
 @dataclass(frozen=True)
 class Snapshot:
     """One run: ``checks`` are the measured quantities of each cell that ran."""
@@ -194,10 +199,6 @@ def snapshot(facts: RunFacts, cells: Iterable[Row], checks: Iterable[Row]) -> Sn
             number += 1
         of_cell[key] = row
     return Snapshot(facts, {cell_key(row): row for row in cells}, sorted_checks)
-
-
-STALE_SECONDS = 86400.0
-"""Age from which on a half-written folder is no longer anyone's: the longest main job takes a fraction of a day."""
 
 
 @dataclass(frozen=True)

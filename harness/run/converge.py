@@ -1,11 +1,8 @@
 """Orders of convergence: one variant of a case on one engine, its step halved again and again.
 
-Observed order of convergence from a step that is halved again and again: the rule, on plain numbers.
-
 Level ``k`` has the step ``h/2^k``. Errors against a truth fall like ``h^p``; so do the differences of neighbouring levels,
-which need no truth.
-
-What a scheme declares about its order, which step it has, and what round-off makes of a scene's quantities.
+which need no truth. `judge_order` is the rule, on plain numbers; what a scheme declares about its order, which step it has and
+what round-off makes of a scene's quantities stand at the end.
 """
 
 from __future__ import annotations

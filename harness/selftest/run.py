@@ -1,7 +1,4 @@
-"""The self-test: right engines first, then every wrong one, each held against all checks of its panel.
-
-Runs a wrong engine on the cells of its panel, and has its results judged like anyone's.
-"""
+"""The self-test: right engines first, then every wrong one, each run on the cells of its panel and held against all their checks."""
 
 from __future__ import annotations
 
@@ -38,6 +35,16 @@ Progress = Callable[[int, int, str], None]
 
 JUDGED = ("pass", "fail")
 """Statuses of checks that can fail; a known difference does not."""
+
+
+TIME_LIMIT = 300.0
+"""Seconds for one wrong engine on its whole panel; the right ones take some ten, a minute where kernels are interpreted."""
+
+INTERPRETED = frozenset({"dem"})
+"""Engines whose kernels are never compiled: the DEM's step is a single kernel that takes a quarter of a minute to compile, and the
+panel takes seconds to interpret. Results are the same."""
+
+Outcome = EngineRun | EngineError
 
 
 def run_selftest(
@@ -167,16 +174,6 @@ def _in_parallel(
                 time.sleep(0.02)
             raise
     return [rows[k] for k in range(len(defects))]
-
-
-TIME_LIMIT = 300.0
-"""Seconds for one wrong engine on its whole panel; the right ones take some ten, a minute where kernels are interpreted."""
-
-INTERPRETED = frozenset({"dem"})
-"""Engines whose kernels are never compiled: the DEM's step is a single kernel that takes a quarter of a minute to compile, and the
-panel takes seconds to interpret. Results are the same."""
-
-Outcome = EngineRun | EngineError
 
 
 class EngineWithResult:
