@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ninedisk.harness.results.tables import CaseResult
-    from ninedisk.harness.run.matrix import run_case, run_matrix
+    from ninedisk.harness.run.runner import run_case
+    from ninedisk.harness.run.workers import run_matrix
 
 __all__ = ["CaseResult", "run_case", "run_matrix"]
 
 _HOMES = {
     "CaseResult": "ninedisk.harness.results.tables",
-    "run_case": "ninedisk.harness.run.matrix",
-    "run_matrix": "ninedisk.harness.run.matrix",
+    "run_case": "ninedisk.harness.run.runner",
+    "run_matrix": "ninedisk.harness.run.workers",
 }
 
 

@@ -20,7 +20,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from ninedisk.harness.results.schema import History, Line, Point, RunFacts, Shift
+from ninedisk.harness.results.schema import Line, Point, RunFacts, Shift, StoreHistory
 from ninedisk.reports import studies as compare_page
 from ninedisk.reports import text
 from ninedisk.reports.folder import fresh_folder
@@ -30,12 +30,12 @@ MARKER = ".ninedisk-dashboard"
 """File that says: this folder is a dashboard and may be replaced."""
 
 
-def build_dashboard(history: History, out: Path, progress: Callable[[str, int, int], None]) -> Path:
+def build_dashboard(history: StoreHistory, out: Path, progress: Callable[[str, int, int], None]) -> Path:
     """Write the dashboard into the folder ``out``, which is replaced as a whole.
 
     Parameters
     ----------
-    history : History
+    history : StoreHistory
     out : Path
     progress : callable
         Called with a stage, the number of pieces done and their number.
@@ -395,7 +395,7 @@ def level(line: Line, value: float, at: int) -> str:
     return f"{text.error(value)} {line.unit}"
 
 
-def marks(history: History) -> list[Mark]:
+def marks(history: StoreHistory) -> list[Mark]:
     """Every mark, worst first."""
     found = [Mark(line, shift, k) for k, line in enumerate(history.lines) for shift in line.shifts]
     order = list(SEVERITIES)
@@ -431,7 +431,7 @@ SHOWN = 40
 class Pages:
     """All pages of one history."""
 
-    def __init__(self, history: History) -> None:
+    def __init__(self, history: StoreHistory) -> None:
         self._history = history
         self._marks = marks(history)
         self.places: dict[Place, list[Line]] = {}

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.schema import Figure, Plotted, Row
 from ninedisk.reports.draw import (
     Dots,
     HistoryPanel,
@@ -29,7 +29,7 @@ from ninedisk.reports.draw import (
     spread,
     value_limits,
 )
-from ninedisk.reports.load import Curve, Row
+from ninedisk.reports.load import Curve
 from ninedisk.reports.model import CaseData, Panel
 from ninedisk.reports.style import PALETTE, SOFT, Look, engine_looks, reference_looks
 from ninedisk.reports.text import as_float, parameter, parameters

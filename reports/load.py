@@ -1,26 +1,31 @@
-"""Reader of a store: finished runs only, the newest rows of each case variant and engine.
-
-Curves: one sampled quantity each, cut out of the long tables.
-"""
+"""What the pages are made of: the newest rows of each case variant and engine of a store, and its curves."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.harness.results.schema import RUN_KEYS, SCHEMA_VERSION, TABLES
+from ninedisk.harness.results.reader import (
+    CELL_KEY,
+    CellKey,
+    cell_key,
+    moment,
+    read_about,
+    read_rows,
+    read_table,
+    run_ids,
+)
+from ninedisk.harness.results.schema import Row
 from ninedisk.reports.folder import ReportError
 
-Row = dict[str, Any]
-CellKey = tuple[str, str, str]
-CELL_KEY = ("case", "variant", "engine")
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -61,14 +66,16 @@ def load_store(store: Path) -> Stored:
     Raises
     ------
     ReportError
-        If the store has no finished run, a run was written by a newer schema, or a file is damaged.
+        If the store has no finished run, or none with cells.
+    StoreError
+        If a run was written by a newer schema, or is damaged.
     """
     runs = _finished_runs(store)
     owner: dict[CellKey, int] = {}
     versions: dict[CellKey, int] = {}
     for index, run in enumerate(runs):
-        for row in _rows(_table(run, "cells", (*CELL_KEY, "case_version"))):
-            owner[_key(row)], versions[_key(row)] = index, int(row["case_version"] or 0)
+        for row in read_rows(store, run, "cells", (*CELL_KEY, "case_version")):
+            owner[cell_key(row)], versions[cell_key(row)] = index, row["case_version"]
     version: dict[str, int] = {}
     for key, number in versions.items():
         version[key[0]] = max(version.get(key[0], 0), number)
@@ -88,101 +95,35 @@ def load_store(store: Path) -> Stored:
     references: dict[tuple[str, str, str], list[Curve]] = {}
     shown = set(owner.values())
     for index, run in enumerate(runs):
-        for row in _rows(_table(run, "claims")):
-            claims[row["claim"], row["case"], row["engine"]] = row
+        claims |= {(row["claim"], row["case"], row["engine"]): row for row in read_rows(store, run, "claims")}
         if index not in shown:
             continue
         own = {key for key, run_index in owner.items() if run_index == index}
         places = {place for place, run_index in reference_owner.items() if run_index == index}
-        cells |= {_key(row): row for row in _rows(keep_rows(_table(run, "cells"), CELL_KEY, own))}
-        measurements += _rows(keep_rows(_table(run, "measurements"), CELL_KEY, own))
-        series |= split_series(keep_rows(_table(run, "series"), CELL_KEY, own))
-        references |= split_references(keep_rows(_table(run, "references"), CELL_KEY[:2], places))
-    used = [run.record for index, run in reversed(list(enumerate(runs))) if index in shown]
+        cells |= {cell_key(row): row for row in _rows_of(own, store, run, "cells")}
+        measurements += _rows_of(own, store, run, "measurements")
+        series |= split_series(keep_rows(read_table(store, run, "series"), CELL_KEY, own))
+        references |= split_references(keep_rows(read_table(store, run, "references"), CELL_KEY[:2], places))
+    used = [run for index, run in reversed(list(enumerate(runs))) if index in shown]
     outdated = [f"{case} / {variant} on {engine}" for case, variant, engine in sorted(old)]
     return Stored(
         used, [cells[key] for key in owner], measurements, list(claims.values()), series, references, outdated
     )
 
 
-@dataclass(frozen=True)
-class _Run:
-    folder: Path
-    record: Row
-
-
-def _key(row: Row) -> CellKey:
-    return row["case"], row["variant"], row["engine"]
-
-
-def _finished_runs(store: Path) -> list[_Run]:
+def _finished_runs(store: Path) -> list[Row]:
+    """``run.json`` of every finished run, oldest first."""
     if not (store / "runs").is_dir():
         raise ReportError(f"{store} is no store: it has no folder 'runs'; name the folder that `ninedisk run` wrote")
-    # A writer that was killed leaves a folder without run.json, or one whose name still begins with a dot.
-    found = [path for path in sorted((store / "runs").glob("*/run.json")) if not path.parent.name.startswith(".")]
-    runs = [_Run(path.parent, _record(path)) for path in found]
+    runs = [read_about(store, run_id) for run_id in run_ids(store)]
     if not runs:
         raise ReportError(f"{store} holds no finished run: run `ninedisk run --store {store}` first")
-    return sorted(runs, key=lambda run: (_when(run.record["started"]), str(run.record["run_id"])))
+    return sorted(runs, key=lambda run: (moment(str(run["started"])), str(run["run_id"])))
 
 
-def _record(path: Path) -> Row:
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as problem:
-        raise ReportError(f"{path} cannot be read ({problem}): delete that run or copy it again") from problem
-    missing = [key for key in RUN_KEYS if key not in record] if isinstance(record, dict) else list(RUN_KEYS)
-    if missing:
-        raise ReportError(f"{path} lacks {', '.join(missing)}: delete that run or copy it again")
-    version = record["schema_version"]
-    if not isinstance(version, int) or version > SCHEMA_VERSION:
-        raise ReportError(
-            f"{path} has schema version {version!r}, this ninedisk reads up to {SCHEMA_VERSION}: update ninedisk, or "
-            f"name a store without that run"
-        )
-    return dict(record)
-
-
-def _when(started: Any) -> datetime:
-    try:
-        moment = datetime.fromisoformat(str(started))
-    except ValueError:
-        return datetime.min.replace(tzinfo=UTC)
-    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-
-
-def _table(run: _Run, name: str, only: Sequence[str] = ()) -> Any:
-    """Parquet table with exactly the columns of the schema, or ``only`` these; columns that an older run lacks are empty."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    path = run.folder / f"{name}.parquet"
-    try:
-        file = pq.ParquetFile(path)
-        wanted = [column for column in file.schema_arrow.names if column in (only or TABLES[name])]
-        table = file.read(columns=wanted, use_threads=False)
-    except (OSError, UnicodeDecodeError, pa.ArrowException) as problem:
-        raise ReportError(f"{path} cannot be read ({problem}): delete that run or copy it again") from problem
-    types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
-    columns = []
-    kinds = {column: TABLES[name][column] for column in only or TABLES[name]}
-    for column, kind in kinds.items():
-        held = column in table.column_names
-        try:
-            columns.append(table[column].cast(types[kind]) if held else pa.nulls(table.num_rows, types[kind]))
-        except pa.ArrowException as problem:
-            raise ReportError(f"{path}: column {column!r} is not {kind} ({problem})") from problem
-    return pa.table(columns, names=list(kinds))
-
-
-def _rows(table: Any) -> list[Row]:
-    """Rows of a table; empty strings instead of nulls."""
-    texts = [field.name for field in table.schema if field.type == "string"]
-    rows: list[Row] = table.to_pylist()
-    for row in rows:
-        for column in texts:
-            row[column] = row[column] or ""
-    return rows
+def _rows_of(own: Container[CellKey], store: Path, run: Row, name: str) -> list[Row]:
+    """The rows of a run's table that belong to the cells ``own``."""
+    return keep_rows(read_table(store, run, name), CELL_KEY, own).to_dict("records")  # type: ignore[return-value]
 
 
 FloatArray = NDArray[np.float64]
@@ -229,33 +170,30 @@ Series = Mapping[tuple[str, str, str, str], Curve]
 References = Mapping[tuple[str, str, str], list[Curve]]
 
 
-def split_series(table: Any) -> dict[tuple[str, str, str, str], Curve]:
+def split_series(table: pd.DataFrame) -> dict[tuple[str, str, str, str], Curve]:
     """Curves of a ``series`` table by (case, variant, engine, quantity)."""
-    return {
-        (key[0], key[1], key[2], key[3]): _curve(table, rows)
-        for key, rows in _groups(table, ("case", "variant", "engine", "quantity"))
-    }
+    return {key: _curve(rows) for key, rows in table.groupby([*CELL_KEY, "quantity"], sort=False)}  # type: ignore[misc]
 
 
-def split_references(table: Any) -> dict[tuple[str, str, str], list[Curve]]:
+def split_references(table: pd.DataFrame) -> dict[tuple[str, str, str], list[Curve]]:
     """Curves of a ``references`` table by (case, variant, quantity); several labels share a key.
 
     Curves of one label that differ (a truth that depends on the engine's conventions) follow each other in the table:
     a step that does not increase begins the next one.
     """
     found: dict[tuple[str, str, str], list[Curve]] = {}
-    for key, rows in _groups(table, ("case", "variant", "quantity", "label")):
-        steps = table["step"].take(rows).to_numpy(zero_copy_only=False)
-        for part in np.split(rows, np.flatnonzero(np.diff(steps) <= 0) + 1):
-            found.setdefault((key[0], key[1], key[2]), []).append(_curve(table, part, label=key[3]))
+    for key, rows in table.groupby(["case", "variant", "quantity", "label"], sort=False):
+        case, variant, quantity, label = map(str, key)
+        cuts = [0, *(np.flatnonzero(np.diff(rows["step"]) <= 0) + 1), len(rows)]
+        curves = [_curve(rows.iloc[begin:end], label) for begin, end in pairwise(cuts)]
+        found.setdefault((case, variant, quantity), []).extend(curves)
     return found
 
 
-def keep_rows(table: Any, columns: tuple[str, ...], wanted: Container[tuple[str, ...]]) -> Any:
+def keep_rows(table: pd.DataFrame, columns: tuple[str, ...], wanted: Container[tuple[str, ...]]) -> pd.DataFrame:
     """The rows of a table whose ``columns``, texts, are among the combinations ``wanted``, in the table's order."""
-    kept = [rows for key, rows in _groups(table, columns) if key in wanted]
-    rows = np.sort(np.concatenate(kept)) if kept else np.empty(0, dtype=np.int64)
-    return table if len(rows) == table.num_rows else table.take(rows)
+    keys = zip(*(table[column].tolist() for column in columns), strict=True)
+    return table[np.fromiter((key in wanted for key in keys), dtype=np.bool_, count=len(table))]
 
 
 def differences(one: Curve, two: Curve, scale: float) -> float:
@@ -268,46 +206,20 @@ def differences(one: Curve, two: Curve, scale: float) -> float:
     return worst / scale if scale > 0.0 else 0.0
 
 
-def _groups(table: Any, columns: tuple[str, ...]) -> list[tuple[tuple[str, ...], NDArray[np.int64]]]:
-    """Row numbers of each distinct combination of text columns, each in the table's own order."""
-    import pyarrow.compute as pc
-
-    if table.num_rows == 0:
-        return []
-    code = np.zeros(table.num_rows, dtype=np.int64)
-    names = []
-    for column in columns:
-        coded = pc.fill_null(table[column], "").combine_chunks().dictionary_encode()
-        names.append(coded.dictionary.to_pylist())
-        code = code * len(names[-1]) + coded.indices.to_numpy(zero_copy_only=False)
-    order = np.argsort(code, kind="stable")
-    cuts = np.flatnonzero(np.diff(code[order])) + 1
-    groups = []
-    for rows in np.split(order, cuts):
-        rest, key = int(code[rows[0]]), []
-        for values in reversed(names):
-            rest, digit = divmod(rest, len(values))
-            key.append(str(values[digit]))
-        groups.append((tuple(reversed(key)), rows))
-    return groups
-
-
-def _curve(table: Any, rows: NDArray[np.int64], label: str = "") -> Curve:
-    part = table.take(rows)
+def _curve(rows: pd.DataFrame, label: str = "") -> Curve:
+    ordered = rows.sort_values("step", kind="stable")
 
     def column(name: str) -> FloatArray:
-        return np.asarray(part[name].to_numpy(zero_copy_only=False), dtype=np.float64)
+        return ordered[name].to_numpy(dtype=np.float64)
 
-    order = np.argsort(column("step"), kind="stable")
-    is_series = "expected" in part.column_names
-    truths = [truth for truth in part["truth"].unique().to_pylist() if truth]
+    is_series = "expected" in rows
     return Curve(
-        step=column("step")[order],
-        t=column("t")[order],
-        value=column("value")[order],
-        expected=(column("expected") if is_series else np.full(len(rows), np.nan))[order],
-        unit=part["unit"][0].as_py() or "",
-        truth=truths[0] if truths else "",
+        step=column("step"),
+        t=column("t"),
+        value=column("value"),
+        expected=column("expected") if is_series else np.full(len(rows), np.nan),
+        unit=str(rows["unit"].iloc[0]),
+        truth=next((str(truth) for truth in rows["truth"].unique() if truth), ""),
         label=label,
-        source="" if is_series else part["source"][0].as_py() or "",
+        source="" if is_series else str(rows["source"].iloc[0]),
     )

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.results.schema import WORST_FIRST, Figure, figures_from_text, row_tolerance, worst_status
+from ninedisk.harness.results.schema import WORST_FIRST, Figure, Row, figures_from_text, row_tolerance, worst_status
 from ninedisk.reports import text
-from ninedisk.reports.load import Curve, Row, Series, Stored, differences
+from ninedisk.reports.load import Curve, Series, Stored, differences
 from ninedisk.reports.text import Slugs, as_float, decoded, shade, symbol
 
 NOT_RUN = frozenset({"error", "timeout", "unsupported", "not-installed"})

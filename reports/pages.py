@@ -17,10 +17,10 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from ninedisk.harness.results.schema import Row
 from ninedisk.reports import text
 from ninedisk.reports import text as words
 from ninedisk.reports.drawing import Chart
-from ninedisk.reports.load import Row
 from ninedisk.reports.model import SHOWN, CaseData, EngineFacts, Panel, Summary, summarise
 from ninedisk.reports.text import as_float, number, pair_shade, parameters, shade, symbol
 

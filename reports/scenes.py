@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.harness.results.schema import Figure
+from ninedisk.harness.results.schema import Figure, Row
 from ninedisk.reports.draw import Configuration, WallView, read_scene
 from ninedisk.reports.figures import Looks, tolerances, varying
-from ninedisk.reports.load import Curve, Row
+from ninedisk.reports.load import Curve
 from ninedisk.reports.model import CaseData, Panel
 from ninedisk.reports.style import Look
 from ninedisk.reports.text import decoded, parameters

@@ -1,7 +1,4 @@
-"""From what the user sets to a complete, validated variant of a case.
-
-Numbers with a unit, as users type them (``10 ms``, ``36 kN/m``, ``20 deg``, ``2/3``).
-"""
+"""From what the user sets to a complete, validated variant of a case; numbers may carry a unit (``10 ms``, ``36 kN/m``, ``20 deg``)."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, interleave, timings
 from ninedisk.harness.bench.nine_disks import CASE, built, expresses, parameters
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.results.tables import Row
-from ninedisk.harness.run.matched import slip_of
+from ninedisk.harness.cases.matched import slip_of
+from ninedisk.harness.results.schema import Row
 
 FloatArray = NDArray[np.float64]
 

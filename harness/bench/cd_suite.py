@@ -20,7 +20,7 @@ from ninedisk.harness.bench.cd_problems import turned_gravity
 from ninedisk.harness.bench.cd_solvers import Solver, Task, warm_up
 from ninedisk.harness.bench.measure import Contender, Measured, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 
 FloatArray = NDArray[np.float64]
 

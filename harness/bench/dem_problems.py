@@ -22,7 +22,7 @@ from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.run.matched import with_slip_at
+from ninedisk.harness.cases.matched import with_slip_at
 
 SIZES = (100, 1_000, 10_000)
 LARGE = (100_000, 1_000_000)

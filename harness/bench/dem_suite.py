@@ -17,7 +17,7 @@ from ninedisk.harness.bench.dem_problems import DemProblem
 from ninedisk.harness.bench.dem_work import counted, roofline
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 
 UNIT = "particle-steps/s"
 MOST_THREADS = 4

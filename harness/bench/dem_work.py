@@ -7,7 +7,7 @@ from ninedisk.harness.bench.dem_problems import DemProblem
 from ninedisk.harness.bench.kernel_work import work_of
 from ninedisk.harness.bench.measure import on_cores
 from ninedisk.harness.bench.roofline import measure
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 
 READINGS = 10
 """Of the counts, spread over the run."""

@@ -34,7 +34,7 @@ from ninedisk.harness.bench.measure import (
     timings,
 )
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 from ninedisk.harness.wire.external import ExternalEngine
 
 BASE = "cd, Coulomb"

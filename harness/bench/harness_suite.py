@@ -18,7 +18,7 @@ import ninedisk
 from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 from ninedisk.harness.run.warden import owned
 
 ENGINES = ("dem", "cd", "pymunk")

@@ -12,7 +12,7 @@ from typing import Any
 
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 
 Tell = Callable[[str], None]
 

@@ -15,8 +15,8 @@ from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledE
 from ninedisk.harness.api.registry import get_case, get_engine
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
-from ninedisk.harness.results.tables import Row
-from ninedisk.harness.run.matched import core_history
+from ninedisk.harness.cases.matched import core_history
+from ninedisk.harness.results.schema import Row
 from ninedisk.harness.run.warden import owned
 
 CASE = "nine-disk/distortion"
@@ -113,7 +113,7 @@ def _run_case(engine: str, arm: str, limit: float) -> Sample:  # noqa: ARG001
 
     What the harness itself spends on observing and judging is no part of an engine's time.
     """
-    from ninedisk.harness.run.matrix import run_case
+    from ninedisk.harness.run.runner import run_case
 
     result = run_case(CASE, engine=engine, params={"lever_arm": arm})
     if result.status == "not-installed":

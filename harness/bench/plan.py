@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 
 Wanted = Callable[[str], bool]
 

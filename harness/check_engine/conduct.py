@@ -18,7 +18,7 @@ from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_
 from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.cases.adapter.probes import COARSE, KN, OMEGA, Probe, on_floor, round_off
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED, Bench, Finding, finding
-from ninedisk.harness.run.observation import check_history
+from ninedisk.harness.run.judge import check_history
 from ninedisk.harness.wire.protocol import MEANINGS
 
 REFUSAL = "raise CoreError or EngineError with a message that names the bad value and the way out"

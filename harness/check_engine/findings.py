@@ -16,7 +16,7 @@ from ninedisk.harness.api.text import printable
 from ninedisk.harness.cases.adapter.probes import Probe
 from ninedisk.harness.cli.support import console, table
 from ninedisk.harness.results.whole_file import write_whole
-from ninedisk.harness.run.observation import blank_history
+from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.run.plan import plan_case
 from ninedisk.harness.run.runner import last_lines, run_cell
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ninedisk.harness.cli.support import INTERRUPTED, fail, guarded
+from ninedisk.harness.cli.support import INTERRUPTED, CellProgress, fail, guarded
 
 if TYPE_CHECKING:
-    from ninedisk.harness.results.tables import Row
-WritePage = Callable[[Mapping[str, Any], Path], None]
+    from ninedisk.harness.results.schema import Row
 SUITES = ("dem", "cd", "flow", "harness")
 FAILED, BROKEN = 1, 3
 LONGEST = 1e9
@@ -24,84 +23,84 @@ ONE_THREAD = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 """Variables that keep numerical libraries on the one core that a measurement is given."""
 
 
-def register(app: typer.Typer, write_page: WritePage) -> None:
-    """Add the command to the command line; ``write_page`` makes a page of a record."""
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("bench", short_help="Measure speed and memory beside other engines.")(bench)
 
-    @app.command("bench", short_help="Measure speed and memory beside other engines.")
-    @guarded
-    def bench(
-        suites: Annotated[
-            list[str] | None, typer.Argument(metavar="SUITE", help="dem, cd, flow or harness. None: all.")
-        ] = None,
-        problem: Annotated[
-            list[str] | None,
-            typer.Option("--problem", metavar="GLOB", help="Only problems whose name matches; repeat for several."),
-        ] = None,
-        engine: Annotated[
-            list[str] | None,
-            typer.Option(
-                "--engine", "-e", metavar="NAME", help="Only these besides ours (name or pattern); repeat for several."
-            ),
-        ] = None,
-        size: Annotated[
-            list[int] | None,
-            typer.Option(
-                "--size", metavar="N", min=4, max=1_000_000, help="Numbers of disks instead of the usual ones; repeat."
-            ),
-        ] = None,
-        large: Annotated[
-            bool, typer.Option("--large", help="Also 100,000 (dem: and 1,000,000) disks: hours, not minutes.")
-        ] = False,
-        repeats: Annotated[int, typer.Option("--repeats", metavar="N", min=1, help="Repeats of each measurement.")] = 5,
-        time_limit: Annotated[
-            float,
-            typer.Option("--time-limit", metavar="S", help="Seconds for one engine on one problem, all repeats."),
-        ] = 120.0,
-        out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the records.")] = Path("bench"),
-    ) -> None:
-        """Measure our engines and others on the same problems: same scene, same contact parameters, same step count.
 
-        Suite dem: settled packings, a flowing one and the nine disks (ours with 1, 2, .. threads, LAMMPS, YADE and all
-        engines with springs that know the variant), these also with finer steps, error beside time; what our step
-        computes and moves, held against the arithmetic and the bandwidth of this machine (roofline). Suite cd: contact
-        problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10 (our solvers,
-        Clarabel, PIQP, Siconos), cold and warm. Suite flow: a drum, a hopper and a collapsing column stepped in time
-        (contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations),
-        time per simulated second beside the penetration. Suite harness: `ninedisk run` on dem, cd and pymunk, the
-        appendix's cases (kernels cached, and from an empty cache) and all cases.
+@guarded
+def bench(
+    suites: Annotated[
+        list[str] | None, typer.Argument(metavar="SUITE", help="dem, cd, flow or harness. None: all.")
+    ] = None,
+    problem: Annotated[
+        list[str] | None,
+        typer.Option("--problem", metavar="GLOB", help="Only problems whose name matches; repeat for several."),
+    ] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--engine", "-e", metavar="NAME", help="Only these besides ours (name or pattern); repeat for several."
+        ),
+    ] = None,
+    size: Annotated[
+        list[int] | None,
+        typer.Option(
+            "--size", metavar="N", min=4, max=1_000_000, help="Numbers of disks instead of the usual ones; repeat."
+        ),
+    ] = None,
+    large: Annotated[
+        bool, typer.Option("--large", help="Also 100,000 (dem: and 1,000,000) disks: hours, not minutes.")
+    ] = False,
+    repeats: Annotated[int, typer.Option("--repeats", metavar="N", min=1, help="Repeats of each measurement.")] = 5,
+    time_limit: Annotated[
+        float,
+        typer.Option("--time-limit", metavar="S", help="Seconds for one engine on one problem, all repeats."),
+    ] = 120.0,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the records.")] = Path("bench"),
+) -> None:
+    """Measure our engines and others on the same problems: same scene, same contact parameters, same step count.
 
-        Physics is checked first: an engine that computes something else gets no time. Repeats are interleaved (A B A B)
-        on one core for one thread; the ratio to ours, repeat by repeat, is the result, absolute times stand beside it.
-        Packings settle once (minutes for 10,000 disks) and are kept in the cache folder of the user.
+    Suite dem: settled packings, a flowing one and the nine disks (ours with 1, 2, .. threads, LAMMPS, YADE and all
+    engines with springs that know the variant), these also with finer steps, error beside time; what our step
+    computes and moves, held against the arithmetic and the bandwidth of this machine (roofline). Suite cd: contact
+    problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10 (our solvers,
+    Clarabel, PIQP, Siconos), cold and warm. Suite flow: a drum, a hopper and a collapsing column stepped in time
+    (contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations),
+    time per simulated second beside the penetration. Suite harness: `ninedisk run` on dem, cd and pymunk, the
+    appendix's cases (kernels cached, and from an empty cache) and all cases.
 
-        \b
-        Examples:
-          ninedisk bench dem
-          ninedisk bench dem --size 1000 --repeats 3 --problem 'settled-*'
-          ninedisk bench cd --time-limit 60 --engine clarabel --engine piqp
-          ninedisk bench dem cd --large --repeats 9 --out figures
-          ninedisk bench harness
+    Physics is checked first: an engine that computes something else gets no time. Repeats are interleaved (A B A B)
+    on one core for one thread; the ratio to ours, repeat by repeat, is the result, absolute times stand beside it.
+    Packings settle once (minutes for 10,000 disks) and are kept in the cache folder of the user.
 
-        \b
-        Exit codes:
-          0  every engine passed its check or is excused (not installed, target not reached in time)
-          1  complete, but an engine failed its check
-          2  wrong usage
-          3  an engine failed or crashed
-          130  interrupted; the record and the page hold what was measured until then
-        """
-        code = execute(
-            suites or list(SUITES),
-            problems=problem or [],
-            engines=engine or [],
-            sizes=size or [],
-            large=large,
-            repeats=repeats,
-            time_limit=time_limit,
-            out=out,
-            write_page=write_page,
-        )
-        raise typer.Exit(code)
+    \b
+    Examples:
+      ninedisk bench dem
+      ninedisk bench dem --size 1000 --repeats 3 --problem 'settled-*'
+      ninedisk bench cd --time-limit 60 --engine clarabel --engine piqp
+      ninedisk bench dem cd --large --repeats 9 --out figures
+      ninedisk bench harness
+
+    \b
+    Exit codes:
+      0  every engine passed its check or is excused (not installed, target not reached in time)
+      1  complete, but an engine failed its check
+      2  wrong usage
+      3  an engine failed or crashed
+      130  interrupted; the record and the page hold what was measured until then
+    """
+    code = execute(
+        suites or list(SUITES),
+        problems=problem or [],
+        engines=engine or [],
+        sizes=size or [],
+        large=large,
+        repeats=repeats,
+        time_limit=time_limit,
+        out=out,
+    )
+    raise typer.Exit(code)
 
 
 def execute(
@@ -114,7 +113,6 @@ def execute(
     repeats: int,
     time_limit: float,
     out: Path,
-    write_page: WritePage,
 ) -> int:
     """Check the request, measure, write, print; the exit code.
 
@@ -126,9 +124,9 @@ def execute(
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.bench.plan import Request, run_suites
     from ninedisk.harness.bench.records import prepare_folder, show, write_records
-    from ninedisk.harness.cli.support import CellProgress
     from ninedisk.harness.results.store import new_run_id
     from ninedisk.harness.run.provenance import command_line, provenance
+    from ninedisk.reports.bench import write_bench
 
     for suite in suites:
         if suite not in SUITES:
@@ -161,7 +159,7 @@ def execute(
         fail(f"interrupted: {str(paths[0])!r} holds what was measured until then", INTERRUPTED)
     finally:  # hours of measurements are worth a page even if the last one is interrupted
         if rows:
-            write_page({"run_id": run_id, **facts, "rows": rows}, page)
+            write_bench({"run_id": run_id, **facts, "rows": rows}, page)
     if not rows:
         raise UsageError(
             "nothing to measure: no problem matches --problem, --size and the suites; leave one of them out"

@@ -1,7 +1,4 @@
-"""The work of ``ninedisk compare`` and ``ninedisk dashboard``.
-
-``ninedisk compare`` and ``ninedisk dashboard``: better or worse than before?
-"""
+"""``ninedisk compare`` and ``ninedisk dashboard``: better or worse than before?"""
 
 from __future__ import annotations
 
@@ -14,27 +11,11 @@ import typer
 
 from ninedisk.harness.api.errors import StoreError, UsageError
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.cli.store import Store
-from ninedisk.harness.cli.support import CellProgress, console, guarded, table
-from ninedisk.harness.results.compare import (
-    as_json,
-    compare,
-    counts,
-    headline,
-    junit,
-    markdown,
-    numbers,
-    resolve,
-    side,
-    what,
-    worth_showing,
-)
-from ninedisk.harness.results.history import history
-from ninedisk.harness.results.schema import Comparison, History, RunFacts
-from ninedisk.harness.results.store import in_order, load_snapshot, run_ids
+from ninedisk.harness.cli.support import CellProgress, Store, console, guarded, table
 
 if TYPE_CHECKING:
-    from ninedisk.harness.results.schema import Comparison, History
+    from ninedisk.harness.results.schema import Comparison, RunFacts
+
 MAX_ROWS = 60
 SUMMARY_VARIABLE = "GITHUB_STEP_SUMMARY"
 """Names the file that GitHub Actions shows as the summary of a step."""
@@ -47,7 +28,6 @@ def execute(
     store: Path,
     files: Mapping[str, Path | None],
     everything: bool,
-    write_page: Callable[[Comparison, Path], None],
 ) -> int:
     """Compare, print, write; the exit code of the command.
 
@@ -56,16 +36,20 @@ def execute(
     UsageError, StoreError
         With the message to show.
     """
+    from ninedisk.harness.results.compare import as_json, counts, junit, markdown, resolve, side
+    from ninedisk.harness.results.compare import compare as compared
+    from ninedisk.reports.studies import write_comparison
+
     for name, path in files.items():
         if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
             raise UsageError(f"--{name} {str(path)!r} cannot be written: give a file in a folder that exists")
-    found = compare(side(resolve(base, store)), side(resolve(head, store)))
+    found = compared(side(resolve(base, store)), side(resolve(head, store)))
     _show(found, everything)
     writers: dict[str, Callable[[Path], None]] = {
         "markdown": lambda path: _write(path, markdown(found)),
         "junit": lambda path: _write(path, junit(found)),
         "json": lambda path: _write(path, as_json(found)),
-        "html": lambda path: write_page(found, path),
+        "html": lambda path: write_comparison(found, path),
     }
     for name, path in files.items():
         if path is not None:
@@ -77,9 +61,7 @@ def execute(
     return 1 if counts(found)["worse"] else 0
 
 
-def build_dashboard(
-    store: Path, out: Path, last: int, write_folder: Callable[[History, Path, Callable[[str, int, int], None]], Path]
-) -> Path:
+def _build_dashboard(store: Path, out: Path, last: int) -> Path:
     """Read the newest ``last`` runs, find what changed, write the pages; the first page.
 
     Raises
@@ -87,6 +69,11 @@ def build_dashboard(
     UsageError, StoreError
         If there is no run, or one cannot be read.
     """
+    from ninedisk.harness.results.history import history
+    from ninedisk.harness.results.reader import run_ids
+    from ninedisk.harness.results.store import in_order, load_snapshot
+    from ninedisk.reports.dashboard import build_dashboard
+
     ids = run_ids(store)
     if not ids:
         raise UsageError(f"the store {str(store)!r} has no finished run: run `ninedisk run --store {store}` first")
@@ -97,7 +84,7 @@ def build_dashboard(
             runs.append(load_snapshot(store, run_id))
         progress(len(ids), len(ids), "looking for changes")
         found = history(in_order(runs)[-last:])
-        return write_folder(found, out, lambda stage, done, total: progress(done, total, stage))
+        return build_dashboard(found, out, lambda stage, done, total: progress(done, total, stage))
 
 
 def _write(path: Path, text: str) -> None:
@@ -105,6 +92,8 @@ def _write(path: Path, text: str) -> None:
 
 
 def _append_summary(found: Comparison) -> None:
+    from ninedisk.harness.results.compare import markdown
+
     path = os.environ.get(SUMMARY_VARIABLE)
     if not path:
         return
@@ -116,6 +105,8 @@ def _append_summary(found: Comparison) -> None:
 
 
 def _show(found: Comparison, everything: bool) -> None:
+    from ninedisk.harness.results.compare import headline, numbers, what, worth_showing
+
     out = console()
     for name, facts, runs in (("BASE", found.base, found.base_runs), ("HEAD", found.head, found.head_runs)):
         out.print(f"{name}: {_facts(facts)}" + (f"; timings of {runs} runs" if runs > 1 else ""))
@@ -137,78 +128,76 @@ def _facts(facts: RunFacts) -> str:
     return printable(f"{facts.run_id}, {facts.started}{commit}, {facts.machine}")
 
 
-WritePage = Callable[["Comparison", Path], None]
-WriteFolder = Callable[["History", Path, Callable[[str, int, int], None]], Path]
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command("compare", short_help="Tell whether HEAD is worse than BASE.")(compare)
+    app.command("dashboard", short_help="Build pages with the history of every error and timing.")(dashboard)
 
 
-def register(app: typer.Typer, write_page: WritePage, write_folder: WriteFolder) -> None:
-    """Add the commands; ``write_page`` and ``write_folder`` make the pages, which the harness knows nothing of."""
+@guarded
+def compare(
+    base: Annotated[str, typer.Argument(metavar="BASE", help="The run(s) before.")],
+    head: Annotated[str, typer.Argument(metavar="HEAD", help="The run(s) after.")],
+    markdown: Annotated[
+        Path | None, typer.Option("--markdown", metavar="FILE", help="Also write GitHub-flavoured Markdown.")
+    ] = None,
+    junit: Annotated[
+        Path | None, typer.Option("--junit", metavar="FILE", help="Also write JUnit XML for a CI's test view.")
+    ] = None,
+    html: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Also write a page.")] = None,
+    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write every change.")] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Show what stayed the same, too.")] = False,
+    store: Store = Path("results"),
+) -> None:
+    """Compare errors, statuses and timings of two runs, and tell what got worse beyond its noise or tolerance.
 
-    @app.command("compare", short_help="Tell whether HEAD is worse than BASE.")
-    @guarded
-    def compare(
-        base: Annotated[str, typer.Argument(metavar="BASE", help="The run(s) before.")],
-        head: Annotated[str, typer.Argument(metavar="HEAD", help="The run(s) after.")],
-        markdown: Annotated[
-            Path | None, typer.Option("--markdown", metavar="FILE", help="Also write GitHub-flavoured Markdown.")
-        ] = None,
-        junit: Annotated[
-            Path | None, typer.Option("--junit", metavar="FILE", help="Also write JUnit XML for a CI's test view.")
-        ] = None,
-        html: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Also write a page.")] = None,
-        json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write every change.")] = None,
-        everything: Annotated[bool, typer.Option("--all", help="Show what stayed the same, too.")] = False,
-        store: Store = Path("results"),
-    ) -> None:
-        """Compare errors, statuses and timings of two runs, and tell what got worse beyond its noise or tolerance.
+    BASE and HEAD are each a run id (or its beginning), latest, latest~1, a range latest~9..latest~5, the folder of a
+    store or of one run, or a file of `ninedisk export`. Where a side has several runs, its newest decides about errors,
+    and all of them together give the timings: one timing alone is mostly noise, seven runs a side are plenty.
 
-        BASE and HEAD are each a run id (or its beginning), latest, latest~1, a range latest~9..latest~5, the folder of a
-        store or of one run, or a file of `ninedisk export`. Where a side has several runs, its newest decides about errors,
-        and all of them together give the timings: one timing alone is mostly noise, seven runs a side are plenty.
+    \b
+    An error got worse when its check now fails, or when it is more than twice as large and above a tenth of its
+    tolerance: below that it is round-off, which any other compiler or processor moves. A timing got worse when it is
+    10 % slower beyond the noise that the timings themselves show; --html and --markdown state the rule in full.
+    Results of different case versions, and timings of different machines, are said to be not comparable.
 
-        \b
-        An error got worse when its check now fails, or when it is more than twice as large and above a tenth of its
-        tolerance: below that it is round-off, which any other compiler or processor moves. A timing got worse when it is
-        10 % slower beyond the noise that the timings themselves show; --html and --markdown state the rule in full.
-        Results of different case versions, and timings of different machines, are said to be not comparable.
+    \b
+    Examples:
+      ninedisk compare latest~1 latest
+      ninedisk compare latest~13..latest~7 latest~6..latest
+      ninedisk compare base.parquet head.parquet --junit compare.xml
+      ninedisk compare main-results results --markdown summary.md --html compare.html
 
-        \b
-        Examples:
-          ninedisk compare latest~1 latest
-          ninedisk compare latest~13..latest~7 latest~6..latest
-          ninedisk compare base.parquet head.parquet --junit compare.xml
-          ninedisk compare main-results results --markdown summary.md --html compare.html
+    \b
+    In GitHub Actions the summary is also appended to the file that $GITHUB_STEP_SUMMARY names.
 
-        \b
-        In GitHub Actions the summary is also appended to the file that $GITHUB_STEP_SUMMARY names.
+    \b
+    Exit codes:
+      0  nothing got worse
+      1  something got worse: a check, a timing, or a cell that ran and now breaks
+      2  wrong usage, or a run that cannot be read
+    """
 
-        \b
-        Exit codes:
-          0  nothing got worse
-          1  something got worse: a check, a timing, or a cell that ran and now breaks
-          2  wrong usage, or a run that cannot be read
-        """
+    files = {"markdown": markdown, "junit": junit, "html": html, "json": json}
+    raise typer.Exit(execute(base, head, store=store, files=files, everything=everything))
 
-        files = {"markdown": markdown, "junit": junit, "html": html, "json": json}
-        raise typer.Exit(execute(base, head, store=store, files=files, everything=everything, write_page=write_page))
 
-    @app.command("dashboard", short_help="Build pages with the history of every error and timing.")
-    @guarded
-    def dashboard(
-        store: Store = Path("results"),
-        out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pages.")] = Path("dashboard"),
-        last: Annotated[int, typer.Option("--last", metavar="N", min=2, help="Use the newest N runs only.")] = 120,
-    ) -> None:
-        """Build the regression dashboard: static pages that need no server and no network.
+@guarded
+def dashboard(
+    store: Store = Path("results"),
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pages.")] = Path("dashboard"),
+    last: Annotated[int, typer.Option("--last", metavar="N", min=2, help="Use the newest N runs only.")] = 120,
+) -> None:
+    """Build the regression dashboard: static pages that need no server and no network.
 
-        One line for each measured error and each timing, per case, engine and machine; places where a line changed for
-        good are marked, worst first, with commit and versions, and lead to a comparison of the runs around them. Runs of
-        another machine, or of another version of a case, are never joined into one line.
+    One line for each measured error and each timing, per case, engine and machine; places where a line changed for
+    good are marked, worst first, with commit and versions, and lead to a comparison of the runs around them. Runs of
+    another machine, or of another version of a case, are never joined into one line.
 
-        \b
-        Examples:
-          ninedisk dashboard
-          ninedisk merge from-ci --store history && ninedisk dashboard --store history --out public
-        """
+    \b
+    Examples:
+      ninedisk dashboard
+      ninedisk merge from-ci --store history && ninedisk dashboard --store history --out public
+    """
 
-        typer.echo(f"dashboard: {build_dashboard(store, out, last, write_folder)}")
+    typer.echo(f"dashboard: {_build_dashboard(store, out, last)}")

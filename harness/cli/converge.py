@@ -2,73 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, fail, guarded
+from ninedisk.harness.cli.support import FAILURE, CellProgress, console, fail, guarded, parse_settings, table
 
-MakePage = Callable[[Mapping[str, Any]], str]
 WRONG = 1
 
 
-def register(app: typer.Typer, make_page: MakePage) -> None:
-    """Add the command; ``make_page`` makes a page of a record, which the harness knows nothing of."""
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("converge", short_help="Halve the step and measure orders of convergence.")(converge)
 
-    @app.command("converge", short_help="Halve the step and measure orders of convergence.")
-    @guarded
-    def converge(
-        case: Annotated[str, typer.Argument(metavar="CASE", help="One case by its id.")],
-        engine: Annotated[str, typer.Option("--engine", "-e", metavar="ID", help="Engine to run.")] = "dem",
-        settings: Annotated[
-            list[str] | None,
-            typer.Option("--set", metavar="NAME=VALUE", help="Fix a parameter; its step is the coarsest one."),
-        ] = None,
-        options: Annotated[
-            list[str] | None,
-            typer.Option("--option", metavar="ENGINE.NAME=VALUE", help="Fix a setting of the engine."),
-        ] = None,
-        halvings: Annotated[int, typer.Option("--halvings", metavar="N", help="How often the step is halved.")] = 5,
-        json_file: Annotated[
-            Path | None, typer.Option("--json", metavar="FILE", help="Also write every error.")
-        ] = None,
-        html: Annotated[
-            Path | None, typer.Option("--html", metavar="FILE", help="Also write a page with figures.")
-        ] = None,
-    ) -> None:
-        """Run one variant of a case again and again, the step halved each time, and fit the order of every quantity's error.
 
-        Engines with contact springs refine their contact step, all others the case's own (dt, increment). Errors are taken
-        against a truth of the continuous problem; where there is none, between neighbouring levels. --json and --html state
-        the rule in full. The expected order is the one that the engine's scheme has on this scene.
+@guarded
+def converge(
+    case: Annotated[str, typer.Argument(metavar="CASE", help="One case by its id.")],
+    engine: Annotated[str, typer.Option("--engine", "-e", metavar="ID", help="Engine to run.")] = "dem",
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Fix a parameter; its step is the coarsest one."),
+    ] = None,
+    options: Annotated[
+        list[str] | None,
+        typer.Option("--option", metavar="ENGINE.NAME=VALUE", help="Fix a setting of the engine."),
+    ] = None,
+    halvings: Annotated[int, typer.Option("--halvings", metavar="N", help="How often the step is halved.")] = 5,
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write every error.")] = None,
+    html: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Also write a page with figures.")] = None,
+) -> None:
+    """Run one variant of a case again and again, the step halved each time, and fit the order of every quantity's error.
 
-        \b
-        Examples:
-          ninedisk converge nine-disk/compression --engine dem
-          ninedisk converge incline-block -e cd --set sliding=coulomb --html order.html
-          ninedisk converge nine-disk/compression -e lammps --set settle_cycles=0 --halvings 4
+    Engines with contact springs refine their contact step, all others the case's own (dt, increment). Errors are taken
+    against a truth of the continuous problem; where there is none, between neighbouring levels. --json and --html state
+    the rule in full. The expected order is the one that the engine's scheme has on this scene.
 
-        \b
-        Exit codes:
-          0  no order is wrong
-          1  an order is lower than the scheme's, or a limit misses the truth
-          2  wrong usage: unknown id or parameter, value out of range, an engine that cannot run the case
-          3  a level's run failed, crashed or ran out of time
-        """
-        raise typer.Exit(
-            execute(
-                case,
-                engine=engine,
-                settings=settings or [],
-                options=options or [],
-                halvings=halvings,
-                json_file=json_file,
-                html=html,
-                make_page=make_page,
-            )
+    \b
+    Examples:
+      ninedisk converge nine-disk/compression --engine dem
+      ninedisk converge incline-block -e cd --set sliding=coulomb --html order.html
+      ninedisk converge nine-disk/compression -e lammps --set settle_cycles=0 --halvings 4
+
+    \b
+    Exit codes:
+      0  no order is wrong
+      1  an order is lower than the scheme's, or a limit misses the truth
+      2  wrong usage: unknown id or parameter, value out of range, an engine that cannot run the case
+      3  a level's run failed, crashed or ran out of time
+    """
+    raise typer.Exit(
+        execute(
+            case,
+            engine=engine,
+            settings=settings or [],
+            options=options or [],
+            halvings=halvings,
+            json_file=json_file,
+            html=html,
         )
+    )
 
 
 def execute(
@@ -80,7 +75,6 @@ def execute(
     halvings: int,
     json_file: Path | None,
     html: Path | None,
-    make_page: MakePage,
 ) -> int:
     """Check the request, run, print, write; the exit code.
 
@@ -89,11 +83,11 @@ def execute(
     UsageError, ParameterError, CoreError, StoreError
         With the message to show.
     """
-    from ninedisk.harness.cli.run import parse_settings
-    from ninedisk.harness.cli.support import CellProgress
     from ninedisk.harness.results.tables import plain_json
     from ninedisk.harness.results.whole_file import check_writable, write_whole
-    from ninedisk.harness.run.converge import BAD, BrokenLevelError, converge
+    from ninedisk.harness.run.converge import BAD, BrokenLevelError
+    from ninedisk.harness.run.converge import converge as measured
+    from ninedisk.reports.studies import converge_page
 
     params, chosen = parse_settings(settings), parse_settings(options, flag="--option", example="siconos.theta=1")
     for flag, path in (("--json", json_file), ("--html", html)):
@@ -101,20 +95,19 @@ def execute(
             check_writable(flag, path)
     try:
         with CellProgress() as progress:
-            record = converge(case, engine=engine, params=params, options=chosen, halvings=halvings, progress=progress)
+            record = measured(case, engine=engine, params=params, options=chosen, halvings=halvings, progress=progress)
     except BrokenLevelError as error:
         fail(str(error), FAILURE)
     _show(record)
     if json_file is not None:
         write_whole("--json", json_file, plain_json(record) + "\n")
     if html is not None:
-        write_whole("--html", html, make_page(record))
+        write_whole("--html", html, converge_page(record))
     return WRONG if any(row["verdict"] in BAD for row in record["rows"]) else 0
 
 
 def _show(record: Mapping[str, Any]) -> None:
     from ninedisk.harness.api.text import printable, short
-    from ninedisk.harness.cli.support import console, table
     from ninedisk.harness.run.converge import BAD
 
     out, steps = console(), record["steps"]
@@ -128,9 +121,9 @@ def _show(record: Mapping[str, Any]) -> None:
         series = (row["errors"] if row["by"] != "difference" else row["differences"]) or row["differences"]
         order = "-" if row["order"] != row["order"] else f"{row['order']:.2f} ± {short(row['uncertainty'])}"
         levels = f"{row['used'][0] + 1}-{row['used'][-1] + 1}" if row["used"] else "-"
-        told = (row["verdict"], row["quantity"], row["unit"], row["truth"] or "-", row["by"] or "-")
+        words = (row["verdict"], row["quantity"], row["unit"], row["truth"] or "-", row["by"] or "-")
         ends = (f"{series[0]:.2e}", f"{series[-1]:.2e}", order, levels)
-        shown.add_row(*(printable(str(text)) for text in (*told, *ends, row["reason"])))
+        shown.add_row(*(printable(str(text)) for text in (*words, *ends, row["reason"])))
     out.print(shown)
     bad = sum(row["verdict"] in BAD for row in record["rows"])
     judged = sum(row["verdict"] == "converges" for row in record["rows"])

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, guarded
+from ninedisk.harness.cli.support import FAILURE, CellProgress, fail, guarded
 
 
 def register(app: typer.Typer) -> None:
@@ -52,7 +52,6 @@ def check_engine(
     from ninedisk.harness.api.registry import get_engine
     from ninedisk.harness.check_engine.check import check_engine as check
     from ninedisk.harness.check_engine.findings import FAIL, show, write_json
-    from ninedisk.harness.cli.support import CellProgress, fail
     from ninedisk.harness.results.whole_file import check_writable
 
     found = get_engine(engine)

@@ -3,18 +3,68 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo
+import typer
+
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.api.params import allowed, format_value
 from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine, problems
-from ninedisk.harness.cli.support import console, table
-from ninedisk.harness.wire.command import CommandEngine
+from ninedisk.harness.cli.support import Commands, console, guarded, table
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from ninedisk.harness.api.capabilities import Capability
+    from ninedisk.harness.api.engine import Engine, EngineInfo
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    listing = typer.Typer(help="Show the cases and their parameters, and the engines.", no_args_is_help=True)
+    listing.command("cases")(list_cases)
+    listing.command("engines")(list_engines)
+    app.add_typer(listing, name="list")
+
+
+@guarded
+def list_cases(
+    case: Annotated[
+        str | None, typer.Argument(metavar="[CASE]", help="Show one case with its parameters, ranges and units.")
+    ] = None,
+) -> None:
+    """List the cases, or one case with everything that --set can change.
+
+    \b
+    Examples:
+      ninedisk list cases
+      ninedisk list cases binary-collision
+    """
+    show_cases() if case is None else show_case(case)
+
+
+@guarded
+def list_engines(
+    engine: Annotated[
+        str | None,
+        typer.Argument(metavar="[ENGINE]", help="Show one engine: what it can express and lacks, and its options."),
+    ] = None,
+    engine_cmd: Commands = None,
+) -> None:
+    """List the engines (installed or not, version, licence, how they run, what they express, how to install them), or one of them
+    with everything that --option can change.
+
+    \b
+    Examples:
+      ninedisk list engines
+      ninedisk list engines siconos
+      ninedisk list engines --engine-cmd 'node my-engine.mjs'
+    """
+    if engine_cmd:
+        show_described(engine_cmd)
+    elif engine is None:
+        show_engines()
+    else:
+        show_engine(engine)
 
 
 def show_cases() -> None:
@@ -33,6 +83,8 @@ def show_cases() -> None:
 
 def show_case(case_id: str) -> None:
     """One case: what it requires, its parameters, and the variants of its matrix."""
+    from ninedisk.harness.api.params import allowed, format_value
+
     case = get_case(case_id)
     out = console()
     for line in (
@@ -77,13 +129,13 @@ def show_engines() -> None:
 
 def _show_problems() -> None:
     """What installed packages announce wrongly, on standard error: the list itself is complete without it."""
-    import typer
-
     for problem in problems():
         typer.echo(f"warning: {problem}", err=True)
 
 
 def _engine_row(shown: Table, missing: list[str], engine: Engine, origin: str) -> None:
+    from ninedisk.harness.api.capabilities import Capability
+
     info = engine.info()
     version = info.version if info.version is not None else "not installed"
     has = ", ".join(dict.fromkeys(capability.short for capability in Capability if capability in info.capabilities))
@@ -105,6 +157,9 @@ def show_described(commands: Sequence[str]) -> None:
     UsageError
         If one cannot be started, or its description is broken.
     """
+    from ninedisk.harness.api.engine import EngineError
+    from ninedisk.harness.wire.command import CommandEngine
+
     for line in commands:
         try:
             info = CommandEngine(line).info()
@@ -114,6 +169,9 @@ def show_described(commands: Sequence[str]) -> None:
 
 
 def _show_info(info: EngineInfo, origin: str) -> None:
+    from ninedisk.harness.api.capabilities import Capability
+    from ninedisk.harness.api.params import format_value
+
     state = f"version {info.version}" if info.installed else f"not installed: {info.not_installed_because}"
     lines = [
         f"{info.id}: {info.name}, {state}",

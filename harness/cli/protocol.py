@@ -1,4 +1,4 @@
-"""``ninedisk schema`` and ``ninedisk request``: for those who write an engine, and the option that gives one by its command."""
+"""``ninedisk schema`` and ``ninedisk request``: for those who write an engine."""
 
 from __future__ import annotations
 
@@ -7,17 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import guarded
-
-Commands = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--engine-cmd",
-        metavar="COMMAND",
-        help="Engine by its command, e.g. 'node my-engine.mjs' (docs/tutorial-engine.md); repeat for several.",
-    ),
-]
-"""Option of every command that takes engines by their commands."""
+from ninedisk.harness.cli.support import guarded, parse_settings
 
 
 def register(app: typer.Typer) -> None:
@@ -82,7 +72,6 @@ def request(
       ninedisk request binary-collision > request.json
       ninedisk request nine-disk/compression --set load_case=b1 --engine-cmd 'node my-engine.mjs' | node my-engine.mjs run
     """
-    from ninedisk.harness.cli.run import parse_settings
     from ninedisk.harness.wire.example import example_request
 
     chosen = parse_settings(options or [], flag="--option", example="mine.theta=1")

@@ -1,11 +1,10 @@
-"""``ninedisk run``: check the request, run, store, tell.
+"""``ninedisk run``: check the request, run, store, print.
 
 What a run prints at its end, and what ``ninedisk show`` prints of a stored one: worst first, reasons, counts, where the results are.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import shlex
 from collections import Counter, defaultdict
@@ -13,29 +12,143 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ninedisk.harness.api.errors import StoreError, UsageError
-from ninedisk.harness.api.registry import match_cases, problems
-from ninedisk.harness.cli.support import FAILURE, CellProgress, console, fail, table
-from ninedisk.harness.results.claims import judge_claims
-from ninedisk.harness.results.schema import WORST_FIRST, row_tolerance
-from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
-from ninedisk.harness.results.tables import CaseResult, Row, plain_json
-from ninedisk.harness.results.whole_file import check_writable, write_whole
-from ninedisk.harness.run.judge import exit_code
-from ninedisk.harness.run.matrix import run_cells
-from ninedisk.harness.run.plan import plan_matrix
-from ninedisk.harness.run.provenance import command_line, provenance, usable_cores
-from ninedisk.harness.run.published import check_folder
-from ninedisk.harness.wire.command import engines_given
+from ninedisk.harness.cli.support import (
+    FAILURE,
+    CellProgress,
+    Commands,
+    Store,
+    console,
+    fail,
+    guarded,
+    parse_settings,
+    table,
+    write_rows,
+)
+from ninedisk.harness.results.schema import WORST_FIRST, Row, row_tolerance
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from ninedisk.harness.run.cluster import Cluster
+
+
+MAX_LINES = 28
+"""Lines of table, reasons and notes together: with what stands around them a run ends within 40 lines of the terminal."""
+
+LEAST_OF_TABLE = 10
+"""Lines that reasons and notes leave to the table."""
+
+MAX_REASONS, REASON_LINES = 8, 14
+
+MAX_NOTES, NOTES_BESIDE_REASONS = 8, 3
+
+MAX_LENGTH = 300
+"""Letters of a reason where there is no room for all of them."""
+
+BAD = ("error", "timeout", "fail", "gap-closed")
+
+_NOT_RUN = ("unsupported", "not-installed")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("run", short_help="Run cases on engines and judge the results.")(run)
+
+
+@guarded
+def run(
+    globs: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="GLOB", help="Cases by id or pattern, e.g. 'nine-disk/*'. None: all cases."),
+    ] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option("--engine", "-e", metavar="ID", help="Engine to run; repeat for several. None: all engines."),
+    ] = None,
+    engine_cmd: Commands = None,
+    all_engines: Annotated[
+        bool, typer.Option("--all-engines", help="All known engines (the default without --engine and --engine-cmd).")
+    ] = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="Fix a parameter, unit allowed ('dt=10 ms'); repeat for several."
+        ),
+    ] = None,
+    options: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--option",
+            metavar="ENGINE.NAME=VALUE",
+            help="Fix a setting of one engine; repeat for several. ninedisk list engines ENGINE shows what there is.",
+        ),
+    ] = None,
+    store: Store = Path("results"),
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write the measurement rows as JSON.")
+    ] = None,
+    published: Annotated[
+        Path | None,
+        typer.Option("--published", metavar="DIR", help="Folder with your own digitised curves (CSV + TOML)."),
+    ] = None,
+    jobs: Annotated[
+        str | None,
+        typer.Option(
+            "--jobs",
+            "-j",
+            metavar="N",
+            help="Cells at once, each in a process of its own; auto: one for each core. More than 1 spoils timings. Default: 1.",
+        ),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option("--dask", metavar="ADDRESS", help="Run on the Dask cluster whose scheduler listens there."),
+    ] = None,
+) -> None:
+    """Run cases on engines, hold the results against every known truth, and store them.
+
+    \b
+    Examples:
+      ninedisk run
+      ninedisk run nine-disk/compression --engine dem
+      ninedisk run 'nine-disk/*' -e dem -e yade --set phi_deg=20
+      ninedisk run incline-block -e pymunk --set 'dt=5 ms' --set mu=0.36 --json rows.json
+      ninedisk run slip-to-roll -e siconos --option siconos.theta=1
+      ninedisk run binary-collision --engine-cmd 'node my-engine.mjs' --engine dem
+      ninedisk run --jobs auto
+      ninedisk run --dask tcp://head:8786
+
+    Results do not depend on --jobs or --dask; timings do, so runs with different ones are not compared by their timings.
+
+    \b
+    Exit codes:
+      0  every cell passes or is excused (unsupported, not-installed, known-gap, gap-closed, no-truth)
+      1  the run is complete but some check failed
+      2  wrong usage (unknown id or parameter, value out of range, store that cannot be written)
+      3  an engine failed, crashed or ran out of time in some cell
+      130  interrupted (Ctrl-C, SIGTERM, SIGHUP); nothing was stored
+    """
+    if engine and all_engines:
+        raise UsageError("--engine and --all-engines exclude each other: give one of them")
+    code = execute(
+        globs=globs or [],
+        engines=engine or [],
+        settings=settings or [],
+        options=options or [],
+        store=store,
+        json_file=json_file,
+        published=published,
+        commands=engine_cmd or [],
+        all_engines=all_engines,
+        jobs=jobs,
+        dask=dask,
+    )
+    raise typer.Exit(code)
 
 
 def execute(
@@ -61,6 +174,17 @@ def execute(
     UsageError, ParameterError, CoreError
         With the message to show.
     """
+    from ninedisk.harness.api.registry import match_cases, problems
+    from ninedisk.harness.results.claims import judge_claims
+    from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
+    from ninedisk.harness.results.whole_file import check_writable
+    from ninedisk.harness.run.judge import exit_code
+    from ninedisk.harness.run.plan import plan_matrix
+    from ninedisk.harness.run.provenance import command_line, provenance
+    from ninedisk.harness.run.published import check_folder
+    from ninedisk.harness.run.workers import run_cells
+    from ninedisk.harness.wire.command import engines_given
+
     if jobs is not None and dask is not None:
         raise UsageError("--jobs and --dask exclude each other: a cluster has the workers that it has")
     at_once = read_jobs(jobs)
@@ -86,20 +210,18 @@ def execute(
             "provenance": provenance(result.cell for result in results) | where,
             "argv": command_line(),
         }
+    shown = [result.cell for result in results]
+    rows = [row for result in results for row in result.rows]
     code = exit_code({status for result in results for status in result.statuses})
     try:
         folder: Path | None = write_run(store, new_run_id(), results, claims, facts)
         if json_file is not None:
-            write_json(json_file, results)
+            write_rows(json_file, rows)
     except StoreError as error:
-        show_summary(*_told(results), None)
+        show_summary(shown, rows, None)
         fail(str(error), FAILURE)
-    show_summary(*_told(results), folder)
+    show_summary(shown, rows, folder)
     return code
-
-
-def _told(results: Sequence[CaseResult]) -> tuple[list[Row], list[Row]]:
-    return [result.cell for result in results], [row for result in results for row in result.rows]
 
 
 def read_jobs(text: str | None) -> int:
@@ -113,6 +235,8 @@ def read_jobs(text: str | None) -> int:
     if text is None:
         return 1
     if text == "auto":
+        from ninedisk.harness.run.provenance import usable_cores
+
         return usable_cores()
     if text.isascii() and text.isdigit() and int(text) >= 1:
         return int(text)
@@ -127,53 +251,8 @@ def _cluster(address: str | None) -> AbstractContextManager[Cluster | None]:
     return connected(address)
 
 
-def parse_settings(settings: Sequence[str], *, flag: str = "--set", example: str = "dt=0.01") -> dict[str, str]:
-    """``NAME=VALUE`` texts as a mapping; a name given twice is refused, since only one of them could count."""
-    found: dict[str, str] = {}
-    for text in settings:
-        name, sign, value = text.partition("=")
-        name, value = name.strip(), value.strip()
-        if not sign or not name or not value:
-            raise UsageError(f"{flag} {text!r} is not allowed: write NAME=VALUE, for instance {flag} {example}")
-        if found.setdefault(name, value) != value:
-            raise UsageError(f"{flag} gives {name!r} twice ({found[name]} and {value}): give it once")
-    return found
-
-
-def write_json(path: Path, results: Sequence[CaseResult]) -> None:
-    """Write the measurement rows; raises as `write_rows` does."""
-    write_rows(path, [row for result in results for row in result.rows])
-
-
-def write_rows(path: Path, found: Sequence[Row]) -> None:
-    """Write rows as a JSON list, NaN as null; the file appears whole or not at all.
-
-    Raises
-    ------
-    StoreError
-        If it cannot be written.
-    """
-    rows = json.loads(plain_json(list(found)))
-    write_whole("--json", path, json.dumps(rows, indent=1) + "\n")
-
-
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-MAX_LINES = 28
-"""Lines of table, reasons and notes together: with what stands around them a run ends within 40 lines of the terminal."""
-
-LEAST_OF_TABLE = 10
-"""Lines that reasons and notes leave to the table."""
-
-MAX_REASONS, REASON_LINES = 8, 14
-MAX_NOTES, NOTES_BESIDE_REASONS = 8, 3
-MAX_LENGTH = 300
-"""Letters of a reason where there is no room for all of them."""
-
-BAD = ("error", "timeout", "fail", "gap-closed")
-_NOT_RUN = ("unsupported", "not-installed")
 
 
 def show_summary(
@@ -189,7 +268,7 @@ def show_summary(
     Parameters
     ----------
     cells, rows : sequence of dict
-        With the columns of `records.CELL_COLUMNS` and `records.MEASUREMENT_COLUMNS`.
+        With the columns of `schema.CELL_COLUMNS` and `schema.MEASUREMENT_COLUMNS`.
     folder : Path or None
         The stored run, ``STORE/runs/ID``; None: there is none.
     everything : bool

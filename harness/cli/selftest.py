@@ -3,76 +3,76 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, fail, guarded
+from ninedisk.harness.cli.support import FAILURE, CellProgress, console, fail, guarded, table, write_rows
 
 if TYPE_CHECKING:
-    from ninedisk.harness.results.tables import Row
+    from ninedisk.harness.results.schema import Row
     from ninedisk.harness.selftest.defect import Defect
-WritePage = Callable[[Sequence["Row"], Path], None]
 MISSED = 1
 SHOWN = 2
 """Failing checks that a line of the table names."""
 
 
-def register(app: typer.Typer, write_page: WritePage) -> None:
-    """Add the command to the command line; ``write_page`` makes a page of the rows."""
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("selftest", short_help="Tell whether the suite catches engines that are wrong on purpose.")(selftest)
 
-    @app.command("selftest", short_help="Tell whether the suite catches engines that are wrong on purpose.")
-    @guarded
-    def selftest(
-        only: Annotated[
-            list[str] | None,
-            typer.Option("--only", metavar="GLOB", help="Only these defects, e.g. 'dem/torque-*'; repeat for several."),
-        ] = None,
-        jobs: Annotated[
-            int | None,
-            typer.Option("--jobs", "-j", metavar="N", min=1, help="Engines at the same time. None: one a core."),
-        ] = None,
-        quick: Annotated[
-            bool, typer.Option("--quick", help="Run each wrong engine on the one variant that is known to catch it.")
-        ] = False,
-        show: Annotated[bool, typer.Option("--list", help="List the defects and run nothing.")] = False,
-        json_file: Annotated[
-            Path | None, typer.Option("--json", metavar="FILE", help="Also write a row a defect, as a JSON list.")
-        ] = None,
-        html: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Also write a page.")] = None,
-    ) -> None:
-        """Plant a defect into our own engines, run the suite, and see which checks fail; one defect after the other.
 
-        A verification suite is worth what it catches. Each defect is one small change: a sign in a kernel, a missing torque, a
-        dashpot of half the strength, a wall one step late, a wrong mass, a report in single precision. The unchanged engines
-        run first and must pass every check; then every wrong one must fail at least one. What no case can see is listed as a
-        known hole, with the reason; it becomes a closed one when a check fails. Wrong engines run in processes of their own; no
-        file of the installation is changed, and no result enters a store.
+@guarded
+def selftest(
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="GLOB", help="Only these defects, e.g. 'dem/torque-*'; repeat for several."),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", "-j", metavar="N", min=1, help="Engines at the same time. None: one a core."),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Run each wrong engine on the one variant that is known to catch it.")
+    ] = False,
+    show: Annotated[bool, typer.Option("--list", help="List the defects and run nothing.")] = False,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write a row a defect, as a JSON list.")
+    ] = None,
+    html: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Also write a page.")] = None,
+) -> None:
+    """Plant a defect into our own engines, run the suite, and see which checks fail; one defect after the other.
 
-        Variants are those of `ninedisk run` at smaller cost (softer springs, shorter settling), every kind of check included: some
-        four minutes on two idle cores, --quick about one.
+    A verification suite is worth what it catches. Each defect is one small change: a sign in a kernel, a missing torque, a
+    dashpot of half the strength, a wall one step late, a wrong mass, a report in single precision. The unchanged engines
+    run first and must pass every check; then every wrong one must fail at least one. What no case can see is listed as a
+    known hole, with the reason; it becomes a closed one when a check fails. Wrong engines run in processes of their own; no
+    file of the installation is changed, and no result enters a store.
 
-        A row of --json has defect, engine, kind, what, caught, checks (ids of those that failed), by_case, hole, errors, judged,
-        passed (the unchanged engines'), edits and seconds.
+    Variants are those of `ninedisk run` at smaller cost (softer springs, shorter settling), every kind of check included: some
+    four minutes on two idle cores, --quick about one.
 
-        \b
-        Examples:
-          ninedisk selftest
-          ninedisk selftest --only 'dem/torque-*' --only 'wall-*'
-          ninedisk selftest --quick --jobs 2
-          ninedisk selftest --json selftest.json --html selftest.html
+    A row of --json has defect, engine, kind, what, caught, checks (ids of those that failed), by_case, hole, errors, judged,
+    passed (the unchanged engines'), edits and seconds.
 
-        \b
-        Exit codes:
-          0  every defect is caught or a known hole, and the unchanged engines pass
-          1  some defect is not caught, or an unchanged engine fails
-          2  wrong usage
-          3  a defect no longer fits the source that it was written for
-          130  interrupted; nothing was written
-        """
-        raise typer.Exit(execute(only or [], jobs, quick, show, json_file, html, write_page))
+    \b
+    Examples:
+      ninedisk selftest
+      ninedisk selftest --only 'dem/torque-*' --only 'wall-*'
+      ninedisk selftest --quick --jobs 2
+      ninedisk selftest --json selftest.json --html selftest.html
+
+    \b
+    Exit codes:
+      0  every defect is caught or a known hole, and the unchanged engines pass
+      1  some defect is not caught, or an unchanged engine fails
+      2  wrong usage
+      3  a defect no longer fits the source that it was written for
+      130  interrupted; nothing was written
+    """
+    raise typer.Exit(execute(only or [], jobs, quick, show, json_file, html))
 
 
 def execute(
@@ -82,7 +82,6 @@ def execute(
     show: bool,
     json_file: Path | None,
     html: Path | None,
-    write_page: WritePage,
 ) -> int:
     """Check the request, run, print, write; the exit code.
 
@@ -91,12 +90,11 @@ def execute(
     UsageError
         With the message to show.
     """
-    from ninedisk.harness.cli.run import write_rows
-    from ninedisk.harness.cli.support import CellProgress
     from ninedisk.harness.results.whole_file import check_writable
     from ninedisk.harness.selftest.defect import StaleEditError
     from ninedisk.harness.selftest.gallery import chosen_defects
     from ninedisk.harness.selftest.run import fine, run_selftest
+    from ninedisk.reports.selftest import write_selftest
 
     defects = chosen_defects(only)
     if show:
@@ -113,13 +111,12 @@ def execute(
     if json_file is not None:
         write_rows(json_file, rows)
     if html is not None:
-        write_page(rows, html)
+        write_selftest(rows, html)
     _show(rows)
     return 0 if all(fine(row) for row in rows) else MISSED
 
 
 def _list(defects: Sequence[Defect]) -> None:
-    from ninedisk.harness.cli.support import console, table
 
     shown = table("defect", "kind", "what")
     for defect in defects:
@@ -129,7 +126,6 @@ def _list(defects: Sequence[Defect]) -> None:
 
 def _show(rows: Sequence[Row]) -> None:
     from ninedisk.harness.api.text import printable
-    from ninedisk.harness.cli.support import console, table
     from ninedisk.harness.selftest.run import fine
 
     out = console()

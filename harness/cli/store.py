@@ -8,11 +8,8 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import guarded
-from ninedisk.harness.results.tables import Row
-
-Store = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the stored results.")]
-"""Option of every command that reads or writes results."""
+from ninedisk.harness.cli.support import Store, console, guarded, table
+from ninedisk.harness.results.schema import Row
 
 
 def register(app: typer.Typer) -> None:
@@ -37,7 +34,6 @@ def runs(store: Store = Path("results")) -> None:
       ninedisk runs --store nightly
     """
     from ninedisk.harness.api.text import printable
-    from ninedisk.harness.cli.support import console, table
     from ninedisk.harness.results.schema import WORST_FIRST
     from ninedisk.harness.results.store import listed
 
@@ -81,8 +77,8 @@ def show(
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.cli.run import show_summary
     from ninedisk.harness.results.compare import one_stored
+    from ninedisk.harness.results.reader import read_about, read_rows
     from ninedisk.harness.results.schema import STATUSES
-    from ninedisk.harness.results.store import read_about, read_table
 
     if unknown := sorted(set(status or ()) - set(STATUSES)):
         raise UsageError(f"--status {unknown[0]!r} is unknown: use one of {', '.join(STATUSES)}")
@@ -91,14 +87,12 @@ def show(
     few = set(status) if status else set(STATUSES) - (set() if engine or case != "*" else {"pass"})
 
     def of(name: str) -> list[Row]:
-        rows: list[Row] = read_table(store, about, name).to_pylist()
+        rows = read_rows(store, about, name)
         return [row for row in rows if fnmatchcase(row["case"], case) and engine in (None, row["engine"])]
 
     cells, rows = of("cells"), of("measurements")
     if not cells:
-        engines = ", ".join(
-            sorted({row["engine"] for row in read_table(store, about, "cells", ["engine"]).to_pylist()})
-        )
+        engines = ", ".join(sorted({row["engine"] for row in read_rows(store, about, "cells", ["engine"])}))
         raise UsageError(
             f"the run {run_id} has no cell of --case {case} --engine {engine or 'ID'}; its engines: {engines}"
         )

@@ -1,19 +1,18 @@
-"""What every command shares: errors without tracebacks, and progress that stays silent for two seconds.
-
-Tables in the terminal.
-"""
+"""What commands share: errors without tracebacks, progress that stays silent for two seconds, tables, options, rows as JSON."""
 
 from __future__ import annotations
 
 import errno
 import functools
+import json
 import os
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, NoReturn, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Annotated, NoReturn, ParamSpec, TypeVar
 
 import typer
 
@@ -21,8 +20,24 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress as Bar
     from rich.table import Table
+
+    from ninedisk.harness.results.schema import Row
+
 P = ParamSpec("P")
 R = TypeVar("R")
+
+Store = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the stored results.")]
+"""Option of every command that reads or writes results."""
+
+Commands = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--engine-cmd",
+        metavar="COMMAND",
+        help="Engine by its command, e.g. 'node my-engine.mjs' (docs/tutorial-engine.md); repeat for several.",
+    ),
+]
+"""Option of every command that takes engines by their commands."""
 
 USAGE, FAILURE, INTERRUPTED = 2, 3, 130
 QUIET_SECONDS = 2.0
@@ -32,6 +47,10 @@ UNUSABLE = frozenset(
     {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EISDIR, errno.EROFS}
 )
 """What the system says of a path that no command can use, whichever of them stumbles over it first."""
+
+
+PIPE_WIDTH = 200
+"""Columns where standard output is no terminal: wide enough that ids are not broken up."""
 
 
 def guarded(command: Callable[P, R]) -> Callable[P, R]:
@@ -67,8 +86,9 @@ def _is_users_mistake(error: Exception) -> bool:
     from ninedisk.core.errors import CoreError
     from ninedisk.harness.api.case import ParameterError
     from ninedisk.harness.api.errors import UsageError
+    from ninedisk.reports.folder import ReportError
 
-    return isinstance(error, UsageError | ParameterError | CoreError)
+    return isinstance(error, UsageError | ParameterError | CoreError | ReportError)
 
 
 class CellProgress:
@@ -131,10 +151,6 @@ class CellProgress:
             self._bar.start()
 
 
-PIPE_WIDTH = 200
-"""Columns where standard output is no terminal: wide enough that ids are not broken up."""
-
-
 def console() -> Console:
     """A console on standard output."""
     from rich.console import Console
@@ -152,3 +168,33 @@ def table(*headers: str, right: tuple[str, ...] = ()) -> Table:
     for header in headers:
         made.add_column(header, overflow="fold", justify="right" if header in right else "left")
     return made
+
+
+def parse_settings(settings: Sequence[str], *, flag: str = "--set", example: str = "dt=0.01") -> dict[str, str]:
+    """``NAME=VALUE`` texts as a mapping; a name given twice is refused, since only one of them could count."""
+    from ninedisk.harness.api.errors import UsageError
+
+    found: dict[str, str] = {}
+    for text in settings:
+        name, sign, value = text.partition("=")
+        name, value = name.strip(), value.strip()
+        if not sign or not name or not value:
+            raise UsageError(f"{flag} {text!r} is not allowed: write NAME=VALUE, for instance {flag} {example}")
+        if found.setdefault(name, value) != value:
+            raise UsageError(f"{flag} gives {name!r} twice ({found[name]} and {value}): give it once")
+    return found
+
+
+def write_rows(path: Path, found: Sequence[Row]) -> None:
+    """Write rows as a JSON list, NaN as null; the file appears whole or not at all.
+
+    Raises
+    ------
+    StoreError
+        If it cannot be written.
+    """
+    from ninedisk.harness.results.tables import plain_json
+    from ninedisk.harness.results.whole_file import write_whole
+
+    rows = json.loads(plain_json(list(found)))
+    write_whole("--json", path, json.dumps(rows, indent=1) + "\n")

@@ -8,7 +8,8 @@ from contextlib import suppress
 
 from ninedisk.harness.api.claims import Claim, UndecidedError, claims_of
 from ninedisk.harness.api.registry import BrokenEntryError, UnknownIdError, get_case
-from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.tables import CaseResult
 
 _RAN = frozenset({"pass", "fail", "known-gap", "gap-closed", "no-truth"})
 

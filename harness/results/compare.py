@@ -1,8 +1,7 @@
 """Two runs, or two groups of runs, side by side: what got worse, what got better, what cannot be compared.
 
-What the words BASE and HEAD of ``ninedisk compare`` mean: runs of a store, folders, exported files.
-
-A comparison as Markdown (GitHub's flavour) and as JUnit XML.
+`resolve` reads what the words BASE and HEAD of ``ninedisk compare`` mean: runs of a store, folders, exported files. A comparison
+is written as Markdown (GitHub's flavour), JUnit XML or JSON.
 """
 
 from __future__ import annotations
@@ -20,22 +19,11 @@ from xml.etree import ElementTree
 from ninedisk.harness.api.errors import StoreError, UsageError, close_matches
 from ninedisk.harness.api.text import duration, printable, short, times
 from ninedisk.harness.results.export import FORMATS, read_export
+from ninedisk.harness.results.reader import CellKey, moment, read_about, run_facts, run_ids
 from ninedisk.harness.results.rules import ERROR_RULE, LEAST, TIMING_RULE, error_of, judge_errors, judge_timings
-from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison, RunFacts, row_tolerance
-from ninedisk.harness.results.store import (
-    BROKEN,
-    NOT_RUN,
-    CellKey,
-    CheckKey,
-    Snapshot,
-    in_order,
-    load_snapshot,
-    moment,
-    read_about,
-    run_facts,
-    run_ids,
-)
-from ninedisk.harness.results.tables import Row, plain_json
+from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison, Row, RunFacts, row_tolerance
+from ninedisk.harness.results.store import BROKEN, NOT_RUN, CheckKey, Snapshot, in_order, load_snapshot
+from ninedisk.harness.results.tables import plain_json
 
 NAN = float("nan")
 TIMINGS = {"advance_s": "stepping", "setup_s": "set-up"}
@@ -43,6 +31,21 @@ TIMINGS = {"advance_s": "stepping", "setup_s": "set-up"}
 
 EVERY = "all timings"
 """Stands where a case's id stands, for what all timings share."""
+
+
+_LATEST = re.compile(r"latest(?:~(\d+))?")
+
+MEANINGS = (
+    "give a run id (see `ninedisk runs`), latest, latest~1, a range such as latest~9..latest~5, a folder with runs, "
+    "or a file of `ninedisk export`"
+)
+
+MOST_ROWS = 100
+"""Rows of a Markdown table: GitHub cuts a summary at one megabyte, a reader tires earlier."""
+
+SYMBOLS = {"worse": "❌", "suspect": "⚠️", "lost": "⚠️", "not-comparable": "↔️", "better": "✅", "new": "➕", "same": "·"}
+
+_ACTIVE = re.compile(r"[\\`*\[\]<>|~@&#!$\"]|(?<=www)\.|:(?=//)")
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ def growth(change: Change) -> float:
 
 
 def counts(comparison: Comparison) -> dict[str, int]:
-    """How many changes have each verdict, in the order of `records.CHANGE_VERDICTS`."""
+    """How many changes have each verdict, in the order of `schema.CHANGE_VERDICTS`."""
     found = Counter(change.verdict for change in comparison.changes)
     return {verdict: found[verdict] for verdict in CHANGE_VERDICTS}
 
@@ -239,13 +242,6 @@ def _every(verdict: str, before: float, after: float, reason: str) -> Change:
                    base_status="", head_status="")  # fmt: skip
 
 
-_LATEST = re.compile(r"latest(?:~(\d+))?")
-MEANINGS = (
-    "give a run id (see `ninedisk runs`), latest, latest~1, a range such as latest~9..latest~5, a folder with runs, "
-    "or a file of `ninedisk export`"
-)
-
-
 def resolve(word: str, store: Path) -> list[Snapshot]:
     """Runs that a word names, oldest first, at least one.
 
@@ -330,13 +326,6 @@ def _index(word: str, ids: list[str], store: Path) -> int:
     if found:
         raise UsageError(f"{word!r} is the beginning of {len(found)} runs of {str(store)!r}: give more of it")
     raise UsageError(f"{word!r} names no run of the store {str(store)!r}: {MEANINGS}.{close_matches(word, ids)}")
-
-
-MOST_ROWS = 100
-"""Rows of a Markdown table: GitHub cuts a summary at one megabyte, a reader tires earlier."""
-
-SYMBOLS = {"worse": "❌", "suspect": "⚠️", "lost": "⚠️", "not-comparable": "↔️", "better": "✅", "new": "➕", "same": "·"}
-_ACTIVE = re.compile(r"[\\`*\[\]<>|~@&#!$\"]|(?<=www)\.|:(?=//)")
 
 
 def headline(comparison: Comparison) -> str:

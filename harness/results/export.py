@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.harness.api.errors import StoreError
-from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, SCHEMA_VERSION, RunFacts
-from ninedisk.harness.results.store import Snapshot, cell_key, check_schema, in_order, snapshot
-from ninedisk.harness.results.tables import EMPTY, Row, plain_json
+from ninedisk.harness.results.reader import cell_key, check_schema
+from ninedisk.harness.results.schema import CELL_COLUMNS, EMPTY, MEASUREMENT_COLUMNS, SCHEMA_VERSION, Row, RunFacts
+from ninedisk.harness.results.store import Snapshot, in_order, snapshot
+from ninedisk.harness.results.tables import plain_json, write_table
 
 RUN_COLUMNS = {
     "schema_version": "int64",
@@ -149,12 +150,9 @@ def _write_json(rows: Sequence[Row], path: Path) -> None:
 
 
 def _write_parquet(rows: Sequence[Row], path: Path) -> None:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+    import pandas as pd
 
-    types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
-    fields = pa.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
-    pq.write_table(pa.Table.from_pylist(list(rows), schema=fields), path, compression="zstd")
+    write_table(pd.DataFrame(rows, columns=list(COLUMNS)), COLUMNS, path)
 
 
 def _read_csv(path: Path) -> list[Row]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ninedisk.harness.results.compare import EVERY, TIMINGS, Side, compare
+from ninedisk.harness.results.reader import CellKey
 from ninedisk.harness.results.rules import (
     ERROR_RULE,
     MANY,
@@ -18,9 +19,8 @@ from ninedisk.harness.results.rules import (
     error_shifts,
     timing_shifts,
 )
-from ninedisk.harness.results.schema import Comparison, History, Line, Point, row_tolerance
-from ninedisk.harness.results.store import BROKEN, CellKey, Snapshot
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Comparison, Line, Point, Row, StoreHistory, row_tolerance
+from ninedisk.harness.results.store import BROKEN, Snapshot
 
 AROUND = 10
 """Runs on each side of a mark that give the timings of the comparison around it."""
@@ -29,7 +29,7 @@ LineKey = tuple[str, str, int, str, str, str, str, int]
 """Kind, case, case version, variant, engine, quantity, kind of truth, number of the check: one line on a machine."""
 
 
-def history(runs: Sequence[Snapshot], progress: Callable[[int, int], None] | None = None) -> History:
+def history(runs: Sequence[Snapshot], progress: Callable[[int, int], None] | None = None) -> StoreHistory:
     """Lines and marks of runs in their order in time, and the comparisons around the marks.
 
     Runs on different machines, and of different versions of a case, give different lines.
@@ -44,7 +44,7 @@ def history(runs: Sequence[Snapshot], progress: Callable[[int, int], None] | Non
         lines += _lines_of_machine(machine, [(number, runs[number]) for number in numbers])
     n_timings = sum(line.kind == "timing" for line in lines)
     marked = [line for line in _marked(lines, n_timings) if line.points]
-    return History(
+    return StoreHistory(
         runs=tuple(run.facts for run in runs),
         lines=tuple(marked),
         comparisons=_comparisons(runs, by_machine, marked),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import pairwise
 from statistics import NormalDist
 from typing import Any
@@ -14,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.harness.api.text import short
-from ninedisk.harness.results.schema import Point, Shift, row_tolerance
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Point, Row, Shift, row_tolerance
 
 QUIET = 0.1
 """Fraction of its tolerance below which an error may move freely."""
@@ -43,7 +41,7 @@ def grew(before: float, after: float, allowed: float, factor: float = GROWTH) ->
 
 
 def judge_errors(base: Row, head: Row) -> tuple[str, str]:
-    """Verdict (one of `records.CHANGE_VERDICTS`) and reason for a check before and after."""
+    """Verdict (one of `schema.CHANGE_VERDICTS`) and reason for a check before and after."""
     before, after = error_of(base), error_of(head)
     allowed_before, allowed = row_tolerance(base), row_tolerance(head)
     moved = abs(allowed - allowed_before) > 0.01 * max(allowed, allowed_before)
@@ -187,7 +185,7 @@ def _median_noise(m: int, n: int, single: float) -> float:
 
 
 LONGEST = 120
-"""Most values that are ranked together: the tables of chances grow with the third power of it."""
+"""Most values that are ranked together: an exact test takes ever longer, and older runs say ever less."""
 
 FEWEST = 3
 """Fewest values on each side of a change point."""
@@ -198,12 +196,15 @@ LIKELY = 0.05
 
 
 def chance_of_order(one: FloatArray, two: FloatArray) -> float:
-    """Two-sided probability of ranks at least as separated as those of two samples, if nothing tells them apart."""
+    """Two-sided probability of ranks at least as separated as those of two samples, if nothing tells them apart.
+
+    Exact also among ties: half a point of a tie counts against a discovery.
+    """
+    from scipy.stats import mannwhitneyu
+
     if len(one) + len(two) > LONGEST:
         one, two = one[-LONGEST // 2 :], two[-LONGEST // 2 :]
-    pairs = one[:, None] - two[None, :]
-    above = float((pairs > 0).sum() + 0.5 * (pairs == 0).sum())
-    return _two_sided(len(one), len(two), above)
+    return float(mannwhitneyu(one, two, method="exact").pvalue)
 
 
 @dataclass(frozen=True)
@@ -219,22 +220,26 @@ class ChangePoint:
 def find_change(values: FloatArray) -> ChangePoint | None:
     """The most striking change point of at most `LONGEST` values.
 
-    The chance is that of the best split, multiplied by the number of splits (Bonferroni), at most 1: the probability of
-    anything as striking if the order of the values means nothing. The place is that of the least squares about two
-    means, values beyond three deviations pulled in; others belong to ``first .. last`` if their likelihood under normal
-    noise is at least `LIKELY` of its.
+    The chance is the exact one of the split whose ranks lie farthest apart in standard deviations, multiplied by the
+    number of splits (Bonferroni), at most 1: a bound on the probability of anything as striking if the order of the
+    values means nothing. The place is that of the least squares about two means, values beyond three deviations pulled
+    in; others belong to ``first .. last`` if their likelihood under normal noise is at least `LIKELY` of its.
 
     Returns
     -------
     ChangePoint or None
         None if there are too few values, or all are equal.
     """
+    from scipy.stats import rankdata
+
     n = len(values)
     splits = np.arange(FEWEST, n - FEWEST + 1)
     if len(splits) < 1 or np.ptp(values) == 0.0:
         return None
-    greater = (values[:, None] > values[None, :]) + 0.5 * (values[:, None] == values[None, :])
-    chance = min(_two_sided(k, n - k, float(greater[:k, k:].sum())) for k in splits.tolist())
+    ranks = rankdata(values)
+    excess = np.cumsum(ranks)[splits - 1] - splits * (n + 1) / 2  # sum of the first ranks less its mean
+    farthest = splits[int(np.argmax(np.abs(excess) / np.sqrt(splits * (n - splits))))]
+    chance = chance_of_order(values[:farthest], values[farthest:])
     best = splits[int(np.argmin(_costs(values, splits)))]
     apart = np.concatenate([values[:best] - np.median(values[:best]), values[best:] - np.median(values[best:])])
     noise = 1.4826 * float(np.median(np.abs(apart)))
@@ -257,32 +262,6 @@ def _costs(values: FloatArray, splits: NDArray[np.int64]) -> FloatArray:
 
 def _squares(values: FloatArray) -> float:
     return float(((values - values.mean()) ** 2).sum())
-
-
-def _two_sided(m: int, n: int, above: float) -> float:
-    u = math.floor(min(above, m * n - above) + 0.5)  # half a point of a tie counts against a discovery
-    return min(1.0, 2.0 * float(_tail(min(m, n), max(m, n))[u]))
-
-
-@cache
-def _tail(m: int, n: int) -> FloatArray:
-    """Probability that at most u of the m n pairs are in the wrong order, for u = 0 .. m n."""
-    return np.cumsum(_counts(m, n))
-
-
-@cache
-def _counts(m: int, n: int) -> FloatArray:
-    """Probability of each number of pairs in the wrong order, m <= n: the largest value is one of the m or one of the n.
-
-    Only sums of positive numbers, so that the smallest probabilities keep all their digits.
-    """
-    if m == 0:
-        return np.ones(1)
-    found = np.zeros(m * n + 1)
-    one, other = _counts(m - 1, n), _counts(*sorted((m, n - 1)))
-    found[n : n + len(one)] += one * (m / (m + n))
-    found[: len(other)] += other * (n / (m + n))
-    return found
 
 
 RESTLESS = 6.0

@@ -1,8 +1,8 @@
-"""Schema of stored results: the only thing that the reports know.
+"""Schema of stored results: with `ninedisk.harness.results.reader` the only thing of the harness that the reports know.
 
 A run is a folder with ``run.json`` (`RUN_KEYS`) and the Parquet tables of `TABLES`. Columns are never renamed or
 reused; `SCHEMA_VERSION` grows when one is added. What is derived from several runs, comparisons and histories, has its
-form in `ninedisk.harness.results.schema` too, so that pages can be made of it.
+form here too, so that pages can be made of it.
 """
 
 from __future__ import annotations
@@ -12,6 +12,12 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal
+
+Row = dict[str, Any]
+"""A row of a table, by column."""
+
+EMPTY: dict[str, Any] = {"string": "", "float64": math.nan, "int64": -1}
+"""What stands for an unknown value of each kind of column; in a file an unknown number may also be null."""
 
 SCHEMA_VERSION = 2
 
@@ -398,7 +404,7 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class History:
+class StoreHistory:
     """All runs of a store, oldest first; ``comparisons`` holds those around shifts by numbers of the two runs."""
 
     runs: tuple[RunFacts, ...]

@@ -1,16 +1,12 @@
-"""The result store: one immutable folder a run, written whole or not at all.
+"""The result store: one immutable folder a run, written whole or not at all; what is in it, joining and clearing of stores.
 
 A run is written into ``runs/.tmp-<id>``, flushed to disk and renamed to ``runs/<id>``; whatever kills the writer in
-between leaves a folder that no reader looks at. Stores merge by copying folders, without locks.
-
-A run as comparisons and histories need it: its facts, its cells and its checks, without curves.
-
-Care of stores: what is in them, joining them, clearing them.
+between leaves a folder that no reader looks at. Stores merge by copying folders, without locks. A `Snapshot` is a run as
+comparisons and histories need it: its facts, its cells and its checks, without curves.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import secrets
 import shutil
@@ -21,24 +17,47 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ninedisk.harness.api.errors import NewerSchemaError, StoreError, UsageError
+from ninedisk.harness.results.reader import (
+    CellKey,
+    cell_key,
+    moment,
+    read_about,
+    read_rows,
+    read_run,
+    run_facts,
+    run_ids,
+)
 from ninedisk.harness.results.schema import (
     CELL_COLUMNS,
-    MEASUREMENT_COLUMNS,
-    OLDEST_SCHEMA,
     RUN_KEYS,
     SCHEMA_VERSION,
     TABLES,
+    Row,
     RunFacts,
 )
-from ninedisk.harness.results.tables import CaseResult, Row, arrow_tables, empty_column, plain_json
+from ninedisk.harness.results.tables import CaseResult, plain_json, tables, write_table
 
-if TYPE_CHECKING:
-    import pyarrow as pa
 UNFINISHED = ".tmp-"
 """What the name of a half-written run begins with."""
+
+
+CheckKey = tuple[str, str, str, int]
+"""Quantity, norm, kind of truth, and a number that tells checks alike in these apart."""
+
+LEFT_OUT = ("setup", "frames", "settings")
+"""Columns of cells that are large and that no comparison reads."""
+
+CELLS = tuple(column for column in CELL_COLUMNS if column not in LEFT_OUT)
+
+BROKEN = frozenset({"error", "timeout"})
+
+NOT_RUN = frozenset({"unsupported", "not-installed"})
+
+STALE_SECONDS = 86400.0
+"""Age from which on a half-written folder is no longer anyone's: the longest main job takes a fraction of a day."""
 
 
 def new_run_id(now: datetime | None = None) -> str:
@@ -83,7 +102,7 @@ def write_run(
         From `new_run_id`.
     results : sequence of CaseResult
     claims : sequence of dict
-        Rows of `records.CLAIM_COLUMNS`.
+        Rows of `schema.CLAIM_COLUMNS`.
     facts : mapping
         The values of ``started``, ``finished``, ``provenance`` and ``argv`` of ``run.json``.
 
@@ -97,14 +116,12 @@ def write_run(
     StoreError
         If anything cannot be written; no part of the run is then visible.
     """
-    import pyarrow.parquet as pq
-
     final, temporary = store / "runs" / run_id, store / "runs" / f"{UNFINISHED}{run_id}"
     try:
         temporary.mkdir(parents=True)
-        for name, table in arrow_tables(results, claims).items():
+        for name, table in tables(results, claims).items():
             path = temporary / f"{name}.parquet"
-            pq.write_table(table, path, compression="zstd")
+            write_table(table, TABLES[name], path)
             _flush(path)
         about = {**facts, "run_id": run_id, "schema_version": SCHEMA_VERSION}
         path = temporary / "run.json"
@@ -121,16 +138,6 @@ def write_run(
     return final
 
 
-def run_ids(store: Path) -> list[str]:
-    """Ids of the finished runs, oldest first; a store that does not exist has none."""
-    runs = store / "runs"
-    if not runs.is_dir():
-        return []
-    return sorted(
-        path.name for path in runs.iterdir() if not path.name.startswith(".") and (path / "run.json").is_file()
-    )
-
-
 def unfinished(store: Path) -> list[Path]:
     """Folders that a writer left behind half-written, or is writing now."""
     runs = store / "runs"
@@ -140,86 +147,6 @@ def unfinished(store: Path) -> list[Path]:
     return sorted(path for path in runs.iterdir() if path.is_dir() and path.name not in finished)
 
 
-def read_run(store: Path, run_id: str) -> tuple[dict[str, Any], dict[str, pa.Table]]:
-    """``run.json`` and the tables of a finished run; columns that an older schema lacks are empty.
-
-    Raises
-    ------
-    StoreError
-        If there is no such finished run, it is damaged, or its schema is newer or too old.
-    """
-    about = read_about(store, run_id)
-    return about, {name: read_table(store, about, name) for name in TABLES}
-
-
-def read_about(store: Path, run_id: str) -> dict[str, Any]:
-    """``run.json`` of a finished run, once its schema is known to be readable.
-
-    Raises
-    ------
-    StoreError
-        As `read_run`.
-    """
-    if run_id not in run_ids(store):
-        raise StoreError(f"the store {str(store)!r} has no finished run {run_id!r}; `ninedisk runs` lists them")
-    try:
-        about: dict[str, Any] = json.loads((store / "runs" / run_id / "run.json").read_text(encoding="utf-8"))
-        version = int(about["schema_version"])
-        lacking = [key for key in RUN_KEYS if key not in about]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"run {run_id!r} is damaged: its run.json cannot be read ({error})") from error
-    if lacking:
-        raise StoreError(f"run {run_id!r} is damaged: its run.json lacks {', '.join(lacking)}")
-    check_schema(f"run {run_id!r}", version)
-    return {**about, "run_id": run_id, "schema_version": version}
-
-
-def check_schema(what: str, version: int) -> None:
-    """Refuse a schema that this version does not know.
-
-    Raises
-    ------
-    StoreError
-        If ``version`` is newer than `records.SCHEMA_VERSION` or older than `records.OLDEST_SCHEMA`.
-    """
-    if version > SCHEMA_VERSION:
-        raise NewerSchemaError(
-            f"{what} was written with schema {version}, this version reads up to {SCHEMA_VERSION}: "
-            f"upgrade ninedisk to read it"
-        )
-    if version < OLDEST_SCHEMA:
-        raise StoreError(
-            f"{what} was written with schema {version}, which is unreadable now (the oldest readable one is "
-            f"{OLDEST_SCHEMA}): run the cases again, and remove it with `ninedisk prune --unreadable`"
-        )
-
-
-def read_table(store: Path, about: Mapping[str, Any], name: str, columns: Sequence[str] | None = None) -> pa.Table:
-    """One table of a run, or some of its columns, in the form of today's schema.
-
-    Raises
-    ------
-    StoreError
-        If the file is damaged.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    run_id = about["run_id"]
-    kinds = {column: TABLES[name][column] for column in columns or TABLES[name]}
-    try:
-        file = pq.ParquetFile(store / "runs" / run_id / f"{name}.parquet")
-        held = [column for column in kinds if column in file.schema_arrow.names]
-        table = file.read(columns=held, use_threads=False)
-        table.validate(full=True)  # a checksum is nothing that these files have
-        missing = sorted(set(kinds) - set(held))
-        if missing and about["schema_version"] == SCHEMA_VERSION:
-            raise StoreError(f"run {run_id!r} is damaged: {name}.parquet lacks the column(s) {', '.join(missing)}")
-        return pa.table({c: table[c] if c in held else empty_column(kinds[c], file.metadata.num_rows) for c in kinds})
-    except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
-        raise StoreError(f"run {run_id!r} is damaged: {error}") from error
-
-
 def _flush(path: Path) -> None:
     """Force a file's data, or a folder's entries, to the disk."""
     handle = os.open(path, os.O_RDONLY)
@@ -227,22 +154,6 @@ def _flush(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-CellKey = tuple[str, str, str]
-"""Case, variant, engine."""
-
-CheckKey = tuple[str, str, str, int]
-"""Quantity, norm, kind of truth, and a number that tells checks alike in these apart."""
-
-CELL_KEY = ("case", "variant", "engine")
-LEFT_OUT = ("setup", "frames", "settings")
-"""Columns of cells that are large and that no comparison reads."""
-
-CELLS = tuple(column for column in CELL_COLUMNS if column not in LEFT_OUT)
-CHECKS = tuple(MEASUREMENT_COLUMNS)
-BROKEN = frozenset({"error", "timeout"})
-NOT_RUN = frozenset({"unsupported", "not-installed"})
 
 
 @dataclass(frozen=True)
@@ -263,9 +174,7 @@ def load_snapshot(store: Path, run_id: str) -> Snapshot:
         If it is damaged, or its schema is newer or too old.
     """
     about = read_about(store, run_id)
-    cells = read_table(store, about, "cells", CELLS).to_pylist()
-    checks = read_table(store, about, "measurements", CHECKS).to_pylist()
-    return snapshot(run_facts(about), cells, checks)
+    return snapshot(run_facts(about), read_rows(store, about, "cells", CELLS), read_rows(store, about, "measurements"))
 
 
 def load_snapshots(store: Path) -> list[Snapshot]:
@@ -292,56 +201,6 @@ def snapshot(facts: RunFacts, cells: Iterable[Row], checks: Iterable[Row]) -> Sn
     return Snapshot(facts, {cell_key(row): row for row in cells}, sorted_checks)
 
 
-def cell_key(row: Mapping[str, Any]) -> CellKey:
-    """Case, variant and engine of a row."""
-    return row["case"], row["variant"], row["engine"]
-
-
-def run_facts(about: Mapping[str, Any]) -> RunFacts:
-    """The facts of a ``run.json``; what is missing there is empty."""
-    found = about["provenance"] if isinstance(about["provenance"], Mapping) else {}
-    versions = {"ninedisk": _text(found.get("ninedisk")), "python": _text(found.get("python"))}
-    for group in ("engines", "packages"):
-        held = found.get(group)
-        if isinstance(held, Mapping):
-            versions |= {_text(name): _text(version) for name, version in held.items()}
-    cores = found.get("cores")
-    machine = (_text(found.get("cpu")), f"{cores} cores" if cores else "", _text(found.get("platform")), _load(found))
-    argv = about["argv"] if isinstance(about["argv"], list) else [about["argv"]]
-    return RunFacts(
-        run_id=_text(about["run_id"]),
-        started=_text(about["started"]),
-        commit=_text(found.get("commit")),
-        machine=", ".join(part for part in machine if part) or "unknown machine",
-        versions={name: version for name, version in versions.items() if version},
-        command=" ".join(_text(word) for word in argv),
-    )
-
-
-def _load(found: Mapping[str, Any]) -> str:
-    """What ran beside each cell: cells of one run share the machine, so that its timings are those of another machine."""
-    jobs = found.get("jobs")
-    where = " on a Dask cluster" if found.get("dask") else ""
-    return f"{jobs} cells at once{where}" if where or (isinstance(jobs, int) and jobs > 1) else ""
-
-
-def moment(started: str) -> datetime:
-    """The time of a run; the earliest of all where it cannot be read."""
-    try:
-        found = datetime.fromisoformat(started)
-    except ValueError:
-        return datetime.min.replace(tzinfo=UTC)
-    return found if found.tzinfo else found.replace(tzinfo=UTC)
-
-
-def _text(value: Any) -> str:
-    return "" if value is None else str(value)
-
-
-STALE_SECONDS = 86400.0
-"""Age from which on a half-written folder is no longer anyone's: the longest main job takes a fraction of a day."""
-
-
 @dataclass(frozen=True)
 class Listed:
     """A folder of a store; ``facts`` is None and ``problem`` says why if it cannot be read."""
@@ -359,7 +218,7 @@ def listed(store: Path) -> list[Listed]:
     for run_id in run_ids(store):
         try:
             about = read_about(store, run_id)
-            cells = read_table(store, about, "cells", ("engine", "status")).to_pylist()
+            cells = read_rows(store, about, "cells", ("engine", "status"))
         except StoreError as error:
             found.append(Listed(run_id, None, Counter(), (), str(error)))
             continue

@@ -22,7 +22,7 @@ from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.provenance import COMPUTING, cpu_model, package_folder
 from ninedisk.harness.run.runner import Progress
-from ninedisk.harness.run.workers import Answer, Task, answered, pickled, run_in_workers
+from ninedisk.harness.run.workers import Task, TaskResult, pickled, run_in_workers, run_task
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -47,7 +47,7 @@ class Cluster:
         published: Path | None = None,
         raise_users_mistakes: bool = False,
     ) -> list[CaseResult]:
-        """Results in the order of the cells; see `ninedisk.harness.run.matrix.run_cells`."""
+        """Results in the order of the cells; see `ninedisk.harness.run.workers.run_cells`."""
         from distributed import as_completed
 
         folder = None if published is None else published.resolve()
@@ -114,20 +114,20 @@ def _result(future: Future[bytes]) -> CaseResult | None:
     from distributed import KilledWorker
 
     try:
-        answer: Answer = pickle.loads(future.result())
+        outcome: TaskResult = pickle.loads(future.result())
     except KilledWorker:
         return None
     finally:
         future.release()
-    if answer.mistake is not None:
-        raise answer.mistake
-    return answer.result
+    if outcome.mistake is not None:
+        raise outcome.mistake
+    return outcome.result
 
 
 def one_cell(payload: bytes) -> bytes:
-    """What a worker of the cluster does: `ninedisk.harness.run.workers.answered`, one at a time in a process."""
+    """What a worker of the cluster does: `ninedisk.harness.run.workers.run_task`, one at a time in a process."""
     with _ONE_CELL:
-        return answered(payload)
+        return run_task(payload)
 
 
 def fingerprint() -> str:

@@ -1,11 +1,8 @@
 """Orders of convergence: one variant of a case on one engine, its step halved again and again.
 
-Observed order of convergence from a step that is halved again and again: the rule, on plain numbers.
-
 Level ``k`` has the step ``h/2^k``. Errors against a truth fall like ``h^p``; so do the differences of neighbouring levels,
-which need no truth.
-
-What a scheme declares about its order, which step it has, and what round-off makes of a scene's quantities.
+which need no truth. `judge_order` is the rule, on plain numbers; what a scheme declares about its order, which step it has and
+what round-off makes of a scene's quantities stand at the end.
 """
 
 from __future__ import annotations
@@ -24,9 +21,10 @@ from ninedisk.harness.api.case import Case, Check, Observed, Setup
 from ninedisk.harness.api.engine import Engine, EngineInfo
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.support import contact_steps, laws_in_use
-from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.cases.matched import slip_of
+from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.judge import expected_series
-from ninedisk.harness.run.matched import slip_of
 from ninedisk.harness.run.plan import Cell, plan_case
 from ninedisk.harness.run.runner import run_cell
 
@@ -61,7 +59,7 @@ def converge(
     Parameters
     ----------
     case, engine, params, options
-        As `ninedisk.harness.run.matrix.run_case` takes them; the step that they set is the coarsest.
+        As `ninedisk.harness.run.runner.run_case` takes them; the step that they set is the coarsest.
     halvings : int
         How often the step is halved, 3..12.
     progress : callable, optional
@@ -73,7 +71,7 @@ def converge(
         ``case, variant, params, engine, engine_name, engine_version, scheme``; ``step`` (name), ``unit`` and ``steps``
         (sizes, coarsest first); ``expected`` (None: none declared) and ``expected_why``; ``rules``; ``rows``, one a
         quantity, worst verdict first, with ``quantity, unit, norm, truth`` (empty: none independent of the step)``, source,
-        errors, differences, floor`` and the fields of `converge_rule.Order`.
+        errors, differences, floor`` and the fields of `ObservedOrder`.
 
     Raises
     ------
@@ -269,15 +267,15 @@ def _truth(
             next((c for c in result.checks if (c.quantity, c.norm, c.truth) == (quantity, norm, kind)), None)
             for result in results
         ]
-        told = []
+        expected = []
         for check, each, rows in zip(checks, observed, at, strict=True):
             if check is None:
                 break
             full = np.array([check.expected]) if norm == "scalar" else expected_series(check, each)[rows]
-            told.append(np.asarray(full, dtype=np.float64))
-        if checks[-1] is None or len(told) < len(results):
+            expected.append(np.asarray(full, dtype=np.float64))
+        if checks[-1] is None or len(expected) < len(results):
             continue
-        curves = np.array(told)
+        curves = np.array(expected)
         silent = ~np.isfinite(curves).all(axis=0)
         curves[:, silent] = np.nan
         if silent.all():
@@ -327,7 +325,7 @@ RULES = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Order:
+class ObservedOrder:
     """Observed order of one quantity.
 
     ``by`` is ``"error"`` or ``"difference"``, ``used`` the levels that counted, ``regular`` whether they are asymptotic;
@@ -351,7 +349,7 @@ def judge_order(
     expected: float | None,
     tolerance: float = math.inf,
     number: bool = False,
-) -> Order:
+) -> ObservedOrder:
     """Order of a quantity and its verdict.
 
     Parameters
@@ -398,15 +396,17 @@ def _joined(*parts: str) -> str:
     return "; ".join(part for part in parts if part)
 
 
-def _none(verdict: str, by: str, reason: str) -> Order:
-    return Order(verdict=verdict, order=math.nan, uncertainty=math.nan, by=by, used=(), regular=False, reason=reason)
+def _none(verdict: str, by: str, reason: str) -> ObservedOrder:
+    return ObservedOrder(
+        verdict=verdict, order=math.nan, uncertainty=math.nan, by=by, used=(), regular=False, reason=reason
+    )
 
 
 def _misses(error: float, tolerance: float) -> str:
     return f"the limit misses the truth by {error:.2g}, allowed are {tolerance:.2g}"
 
 
-def _fitted(series: Sequence[float], by: str) -> Order:
+def _fitted(series: Sequence[float], by: str) -> ObservedOrder:
     """Order over the asymptotic levels, or over all where there is no such range."""
     logs = np.log2(np.asarray(series))
     local = -np.diff(logs)
@@ -422,18 +422,18 @@ def _fitted(series: Sequence[float], by: str) -> Order:
     if len(levels) >= FEWEST:
         to_go = abs(float(local[-1]) - slope) + abs(float(local[-1] - local[-2]))
         spread = max(0.5 * float(np.ptp(local[first:])), to_go)
-    return Order(
+    return ObservedOrder(
         verdict="", order=slope, uncertainty=spread, by=by, used=tuple(map(int, levels)), regular=regular, reason=""
     )
 
 
-def _left_out(found: Order, count: int, above: int) -> str:
+def _left_out(found: ObservedOrder, count: int, above: int) -> str:
     parts = [f"first {found.used[0]} left out as pre-asymptotic"] if found.used[0] else []
     parts += [f"last {count - above} left out as round-off"] if above < count else []
     return _joined(*parts)
 
 
-def _judged(found: Order, expected: float | None, reason: str, *, shown_only: bool) -> Order:
+def _judged(found: ObservedOrder, expected: float | None, reason: str, *, shown_only: bool) -> ObservedOrder:
     verdict = "converges"
     if expected is None or shown_only:
         verdict = "not judged"

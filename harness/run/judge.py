@@ -1,26 +1,75 @@
-"""Pass or fail: errors of an observed quantity against a truth, and from them the statuses of a check and of a cell."""
+"""From a history to pass or fail: its form, the errors of observed quantities against truths, statuses of checks and cells.
+
+The rows and curves that are stored of a cell are made here too, where their numbers are.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.harness.api.case import Check, Observed
-from ninedisk.harness.results.schema import EXCUSED, tolerance, worst_status
+from ninedisk.core.history import History
+from ninedisk.harness.api.case import Check, Observed, Setup
+from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.results.schema import EXCUSED, MEASUREMENT_COLUMNS, Row, tolerance, worst_status
+from ninedisk.harness.results.tables import CurveColumns, complete
 
 FloatArray = NDArray[np.float64]
+
+TRUTH_PREFERENCE = ("exact-step", "analytic", "converged", "published", "consensus")
+"""Which truth a series shows beside its values: the first of these that speaks about the quantity."""
 
 
 class CheckError(ValueError):
     """A check that does not fit the observed quantities; the mistake is the case's, not the engine's."""
 
 
+def blank_history(setup: Setup) -> History:
+    """A history of the right shapes that holds no number at all."""
+    steps = setup.numerics.sampled_steps()
+    return History.empty(
+        steps,
+        np.asarray(steps * setup.numerics.dt, dtype=np.float64),
+        n_disks=len(setup.scene.disks),
+        n_walls=len(setup.scene.walls),
+        pairs=tuple(setup.scene.check_pair(pair) for pair in setup.watch),
+    )
+
+
+def check_history(history: History, setup: Setup) -> None:
+    """Refuse an answer of the wrong form, before anything is computed from it.
+
+    Raises
+    ------
+    EngineError
+        If an array's shape or the sampled steps are not those that were asked for, times are wrong, or a
+        number is infinite.
+    """
+    wanted = blank_history(setup)
+    for name in ("step", "t", "x", "v", "angle", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force"):
+        array, want = np.asarray(getattr(history, name)), getattr(wanted, name)
+        if array.shape != want.shape:
+            raise EngineError(f"the engine answered {name} of shape {array.shape} instead of {want.shape}")
+        if array.dtype.kind not in "iuf":
+            raise EngineError(f"the engine answered {name} of type {array.dtype} instead of numbers")
+        if np.isinf(array).any():
+            row = int(np.argwhere(np.isinf(array))[0][0])
+            raise EngineError(f"the engine answered an infinite {name} at step {int(wanted.step[row])}")
+    if not np.array_equal(history.step, wanted.step):
+        raise EngineError("the engine sampled other steps than it was asked for")
+    # Engines may accumulate t by adding dt: round-off of n additions, far below a step.
+    if not np.allclose(history.t, wanted.t, rtol=1e-6, atol=1e-6 * setup.numerics.dt):
+        raise EngineError("the engine's times are not its steps times dt")
+    if history.pairs != wanted.pairs:
+        raise EngineError(f"the engine watched the contacts {history.pairs} instead of {wanted.pairs}")
+
+
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
+class Deviation:
     """A check, measured.
 
     ``value`` and ``expected`` are those at the worst step; ``scale`` is the largest ``|expected|`` of the window and
@@ -41,7 +90,7 @@ class Comparison:
     missing: int
 
 
-def compare(check: Check, observed: Observed) -> Comparison:
+def compare(check: Check, observed: Observed) -> Deviation:
     """Measure one check.
 
     Raises
@@ -96,7 +145,7 @@ def largest(expected: FloatArray) -> float:
     return float(finite.max()) if finite.size else float("inf")
 
 
-def _compare_scalar(check: Check, observed: Observed) -> Comparison:
+def _compare_scalar(check: Check, observed: Observed) -> Deviation:
     if check.quantity not in observed.scalars:
         raise CheckError(_not_observed(check, list(observed.scalars)))
     unit, value = observed.scalars[check.quantity]
@@ -107,7 +156,7 @@ def _compare_scalar(check: Check, observed: Observed) -> Comparison:
     speaks = not np.isnan(truth)
     scale = abs(truth) if speaks else float("nan")
     error = float(_difference(np.array(value), np.array(truth)))
-    return Comparison(
+    return Deviation(
         unit=unit,
         value=value,
         expected=truth,
@@ -122,7 +171,7 @@ def _compare_scalar(check: Check, observed: Observed) -> Comparison:
     )
 
 
-def _compare_series(check: Check, observed: Observed) -> Comparison:
+def _compare_series(check: Check, observed: Observed) -> Deviation:
     if check.quantity not in observed.series:
         raise CheckError(_not_observed(check, list(observed.series)))
     unit, series = observed.series[check.quantity]
@@ -134,7 +183,7 @@ def _compare_series(check: Check, observed: Observed) -> Comparison:
     missing = speaks & np.isnan(value)
     nan = float("nan")
     if not speaks.any():
-        return Comparison(
+        return Deviation(
             unit=unit, value=nan, expected=nan, abs_error=nan, rel_error=nan, scale=nan, tolerance=check.atol,
             worst_step=-1, first_divergence_step=-1, spoken=0, missing=0,
         )  # fmt: skip
@@ -143,7 +192,7 @@ def _compare_series(check: Check, observed: Observed) -> Comparison:
     error = np.where(speaks, _difference(value, expected), 0.0)
     beyond = speaks & ~(error <= allowed)
     worst = int(np.argmax(np.where(speaks, error, -1.0)))  # the first missing value, if any: argmax ranks NaN highest
-    return Comparison(
+    return Deviation(
         unit=unit,
         value=float(value[worst]),
         expected=float(expected[worst]),
@@ -165,45 +214,136 @@ def _not_observed(check: Check, known: list[str]) -> str:
     )
 
 
-def judge(check: Check, comparison: Comparison) -> tuple[str, str]:
+def judge(check: Check, deviation: Deviation) -> tuple[str, str]:
     """Status and reason of one check.
 
     A number that is missing where the truth speaks is a failure even for a check with a known gap: the gap explains a
     difference, not the absence of a value.
     """
-    if comparison.spoken == 0:
+    if deviation.spoken == 0:
         return "no-truth", f"the {check.truth} truth says nothing here"
-    if comparison.missing:
-        return "fail", _missing(comparison)
-    inside = comparison.abs_error <= comparison.tolerance
+    if deviation.missing:
+        return "fail", _missing(deviation)
+    inside = deviation.abs_error <= deviation.tolerance
     if check.gap_reason:
         return ("gap-closed" if inside else "known-gap"), check.gap_reason
-    return ("pass", "") if inside else ("fail", _beyond(check, comparison))
+    return ("pass", "") if inside else ("fail", _beyond(check, deviation))
 
 
-def _missing(comparison: Comparison) -> str:
-    if comparison.spoken == 1:
+def _missing(deviation: Deviation) -> str:
+    if deviation.spoken == 1:
         return "the engine gives no number (NaN)"
-    if comparison.missing == comparison.spoken:
+    if deviation.missing == deviation.spoken:
         return "the engine does not observe this quantity: every value is NaN"
-    return f"NaN at {comparison.missing} of {comparison.spoken} compared steps, first at step {comparison.worst_step}"
+    return f"NaN at {deviation.missing} of {deviation.spoken} compared steps, first at step {deviation.worst_step}"
 
 
-def _beyond(check: Check, comparison: Comparison) -> str:
-    text = f"error {comparison.abs_error:.3g} {_unit(comparison)}exceeds the tolerance {comparison.tolerance:.3g}"
-    if comparison.first_divergence_step >= 0:
-        text += f"; first beyond it at step {comparison.first_divergence_step}, worst at {comparison.worst_step}"
-    if check.uncertainty > comparison.tolerance:
+def _beyond(check: Check, deviation: Deviation) -> str:
+    text = f"error {deviation.abs_error:.3g} {_unit(deviation)}exceeds the tolerance {deviation.tolerance:.3g}"
+    if deviation.first_divergence_step >= 0:
+        text += f"; first beyond it at step {deviation.first_divergence_step}, worst at {deviation.worst_step}"
+    if check.uncertainty > deviation.tolerance:
         text += f" (the truth itself is uncertain by {check.uncertainty:.3g})"
     return text
 
 
-def _unit(comparison: Comparison) -> str:
-    return f"{comparison.unit} " if comparison.unit and comparison.unit != "-" else ""
+def _unit(deviation: Deviation) -> str:
+    return f"{deviation.unit} " if deviation.unit and deviation.unit != "-" else ""
+
+
+def measurement_row(common: Mapping[str, Any], check: Check, observed: Observed) -> Row:
+    """Compare, judge, and write the row of `schema.MEASUREMENT_COLUMNS`."""
+    found = compare(check, observed)
+    status, reason = judge(check, found)
+    return complete(
+        {
+            **common,
+            "quantity": check.quantity,
+            "unit": found.unit,
+            "norm": check.norm,
+            "truth": check.truth,
+            "source": check.source,
+            "value": found.value,
+            "expected": found.expected,
+            "uncertainty": check.uncertainty,
+            "abs_error": found.abs_error,
+            "rel_error": found.rel_error,
+            "scale": found.scale,
+            "atol": check.atol,
+            "rtol": check.rtol,
+            "why": check.why,
+            "worst_step": found.worst_step,
+            "first_divergence_step": found.first_divergence_step,
+            "status": status,
+            "reason": reason,
+        },
+        MEASUREMENT_COLUMNS,
+    )
+
+
+def best_truth(quantity: str, checks: Sequence[Check], observed: Observed) -> tuple[NDArray[np.float64], str]:
+    """The preferred truth about a series and its kind; NaN and ``""`` where none speaks.
+
+    A truth that is itself known to be off (``gap_reason``) comes after every other.
+    """
+    candidates = [check for check in checks if check.quantity == quantity and check.norm == "max"]
+    for check in sorted(candidates, key=lambda c: (bool(c.gap_reason), TRUTH_PREFERENCE.index(c.truth))):
+        expected = expected_series(check, observed)
+        if not np.isnan(expected).all():
+            return expected, check.truth
+    return np.full(observed.step.shape, np.nan), ""
+
+
+def curves(names: tuple[str, str, str], observed: Observed, checks: Sequence[Check]) -> list[CurveColumns]:
+    """Columns of `schema.SERIES_COLUMNS` of each observed series; ``names`` are case, variant and engine."""
+    found: list[CurveColumns] = []
+    for quantity, (unit, value) in observed.series.items():
+        expected, truth = best_truth(quantity, checks, observed)
+        found.append(
+            dict(zip(("case", "variant", "engine"), names, strict=True))
+            | {
+                "quantity": quantity,
+                "unit": unit,
+                "step": observed.step,
+                "t": observed.t,
+                "value": np.asarray(value, dtype=np.float64),
+                "expected": expected,
+                "truth": truth,
+            }
+        )
+    return found
+
+
+def reference_curves(names: tuple[str, str], observed: Observed, checks: Sequence[Check]) -> list[CurveColumns]:
+    """Columns of `schema.REFERENCE_COLUMNS` of the truths that are arrays, where they speak; ``names`` are case and variant.
+
+    Consensus truths stay out: they are computed for one engine's conventions and do not belong to the variant.
+    """
+    found: list[CurveColumns] = []
+    for check in checks:
+        if check.norm != "max" or check.truth == "consensus" or np.ndim(check.expected) == 0:
+            continue
+        expected = expected_series(check, observed)
+        speaks = ~np.isnan(expected)
+        found.append(
+            dict(zip(("case", "variant"), names, strict=True))
+            | {
+                "label": f"{check.truth}: {check.source}",
+                "truth": check.truth,
+                "source": check.source,
+                "quantity": check.quantity,
+                "unit": observed.series[check.quantity][0],
+                "step": observed.step[speaks],
+                "t": observed.t[speaks],
+                "value": expected[speaks],
+                "uncertainty": check.uncertainty,
+            }
+        )
+    return found
 
 
 def cell_verdict(measurements: Iterable[Mapping[str, Any]]) -> tuple[str, str]:
-    """Status and reason of a cell: the worst of its measurements decides (`records.WORST_FIRST`)."""
+    """Status and reason of a cell: the worst of its measurements decides (`schema.WORST_FIRST`)."""
     rows = list(measurements)
     if not rows:
         return "no-truth", "no truth binds this engine on this variant"

@@ -1,6 +1,6 @@
 """Which cells a run consists of; every mistake of the user is found here, before anything runs.
 
-The commands that do one cell again: complete, to be pasted into a shell in the same folder.
+`run_command` and `request_command` are the commands that do one cell again, to be pasted into a shell in the same folder.
 """
 
 from __future__ import annotations

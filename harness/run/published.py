@@ -11,7 +11,8 @@ import numpy as np
 
 from ninedisk.harness.api.case import Check, Observed
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.run.judge import CheckError
+from ninedisk.harness.results.schema import tolerance
+from ninedisk.harness.run.judge import CheckError, blank_history
 from ninedisk.references.published_curves import PUBLISHED_FOLDER, PublishedCurve, load_curves
 from ninedisk.references.published_values import PublishedValue, published_values
 
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 ROUND_OFF = 1e-9
 """Tolerance of an exactly printed value where no other truth says what an engine owes: round-off of 10^6 steps."""
 
-_LENDERS = ("analytic", "converged", "exact-step", "consensus")
-"""Whose tolerance a published value borrows: the source states results of the continuous problem, so that one first."""
+_ROUNDED = ("analytic", "converged", "exact-step", "consensus")
+"""Truths that a printed number may round, whose tolerance it borrows: print is of the continuous problem, so that first."""
 
 
 def published_checks(
@@ -54,8 +55,6 @@ def check_folder(folder: Path | None, cells: Sequence[Cell] = ()) -> list[str]:
     UsageError
         If the folder or a file in it is wrong, or a curve names a quantity or unit that its case does not observe.
     """
-    from ninedisk.harness.run.observation import blank_history
-
     if folder is None:
         return []
     try:
@@ -88,23 +87,22 @@ def _curves(folder: Path) -> tuple[PublishedCurve, ...]:
 
 def _value_check(value: PublishedValue, observed: Observed, own: Sequence[Check]) -> Check:
     _same_unit(f"published value {value.id!r}", value.quantity, value.unit, observed.scalars)
-    related = _related(value.quantity, own)
+    rounded = _rounded_truth(value.quantity, own)
     atol, why, gap = value.precision, "half a unit of the last printed digit", value.contradicted_by
     if value.precision == 0.0:
         why = "the source states it exactly"
-    if related is None:
+    if rounded is None:
         atol += ROUND_OFF * max(1.0, abs(value.value))
         why += f"; round-off {ROUND_OFF:g}"
     else:
-        truth = float(related.expected)
-        owed = related.atol + related.rtol * abs(truth)
-        atol += owed
-        why += f"; plus what the {related.truth} truth allows: {related.why}"
+        truth = float(rounded.expected)
+        atol += tolerance(rounded.atol, rounded.rtol, abs(truth))
+        why += f"; plus what the {rounded.truth} truth allows: {rounded.why}"
         if not gap and abs(truth - value.value) > atol:
-            gap = related.gap_reason or (
-                f"the {related.truth} truth is {truth:.9g}, the print says {value.value:.9g} ({related.source})"
+            gap = rounded.gap_reason or (
+                f"the {rounded.truth} truth is {truth:.9g}, the print says {value.value:.9g} ({rounded.source})"
             )
-        gap = gap or related.gap_reason
+        gap = gap or rounded.gap_reason
     return Check(
         quantity=value.quantity,
         norm="scalar",
@@ -118,16 +116,16 @@ def _value_check(value: PublishedValue, observed: Observed, own: Sequence[Check]
     )
 
 
-def _related(quantity: str, own: Sequence[Check]) -> Check | None:
+def _rounded_truth(quantity: str, own: Sequence[Check]) -> Check | None:
     found = [
         check
         for check in own
         if check.quantity == quantity
         and check.norm == "scalar"
-        and check.truth in _LENDERS
+        and check.truth in _ROUNDED
         and np.isfinite(float(np.asarray(check.expected)))
     ]
-    return min(found, key=lambda check: (bool(check.gap_reason), _LENDERS.index(check.truth)), default=None)
+    return min(found, key=lambda check: (bool(check.gap_reason), _ROUNDED.index(check.truth)), default=None)
 
 
 def _curve_check(curve: PublishedCurve, observed: Observed) -> Check:

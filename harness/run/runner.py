@@ -1,8 +1,7 @@
-"""Runs one cell: a variant of a case on an engine, held against every truth that binds it; `ninedisk.harness.run.matrix` runs many.
+"""Runs one cell: a variant of a case on an engine, held against every truth that binds it; `ninedisk.harness.run.workers` runs many.
 
-Columns of `records.CELL_COLUMNS`, as they become known while a cell runs, and results of cells that did not run to their end.
-
-Which checks a cell will have, found without running its engine.
+A cell that does not run to its end has a result too, with the columns that were known by then. `dry_checks` tells which checks a
+cell will have, without running its engine.
 """
 
 from __future__ import annotations
@@ -10,14 +9,18 @@ from __future__ import annotations
 import json
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
-from ninedisk.harness.api.case import Check, Setup, figures_of
+from ninedisk.core.history import History
+from ninedisk.harness.api.case import Case, Check, Setup, figures_of
 from ninedisk.harness.api.engine import (
+    Engine,
     EngineError,
     EngineInfo,
     EngineNotInstalledError,
@@ -28,19 +31,17 @@ from ninedisk.harness.api.engine import (
     SupportLevel,
 )
 from ninedisk.harness.api.params import foreign_settings
-from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, figures_to_text
-from ninedisk.harness.results.tables import (
-    CaseResult,
-    Row,
-    complete,
+from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, Row, figures_to_text
+from ninedisk.harness.results.tables import CaseResult, complete, plain_json
+from ninedisk.harness.run.judge import (
+    blank_history,
+    cell_verdict,
+    check_history,
+    curves,
     measurement_row,
-    plain_json,
-    reference_blocks,
-    series_blocks,
+    reference_curves,
 )
-from ninedisk.harness.run.judge import cell_verdict
-from ninedisk.harness.run.observation import blank_history, check_history, frames
-from ninedisk.harness.run.plan import Cell, request_command
+from ninedisk.harness.run.plan import Cell, plan_case, request_command
 from ninedisk.harness.run.published import published_checks
 
 Progress = Callable[[int, int, str], None]
@@ -51,6 +52,55 @@ USERS_MISTAKES = (InvalidSceneError, InvalidNumericsError, UnstableTimeStepError
 
 _KEPT_LINES = 12
 _KEPT_LENGTH = 2000
+
+
+MAX_FRAMES = 12
+"""Sampled configurations that a stored cell keeps: enough to see a motion, small enough for every cell."""
+
+
+def run_case(
+    case: Case | str,
+    *,
+    engine: Engine | str = "dem",
+    params: Mapping[str, Any] | None = None,
+    options: Mapping[str, Any] | None = None,
+    published: Path | None = None,
+) -> CaseResult:
+    """Run one variant of a case on one engine.
+
+    Parameters
+    ----------
+    case : Case or str
+        A case or its id, e.g. ``"nine-disk/compression"``.
+    engine : Engine or str
+        An engine or its id.
+    params : mapping, optional
+        Parameters that differ from the case's defaults; text may carry a unit (``{"dt": "10 ms"}``).
+    options : mapping, optional
+        Settings of the engine, ``{"siconos.theta": 1.0}``; ``ninedisk list engines siconos`` shows them.
+    published : Path, optional
+        Folder with digitised curves of your own that join the truths.
+
+    Returns
+    -------
+    CaseResult
+        With ``status``, ``reason``, ``measurements`` and ``series`` (DataFrames), ``setup`` and ``history``. A failing
+        engine is a status, not an exception.
+
+    Raises
+    ------
+    UsageError
+        Unknown case or engine, or an option that the engine does not have.
+    ParameterError, CoreError
+        Unknown parameter, value out of range, or parameters that make an impossible scene or an unstable time step.
+
+    Examples
+    --------
+    >>> result = run_case("nine-disk/compression", engine="dem", params={"load_case": "a2"})  # doctest: +SKIP
+    >>> result.measurements[["quantity", "abs_error", "status"]]  # doctest: +SKIP
+    """
+    cell = plan_case(case, engine, params, options)
+    return run_cell(cell, published=published, raise_users_mistakes=bool(params))
 
 
 def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes: bool = False) -> CaseResult:
@@ -149,13 +199,27 @@ def _measure(
     return CaseResult(
         cell=complete(cell_row, CELL_COLUMNS),
         rows=rows,
-        series_blocks=series_blocks(names, observed, checks),
-        reference_blocks=reference_blocks(names[:2], observed, checks),
+        curves=curves(names, observed, checks),
+        reference_curves=reference_curves(names[:2], observed, checks),
         setup=setup,
         history=run.history,
         observed=observed,
         checks=tuple(checks),
     )
+
+
+def frames(history: History) -> dict[str, Any]:
+    """At most `MAX_FRAMES` sampled configurations as plain data: first and last, and the first of the regular samples.
+
+    Regular sampling may begin long after step 0 (``Numerics.sample_from``); what happened until then is one frame.
+    """
+    count = len(history.step)
+    rows = np.linspace(min(1, count - 1), count - 1, min(count, MAX_FRAMES - 1)).round().astype(np.int64)
+    rows = np.unique(np.append(rows, 0))
+    picked: dict[str, Any] = {"step": history.step[rows].tolist(), "t": history.t[rows].tolist()}
+    for name in ("x", "angle", "wall_point", "wall_angle"):
+        picked[name] = np.asarray(getattr(history, name))[rows].tolist()
+    return picked
 
 
 def broken_cell(cell: Cell, reason: str) -> CaseResult:

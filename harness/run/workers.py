@@ -1,14 +1,12 @@
-"""A process that runs cells one after the other, and the handle by which it is fed.
-
-The process is a fresh interpreter, not a copy of this one: locks and threads of libraries do not survive a copy. It stays warm
-from cell to cell, so that modules and compiled kernels are loaded once. It ends when its link closes, whatever happens to this
-process; a cell in hand is then interrupted as by Ctrl-C, so that its external engine and temporary folder go with it. One that does not
-heed that is killed by the warden of the process that it serves.
-
-Cells side by side in worker processes of this machine.
+"""Runs many cells: in this process, in workers beside it, or on a cluster.
 
 Every worker has one cell at a time, so that it is known whose cell a dying worker had; pools of processes (concurrent.futures,
 loky) give up everything that waits as soon as one of their processes dies, and cannot say what killed it.
+
+A worker is a fresh interpreter, not a copy of this one: locks and threads of libraries do not survive a copy. It stays warm
+from cell to cell, so that modules and compiled kernels are loaded once. It ends when its link closes, whatever happens to this
+process; a cell in hand is then interrupted as by Ctrl-C, so that its external engine and temporary folder go with it. One that does
+not heed that is killed by the warden of the process that it serves.
 """
 
 from __future__ import annotations
@@ -26,17 +24,17 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, Any, Protocol, cast
 
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.isolation import signal_name
-from ninedisk.harness.run.plan import Cell
+from ninedisk.harness.run.plan import Cell, plan_matrix
 from ninedisk.harness.run.runner import Progress, broken_cell, run_cell
 from ninedisk.harness.run.warden import owned
 
@@ -45,6 +43,78 @@ GRACE = 5.0
 
 _FRAME = re.compile(r'^  File "(?P<path>.*)", line (?P<line>\d+) in (?P<where>.*)$', re.MULTILINE)
 _BOOT = "import sys; sys.path[:] = {path!r}; from ninedisk.harness.run.workers import serve; serve({link}, {dump})"
+
+
+ATTEMPTS = 2
+"""How often a cell is begun whose worker someone outside ends, the system short of memory for instance."""
+
+
+class CellRunner(Protocol):
+    """Runs cells on other machines."""
+
+    def run(
+        self,
+        cells: Sequence[Cell],
+        progress: Progress | None,
+        *,
+        published: Path | None,
+        raise_users_mistakes: bool,
+    ) -> list[CaseResult]:
+        """Results in the order of the cells."""
+
+
+def run_matrix(
+    case_ids: Sequence[str],
+    engine_ids: Sequence[str | Engine],
+    overrides: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+    *,
+    published: Path | None = None,
+    jobs: int = 0,
+) -> list[CaseResult]:
+    """Run every (case variant, engine) cell; see `ninedisk.harness.run.plan.plan_matrix` for the variants and the errors.
+
+    A cell that fails, hangs or crashes is a status and never the end of the run. Where the user's own parameters make
+    the only cell impossible, the `CoreError` is raised, because there is nothing else to show. ``jobs`` as in `run_cells`.
+    """
+    return run_cells(plan_matrix(case_ids, engine_ids, overrides or {}), progress, published=published, jobs=jobs)
+
+
+def run_cells(
+    cells: Sequence[Cell],
+    progress: Progress | None = None,
+    *,
+    published: Path | None = None,
+    jobs: int = 0,
+    cluster: CellRunner | None = None,
+) -> list[CaseResult]:
+    """Run planned cells; the results are in their order, and the same, wherever they run.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+    progress : callable, optional
+    published : Path, optional
+        Folder with digitised curves of your own that join the truths.
+    jobs : int
+        0: one after the other in this process, which an engine's crash ends. Else in that many worker processes, where a
+        crash is a status.
+    cluster : CellRunner, optional
+        Run them there instead (`ninedisk.harness.run.cluster`).
+    """
+    alone = len(cells) == 1 and cells[0].user_set
+    if cluster is not None:
+        return cluster.run(cells, progress, published=published, raise_users_mistakes=alone)
+    if jobs:
+        return run_in_workers(cells, progress, jobs=jobs, published=published, raise_users_mistakes=alone)
+    results = []
+    for done, cell in enumerate(cells):
+        if progress is not None:
+            progress(done, len(cells), cell.name)
+        results.append(run_cell(cell, published=published, raise_users_mistakes=alone))
+    if progress is not None:
+        progress(len(cells), len(cells), "")
+    return results
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +127,7 @@ class Task:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class TaskResult:
     """What became of a task: its result, or the mistake of the user to raise, or why the task could not be read there."""
 
     result: CaseResult | None = None
@@ -79,25 +149,25 @@ class LostWorkerError(Exception):
         self.own_doing = own_doing
 
 
-def answered(payload: bytes) -> bytes:
-    """Run a pickled `Task`; the pickled `Answer`."""
+def run_task(payload: bytes) -> bytes:
+    """Run a pickled `Task`; the pickled `TaskResult`."""
     from ninedisk.harness.run.runner import USERS_MISTAKES, run_cell
 
     try:
         task: Task = pickle.loads(payload)
     except Exception as error:
-        answer = Answer(unreadable=f"{type(error).__name__}: {error}")
+        outcome = TaskResult(unreadable=f"{type(error).__name__}: {error}")
     else:
         try:
             mistakes = task.raise_users_mistakes
-            answer = Answer(result=run_cell(task.cell, published=task.published, raise_users_mistakes=mistakes))
+            outcome = TaskResult(result=run_cell(task.cell, published=task.published, raise_users_mistakes=mistakes))
         except USERS_MISTAKES as error:
-            answer = Answer(mistake=error)
-    return pickle.dumps(answer, protocol=pickle.HIGHEST_PROTOCOL)
+            outcome = TaskResult(mistake=error)
+    return pickle.dumps(outcome, protocol=pickle.HIGHEST_PROTOCOL)
 
 
 def serve(link: int, dump: int) -> None:
-    """Answer tasks until the link closes: the main function of a worker.
+    """TaskResult tasks until the link closes: the main function of a worker.
 
     Parameters
     ----------
@@ -124,7 +194,7 @@ def serve(link: int, dump: int) -> None:
         while True:
             payload = connection.recv_bytes()
             in_cell = True
-            connection.send_bytes(answered(payload))
+            connection.send_bytes(run_task(payload))
             in_cell = False
     except (EOFError, OSError):
         pass
@@ -177,7 +247,7 @@ class Worker:
             return False
         return True
 
-    def take(self) -> Answer:
+    def take(self) -> TaskResult:
         """Receive the answer to the task given.
 
         Raises
@@ -186,10 +256,10 @@ class Worker:
             If the worker ended instead, with how and where.
         """
         try:
-            answer: Answer = pickle.loads(self.link.recv_bytes())
+            outcome: TaskResult = pickle.loads(self.link.recv_bytes())
         except (EOFError, OSError):
             raise self._lost() from None
-        return answer
+        return outcome
 
     def _lost(self) -> LostWorkerError:
         try:
@@ -242,10 +312,6 @@ def pickled(task: Task) -> bytes | None:
         return None
 
 
-ATTEMPTS = 2
-"""How often a cell is begun whose worker someone outside ends, the system short of memory for instance."""
-
-
 def run_in_workers(
     cells: Sequence[Cell],
     progress: Progress | None = None,
@@ -265,7 +331,7 @@ def run_in_workers(
     CoreError
         A mistake in the user's parameters, if that was asked for.
     """
-    run = _Run(cells, jobs, progress, published, raise_users_mistakes)
+    run = _Dispatch(cells, jobs, progress, published, raise_users_mistakes)
     try:
         run.finish()
     finally:
@@ -273,7 +339,7 @@ def run_in_workers(
     return [result for result in run.results if result is not None]
 
 
-class _Run:
+class _Dispatch:
     """Cells that wait, cells in the hands of workers, and results."""
 
     def __init__(
@@ -306,7 +372,7 @@ class _Run:
             by_link = {worker.link: worker for worker in self._busy}
             for link in wait(list(by_link), 0.0 if self._here else None) if by_link else []:
                 self._receive(by_link[cast(Connection, link)])
-        self._tell("")
+        self._report("")
 
     def _room(self, number: int) -> bool:
         used = sum(self._share(busy) for busy in self._busy.values())
@@ -330,7 +396,7 @@ class _Run:
             self._here.append(number)
             return
         self._begun[number] += 1
-        self._tell(cell.name)
+        self._report(cell.name)
         worker = self._worker()
         while not worker.give(payload):
             worker = self._worker()
@@ -346,22 +412,22 @@ class _Run:
     def _receive(self, worker: Worker) -> None:
         number = self._busy.pop(worker)
         try:
-            answer = worker.take()
+            outcome = worker.take()
         except LostWorkerError as error:
-            self._mourn(number, error)
+            self._begin_again_or_give_up(number, error)
             return
         self._idle.append(worker)
-        self._accept(number, answer)
+        self._accept(number, outcome)
 
-    def _accept(self, number: int, answer: Answer) -> None:
-        if answer.mistake is not None:
-            raise answer.mistake
-        if answer.result is None:
+    def _accept(self, number: int, outcome: TaskResult) -> None:
+        if outcome.mistake is not None:
+            raise outcome.mistake
+        if outcome.result is None:
             self._here.append(number)
         else:
-            self._keep(number, answer.result)
+            self._keep(number, outcome.result)
 
-    def _mourn(self, number: int, error: LostWorkerError) -> None:
+    def _begin_again_or_give_up(self, number: int, error: LostWorkerError) -> None:
         if not error.own_doing and self._begun[number] < ATTEMPTS:
             self._waiting.appendleft(number)
             return
@@ -370,16 +436,16 @@ class _Run:
 
     def _run_here(self, number: int) -> None:
         cell = self.cells[number]
-        self._tell(cell.name)
+        self._report(cell.name)
         mistakes = self.raise_users_mistakes
         self._keep(number, run_cell(cell, published=self.published, raise_users_mistakes=mistakes))
 
     def _keep(self, number: int, result: CaseResult) -> None:
         self.results[number] = result
         self._done += 1
-        self._tell(self.cells[next(iter(self._busy.values()))].name if self._busy else "")
+        self._report(self.cells[next(iter(self._busy.values()))].name if self._busy else "")
 
-    def _tell(self, name: str) -> None:
+    def _report(self, name: str) -> None:
         if self.progress is not None:
             self.progress(self._done, len(self.cells), name)
 

@@ -1,10 +1,7 @@
-"""What a planted defect is: a small, named change of an engine, of what it is told, or of what it reports.
+"""What a planted defect is: a small, named change of an engine, of what it is asked, or of what it reports.
 
-Replacements in the core's sources, made while they are imported: no file is copied and none is changed.
-
-This module imports nothing of the core, so that a process can plant the edits before the core is loaded.
-
-Defects that are edits of a source of the core.
+Edits of the core's sources are made while they are imported: no file is copied and none is changed. This module imports nothing of
+the core, so that a process can plant the edits before the core is loaded.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The self-test: right engines first, then every wrong one, each held against all checks of its panel.
-
-Runs a wrong engine on the cells of its panel, and has its results judged like anyone's.
-"""
+"""The self-test: right engines first, then every wrong one, each run on the cells of its panel and held against all their checks."""
 
 from __future__ import annotations
 
@@ -24,7 +21,8 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.case import Setup
 from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, EngineRun, Support
-from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.isolation import end_commands, run_isolated
 from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.runner import run_cell
@@ -37,6 +35,16 @@ Progress = Callable[[int, int, str], None]
 
 JUDGED = ("pass", "fail")
 """Statuses of checks that can fail; a known difference does not."""
+
+
+TIME_LIMIT = 300.0
+"""Seconds for one wrong engine on its whole panel; the right ones take some ten, a minute where kernels are interpreted."""
+
+INTERPRETED = frozenset({"dem"})
+"""Engines whose kernels are never compiled: the DEM's step is a single kernel that takes a quarter of a minute to compile, and the
+panel takes seconds to interpret. Results are the same."""
+
+Outcome = EngineRun | EngineError
 
 
 def run_selftest(
@@ -168,17 +176,7 @@ def _in_parallel(
     return [rows[k] for k in range(len(defects))]
 
 
-TIME_LIMIT = 300.0
-"""Seconds for one wrong engine on its whole panel; the right ones take some ten, a minute where kernels are interpreted."""
-
-INTERPRETED = frozenset({"dem"})
-"""Engines whose kernels are never compiled: the DEM's step is a single kernel that takes a quarter of a minute to compile, and the
-panel takes seconds to interpret. Results are the same."""
-
-Outcome = EngineRun | EngineError
-
-
-class Played:
+class EngineWithResult:
     """The real engine's card with a result that is there already."""
 
     def __init__(self, real: Engine, outcome: Outcome) -> None:
@@ -209,13 +207,13 @@ def outcomes(defect: Defect, cells: Sequence[Cell]) -> list[Outcome]:
     """
     check_edits(defect.edits)
     asked = [_setup(cell) for cell in cells]
-    told = [_told(defect, setup) for setup in asked]
+    given = [_given(defect, setup) for setup in asked]
     with tempfile.TemporaryDirectory(prefix="ninedisk-selftest-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
-        files = [folder / f"answer-{k}.json" for k in range(len(told))]
+        files = [folder / f"answer-{k}.json" for k in range(len(given))]
         requests = [
             encode_request(Request(scene=scene, numerics=numerics, watch=setup.watch, answer_file=str(file)))
-            for (scene, numerics), setup, file in zip(told, asked, files, strict=True)
+            for (scene, numerics), setup, file in zip(given, asked, files, strict=True)
         ]
         edits = [[edit.module, edit.old, edit.new] for edit in defect.edits]
         job = {"engine": defect.engine, "edits": edits, "requests": requests}
@@ -230,7 +228,7 @@ def outcomes(defect: Defect, cells: Sequence[Cell]) -> list[Outcome]:
         except EngineError as error:
             ended = str(error)
         found = []
-        for (scene, numerics), setup, file in zip(told, asked, files, strict=True):
+        for (scene, numerics), setup, file in zip(given, asked, files, strict=True):
             found.append(_read(file, scene, numerics, setup, ended))
         return found
 
@@ -249,7 +247,7 @@ def judged(cells: Sequence[Cell], found: Sequence[Outcome]) -> list[CaseResult]:
         if isinstance(cell.engine, Exception):
             raise cell.engine
         with np.errstate(all="ignore"):  # a wrong engine's numbers may be of any size
-            results.append(run_cell(replace(cell, engine=Played(cell.engine, outcome))))
+            results.append(run_cell(replace(cell, engine=EngineWithResult(cell.engine, outcome))))
     return results
 
 
@@ -259,7 +257,7 @@ def _setup(cell: Cell) -> Setup:
     return cell.setup
 
 
-def _told(defect: Defect, setup: Setup) -> tuple[Scene, Numerics]:
+def _given(defect: Defect, setup: Setup) -> tuple[Scene, Numerics]:
     if defect.before is None:
         return setup.scene, setup.numerics
     return defect.before(setup.scene, setup.numerics)

@@ -1,6 +1,4 @@
-"""The tests of the suite: which there are, found without running an engine, and how each is judged.
-
-What a failed check tells: all that one needs to judge it, to see it drawn and to run it again.
+"""The tests of the suite: which there are, found without running an engine, how each is judged, and what a failed one tells.
 
 How much of a case's matrix a test belongs to: ``-m smoke``, ``-m core`` or ``-m full``.
 
@@ -23,8 +21,8 @@ import pytest
 from ninedisk.harness.api.case import Variant
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import match_cases
-from ninedisk.harness.results.schema import row_tolerance
-from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.results.schema import Row, row_tolerance
+from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.plan import Cell, plan_matrix, run_command
 from ninedisk.harness.run.runner import check_ids, dry_checks, last_lines, run_cell
 from ninedisk.harness.suite.gaps import KnownGap, gap_of, read_gaps
@@ -36,6 +34,13 @@ CELL = "cell"
 
 CheckName = tuple[str, str, str]
 """Id, quantity and kind of truth of a collected check."""
+
+
+TIERS = {
+    "smoke": "the first variant of each case",
+    "core": "variants that differ from the first of their case in at most one parameter",
+    "full": "every variant of every case",
+}
 
 
 class BeyondTolerance(pytest.fail.Exception):  # type: ignore[name-defined, misc]
@@ -224,13 +229,6 @@ def page(case_id: str) -> str:
     """Place of a case's errors, relative to the folder of a report."""
     slug = re.sub(r"[^a-z0-9]+", "-", case_id.lower()).strip("-")[:60]
     return f"case/{slug}.html#errors"
-
-
-TIERS = {
-    "smoke": "the first variant of each case",
-    "core": "variants that differ from the first of their case in at most one parameter",
-    "full": "every variant of every case",
-}
 
 
 def tiers(variants: Sequence[Variant]) -> dict[str, tuple[str, ...]]:

@@ -101,7 +101,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     if store is not None:
         from ninedisk.harness.suite.reuse import open_store
 
-        terminalreporter.write_line(open_store(store).told)
+        terminalreporter.write_line(open_store(store).message)
     if _PLAN in config.stash:
         for gap in config.stash[_PLAN].idle_gaps():
             terminalreporter.write_line(f"known gap without a check here: {gap.id} {gap.quantity} on {gap.engine}")

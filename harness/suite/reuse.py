@@ -15,8 +15,9 @@ from typing import Any
 
 from ninedisk.harness.api.errors import StoreError
 from ninedisk.harness.api.registry import BUILTIN, case_table, engine_table
-from ninedisk.harness.results.store import CellKey, cell_key, read_about, read_table, run_ids
-from ninedisk.harness.results.tables import CaseResult, Row
+from ninedisk.harness.results.reader import CellKey, cell_key, read_about, read_rows, run_ids
+from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.provenance import provenance
 from ninedisk.harness.run.runner import planned_columns
@@ -36,7 +37,7 @@ MEASURED = frozenset({"pass", "fail", "known-gap", "gap-closed", "no-truth"})
 class StoredCells:
     """Cells that may be judged from a store, newest first, and what there is to tell about it."""
 
-    told: str
+    message: str
     cells: Mapping[CellKey, tuple[str, Row]] = field(default_factory=dict)
     rows: Mapping[tuple[str, CellKey], list[Row]] = field(default_factory=dict)
 
@@ -71,9 +72,9 @@ def open_store(store: Path) -> StoredCells:
             if differs:
                 newest = newest or f"the newest run, {run_id}, had other {', '.join(differs)}"
                 continue
-            for row in read_table(store, about, "cells", CELL_COLUMNS).to_pylist():
+            for row in read_rows(store, about, "cells", CELL_COLUMNS):
                 cells.setdefault(cell_key(row), (run_id, row))
-            for row in read_table(store, about, "measurements").to_pylist():
+            for row in read_rows(store, about, "measurements"):
                 rows.setdefault((run_id, cell_key(row)), []).append(row)
         except StoreError as error:
             newest = newest or str(error)

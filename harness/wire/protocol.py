@@ -20,21 +20,16 @@ Answer (one JSON object in ``answer_file``)
     (an object) and ``history``: the fields of `ninedisk.core.history.History` as nested lists (without ``pairs``, which
     are the request's). A number that the engine cannot observe is ``null``, and so is an array none of whose numbers it
     can observe; steps, times, positions and velocities must always be numbers. For large histories ``history`` is
-    ``{"file": NAME, "force_meaning": ...}``, NAME an NPZ file in the folder of ``answer_file``, see
-    `ninedisk.harness.wire.protocol`. An engine that gives up answers ``{"wire_version": 1, "error": "what went wrong"}``
+    ``{"file": NAME, "force_meaning": ...}``, NAME an NPZ file in the folder of ``answer_file`` (see
+    below). An engine that gives up answers ``{"wire_version": 1, "error": "what went wrong"}``
     instead, one that finds that it cannot express the scene ``{"wire_version": 1, "unsupported": "why"}``.
 
 The same in JSON Schema: ``ninedisk schema --all --out DIR``.
 
-Floats are written with the shortest digits that give the same double back, so that nothing is lost on the way.
+Floats are written with the shortest digits that give the same double back, so that nothing is lost on the way. Messages are read
+strictly: what is wrong with one is said with its key and what was expected.
 
-Strict reading of single fields of the wire format; every message names the key and what was expected.
-
-From the text of a message to its JSON object; what is wrong with a bad one is said in words that help to mend it.
-
-Histories in files: NPZ, for those that are large as text.
-
-The file holds the arrays of the history by their names, ``step`` included, and energies as ``energy.NAME``; an array that
+The NPZ file of a large history holds its arrays by their names, ``step`` included, and energies as ``energy.NAME``; an array that
 it does not hold was not observed. Positions and velocities are checked like any others.
 """
 
@@ -75,6 +70,22 @@ __all__ = [
     "encode_answer",
     "encode_request",
 ]
+
+
+SETTINGS_DEPTH = 8
+"""Levels of lists and objects within settings: more than any table needs."""
+
+WIRE_VERSION = 1
+
+_BARE_NUMBER = re.compile(r"[\[,:]\s*[-+]?(nan|inf(?:inity)?)\b", re.IGNORECASE)
+
+_OBJECT = re.compile(r'\{\s*"')
+
+_NEAR = 30
+
+HISTORY_FILE_KEYS = ("file", "force_meaning")
+
+ENERGY = "energy."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -281,10 +292,6 @@ def _lists(array: NDArray[np.float64]) -> Any:
     return entries.tolist()
 
 
-SETTINGS_DEPTH = 8
-"""Levels of lists and objects within settings: more than any table needs."""
-
-
 class WireError(EngineError):
     """A message does not keep to the wire format; the text names the key and what was expected there."""
 
@@ -395,13 +402,6 @@ def _entries(value: Any, depth: int) -> Iterable[Any]:
     return value  # type: ignore[no-any-return]
 
 
-WIRE_VERSION = 1
-
-_BARE_NUMBER = re.compile(r"[\[,:]\s*[-+]?(nan|inf(?:inity)?)\b", re.IGNORECASE)
-_OBJECT = re.compile(r'\{\s*"')
-_NEAR = 30
-
-
 def parse_message(text: str, what: str) -> dict[str, Any]:
     """The JSON object of this wire version that ``text`` holds; ``what`` names the message in errors.
 
@@ -456,10 +456,6 @@ def _object_ends(text: str, begin: int) -> int | None:
     return end
 
 
-HISTORY_FILE_KEYS = ("file", "force_meaning")
-ENERGY = "energy."
-
-
 def read_history_file(name: Any, folder: Path | None, arrays: Iterable[str]) -> dict[str, Any]:
     """The arrays of an NPZ file, None for those of ``arrays`` that it lacks, and its energies.
 
@@ -477,24 +473,24 @@ def read_history_file(name: Any, folder: Path | None, arrays: Iterable[str]) -> 
     WireError
         If the file lies elsewhere, is none of this form, or holds arrays of other names or of objects.
     """
-    told = text_field(name, "history.file")
+    named = text_field(name, "history.file")
     if folder is None:
-        raise WireError(f"history.file is {told!r}, but this run has no folder for files: write the arrays themselves")
-    path = (folder / told).resolve()
+        raise WireError(f"history.file is {named!r}, but this run has no folder for files: write the arrays themselves")
+    path = (folder / named).resolve()
     if not path.is_relative_to(folder.resolve()) or not path.is_file():
         raise WireError(
-            f"history.file is {told!r}; expected a file in the folder of the request's answer_file, which is removed after "
+            f"history.file is {named!r}; expected a file in the folder of the request's answer_file, which is removed after "
             f"the run"
         )
     try:
         with np.load(path, allow_pickle=False) as file:
             found = {key: file[key] for key in file.files}
     except (OSError, ValueError, EOFError, TypeError, AttributeError, zlib.error, zipfile.BadZipFile) as error:
-        raise WireError(f"history.file {told!r} is no NPZ file of plain arrays ({error})") from error
+        raise WireError(f"history.file {named!r} is no NPZ file of plain arrays ({error})") from error
     allowed = ("step", *arrays)
     unknown = [key for key in found if key not in allowed and not key.startswith(ENERGY)]
     if unknown or "step" not in found:
         fault = f"has the unknown array(s) {', '.join(unknown)}" if unknown else "lacks the array step"
-        raise WireError(f"history.file {told!r} {fault}; expected {', '.join(allowed)} and {ENERGY}NAME")
+        raise WireError(f"history.file {named!r} {fault}; expected {', '.join(allowed)} and {ENERGY}NAME")
     energy = {key.removeprefix(ENERGY): array for key, array in found.items() if key.startswith(ENERGY)}
     return {"energy": energy} | {key: found.get(key) for key in allowed}

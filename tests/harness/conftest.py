@@ -77,13 +77,13 @@ def bits() -> Callable[[CaseResult], bytes]:
 
     def of(result: CaseResult) -> bytes:
         cell = {name: result.cell[name] for name in CELL_COLUMNS if name not in ("setup_s", "warm_up_s", "advance_s")}
-        blocks = [
-            (block.length, {name: np.asarray(column).tolist() for name, column in block.columns.items()})
-            for block in (*result.series_blocks, *result.reference_blocks)
+        curves = [
+            {name: np.asarray(column).tolist() for name, column in curve.items()}
+            for curve in (*result.curves, *result.reference_curves)
         ]
         history = {} if result.history is None else vars(result.history)
         arrays = {name: value.tobytes() for name, value in history.items() if isinstance(value, np.ndarray)}
-        return repr((cell, result.rows, blocks, arrays)).encode()
+        return repr((cell, result.rows, curves, arrays)).encode()
 
     return of
 

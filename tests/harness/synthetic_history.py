@@ -15,8 +15,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from ninedisk.harness.results.reader import run_facts
 from ninedisk.harness.results.schema import SCHEMA_VERSION, TABLES
-from ninedisk.harness.results.store import Snapshot, run_facts, snapshot
+from ninedisk.harness.results.store import Snapshot, snapshot
 
 Row = dict[str, Any]
 TYPES = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}

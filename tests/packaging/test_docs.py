@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.cli.docs import case_record
+from ninedisk.harness.run.case_record import case_record
 from ninedisk.reports.docs import write_docs
 from ninedisk.reports.folder import ReportError
 

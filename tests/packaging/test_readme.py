@@ -61,7 +61,7 @@ def test_both_entries_have_an_example() -> None:
 
 
 def test_statuses_are_those_of_the_records() -> None:
-    """The exit codes are excused, failed or broken down, as `records.EXCUSED` has it."""
+    """The exit codes are excused, failed or broken down, as `schema.EXCUSED` has it."""
     rows = {status.strip("`"): int(code) for status, _, code in table("status")}
     assert set(rows) == set(records.STATUSES)
     assert {status for status, code in rows.items() if code == 0} == records.EXCUSED

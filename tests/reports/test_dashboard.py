@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from ninedisk.harness.results.history import history
-from ninedisk.harness.results.schema import History
+from ninedisk.harness.results.schema import StoreHistory
 from ninedisk.reports.dashboard import build_dashboard, groups, marks
 from ninedisk.reports.folder import ReportError
 
@@ -45,7 +45,7 @@ class Links(HTMLParser):
 
 
 @pytest.fixture(scope="session")
-def planted(synthetic: ModuleType) -> History:
+def planted(synthetic: ModuleType) -> StoreHistory:
     """Everything that can go wrong, in 50 runs on two machines."""
     plan = synthetic.Plan(
         runs=50,
@@ -57,16 +57,16 @@ def planted(synthetic: ModuleType) -> History:
         cells={("incline-block", "k=1", "pymunk"): (40, "error", HOSTILE)},
         versions={"nine-disk/compression": 25},
     )
-    found: History = history(synthetic.snapshots(plan))
+    found: StoreHistory = history(synthetic.snapshots(plan))
     return found
 
 
 @pytest.fixture(scope="session")
-def pages(planted: History, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def pages(planted: StoreHistory, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_dashboard(planted, tmp_path_factory.mktemp("dash") / "out", silent).parent
 
 
-def test_marks_are_grouped_worst_first(planted: History, synthetic: ModuleType) -> None:
+def test_marks_are_grouped_worst_first(planted: StoreHistory, synthetic: ModuleType) -> None:
     """One change on two machines is one group, dated by the run that both allow."""
     standing = groups(mark for mark in marks(planted) if mark.shift.open)
     told = [(g.worst.severity, g.worst.line.case, g.worst.line.engine, len(g.machines)) for g in standing]
@@ -105,7 +105,7 @@ def test_every_link_leads_somewhere(pages: Path) -> None:
                 assert anchor in held[path.resolve().relative_to(pages.resolve()).as_posix()].ids, f"{name}: {target}"
 
 
-def test_one_click_from_a_mark_to_the_comparison(pages: Path, planted: History) -> None:
+def test_one_click_from_a_mark_to_the_comparison(pages: Path, planted: StoreHistory) -> None:
     index = Links(pages / "index.html")
     for before, after in {mark.runs for group in groups(marks(planted)) for mark in [group.worst]}:
         runs = [planted.runs[number].run_id.lower() for number in (before, after)]
@@ -158,7 +158,7 @@ def test_one_run_alone(synthetic: ModuleType, tmp_path: Path) -> None:
     assert "No open regression" in text
 
 
-def test_a_foreign_folder_is_left_alone(planted: History, tmp_path: Path) -> None:
+def test_a_foreign_folder_is_left_alone(planted: StoreHistory, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("mine")
     with pytest.raises(ReportError, match="no dashboard of ninedisk"):
@@ -166,7 +166,7 @@ def test_a_foreign_folder_is_left_alone(planted: History, tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
-def test_an_old_dashboard_is_replaced(planted: History, tmp_path: Path) -> None:
+def test_an_old_dashboard_is_replaced(planted: StoreHistory, tmp_path: Path) -> None:
     for _ in range(2):
         build_dashboard(planted, tmp_path / "out", silent)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]

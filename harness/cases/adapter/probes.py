@@ -22,7 +22,7 @@ from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability
 from ninedisk.harness.api.case import Check, FloatArray, Norm, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nurbs.grains import grains
-from ninedisk.harness.run.observation import blank_history
+from ninedisk.harness.run.judge import blank_history
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution, contact_duration, contact_history
 
 SHALLOW = 1e-4

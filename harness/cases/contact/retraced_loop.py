@@ -15,8 +15,8 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
+from ninedisk.harness.cases.matched import slip_of
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
-from ninedisk.harness.run.matched import slip_of
 from ninedisk.references.analytic.retraced_loop import (
     passing_drift,
     passing_shear,

@@ -15,6 +15,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import WallSegment
 from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.cases.matched import core_history
 from ninedisk.harness.cases.nine_disk.converged import consensus_checks, converged_checks
 from ninedisk.harness.cases.nine_disk.scene import (
     CENTRE,
@@ -35,7 +36,6 @@ from ninedisk.harness.cases.nine_disk.scene import (
 )
 from ninedisk.harness.cases.nine_disk.shown import COMPRESSION_CLAIMS, COMPRESSION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
-from ninedisk.harness.run.matched import core_history
 from ninedisk.references.analytic.compression import continuous_row, row_frequency, steady_force, undamped_amplitude
 from ninedisk.references.exact_steps.cd_row import smooth_row_cd
 from ninedisk.references.exact_steps.compression import smooth_row

@@ -9,7 +9,7 @@ import numpy as np
 
 from ninedisk.harness.api.case import Check, Observed
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.run.matched import slip_of
+from ninedisk.harness.cases.matched import slip_of
 
 MARGIN = 2.0
 """Factor on the measured step error: it comes from one pair of steps, and friction makes the order wander around 2."""

@@ -16,6 +16,7 @@ from ninedisk.core.scene import WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
+from ninedisk.harness.cases.matched import core_history, slip_of
 from ninedisk.harness.cases.nine_disk.compression import outline_check
 from ninedisk.harness.cases.nine_disk.converged import consensus_checks, converged_checks
 from ninedisk.harness.cases.nine_disk.scene import (
@@ -36,7 +37,6 @@ from ninedisk.harness.cases.nine_disk.scene import (
 )
 from ninedisk.harness.cases.nine_disk.shown import DISTORTION_CLAIMS, DISTORTION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
-from ninedisk.harness.run.matched import core_history, slip_of
 from ninedisk.references.analytic.compression import row_frequency
 
 COMPRESS, SETTLE, DISTORT = 4000, 1000, 500

@@ -29,8 +29,8 @@ from ninedisk.harness.cases.common import (
     softness,
     whole_steps,
 )
+from ninedisk.harness.cases.matched import slip_of
 from ninedisk.harness.cases.nurbs.grains import grains
-from ninedisk.harness.run.matched import slip_of
 from ninedisk.references.analytic.rolling_grain import (
     NODES,
     WEIGHTS,

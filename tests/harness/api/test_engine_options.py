@@ -15,7 +15,7 @@ from ninedisk.harness import run_case
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.registry import UnknownIdError, engine_table, get_engine
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.results.store import run_ids
+from ninedisk.harness.results.reader import run_ids
 from ninedisk.harness.run.plan import plan_matrix
 
 

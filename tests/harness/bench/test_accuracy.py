@@ -15,8 +15,8 @@ from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench import accuracy
 from ninedisk.harness.bench.accuracy import DIVISIONS, Limit, limit_of
 from ninedisk.harness.bench.nine_disks import CASE, parameters
-from ninedisk.harness.results.tables import Row
-from ninedisk.harness.run.matched import with_slip_at
+from ninedisk.harness.cases.matched import with_slip_at
+from ninedisk.harness.results.schema import Row
 from ninedisk.references.converged_tables import load_converged
 
 

@@ -24,7 +24,7 @@ from ninedisk.harness.bench.dem_engines import cores
 from ninedisk.harness.bench.measure import NotReachedError
 from ninedisk.harness.engines.package import package_version
 from ninedisk.harness.engines.siconos.adapter import SYSTEM_PYTHON, installed_siconos
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 
 ROWS, COLUMNS = 4, 7
 

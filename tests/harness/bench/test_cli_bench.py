@@ -18,7 +18,7 @@ from ninedisk.harness.bench.measure import Sample
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.cli import bench as cli_bench
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 from ninedisk.reports.bench import charts, write_bench
 
 

@@ -19,7 +19,7 @@ from ninedisk.harness.bench import dem_engines, dem_suite, nine_disks
 from ninedisk.harness.bench.dem_engines import LAMMPS, PEERS, YADE, core_memory, run_core, run_peer
 from ninedisk.harness.bench.dem_problems import DemProblem, flowing, makers
 from ninedisk.harness.bench.measure import Sample
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 
 
 def needs(engine: str) -> Any:

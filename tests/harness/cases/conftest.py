@@ -13,8 +13,7 @@ from ninedisk.core.scene import Scene
 from ninedisk.harness.api.case import Case, Check, Observed, Setup
 from ninedisk.harness.api.engine import Engine, EngineInfo
 from ninedisk.harness.api.params import resolve
-from ninedisk.harness.run.judge import compare, judge
-from ninedisk.harness.run.observation import blank_history, check_history
+from ninedisk.harness.run.judge import blank_history, check_history, compare, judge
 from ninedisk.harness.selftest.setups import with_laws
 
 

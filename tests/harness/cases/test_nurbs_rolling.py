@@ -14,9 +14,9 @@ from ninedisk.core.nurbs.shapes import regular_polygon
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.params import resolve
+from ninedisk.harness.cases.matched import with_slip_at
 from ninedisk.harness.cases.nurbs.rolling import APOTHEM, CASE, crossing_time
 from ninedisk.harness.engines.dem.adapter import ENGINE
-from ninedisk.harness.run.matched import with_slip_at
 
 Judge = Callable[..., Any]
 SQUARE = {"faces": 4, "roundness": 0.0}

@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from ninedisk.harness.cli.app import app
+from ninedisk.harness.results.reader import run_ids
 from ninedisk.harness.results.schema import SCHEMA_VERSION
-from ninedisk.harness.results.store import run_ids
 
 
 @pytest.fixture(scope="session")

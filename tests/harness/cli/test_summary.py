@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.run import show_summary
-from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS
-from ninedisk.harness.results.tables import EMPTY, Row
+from ninedisk.harness.results.schema import CELL_COLUMNS, EMPTY, MEASUREMENT_COLUMNS, Row
 
 SCREEN = 40
 """Lines; `tools/main_job.py` adds at most `AROUND` of its own."""

@@ -33,10 +33,10 @@ from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.registry import BUILTIN_CASES, BUILTIN_ENGINES, get_case
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.cli.run import parse_settings
-from ninedisk.harness.results.store import read_run, run_ids
+from ninedisk.harness.cli.support import parse_settings
+from ninedisk.harness.results.reader import read_run, run_ids
 from ninedisk.harness.run import published
-from ninedisk.harness.run.observation import blank_history
+from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.run.plan import plan_case, plan_matrix
 from ninedisk.harness.wire.protocol import Answer, Request, decode_answer, decode_request, encode_answer, encode_request
 

@@ -10,12 +10,12 @@ import pytest
 
 from ninedisk.harness.results.history import history
 from ninedisk.harness.results.rules import error_shifts, timing_shifts
-from ninedisk.harness.results.schema import History, Line, Point, Shift
+from ninedisk.harness.results.schema import Line, Point, Shift, StoreHistory
 
 EPYC, XEON = "AMD EPYC, 2 cores, Linux x86_64", "Intel Xeon, 2 cores, Linux x86_64"
 
 
-def shifts(found: History, **wanted: str) -> list[tuple[Line, Shift]]:
+def shifts(found: StoreHistory, **wanted: str) -> list[tuple[Line, Shift]]:
     lines = [line for line in found.lines if all(getattr(line, name) == value for name, value in wanted.items())]
     return [(line, shift) for line in lines for shift in line.shifts]
 

@@ -11,11 +11,11 @@ import pytest
 import ninedisk
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cli.run import execute
-from ninedisk.harness.results.store import run_facts, run_ids
+from ninedisk.harness.results.reader import run_facts, run_ids
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.cluster import connected
-from ninedisk.harness.run.matrix import run_cells
 from ninedisk.harness.run.plan import plan_matrix
+from ninedisk.harness.run.workers import run_cells
 
 distributed = pytest.importorskip("distributed")
 

@@ -20,11 +20,11 @@ from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import SLIP_AT
 from ninedisk.harness.api.engine import EngineInfo, EngineRun
 from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.cases.matched import with_slip_at
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.engines.cd.adapter import CdEngine
 from ninedisk.harness.engines.dem.adapter import DemEngine
-from ninedisk.harness.run.converge import Order, converge, judge_order
-from ninedisk.harness.run.matched import with_slip_at
+from ninedisk.harness.run.converge import ObservedOrder, converge, judge_order
 
 SMALL = {"settle_cycles": 0, "cycles": 60}
 HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall_corner")
@@ -32,7 +32,7 @@ HISTORIES = ("fn_disk_disk_centre", "fn_disk_disk_edge", "fn_wall_mid", "fn_wall
 
 def judged(
     errors: Sequence[float], *, expected: float | None = 2.0, floor: float = 1e-12, tolerance: float = math.inf
-) -> Order:
+) -> ObservedOrder:
     """Verdict on signed errors of a quantity whose truth is zero."""
     differences = [abs(a - b) for a, b in pairwise(errors)]
     return judge_order([abs(e) for e in errors], differences, floor=floor, expected=expected, tolerance=tolerance)

@@ -11,8 +11,8 @@ import pytest
 
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.run.matrix import run_cells
 from ninedisk.harness.run.plan import plan_case
+from ninedisk.harness.run.workers import run_cells
 from ninedisk.harness.wire.external import ExternalEngine
 
 FAKE = Path(__file__).parents[1] / "engines" / "fake_engine.py"

@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 
 from ninedisk.harness.api.errors import StoreError
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.results.store import read_run, run_ids, unfinished
+from ninedisk.harness.results.reader import read_run, run_ids
+from ninedisk.harness.results.store import unfinished
 
 QUICK = ["pymunk"]
 ALL = ["cd", "dem", "pymunk"]
@@ -75,7 +76,7 @@ def check(store: Path, engines: list[str]) -> int:
     """Every visible run is complete, to the library and to the command; the number of runs."""
     for run_id in run_ids(store):
         _, tables = read_run(store, run_id)
-        assert sorted({row["engine"] for row in tables["cells"].to_pylist()}) == engines
+        assert sorted({row["engine"] for row in tables["cells"].to_dict("records")}) == engines
         assert len(tables["measurements"]) > 10 * len(engines)
     result = CliRunner().invoke(app, ["runs", "--store", str(store)])
     assert result.exit_code == 0, result.output

@@ -19,9 +19,8 @@ import pytest
 from ninedisk.core.errors import UnstableTimeStepError
 from ninedisk.harness import run_matrix
 from ninedisk.harness.results.tables import CaseResult
-from ninedisk.harness.run.matrix import run_cells
 from ninedisk.harness.run.plan import plan_matrix
-from ninedisk.harness.run.workers import crash_place
+from ninedisk.harness.run.workers import crash_place, run_cells
 
 
 @pytest.fixture
@@ -98,9 +97,9 @@ def test_place_of_a_crash() -> None:
 
 SLOW_TO_TIDY = """
 import sys, time
-from ninedisk.harness import worker
+from ninedisk.harness.run import workers
 
-def answered(payload):
+def run_task(payload):
     try:
         print("begun", flush=True)
         time.sleep(60)
@@ -108,8 +107,8 @@ def answered(payload):
         time.sleep(0.5)
         print("tidied", flush=True)
 
-worker.answered = answered
-worker.serve(int(sys.argv[1]), sys.stderr.fileno())
+workers.run_task = run_task
+workers.serve(int(sys.argv[1]), sys.stderr.fileno())
 """
 
 

@@ -14,8 +14,7 @@ from ninedisk.harness.api.case import Check, Observed
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import BUILTIN_CASES, case_table, get_case
-from ninedisk.harness.run.judge import compare, judge
-from ninedisk.harness.run.observation import blank_history
+from ninedisk.harness.run.judge import blank_history, compare, judge
 from ninedisk.harness.run.plan import plan_matrix
 from ninedisk.harness.run.published import check_folder, published_checks
 from ninedisk.references.published_values import load_entries, published_values
@@ -162,8 +161,8 @@ def test_a_users_curve_joins(tmp_path: Path) -> None:
     assert rows.loc["published", "abs_error"] == pytest.approx(0.01)
     assert rows.loc["published", "atol"] == 0.02
     assert rows.loc["published", "source"] == "Digitised fall: somebody 1979, figure 1"
-    curves = [block for block in result.reference_blocks if block.columns["truth"] == "published"]
-    assert [block.length for block in curves] == [7]
+    curves = [curve for curve in result.reference_curves if curve["truth"] == "published"]
+    assert [len(curve["step"]) for curve in curves] == [7]
     assert len(run_case("fake/fall", engine="fake-good", params={"a": 1}, published=folder).rows) == 2
     strict = digitise(tmp_path / "strict", uncertainty=0.005)
     assert run_case("fake/fall", engine="fake-good", params={"a": 2}, published=strict).status == "fail"

@@ -14,7 +14,7 @@ import pytest
 
 from ninedisk.harness import run_case
 from ninedisk.harness.api.registry import BUILTIN_CASES
-from ninedisk.harness.cli.run import parse_settings
+from ninedisk.harness.cli.support import parse_settings
 from ninedisk.harness.run.plan import Cell, plan_case, plan_matrix, request_command, run_command
 from ninedisk.harness.wire.command import CommandEngine, engines_given
 

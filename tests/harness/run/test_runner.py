@@ -162,10 +162,9 @@ def test_a_defect_of_a_case_is_no_mistake_of_the_user(fakes: ModuleType, monkeyp
 
 
 def test_reference_curves_are_kept_once() -> None:
-    from ninedisk.harness.results.tables import distinct_references
+    from ninedisk.harness.results.tables import distinct_curves
 
     results = run_matrix(["fake/fall"], ["fake-good", "fake-wrong"], {"a": 1})
-    blocks = [block for result in results for block in result.reference_blocks]
-    assert len(blocks) == 2
-    (kept,) = distinct_references(blocks)
-    assert (kept.length, kept.columns["quantity"], kept.columns["label"]) == (11, "x", "analytic: mechanics")
+    assert [len(result.reference_curves) for result in results] == [1, 1]
+    (kept,) = distinct_curves(results)
+    assert (len(kept["step"]), kept["quantity"], kept["label"]) == (11, "x", "analytic: mechanics")

@@ -12,7 +12,7 @@ import pytest
 
 from ninedisk.harness.api.case import Setup
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.run.observation import blank_history
+from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.selftest.defect import KINDS, Defect, Edit, StaleEditError, by_module, check_edits, edited
 from ninedisk.harness.selftest.gallery import CLEAN, GALLERY, chosen_defects, repeated
 from ninedisk.harness.selftest.histories import STATE, WALLS

@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.results.tables import Row
+from ninedisk.harness.results.schema import Row
 from ninedisk.harness.selftest import gallery
 from ninedisk.harness.selftest.defect import Defect, Edit
 from ninedisk.harness.selftest.gallery import CLEAN, GALLERY

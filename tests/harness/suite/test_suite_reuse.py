@@ -12,9 +12,9 @@ import pytest
 
 from ninedisk.harness.results.store import write_run
 from ninedisk.harness.run import provenance as provenance_module
-from ninedisk.harness.run.matrix import run_cells
 from ninedisk.harness.run.plan import Cell, plan_matrix
 from ninedisk.harness.run.provenance import provenance, source_digest
+from ninedisk.harness.run.workers import run_cells
 from ninedisk.harness.suite import items
 from ninedisk.harness.suite.items import CellCheck, Plan, make_plan
 from ninedisk.harness.suite.reuse import open_store
@@ -43,7 +43,7 @@ def write(folder: Path, run_id: str, cells: list[Cell], **changes: Any) -> None:
 
 def test_a_run_of_the_same_code_is_judged(store: Path, cells: list[Cell]) -> None:
     stored = open_store(store)
-    assert "20260101T000000Z-aaaaaa are judged as they are stored" in stored.told
+    assert "20260101T000000Z-aaaaaa are judged as they are stored" in stored.message
     for cell, fresh in zip(cells, run_cells(cells), strict=True):
         found = stored.find(cell)
         assert found is not None
@@ -58,7 +58,7 @@ def test_a_run_from_elsewhere_is_not(tmp_path: Path, cells: list[Cell], changes:
     write(tmp_path, "20260102T000000Z-bbbbbb", cells[:1], **changes)
     stored = open_store(tmp_path)
     assert stored.find(cells[0]) is None
-    assert f"had other {next(iter(changes))}" in stored.told
+    assert f"had other {next(iter(changes))}" in stored.message
 
 
 def test_the_newest_fitting_run_counts(tmp_path: Path, cells: list[Cell]) -> None:
@@ -109,7 +109,7 @@ def test_strangers_cells_run(tmp_path: Path) -> None:
 
 
 def test_a_store_that_is_not_there(tmp_path: Path) -> None:
-    assert "there is no finished run" in open_store(tmp_path / "nowhere").told
+    assert "there is no finished run" in open_store(tmp_path / "nowhere").message
 
 
 def test_the_suite_runs_only_what_it_must(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,33 @@
+"""``ninedisk report``: the comparison pages of a store."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ninedisk.harness.cli.support import CellProgress, Store, guarded
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("report", short_help="Build the comparison report from the store.")(report)
+
+
+@guarded
+def report(
+    store: Store = Path("results"),
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pages.")] = Path("report"),
+) -> None:
+    """Build the comparison report from the stored results and say where its first page is.
+
+    \b
+    Example:
+      ninedisk report --store results --out report
+    """
+    from ninedisk.reports.build import build_report
+
+    with CellProgress() as progress:
+        page = build_report(store, out, lambda label, done, total: progress(done, total, label))
+    typer.echo(f"report: {page}")
