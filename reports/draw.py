@@ -245,11 +245,10 @@ class Dots:
 
 @dataclass(frozen=True)
 class PointChart:
-    """A chart of points; ``guides`` are labelled lines to compare with, as (label, x, y).
+    """A chart of points; ``guides`` are lines to compare with, as (label, x, y), labelled at their ends.
 
-    Labels of guides stand at their ends, or with ``labels_along`` upon them, from where they begin. ``limits``, (low, high) of either
-    axis, replaces those that the points suggest. Few points have their own marks on a logarithmic horizontal axis, unless ``decades``
-    are asked for, as for what has been measured.
+    ``limits``, (low, high) of either axis, replaces those that the points suggest. Few points have their own marks on a
+    logarithmic horizontal axis, unless ``decades`` are asked for, as for what has been measured.
     """
 
     title: str
@@ -260,7 +259,6 @@ class PointChart:
     x_log: bool = True
     y_log: bool = True
     limits: tuple[tuple[float, float], tuple[float, float]] | None = None
-    labels_along: bool = False
     decades: bool = False
 
     @property
@@ -331,7 +329,7 @@ def draw_points(chart: PointChart, path: Path) -> None:
         axes.set_yscale("log" if chart.y_log else "linear")
         for label, x, y in chart.guides:
             axes.plot(x, y, color=SOFT, linewidth=1.0, dashes=(4, 3), zorder=1)
-            if chart.labels_along:
+            if not label:
                 continue
             below = y[-1] == min(ys[-1] for _, _, ys in chart.guides)
             axes.annotate(
@@ -349,8 +347,6 @@ def draw_points(chart: PointChart, path: Path) -> None:
         axes.set_ylim(*chart.y_limits)
         axes.set_xlabel(chart.x_label)
         axes.set_ylabel(chart.y_label)
-        if chart.labels_along:
-            _label_along(axes, chart)
         axes.minorticks_off()
         if chart.x_log:
             axes.xaxis.set_major_formatter(powers)
@@ -365,20 +361,6 @@ def draw_points(chart: PointChart, path: Path) -> None:
 def _holds_decade(low: float, high: float) -> bool:
     """Whether a power of ten lies between two numbers."""
     return math.floor(math.log10(high)) >= math.ceil(math.log10(low))
-
-
-def _label_along(axes: Any, chart: PointChart) -> None:
-    """Labels of the guides on their lines: at the right on a level, else turned like the line, from where it begins."""
-    for label, x, y in chart.guides:
-        (ax, ay), (bx, by) = axes.transData.transform([(x[0], y[0]), (x[1], y[1])])
-        angle = math.atan2(by - ay, bx - ax)
-        level = ay == by
-        along, off = (-3.0 if level else 8.0), 1.5
-        shift = (along * math.cos(angle) - off * math.sin(angle), along * math.sin(angle) + off * math.cos(angle))
-        axes.annotate(
-            label, (x[1 if level else 0], y[0]), shift, textcoords="offset points", fontsize=6.5, color=INK,
-            ha="right" if level else "left", va="bottom", rotation=math.degrees(angle), rotation_mode="anchor",
-        )  # fmt: skip
 
 
 def _tick_labels(steps: list[float]) -> list[str]:

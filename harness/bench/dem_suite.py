@@ -10,17 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.dem.arrays import SORT_FROM
+from ninedisk.core.dem.session import Counts
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.bench.dem_engines import PEERS, Peer, core_memory, cores, run_core, runner
 from ninedisk.harness.bench.dem_problems import DemProblem
-from ninedisk.harness.bench.dem_work import counted, roofline
 from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.results.tables import Row
 
 UNIT = "particle-steps/s"
 MOST_THREADS = 4
+READINGS = 10
+"""Of pairs and contacts, spread over the run."""
 
 
 def run_problem(
@@ -125,18 +127,39 @@ def _timed(problem: DemProblem, measured: Measured, base: Measured) -> Row:
 
 
 def _of_the_run(problem: DemProblem, tell: Tell) -> Row:
-    """Memory, counts and, for packings at rest, the roofline estimate: what is counted leaves out rebuilds, which there are few."""
+    """Memory, and mean numbers of listed pairs and contacts, walls included."""
     if problem.short:
         return {}
     tell("memory")
-    row: Row = {"bytes_per_disk": core_memory(problem)}
+    memory = core_memory(problem)
     tell("pairs and contacts")
-    counts, columns = counted(problem)
-    row |= columns
-    if problem.name.startswith("settled"):
-        tell("roofline")
-        row |= roofline(problem, counts)
-    return row
+    counts = mean_counts(problem)
+    return {
+        "bytes_per_disk": memory,
+        "listed_pairs": counts.pairs + counts.wall_pairs,
+        "contacts": counts.contacts + counts.wall_contacts,
+        "rebuilds": counts.rebuilds,
+    }
+
+
+def mean_counts(problem: DemProblem) -> Counts:
+    """Counts of a run of its own, means of `READINGS` over its steps; rebuilds are those of the whole run."""
+    from ninedisk.core.dem.session import DemSession
+
+    # The same contact steps, each of them a step at which the run may be stopped, only the last one sampled.
+    numerics = problem.numerics().replace(
+        dt=problem.contact_dt, n_steps=problem.steps, sample_from=problem.steps, sample_every=problem.steps
+    )
+    session = DemSession(problem.scene, numerics, particles=[0])
+    readings, done = [], 0
+    for k in range(1, READINGS + 1):
+        until = k * problem.steps // READINGS
+        if until > done:
+            session.advance(until - done)
+            readings.append(session.counts)
+        done = until
+    means = (round(sum(each) / len(readings)) for each in list(zip(*readings, strict=True))[1:])
+    return Counts(readings[-1].rebuilds, *means)
 
 
 def run(

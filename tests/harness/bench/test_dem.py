@@ -143,6 +143,19 @@ def test_memory_is_that_of_the_arrays(settled: DemProblem) -> None:
     assert sum(arrays.values()) > 300_000
 
 
+def test_counts_are_means_over_the_very_run(settled: DemProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dem_suite, "core_memory", lambda _: 1.0)
+    problem = replace(settled, steps=200, short=False)
+    session = DemSession(problem.scene, problem.numerics(), particles=[0])
+    session.run()
+    row = run(problem)["dem"]
+    means = dem_suite.mean_counts(problem)
+    assert row["rebuilds"] == means.rebuilds == session.counts.rebuilds
+    assert row["contacts"] == means.contacts + means.wall_contacts
+    assert row["contacts"] == pytest.approx(session.counts.contacts + session.counts.wall_contacts, rel=0.1)
+    assert row["listed_pairs"] == means.pairs + means.wall_pairs >= row["contacts"] > 60
+
+
 def test_problems_of_a_size() -> None:
     """A size's name, kinds and steps; nothing settles before its maker is called."""
     assert list(makers([100, 1000, 100], lambda _: True)) == ["settled-100", "settled-1000"]
