@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 import math
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
 from ninedisk.reports import pages, text
-from ninedisk.reports.draw import Dots, PointChart, draw_points
-from ninedisk.reports.pages import HERE
+from ninedisk.reports.charts import Dots, PointChart, on_page
 from ninedisk.reports.style import Look, engine_looks
 from ninedisk.reports.text import as_float
 
@@ -28,7 +23,7 @@ SUITES = {
 
 
 def write_bench(record: Mapping[str, Any], path: Path) -> None:
-    """Write the page of a record, one file that holds its style sheet and its figures.
+    """Write the page of a record, one file that holds its style sheet, scripts and numbers.
 
     Parameters
     ----------
@@ -45,8 +40,8 @@ def write_bench(record: Mapping[str, Any], path: Path) -> None:
         suites={name: [row for row in rows if row["suite"] == name] for name in SUITES},
         titles=SUITES,
         checks={name: _checks(rows, name) for name in SUITES},
-        figures={name: [embedded(chart) for chart in charts(rows, name)] for name in SUITES},
-        sheet=Markup((HERE / "assets" / "style.css").read_text(encoding="utf-8")),
+        figures={name: [on_page(chart) for chart in charts(rows, name)] for name in SUITES},
+        **pages.single_file(),
     )
     path.write_text(page, encoding="utf-8")
 
@@ -102,21 +97,6 @@ def _penetration(problem: str, rows: Sequence[Row]) -> PointChart:
     return PointChart(
         f"{problem}: penetration against cost", "s / simulated s", "overlap per disk / radii", tuple(dots)
     )
-
-
-def embedded(chart: PointChart) -> dict[str, Any]:
-    """Title, text alternative, image as a data address and legend of a chart, for pages that are one file."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "chart.svg"
-        draw_points(chart, path)
-        # As an image, not as part of the page: the classes of one figure would restyle the next.
-        data = base64.b64encode(path.read_bytes()).decode("ascii")
-    return {
-        "title": chart.title,
-        "alt": chart.alt(),
-        "source": f"data:image/svg+xml;base64,{data}",
-        "looks": chart.looks,
-    }
 
 
 def _checks(rows: Sequence[Row], suite: str) -> dict[str, list[str]]:

@@ -5,14 +5,13 @@ All files of the report into one folder.
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 from ninedisk.reports import pages
-from ninedisk.reports.draw import PointChart
-from ninedisk.reports.drawing import CaseDrawing, Chart, Job, render, svg_image
+from ninedisk.reports.charts import on_page
+from ninedisk.reports.drawing import CaseDrawing, render
 from ninedisk.reports.figures import engine_speed
 from ninedisk.reports.load import Stored
 from ninedisk.reports.model import build_panel
@@ -80,13 +79,8 @@ def write_site(stored: Stored, folder: Path, tell: Callable[[str, int, int], Non
         tell("planning figures", done, len(cases))
         drawings.append(CaseDrawing(panel, case, folder))
         (folder / "data" / f"{case.slug}.js").write_text(drawings[-1].numbers, encoding="utf-8")
-    speeds: dict[str, tuple[PointChart, Path]] = {}
-    for engine in engines:
-        chart = engine_speed(panel, engine.id)
-        if chart is not None:
-            speeds[engine.id] = chart, folder / "figures" / f"engine-{engine.slug}.svg"
     tell("planning figures", len(cases), len(cases))
-    jobs = [job for drawing in drawings for job in drawing.jobs] + [Job(*speed) for speed in speeds.values()]
+    jobs = [job for drawing in drawings for job in drawing.jobs]
     render(jobs, lambda done, count: tell("drawing figures", done, count))
     total = len(cases) + len(engines) + 1
     for done, (case, drawing) in enumerate(zip(cases, drawings, strict=True)):
@@ -95,13 +89,8 @@ def write_site(stored: Stored, folder: Path, tell: Callable[[str, int, int], Non
         (folder / "case" / f"{case.slug}.html").write_text(page, encoding="utf-8")
     for done, engine in enumerate(engines, start=len(cases)):
         tell("writing pages", done, total)
-        shown = None
-        if engine.id in speeds:
-            chart, path = speeds[engine.id]
-            shown = Chart(
-                json.dumps(chart.spec(), allow_nan=False), chart.alt(), svg_image(path, chart.alt()), chart.looks
-            )
-        page = pages.engine_page(env, panel, engine, shown)
+        speed = engine_speed(panel, engine.id)
+        page = pages.engine_page(env, panel, engine, on_page(speed) if speed else None)
         (folder / "engine" / f"{engine.slug}.html").write_text(page, encoding="utf-8")
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
     (folder / "index.html").write_text(pages.index_page(env, panel), encoding="utf-8")

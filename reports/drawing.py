@@ -19,21 +19,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ninedisk.reports.charts import Chart, Image, on_page
 from ninedisk.reports.draw import (
     Configuration,
     HistoryPanel,
-    PointChart,
     SceneView,
     draw_configuration,
     draw_history,
-    draw_points,
     draw_sketch,
     numeral,
     read_scene,
 )
 from ninedisk.reports.figures import (
     SETUP_FIGURES,
-    FigurePlan,
+    Shown,
     case_figures,
     case_speed,
     convergences,
@@ -42,43 +41,16 @@ from ninedisk.reports.figures import (
 )
 from ninedisk.reports.model import CaseData, Panel, case_tables, difference_matrix, folded_rows
 from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case
-from ninedisk.reports.style import Look
 from ninedisk.reports.text import decoded
 
 MOST_SKETCHES = 4
 """Set-ups of one case that are drawn; those that look alike are drawn once."""
 
 DRAWN_GROUPS = 2
-"""Groups of variants of one figure of the source that are drawn as pictures; the charts show every group."""
+"""Groups of variants of a figure of the source that have pictures for print; the charts show every group."""
 
 GRIDS = {1: "", 2: "two", 3: "three", 4: "four"}
 _POINTS_TO_PIXELS = 4.0 / 3.0
-
-
-@dataclass(frozen=True)
-class Image:
-    """An image of a page: address from the report's folder, text alternative, caption, and size in CSS pixels."""
-
-    src: str
-    alt: str
-    width: int
-    height: int
-    caption: str = ""
-
-
-@dataclass(frozen=True)
-class Chart:
-    """An interactive chart: its description as JSON, text alternative, the picture that stands in for it, its legend."""
-
-    spec: str
-    alt: str
-    image: Image | None
-    legend: dict[str, Look]
-
-
-def drawn_groups(plan: FigurePlan) -> int:
-    """Groups of a figure that get a picture beside their charts: more for figures of the source."""
-    return DRAWN_GROUPS if plan.number else 1
 
 
 class CaseDrawing:
@@ -90,10 +62,11 @@ class CaseDrawing:
         self.looks = looks_of(panel, case)
         self.sketches = [(scene, variant, self._file(scene, "setup")) for variant, scene in self._scenes()]
         self.blocks = case_figures(panel, case)
-        self.panels = {
+        self.printed = {
             id(shown): self._file(shown.picture, "history")
             for block in self.blocks
-            for group in block.groups[: drawn_groups(block.plan)]
+            if block.plan.number
+            for group in block.groups[:DRAWN_GROUPS]
             for shown in group.panels
         }
         self.plan, self.groups = case_configurations(case, self.looks.engines)
@@ -101,10 +74,6 @@ class CaseDrawing:
         self.convergences = convergences(case, self.looks.engines)
         self.value_charts = values_against_step(case, self.looks.engines)
         self.speed = case_speed(case, self.looks.engines)
-        charts = (
-            [c.chart for c in self.convergences] + [c for _, some in self.value_charts for c in some] + [self.speed]
-        )
-        self.points = {id(chart): self._file(chart, "points") for chart in charts if chart is not None}
         arrays = Arrays()
         self.moving = moving_scenes(case, arrays)
         self.tables = case_tables(case)
@@ -138,7 +107,7 @@ class CaseDrawing:
                     {
                         "heading": group.heading,
                         "grid": GRIDS.get(group.columns, ""),
-                        "panels": [self._chart(shown.spec, shown.alt, shown) for shown in group.panels],
+                        "panels": [self._panel(shown) for shown in group.panels],
                     }
                     for group in block.groups
                 ],
@@ -160,14 +129,9 @@ class CaseDrawing:
                 (name for name in self.moving if self.plan.matches(self.case.variants[name])),
                 next(iter(self.moving), None),
             ),
-            "convergences": [
-                (c, self._chart(c.chart.spec(), c.chart.alt(), c.chart) if c.chart else None) for c in self.convergences
-            ],
-            "value_charts": [
-                (plan, [self._chart(chart.spec(), chart.alt(), chart) for chart in charts])
-                for plan, charts in self.value_charts
-            ],
-            "speed": self._chart(self.speed.spec(), self.speed.alt(), self.speed) if self.speed else None,
+            "convergences": [(c, on_page(c.chart) if c.chart else None) for c in self.convergences],
+            "value_charts": [(plan, [on_page(chart) for chart in charts]) for plan, charts in self.value_charts],
+            "speed": on_page(self.speed) if self.speed else None,
             "engine_looks": {
                 engine: look
                 for engine, look in self.looks.engines.items()
@@ -178,10 +142,10 @@ class CaseDrawing:
             "differences": differences,
         }
 
-    def _chart(self, spec: dict[str, Any], alt: str, picture: Any) -> Chart:
-        path = self.panels.get(id(picture)) or self.points.get(id(picture))
-        legend = picture.looks if isinstance(picture, PointChart) else {}
-        return Chart(json.dumps(spec, allow_nan=False), alt, svg_image(path, alt) if path else None, legend)
+    def _panel(self, shown: Shown) -> Chart:
+        path = self.printed.get(id(shown))
+        image = svg_image(path, shown.alt) if path else None
+        return Chart(json.dumps(shown.spec, allow_nan=False), shown.alt, {}, image)
 
     def _alt(self, picture: Configuration, heading: str) -> str:
         engines = ", ".join(body[0].label for body in picture.bodies)
@@ -212,13 +176,12 @@ MOST_WORKERS = 4
 FEW = 12
 """Below this number of figures the start of the workers costs more than it saves."""
 
-Picture = HistoryPanel | SceneView | Configuration | PointChart
+Picture = HistoryPanel | SceneView | Configuration
 
 _DRAW: dict[type, Callable[[Any, Path], None]] = {
     HistoryPanel: draw_history,
     SceneView: draw_sketch,
     Configuration: draw_configuration,
-    PointChart: draw_points,
 }
 
 

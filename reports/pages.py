@@ -19,7 +19,7 @@ from markupsafe import Markup
 
 from ninedisk.reports import text
 from ninedisk.reports import text as words
-from ninedisk.reports.drawing import Chart
+from ninedisk.reports.charts import Chart
 from ninedisk.reports.load import Row
 from ninedisk.reports.model import SHOWN, CaseData, EngineFacts, Panel, Summary, summarise
 from ninedisk.reports.text import as_float, number, pair_shade, parameters, shade, symbol
@@ -80,6 +80,19 @@ def environment() -> Environment:
         "nothing": text.NOTHING,
     }
     return env
+
+
+def single_file(*sheets: str) -> dict[str, Markup]:
+    """Style sheet, named sheets of the assets besides, and scripts of a page that is one file."""
+    licence = f"/*\n{_asset('uplot-LICENSE.txt')}*/"
+    return {
+        "sheet": Markup("\n".join(map(_asset, ("style.css", "uplot.css", *sheets)))),
+        "scripts": Markup("\n".join((licence, *map(_asset, ("uplot.js", "data.js", "charts.js"))))),
+    }
+
+
+def _asset(name: str) -> str:
+    return (HERE / "assets" / name).read_text(encoding="utf-8")
 
 
 def index_page(env: Environment, panel: Panel) -> str:

@@ -11,13 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment
-from markupsafe import Markup
 
 from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison
 from ninedisk.reports import pages, text
-from ninedisk.reports.bench import embedded
-from ninedisk.reports.draw import Dots, PointChart
-from ninedisk.reports.figures import slopes
+from ninedisk.reports.charts import Dots, PointChart, on_page, slopes
 from ninedisk.reports.pages import HERE
 from ninedisk.reports.style import engine_looks
 
@@ -115,7 +112,7 @@ VERDICT_CLASS = {
 
 
 def converge_page(record: Mapping[str, Any]) -> str:
-    """One HTML file that holds its style sheet and its figures.
+    """One HTML file that holds its style sheet, scripts and numbers.
 
     Parameters
     ----------
@@ -127,9 +124,9 @@ def converge_page(record: Mapping[str, Any]) -> str:
         .get_template("converge.html")
         .render(
             record=record,
-            figures=[embedded(chart) for chart in charts(record)],
+            figures=[on_page(chart) for chart in charts(record)],
             shades_of=VERDICT_CLASS,
-            sheet=Markup((HERE / "assets" / "style.css").read_text(encoding="utf-8")),
+            **pages.single_file(),
         )
     )
 

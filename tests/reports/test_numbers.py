@@ -12,8 +12,8 @@ import sys
 import numpy as np
 import pytest
 
-from ninedisk.reports import draw as draw_points
 from ninedisk.reports import style as svg
+from ninedisk.reports.charts import spread
 from ninedisk.reports.figures import case_speed, convergences, engine_speed, looks_of, values_against_step
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel
@@ -149,17 +149,8 @@ def test_speed_needs_a_time_and_a_continuous_truth(tmp_path, write, small):
     assert engine_speed(panel, "nobody") is None
 
 
-def test_pictures_of_points_print_plain_powers(tmp_path):
-    look = engine_looks({"a": "A"})["a"]
-    chart = draw_points.PointChart("t", "x", "y", (draw_points.Dots("a", look, (1e-3, 1.0), (1e-9, 1e-2)),))
-    draw_points.draw_points(chart, tmp_path / "a.svg")
-    text = (tmp_path / "a.svg").read_text(encoding="utf-8")
-    assert "1e-6" in text
-    assert "$" not in text
-
-
 def test_points_at_one_place_can_be_told_apart():
-    made = draw_points.spread([(1.0, 5.0, "a"), (1.0, 6.0, "b"), (2.0, 1.0, "c")])
+    made = spread([(1.0, 5.0, "a"), (1.0, 6.0, "b"), (2.0, 1.0, "c")])
     assert len({x for x, _, _ in made}) == 3
     assert max(abs(x - round(x)) for x, _, _ in made) < 1e-5
 
