@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.reports import pages, text
-from ninedisk.reports.charts import Dots, PointChart, on_page
-from ninedisk.reports.style import Look, engine_looks
+from ninedisk.reports.charts import Dots, Look, PointChart, engine_looks, on_page
 from ninedisk.reports.text import as_float
 
 Row = Mapping[str, Any]

@@ -1,7 +1,4 @@
-"""Building of the comparison report: read, draw, write, replace.
-
-All files of the report into one folder.
-"""
+"""Building of the comparison report: read the store, draw, write all files into one folder that replaces the old one."""
 
 from __future__ import annotations
 

@@ -1,16 +1,14 @@
-"""Building of the regression dashboard from a history: overview, a page per case and engine, comparisons around marks.
+"""The regression dashboard from a history: overview, a page per case and engine, comparisons around marks.
 
-Charts of a line's history as small inline SVG: drawn without scripts, with the exact values for those that hover.
-
-Marks of a history: how bad each is, in words, grouped by what changed together, worst first.
-
-The dashboard's HTML: what each kind of page shows.
+A page holds hundreds of short lines, so each is a small inline SVG, drawn without scripts, with the exact values for those who hover.
+Marks say where a line changed for good: how bad that is, in words, grouped by what changed together, worst first.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,10 +19,9 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from ninedisk.harness.results.schema import History, Line, Point, RunFacts, Shift
-from ninedisk.reports import studies as compare_page
-from ninedisk.reports import text
+from ninedisk.reports import studies, text
 from ninedisk.reports.folder import fresh_folder
-from ninedisk.reports.pages import HERE
+from ninedisk.reports.pages import HERE, sheet
 
 MARKER = ".ninedisk-dashboard"
 """File that says: this folder is a dashboard and may be replaced."""
@@ -54,10 +51,8 @@ def build_dashboard(history: History, out: Path, progress: Callable[[str, int, i
         pages = Pages(history)
         for name in ("lines", "compare"):
             (folder / name).mkdir()
-        sheets = [(HERE / "assets" / name).read_text(encoding="utf-8") for name in ("style.css", "dashboard.css")]
-        (folder / "style.css").write_text("\n".join(sheets), encoding="utf-8")
-        script = (HERE / "assets" / "dashboard.js").read_text(encoding="utf-8")
-        (folder / "dashboard.js").write_text(script, encoding="utf-8")
+        (folder / "style.css").write_text(sheet("dashboard.css"), encoding="utf-8")
+        shutil.copyfile(HERE / "assets" / "dashboard.js", folder / "dashboard.js")
         total = len(pages.places) + len(history.comparisons) + 1
         written = 0
         for place in pages.places:
@@ -442,7 +437,7 @@ class Pages:
             self._by_machine.setdefault(run.machine, []).append(number)
         self._columns = {m: {run: k for k, run in enumerate(runs)} for m, runs in self._by_machine.items()}
         self._slug = text.Slugs()
-        self._env = compare_page.environment()
+        self._env = studies.environment()
         self._env.globals |= {
             "severities": SEVERITIES,
             "file": self.file,
@@ -509,7 +504,7 @@ class Pages:
 
     def compare(self, around: tuple[int, int]) -> str:
         """The comparison of the two runs around a mark."""
-        values = compare_page.values(self._history.comparisons[around]) | {"root": "../"}
+        values = studies.values(self._history.comparisons[around]) | {"root": "../"}
         return self._env.get_template("compare.html").render(**values)
 
     def _engines(self) -> dict[str, str]:

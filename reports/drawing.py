@@ -1,7 +1,4 @@
-"""Everything drawn of one case: what goes to which file, and what the page says beside it.
-
-Drawing of all figures, in parallel where that helps.
-"""
+"""Everything drawn of one case: what goes to which file, what the page says beside it; all pictures drawn, in parallel where it helps."""
 
 from __future__ import annotations
 
@@ -178,7 +175,7 @@ FEW = 12
 
 Picture = HistoryPanel | SceneView | Configuration
 
-_DRAW: dict[type, Callable[[Any, Path], None]] = {
+_DRAW: dict[type, Callable[[Any], str]] = {
     HistoryPanel: draw_history,
     SceneView: draw_sketch,
     Configuration: draw_configuration,
@@ -233,4 +230,4 @@ def _end_with(parent: int) -> None:
 
 
 def _draw(job: Job) -> None:
-    _DRAW[type(job.picture)](job.picture, job.path)
+    job.path.write_text(_DRAW[type(job.picture)](job.picture), encoding="utf-8")

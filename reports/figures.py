@@ -16,11 +16,21 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ninedisk.reports.charts import Dots, PointChart, fitted_order, slopes, spread
+from ninedisk.reports.charts import (
+    PALETTE,
+    SOFT,
+    Dots,
+    Look,
+    PointChart,
+    engine_looks,
+    fitted_order,
+    reference_looks,
+    slopes,
+    spread,
+)
 from ninedisk.reports.draw import HistoryPanel, Line, error_label, error_limits, round_off, value_limits
 from ninedisk.reports.load import Curve, Row
 from ninedisk.reports.model import CaseData, Panel
-from ninedisk.reports.style import PALETTE, SOFT, Look, engine_looks, reference_looks
 from ninedisk.reports.text import as_float, parameter, parameters
 
 MOST_GENERIC = 24

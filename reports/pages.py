@@ -82,11 +82,16 @@ def environment() -> Environment:
     return env
 
 
-def single_file(*sheets: str) -> dict[str, Markup]:
-    """Style sheet, named sheets of the assets besides, and scripts of a page that is one file."""
+def sheet(*more: str) -> Markup:
+    """The pages' style sheet, followed by other ones of the assets."""
+    return Markup("\n".join(map(_asset, ("style.css", *more))))
+
+
+def single_file() -> dict[str, Markup]:
+    """Style sheet and scripts of a page with charts that is one file."""
     licence = f"/*\n{_asset('uplot-LICENSE.txt')}*/"
     return {
-        "sheet": Markup("\n".join(map(_asset, ("style.css", "uplot.css", *sheets)))),
+        "sheet": sheet("uplot.css"),
         "scripts": Markup("\n".join((licence, *map(_asset, ("uplot.js", "data.js", "charts.js"))))),
     }
 

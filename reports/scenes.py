@@ -1,10 +1,7 @@
-"""Moving scenes: the stored configurations of every engine, for the player of a case's page.
+"""Stored configurations of a case, and the file that holds a case's numbers.
 
-A case's numbers in one script file: every stored sample exactly, each array once, compressed.
-
-Stored configurations (frames) of a case as pictures, every engine's outlines overlaid.
-
-Force chains: the normal force at every contact of a stored configuration.
+Configurations (frames) become moving scenes for the page's player and pictures with every engine's outlines overlaid; force chains show
+the normal force at every contact. The numbers go into one script file: every stored sample exactly, each array once, compressed.
 """
 
 from __future__ import annotations
@@ -21,11 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.reports.charts import Look
 from ninedisk.reports.draw import Configuration, WallView, read_scene
 from ninedisk.reports.figures import PLANS, FigurePlan, Looks, tolerances, varying
 from ninedisk.reports.load import Curve, Row
 from ninedisk.reports.model import CaseData, Panel
-from ninedisk.reports.style import Look
 from ninedisk.reports.text import decoded, parameters
 
 STILL = 1e-3

@@ -1,7 +1,4 @@
-"""The page of one comparison: what got worse, beside what the two runs came from.
-
-The page of one convergence study: errors over the step, log-log, and the table of orders.
-"""
+"""Pages of single studies: a comparison (what got worse, and where both runs came from); orders of convergence over the step."""
 
 from __future__ import annotations
 
@@ -14,9 +11,7 @@ from jinja2 import Environment
 
 from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison
 from ninedisk.reports import pages, text
-from ninedisk.reports.charts import Dots, PointChart, on_page, slopes
-from ninedisk.reports.pages import HERE
-from ninedisk.reports.style import engine_looks
+from ninedisk.reports.charts import Dots, PointChart, engine_looks, on_page, slopes
 
 SHOWN = 200
 """Rows of one verdict that the page lists."""
@@ -43,8 +38,11 @@ def environment() -> Environment:
 
 def write_comparison(comparison: Comparison, path: Path) -> None:
     """Write a comparison as one file that holds its style sheet, too."""
-    sheets = "\n".join((HERE / "assets" / name).read_text(encoding="utf-8") for name in ("style.css", "dashboard.css"))
-    page = environment().get_template("compare_alone.html").render(**values(comparison), sheet=sheets)
+    page = (
+        environment()
+        .get_template("compare_alone.html")
+        .render(**values(comparison), sheet=pages.sheet("dashboard.css"))
+    )
     path.write_text(page, encoding="utf-8")
 
 

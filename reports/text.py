@@ -1,7 +1,4 @@
-"""Numbers, durations and file names as the pages print them.
-
-Symbols and words of the pages: no meaning is told by colour alone.
-"""
+"""Numbers, durations, file names, symbols and words as the pages print them: no meaning is told by colour alone."""
 
 from __future__ import annotations
 

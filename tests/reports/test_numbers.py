@@ -12,14 +12,13 @@ import sys
 import numpy as np
 import pytest
 
-from ninedisk.reports import style as svg
-from ninedisk.reports.charts import spread
+from ninedisk.reports import draw as svg
+from ninedisk.reports.charts import engine_looks, spread
 from ninedisk.reports.figures import case_speed, convergences, engine_speed, looks_of, values_against_step
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel
 from ninedisk.reports.pages import errata
 from ninedisk.reports.scenes import Arrays, Springs, contact_forces, ends, moving_scenes, pack_case, springs, unpack
-from ninedisk.reports.style import engine_looks
 
 
 @pytest.fixture(scope="module")
