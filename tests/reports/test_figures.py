@@ -12,8 +12,8 @@ import pytest
 
 from ninedisk.reports import draw as draw_history
 from ninedisk.reports import figures as plans
+from ninedisk.reports.build import CaseDrawing, Job, render
 from ninedisk.reports.draw import error_limits, read_scene, round_off, thin, value_limits
-from ninedisk.reports.drawing import CaseDrawing, Job, render
 from ninedisk.reports.figures import case_figures, looks_of
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel
