@@ -224,9 +224,3 @@ def test_results_of_engines_whose_code_is_gone_are_still_read(tmp_path, write, s
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "Forgotten" in (tmp_path / "out" / "engine" / "forgotten.html").read_text(encoding="utf-8")
-
-
-def test_whole_panel_is_light_enough_for_its_size(panel_report):
-    assert (panel_report / "index.html").stat().st_size < 300_000
-    heaviest = max((path for path in panel_report.rglob("*.html")), key=lambda path: path.stat().st_size)
-    assert heaviest.stat().st_size < 1_000_000
