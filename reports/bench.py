@@ -12,13 +12,17 @@ from ninedisk.reports.charts import Dots, Look, PointChart, engine_looks, on_pag
 from ninedisk.reports.text import as_float
 
 Row = Mapping[str, Any]
-
 SUITES = {
     "dem": "Many disks, contact springs",
     "cd": "Contact solvers on packings at rest",
     "flow": "Rigid disks in motion: time per simulated second beside the penetration",
     "harness": "The whole verification run",
 }
+Point = tuple[float, float, str]
+FAMILIES = ("settled", "flowing")
+"""Problems that come in several sizes, by the first part of their names."""
+ACCURACY = "accuracy-"
+SHORT = "-short"
 
 
 def write_bench(record: Mapping[str, Any], path: Path) -> None:
@@ -110,14 +114,6 @@ def _checks(rows: Sequence[Row], suite: str) -> dict[str, list[str]]:
 
 def _finite(value: Any) -> bool:
     return math.isfinite(text.as_float(value))
-
-
-Point = tuple[float, float, str]
-
-FAMILIES = ("settled", "flowing")
-"""Problems that come in several sizes, by the first part of their names."""
-ACCURACY = "accuracy-"
-SHORT = "-short"
 
 
 def dem_charts(rows: Sequence[Row]) -> list[PointChart]:

@@ -25,6 +25,20 @@ from ninedisk.reports.pages import HERE, sheet
 
 MARKER = ".ninedisk-dashboard"
 """File that says: this folder is a dashboard and may be replaced."""
+BOTTOM = 1e-4
+"""Smallest error over tolerance that is drawn at its own height: what is below is round-off."""
+SEVERITIES = {
+    "broke": ("‼", "breaks", "out3", "the engine fails, crashes or runs out of time where it ran before"),
+    "outside": ("✗", "outside tolerance", "out3", "a check fails that passed before"),
+    "larger": ("▲", "larger error", "out2", "still inside its tolerance, but more than twice as far from the truth"),
+    "slower": ("◷", "slower", "out1", "takes longer, beyond the noise"),
+    "better": ("✓", "better", "in0", "a smaller error, a faster run, or a cell that runs again"),
+}
+"""Symbol, words, colour class and meaning of each severity, worst first."""
+Place = tuple[str, str]
+"""Case and engine."""
+SHOWN = 40
+"""Groups of marks that the overview lists before the rest is folded."""
 
 
 def build_dashboard(history: History, out: Path, progress: Callable[[str, int, int], None]) -> Path:
@@ -66,10 +80,6 @@ def build_dashboard(history: History, out: Path, progress: Callable[[str, int, i
         (folder / "index.html").write_text(pages.index(), encoding="utf-8")
         progress("writing pages", total, total)
     return Path(out).absolute() / "index.html"
-
-
-BOTTOM = 1e-4
-"""Smallest error over tolerance that is drawn at its own height: what is below is round-off."""
 
 
 @dataclass(frozen=True)
@@ -266,16 +276,6 @@ def _ticks(line: Line, low: float, high: float) -> list[tuple[float, str]]:
     ]
 
 
-SEVERITIES = {
-    "broke": ("‼", "breaks", "out3", "the engine fails, crashes or runs out of time where it ran before"),
-    "outside": ("✗", "outside tolerance", "out3", "a check fails that passed before"),
-    "larger": ("▲", "larger error", "out2", "still inside its tolerance, but more than twice as far from the truth"),
-    "slower": ("◷", "slower", "out1", "takes longer, beyond the noise"),
-    "better": ("✓", "better", "in0", "a smaller error, a faster run, or a cell that runs again"),
-}
-"""Symbol, words, colour class and meaning of each severity, worst first."""
-
-
 @dataclass(frozen=True)
 class Mark:
     """A shift of a line; ``number`` is the line's in its history."""
@@ -328,7 +328,7 @@ class Mark:
             return "runs again" if self.severity == "better" else f"ends in {status}"
         down = self.shift.after < self.shift.before
         words = ("faster" if down else "slower") if self.line.kind == "timing" else ("smaller" if down else "larger")
-        return f"{_plain(self.factor)}× {words}" if math.isfinite(self.factor) else words
+        return f"{text.factor(self.factor)}× {words}" if math.isfinite(self.factor) else words
 
     @property
     def levels(self) -> tuple[str, str]:
@@ -364,13 +364,6 @@ class Group:
     def worst(self) -> Mark:
         """The mark that stands for the group."""
         return self.marks[0]
-
-
-def _plain(factor: float) -> str:
-    """A factor of at least 1: two decimals, none, or a power of ten."""
-    if factor < 9.95:
-        return f"{factor:.2f}"
-    return f"{factor:.0f}" if factor < 1000.0 else f"{factor:.1e}".replace("e+0", "e").replace("e+", "e")
 
 
 def over_tolerance(value: float, tolerance: float) -> float:
@@ -414,13 +407,6 @@ def groups(chosen: Iterable[Mark]) -> list[Group]:
         else:
             found.append((key, [before, at], [mark]))
     return [Group(tuple(members), (span[0], span[1])) for _, span, members in found]
-
-
-Place = tuple[str, str]
-"""Case and engine."""
-
-SHOWN = 40
-"""Groups of marks that the overview lists before the rest is folded."""
 
 
 class Pages:

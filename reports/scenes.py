@@ -25,6 +25,8 @@ from ninedisk.reports.load import Curve, Row
 from ninedisk.reports.model import CaseData, Panel
 from ninedisk.reports.text import decoded, parameters
 
+FloatArray = NDArray[np.float64]
+
 STILL = 1e-3
 """Motion below this share of a disk's radius is not seen, so it is not played."""
 
@@ -251,9 +253,6 @@ def _walls(points: Any, angles: Any) -> tuple[WallView, ...]:
         for point, angle in zip(points, angles, strict=True)
         if np.isfinite(point).all() and np.isfinite(angle)
     )
-
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

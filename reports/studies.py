@@ -15,7 +15,6 @@ from ninedisk.reports.charts import Dots, PointChart, engine_looks, on_page, slo
 
 SHOWN = 200
 """Rows of one verdict that the page lists."""
-
 VERDICTS = {
     "worse": ("✗", "Got worse", "out3"),
     "suspect": ("?", "Suspect: look twice", "out1"),
@@ -26,6 +25,19 @@ VERDICTS = {
     "same": ("=", "Same", "in1"),
 }
 """Symbol, heading and colour class of each verdict."""
+Row = Mapping[str, Any]
+MOST_LINES = 6
+"""Quantities in one chart; more of one unit share the next."""
+VERDICT_CLASS = {
+    "wrong order": "out3",
+    "wrong limit": "out3",
+    "undecided": "out1",
+    "not judged": "none",
+    "converges": "in0",
+    "step-independent": "in1",
+    "exact": "in0",
+}
+"""Colour class of each verdict; the word itself stands beside it."""
 
 
 def environment() -> Environment:
@@ -89,24 +101,7 @@ def _factor(change: Change) -> str:
     base, head = change.base, change.head
     if base != base or head != head or base <= 0.0:
         return text.NOTHING
-    return f"{text.ratio(head / base)}×" if not 0.01 < head / base < 99.5 else f"{head / base:.2f}×"
-
-
-Row = Mapping[str, Any]
-
-MOST_LINES = 6
-"""Quantities in one chart; more of one unit share the next."""
-
-VERDICT_CLASS = {
-    "wrong order": "out3",
-    "wrong limit": "out3",
-    "undecided": "out1",
-    "not judged": "none",
-    "converges": "in0",
-    "step-independent": "in1",
-    "exact": "in0",
-}
-"""Colour class of each verdict; the word itself stands beside it."""
+    return f"{text.factor(head / base)}×"
 
 
 def converge_page(record: Mapping[str, Any]) -> str:

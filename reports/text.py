@@ -55,6 +55,11 @@ def ratio(value: Any) -> str:
     return f"{x:.2g}" if 0.01 <= x < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else _scientific(x)
 
 
+def factor(value: float) -> str:
+    """A factor of change: two decimals near 1, else like a ratio."""
+    return f"{value:.2f}" if 0.01 < value < 9.95 else ratio(value)
+
+
 def order(value: Any) -> str:
     """A fitted order of convergence; errors that are round-off have none."""
     x = as_float(value)
