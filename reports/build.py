@@ -1,28 +1,71 @@
-"""Building of the comparison report: read, draw, write, replace.
-
-All files of the report into one folder.
-"""
+"""The comparison report of a store: what is drawn of each case, all pictures, all pages, into one folder that replaces the old one."""
 
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
+import re
 import shutil
-from collections.abc import Callable
+import signal
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ninedisk.reports import pages
-from ninedisk.reports.draw import PointChart
-from ninedisk.reports.drawing import CaseDrawing, Chart, Job, render, svg_image
-from ninedisk.reports.figures import engine_speed
-from ninedisk.reports.load import Stored
-from ninedisk.reports.model import build_panel
+from ninedisk.reports.charts import Chart, Image, on_page
+from ninedisk.reports.draw import (
+    Configuration,
+    HistoryPanel,
+    SceneView,
+    draw_configuration,
+    draw_history,
+    draw_sketch,
+    numeral,
+    read_scene,
+)
+from ninedisk.reports.figures import (
+    Shown,
+    case_figures,
+    case_speed,
+    convergences,
+    engine_speed,
+    looks_of,
+    values_against_step,
+)
+from ninedisk.reports.folder import fresh_folder
+from ninedisk.reports.load import Stored, load_store
+from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
+from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case
+from ninedisk.reports.text import decoded
 
 Progress = Callable[[str, int, int], None]
+Picture = HistoryPanel | SceneView | Configuration
 MARKER = ".ninedisk-report"
 """File that says: this folder is a report and may be replaced."""
+BUNDLE = ("uplot.js", "uplot.css", "uplot-LICENSE.txt", "data.js", "charts.js", "player.js", "tables.js")
+"""Scripts that the pages share, and the licence of the one that is not ours."""
+MOST_SKETCHES = 4
+"""Set-ups of one case that are drawn; those that look alike are drawn once."""
+DRAWN_GROUPS = 2
+"""Groups of variants of a figure of the source that have pictures for print; the charts show every group."""
+GRIDS = {1: "", 2: "two", 3: "three", 4: "four"}
+_POINTS_TO_PIXELS = 4.0 / 3.0
+MOST_WORKERS = 4
+FEW = 12
+"""Below this number of figures the start of the workers costs more than it saves."""
 
 
-def build_report(store: Path, out: Path, progress: Progress | None = None) -> Path:
+def _silent(_stage: str, _done: int, _total: int) -> None:
+    """No progress is wanted."""
+
+
+def build_report(store: Path, out: Path, progress: Progress = _silent) -> Path:
     """Build the comparison report of a store.
 
     Parameters
@@ -45,27 +88,15 @@ def build_report(store: Path, out: Path, progress: Progress | None = None) -> Pa
     ReportError
         If the store is empty or unreadable, or ``out`` cannot be written.
     """
-    from ninedisk.reports.folder import fresh_folder
-    from ninedisk.reports.load import load_store
-
-    tell = progress or _silent
     with fresh_folder(out, MARKER, "report") as fresh:
-        tell("reading runs", 0, 1)
+        progress("reading runs", 0, 1)
         stored = load_store(Path(store))
-        tell("reading runs", 1, 1)
-        write_site(stored, fresh, tell)
+        progress("reading runs", 1, 1)
+        write_site(stored, fresh, progress)
     return Path(out).absolute() / "index.html"
 
 
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """No progress is wanted."""
-
-
-BUNDLE = ("uplot.js", "uplot.css", "uplot-LICENSE.txt", "data.js", "charts.js", "player.js", "tables.js")
-"""Scripts that the pages share, and the licence of the one that is not ours."""
-
-
-def write_site(stored: Stored, folder: Path, tell: Callable[[str, int, int], None]) -> None:
+def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     """Write index, errata, case and engine pages, style sheet, scripts, numbers and figures into ``folder``."""
     panel = build_panel(stored)
     env = pages.environment()
@@ -77,32 +108,199 @@ def write_site(stored: Stored, folder: Path, tell: Callable[[str, int, int], Non
     cases, engines = list(panel.cases.values()), list(panel.engines.values())
     drawings = []
     for done, case in enumerate(cases):
-        tell("planning figures", done, len(cases))
+        progress("planning figures", done, len(cases))
         drawings.append(CaseDrawing(panel, case, folder))
         (folder / "data" / f"{case.slug}.js").write_text(drawings[-1].numbers, encoding="utf-8")
-    speeds: dict[str, tuple[PointChart, Path]] = {}
-    for engine in engines:
-        chart = engine_speed(panel, engine.id)
-        if chart is not None:
-            speeds[engine.id] = chart, folder / "figures" / f"engine-{engine.slug}.svg"
-    tell("planning figures", len(cases), len(cases))
-    jobs = [job for drawing in drawings for job in drawing.jobs] + [Job(*speed) for speed in speeds.values()]
-    render(jobs, lambda done, count: tell("drawing figures", done, count))
+    progress("planning figures", len(cases), len(cases))
+    jobs = [job for drawing in drawings for job in drawing.jobs]
+    render(jobs, lambda done, count: progress("drawing figures", done, count))
     total = len(cases) + len(engines) + 1
     for done, (case, drawing) in enumerate(zip(cases, drawings, strict=True)):
-        tell("writing pages", done, total)
+        progress("writing pages", done, total)
         page = pages.case_page(env, panel, case, drawing.values())
         (folder / "case" / f"{case.slug}.html").write_text(page, encoding="utf-8")
     for done, engine in enumerate(engines, start=len(cases)):
-        tell("writing pages", done, total)
-        shown = None
-        if engine.id in speeds:
-            chart, path = speeds[engine.id]
-            shown = Chart(
-                json.dumps(chart.spec(), allow_nan=False), chart.alt(), svg_image(path, chart.alt()), chart.looks
-            )
-        page = pages.engine_page(env, panel, engine, shown)
+        progress("writing pages", done, total)
+        speed = engine_speed(panel, engine.id)
+        page = pages.engine_page(env, panel, engine, on_page(speed) if speed else None)
         (folder / "engine" / f"{engine.slug}.html").write_text(page, encoding="utf-8")
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
     (folder / "index.html").write_text(pages.index_page(env, panel), encoding="utf-8")
-    tell("writing pages", total, total)
+    progress("writing pages", total, total)
+
+
+class CaseDrawing:
+    """Plans the pictures of a case (`jobs`); once they are drawn, `values` is what the page's template asks for."""
+
+    def __init__(self, panel: Panel, case: CaseData, folder: Path) -> None:
+        self.panel, self.case, self.folder = panel, case, folder
+        self.jobs: list[Job] = []
+        self.looks = looks_of(panel, case)
+        self.sketches = [(scene, variant, self._file(scene, "setup")) for variant, scene in self._scenes()]
+        self.blocks = case_figures(panel, case)
+        self.printed = {
+            id(shown): self._file(shown.picture, "history")
+            for block in self.blocks
+            if block.plan.number
+            for group in block.groups[:DRAWN_GROUPS]
+            for shown in group.panels
+        }
+        self.plan, self.groups = case_configurations(case, self.looks.engines)
+        self.frames = {id(picture): self._file(picture, "frame") for _, pictures in self.groups for picture in pictures}
+        self.convergences = convergences(case, self.looks.engines)
+        self.value_charts = values_against_step(case, self.looks.engines)
+        self.speed = case_speed(case, self.looks.engines)
+        arrays = Arrays()
+        self.moving = moving_scenes(case, arrays)
+        self.tables = case_tables(case)
+        folded = folded_rows(panel, self.tables)
+        self.numbers = pack_case(panel, case, self.looks, arrays, {"scenes": self.moving, "tables": folded})
+
+    def _file(self, picture: Picture, kind: str) -> Path:
+        path = self.folder / "figures" / f"{self.case.slug}-{kind}-{len(self.jobs) + 1}.svg"
+        self.jobs.append(Job(picture, path))
+        return path
+
+    def _scenes(self) -> list[tuple[str, SceneView]]:
+        """Set-ups that look different, by the first variant that has them."""
+        found: dict[Any, tuple[str, SceneView]] = {}
+        for cell in self.case.cells:
+            scene = read_scene(decoded(cell["setup"], dict))
+            if scene is not None:
+                found.setdefault(scene.signature, (cell["variant"], scene))
+        return list(found.values())[:MOST_SKETCHES]
+
+    def values(self) -> dict[str, Any]:
+        """Images, charts, legends and difference tables for the template."""
+        names, differences = difference_matrix(self.panel.stored.series, self.case.id)
+        blocks = [
+            {
+                "plan": block.plan,
+                "legend": block.legend,
+                "left_out": block.left_out,
+                "has_error": any(s.picture.error_limits for group in block.groups for s in group.panels),
+                "groups": [
+                    {
+                        "heading": group.heading,
+                        "grid": GRIDS.get(group.columns, ""),
+                        "panels": [self._panel(shown) for shown in group.panels],
+                    }
+                    for group in block.groups
+                ],
+            }
+            for block in self.blocks
+        ]
+        used = {id(body[0]): body[0] for _, pictures in self.groups for p in pictures for body in p.bodies}
+        return {
+            "sketches": [self._sketch(scene, variant, path) for scene, variant, path in self.sketches],
+            "setup_figure": next((figure.number for figure in self.case.figures if figure.kind == "setup"), ""),
+            "blocks": blocks,
+            "configuration_plan": self.plan,
+            "configuration_looks": {engine: look for engine, look in self.looks.engines.items() if id(look) in used},
+            "configurations": [
+                (heading, [svg_image(self.frames[id(p)], self._alt(p, heading)) for p in pictures])
+                for heading, pictures in self.groups
+            ],
+            "moving": next(
+                (name for name in self.moving if self.plan.matches(self.case.variants[name])),
+                next(iter(self.moving), None),
+            ),
+            "convergences": [(c, on_page(c.chart) if c.chart else None) for c in self.convergences],
+            "value_charts": [(plan, [on_page(chart) for chart in charts]) for plan, charts in self.value_charts],
+            "speed": on_page(self.speed) if self.speed else None,
+            "engine_looks": {
+                engine: look
+                for engine, look in self.looks.engines.items()
+                if any(cell["engine"] == engine and cell["support"] != "no" for cell in self.case.cells)
+            },
+            "tables": self.tables,
+            "compared": names,
+            "differences": differences,
+        }
+
+    def _panel(self, shown: Shown) -> Chart:
+        path = self.printed.get(id(shown))
+        image = svg_image(path, shown.alt) if path else None
+        return Chart(json.dumps(shown.spec, allow_nan=False), shown.alt, {}, image)
+
+    def _alt(self, picture: Configuration, heading: str) -> str:
+        engines = ", ".join(body[0].label for body in picture.bodies)
+        where = f" ({heading})" if heading else ""
+        return f"Configuration at {picture.title}{where}: {len(picture.radius)} disks and their walls, by {engines}."
+
+    def _sketch(self, scene: SceneView, variant: str, path: Path) -> Image:
+        moving = [f"{wall.name} {'turns' if wall.spin else 'moves'}" for wall in scene.walls if wall.spin or wall.moves]
+        walls = ", ".join(moving) or ("walls at rest" if scene.walls else "no walls")
+        alt = f"Set-up {variant}: {len(scene.x)} disks and {len(scene.walls)} walls; {walls}."
+        marks = "; ".join(f"{numeral(k)} = {label.replace('_', ' ')}" for k, (label, _) in enumerate(scene.marks))
+        caption = f"Set-up of {variant.replace(',', ', ') or 'the case'}." + (
+            f" Watched contacts: {marks}." if marks else ""
+        )
+        return svg_image(path, alt, caption)
+
+
+def svg_image(path: Path, alt: str, caption: str = "") -> Image:
+    """Image with the size that its SVG states, so that the page does not jump while it loads."""
+    with path.open(encoding="utf-8") as file:
+        head = file.read(600)
+    sizes = [re.search(rf'\b{name}="([0-9.]+)pt"', head) for name in ("width", "height")]
+    width, height = (round(float(size[1]) * _POINTS_TO_PIXELS) if size else 0 for size in sizes)
+    return Image(f"figures/{path.name}", alt, width, height, caption)
+
+
+@dataclass(frozen=True)
+class Job:
+    """A picture and the file that it goes to."""
+
+    picture: Picture
+    path: Path
+
+
+def render(jobs: Sequence[Job], progress: Callable[[int, int], None], workers: int | None = None) -> None:
+    """Draw every job; ``progress`` hears how many are done and how many there are.
+
+    Workers are forked, so that they neither load matplotlib again nor import the caller's main module; without fork, or
+    if a worker dies, the rest is drawn here.
+    """
+
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    count = min(workers or cores, MOST_WORKERS)
+    left = dict(enumerate(jobs))
+    if count > 1 and len(jobs) >= FEW and "fork" in multiprocessing.get_all_start_methods():
+        try:
+            context = multiprocessing.get_context("fork")
+            with ProcessPoolExecutor(count, context, initializer=_end_with, initargs=(os.getpid(),)) as pool:
+                waiting = {pool.submit(_draw, job): number for number, job in left.items()}
+                for future in as_completed(waiting):
+                    future.result()
+                    del left[waiting[future]]
+                    progress(len(jobs) - len(left), len(jobs))
+        except BrokenProcessPool:
+            pass
+    for number in list(left):
+        _draw(left.pop(number))
+        progress(len(jobs) - len(left), len(jobs))
+
+
+def _end_with(parent: int) -> None:
+    """In a worker: end it by the usual signals, and when its parent is gone, whose pipes its siblings hold open."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+_DRAW: dict[type, Callable[[Any], str]] = {
+    HistoryPanel: draw_history,
+    SceneView: draw_sketch,
+    Configuration: draw_configuration,
+}
+
+
+def _draw(job: Job) -> None:
+    job.path.write_text(_DRAW[type(job.picture)](job.picture), encoding="utf-8")

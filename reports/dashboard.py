@@ -1,16 +1,14 @@
-"""Building of the regression dashboard from a history: overview, a page per case and engine, comparisons around marks.
+"""The regression dashboard from a history: overview, a page per case and engine, comparisons around marks.
 
-Charts of a line's history as small inline SVG: drawn without scripts, with the exact values for those that hover.
-
-Marks of a history: how bad each is, in words, grouped by what changed together, worst first.
-
-The dashboard's HTML: what each kind of page shows.
+A page holds hundreds of short lines, so each is a small inline SVG, drawn without scripts, with the exact values for those who hover.
+Marks say where a line changed for good: how bad that is, in words, grouped by what changed together, worst first.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,13 +19,26 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from ninedisk.harness.results.schema import Line, Point, RunFacts, Shift, StoreHistory
-from ninedisk.reports import studies as compare_page
-from ninedisk.reports import text
+from ninedisk.reports import studies, text
 from ninedisk.reports.folder import fresh_folder
-from ninedisk.reports.pages import HERE
+from ninedisk.reports.pages import HERE, sheet
 
 MARKER = ".ninedisk-dashboard"
 """File that says: this folder is a dashboard and may be replaced."""
+BOTTOM = 1e-4
+"""Smallest error over tolerance that is drawn at its own height: what is below is round-off."""
+SEVERITIES = {
+    "broke": ("‼", "breaks", "out3", "the engine fails, crashes or runs out of time where it ran before"),
+    "outside": ("✗", "outside tolerance", "out3", "a check fails that passed before"),
+    "larger": ("▲", "larger error", "out2", "still inside its tolerance, but more than twice as far from the truth"),
+    "slower": ("◷", "slower", "out1", "takes longer, beyond the noise"),
+    "better": ("✓", "better", "in0", "a smaller error, a faster run, or a cell that runs again"),
+}
+"""Symbol, words, colour class and meaning of each severity, worst first."""
+Place = tuple[str, str]
+"""Case and engine."""
+SHOWN = 40
+"""Groups of marks that the overview lists before the rest is folded."""
 
 
 def build_dashboard(history: StoreHistory, out: Path, progress: Callable[[str, int, int], None]) -> Path:
@@ -54,10 +65,8 @@ def build_dashboard(history: StoreHistory, out: Path, progress: Callable[[str, i
         pages = Pages(history)
         for name in ("lines", "compare"):
             (folder / name).mkdir()
-        sheets = [(HERE / "assets" / name).read_text(encoding="utf-8") for name in ("style.css", "dashboard.css")]
-        (folder / "style.css").write_text("\n".join(sheets), encoding="utf-8")
-        script = (HERE / "assets" / "dashboard.js").read_text(encoding="utf-8")
-        (folder / "dashboard.js").write_text(script, encoding="utf-8")
+        (folder / "style.css").write_text(sheet("dashboard.css"), encoding="utf-8")
+        shutil.copyfile(HERE / "assets" / "dashboard.js", folder / "dashboard.js")
         total = len(pages.places) + len(history.comparisons) + 1
         written = 0
         for place in pages.places:
@@ -71,10 +80,6 @@ def build_dashboard(history: StoreHistory, out: Path, progress: Callable[[str, i
         (folder / "index.html").write_text(pages.index(), encoding="utf-8")
         progress("writing pages", total, total)
     return Path(out).absolute() / "index.html"
-
-
-BOTTOM = 1e-4
-"""Smallest error over tolerance that is drawn at its own height: what is below is round-off."""
 
 
 @dataclass(frozen=True)
@@ -271,16 +276,6 @@ def _ticks(line: Line, low: float, high: float) -> list[tuple[float, str]]:
     ]
 
 
-SEVERITIES = {
-    "broke": ("‼", "breaks", "out3", "the engine fails, crashes or runs out of time where it ran before"),
-    "outside": ("✗", "outside tolerance", "out3", "a check fails that passed before"),
-    "larger": ("▲", "larger error", "out2", "still inside its tolerance, but more than twice as far from the truth"),
-    "slower": ("◷", "slower", "out1", "takes longer, beyond the noise"),
-    "better": ("✓", "better", "in0", "a smaller error, a faster run, or a cell that runs again"),
-}
-"""Symbol, words, colour class and meaning of each severity, worst first."""
-
-
 @dataclass(frozen=True)
 class Mark:
     """A shift of a line; ``number`` is the line's in its history."""
@@ -333,7 +328,7 @@ class Mark:
             return "runs again" if self.severity == "better" else f"ends in {status}"
         down = self.shift.after < self.shift.before
         words = ("faster" if down else "slower") if self.line.kind == "timing" else ("smaller" if down else "larger")
-        return f"{_plain(self.factor)}× {words}" if math.isfinite(self.factor) else words
+        return f"{text.factor(self.factor)}× {words}" if math.isfinite(self.factor) else words
 
     @property
     def levels(self) -> tuple[str, str]:
@@ -369,13 +364,6 @@ class Group:
     def worst(self) -> Mark:
         """The mark that stands for the group."""
         return self.marks[0]
-
-
-def _plain(factor: float) -> str:
-    """A factor of at least 1: two decimals, none, or a power of ten."""
-    if factor < 9.95:
-        return f"{factor:.2f}"
-    return f"{factor:.0f}" if factor < 1000.0 else f"{factor:.1e}".replace("e+0", "e").replace("e+", "e")
 
 
 def over_tolerance(value: float, tolerance: float) -> float:
@@ -421,13 +409,6 @@ def groups(chosen: Iterable[Mark]) -> list[Group]:
     return [Group(tuple(members), (span[0], span[1])) for _, span, members in found]
 
 
-Place = tuple[str, str]
-"""Case and engine."""
-
-SHOWN = 40
-"""Groups of marks that the overview lists before the rest is folded."""
-
-
 class Pages:
     """All pages of one history."""
 
@@ -442,7 +423,7 @@ class Pages:
             self._by_machine.setdefault(run.machine, []).append(number)
         self._columns = {m: {run: k for k, run in enumerate(runs)} for m, runs in self._by_machine.items()}
         self._slug = text.Slugs()
-        self._env = compare_page.environment()
+        self._env = studies.environment()
         self._env.globals |= {
             "severities": SEVERITIES,
             "file": self.file,
@@ -509,7 +490,7 @@ class Pages:
 
     def compare(self, around: tuple[int, int]) -> str:
         """The comparison of the two runs around a mark."""
-        values = compare_page.values(self._history.comparisons[around]) | {"root": "../"}
+        values = studies.values(self._history.comparisons[around]) | {"root": "../"}
         return self._env.get_template("compare.html").render(**values)
 
     def _engines(self) -> dict[str, str]:

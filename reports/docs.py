@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -72,10 +71,7 @@ def _sketch(case: Mapping[str, Any]) -> dict[str, Any] | None:
     view = read_scene(case["setup"])
     if view is None:
         return None
-    with tempfile.TemporaryDirectory() as folder:
-        draw_sketch(view, Path(folder) / "sketch.svg")
-        svg = (Path(folder) / "sketch.svg").read_text(encoding="utf-8")
-    return {"svg": Markup(svg), "marks": [label for label, _ in view.marks]}
+    return {"svg": Markup(draw_sketch(view)), "marks": [label for label, _ in view.marks]}
 
 
 def _heading(name: str, text: str) -> str:

@@ -1,24 +1,21 @@
-"""Histories: a quantity over time, and below it every engine's distance from the truth on a log axis.
+"""Pictures, as SVG: sketches of set-ups, configurations of a run, and the source's figures for print.
 
-Point charts: error against step size, accuracy against speed, a number against step size.
-
-Sketch of a set-up, and configurations of a run: disks, walls as hatched half-planes, arrows of what moves.
-
-What a sketch needs of a stored scene, read from its JSON.
+A sketch shows what is read from a stored scene's JSON: disks or grains, walls as hatched half-planes, arrows of what moves. A figure of
+the source shows a quantity over time, and below it every engine's distance from the truth on a logarithmic axis.
 """
 
 from __future__ import annotations
 
-import math
+import io
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.reports.style import INK, PALETTE, SOFT, Look, rc_params, write_svg
+from ninedisk.reports.charts import PALETTE, SOFT, Look
 
 FloatArray = NDArray[np.float64]
 EPS = float(np.finfo(np.float64).eps)
@@ -28,601 +25,25 @@ MOST_ERRORS = 180
 MARKS = 7
 FLAT = 2e-3
 """Relative span below which a quantity counts as constant."""
-
-
-@dataclass(frozen=True)
-class Line:
-    """A curve of a panel; ``error`` is None for references and where no truth speaks."""
-
-    look: Look
-    x: FloatArray
-    y: FloatArray
-    error: FloatArray | None = None
-    tolerance: float = float("nan")
-
-
-@dataclass(frozen=True)
-class HistoryPanel:
-    """What one panel draws; limits are shared by the panels that are compared.
-
-    ``floor`` is the round-off of the quantity: smaller errors are drawn on it.
-    """
-
-    title: str
-    x_label: str
-    y_label: str
-    lines: tuple[Line, ...]
-    references: tuple[Line, ...]
-    y_limits: tuple[float, float]
-    error_limits: tuple[float, float] | None
-    floor: float
-
-
-def value_limits(truths: Sequence[FloatArray], values: Sequence[FloatArray]) -> tuple[float, float]:
-    """Common limits of a quantity: all curves, but at most twice the truths' own span beyond them, so that one engine
-    that runs away does not flatten the others."""
-    low, high = _span([*truths, *values])
-    if truths and np.isfinite(_span(truths)).all():
-        least, most = _span(truths)
-        room = 2.0 * (most - least)
-        if room > 0.0:
-            low, high = max(low, least - room), min(high, most + room)
-    if not np.isfinite([low, high]).all():
-        return -1.0, 1.0
-    # A constant is drawn as one: what happens around it (and round-off around zero) belongs to the error axis.
-    size = max(abs(low), abs(high))
-    if high - low < FLAT * size:
-        low, high = low - 0.05 * size, high + 0.05 * size
-    if size < 1e-12:
-        low, high = -1e-12, 1e-12
-    margin = 0.06 * (high - low)
-    return low - margin, high + margin
-
-
-def error_limits(errors: Sequence[FloatArray], tolerances: Sequence[float], floor: float) -> tuple[float, float] | None:
-    """Common limits of the error axis, at least three decades and the tolerances; None where there is no error."""
-    finite = [error[np.isfinite(error)] for error in errors]
-    if not any(len(error) for error in finite):
-        return None
-    top = max(float(error.max()) for error in finite if len(error))
-    top = max([top, *(limit for limit in tolerances if np.isfinite(limit))])
-    return 0.5 * floor, max(4.0 * top, 500.0 * floor)
-
-
-def round_off(scales: Sequence[float], errors: Sequence[FloatArray]) -> float:
-    """Round-off of a quantity, ``eps max|expected|``.
-
-    For a truth of zero it is the smallest error that is not zero, but no less than ``eps`` times the largest one.
-    """
-    scale = max((s for s in scales if np.isfinite(s)), default=0.0)
-    if scale > 0.0:
-        return EPS * scale
-    positive = [error[np.isfinite(error) & (error > 0.0)] for error in errors]
-    filled = [error for error in positive if len(error)]
-    if not filled:
-        return EPS
-    return max(min(float(error.min()) for error in filled), EPS * max(float(error.max()) for error in filled))
-
-
-def error_label(y_label: str) -> str:
-    """Label of the error axis below an axis of values."""
-    return f"|error| {y_label[y_label.rfind('[') :]}" if "[" in y_label else "|error|"
-
-
-def draw_history(panel: HistoryPanel, path: Path) -> None:
-    """Write the panel as SVG."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    with rc_context(rc_params()):
-        if panel.error_limits is None:
-            figure = Figure(figsize=(3.6, 2.3))
-            top, bottom = figure.subplots(), None
-        else:
-            figure = Figure(figsize=(3.6, 3.6))
-            top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.35, 1.0))
-        # Fixed margins: measuring the texts takes longer than drawing everything else.
-        below = 0.19 if bottom is None else 0.12
-        figure.subplots_adjust(left=0.2, right=0.975, top=1.0 - 1.05 * below, bottom=below, hspace=0.1)
-        figure.text(0.02, 0.985, panel.title, fontsize=9.0, va="top")
-        top.set_ylabel(panel.y_label)
-        top.set_ylim(*panel.y_limits)
-        for line in panel.references:
-            _plot(top, line.look, line.x, line.y, zorder=1.0)
-        for line in panel.lines:
-            _plot(top, line.look, line.x, line.y, zorder=2.0)
-        if bottom is not None and panel.error_limits is not None:
-            _errors(bottom, panel, panel.error_limits)
-        (top if bottom is None else bottom).set_xlabel(panel.x_label)
-        write_svg(figure, path)
-
-
-def _errors(axes: Any, panel: HistoryPanel, limits: tuple[float, float]) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
-
-    axes.set_yscale("log")
-    axes.set_ylim(*limits)
-    axes.yaxis.set_major_locator(LogLocator(numticks=6))
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: log_label(value)))
-    axes.set_ylabel(error_label(panel.y_label))
-    axes.axhline(panel.floor, color=INK, linewidth=0.6, alpha=0.6, dashes=(1, 2))
-    axes.text(0.01, panel.floor, "round-off", transform=axes.get_yaxis_transform(), fontsize=7, va="bottom")
-    for line in panel.lines:
-        if line.error is not None and np.isfinite(line.error).any():
-            _plot(axes, line.look, line.x, np.maximum(line.error, panel.floor), zorder=2.0, most=MOST_ERRORS)
-    limits_shown = sorted(
-        {line.tolerance for line in panel.lines if np.isfinite(line.tolerance) and line.tolerance > 0}
-    )
-    if len(limits_shown) == 1:
-        axes.axhline(limits_shown[0], color=INK, linewidth=0.8, alpha=0.8, dashes=(5, 2))
-        axes.text(
-            0.99,
-            limits_shown[0],
-            "tolerance",
-            transform=axes.get_yaxis_transform(),
-            fontsize=7,
-            ha="right",
-            va="bottom",
-        )
-    elif limits_shown:
-        for line in panel.lines:
-            if np.isfinite(line.tolerance) and line.tolerance > 0:
-                mark = [line.tolerance, line.tolerance]
-                axes.plot(
-                    [0.94, 1.0], mark, transform=axes.get_yaxis_transform(), color=line.look.colour, linewidth=2.0
-                )
-
-
-def log_label(value: float) -> str:
-    """Label of a power of ten on a log axis: ``1e-9``."""
-    return f"1e{round(float(np.log10(value)))}" if value > 0.0 else ""
-
-
-def _plot(axes: Any, look: Look, x: FloatArray, y: FloatArray, zorder: float, most: int = MOST_POINTS) -> None:
-    x, y = joined(x, y)
-    keep = thin(x, y, most)
-    x, y = x[keep], y[keep]
-    options: dict[str, Any] = {"color": look.colour, "linewidth": look.width, "zorder": zorder}
-    if look.dash:
-        options["dashes"] = [length / look.width * 0.8 for length in look.dash]
-    if not look.marker:
-        options["alpha"] = 0.55
-    elif len(x):
-        places = sorted({int((k + look.phase) / MARKS * len(x)) for k in range(MARKS)})
-        options |= {"marker": look.marker, "markersize": 4.0, "markevery": places, "markeredgewidth": 0.0}
-    axes.plot(x, y, **options)
-
-
-def joined(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points to connect: a curve that speaks at scattered samples only loses its gaps, any other keeps them."""
-    held = np.isfinite(y)
-    neighbour = np.append(held[1:], False) | np.append(False, held[:-1])
-    alone = held & ~neighbour
-    return (x[held], y[held]) if 2 * alone.sum() > held.sum() else (x, y)
-
-
-def thin(x: FloatArray, y: FloatArray, most: int = MOST_POINTS) -> NDArray[np.int64]:
-    """Indices of at most ``most`` points that keep the ends and the extremes of every stretch."""
-    if len(x) <= most:
-        return np.arange(len(x))
-    keep = {0, len(x) - 1}
-    for part in np.array_split(np.arange(len(x)), most // 2 - 1):
-        finite = part[np.isfinite(y[part])]
-        keep |= (
-            {int(finite[np.argmin(y[finite])]), int(finite[np.argmax(y[finite])])} if len(finite) else {int(part[0])}
-        )
-    return np.array(sorted(keep))
-
-
-def _span(curves: Sequence[FloatArray]) -> tuple[float, float]:
-    finite = [curve[np.isfinite(curve)] for curve in curves]
-    filled = [curve for curve in finite if len(curve)]
-    if not filled:
-        return float("nan"), float("nan")
-    return min(float(curve.min()) for curve in filled), max(float(curve.max()) for curve in filled)
-
-
-MOST_LETTERS = 30
-"""Letters of all labels of a horizontal axis together: what its width has room for."""
-
-GUIDE = "reference guide"
-"""Key of lines that are no data: slopes and levels to compare with."""
-
-
-@dataclass(frozen=True)
-class Dots:
-    """Points of one engine (``key`` is its legend key), joined by a line or not; ``names`` label single points."""
-
-    key: str
-    look: Look
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    joined: bool = True
-    names: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class PointChart:
-    """A chart of points; ``guides`` are labelled lines to compare with, as (label, x, y).
-
-    Labels of guides stand at their ends, or with ``labels_along`` upon them, from where they begin. ``limits``, (low, high) of either
-    axis, replaces those that the points suggest. Few points have their own marks on a logarithmic horizontal axis, unless ``decades``
-    are asked for, as for what has been measured.
-    """
-
-    title: str
-    x_label: str
-    y_label: str
-    dots: tuple[Dots, ...]
-    guides: tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...] = ()
-    x_log: bool = True
-    y_log: bool = True
-    limits: tuple[tuple[float, float], tuple[float, float]] | None = None
-    labels_along: bool = False
-    decades: bool = False
-
-    @property
-    def x_limits(self) -> tuple[float, float]:
-        """Limits of the horizontal axis with some room."""
-        if self.limits is not None:
-            return self.limits[0]
-        return _limits([x for d in self.dots for x in d.x], self.x_log, marked=False)
-
-    @property
-    def y_limits(self) -> tuple[float, float]:
-        """Limits of the vertical axis with some room; levels to compare with are inside."""
-        if self.limits is not None:
-            return self.limits[1]
-        level = [] if self.y_log else [y for _, _, ys in self.guides for y in ys]
-        return _limits([y for d in self.dots for y in d.y] + level, self.y_log)
-
-    @property
-    def looks(self) -> dict[str, Look]:
-        """Looks by legend key."""
-        return {d.key: d.look for d in self.dots}
-
-    def spec(self) -> dict[str, Any]:
-        """Plain data of the interactive chart."""
-        guides = [
-            {"key": GUIDE, "name": label, "colour": SOFT, "dash": [5, 4], "width": 1.2, "line": True, "guide": True,
-             "x": xs, "y": ys}
-            for label, xs, ys in self.guides
-        ]  # fmt: skip
-        data = [
-            {"key": d.key, "name": d.look.label, "colour": d.look.colour, "dash": d.look.dash, "width": d.look.width,
-             "shape": d.look.shape, "line": d.joined, "guide": False, "x": d.x, "y": d.y, "names": d.names}
-            for d in self.dots
-        ]  # fmt: skip
-        return {
-            "kind": "points", "title": self.title, "x_label": self.x_label, "y_label": self.y_label, "unit": "",
-            "points": guides + data, "xlog": self.x_log, "ylog": self.y_log, "limits": {"x": self.x_limits},
-            "y": self.y_limits, "error": None,
-        }  # fmt: skip
-
-    def alt(self) -> str:
-        """Text alternative."""
-        names = ", ".join(dict.fromkeys(d.look.label for d in self.dots))
-        return f"{self.title}: {self.y_label} over {self.x_label}. Shown: {names}."
-
-
-def spread(values: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
-    """Points in order of x, equal x moved apart by a part in a million so that each can be pointed at."""
-    made: list[tuple[float, float, str]] = []
-    for x, y, name in sorted(values):
-        made.append((max(x, made[-1][0] * (1.0 + 1e-6)) if made else x, y, name))
-    return made
-
-
-def draw_points(chart: PointChart, path: Path) -> None:
-    """Write the chart as SVG."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import FuncFormatter
-
-    powers = FuncFormatter(lambda value, _: log_label(value))
-    with rc_context(rc_params()):
-        figure = Figure(figsize=(3.6, 2.7))
-        axes = figure.subplots()
-        figure.subplots_adjust(left=0.2, right=0.975, top=0.87, bottom=0.17)
-        figure.text(0.02, 0.985, chart.title, fontsize=9.0, va="top")
-        axes.set_xscale("log" if chart.x_log else "linear")
-        axes.set_yscale("log" if chart.y_log else "linear")
-        for label, x, y in chart.guides:
-            axes.plot(x, y, color=SOFT, linewidth=1.0, dashes=(4, 3), zorder=1)
-            if chart.labels_along:
-                continue
-            below = y[-1] == min(ys[-1] for _, _, ys in chart.guides)
-            axes.annotate(
-                label, (x[-1], y[-1]), (0, -2 if below else 2), textcoords="offset points", fontsize=7, color=INK,
-                ha="right", va="top" if below else "bottom",
-            )  # fmt: skip
-        for d in chart.dots:
-            line: dict[str, Any] = {"linestyle": "none"} if not d.joined else {"linewidth": d.look.width}
-            if d.joined and d.look.dash:
-                line["dashes"] = list(d.look.dash)
-            axes.plot(
-                d.x, d.y, color=d.look.colour, marker=d.look.marker or "o", markersize=4.5, markeredgewidth=0, **line
-            )
-        axes.set_xlim(*chart.x_limits)
-        axes.set_ylim(*chart.y_limits)
-        axes.set_xlabel(chart.x_label)
-        axes.set_ylabel(chart.y_label)
-        if chart.labels_along:
-            _label_along(axes, chart)
-        axes.minorticks_off()
-        if chart.x_log:
-            axes.xaxis.set_major_formatter(powers)
-        if chart.y_log:
-            axes.yaxis.set_major_formatter(powers)
-        steps = sorted({x for d in chart.dots for x in d.x})
-        if chart.x_log and len(steps) < 7 and not (chart.decades and _holds_decade(*chart.x_limits)):
-            axes.set_xticks(steps, _tick_labels(steps))
-        write_svg(figure, path)
-
-
-def _holds_decade(low: float, high: float) -> bool:
-    """Whether a power of ten lies between two numbers."""
-    return math.floor(math.log10(high)) >= math.ceil(math.log10(low))
-
-
-def _label_along(axes: Any, chart: PointChart) -> None:
-    """Labels of the guides on their lines: at the right on a level, else turned like the line, from where it begins."""
-    for label, x, y in chart.guides:
-        (ax, ay), (bx, by) = axes.transData.transform([(x[0], y[0]), (x[1], y[1])])
-        angle = math.atan2(by - ay, bx - ax)
-        level = ay == by
-        along, off = (-3.0 if level else 8.0), 1.5
-        shift = (along * math.cos(angle) - off * math.sin(angle), along * math.sin(angle) + off * math.cos(angle))
-        axes.annotate(
-            label, (x[1 if level else 0], y[0]), shift, textcoords="offset points", fontsize=6.5, color=INK,
-            ha="right" if level else "left", va="bottom", rotation=math.degrees(angle), rotation_mode="anchor",
-        )  # fmt: skip
-
-
-def _tick_labels(steps: list[float]) -> list[str]:
-    """Labels that do not run into each other: shortened, and every second one left out where there is no room."""
-    labels = [f"{x:g}" for x in steps]
-    if sum(map(len, labels)) <= MOST_LETTERS:
-        return labels
-    labels = [f"{x:.2g}" for x in steps]
-    crowded = sum(map(len, labels)) > MOST_LETTERS
-    return [label if not crowded or (len(labels) - 1 - k) % 2 == 0 else "" for k, label in enumerate(labels)]
-
-
-def _limits(values: list[float], log: bool, *, marked: bool = True) -> tuple[float, float]:
-    low, high = min(values), max(values)
-    if log:
-        room = max(1.3, (high / low) ** 0.08)
-        low, high = low / room, high * room
-        # Less than a decade and a half: a third of a decade more on each side, so that a mark of the axis lies inside.
-        return (low / 2.2, high * 2.2) if marked and high / low < 30.0 else (low, high)
-    room = 0.1 * (high - low) or 0.1 * abs(high) or 1.0
-    return low - room, high + room
-
-
-def fitted_order(steps: list[float], errors: list[float]) -> float:
-    """Slope of ``log error`` over ``log step`` by least squares; NaN with fewer than two points."""
-    if len(steps) < 2:
-        return math.nan
-    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
-
-
 MOST_NUMBERED = 60
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
 MOTION, GRAVITY, MARK = PALETTE[0], PALETTE[2], PALETTE[6]
 CHAIN = PALETTE[6]
 CHAIN_WIDTH = 7.0
 """Width [pt] of the largest force of a picture; the others in proportion."""
-
-
-@dataclass(frozen=True)
-class Configuration:
-    """Disks and walls of several engines at one sampled step, and the force chains of one of them.
-
-    ``chains`` are links, shape (2, 2) [m], with their normal force [N]; ``edges`` outlines as in `SceneView`, None: disks alone.
-    """
-
-    title: str
-    radius: FloatArray
-    bodies: tuple[tuple[Look, FloatArray, FloatArray, tuple[WallView, ...]], ...]  # look, x (n, 2), angle (n,), walls
-    chains_of: str = ""
-    chains: tuple[tuple[FloatArray, float], ...] = ()
-    edges: tuple[FloatArray | None, ...] | None = None
-
-
-def draw_sketch(scene: SceneView, path: Path) -> None:
-    """Write the sketch of a scene as SVG."""
-    from matplotlib import rc_context
-
-    with rc_context(rc_params()):
-        low, high, size = _box(scene.x, scene.radius, 0.3)
-        figure, axes = _blank(low, high)
-        for wall in scene.walls:
-            _wall(axes, wall, scene.walls, low, high, hatch=True)
-        for k, (centre, radius) in enumerate(zip(scene.x, scene.radius, strict=True)):
-            axes.add_patch(_body(centre, radius, scene.edges[k], facecolor=SOFT, alpha=0.28, edgecolor="none"))
-            axes.add_patch(_body(centre, radius, scene.edges[k], facecolor="none", edgecolor=INK, linewidth=1.0))
-            if len(scene.x) <= MOST_NUMBERED:
-                axes.text(*centre, str(k), ha="center", va="center", fontsize=10, fontweight="bold")
-            if not scene.rotating[k]:
-                axes.text(centre[0], centre[1] - 0.45 * radius, "no rotation", ha="center", va="center", fontsize=6.5)
-            if scene.v[k].any():
-                along = scene.v[k] / np.hypot(*scene.v[k])
-                foot = centre + radius * np.array([0.0, 1.18])
-                label = f"{np.hypot(*scene.v[k]):.4g} m/s"
-                _arrow(axes, foot - 0.4 * size * along, foot + 0.4 * size * along, MOTION, label)
-        for wall in scene.walls:
-            _motion(axes, wall, scene.walls, low, high, size)
-        if scene.gravity.any():
-            strength = float(np.hypot(*scene.gravity))
-            head = np.array([high[0] - 1.1 * size, high[1] - 0.1 * size]) + 0.8 * size * scene.gravity / strength
-            _arrow(axes, head - 0.8 * size * scene.gravity / strength, head, GRAVITY, f"g = {strength:.4g} m/s²")
-        for k, (_, place) in enumerate(scene.marks):
-            _mark(axes, place, numeral(k))
-        write_svg(figure, path)
-
-
-def draw_configuration(configuration: Configuration, path: Path) -> None:
-    """Write the outlines of every engine's disks and walls as SVG; spokes show the rotations."""
-    from matplotlib import rc_context
-
-    with rc_context(rc_params()):
-        every = np.concatenate([x for _, x, _, _ in configuration.bodies])
-        radii = np.tile(configuration.radius, len(configuration.bodies))
-        low, high, _ = _box(every, radii, 0.07)
-        figure, axes = _blank(low, high)
-        axes.set_title(configuration.title)
-        most = max((force for _, force in configuration.chains), default=0.0)
-        for link, force in configuration.chains:
-            if force > 0.0:
-                axes.plot(*link.T, color=CHAIN, alpha=0.6, linewidth=CHAIN_WIDTH * force / most, zorder=1.5)
-        for look, x, angle, walls in configuration.bodies:
-            style = (0, tuple(look.dash)) if look.dash else "solid"
-            for wall in walls:
-                _wall(axes, wall, walls, low, high, hatch=False, colour=look.colour, style=style)
-            edges = configuration.edges or (None,) * len(x)
-            for centre, radius, turn, edge in zip(x, configuration.radius, angle, edges, strict=True):
-                options = {"edgecolor": look.colour, "linestyle": style, "linewidth": 1.1}
-                if edge is not None and not np.isfinite(turn):
-                    continue
-                placed = None if edge is None else turned(edge, turn)
-                axes.add_patch(_body(centre, radius, placed, facecolor="none", **options))
-                if np.isfinite(turn):
-                    rim = centre + (radius * np.array([np.cos(turn), np.sin(turn)]) if placed is None else placed[0])
-                    axes.plot(*zip(centre, rim, strict=True), color=look.colour, linewidth=1.1, linestyle=style)
-        write_svg(figure, path)
-
-
-def _body(centre: FloatArray, radius: float, edge: FloatArray | None, **style: Any) -> Any:
-    """A disk, or a grain whose outline is ``edge`` about its centre."""
-    from matplotlib.patches import Circle, Polygon
-
-    return Circle(tuple(centre), radius, **style) if edge is None else Polygon(centre + edge, closed=True, **style)
-
-
-def numeral(k: int) -> str:
-    """Roman numeral of the k-th watched contact, from 0."""
-    return ROMAN[k] if k < len(ROMAN) else str(k + 1)
-
-
-def _box(x: FloatArray, radius: FloatArray, margin: float) -> tuple[FloatArray, FloatArray, float]:
-    """Lower and upper corner of the picture, and the length of a typical arrow."""
-    finite = np.isfinite(x).all(axis=1)
-    x, radius = x[finite], radius[finite]
-    if not len(x):
-        x, radius = np.zeros((1, 2)), np.ones(1)
-    low, high = (x - radius[:, None]).min(axis=0), (x + radius[:, None]).max(axis=0)
-    extent = float((high - low).max())
-    return low - margin * extent, high + margin * extent, 0.3 * extent
-
-
-def _blank(low: FloatArray, high: FloatArray) -> tuple[Any, Any]:
-    from matplotlib.figure import Figure
-
-    shape = (high - low)[1] / (high - low)[0]
-    figure = Figure(figsize=(4.5, float(np.clip(4.5 * shape, 1.8, 5.0))), layout="constrained")
-    axes = figure.subplots()
-    axes.set_axis_off()
-    axes.set_aspect("equal")
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    return figure, axes
-
-
-def _ends(wall: WallView, others: tuple[WallView, ...], low: FloatArray, high: FloatArray) -> tuple[float, float]:
-    """Stretch of a wall's line that is drawn: inside the picture and on the free side of the other walls."""
-    reach = 0.5 * float(np.hypot(*(high - low)))
-    middle = (0.5 * (low + high) - wall.point) @ wall.tangent
-    first, last = float(middle - reach), float(middle + reach)
-    for other in others:
-        slope = float(wall.tangent @ other.normal)
-        if other is wall or abs(slope) < 1e-6:
-            continue
-        cut = float((other.point - wall.point) @ other.normal) / slope
-        first, last = (max(first, cut), last) if slope > 0.0 else (first, min(last, cut))
-    return first, last
-
-
-def _wall(
-    axes: Any, wall: WallView, walls: tuple[WallView, ...], low: FloatArray, high: FloatArray, *,
-    hatch: bool, colour: str = INK, style: Any = "solid",
-) -> None:  # fmt: skip
-    first, last = _ends(wall, walls, low, high)
-    if not first < last:
-        return
-    a, b = wall.point + first * wall.tangent, wall.point + last * wall.tangent
-    if hatch:
-        from matplotlib.patches import Polygon
-
-        depth = 0.045 * float((high - low).max()) * wall.normal
-        band = np.array([a, b, b - depth, a - depth])
-        axes.add_patch(Polygon(band, facecolor="none", edgecolor=SOFT, hatch="/////", linewidth=0.0))
-    axes.plot(*zip(a, b, strict=True), color=colour, linewidth=1.4, linestyle=style)
-
-
-def _motion(
-    axes: Any, wall: WallView, walls: tuple[WallView, ...], low: FloatArray, high: FloatArray, size: float
-) -> None:
-    first, last = _ends(wall, walls, low, high)
-    downwards = wall.tangent[1] < -1e-9 or (wall.tangent[1] < 1e-9 and wall.tangent[0] < 0.0)
-    start, end = (last, first) if downwards else (first, last)  # from the lower or left end on
-    low_pivot = wall.pivot is not None and ((wall.pivot - wall.point) @ wall.tangent - start) / (end - start) < 0.3
-    for velocity in wall.moves:
-        along = velocity / np.hypot(*velocity)
-        inward = abs(float(along @ wall.normal)) > 0.5
-        share = (0.8 if low_pivot else 0.2) if wall.spin else 0.5 if inward else 0.15
-        place = wall.point + (start + share * (end - start)) * wall.tangent - 0.25 * size * wall.normal
-        foot = place - (0.55 if inward else 0.3) * size * along
-        label = f"{np.hypot(*velocity):.4g} m/s"
-        _arrow(axes, foot, foot + 0.6 * size * along, MOTION, label, beneath=wall.normal[1] > 0.5)
-    if wall.spin and wall.pivot is not None:
-        from matplotlib.patches import FancyArrowPatch
-
-        axes.plot(*wall.pivot, marker="o", markersize=5, color=MOTION)
-        arm = 0.8 * size * wall.tangent * (1.0 if wall.tangent[1] >= 0.0 else -1.0)
-        turn = np.copysign(0.6, wall.spin)
-        c, s = np.cos(turn), np.sin(turn)
-        tip = np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]])
-        bend = f"arc3,rad={0.35 * np.sign(wall.spin):g}"
-        axes.add_patch(
-            FancyArrowPatch(
-                tuple(wall.pivot + arm), tuple(wall.pivot + tip), connectionstyle=bend, arrowstyle="-|>",
-                mutation_scale=10, color=MOTION, linewidth=1.4, clip_on=False,
-            )
-        )  # fmt: skip
-        beside = wall.pivot + 1.15 * arm - 0.3 * size * wall.normal
-        side = "right" if wall.normal[0] >= 0.0 else "left"
-        axes.text(*beside, f"{abs(wall.spin):.4g} rad/s", color=MOTION, fontsize=8, ha=side, va="center", zorder=6)
-
-
-def _arrow(axes: Any, tail: FloatArray, head: FloatArray, colour: str, label: str, *, beneath: bool = False) -> None:
-    arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=arrow, annotation_clip=False)
-    along = head - tail
-    upright = abs(along[1]) > abs(along[0])
-    offset = (5, 0) if upright else (0, -5) if beneath else (0, 5)
-    axes.annotate(
-        label,
-        xy=tuple(tail + (0.5 if upright else 0.35) * along),
-        xytext=offset,
-        textcoords="offset points",
-        color=colour,
-        fontsize=8,
-        ha="left" if upright else "center",
-        va="center" if upright else "top" if beneath else "bottom",
-        annotation_clip=False,
-    )
-
-
-def _mark(axes: Any, place: FloatArray, text: str) -> None:
-    box = {"boxstyle": "circle,pad=0.22", "facecolor": MARK, "edgecolor": "none"}
-    axes.text(*place, text, color="#ffffff", fontsize=7, ha="center", va="center", bbox=box, zorder=5)
-
-
 EDGE_POINTS = 129
 """Points of an outline's polygon: a circle's is off by 3e-4 of its radius, less than the line is wide."""
+INK = "#24292f"
+"""Colour of text and axes; `svg_of` turns it light on dark pages."""
+DARK = "#d7dce2"
+"""What the ink becomes where the reader prefers a dark page."""
+STRAIGHT = 0.6
+"""Distance from a straight line, in tenths of a point, below which a curve's point is left out: no pixel moves."""
+_NUMBER = re.compile(r"-?\d+\.\d{2,}")
+_ATTRIBUTE = re.compile(r'( (?:d|x|y|width|height|points)=")([^"]*)(")')
+_POLYLINE = re.compile(r'\bd="((?:M ?-?[\d.]+ -?[\d.]+(?:L ?-?[\d.]+ -?[\d.]+)+)+)"')
+_PAIR = re.compile(r"(-?[\d.]+) (-?[\d.]+)")
+_STYLE = re.compile(r' style="([^"]*)"')
 
 
 @dataclass(frozen=True)
@@ -740,7 +161,7 @@ def _polygon(curve: Mapping[str, Any]) -> FloatArray:
 
 
 def turned(edge: FloatArray, angle: float) -> FloatArray:
-    """A polygon turned about the origin by an angle [rad]."""
+    """A point, or a polygon, turned about the origin by an angle [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.asarray(edge @ np.array([[c, s], [-s, c]]), dtype=np.float64)
 
@@ -778,3 +199,522 @@ def _contact(
         return np.array(x[i] + gap_middle * (x[j] - x[i]))
     wall = walls[j - n]
     return np.array(x[i] - ((x[i] - wall.point) @ wall.normal) * wall.normal)
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Disks and walls of several engines at one sampled step, and the force chains of one of them.
+
+    ``chains`` are links, shape (2, 2) [m], with their normal force [N]; ``edges`` outlines as in `SceneView`, None: disks alone.
+    """
+
+    title: str
+    radius: FloatArray
+    bodies: tuple[tuple[Look, FloatArray, FloatArray, tuple[WallView, ...]], ...]  # look, x (n, 2), angle (n,), walls
+    chains_of: str = ""
+    chains: tuple[tuple[FloatArray, float], ...] = ()
+    edges: tuple[FloatArray | None, ...] | None = None
+
+
+def draw_sketch(scene: SceneView) -> str:
+    """SVG of a scene's sketch."""
+    from matplotlib import rc_context
+
+    with rc_context(rc_params()):
+        low, high, size = _box(scene.x, scene.radius, 0.3)
+        figure, axes = _blank(low, high)
+        for wall in scene.walls:
+            _wall(axes, wall, scene.walls, low, high, hatch=True)
+        for k, (centre, radius) in enumerate(zip(scene.x, scene.radius, strict=True)):
+            axes.add_patch(_body(centre, radius, scene.edges[k], facecolor=SOFT, alpha=0.28, edgecolor="none"))
+            axes.add_patch(_body(centre, radius, scene.edges[k], facecolor="none", edgecolor=INK, linewidth=1.0))
+            if len(scene.x) <= MOST_NUMBERED:
+                axes.text(*centre, str(k), ha="center", va="center", fontsize=10, fontweight="bold")
+            if not scene.rotating[k]:
+                axes.text(centre[0], centre[1] - 0.45 * radius, "no rotation", ha="center", va="center", fontsize=6.5)
+            if scene.v[k].any():
+                along = scene.v[k] / np.hypot(*scene.v[k])
+                foot = centre + radius * np.array([0.0, 1.18])
+                label = f"{np.hypot(*scene.v[k]):.4g} m/s"
+                _arrow(axes, foot - 0.4 * size * along, foot + 0.4 * size * along, MOTION, label)
+        for wall in scene.walls:
+            _motion(axes, wall, scene.walls, low, high, size)
+        if scene.gravity.any():
+            strength = float(np.hypot(*scene.gravity))
+            head = np.array([high[0] - 1.1 * size, high[1] - 0.1 * size]) + 0.8 * size * scene.gravity / strength
+            _arrow(axes, head - 0.8 * size * scene.gravity / strength, head, GRAVITY, f"g = {strength:.4g} m/s²")
+        for k, (_, place) in enumerate(scene.marks):
+            _mark(axes, place, numeral(k))
+        return svg_of(figure)
+
+
+def draw_configuration(configuration: Configuration) -> str:
+    """SVG of the outlines of every engine's disks and walls; spokes show the rotations."""
+    from matplotlib import rc_context
+
+    with rc_context(rc_params()):
+        every = np.concatenate([x for _, x, _, _ in configuration.bodies])
+        radii = np.tile(configuration.radius, len(configuration.bodies))
+        low, high, _ = _box(every, radii, 0.07)
+        figure, axes = _blank(low, high)
+        axes.set_title(configuration.title)
+        most = max((force for _, force in configuration.chains), default=0.0)
+        for link, force in configuration.chains:
+            if force > 0.0:
+                axes.plot(*link.T, color=CHAIN, alpha=0.6, linewidth=CHAIN_WIDTH * force / most, zorder=1.5)
+        for look, x, angle, walls in configuration.bodies:
+            style = (0, tuple(look.dash)) if look.dash else "solid"
+            for wall in walls:
+                _wall(axes, wall, walls, low, high, hatch=False, colour=look.colour, style=style)
+            edges = configuration.edges or (None,) * len(x)
+            for centre, radius, turn, edge in zip(x, configuration.radius, angle, edges, strict=True):
+                options = {"edgecolor": look.colour, "linestyle": style, "linewidth": 1.1}
+                if edge is not None and not np.isfinite(turn):
+                    continue
+                placed = None if edge is None else turned(edge, turn)
+                axes.add_patch(_body(centre, radius, placed, facecolor="none", **options))
+                if np.isfinite(turn):
+                    rim = centre + (radius * np.array([np.cos(turn), np.sin(turn)]) if placed is None else placed[0])
+                    axes.plot(*zip(centre, rim, strict=True), color=look.colour, linewidth=1.1, linestyle=style)
+        return svg_of(figure)
+
+
+def numeral(k: int) -> str:
+    """Roman numeral of the k-th watched contact, from 0."""
+    return ROMAN[k] if k < len(ROMAN) else str(k + 1)
+
+
+def _body(centre: FloatArray, radius: float, edge: FloatArray | None, **style: Any) -> Any:
+    """A disk, or a grain whose outline is ``edge`` about its centre."""
+    from matplotlib.patches import Circle, Polygon
+
+    return Circle(tuple(centre), radius, **style) if edge is None else Polygon(centre + edge, closed=True, **style)
+
+
+def _box(x: FloatArray, radius: FloatArray, margin: float) -> tuple[FloatArray, FloatArray, float]:
+    """Lower and upper corner of the picture, and the length of a typical arrow."""
+    finite = np.isfinite(x).all(axis=1)
+    x, radius = x[finite], radius[finite]
+    if not len(x):
+        x, radius = np.zeros((1, 2)), np.ones(1)
+    low, high = (x - radius[:, None]).min(axis=0), (x + radius[:, None]).max(axis=0)
+    extent = float((high - low).max())
+    return low - margin * extent, high + margin * extent, 0.3 * extent
+
+
+def _blank(low: FloatArray, high: FloatArray) -> tuple[Any, Any]:
+    from matplotlib.figure import Figure
+
+    shape = (high - low)[1] / (high - low)[0]
+    figure = Figure(figsize=(4.5, float(np.clip(4.5 * shape, 1.8, 5.0))), layout="constrained")
+    axes = figure.subplots()
+    axes.set_axis_off()
+    axes.set_aspect("equal")
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    return figure, axes
+
+
+def _ends(wall: WallView, others: tuple[WallView, ...], low: FloatArray, high: FloatArray) -> tuple[float, float]:
+    """Stretch of a wall's line that is drawn: inside the picture and on the free side of the other walls."""
+    reach = 0.5 * float(np.hypot(*(high - low)))
+    middle = (0.5 * (low + high) - wall.point) @ wall.tangent
+    first, last = float(middle - reach), float(middle + reach)
+    for other in others:
+        slope = float(wall.tangent @ other.normal)
+        if other is wall or abs(slope) < 1e-6:
+            continue
+        cut = float((other.point - wall.point) @ other.normal) / slope
+        first, last = (max(first, cut), last) if slope > 0.0 else (first, min(last, cut))
+    return first, last
+
+
+def _wall(
+    axes: Any, wall: WallView, walls: tuple[WallView, ...], low: FloatArray, high: FloatArray, *,
+    hatch: bool, colour: str = INK, style: Any = "solid",
+) -> None:  # fmt: skip
+    first, last = _ends(wall, walls, low, high)
+    if not first < last:
+        return
+    a, b = wall.point + first * wall.tangent, wall.point + last * wall.tangent
+    if hatch:
+        from matplotlib.patches import Polygon
+
+        depth = 0.045 * float((high - low).max()) * wall.normal
+        band = np.array([a, b, b - depth, a - depth])
+        axes.add_patch(Polygon(band, facecolor="none", edgecolor=SOFT, hatch="/////", linewidth=0.0))
+    axes.plot(*zip(a, b, strict=True), color=colour, linewidth=1.4, linestyle=style)
+
+
+def _motion(
+    axes: Any, wall: WallView, walls: tuple[WallView, ...], low: FloatArray, high: FloatArray, size: float
+) -> None:
+    first, last = _ends(wall, walls, low, high)
+    downwards = wall.tangent[1] < -1e-9 or (wall.tangent[1] < 1e-9 and wall.tangent[0] < 0.0)
+    start, end = (last, first) if downwards else (first, last)  # from the lower or left end on
+    low_pivot = wall.pivot is not None and ((wall.pivot - wall.point) @ wall.tangent - start) / (end - start) < 0.3
+    for velocity in wall.moves:
+        along = velocity / np.hypot(*velocity)
+        inward = abs(float(along @ wall.normal)) > 0.5
+        share = (0.8 if low_pivot else 0.2) if wall.spin else 0.5 if inward else 0.15
+        place = wall.point + (start + share * (end - start)) * wall.tangent - 0.25 * size * wall.normal
+        foot = place - (0.55 if inward else 0.3) * size * along
+        label = f"{np.hypot(*velocity):.4g} m/s"
+        _arrow(axes, foot, foot + 0.6 * size * along, MOTION, label, beneath=wall.normal[1] > 0.5)
+    if wall.spin and wall.pivot is not None:
+        from matplotlib.patches import FancyArrowPatch
+
+        axes.plot(*wall.pivot, marker="o", markersize=5, color=MOTION)
+        arm = 0.8 * size * wall.tangent * (1.0 if wall.tangent[1] >= 0.0 else -1.0)
+        tip = turned(arm, float(np.copysign(0.6, wall.spin)))
+        bend = f"arc3,rad={0.35 * np.sign(wall.spin):g}"
+        axes.add_patch(
+            FancyArrowPatch(
+                tuple(wall.pivot + arm), tuple(wall.pivot + tip), connectionstyle=bend, arrowstyle="-|>",
+                mutation_scale=10, color=MOTION, linewidth=1.4, clip_on=False,
+            )
+        )  # fmt: skip
+        beside = wall.pivot + 1.15 * arm - 0.3 * size * wall.normal
+        side = "right" if wall.normal[0] >= 0.0 else "left"
+        axes.text(*beside, f"{abs(wall.spin):.4g} rad/s", color=MOTION, fontsize=8, ha=side, va="center", zorder=6)
+
+
+def _arrow(axes: Any, tail: FloatArray, head: FloatArray, colour: str, label: str, *, beneath: bool = False) -> None:
+    arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=arrow, annotation_clip=False)
+    along = head - tail
+    upright = abs(along[1]) > abs(along[0])
+    offset = (5, 0) if upright else (0, -5) if beneath else (0, 5)
+    axes.annotate(
+        label,
+        xy=tuple(tail + (0.5 if upright else 0.35) * along),
+        xytext=offset,
+        textcoords="offset points",
+        color=colour,
+        fontsize=8,
+        ha="left" if upright else "center",
+        va="center" if upright else "top" if beneath else "bottom",
+        annotation_clip=False,
+    )
+
+
+def _mark(axes: Any, place: FloatArray, text: str) -> None:
+    box = {"boxstyle": "circle,pad=0.22", "facecolor": MARK, "edgecolor": "none"}
+    axes.text(*place, text, color="#ffffff", fontsize=7, ha="center", va="center", bbox=box, zorder=5)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve of a panel; ``error`` is None for references and where no truth speaks."""
+
+    look: Look
+    x: FloatArray
+    y: FloatArray
+    error: FloatArray | None = None
+    tolerance: float = float("nan")
+
+
+@dataclass(frozen=True)
+class HistoryPanel:
+    """What one panel draws; limits are shared by the panels that are compared.
+
+    ``floor`` is the round-off of the quantity: smaller errors are drawn on it.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    lines: tuple[Line, ...]
+    references: tuple[Line, ...]
+    y_limits: tuple[float, float]
+    error_limits: tuple[float, float] | None
+    floor: float
+
+
+def value_limits(truths: Sequence[FloatArray], values: Sequence[FloatArray]) -> tuple[float, float]:
+    """Common limits of a quantity: all curves, but at most twice the truths' own span beyond them, so that one engine
+    that runs away does not flatten the others."""
+    low, high = _span([*truths, *values])
+    if truths and np.isfinite(_span(truths)).all():
+        least, most = _span(truths)
+        room = 2.0 * (most - least)
+        if room > 0.0:
+            low, high = max(low, least - room), min(high, most + room)
+    if not np.isfinite([low, high]).all():
+        return -1.0, 1.0
+    # A constant is drawn as one: what happens around it (and round-off around zero) belongs to the error axis.
+    size = max(abs(low), abs(high))
+    if high - low < FLAT * size:
+        low, high = low - 0.05 * size, high + 0.05 * size
+    if size < 1e-12:
+        low, high = -1e-12, 1e-12
+    margin = 0.06 * (high - low)
+    return low - margin, high + margin
+
+
+def error_limits(errors: Sequence[FloatArray], tolerances: Sequence[float], floor: float) -> tuple[float, float] | None:
+    """Common limits of the error axis, at least three decades and the tolerances; None where there is no error."""
+    finite = [error[np.isfinite(error)] for error in errors]
+    if not any(len(error) for error in finite):
+        return None
+    top = max(float(error.max()) for error in finite if len(error))
+    top = max([top, *(limit for limit in tolerances if np.isfinite(limit))])
+    return 0.5 * floor, max(4.0 * top, 500.0 * floor)
+
+
+def round_off(scales: Sequence[float], errors: Sequence[FloatArray]) -> float:
+    """Round-off of a quantity, ``eps max|expected|``.
+
+    For a truth of zero it is the smallest error that is not zero, but no less than ``eps`` times the largest one.
+    """
+    scale = max((s for s in scales if np.isfinite(s)), default=0.0)
+    if scale > 0.0:
+        return EPS * scale
+    positive = [error[np.isfinite(error) & (error > 0.0)] for error in errors]
+    filled = [error for error in positive if len(error)]
+    if not filled:
+        return EPS
+    return max(min(float(error.min()) for error in filled), EPS * max(float(error.max()) for error in filled))
+
+
+def error_label(y_label: str) -> str:
+    """Label of the error axis below an axis of values."""
+    return f"|error| {y_label[y_label.rfind('[') :]}" if "[" in y_label else "|error|"
+
+
+def draw_history(panel: HistoryPanel) -> str:
+    """SVG of a panel."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(rc_params()):
+        if panel.error_limits is None:
+            figure = Figure(figsize=(3.6, 2.3))
+            top, bottom = figure.subplots(), None
+        else:
+            figure = Figure(figsize=(3.6, 3.6))
+            top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.35, 1.0))
+        # Fixed margins: measuring the texts takes longer than drawing everything else.
+        below = 0.19 if bottom is None else 0.12
+        figure.subplots_adjust(left=0.2, right=0.975, top=1.0 - 1.05 * below, bottom=below, hspace=0.1)
+        figure.text(0.02, 0.985, panel.title, fontsize=9.0, va="top")
+        top.set_ylabel(panel.y_label)
+        top.set_ylim(*panel.y_limits)
+        for line in panel.references:
+            _plot(top, line.look, line.x, line.y, zorder=1.0)
+        for line in panel.lines:
+            _plot(top, line.look, line.x, line.y, zorder=2.0)
+        if bottom is not None and panel.error_limits is not None:
+            _errors(bottom, panel, panel.error_limits)
+        (top if bottom is None else bottom).set_xlabel(panel.x_label)
+        return svg_of(figure)
+
+
+def _errors(axes: Any, panel: HistoryPanel, limits: tuple[float, float]) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    axes.set_yscale("log")
+    axes.set_ylim(*limits)
+    axes.yaxis.set_major_locator(LogLocator(numticks=6))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: log_label(value)))
+    axes.set_ylabel(error_label(panel.y_label))
+    axes.axhline(panel.floor, color=INK, linewidth=0.6, alpha=0.6, dashes=(1, 2))
+    axes.text(0.01, panel.floor, "round-off", transform=axes.get_yaxis_transform(), fontsize=7, va="bottom")
+    for line in panel.lines:
+        if line.error is not None and np.isfinite(line.error).any():
+            _plot(axes, line.look, line.x, np.maximum(line.error, panel.floor), zorder=2.0, most=MOST_ERRORS)
+    limits_shown = sorted(
+        {line.tolerance for line in panel.lines if np.isfinite(line.tolerance) and line.tolerance > 0}
+    )
+    if len(limits_shown) == 1:
+        axes.axhline(limits_shown[0], color=INK, linewidth=0.8, alpha=0.8, dashes=(5, 2))
+        axes.text(
+            0.99,
+            limits_shown[0],
+            "tolerance",
+            transform=axes.get_yaxis_transform(),
+            fontsize=7,
+            ha="right",
+            va="bottom",
+        )
+    elif limits_shown:
+        for line in panel.lines:
+            if np.isfinite(line.tolerance) and line.tolerance > 0:
+                mark = [line.tolerance, line.tolerance]
+                axes.plot(
+                    [0.94, 1.0], mark, transform=axes.get_yaxis_transform(), color=line.look.colour, linewidth=2.0
+                )
+
+
+def log_label(value: float) -> str:
+    """Label of a power of ten on a log axis: ``1e-9``."""
+    return f"1e{round(float(np.log10(value)))}" if value > 0.0 else ""
+
+
+def _plot(axes: Any, look: Look, x: FloatArray, y: FloatArray, zorder: float, most: int = MOST_POINTS) -> None:
+    x, y = joined(x, y)
+    keep = thin(x, y, most)
+    x, y = x[keep], y[keep]
+    options: dict[str, Any] = {"color": look.colour, "linewidth": look.width, "zorder": zorder}
+    if look.dash:
+        options["dashes"] = [length / look.width * 0.8 for length in look.dash]
+    if not look.marker:
+        options["alpha"] = 0.55
+    elif len(x):
+        places = sorted({int((k + look.phase) / MARKS * len(x)) for k in range(MARKS)})
+        options |= {"marker": look.marker, "markersize": 4.0, "markevery": places, "markeredgewidth": 0.0}
+    axes.plot(x, y, **options)
+
+
+def joined(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points to connect: a curve that speaks at scattered samples only loses its gaps, any other keeps them."""
+    held = np.isfinite(y)
+    neighbour = np.append(held[1:], False) | np.append(False, held[:-1])
+    alone = held & ~neighbour
+    return (x[held], y[held]) if 2 * alone.sum() > held.sum() else (x, y)
+
+
+def thin(x: FloatArray, y: FloatArray, most: int = MOST_POINTS) -> NDArray[np.int64]:
+    """Indices of at most ``most`` points that keep the ends and the extremes of every stretch."""
+    if len(x) <= most:
+        return np.arange(len(x))
+    keep = {0, len(x) - 1}
+    for part in np.array_split(np.arange(len(x)), most // 2 - 1):
+        finite = part[np.isfinite(y[part])]
+        keep |= (
+            {int(finite[np.argmin(y[finite])]), int(finite[np.argmax(y[finite])])} if len(finite) else {int(part[0])}
+        )
+    return np.array(sorted(keep))
+
+
+def _span(curves: Sequence[FloatArray]) -> tuple[float, float]:
+    finite = [curve[np.isfinite(curve)] for curve in curves]
+    filled = [curve for curve in finite if len(curve)]
+    if not filled:
+        return float("nan"), float("nan")
+    return min(float(curve.min()) for curve in filled), max(float(curve.max()) for curve in filled)
+
+
+def rc_params() -> Any:
+    """Settings of matplotlib: transparent, text as text, no mathematics in labels, and the same bytes every time."""
+    return {
+        "font.family": "DejaVu Sans",
+        "font.size": 8.5,
+        "axes.titlesize": 9.0,
+        "axes.titley": 1.0,
+        "axes.titlelocation": "left",
+        "axes.edgecolor": INK,
+        "axes.labelcolor": INK,
+        "axes.titlecolor": INK,
+        "axes.facecolor": "none",
+        "axes.linewidth": 0.7,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.grid": True,
+        "axes.formatter.use_mathtext": False,
+        "axes.formatter.useoffset": False,
+        "axes.formatter.limits": (-3, 4),
+        "axes.unicode_minus": True,
+        "grid.color": SOFT,
+        "grid.alpha": 0.25,
+        "grid.linewidth": 0.6,
+        "xtick.color": INK,
+        "ytick.color": INK,
+        "text.color": INK,
+        "text.parse_math": False,
+        "figure.facecolor": "none",
+        "savefig.facecolor": "none",
+        "svg.fonttype": "none",
+        "svg.hashsalt": "ninedisk",
+        "path.simplify": True,
+        "path.simplify_threshold": 0.15,
+    }
+
+
+def svg_of(figure: Any) -> str:
+    """A matplotlib figure as SVG: small, the same every time, readable on light and dark pages.
+
+    Coordinates are rounded to 0.1 pt, a tenth of a line's width, and points of a curve that lie on the line through
+    their neighbours to that precision are left out; styles that matplotlib repeats at every tick and marker become
+    classes. Together that makes the file a fifth as large.
+    """
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = _ATTRIBUTE.sub(lambda m: m[1] + _NUMBER.sub(_short, m[2]) + m[3], text)
+    text = re.sub(r"'DejaVu Sans'(, sans-serif)?", "system-ui, sans-serif", text)
+    text = re.sub(r'<g id="[^"]*"', "<g", text)
+    text = re.sub(r"\n\s*", "\n", text)
+    text = re.sub(r" ?\n([LMCQz\"])", r"\1", text)
+    text = _POLYLINE.sub(lambda m: f'd="{"".join(map(_shortened, re.split("(?=M)", m[1])))}"', text)
+    text = re.sub(r">\n+<", "><", text)
+    text = _short_ids(text)
+    return _with_classes(text)
+
+
+def _with_classes(text: str) -> str:
+    """Replace style attributes by classes; those that use the ink get a second rule for dark pages."""
+    names: dict[str, str] = {}
+    text = _STYLE.sub(lambda m: f' class="{names.setdefault(m[1], f"s{len(names)}")}"', text)
+    rules = "".join(f".{name}{{{style}}}" for style, name in names.items())
+    dark = "".join(
+        f".{name}{{{inked}}}"
+        for style, name in names.items()
+        if (inked := "".join(f"{what}:{DARK};" for what in ("fill", "stroke") if f"{what}: {INK}" in style))
+    )
+    head = text.index(">") + 1
+    sheet = f"<style>{rules}@media screen and (prefers-color-scheme: dark){{{dark}}}</style>"
+    return text[:head] + sheet + text[head:]
+
+
+def _short(match: re.Match[str]) -> str:
+    return f"{float(match[0]):.1f}".rstrip("0").rstrip(".") or "0"
+
+
+def _short_ids(text: str) -> str:
+    """Replace matplotlib's ids, which every marker repeats, by short ones."""
+    names = {name: f"i{k}" for k, name in enumerate(dict.fromkeys(re.findall(r' id="([^"]+)"', text)))}
+    return re.sub(r'(id="|href="#|url\(#)([^")]+)', lambda m: m[1] + names.get(m[2], m[2]), text)
+
+
+def _shortened(line: str) -> str:
+    """A polyline with absolute coordinates as one with relative ones, without the points that lie on their neighbours' line."""
+    points = [(round(10 * float(x)), round(10 * float(y))) for x, y in _PAIR.findall(line)]
+    if not points:
+        return ""
+    kept = _corners(points)
+    (x, y), steps = kept[0], []
+    for u, v in kept[1:]:
+        steps.append(f"{_tenths(u - x)} {_tenths(v - y)}".replace(" -", "-"))
+        x, y = u, v
+    return f"M{_tenths(kept[0][0])} {_tenths(kept[0][1])}" + (f"l{' '.join(steps)}".replace(" -", "-") if steps else "")
+
+
+def _corners(points: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Ramer-Douglas-Peucker with the tolerance `STRAIGHT`: no left-out point is farther from the line that stays."""
+    keep = {0, len(points) - 1}
+    stack = [(0, len(points) - 1)]
+    while stack:
+        a, b = stack.pop()
+        (ax, ay), (bx, by) = points[a], points[b]
+        dx, dy = bx - ax, by - ay
+        length = dx * dx + dy * dy
+        worst, far = STRAIGHT * STRAIGHT, -1
+        for k in range(a + 1, b):
+            px, py = points[k][0] - ax, points[k][1] - ay
+            along = min(1.0, max(0.0, (px * dx + py * dy) / length)) if length else 0.0
+            apart = (px - along * dx) ** 2 + (py - along * dy) ** 2
+            if apart > worst:
+                worst, far = apart, k
+        if far > 0:
+            keep.add(far)
+            stack += [(a, far), (far, b)]
+    return [points[k] for k in sorted(keep)]
+
+
+def _tenths(value: int) -> str:
+    return f"{value / 10:g}"

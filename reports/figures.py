@@ -17,21 +17,21 @@ from typing import Any
 import numpy as np
 
 from ninedisk.harness.results.schema import Figure, Plotted, Row
-from ninedisk.reports.draw import (
+from ninedisk.reports.charts import (
+    PALETTE,
+    SOFT,
     Dots,
-    HistoryPanel,
-    Line,
+    Look,
     PointChart,
-    error_label,
-    error_limits,
+    engine_looks,
     fitted_order,
-    round_off,
+    reference_looks,
+    slopes,
     spread,
-    value_limits,
 )
+from ninedisk.reports.draw import HistoryPanel, Line, error_label, error_limits, round_off, value_limits
 from ninedisk.reports.load import Curve
 from ninedisk.reports.model import CaseData, Panel
-from ninedisk.reports.style import PALETTE, SOFT, Look, engine_looks, reference_looks
 from ninedisk.reports.text import as_float, parameter, parameters
 
 MOST_GENERIC = 24
@@ -397,19 +397,6 @@ def _grouped(case: CaseData, norm: str, truths: tuple[str, ...] | None, only: tu
 
 def _label(step: str) -> str:
     return {"dt": "dt [s]", "increment": "increment [m]"}[step]
-
-
-def slopes(dots: list[Dots]) -> tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...]:
-    """Lines of order 1 and 2 through the middle of the points."""
-    sizes = sorted({x for d in dots for x in d.x})
-    if len(sizes) < 2:
-        return ()
-    level = math.exp(sum(math.log(y) for d in dots for y in d.y) / sum(len(d.y) for d in dots))
-    low, high = sizes[0], sizes[-1]
-    return tuple(
-        (f"order {order}", (low, high), (level * (low / high) ** (order / 2), level * (high / low) ** (order / 2)))
-        for order in (1, 2)
-    )
 
 
 LEAST = 1e-17

@@ -1,7 +1,4 @@
-"""A folder of pages that is replaced as a whole: a reader meets the old pages or the new ones, never half of them.
-
-Errors of the reports.
-"""
+"""A folder of pages that is replaced as a whole: a reader meets the old pages or the new ones, never half of them."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """The panel: stored rows joined into cases, engines and rated measurements.
 
-Engine against engine: how far their histories of the same variants lie apart.
-
-The measurements of a case in three tables: rated, known gaps, without a rating; long ones continue in the data file.
+Besides, what a case's page tells of them: its measurements in three tables (rated, known gaps, without a rating; long ones continue in
+the data file), and how far the histories of two engines lie apart.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from markupsafe import Markup
 from ninedisk.harness.results.schema import Row
 from ninedisk.reports import text
 from ninedisk.reports import text as words
-from ninedisk.reports.drawing import Chart
+from ninedisk.reports.charts import Chart
 from ninedisk.reports.model import SHOWN, CaseData, EngineFacts, Panel, Summary, summarise
 from ninedisk.reports.text import as_float, number, pair_shade, parameters, shade, symbol
 
@@ -80,6 +80,24 @@ def environment() -> Environment:
         "nothing": text.NOTHING,
     }
     return env
+
+
+def sheet(*more: str) -> Markup:
+    """The pages' style sheet, followed by other ones of the assets."""
+    return Markup("\n".join(map(_asset, ("style.css", *more))))
+
+
+def single_file() -> dict[str, Markup]:
+    """Style sheet and scripts of a page with charts that is one file."""
+    licence = f"/*\n{_asset('uplot-LICENSE.txt')}*/"
+    return {
+        "sheet": sheet("uplot.css"),
+        "scripts": Markup("\n".join((licence, *map(_asset, ("uplot.js", "data.js", "charts.js"))))),
+    }
+
+
+def _asset(name: str) -> str:
+    return (HERE / "assets" / name).read_text(encoding="utf-8")
 
 
 def index_page(env: Environment, panel: Panel) -> str:

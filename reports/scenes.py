@@ -1,10 +1,7 @@
-"""Moving scenes: the stored configurations of every engine, for the player of a case's page.
+"""Stored configurations of a case, and the file that holds a case's numbers.
 
-A case's numbers in one script file: every stored sample exactly, each array once, compressed.
-
-Stored configurations (frames) of a case as pictures, every engine's outlines overlaid.
-
-Force chains: the normal force at every contact of a stored configuration.
+Configurations (frames) become moving scenes for the page's player and pictures with every engine's outlines overlaid; force chains show
+the normal force at every contact. The numbers go into one script file: every stored sample exactly, each array once, compressed.
 """
 
 from __future__ import annotations
@@ -22,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.harness.results.schema import Figure, Row
+from ninedisk.reports.charts import Look
 from ninedisk.reports.draw import Configuration, WallView, read_scene
 from ninedisk.reports.figures import Looks, tolerances, varying
 from ninedisk.reports.load import Curve
 from ninedisk.reports.model import CaseData, Panel
-from ninedisk.reports.style import Look
 from ninedisk.reports.text import decoded, parameters
+
+FloatArray = NDArray[np.float64]
 
 STILL = 1e-3
 """Motion below this share of a disk's radius is not seen, so it is not played."""
@@ -252,9 +251,6 @@ def _walls(points: Any, angles: Any) -> tuple[WallView, ...]:
         for point, angle in zip(points, angles, strict=True)
         if np.isfinite(point).all() and np.isfinite(angle)
     )
-
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

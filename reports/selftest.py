@@ -8,11 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
 from ninedisk.reports import pages
 from ninedisk.reports.folder import ReportError
-from ninedisk.reports.pages import HERE
 
 Row = Mapping[str, Any]
 
@@ -85,7 +82,6 @@ def write_selftest(rows: Sequence[Row], path: Path) -> None:
     ReportError
         If the id of a check cannot be read.
     """
-    sheets = (HERE / "assets" / name for name in ("style.css", "selftest.css"))
     page = (
         pages.environment()
         .get_template("selftest.html")
@@ -93,7 +89,7 @@ def write_selftest(rows: Sequence[Row], path: Path) -> None:
             matrix=matrix(rows),
             kinds=KINDS,
             listed=LISTED,
-            sheet=Markup("\n".join(sheet.read_text(encoding="utf-8") for sheet in sheets)),
+            sheet=pages.sheet("selftest.css"),
         )
     )
     path.write_text(page, encoding="utf-8")

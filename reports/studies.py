@@ -1,7 +1,4 @@
-"""The page of one comparison: what got worse, beside what the two runs came from.
-
-The page of one convergence study: errors over the step, log-log, and the table of orders.
-"""
+"""Pages of single studies: a comparison (what got worse, and where both runs came from); orders of convergence over the step."""
 
 from __future__ import annotations
 
@@ -11,19 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment
-from markupsafe import Markup
 
 from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison
 from ninedisk.reports import pages, text
-from ninedisk.reports.bench import embedded
-from ninedisk.reports.draw import Dots, PointChart
-from ninedisk.reports.figures import slopes
-from ninedisk.reports.pages import HERE
-from ninedisk.reports.style import engine_looks
+from ninedisk.reports.charts import Dots, PointChart, engine_looks, on_page, slopes
 
 SHOWN = 200
 """Rows of one verdict that the page lists."""
-
 VERDICTS = {
     "worse": ("✗", "Got worse", "out3"),
     "suspect": ("?", "Suspect: look twice", "out1"),
@@ -34,6 +25,19 @@ VERDICTS = {
     "same": ("=", "Same", "in1"),
 }
 """Symbol, heading and colour class of each verdict."""
+Row = Mapping[str, Any]
+MOST_LINES = 6
+"""Quantities in one chart; more of one unit share the next."""
+VERDICT_CLASS = {
+    "wrong order": "out3",
+    "wrong limit": "out3",
+    "undecided": "out1",
+    "not judged": "none",
+    "converges": "in0",
+    "step-independent": "in1",
+    "exact": "in0",
+}
+"""Colour class of each verdict; the word itself stands beside it."""
 
 
 def environment() -> Environment:
@@ -46,8 +50,11 @@ def environment() -> Environment:
 
 def write_comparison(comparison: Comparison, path: Path) -> None:
     """Write a comparison as one file that holds its style sheet, too."""
-    sheets = "\n".join((HERE / "assets" / name).read_text(encoding="utf-8") for name in ("style.css", "dashboard.css"))
-    page = environment().get_template("compare_alone.html").render(**values(comparison), sheet=sheets)
+    page = (
+        environment()
+        .get_template("compare_alone.html")
+        .render(**values(comparison), sheet=pages.sheet("dashboard.css"))
+    )
     path.write_text(page, encoding="utf-8")
 
 
@@ -94,28 +101,11 @@ def _factor(change: Change) -> str:
     base, head = change.base, change.head
     if base != base or head != head or base <= 0.0:
         return text.NOTHING
-    return f"{text.ratio(head / base)}×" if not 0.01 < head / base < 99.5 else f"{head / base:.2f}×"
-
-
-Row = Mapping[str, Any]
-
-MOST_LINES = 6
-"""Quantities in one chart; more of one unit share the next."""
-
-VERDICT_CLASS = {
-    "wrong order": "out3",
-    "wrong limit": "out3",
-    "undecided": "out1",
-    "not judged": "none",
-    "converges": "in0",
-    "step-independent": "in1",
-    "exact": "in0",
-}
-"""Colour class of each verdict; the word itself stands beside it."""
+    return f"{text.factor(head / base)}×"
 
 
 def converge_page(record: Mapping[str, Any]) -> str:
-    """One HTML file that holds its style sheet and its figures.
+    """One HTML file that holds its style sheet, scripts and numbers.
 
     Parameters
     ----------
@@ -127,9 +117,9 @@ def converge_page(record: Mapping[str, Any]) -> str:
         .get_template("converge.html")
         .render(
             record=record,
-            figures=[embedded(chart) for chart in charts(record)],
+            figures=[on_page(chart) for chart in charts(record)],
             shades_of=VERDICT_CLASS,
-            sheet=Markup((HERE / "assets" / "style.css").read_text(encoding="utf-8")),
+            **pages.single_file(),
         )
     )
 

@@ -1,7 +1,4 @@
-"""Numbers, durations and file names as the pages print them.
-
-Symbols and words of the pages: no meaning is told by colour alone.
-"""
+"""Numbers, durations, file names, symbols and words as the pages print them: no meaning is told by colour alone."""
 
 from __future__ import annotations
 
@@ -56,6 +53,11 @@ def ratio(value: Any) -> str:
     if x != 1.0 and f"{x:.2g}" == "1":
         return "<1" if x < 1.0 else ">1"
     return f"{x:.2g}" if 0.01 <= x < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else _scientific(x)
+
+
+def factor(value: float) -> str:
+    """A factor of change: two decimals near 1, else like a ratio."""
+    return f"{value:.2f}" if 0.01 < value < 9.95 else ratio(value)
 
 
 def order(value: Any) -> str:

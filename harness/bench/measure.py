@@ -1,20 +1,27 @@
-"""Repeats of several engines on one problem: interleaved, on fixed cores, within a time limit."""
+"""Repeats of several engines on one problem: interleaved, on fixed cores, within a time limit; and asking engines in processes."""
 
 from __future__ import annotations
 
+import json
 import os
 import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ninedisk.core.errors import CoreError
-from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError
+from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineNotInstalledError, EngineTimeoutError
 from ninedisk.harness.results.schema import Row
+from ninedisk.harness.run.isolation import run_isolated
 
 Tell = Callable[[str], None]
+DRIVERS = Path(__file__).parent / "drivers"
+"""Scripts for engines that run in processes of their own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +77,45 @@ class Measured:
     def seconds(self) -> list[float]:
         """Seconds of every repeat."""
         return [sample.seconds for sample in self.samples]
+
+
+def installed(info: EngineInfo) -> EngineInfo:
+    """The same; EngineNotInstalledError, with the way to install it, for an engine that is not there."""
+    if not info.installed:
+        raise EngineNotInstalledError(f"{info.name} is not installed ({info.not_installed_because}): {info.install}")
+    return info
+
+
+def ask(
+    command: Sequence[str],
+    request: Mapping[str, Any],
+    folder: Path,
+    *,
+    limit: float,
+    environment: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
+    """Arrays that a driver answers with: JSON on its standard input, the answer in a file of ``folder`` that the request names.
+
+    Raises
+    ------
+    EngineTimeoutError, EngineError
+    """
+    answer = folder / "answer.npz"
+    text = json.dumps({**request, "answer": str(answer)})
+    done = run_isolated(command, stdin=text, time_limit=limit, cwd=folder, env=environment)
+    try:
+        with np.load(answer) as data:
+            found: dict[str, Any] = {key: data[key] for key in data.files}
+    except (OSError, ValueError) as error:
+        raise EngineError(f"no readable answer ({error}): {done.last_lines() or 'it printed nothing'}") from error
+    if "error" in found:
+        raise EngineError(f"it gave up: {found['error']}")
+    return found
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 from ninedisk.harness.results.schema import Row
@@ -34,88 +35,67 @@ class Request:
 
 def run_suites(request: Request, tell: Tell) -> Iterator[list[Row]]:
     """Rows of all suites of the request, as soon as those measured together are complete."""
-    runs = {"dem": _dem, "cd": _cd, "flow": _flow, "harness": _harness}
+    suites = {"dem": _dem, "cd": _cd, "flow": _flow, "harness": _harness}
     for suite in request.suites:
-        yield from runs[suite](request, tell)
+        problems = suites[suite](request, partial(tell, "settling a packing"))
+        for k, (name, measure) in enumerate(problems.items()):
+
+            def of_problem(what: str, name: str = name, done: int = k, total: int = len(problems)) -> None:
+                tell(f"{name}: {what}", done, total)
+
+            yield from measure(repeats=request.repeats, time_limit=request.time_limit, tell=of_problem)
 
 
-class _Place:
-    """Says which of several problems is under way, and how far a packing has settled."""
-
-    def __init__(self, tell: Tell, names: Sequence[str]) -> None:
-        self._tell, self._names = tell, list(names)
-
-    def __call__(self, problem: str, what: str) -> None:
-        self._tell(f"{problem}: {what}", self._names.index(problem), len(self._names))
-
-    def settling(self, done: int, total: int) -> None:
-        self._tell("settling a packing", done, total)
+Measure = Callable[..., Iterator[list[Row]]]
+"""Measures one problem: ``measure(repeats=..., time_limit=..., tell=...)``."""
+Progress = Callable[[int, int], None]
+"""Called with the steps done and all steps while a packing is made."""
 
 
 def _sizes(request: Request, usual: tuple[int, ...], more: tuple[int, ...]) -> list[int]:
     return list(request.sizes) or [*usual, *(more if request.large else ())]
 
 
-def _dem(request: Request, tell: Tell) -> Iterator[list[Row]]:
+def _dem(request: Request, progress: Progress) -> dict[str, Measure]:
     from ninedisk.harness.api.registry import engines_that_load
-    from ninedisk.harness.bench import accuracy, dem_problems, dem_suite, nine_disks
+    from ninedisk.harness.bench import dem, nine_disks
 
     engines = engines_that_load(lambda name: name != "dem" and request.engine_wanted(name))
-    sizes = _sizes(request, dem_problems.SIZES, dem_problems.LARGE)
-    wanted = request.problem_wanted
-    every = () if request.sizes and 9 not in request.sizes else nine_disks.ARMS
-    small = {part: [arm for arm in every if wanted(part.problem_name(arm))] for part in (nine_disks, accuracy)}
-    first = dem_problems.makers(sizes, wanted)
-    place = _Place(tell, [*first, *(part.problem_name(arm) for part, arms in small.items() for arm in arms)])
-    makers = dem_problems.makers(sizes, wanted, place.settling)
-    yield from dem_suite.run(makers, engines, repeats=request.repeats, time_limit=request.time_limit, tell=place)
-    for part, arms in small.items():
-        yield from part.run(arms, engines, repeats=request.repeats, time_limit=request.time_limit, tell=place)
+    makers = dem.makers(_sizes(request, dem.SIZES, dem.LARGE), request.problem_wanted, progress)
+    found: dict[str, Measure] = {name: partial(dem.run_size, make, engines) for name, make in makers.items()}
+    arms = () if request.sizes and 9 not in request.sizes else nine_disks.ARMS
+    found |= {nine_disks.problem_name(arm): partial(nine_disks.run, arm, engines) for arm in arms}
+    found |= {nine_disks.accuracy_name(arm): partial(nine_disks.run_accuracy, arm, engines) for arm in arms}
+    return {name: measure for name, measure in found.items() if name in makers or request.problem_wanted(name)}
 
 
-def _cd(request: Request, tell: Tell) -> Iterator[list[Row]]:
-    from ninedisk.harness.bench import cd_problems, cd_solvers, cd_suite
+def _cd(request: Request, progress: Progress) -> dict[str, Measure]:
+    from ninedisk.harness.bench import cd
 
-    sizes = _sizes(request, cd_problems.SIZES, cd_problems.LARGE)
-    names = [name for name in cd_problems.problems(sizes, large=request.large) if request.problem_wanted(name)]
-    if not names:  # the solvers are slow to load
-        return iter(())
-    place = _Place(tell, names)
-    makers = cd_problems.problems(sizes, large=request.large, tell=place.settling)
-    bases = set(cd_suite.BASE.values())
-    return cd_suite.run(
-        {name: makers[name] for name in names},
-        [each for each in cd_solvers.solvers() if each.name in bases or request.engine_wanted(each.name)],
-        repeats=request.repeats,
-        time_limit=request.time_limit,
-        tell=place,
-    )
+    makers = cd.problems(_sizes(request, cd.SIZES, cd.LARGE), large=request.large, progress=progress)
+    names = [name for name in makers if request.problem_wanted(name)]
+    if not names:  # what is installed is slow to find out
+        return {}
+    bases = set(cd.BASE.values())
+    chosen = [each for each in cd.solvers() if each.name in bases or request.engine_wanted(each.name)]
+    return {name: partial(cd.run_problem, name, makers[name], chosen) for name in names}
 
 
-def _flow(request: Request, tell: Tell) -> Iterator[list[Row]]:
+def _flow(request: Request, progress: Progress) -> dict[str, Measure]:
     from ninedisk.harness.api.registry import engine_table, get_engine
-    from ninedisk.harness.bench import flow as flow_problems
-    from ninedisk.harness.bench import flow as flow_suite
+    from ninedisk.harness.bench import flow
 
-    sizes = _sizes(request, flow_problems.SIZES, flow_problems.LARGE)
-    names = [name for name in flow_problems.problems(sizes) if request.problem_wanted(name)]
-    place = _Place(tell, names)
-    makers = flow_problems.problems(sizes, place.settling)
-    chosen = flow_suite.entries(request.engine_wanted)
-    return flow_suite.run(
-        {name: makers[name] for name in names},
-        chosen,
-        {name: get_engine(name) for name in engine_table() if name in {each.engine for each in chosen}},
-        repeats=request.repeats,
-        time_limit=request.time_limit,
-        tell=place,
-    )
+    makers = flow.problems(_sizes(request, flow.SIZES, flow.LARGE), progress)
+    chosen = flow.entries(request.engine_wanted)
+    engines = {name: get_engine(name) for name in engine_table() if name in {each.engine for each in chosen}}
+    return {
+        name: partial(flow.run_problem, make, chosen, engines)
+        for name, make in makers.items()
+        if request.problem_wanted(name)
+    }
 
 
-def _harness(request: Request, tell: Tell) -> Iterator[list[Row]]:
-    from ninedisk.harness.bench import harness_suite
+def _harness(request: Request, _: Progress) -> dict[str, Measure]:
+    from ninedisk.harness.bench import harness
 
-    names = [name for name in harness_suite.PROBLEMS if request.problem_wanted(name)]
-    return harness_suite.run(
-        (), names, repeats=request.repeats, time_limit=request.time_limit, tell=_Place(tell, names)
-    )
+    return {name: partial(harness.run, (), name) for name in harness.PROBLEMS if request.problem_wanted(name)}

@@ -18,7 +18,7 @@ from ninedisk.harness.cli.support import console, table
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import complete
 
-BENCH_VERSION = 4
+BENCH_VERSION = 5
 
 COLUMNS: dict[str, str] = {
     "suite": "string",  # dem | cd | flow | harness
@@ -50,15 +50,6 @@ COLUMNS: dict[str, str] = {
     "cpu_s": "float64",  # median of the processor seconds of all processes: what a busy machine changes least
     "bytes_per_disk": "float64",  # arrays that a run holds (in-house engine)
     "resident_per_disk": "float64",  # growth of the process' resident memory
-    "flops": "float64",  # of a particle-step: operations on floats, as `kernel_work` counts them
-    "traffic": "float64",  # of a particle-step: bytes that have to be read and written
-    "working_set": "float64",  # bytes that every step goes through
-    "bandwidth": "float64",  # bytes/s of a triad with arrays of that size, one core, measured in this run
-    "bandwidth_cached": "float64",  # bytes/s of one within the second-level cache
-    "bandwidth_memory": "float64",  # bytes/s of one far beyond all caches
-    "flop_rate": "float64",  # flop/s of multiply-adds on vectors
-    "flop_rate_single": "float64",  # flop/s of multiply-adds one by one
-    "root_rate": "float64",  # 1/s: a root and a division by it, on vectors (before version 4: one by one)
     "iterations": "int64",
     "natural_map": "float64",
     "duality_gap": "float64",

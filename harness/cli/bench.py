@@ -62,8 +62,7 @@ def bench(
     """Measure our engines and others on the same problems: same scene, same contact parameters, same step count.
 
     Suite dem: settled packings, a flowing one and the nine disks (ours with 1, 2, .. threads, LAMMPS, YADE and all
-    engines with springs that know the variant), these also with finer steps, error beside time; what our step
-    computes and moves, held against the arithmetic and the bandwidth of this machine (roofline). Suite cd: contact
+    engines with springs that know the variant), these also with finer steps, error beside time. Suite cd: contact
     problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10 (our solvers,
     Clarabel, PIQP, Siconos), cold and warm. Suite flow: a drum, a hopper and a collapsing column stepped in time
     (contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations),

@@ -2,19 +2,34 @@
 /* Charts over the stored numbers: zoom by dragging, values under the pointer, everything by keyboard as well. */
 (() => {
   const charts = new Set();
-  const style = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const PAPER = { "--ink": "#000", "--soft": "#444", "--line": "#ccc" };
+  let printing = false;
+  const style = name => printing ? PAPER[name] : getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const decade = value => `1e${Math.round(Math.log10(value))}`;
   const short = value => {
     const size = Math.abs(value);
     return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(3).replace(/\.?0+e/, "e").replace("+", "") : String(+value.toPrecision(6));
   };
 
-  /* Decades of a log axis, at most seven of them. */
+  /* Decades of a log axis, at most seven of them; where none lies inside, round numbers. */
   const decades = (u, axis, low, high) => {
     const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9), every = Math.ceil((last - first + 1) / 7) || 1;
     const marks = [];
     for (let k = first; k <= last; k += every) marks.push(10 ** k);
-    return marks.length ? marks : [low];
+    if (marks.length) return marks;
+    const below = 10 ** Math.floor(Math.log10(low));
+    return [2, 3, 5, 7].map(m => m * below).filter(value => value >= low && value <= high);
+  };
+  const power = value => Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-9 ? decade(value) : short(value);
+
+  /* Labels of the marks of a horizontal axis that do not run into each other: the last one stays. */
+  const apart = (u, values) => {
+    let free = Infinity;
+    return values.map(value => [value, u.valToPos(value, "x")]).reverse().map(([value, at]) => {
+      if (free - at < 42) return "";
+      free = at;
+      return short(value);
+    }).reverse();
   };
 
   /* Curves of a history on the union of their steps; the last `last` steps of each, counted from their beginning. */
@@ -55,7 +70,7 @@
       values.forEach((value, k) => { made[place.get(s.x[k])] = value; });
       return made;
     };
-    return { x, series: given.map(s => ({ ...s, y: column(s, s.y), names: column(s, s.names || []) })) };
+    return { x, series: given.map(s => ({ ...s, y: column(s, s.y), names: column(s, s.names || []), heights: s.y })) };
   }
 
   /* A curve that speaks at scattered samples only loses its gaps, any other keeps them. */
@@ -76,6 +91,13 @@
       fill.addPath(shape, new DOMMatrix([size, 0, 0, size, px - 16 * size, py - 5 * size]));
     }
     return { stroke: null, fill, clip: null, flags: 3 };
+  };
+
+  /* The line of a series of points in the order that they were given in, which need not be that of the axis. */
+  const joined = s => u => {
+    const stroke = new Path2D();
+    s.x.forEach((x, k) => stroke[k ? "lineTo" : "moveTo"](u.valToPos(x, "x", true), u.valToPos(s.heights[k], "y", true)));
+    return { stroke, fill: null, clip: null, flags: 3 };
   };
 
   class Chart {
@@ -129,19 +151,19 @@
         width: this.width(), height, legend: { show: false },
         scales: { x: { time: false, distr: xlog ? 3 : 1, range: () => chart.window || chart.full }, y: { distr: log ? 3 : 1, range } },
         axes: [
-          { stroke: ink, grid, ticks: grid, font, size: last ? 40 : 6, label: last ? this.spec.x_label : undefined, labelFont: font, labelSize: 14, ...(last ? {} : { values: (u, v) => v.map(() => "") }), ...(xlog ? { splits: (u, axis, low, high) => chart.held.x.length < 7 ? chart.held.x : decades(u, axis, low, high), values: (u, v) => v.map(short), filter: (u, v) => v } : {}) },
-          { stroke: ink, grid, ticks: grid, font, size: 58, label, labelFont: font, labelSize: 16, values: (u, v) => v.map(log ? decade : short), ...(log ? { splits: decades, filter: (u, v) => v } : {}) },
+          { stroke: ink, grid, ticks: grid, font, size: last ? 40 : 6, label: last ? this.spec.x_label : undefined, labelFont: font, labelSize: 14, ...(last ? {} : { values: (u, v) => v.map(() => "") }), ...(xlog ? { splits: (u, axis, low, high) => chart.spec.marks || decades(u, axis, low, high), values: apart, filter: (u, v) => v } : {}) },
+          { stroke: ink, grid, ticks: grid, font, size: 58, label, labelFont: font, labelSize: 16, values: (u, v) => v.map(log ? power : short), ...(log ? { splits: decades, filter: (u, v) => v } : {}) },
         ],
         series: [{}, ...shown.map(s => ({
           label: s.name, show: !ninedisk.hidden.has(s.key), stroke: s.colour, width: s.width * (s.key.startsWith("reference ") ? 1 : 1.1), dash: s.dash.length ? s.dash : undefined,
-          alpha: s.key.startsWith("reference ") ? 0.6 : 1, spanGaps: !s.line || this.spec.kind !== "history" || scattered(s.y),
-          ...(s.line ? {} : { paths: () => null }), points: { show: Boolean(s.shape), fill: s.colour, width: 0, paths: marks(s, this.spec.kind === "history") },
+          alpha: s.key.startsWith("reference ") ? 0.6 : 1, spanGaps: scattered(s.y),
+          ...(this.spec.kind === "history" ? {} : { paths: s.line ? joined(s) : () => null }), points: { show: Boolean(s.shape), fill: s.colour, width: 0, paths: marks(s, this.spec.kind === "history") },
         }))],
         cursor: { drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => { chart.zoom(null); return null; } } },
         hooks: {
           setCursor: [u => chart.point(u)],
           setSelect: [u => { if (u.select.width > 4) chart.zoom([u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")]); u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false); }],
-          draw: log && this.spec.kind === "history" ? [u => chart.tolerances(u, shown)] : [],
+          draw: this.spec.kind === "points" ? [u => chart.guides(u)] : log ? [u => chart.tolerances(u, shown)] : [],
         },
       };
       const made = new uPlot(options, [this.held.x, ...shown.map(s => s.y)], this.box);
@@ -169,6 +191,19 @@
         ctx.fillStyle = s.colour;
         ctx.fillRect(bbox.left + 0.94 * bbox.width, y - 1, 0.06 * bbox.width, 2 * devicePixelRatio);
       }
+    }
+
+    /* Names of the lines to compare with, at their ends: the lowest below its line, the others above. */
+    guides(u) {
+      const { ctx } = u, named = this.held.series.filter(s => s.guide && s.name), end = s => s.heights[s.heights.length - 1];
+      const low = Math.min(...named.map(end));
+      ctx.save();
+      Object.assign(ctx, { font: `${10 * devicePixelRatio}px system-ui, sans-serif`, fillStyle: style("--soft"), textAlign: "right" });
+      for (const s of named) {
+        ctx.textBaseline = end(s) === low ? "top" : "bottom";
+        ctx.fillText(s.name, u.valToPos(s.x[s.x.length - 1], "x", true), u.valToPos(end(s), "y", true));
+      }
+      ctx.restore();
     }
 
     /* Exact values at the sample under the pointer, the largest error first. */
@@ -220,10 +255,23 @@
   }
 
   function start() {
+    const waiting = new Set([...document.querySelectorAll("figure[data-chart]")].filter(figure => ninedisk.data || !figure.dataset.chart.startsWith('{"kind": "history"')));
+    const draw = figure => { seen.unobserve(figure); waiting.delete(figure); new Chart(figure); };
     const seen = new IntersectionObserver(entries => {
-      for (const entry of entries) if (entry.isIntersecting) { seen.unobserve(entry.target); new Chart(entry.target); }
+      for (const entry of entries) if (entry.isIntersecting) draw(entry.target);
     }, { rootMargin: "300px" });
-    for (const figure of document.querySelectorAll("figure[data-chart]")) if (ninedisk.data || !figure.dataset.chart.startsWith('{"kind": "history"')) seen.observe(figure);
+    for (const figure of waiting) seen.observe(figure);
+    /* Paper: every chart that has no picture is drawn, also in folded groups, and in dark ink whatever the screen has. */
+    const print = on => {
+      printing = on;
+      const alone = figure => !figure.querySelector("img");
+      for (const fold of document.querySelectorAll(on ? "details:not([open])" : "details[data-unfolded]"))
+        if ([...fold.querySelectorAll("figure[data-chart]")].some(alone)) { fold.open = on; fold.toggleAttribute("data-unfolded", on); }
+      if (on) for (const figure of [...waiting].filter(alone)) draw(figure);
+      for (const chart of charts) if (alone(chart.figure)) { chart.resize(); chart.redraw(); }
+    };
+    addEventListener("beforeprint", () => print(true));
+    addEventListener("afterprint", () => print(false));
     ninedisk.toggled.push(() => { for (const chart of charts) chart.update(); });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { for (const chart of charts) chart.redraw(); });
   }

@@ -190,6 +190,29 @@ def test_print_and_pages_without_script_show_the_pictures(tab, panel_report):
         tab.call("Emulation.setScriptExecutionDisabled", value=False)
 
 
+def test_charts_without_a_picture_are_printed_in_dark_ink(tab, panel_report):
+    """Also those that the reader has never scrolled to, from a dark screen."""
+    tab.open(panel_report / "case" / "incline-block.html", dark=True)
+    tab.wait("document.documentElement.dataset.data === 'ready'")
+    alone = "[...document.querySelectorAll('figure[data-chart]:not(:has(img))')]"
+    light = (
+        "c => { const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; let n = 0;"
+        " for (let k = 0; k < d.length; k += 4) n += d[k + 3] > 200 && Math.min(d[k], d[k + 1], d[k + 2]) > 215; return n; }"
+    )
+    tab.run(
+        f"addEventListener('beforeprint', () => {{ window.printed = {alone}.map(f => f.querySelector('canvas'))"
+        f".map(c => c && ({light})(c)); }})"
+    )
+    tab.call("Page.printToPDF")
+    printed = tab.run("window.printed")
+    assert len(printed) == 8
+    assert set(printed) == {0}
+    tab.wait(f"{alone}.some(f => ({light})(f.querySelector('canvas')) > 0)")
+    tab.call("Emulation.setEmulatedMedia", media="print")
+    heights = tab.run(f"{alone}.map(f => f.querySelector('canvas').getBoundingClientRect().height)")
+    assert min(heights) > 100
+
+
 def test_a_hostile_name_runs_no_script(quiet, tmp_path, write, small):
     hostile = '<img src=x onerror="window.hacked=1">\'"</script><script>window.hacked=1</script>'
     tables = small(engine=hostile, engine_name=hostile, reason=hostile, why=hostile, quantity=hostile, status="fail")

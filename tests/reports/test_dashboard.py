@@ -1,4 +1,4 @@
-"""The dashboard's pages: worst first, links that lead somewhere, nothing from a run read as markup."""
+"""The dashboard's pages: worst first, links that lead somewhere, nothing from a run read as markup; drawn and silent in a browser."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ from typing import Any
 
 import pytest
 
+from ninedisk.harness.results.compare import compare, side
 from ninedisk.harness.results.history import history
 from ninedisk.harness.results.schema import StoreHistory
 from ninedisk.reports.dashboard import build_dashboard, groups, marks
 from ninedisk.reports.folder import ReportError
+from ninedisk.reports.studies import write_comparison
 
+WIDTHS = (390, 1024, 1440)
+LONG = "an-engine-with-a-name-that-goes-on-and-on-without-a-single-blank-or-anything-else-to-break-a-line-at"
 HOSTILE = "<script>alert(1)</script>\"'&{{ 7*7 }}](x)"
 
 
@@ -176,3 +180,54 @@ def test_pages_are_light(pages: Path) -> None:
     """Fit for a store in a repository: the overview stays below 300 kB, 300 lines with 50 runs below 5 MB."""
     assert (pages / "index.html").stat().st_size < 300_000
     assert sum(path.stat().st_size for path in pages.rglob("*") if path.is_file()) < 5_000_000
+
+
+def test_pages_in_a_browser(synthetic: ModuleType, tab: Any, tmp_path: Path) -> None:
+    """From disk, at every width: no sideways scrolling, no message on the console, exact values by keyboard."""
+    key = ("nine-disk/distortion", "k=1", "dem", "energy_final")
+    plan = synthetic.Plan(
+        runs=40,
+        errors={key: (30, 10.0)},
+        timings={("slip-to-roll", "k=0", "dem"): (20, 2.0)},
+        cells={("incline-block", "k=1", LONG): (20, "error", LONG * 3)},
+        engines={"dem": "ninedisk DEM", "yade": "YADE", LONG: LONG, **{f"e{k}": f"Engine {k}" for k in range(6)}},
+    )
+    runs = synthetic.snapshots(plan)
+    found = history(runs)
+    folder = build_dashboard(found, tmp_path / "out", silent).parent
+    write_comparison(compare(side(runs[:30]), side(runs[30:])), folder / "compare" / "alone.html")
+    around = next(iter((folder / "compare").glob("2026*.html"))).name
+    tab.complaints.clear()
+    for name in ("index.html", "lines/nine-disk-distortion-dem.html", f"compare/{around}", "compare/alone.html"):
+        for width in WIDTHS:
+            tab.open(folder / name, width)
+            scroll, client = tab.run("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+            assert scroll <= client == width, name
+            drawn = (
+                "[...document.querySelectorAll('svg.line')].filter(s => s.getBoundingClientRect().height > 10).length"
+            )
+            assert tab.run(drawn) > 0 or name.startswith("compare"), name
+    assert tab.complaints == []
+
+    tab.open(folder / "lines" / "nine-disk-distortion-dem.html")
+    tab.run("document.querySelector('svg[data-points]').focus()")
+    tab.key("End")
+    # The marked line of the first machine comes first; its last point, as the records have it.
+    line = next(line for line in found.lines if line.shifts and line.case == key[0] and line.quantity == key[3])
+    value, _, when, versions = tab.run("document.getElementById('tip').textContent").splitlines()[:4]
+    assert value.startswith(f"{line.points[-1].value:.6g} J = ")
+    assert float(value.split()[0]) == pytest.approx(line.points[-1].value, rel=1e-5)
+    assert found.runs[line.points[-1].run].commit[:12] in when
+    assert versions == "ninedisk 0.1.0, engine 1.0"
+    tab.key("Escape")
+    assert tab.run("document.getElementById('tip').hidden")
+    assert tab.complaints == []
+
+
+def test_an_error_on_the_console_is_seen(tab: Any, tmp_path: Path) -> None:
+    """The test above would notice."""
+    page = "<!doctype html><html><head></head><body><script>undefinedFunction();</script></body></html>"
+    (tmp_path / "bad.html").write_text(page, encoding="utf-8")
+    tab.complaints.clear()
+    tab.open(tmp_path / "bad.html")
+    assert any("undefinedFunction" in complaint for complaint in tab.complaints)

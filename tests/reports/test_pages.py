@@ -104,6 +104,7 @@ def test_every_figure_is_used_and_has_a_text_alternative(panel_report, pages):
 def test_pages_are_light(panel_report):
     assert (panel_report / "index.html").stat().st_size < 300_000
     assert sum(path.stat().st_size for path in panel_report.rglob("*") if path.is_file()) < 15_000_000
+    assert max(path.stat().st_size for path in panel_report.rglob("*.html")) < 1_000_000
 
 
 def test_overview_ranks_the_worst_first(panel_store, panel_report):

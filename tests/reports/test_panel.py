@@ -82,6 +82,8 @@ def test_numbers_as_text():
     assert [text.ratio(x) for x in (0.5, 12345.0, 3e-9, math.inf, math.nan)] == ["0.5", "1.2e4", "3.0e-9", "∞", "—"]
     assert [text.seconds(x) for x in (2.0, 0.0123, 4e-6, math.nan)] == ["2 s", "12.3 ms", "4 µs", "—"]
     assert text.number(-math.inf) == "—"
+    factors = (1.5, 9.94, 12.3, 12345.0, 1e-3, math.inf)
+    assert [text.factor(x) for x in factors] == ["1.50", "9.94", "12", "1.2e4", "1.0e-3", "∞"]
 
 
 def test_slugs_stay_in_their_folder_and_apart():

@@ -8,7 +8,7 @@ import numpy as np
 
 
 def read_request():
-    """Request of `ninedisk.harness.bench.dem_engines`: JSON on standard input, with the disks' arrays from its file."""
+    """Request of `ninedisk.harness.bench.dem`: JSON on standard input, with the disks' arrays from its file."""
     request = json.load(sys.stdin)
     with np.load(request["disks"]) as data:
         request |= {name: data[name] for name in data.files}

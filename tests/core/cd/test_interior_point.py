@@ -10,7 +10,7 @@ from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers import interior_point as interior_point_run
 from ninedisk.core.cd.solvers.factorise import BodyGraph, BodyMatrix
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint, Run
-from ninedisk.harness.bench.cd_problems import lattice, resting
+from ninedisk.harness.bench.cd import lattice, resting
 
 DEPTHS = (10, 40, 160)
 FEW = 7

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from ninedisk.core import packings as scenes
-from ninedisk.harness.bench import dem_problems as packings
-from ninedisk.harness.bench.dem_problems import DemProblem, makers
+from ninedisk.core import packings
+from ninedisk.harness.bench import dem
+from ninedisk.harness.bench.dem import DemProblem, makers
 
 
 @pytest.fixture
 def packing_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache of packings."""
     folder = tmp_path / "packings"
-    monkeypatch.setattr(packings, "_folder", lambda: folder)
+    monkeypatch.setattr(dem, "_folder", lambda: folder)
     return folder
 
 
@@ -23,6 +23,6 @@ def packing_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def settled() -> DemProblem:
     """60 disks, without a word about any cache."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ninedisk.harness.bench.dem_problems.packing", scenes.settled_packing)
+        patch.setattr(dem, "packing", packings.settled_packing)
         (problem,) = makers([60], lambda name: name.endswith("-short"))["settled-60-short"]()
     return problem

@@ -17,11 +17,9 @@ from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers import gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.harness.api.engine import EngineNotInstalledError
-from ninedisk.harness.bench import cd_problems, cd_solvers, cd_suite
-from ninedisk.harness.bench.cd_problems import lattice, resting, turned_gravity
-from ninedisk.harness.bench.cd_solvers import Solver, Task, solvers
-from ninedisk.harness.bench.dem_engines import cores
-from ninedisk.harness.bench.measure import NotReachedError
+from ninedisk.harness.bench import cd
+from ninedisk.harness.bench.cd import Solver, Task, lattice, resting, solvers, turned_gravity
+from ninedisk.harness.bench.measure import NotReachedError, cores
 from ninedisk.harness.engines.package import package_version
 from ninedisk.harness.engines.siconos.adapter import SYSTEM_PYTHON, installed_siconos
 from ninedisk.harness.results.schema import Row
@@ -61,7 +59,7 @@ def test_the_lattice_has_the_contacts_of_a_lattice(problem: ContactProblem) -> N
     m, n = ROWS, COLUMNS
     assert problem.n_contacts == m * (n - 1) + (m - 1) * (2 * n - 1) + n + m
     assert not problem.compliance.any()
-    assert (problem.mu == cd_problems.MU).all()
+    assert (problem.mu == cd.MU).all()
     assert not problem.offset.any()
 
 
@@ -75,7 +73,7 @@ def test_the_forces_of_the_solution_bear_the_weight(packed: ContactProblem) -> N
     weight = -float(packed.force[:, 1].sum())
     assert vertical.sum() == pytest.approx(weight + falling, rel=1e-12)
     assert abs(falling) < 0.02 * weight
-    assert np.abs(result.v[:, :2]).max() <= packings.GRAVITY * cd_problems.DT * (1.0 + 1e-9)
+    assert np.abs(result.v[:, :2]).max() <= packings.GRAVITY * cd.DT * (1.0 + 1e-9)
 
 
 def test_gravity_is_turned_and_nothing_else(problem: ContactProblem) -> None:
@@ -134,18 +132,15 @@ def test_what_is_not_reached_in_time_is_told_with_its_figures(
     assert 0.0 < facts["natural_map"] <= 1.0
 
 
-def rows_of(problem: ContactProblem, some: list[Solver], folder: Path) -> list[Row]:
-    return list(
-        chain.from_iterable(
-            cd_suite.run_problem("p", problem, some, folder, repeats=2, time_limit=20.0, tell=lambda _: None)
-        )
-    )
+def rows_of(problem: ContactProblem, some: list[Solver]) -> list[Row]:
+    found = cd.run_problem("p", lambda: problem, some, repeats=2, time_limit=20.0, tell=lambda _: None)
+    return list(chain.from_iterable(found))
 
 
-def test_rows_cold_and_warm_at_every_tolerance(problem: ContactProblem, tmp_path: Path) -> None:
+def test_rows_cold_and_warm_at_every_tolerance(problem: ContactProblem) -> None:
     some = [by_name(name) for name in ("interior-point", "gauss-seidel", "gauss-seidel, Coulomb")]
-    rows = rows_of(problem, some, tmp_path)
-    assert len(rows) == 3 * 2 * len(cd_suite.TOLERANCES)
+    rows = rows_of(problem, some)
+    assert len(rows) == 3 * 2 * len(cd.TOLERANCES)
     assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
     assert all(row["check_value"] <= row["check_bound"] for row in rows)
     assert all(row["ratio"] == 1.0 for row in rows if row["engine"] == row["base"])
@@ -153,37 +148,35 @@ def test_rows_cold_and_warm_at_every_tolerance(problem: ContactProblem, tmp_path
 
 
 @pytest.mark.skipif(cores() < 2, reason="needs two cores")
-def test_threads_have_rows_where_they_have_work(
-    problem: ContactProblem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_threads_have_rows_where_they_have_work(problem: ContactProblem, monkeypatch: pytest.MonkeyPatch) -> None:
     """Same sweeps, same figures; a small problem, which one thread sweeps alone, has no such row."""
     some = [by_name("gauss-seidel"), by_name("gauss-seidel, 2 threads")]
-    assert {row["threads"] for row in rows_of(problem, some, tmp_path)} == {1}
+    assert {row["threads"] for row in rows_of(problem, some)} == {1}
     monkeypatch.setattr(gauss_seidel, "STRIPED_FROM", 10)
-    monkeypatch.setattr(cd_suite, "STRIPED_FROM", 10)
-    rows = rows_of(problem, some, tmp_path)
+    monkeypatch.setattr(cd, "STRIPED_FROM", 10)
+    rows = rows_of(problem, some)
     assert {row["status"] for row in rows} == {"pass"}
     one, two = ([row for row in rows if row["threads"] == threads] for threads in (1, 2))
     for key in ("start", "tolerance", "iterations", "natural_map", "duality_gap"):
         assert [row[key] for row in one] == [row[key] for row in two]
 
 
-def test_a_solver_that_claims_too_much_is_not_timed(problem: ContactProblem, tmp_path: Path) -> None:
+def test_a_solver_that_claims_too_much_is_not_timed(problem: ContactProblem) -> None:
     base = by_name("interior-point")
 
     def boast(asked: Task, limit: float) -> Any:
         sample = base.solve(asked, limit)
         # Its own word is "solved", but the forces are 1 % off.
         result = InteriorPoint(SolverOptions(tolerance=1e-10)).solve(asked.problem)
-        return replace(sample, facts=cd_solvers.facts_of(asked, 1.01 * result.r, 3))
+        return replace(sample, facts=cd.facts_of(asked, 1.01 * result.r, 3))
 
-    rows = rows_of(problem, [base, replace(base, name="boaster", solve=boast)], tmp_path)
+    rows = rows_of(problem, [base, replace(base, name="boaster", solve=boast)])
     bad = [row for row in rows if row["engine"] == "boaster"]
     assert {row["status"] for row in bad} == {"fail"}
     assert all(math.isnan(row["median_s"]) and math.isnan(row["ratio"]) for row in bad)
 
 
-def test_a_solver_that_misses_a_target_is_not_asked_for_more(problem: ContactProblem, tmp_path: Path) -> None:
+def test_a_solver_that_misses_a_target_is_not_asked_for_more(problem: ContactProblem) -> None:
     asked: list[float] = []
 
     def weak(one: Task, limit: float) -> Any:  # noqa: ARG001
@@ -191,7 +184,7 @@ def test_a_solver_that_misses_a_target_is_not_asked_for_more(problem: ContactPro
         raise NotReachedError("weak", {"natural_map": 0.1, "duality_gap": 0.2, "iterations": 5, "seconds": 2.0})
 
     base = by_name("interior-point")
-    rows = rows_of(problem, [base, replace(base, name="weak", solve=weak, sweeps=True)], tmp_path)
+    rows = rows_of(problem, [base, replace(base, name="weak", solve=weak, sweeps=True)])
     assert asked == [1e-4, 1e-4]
     row = next(row for row in rows if row["engine"] == "weak")
     assert (row["status"], row["natural_map"], row["duality_gap"]) == ("not-reached", 0.1, 0.2)
@@ -199,7 +192,7 @@ def test_a_solver_that_misses_a_target_is_not_asked_for_more(problem: ContactPro
 
 
 def test_names_and_sizes() -> None:
-    assert list(cd_problems.problems([1000, 10_000], large=True)) == [
+    assert list(cd.problems([1000, 10_000], large=True)) == [
         "packing-1000",
         "packing-10000",
         "column-1000",

@@ -12,10 +12,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from ninedisk.harness.api.engine import EngineError
-from ninedisk.harness.bench import harness_suite, plan
-from ninedisk.harness.bench import records as table
+from ninedisk.harness.bench import harness, plan
 from ninedisk.harness.bench.measure import Sample
-from ninedisk.harness.bench.records import new_row
+from ninedisk.harness.bench.records import new_row, show
 from ninedisk.harness.cli import bench as cli_bench
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.schema import Row
@@ -76,7 +75,7 @@ def test_a_small_run_writes_record_and_page(here: Path, packing_folder: Path) ->
     assert record["argv"][0] == "ninedisk"
     page = by_suffix[".html"].read_text()
     assert "settled-40-short" in page
-    assert "data:image/svg+xml" in page
+    assert '<figure class="chart"' in page
 
 
 @pytest.mark.parametrize(("statuses", "code"), [(("pass", "not-reached"), 0), (("fail",), 1), (("fail", "error"), 3)])
@@ -100,15 +99,11 @@ def test_libraries_use_one_thread_and_the_environment_comes_back(monkeypatch: py
 def harness_rows(monkeypatch: pytest.MonkeyPatch, outcomes: list[str]) -> list[Row]:
     left = list(outcomes)
     monkeypatch.setattr(
-        harness_suite,
+        harness,
         "_run",
         lambda *_: Sample(seconds=1.0, whole=1.0, facts={"outcome": left.pop(0), "cpu": 1.0}),
     )
-    return list(
-        chain.from_iterable(
-            harness_suite.run((), [harness_suite.COLD], repeats=2, time_limit=60.0, tell=lambda *_: None)
-        )
-    )
+    return list(chain.from_iterable(harness.run((), harness.COLD, repeats=2, time_limit=60.0, tell=lambda _: None)))
 
 
 def test_jobs_have_to_agree_with_one_job(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,9 +114,7 @@ def test_jobs_have_to_agree_with_one_job(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_the_harness_is_timed_on_a_case_with_cached_kernels() -> None:
-    (rows,) = harness_suite.run(
-        ("invariance/galilei",), [harness_suite.CACHED], repeats=1, time_limit=120.0, tell=lambda *_: None
-    )
+    (rows,) = harness.run(("invariance/galilei",), harness.CACHED, repeats=1, time_limit=120.0, tell=lambda _: None)
     assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
     assert "cells:" in rows[0]["check"]
     assert [row["threads"] for row in rows] == [1, 2]
@@ -129,14 +122,14 @@ def test_the_harness_is_timed_on_a_case_with_cached_kernels() -> None:
 
 
 def test_the_appendix_is_meant_by_its_cases() -> None:
-    cases = harness_suite._of_the_appendix()
+    cases = harness._of_the_appendix()
     assert {"nine-disk/compression", "nine-disk/distortion", "binary-collision", "incline-block"} < set(cases)
     assert not {"gas/elastic", "invariance/units"} & set(cases)
 
 
 def test_a_harness_run_that_fails_is_an_error() -> None:
     with pytest.raises(EngineError, match="exit code 2"):
-        harness_suite._run(("no-such-case",), False, 1, 60.0)
+        harness._run(("no-such-case",), False, 1, 60.0)
 
 
 def test_tables_and_pages_bear_rows_without_numbers(here: Path) -> None:
@@ -144,7 +137,7 @@ def test_tables_and_pages_bear_rows_without_numbers(here: Path) -> None:
         new_row(suite=suite, problem="settled-1", engine="<e>", status="not-installed", reason="<b>missing</b>")
         for suite in ("dem", "cd", "harness")
     ]
-    table.show(rows, [])
+    show(rows, [])
     assert all(charts(rows, suite) == [] for suite in ("dem", "cd", "harness"))
     facts = {"commit": "", "cpu": "c", "cores": 2, "python": "3"}
     write_bench({"run_id": "r", "argv": [], "provenance": facts, "versions": {}, "rows": rows}, here / "page.html")

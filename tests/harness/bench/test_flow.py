@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +14,9 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Disks, Scene
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
 from ninedisk.harness.api.registry import get_engine
-from ninedisk.harness.bench import flow as flow_suite
+from ninedisk.harness.bench import flow
 from ninedisk.harness.bench.flow import FlowProblem, apart, relative_gaps
+from ninedisk.harness.results.schema import Row
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +26,11 @@ def problem() -> FlowProblem:
     v = np.random.default_rng(1).normal(0.0, 3.0, (40, 2))
     disks = Disks(x=scene.disks.x, v=v, radius=scene.disks.radius, mass=scene.disks.mass)
     return FlowProblem(name="drum-40", scene=apart(scene.replace(disks=disks)), steps=16)
+
+
+def rows_of(problem: FlowProblem, chosen: list[flow.Entry], engines: dict[str, Any]) -> list[Row]:
+    (rows,) = flow.run_problem(lambda: problem, chosen, engines, repeats=1, time_limit=60.0, tell=lambda _: None)
+    return rows
 
 
 class Drifting:
@@ -59,27 +66,25 @@ def test_gaps_of_a_scene_in_closed_form() -> None:
 
 
 def test_rows_of_ours_and_of_another_flow(problem: FlowProblem) -> None:
-    chosen = [each for each in flow_suite.entries(lambda _: False) if each.name in (flow_suite.BASE, "dem, kn x 1")]
+    chosen = [each for each in flow.entries(lambda _: False) if each.name in (flow.BASE, "dem, kn x 1")]
     engines = {"cd": get_engine("cd"), "dem": get_engine("dem")}
-    rows = flow_suite.run_problem(problem, chosen, engines, repeats=1, time_limit=60.0, tell=lambda _: None)
+    rows = rows_of(problem, chosen, engines)
     ours, springs = rows
     assert [row["status"] for row in rows] == ["pass", "pass"]
     assert ours["penetration"] < 1e-5 < springs["penetration"], "springs overlap, rigid contacts hardly"
-    assert 0.0 <= ours["natural_map"] <= flow_suite.TOLERANCE
+    assert 0.0 <= ours["natural_map"] <= flow.TOLERANCE
     assert ours["rate"] == pytest.approx(ours["median_s"] / problem.seconds)
 
-    other = flow_suite.run_problem(
-        problem, chosen, engines | {"dem": Drifting()}, repeats=1, time_limit=60.0, tell=lambda _: None
-    )[1]
+    other = rows_of(problem, chosen, engines | {"dem": Drifting()})[1]
     assert other["status"] == "fail"
     assert not math.isfinite(other["median_s"])
     assert "another flow" in other["reason"]
 
 
 def test_what_an_engine_lacks_is_said(problem: FlowProblem) -> None:
-    chosen = [flow_suite.entries(lambda _: False)[0]]
-    chosen += [each for each in flow_suite.entries(lambda name: name == "mujoco") if each.engine == "mujoco"]
+    chosen = [flow.entries(lambda _: False)[0]]
+    chosen += [each for each in flow.entries(lambda name: name == "mujoco") if each.engine == "mujoco"]
     engines = {"cd": get_engine("cd"), "mujoco": get_engine("mujoco")}
-    row = flow_suite.run_problem(problem, chosen, engines, repeats=1, time_limit=60.0, tell=lambda _: None)[1]
+    row = rows_of(problem, chosen, engines)[1]
     assert row["status"] in ("unsupported", "not-installed")
     assert row["reason"]

@@ -1,19 +1,15 @@
-"""The record on disk, the packings in their cache."""
+"""The record on disk."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
 from pathlib import Path
 
-import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from ninedisk.core import packings as scenes
 from ninedisk.harness.api.errors import StoreError, UsageError
-from ninedisk.harness.bench import dem_problems as packings
 from ninedisk.harness.bench.records import COLUMNS, new_row, prepare_folder, write_records
 
 
@@ -49,29 +45,3 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
         prepare_folder(tmp_path / "file")
     with pytest.raises(StoreError, match="cannot be written"):
         write_records(tmp_path / "nowhere", "run", {}, [])
-
-
-def test_a_packing_settles_once(packing_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = packings.packing(30)
-    assert len(list(packing_folder.iterdir())) == 1
-    with monkeypatch.context() as patch:
-        patch.setattr(scenes, "settled_packing", lambda *_, **__: pytest.fail("settled again"))
-        again = packings.packing(30)
-    assert np.array_equal(first.disks.x, again.disks.x)
-    assert first.initial_shear == again.initial_shear
-    (file,) = packing_folder.iterdir()
-    file.write_bytes(file.read_bytes()[:100])
-    mended = packings.packing(30)
-    assert np.array_equal(first.disks.x, mended.disks.x)
-
-
-def test_large_packings_are_copies(packing_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001
-    monkeypatch.setattr(packings, "LARGEST_SETTLED", 30)
-    assert len(packings.packing(90).disks) == 3 * len(packings.packing(30).disks)
-
-
-@pytest.mark.skipif(os.name == "posix" and os.geteuid() == 0, reason="root may write anywhere")
-def test_a_cache_that_cannot_be_written_is_no_error(packing_folder: Path) -> None:
-    packing_folder.mkdir()
-    packing_folder.chmod(0o500)
-    assert len(packings.packing(30).disks) > 20

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -33,34 +33,25 @@ COMPLETE = (0, 1)
 """Exit codes of a run that did all it should: failed checks of an engine are findings, errors and crashes are not."""
 
 
-def run(
-    globs: Sequence[str],
-    problems: Sequence[str],
-    *,
-    repeats: int,
-    time_limit: float,
-    tell: Callable[[str, str], None],
-) -> Iterator[list[Row]]:
+def run(globs: Sequence[str], problem: str, *, repeats: int, time_limit: float, tell: Tell) -> Iterator[list[Row]]:
     """Rows of the whole run of ``ninedisk run`` on `ENGINES`, with each of `JOBS`.
 
     Parameters
     ----------
     globs : sequence of str
         Cases; none: those that the problem means.
-    problems : sequence of str
-        Some of `PROBLEMS`.
+    problem : str
+        One of `PROBLEMS`.
     """
-    for problem in problems:
-        chosen = tuple(globs) or (() if problem == ALL else _of_the_appendix())
-        if problem != COLD:
-            tell(problem, "a first run, to fill the cache")
-            first = interleave([_contender(chosen, problem, 1)], repeats=1, time_limit=time_limit)
-            if not first[_name(1)].samples:
-                yield _rows(problem, first, JOBS[:1])
-                continue
-        told: Tell = partial(tell, problem)
-        contenders = [_contender(chosen, problem, count) for count in JOBS]
-        yield _rows(problem, interleave(contenders, repeats=repeats, time_limit=time_limit, tell=told), JOBS)
+    chosen = tuple(globs) or (() if problem == ALL else _of_the_appendix())
+    if problem != COLD:
+        tell("a first run, to fill the cache")
+        first = interleave([_contender(chosen, problem, 1)], repeats=1, time_limit=time_limit)
+        if not first[_name(1)].samples:
+            yield _rows(problem, first, JOBS[:1])
+            return
+    contenders = [_contender(chosen, problem, count) for count in JOBS]
+    yield _rows(problem, interleave(contenders, repeats=repeats, time_limit=time_limit, tell=tell), JOBS)
 
 
 def _of_the_appendix() -> tuple[str, ...]:

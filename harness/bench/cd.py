@@ -1,27 +1,26 @@
-"""The contact solvers of the suite ``cd``: the core's own, general solvers of quadratic programs, and Siconos.
+"""Suite ``cd``: contact problems of packings at rest, on the core's solvers, Clarabel, PIQP and Siconos.
 
-Whatever a solver says of itself, its forces are judged by `ninedisk.core.cd.problem.measure`, with the velocities that follow
-from them.
+Problems are rigid and frictional, at rest under gravity: one step from velocity zero. Whatever a solver says of itself, its forces are
+judged by `ninedisk.core.cd.problem.measure`, with the velocities that follow from them.
 
-The convex program of a contact problem for general solvers of quadratic programs.
-
-In the unknowns velocities and ray forces, ``r = G a`` with ``a >= 0``, every one in units of sqrt(energy)::
+General solvers of quadratic programs get a convex program in the unknowns velocities and ray forces, ``r = G a`` with ``a >= 0``, every
+one in units of sqrt(energy)::
 
     min 1/2 v' M v + 1/2 r' C r + (g - C (0, q0))' r    subject to    M v - H' r = f,  a >= 0
 
-whose value at ``M v = f + H' r`` is the objective ``D(r) = 1/2 r' W r + b' r`` and a constant, but which is sparse and never
-forms W.
+whose value at ``M v = f + H' r`` is the objective ``D(r) = 1/2 r' W r + b' r`` and a constant, but which is sparse and never forms W.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cache
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -32,19 +31,53 @@ from numpy.typing import NDArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, Sliding, measure
 from ninedisk.core.cd.settings import SolverOptions, SolverResult
 from ninedisk.core.cd.solvers.coulomb import CoulombInteriorPoint
-from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.solvers.gauss_seidel import STRIPED_FROM, solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
-from ninedisk.core.errors import SolverNotConvergedError
+from ninedisk.core.disks import Disks
+from ninedisk.core.errors import CoreError, SolverNotConvergedError
+from ninedisk.core.law import ContactLaw
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.packings import DENSITY, GRAVITY
+from ninedisk.core.scene import Scene
+from ninedisk.core.walls import Wall
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
-from ninedisk.harness.bench.dem_engines import cores
-from ninedisk.harness.bench.measure import NotReachedError, Sample
+from ninedisk.harness.bench.dem import packing
+from ninedisk.harness.bench.measure import (
+    DRIVERS,
+    Contender,
+    Measured,
+    NotReachedError,
+    Sample,
+    Tell,
+    ask,
+    cores,
+    interleave,
+    timings,
+)
+from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.engines.process import SYSTEM_PYTHON, clean_environment, package_version, system_python
 from ninedisk.harness.engines.siconos.adapter import INSTALL, installed_siconos
-from ninedisk.harness.run.isolation import run_isolated
+from ninedisk.harness.results.schema import Row
 
 FloatArray = NDArray[np.float64]
-DRIVER = Path(__file__).parent / "drivers" / "siconos_bench.py"
-
+DT, MU = 1e-3, 0.3
+SIZES, LARGE = (1_000, 10_000), (100_000,)
+COLUMN = 50.0
+"""Height over width of the tall column."""
+ROWS, COLUMNS, MORE_COLUMNS = 50, 200, 2_000
+"""Of the hexagonal lattice."""
+TURN = math.radians(1.0)
+"""Angle by which gravity is turned in the problem whose forces make the warm start."""
+TOUCHING = 1e-6
+"""Gap over radius up to which two bodies are in contact; the overlaps of a settled packing are closed contacts all the same."""
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
+BASE: Mapping[Sliding, str] = {
+    "associated": "interior-point",
+    "coulomb": "gauss-seidel, Coulomb",
+}
+"""Solver of each rule that the ratios refer to."""
+REFERENCE = 1e-10
+"""Tolerance of the solutions that start warm solvers and that objectives are compared with."""
 TIGHTER = 0.1
 """Factor of an external solver's own tolerance where its answer misses the target: it measures something else."""
 TIGHTEST = 1e-14
@@ -54,6 +87,82 @@ START_UP = 60.0
 """Seconds that an external process may take besides the solver's own time: imports, reading, setting up."""
 UNBOUNDED = 10**9
 """Sweeps of Gauss-Seidel: the time limit alone stops them."""
+
+
+def problems(
+    sizes: list[int], *, large: bool, progress: Callable[[int, int], None] | None = None
+) -> dict[str, Callable[[], ContactProblem]]:
+    """Makers of the problems by name; the tall column has as many disks as the smallest packing."""
+    made: dict[str, Callable[[], ContactProblem]] = {}
+    for n in sizes:
+        made[f"packing-{n}"] = lambda n=n: resting(packing(n, progress=progress))  # type: ignore[misc]
+    if sizes:
+        made[f"column-{sizes[0]}"] = lambda: resting(packing(sizes[0], aspect=COLUMN, progress=progress))
+    for columns in (COLUMNS, MORE_COLUMNS)[: 2 if large else 1]:
+        made[f"lattice-{ROWS}x{columns}"] = lambda columns=columns: resting(lattice(ROWS, columns))  # type: ignore[misc]
+    return made
+
+
+def lattice(rows: int, columns: int, radius: float = 0.5) -> Scene:
+    """Equal disks in the densest lattice, each row shifted by a radius, between walls that all touch."""
+    law = ContactLaw(kn=1.0, mu=MU, regularised=True)
+    j, i = np.divmod(np.arange(rows * columns), columns)
+    x = np.column_stack([radius * (1.0 + 2.0 * i + j % 2), radius * (1.0 + math.sqrt(3.0) * j)])
+    width = radius * (2.0 * columns + 1.0)
+    walls = (
+        Wall(name="left", point=(0.0, 0.0), normal=(1.0, 0.0), law=law),
+        Wall(name="right", point=(width, 0.0), normal=(-1.0, 0.0), law=law),
+        Wall(name="bottom", point=(0.0, 0.0), normal=(0.0, 1.0), law=law),
+    )
+    ones = np.ones(len(x))
+    disks = Disks(x=x, radius=radius * ones, mass=DENSITY * math.pi * radius**2 * ones)
+    return Scene(disks=disks, disk_disk=law, walls=walls, gravity=(0.0, -GRAVITY))
+
+
+def resting(scene: Scene) -> ContactProblem:
+    """The contact problem of one step `DT` from rest, with every touching pair a rigid contact that is just closed.
+
+    Parameters
+    ----------
+    scene : Scene
+        Disks that touch or overlap; their own laws do not matter.
+    """
+    from ninedisk.core.cd.contacts import Place, contact_frames
+    from ninedisk.core.cd.laws import LawTable
+    from ninedisk.core.cd.solvers.solver import ContactSolver
+    from ninedisk.core.cd.step import DynamicStep, bodies_of
+    from ninedisk.core.dem.neighbours import PairFinder
+    from ninedisk.core.motion import compile_motion, wall_poses
+
+    law = ContactLaw(kn=1.0, mu=MU, regularised=True)
+    rigid = scene.replace(
+        disk_disk=law,
+        walls=tuple(replace(wall, law=law) for wall in scene.walls),
+        initial_shear={},
+    )
+    radius, x = scene.disks.radius, scene.disks.x.copy()
+    poses = wall_poses(compile_motion(rigid.walls), 0.0)
+    numerics = Numerics(dt=DT, n_steps=1)
+    laws = LawTable(rigid, numerics, "rigid")
+    pairs = PairFinder(radius, len(rigid.walls)).within(x, poses, TOUCHING * float(radius.min()))
+    frames = contact_frames(pairs, x, radius, poses, poses, laws)
+    closed = frames._replace(gap=np.zeros(len(pairs)), gap_before=np.zeros(len(pairs)))
+    solver = ContactSolver("interior-point", SolverOptions(), "associated")
+    place = Place(x, np.zeros(len(x)), radius, poses, poses)
+    rest = np.zeros((len(x), 3))
+    step = DynamicStep(bodies_of(rigid), laws, solver, rest, DT, 1.0, place.round_off())
+    made = step.problem(closed, np.zeros((len(pairs), 2)))
+    # Contacts are closed by definition here, not by coordinates: nothing about them is unresolved.
+    return replace(made, resolution=0.0)
+
+
+def turned_gravity(problem: ContactProblem, angle: float = TURN) -> ContactProblem:
+    """The same contacts under gravity turned by ``angle`` [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    force = problem.force.copy()
+    force[:, 0] = c * problem.force[:, 0] - s * problem.force[:, 1]
+    force[:, 1] = s * problem.force[:, 0] + c * problem.force[:, 1]
+    return replace(problem, force=force)
 
 
 @dataclass(frozen=True)
@@ -190,11 +299,11 @@ def _quadratic(name: str) -> Callable[[Task, float], Sample]:
     def solve(task: Task, limit: float) -> Sample:
         if package_version(name)[0] is None:
             raise EngineNotInstalledError(f"{name} is not installed: pip install {name}")
-        command = [sys.executable, "-P", "-s", "-m", "ninedisk.harness.bench.qp_worker"]
+        command = [sys.executable, "-P", "-s", str(DRIVERS / "qp_bench.py")]
 
         def ask(own: float, left: float) -> dict[str, Any]:
             request = {"solver": name, "problem": str(task.file), "tolerance": own, "time_limit": left}
-            return _ask(command, request, left, None)
+            return _asked(command, request, left)
 
         return _tightened(task, needed, ask, limit)
 
@@ -213,7 +322,8 @@ class _Siconos:
         def ask(own: float, left: float) -> dict[str, Any]:
             sweeps = max(10, int(left / (SICONOS_SWEEP * task.problem.n_contacts)))
             request = {"problem": str(task.file), "tolerance": own, "max_iterations": sweeps}
-            return _ask(system_python(str(DRIVER)), request, 2.0 * left, clean_environment())
+            command = system_python(str(DRIVERS / "siconos_bench.py"))
+            return _asked(command, request, 2.0 * left, clean_environment())
 
         return _tightened(task, self._needed, ask, limit)
 
@@ -252,27 +362,16 @@ def _closer(one: dict[str, Any], other: dict[str, Any]) -> bool:
     return bool(max(one["natural_map"], one["duality_gap"]) < max(other["natural_map"], other["duality_gap"]))
 
 
-def _ask(
-    command: Sequence[str], request: dict[str, Any], limit: float, environment: dict[str, str] | None
+def _asked(
+    command: Sequence[str], request: Mapping[str, Any], limit: float, environment: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="ninedisk-bench-", ignore_cleanup_errors=True) as folder:
-        answer = Path(folder) / "answer.npz"
-        text = json.dumps({**request, "answer": str(answer)})
-        done = run_isolated(command, stdin=text, time_limit=limit + START_UP, cwd=folder, env=environment)
-        try:
-            with np.load(answer) as data:
-                found: dict[str, Any] = {key: data[key] for key in data.files}
-        except (OSError, ValueError) as error:
-            raise EngineError(f"no readable answer ({error}): {done.last_lines() or 'it printed nothing'}") from error
-    if "error" in found:
-        raise EngineError(f"it gave up: {found['error']}")
-    return found
+        return ask(command, request, Path(folder), limit=limit + START_UP, environment=environment)
 
 
 @cache
 def warm_up() -> None:
     """Compile or load the kernels of all in-house solvers, so that no measurement pays for it."""
-    from ninedisk.harness.bench.cd_problems import lattice, resting
 
     tiny = resting(lattice(3, 4))
     for solver in solvers():
@@ -353,3 +452,120 @@ def program(problem: ContactProblem) -> Program:
         _rays=rays,
         _size=size,
     )
+
+
+def run_problem(
+    name: str,
+    make: Callable[[], ContactProblem],
+    solvers: Sequence[Solver],
+    *,
+    repeats: int,
+    time_limit: float,
+    tell: Tell,
+) -> Iterator[list[Row]]:
+    """Rows of one problem, cold and warm, one tolerance after the other.
+
+    A solver that misses a tolerance is not asked for a tighter one.
+    """
+    warm_up()
+    tell("making the problem")
+    problem = make()
+    with tempfile.TemporaryDirectory(prefix="ninedisk-bench-", ignore_cleanup_errors=True) as folder:
+        file = Path(folder) / "problem.npz"  # what other processes read
+        problem.save(file)
+        yield from _rows(name, problem, file, solvers, repeats=repeats, time_limit=time_limit, tell=tell)
+
+
+def _rows(
+    name: str,
+    problem: ContactProblem,
+    file: Path,
+    solvers: Sequence[Solver],
+    *,
+    repeats: int,
+    time_limit: float,
+    tell: Tell,
+) -> Iterator[list[Row]]:
+    _ = problem.b, problem.rho, problem.blocks  # made once, by nobody's clock
+    tell("reference solutions")
+    optimum = _solution(problem, time_limit)
+    near = _solution(turned_gravity(problem), time_limit)
+    best = None if optimum is None else problem.objective(optimum)
+    for start, forces in (("cold", None), ("warm", near)):
+        if start == "warm" and forces is None:
+            continue
+        alive = [solver for solver in solvers if (start == "cold" or solver.warm) and _can_share(solver, problem)]
+        for tolerance in TOLERANCES:
+            found = interleave(
+                [
+                    Contender(
+                        name=solver.name,
+                        run=partial(solver.solve, Task(problem, file, solver.sliding, tolerance, forces)),
+                        cores=solver.threads,
+                    )
+                    for solver in alive
+                ],
+                repeats=repeats,
+                time_limit=time_limit,
+                tell=lambda text, start=start, tolerance=tolerance: tell(f"{start}, {tolerance:g}: {text}"),  # type: ignore[misc]
+            )
+            head = {"problem": name, "disks": problem.n_bodies, "start": start, "tolerance": tolerance}
+            measured = [(solver, found[solver.name], found.get(BASE[solver.sliding])) for solver in alive]
+            yield [
+                new_row(**head, **_row(problem, solver, its, base, best, tolerance)) for solver, its, base in measured
+            ]
+            alive = [solver for solver in alive if found[solver.name].samples]
+
+
+def _can_share(solver: Solver, problem: ContactProblem) -> bool:
+    """Whether a solver's threads have anything to do: a small problem is left to one of them."""
+    return solver.threads == 1 or problem.n_contacts >= STRIPED_FROM
+
+
+def _solution(problem: ContactProblem, time_limit: float) -> FloatArray | None:
+    """Forces of the associated rule to `REFERENCE`; None where they are not found in ten times the limit."""
+    options = SolverOptions(tolerance=REFERENCE, time_limit=10.0 * time_limit)
+    try:
+        return InteriorPoint(options).solve(problem).r
+    except CoreError:
+        return None
+
+
+def _row(
+    problem: ContactProblem,
+    solver: Solver,
+    measured: Measured,
+    base: Measured | None,
+    best: float | None,
+    tolerance: float,
+) -> Row:
+    row: Row = {
+        "suite": "cd",
+        "engine": solver.name,
+        "engine_version": solver.version,
+        "threads": solver.threads,
+        "contacts": problem.n_contacts,
+        "check": f"natural map and duality gap ({solver.sliding} rule) of the forces found, by one definition for all solvers",
+        "check_bound": tolerance,
+        "settings": json.dumps(solver.settings),
+        **timings(measured, base, BASE[solver.sliding]),
+    }
+    facts = measured.samples[0].facts if measured.samples else measured.facts
+    for key in ("natural_map", "duality_gap", "iterations"):
+        if key in facts:
+            row[key] = facts[key]
+    if "natural_map" in facts:
+        row["check_value"] = max(facts["natural_map"], facts["duality_gap"])
+    if "own_tolerance" in facts:
+        row["settings"] = json.dumps({**solver.settings, "own tolerance": facts["own_tolerance"]})
+    if best is not None and solver.sliding == "associated" and "objective" in facts:
+        row["objective_error"] = abs(facts["objective"] - best) / abs(best)
+    if solver.sweeps and facts.get("iterations"):
+        seconds = float(row.get("median_s", facts.get("seconds", float("nan"))))
+        row |= {"rate": 1e9 * seconds / facts["iterations"] / problem.n_contacts, "rate_unit": "ns/contact/sweep"}
+    if not measured.samples:
+        return row
+    if not all(sample.facts["reached"] for sample in measured.samples):
+        lost = dict.fromkeys(("median_s", "low_s", "high_s", "ratio", "rate"), float("nan"))
+        return row | lost | {"status": "fail", "reason": "the solver claims what its forces do not show: not timed"}
+    return row | {"status": "pass"}

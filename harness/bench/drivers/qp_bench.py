@@ -1,7 +1,7 @@
 """One saved contact problem on one general solver of quadratic programs, in a process of its own.
 
-``python -m ninedisk.harness.bench.qp_worker`` reads ``{"solver", "problem", "answer", "tolerance", "time_limit"}`` as JSON from
-standard input and writes contact forces, velocities, seconds, iterations and the solver's own word into ``answer``.
+It reads ``{"solver", "problem", "answer", "tolerance", "time_limit"}`` as JSON from standard input and writes contact forces,
+velocities, seconds, iterations and the solver's own word into ``answer``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ninedisk.harness.bench.cd_solvers import Program, program
+from ninedisk.harness.bench.cd import Program, program
 
 
 class Answer(NamedTuple):

@@ -1,9 +1,10 @@
-"""Accuracy against cost: the limit is the case's converged table, errors fall with the step, other physics gets no time."""
+"""The nine disks: times, and errors against the limit of the case's converged table; other physics gets no time."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -12,16 +13,17 @@ import pytest
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineRun
 from ninedisk.harness.api.registry import get_engine
-from ninedisk.harness.bench import accuracy
-from ninedisk.harness.bench.accuracy import DIVISIONS, Limit, limit_of
-from ninedisk.harness.bench.nine_disks import CASE, parameters
+from ninedisk.harness.bench import nine_disks
+from ninedisk.harness.bench.nine_disks import CASE, DIVISIONS, Limit, limit_of, parameters
 from ninedisk.harness.cases.matched import with_slip_at
 from ninedisk.harness.results.schema import Row
 from ninedisk.references.converged_tables import load_converged
 
+NEEDS_YADE = pytest.mark.skipif(not get_engine("yade").info().installed, reason="YADE is not installed")
+
 
 def run(engines: dict[str, Any]) -> dict[tuple[str, int], Row]:
-    (rows,) = accuracy.run(["overlap"], engines, repeats=1, time_limit=60.0, tell=lambda *_: None)
+    (rows,) = nine_disks.run_accuracy("overlap", engines, repeats=1, time_limit=60.0, tell=lambda _: None)
     return {(row["engine"], row["steps"]): row for row in rows}
 
 
@@ -66,9 +68,9 @@ def test_orders_are_those_of_where_slip_is_measured() -> None:
     Whichever part of a step contacts begin to slip in, it makes another factor on ``k^-2``, up to 4 here: 0.4 of the order over 5 halvings.
     """
     limit, dem = limit_of("overlap"), get_engine("dem")
-    end = [limit.error(accuracy._forces(dem, "overlap", k, "end")[0]) for k in (1, 2, 4, 8, 16, 32)]
+    end = [limit.error(nine_disks._forces(dem, "overlap", k, "end")[0]) for k in (1, 2, 4, 8, 16, 32)]
     assert -np.diff(np.log2(end)) == pytest.approx([1.0] * 5, abs=0.1)
-    coarse, fine = (limit.error(accuracy._forces(dem, "overlap", k)[0]) for k in (1, 32))
+    coarse, fine = (limit.error(nine_disks._forces(dem, "overlap", k)[0]) for k in (1, 32))
     assert np.log2(coarse / fine) / 5.0 == pytest.approx(2.0, abs=0.4)
 
 
@@ -80,7 +82,7 @@ def test_errors_of_the_end_are_too_large_for_the_middle(monkeypatch: pytest.Monk
         def run(self, scene: Any, numerics: Any, watch: Any) -> EngineRun:
             return self.core.run(with_slip_at(scene, "end"), numerics, watch)
 
-    monkeypatch.setattr(accuracy, "DIVISIONS", (4,))
+    monkeypatch.setattr(nine_disks, "DIVISIONS", (4,))
     claims, says = Ends(1.0), Ends(1.0)
     without = replace(core.info(), capabilities=core.info().capabilities - {Capability.SLIP_MIDDLE})
     says.info = lambda: without
@@ -89,9 +91,9 @@ def test_errors_of_the_end_are_too_large_for_the_middle(monkeypatch: pytest.Monk
     assert rows["says", 22000]["status"] == "pass"
 
 
-@pytest.mark.skipif(not get_engine("yade").info().installed, reason="YADE is not installed")
+@NEEDS_YADE
 def test_an_external_engine_has_the_error_of_its_scheme(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(accuracy, "DIVISIONS", (1,))
+    monkeypatch.setattr(nine_disks, "DIVISIONS", (1,))
     row = run({"yade": get_engine("yade")})["yade", 5500]
     assert row["status"] == "pass", row["reason"]
     assert row["check_value"] > 0.1 * row["check_bound"]
@@ -102,3 +104,29 @@ def test_no_number_is_no_small_error() -> None:
     limit = Limit(np.array([1.0, 0.0, 0.0, 0.0]), 1.0, 1e-5, {})
     assert limit.error(np.array([1.0, np.nan, 0.0, 0.0])) == math.inf
     assert limit.error(np.array([1.0, 1e-3, 0.0, 0.0])) == pytest.approx(1e-3)
+
+
+def test_nine_disks_are_timed_on_the_core() -> None:
+    rows = list(chain.from_iterable(nine_disks.run("overlap", {}, repeats=1, time_limit=60.0, tell=lambda _: None)))
+    assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
+    names = [(row["problem"], row["engine"]) for row in rows]
+    assert ("nine-disks-overlap", nine_disks.ALONE) in names
+    assert ("nine-disks-overlap, last state only", "dem") in names
+    by_name = dict(zip(names, rows, strict=True))
+    assert (
+        by_name["nine-disks-overlap", nine_disks.ALONE]["median_s"] > by_name["nine-disks-overlap", "dem"]["median_s"]
+    )
+
+
+@NEEDS_YADE
+def test_nine_disks_with_other_walls_are_not_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = get_engine("yade")
+    params = nine_disks.parameters("overlap")
+    right = engine.run
+
+    def other(scene: Any, numerics: Any, watch: Any) -> Any:
+        return right(scene.replace(xi=1.01 * scene.xi), numerics, watch)
+
+    monkeypatch.setattr(engine, "run", other)
+    with pytest.raises(Exception, match="not timed"):
+        nine_disks._run_last(engine, params, 60.0)
