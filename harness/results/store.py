@@ -83,7 +83,7 @@ def write_run(
         From `new_run_id`.
     results : sequence of CaseResult
     claims : sequence of dict
-        Rows of `records.CLAIM_COLUMNS`.
+        Rows of `schema.CLAIM_COLUMNS`.
     facts : mapping
         The values of ``started``, ``finished``, ``provenance`` and ``argv`` of ``run.json``.
 
