@@ -1,10 +1,7 @@
-"""From plans and curves to panels: which picture shows what, with common scales where values are compared.
+"""From the figures that a case declares, and its curves, to panels: which picture shows what, on common scales.
 
-Plans of the figures, as data: variants and quantities that a figure shows, and what it lets one conclude.
-
-Convergence: the error of each engine against the step, with the fitted order.
-
-Accuracy against speed: one point a variant, for engines whose physics passed.
+Histories; the error of each engine against the step, with the fitted order; accuracy against speed, one point a variant, for
+engines whose physics passed.
 """
 
 from __future__ import annotations
@@ -58,7 +55,7 @@ class Group:
 
 @dataclass
 class FigureBlock:
-    """A figure of the source: its plan, its groups and the looks that its legend explains."""
+    """A figure: what the case declares, its groups and the looks that its legend explains."""
 
     plan: Figure
     groups: list[Group] = field(default_factory=list)

@@ -37,10 +37,6 @@ def needs(engine):
     return pytest.mark.skipif(not engine.info().installed, reason=f"{engine.id} is not installed")
 
 
-def found(cell):
-    return cell.seen
-
-
 def test_round_off_of_single_precision(scheme_info):
     double = scheme_info("semi-implicit-euler", "impulse")
     half = dataclasses.replace(double, precision="float32")
@@ -76,7 +72,7 @@ def test_single_precision_passes_and_a_wrong_velocity_does_not(run_cell, case):
     def one_percent(history):
         history.v[1:] *= 1.01
 
-    assert {"vx", "momentum_x"} & found(run_cell(case, BOX2D, {}, one_percent))
+    assert {"vx", "momentum_x"} & run_cell(case, BOX2D, {}, one_percent).seen
 
 
 @needs(DART)
@@ -86,7 +82,7 @@ def test_a_creep_of_microns_a_second_is_seen(run_cell):
         history.x[:, 0, 0] += 5e-6 * history.t
 
     assert run_cell(INCLINE, DART, {"mu": 0.4}).failures == []
-    assert {"x", "vx", "creep_rate"} <= found(run_cell(INCLINE, DART, {"mu": 0.4}, creep))
+    assert {"x", "vx", "creep_rate"} <= run_cell(INCLINE, DART, {"mu": 0.4}, creep).seen
 
 
 @needs(DART)
@@ -95,7 +91,7 @@ def test_an_impact_that_misses_a_ten_thousandth_is_seen(run_cell):
         history.v[-1, :, 0] += (1e-4, -1e-4)
 
     assert run_cell(COLLISION, DART, {}).failures == []
-    assert "restitution_effective" in found(run_cell(COLLISION, DART, {}, weak))
+    assert "restitution_effective" in run_cell(COLLISION, DART, {}, weak).seen
 
 
 @needs(MUJOCO)
@@ -106,7 +102,7 @@ def test_friction_that_is_one_percent_off_is_seen(run_cell):
         history.x[:, 0, 0] += 0.5 * gain * history.t**2
 
     assert run_cell(INCLINE, MUJOCO, {"mu": 0.36}).failures == []
-    assert {"x", "vx", "vx_final"} <= found(run_cell(INCLINE, MUJOCO, {"mu": 0.36}, slippery))
+    assert {"x", "vx", "vx_final"} <= run_cell(INCLINE, MUJOCO, {"mu": 0.36}, slippery).seen
 
 
 @needs(SAP)
@@ -119,7 +115,7 @@ def test_a_convex_engine_has_to_dilate(run_cell):
     quantities = {check.quantity for check in cell.checks}
     assert {"fn_mean", "fs_mean", "dilation_peak"} <= quantities  # forces as means
     assert not {"fn", "fs", "dilation"} & quantities
-    assert "dilation_peak" in found(run_cell(INCLINE, SAP, {"mu": 0.36}, flat))
+    assert "dilation_peak" in run_cell(INCLINE, SAP, {"mu": 0.36}, flat).seen
     touching = run_cell(SLIDING, SAP, {"g0": 0.0})
     assert touching.failures == []
     assert touching.observed.scalars["du_y_1"][1] == pytest.approx(0.3 * 0.01 / (1.0 + 0.3**2), rel=2e-3)
@@ -130,7 +126,7 @@ def test_means_of_forces_see_a_wrong_weight(run_cell):
     def heavy(history):
         history.fn[:] *= 1.05
 
-    assert "fn_mean" in found(run_cell(INCLINE, SAP, {"mu": 0.36}, heavy))
+    assert "fn_mean" in run_cell(INCLINE, SAP, {"mu": 0.36}, heavy).seen
 
 
 @needs(LAGGED)
@@ -140,8 +136,8 @@ def test_friction_that_lags_costs_the_first_step_of_a_start_without_load_only(ru
     def two_steps(history):
         history.v[:, 0, 0] += 0.36 * 10.0 * math.cos(math.radians(20.0)) * 0.01
 
-    assert "vx" in found(run_cell(INCLINE, LAGGED, {"mu": 0.36, "preload": False}, two_steps))
-    assert "vx" in found(run_cell(INCLINE, LAGGED, {"mu": 0.36}, two_steps))
+    assert "vx" in run_cell(INCLINE, LAGGED, {"mu": 0.36, "preload": False}, two_steps).seen
+    assert "vx" in run_cell(INCLINE, LAGGED, {"mu": 0.36}, two_steps).seen
 
 
 def test_runge_kutta_s_bound_tells_its_step_from_the_cycle(judge_history):
@@ -149,7 +145,7 @@ def test_runge_kutta_s_bound_tells_its_step_from_the_cycle(judge_history):
     params = {"load_case": "a1", "xi": 0.0}
     setup = COMPRESSION.build(resolve(COMPRESSION, params).params)
     history = simulate(setup.scene, setup.numerics, setup.watch)
-    names = found(judge_history(COMPRESSION, DRAKE.info(), params, history))
+    names = judge_history(COMPRESSION, DRAKE.info(), params, history).seen
     assert {"fn_wall_mid", "fn_disk_disk_centre"} <= names
 
 
@@ -161,7 +157,7 @@ def test_runge_kutta_passes_and_a_fading_swing_does_not(run_cell):
         history.fn[:] += 1e-3 * (history.fn.mean(axis=0) - history.fn)
 
     assert run_cell(COMPRESSION, DRAKE, params).failures == []
-    assert "fn_wall_mid" in found(run_cell(COMPRESSION, DRAKE, params, fade))
+    assert "fn_wall_mid" in run_cell(COMPRESSION, DRAKE, params, fade).seen
 
 
 @pytest.mark.parametrize("case", [INCLINE, ROLLING], ids=lambda case: case.id)
