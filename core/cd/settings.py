@@ -1,4 +1,4 @@
-"""What a run of contact dynamics and a contact solver are told, and what a solver gives back."""
+"""Settings of a run of contact dynamics and of a contact solver, and what a solver gives back."""
 
 from __future__ import annotations
 
@@ -17,42 +17,7 @@ from ninedisk.core.options import Option, read_options
 from ninedisk.core.threads import MOST_THREADS, check_threads
 from ninedisk.core.validate import real, shown, whole
 
-
-@dataclass(frozen=True)
-class CdSettings:
-    """Checked settings of a run.
-
-    Attributes
-    ----------
-    solver_options : SolverOptions
-    contacts : {"auto", "rigid", "elastic"}
-    save_failed : str
-        File for the problem of a failing step; empty: none.
-    options : mapping from str to value
-        All options by their full names.
-    """
-
-    solver_options: SolverOptions
-    contacts: Stiffness
-    save_failed: str
-    options: Mapping[str, Any]
-
-
-def read_settings(numerics: Numerics) -> CdSettings:
-    """Settings of ``numerics``; options of other engines are left alone.
-
-    Raises
-    ------
-    InvalidNumericsError
-        Naming the unknown option or the value that is not allowed.
-    """
-    given = read_options("cd", OPTIONS, numerics)
-    options = SolverOptions(
-        **{name: given[f"cd.{name}"] for name in ("tolerance", "max_iterations", "time_limit", "relaxation", "threads")}
-    )
-    return CdSettings(options, cast(Stiffness, given["cd.contacts"]), given["cd.save_failed"], given)
-
-
+FloatArray = NDArray[np.float64]
 Stiffness = Literal["auto", "rigid", "elastic"]
 STIFFNESS: tuple[Stiffness, ...] = ("auto", "rigid", "elastic")
 
@@ -94,9 +59,6 @@ OPTIONS: Mapping[str, Option] = {
     ),
 }
 """Options of `Numerics.options`, there named ``cd.tolerance`` and so on."""
-
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +107,41 @@ class SolverOptions:
             object.__setattr__(self, name, kind(getattr(self, name)))
         if self.max_iterations is not None:
             object.__setattr__(self, "max_iterations", int(self.max_iterations))
+
+
+@dataclass(frozen=True)
+class CdSettings:
+    """Checked settings of a run.
+
+    Attributes
+    ----------
+    solver_options : SolverOptions
+    contacts : {"auto", "rigid", "elastic"}
+    save_failed : str
+        File for the problem of a failing step; empty: none.
+    options : mapping from str to value
+        All options by their full names.
+    """
+
+    solver_options: SolverOptions
+    contacts: Stiffness
+    save_failed: str
+    options: Mapping[str, Any]
+
+
+def read_settings(numerics: Numerics) -> CdSettings:
+    """Settings of ``numerics``; options of other engines are left alone.
+
+    Raises
+    ------
+    InvalidNumericsError
+        Naming the unknown option or the value that is not allowed.
+    """
+    given = read_options("cd", OPTIONS, numerics)
+    options = SolverOptions(
+        **{name: given[f"cd.{name}"] for name in ("tolerance", "max_iterations", "time_limit", "relaxation", "threads")}
+    )
+    return CdSettings(options, cast(Stiffness, given["cd.contacts"]), given["cd.save_failed"], given)
 
 
 @dataclass(frozen=True, kw_only=True)

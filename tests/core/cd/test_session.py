@@ -11,7 +11,6 @@ import pytest
 
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.session import CdSession
-from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError, SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
@@ -198,27 +197,18 @@ def test_what_is_refused() -> None:
         ({"options": {"cd.tolerance": 0.0}}, r"cd\.tolerance = 0\.0 .* a number in \(0, 1\)"),
         ({"options": {"cd.tolerance": "tight"}}, "must be a number"),
         ({"options": {"cd.tolerance": np.nan}}, r"cd\.tolerance = nan .* a number in \(0, 1\)"),
-        ({"options": {"cd.max_iterations": np.nan}}, r"cd\.max_iterations = nan .* a whole number >= 1, or none"),
-        ({"options": {"cd.max_iterations": 1.5}}, r"cd\.max_iterations = 1\.5 .* a whole number >= 1, or none"),
         ({"options": {"cd.max_iterations": True}}, r"cd\.max_iterations = True .* a whole number >= 1, or none"),
-        ({"options": {"cd.time_limit": 0}}, r"cd\.time_limit = 0 .* a number > 0"),
+        ({"options": {"cd.max_iterations": 1.5}}, r"cd\.max_iterations = 1\.5 .* a whole number >= 1, or none"),
         ({"options": {"cd.time_limit": np.inf}}, r"cd\.time_limit = inf .* a number > 0"),
         ({"options": {"cd.relaxation": 2.0}}, r"cd\.relaxation = 2\.0 .* a number in \(0, 2\)"),
         ({"options": {"cd.save_failed": 7}}, r"cd\.save_failed = 7 .* a text"),
         ({"options": {"cd.contacts": "soft"}}, "cd.contacts = 'soft'"),
         ({"options": {"cd.threads": 0}}, r"cd\.threads = 0 .* whole number in \[1, 64\]"),
-        ({"options": {"cd.threads": "two"}}, r"cd\.threads = 'two' .* whole number in \[1, 64\]"),
     ):
         with pytest.raises(InvalidNumericsError, match=word):
             CdSession(scene, Numerics(dt=0.1, n_steps=1, **numerics))
     with pytest.raises(InvalidNumericsError, match=r"theta = 0.4"):
         Numerics(dt=0.1, n_steps=1, theta=0.4)
-
-
-@pytest.mark.parametrize("value", [np.nan, 1.5, 0, "many", True])
-def test_solver_options_refuse_what_is_no_number_of_iterations(value: object) -> None:
-    with pytest.raises(InvalidNumericsError, match=r"max_iterations = .* whole number"):
-        SolverOptions(max_iterations=value)  # type: ignore[arg-type]
 
 
 def test_options_act_as_numbers_of_any_kind() -> None:
