@@ -1,14 +1,11 @@
-"""Kernel that takes many dynamic steps at once: the same step as `DynamicStep` by `solve_with_contacts`, without Python between.
+"""Kernel that takes many dynamic steps at once: `ninedisk.core.cd.step.DynamicStep` by `solve_with_contacts`, without Python between.
 
 A step that needs more sweeps than the scheme allows is left to those; what it leaves undone is no part of the state.
 
-Arrays of a run of many dynamic steps at once, grouped as the kernel reads them; n disks, m walls, float64 unless said.
-
-Kernels of the set of contacts of a step: what it is chosen from, what it begins with, how it grows, and its forces.
-
-Pairs enter that would close without contact forces, that carried a force in the last step, or that would close if velocities stayed;
-later those that the motion found so far violates. A contact more than needed stays open and changes nothing, but for those under
-Newton's law, whose condition does not contain the gap: these enter by the free flight and by finished solutions alone.
+The set of contacts grows while its forces are found. Pairs enter that would close without contact forces, that carried a force in the
+last step, or that would close if velocities stayed; later those that the motion found so far violates. A contact more than needed stays
+open and changes nothing, but for those under Newton's law, whose condition does not contain the gap: these enter by the free flight and
+by finished solutions alone.
 """
 
 from __future__ import annotations
@@ -59,6 +56,7 @@ from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.motion_kernels import WallMotion, place_walls
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 DONE, LISTS, ALONE, MORE = range(4)
 """Why the kernel returns: all steps are done; the list of pairs is too short for the next one; the next one needs the long way; it
@@ -75,6 +73,93 @@ STALLED = 3
 
 LOOK_AFTER = 8
 """Sweeps after which the motion found so far is searched for pairs that it violates: it costs about as much as three."""
+
+
+STEP, ITERATIONS, HELD, SWEEPS, CHOSEN, PLAIN = range(6)
+"""Entries of ``counts``: last step done; sweeps of all steps; contacts in the memory; sweeps so far and contacts of the step
+at hand, and 1 if its changes of forces are no longer stretched."""
+
+WORK, WORST_MAP, WORST_GAP, REACH, WALL_REACH = range(5)
+"""Entries of ``totals``: work of the walls [J]; largest residual figures that mean something; reach that the list needs for pairs of
+disks and for those with walls [m]."""
+
+
+class Scheme(NamedTuple):
+    """Constants of a run. ``holds_rest``: where all bodies rest, the solver asks for equilibrium first."""
+
+    dt: float
+    theta: float
+    tolerance: float
+    sweeps: int
+    most: int
+    relaxation: float
+    stretch: float
+    coulomb: bool
+    newton: bool
+    holds_rest: bool
+    smallest: float
+    radius: Floats
+    bodies: Bodies
+    inverse_mass: Floats
+    dilation: Floats
+
+
+class State(NamedTuple):
+    """State of a run: centres and angles, velocities, walls, and by pair, in ascending order, the contact forces of the last step and the
+    shear forces with which the next one begins; ``gains`` are those of `ninedisk.core.cd.contact_kernels.note_impact_work`.
+    """
+
+    x: Floats
+    v: Floats
+    wall: Floats
+    pairs: Ints
+    forces: Floats
+    shear: Floats
+    counts: Ints
+    totals: Floats
+    gains: Floats
+
+
+class Near(NamedTuple):
+    """Pairs of disks closer than ``reach[0]``, and with walls than ``reach[1]``, when disks and walls were at ``x`` and ``wall``; in the
+    step at hand their frames, which of them are contacts, the shear forces of the last step and the forces found so far.
+    """
+
+    x: Floats
+    wall: Floats
+    reach: Floats
+    frames: Frames
+    closing: Floats
+    inside: NDArray[np.bool_]
+    shear: Floats
+    force: Floats
+
+
+class Chosen(NamedTuple):
+    """The contacts of the step at hand with their forces, with room for all pairs: columns of `ninedisk.core.cd.problem.ContactProblem`.
+
+    ``frames`` and ``contacts`` share the arrays of the same name.
+    """
+
+    frames: Frames
+    contacts: Contacts
+    offset: Floats
+    shear_0: Floats
+    blocks: Floats
+    rho: Floats
+    b: Floats
+    r: Floats
+
+
+class Scratch(NamedTuple):
+    """Work arrays of a step, shape (n, 3) but for ``after`` (m, 11), ``sums`` and ``figures``."""
+
+    after: Floats
+    start: Start
+    v: Floats
+    dx: Floats
+    sums: Floats
+    figures: Floats
 
 
 @kernel
@@ -286,84 +371,6 @@ def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: 
         totals[WORST_GAP] = max(totals[WORST_GAP], figures[DUALITY_GAP])
 
 
-Ints = NDArray[np.int64]
-
-STEP, ITERATIONS, HELD, SWEEPS, CHOSEN, PLAIN = range(6)
-"""Entries of ``counts``: last step done; sweeps of all steps; contacts in the memory; sweeps so far and contacts of the step
-at hand, and 1 if its changes of forces are no longer stretched."""
-
-WORK, WORST_MAP, WORST_GAP, REACH, WALL_REACH = range(5)
-"""Entries of ``totals``: work of the walls [J]; largest residual figures that mean something; reach that the list needs for pairs of
-disks and for those with walls [m]."""
-
-
-class Scheme(NamedTuple):
-    """Constants of a run. ``holds_rest``: where all bodies rest, the solver asks for equilibrium first."""
-
-    dt: float
-    theta: float
-    tolerance: float
-    sweeps: int
-    most: int
-    relaxation: float
-    stretch: float
-    coulomb: bool
-    newton: bool
-    holds_rest: bool
-    smallest: float
-    radius: Floats
-    bodies: Bodies
-    inverse_mass: Floats
-    dilation: Floats
-
-
-class State(NamedTuple):
-    """State of a run: centres and angles, velocities, walls, and by pair, in ascending order, the contact forces of the last step and the
-    shear forces with which the next one begins; ``gains`` are those of `ninedisk.core.cd.contact_kernels.note_impact_work`.
-    """
-
-    x: Floats
-    v: Floats
-    wall: Floats
-    pairs: Ints
-    forces: Floats
-    shear: Floats
-    counts: Ints
-    totals: Floats
-    gains: Floats
-
-
-class Near(NamedTuple):
-    """Pairs of disks closer than ``reach[0]``, and with walls than ``reach[1]``, when disks and walls were at ``x`` and ``wall``; in the
-    step at hand their frames, which of them are contacts, the shear forces of the last step and the forces found so far.
-    """
-
-    x: Floats
-    wall: Floats
-    reach: Floats
-    frames: Frames
-    closing: Floats
-    inside: NDArray[np.bool_]
-    shear: Floats
-    force: Floats
-
-
-class Chosen(NamedTuple):
-    """The contacts of the step at hand with their forces, with room for all pairs: columns of `ninedisk.core.cd.problem.ContactProblem`.
-
-    ``frames`` and ``contacts`` share the arrays of the same name.
-    """
-
-    frames: Frames
-    contacts: Contacts
-    offset: Floats
-    shear_0: Floats
-    blocks: Floats
-    rho: Floats
-    b: Floats
-    r: Floats
-
-
 @inline_kernel
 def first_frames(frames: Frames, c: int) -> Frames:
     """The first c frames."""
@@ -379,17 +386,6 @@ def first_contacts(contacts: Contacts, c: int) -> Contacts:
     return Contacts(
         contacts.bodies[:c], contacts.normal[:c], contacts.arms[:c], contacts.mu[:c], contacts.compliance[:c]
     )
-
-
-class Scratch(NamedTuple):
-    """Work arrays of a step, shape (n, 3) but for ``after`` (m, 11), ``sums`` and ``figures``."""
-
-    after: Floats
-    start: Start
-    v: Floats
-    dx: Floats
-    sums: Floats
-    figures: Floats
 
 
 @inline_kernel

@@ -429,7 +429,7 @@ def carry_shear(
             height = (x[i, 0] + 0.5 * dx[i, 0] - before[w, 0] - 0.5 * wx) * ux
             height += (x[i, 1] + 0.5 * dx[i, 1] - before[w, 1] - 0.5 * wy) * uy
             deep = max(0.0, arm_i - height)
-            # Half the overlap times twice the sine of half the turn: the way of the middle of the overlap.
+            # Half the overlap times twice the sine of half the turn: how far the middle of the overlap moves.
             middle = (dx[i, 0] - wx) * uy - (dx[i, 1] - wy) * ux - laws.wall_mid[law] * deep * turned / length
             slip += shift[k]
         middle += (arm_i - 0.5 * laws.arm_overlap[law] * deep) * dx[i, 2]

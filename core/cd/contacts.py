@@ -30,6 +30,37 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+@dataclass(frozen=True)
+class Place:
+    """Where bodies are: disks at the start of a step, walls at both its ends.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n, 2)
+        Centres [m].
+    angle : ndarray, shape (n,)
+        Angles [rad].
+    radius : ndarray, shape (n,)
+        Radii [m]; of bodies with outlines, those of circles around them.
+    before, after : ndarray, shape (m, 11)
+        Walls.
+    """
+
+    x: FloatArray
+    angle: FloatArray
+    radius: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+    def round_off(self) -> float:
+        """Error of a gap [m] that the rounding of coordinates explains."""
+        return gap_round_off(self.x, self.radius, self.after)
+
+    def wall_displacement(self) -> float:
+        """Bound on the displacement of a wall's surface over the step near the disks [m]."""
+        return wall_displacement(self.x, self.before, self.after)
+
+
 def empty_frames(pairs: IntArray, n: int) -> Frames:
     """Frames of pairs of n disks and of walls, that are yet to be measured."""
     c, disk = len(pairs), pairs < n
@@ -240,37 +271,6 @@ class GrainFrames:
 def _joined(one: tuple[NDArray[Any], ...], other: tuple[NDArray[Any], ...]) -> list[NDArray[Any]]:
     """Columns of two tables, one below the other."""
     return [np.concatenate(column) for column in zip(one, other, strict=True)]
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where bodies are: disks at the start of a step, walls at both its ends.
-
-    Attributes
-    ----------
-    x : ndarray, shape (n, 2)
-        Centres [m].
-    angle : ndarray, shape (n,)
-        Angles [rad].
-    radius : ndarray, shape (n,)
-        Radii [m]; of bodies with outlines, those of circles around them.
-    before, after : ndarray, shape (m, 11)
-        Walls.
-    """
-
-    x: FloatArray
-    angle: FloatArray
-    radius: FloatArray
-    before: FloatArray
-    after: FloatArray
-
-    def round_off(self) -> float:
-        """Error of a gap [m] that the rounding of coordinates explains."""
-        return gap_round_off(self.x, self.radius, self.after)
-
-    def wall_displacement(self) -> float:
-        """Bound on the displacement of a wall's surface over the step near the disks [m]."""
-        return wall_displacement(self.x, self.before, self.after)
 
 
 class ContactMemory:

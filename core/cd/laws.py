@@ -1,7 +1,4 @@
-"""Contact laws as columns, one row for disk-disk contacts and one a wall.
-
-Corners in which Newton's restitution with friction can have no solution: told before a run.
-"""
+"""Contact laws as columns, one row for disk-disk contacts and one a wall; and corners where Newton's law can have no solution."""
 
 from __future__ import annotations
 
@@ -19,6 +16,9 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 
 FloatArray = NDArray[np.float64]
+
+
+ADVICE = "use impact = 'theta', with which a solution always exists, or a restitution of 0"
 
 
 class LawTable:
@@ -102,9 +102,6 @@ def _is_elastic(law: ContactLaw, contacts: Stiffness) -> bool:
     return not law.regularised if contacts == "auto" else contacts == "elastic"
 
 
-ADVICE = "use impact = 'theta', with which a solution always exists, or a restitution of 0"
-
-
 def wedging_corners(scene: Scene, numerics: Numerics) -> list[str]:
     """Sentences about the corners of walls at time 0 where a disk can be wedged; none under laws that always have a solution.
 
@@ -127,15 +124,15 @@ def wedging_corners(scene: Scene, numerics: Numerics) -> list[str]:
     """
     if numerics.impact != "newton" or numerics.regime != "dynamic":
         return []
-    told = []
+    sentences = []
     for one, two in combinations(scene.walls, 2):
         inner = one.normal[0] * two.normal[0] + one.normal[1] * two.normal[1]
         alpha = pi - acos(min(1.0, max(-1.0, inner)))
         friction = atan(one.law.mu) + atan(two.law.mu)
         bounces = max(one.law.restitution or 0.0, two.law.restitution or 0.0) > 0.0
         if bounces and 1e-9 < alpha <= friction and one.law.mu > 0.0 and two.law.mu > 0.0:
-            told.append(
+            sentences.append(
                 f"walls {one.name!r} and {two.name!r} meet at {degrees(alpha):.3g} degrees, no more than their angles of friction "
                 f"together ({degrees(friction):.3g}): Newton's restitution can have no solution for a disk that is wedged there; {ADVICE}"
             )
-    return told
+    return sentences

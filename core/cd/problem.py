@@ -1,7 +1,4 @@
-"""The contact problem of one step: a plain object that can be saved, loaded and given to any solver.
-
-How far velocities and contact forces are from a solution: figures without units, one definition for all solvers.
-"""
+"""The contact problem of one step, which can be saved, loaded and given to any solver; and how far a solution is from it."""
 
 from __future__ import annotations
 
@@ -21,6 +18,7 @@ from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.validate import LARGEST, at_least, kind_of, numbers, real, shown
 
 FloatArray = NDArray[np.float64]
+Sliding = Literal["associated", "coulomb"]
 TINY = float(np.finfo(np.float64).tiny)
 """Smallest normal double."""
 _FIELDS = ("mass", "force", "bodies", "normal", "arms", "offset", "mu", "compliance", "shear_0")
@@ -52,8 +50,8 @@ class ContactProblem:
     normal : array_like, shape (c, 2)
         Unit normals from i to j.
     arms : array_like, shape (c, 4)
-        Rotation columns ``(a_ni, a_nj, a_ti, a_tj)`` of the Jacobian (see `contact_kernels`); friction between two disks
-        has ``(0, 0, R_i, R_j)``.
+        Rotation columns ``(a_ni, a_nj, a_ti, a_tj)`` of the Jacobian (see `ninedisk.core.cd.problem_kernels.contact_velocity`);
+        friction between two disks has ``(0, 0, R_i, R_j)``.
     offset : array_like, shape (c, 2)
         ``g``: normal and tangential part; in the displacement form the gap at the start and the obstacle's motion.
     mu : array_like, shape (c,)
@@ -321,9 +319,6 @@ def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
         raise InvalidSceneError(f"{name} must be finite; it holds {array[bad][0]}")
     array.setflags(write=False)
     return array
-
-
-Sliding = Literal["associated", "coulomb"]
 
 
 @dataclass(frozen=True)

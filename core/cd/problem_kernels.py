@@ -14,6 +14,22 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
+SINGULAR = 1e-14
+"""Relative size below which the determinant of a 2 x 2 block is round-off."""
+EPSILON = 2.220446049250313e-16
+MAP, FORCE, FREE_MAP, WORK, GAP, VIOLATION, ENERGY_W, ENERGY_B, LARGEST, NOISE_MAP, NOISE_WORK, NOISE = range(12)
+OFF_BALANCE, KINETIC, RHO, SIZE = range(12, 16)
+SUMS = 16
+NATURAL_MAP, COMPLEMENTARITY, DUALITY_GAP, STATIONARITY, FLOOR_MAP, FLOOR_GAP = range(6)
+"""Order of the figures, that of `ninedisk.core.cd.problem.Residuals`."""
+
+ROUND_OFF = 16.0
+"""Multiple of the estimated evaluation error below which a figure says nothing."""
+
+UNRESOLVED = 1e-3
+"""Where the offsets' resolution alone makes up more than this fraction of the forces, the forces are round-off of the scene."""
+
+
 class Contacts(NamedTuple):
     """What does not change with the load of c contacts: ``bodies`` (c, 2), ``normal`` (c, 2), ``arms`` (c, 4), ``mu`` (c,) and
     ``compliance`` (c, 2) as in `ninedisk.core.cd.problem.ContactProblem`."""
@@ -114,10 +130,6 @@ def contact_scales(blocks: Floats, mu: Floats, rho: Floats) -> None:
         rho[k] = 1.0 / (max(blocks[k, 0], blocks[k, 2]) if mu[k] > 0.0 else blocks[k, 0])
 
 
-SINGULAR = 1e-14
-"""Relative size below which the determinant of a 2 x 2 block is round-off."""
-
-
 @inline_kernel
 def project_on_cone(p: float, q: float, mu: float) -> tuple[float, float]:
     """Nearest point of the cone to the force ``(p, q)`` [N]."""
@@ -197,20 +209,6 @@ def solve_coulomb_contact(
             if wrong < worst:
                 worst, p_best, q_best = wrong, p, slope * p
     return p_best, q_best
-
-
-EPSILON = 2.220446049250313e-16
-MAP, FORCE, FREE_MAP, WORK, GAP, VIOLATION, ENERGY_W, ENERGY_B, LARGEST, NOISE_MAP, NOISE_WORK, NOISE = range(12)
-OFF_BALANCE, KINETIC, RHO, SIZE = range(12, 16)
-SUMS = 16
-NATURAL_MAP, COMPLEMENTARITY, DUALITY_GAP, STATIONARITY, FLOOR_MAP, FLOOR_GAP = range(6)
-"""Order of the figures, that of `ninedisk.core.cd.problem.Residuals`."""
-
-ROUND_OFF = 16.0
-"""Multiple of the estimated evaluation error below which a figure says nothing."""
-
-UNRESOLVED = 1e-3
-"""Where the offsets' resolution alone makes up more than this fraction of the forces, the forces are round-off of the scene."""
 
 
 @kernel

@@ -1,7 +1,4 @@
-"""A contact-dynamics run in progress.
-
-Writes the samples of a contact-dynamics run.
-"""
+"""A contact-dynamics run in progress, and the recorder of its samples."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +25,7 @@ from ninedisk.core.cd.contact_kernels import (
     Frames,
     surface_displacement,
 )
-from ninedisk.core.cd.contacts import ContactMemory, Place
+from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place
 from ninedisk.core.cd.laws import ADVICE, LawTable, wedging_corners
 from ninedisk.core.cd.problem_kernels import UNRESOLVED
 from ninedisk.core.cd.settings import SolverResult, read_settings
@@ -60,8 +57,6 @@ from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics, check_progress, check_room, check_run, chosen_particles, watched_pairs
 from ninedisk.core.scene import Scene
 
-if TYPE_CHECKING:
-    from ninedisk.core.cd.contacts import GrainFrames
 FloatArray = NDArray[np.float64]
 
 NEAR = 1e-3
@@ -70,6 +65,19 @@ MODES_UP_TO = 300
 """Number of disks up to which modes without energy are counted."""
 PROGRESS_EVERY = 0.1
 """Seconds between two reports of progress."""
+
+
+ENERGIES = (
+    "translation",
+    "rotation",
+    "kinetic",
+    "elastic_normal",
+    "elastic_shear",
+    "elastic",
+    "gravity",
+    "wall_work",
+    "impact_gain",
+)
 
 
 class CdSession:
@@ -170,12 +178,12 @@ class CdSession:
             If the last call was stopped inside a step.
         """
         check_progress(progress)
-        steps, told = self.numerics.n_steps, time.monotonic()
+        steps, reported = self.numerics.n_steps, time.monotonic()
         for step in self._recorder.stops(steps):
             while self._done < step * self.substeps:
                 self._take_steps(step * self.substeps)
-                if progress is not None and time.monotonic() - told > PROGRESS_EVERY:
-                    told = time.monotonic()
+                if progress is not None and time.monotonic() - reported > PROGRESS_EVERY:
+                    reported = time.monotonic()
                     progress(self._done // self.substeps, steps)
             if self._done == step * self.substeps:
                 fed = float(self._gains[GAIN_TOTAL])
@@ -297,8 +305,6 @@ class CdSession:
     def _grain_frames(self) -> GrainFrames | None:
         if not np.any(self.scene.disks.outline >= 0):
             return None
-        from ninedisk.core.cd.contacts import GrainFrames
-
         return GrainFrames(self.scene, self._laws)
 
     def _dynamic_step(self, place: Place) -> DynamicStep:
@@ -398,19 +404,6 @@ class CdSession:
         except UnwritableFileError as error:
             return f" The problem could not be kept: {error}."
         return f" The problem is in {path}: ninedisk.core.cd.problem.ContactProblem.load reads it."
-
-
-ENERGIES = (
-    "translation",
-    "rotation",
-    "kinetic",
-    "elastic_normal",
-    "elastic_shear",
-    "elastic",
-    "gravity",
-    "wall_work",
-    "impact_gain",
-)
 
 
 class Recorder:

@@ -1,4 +1,4 @@
-"""What a run of contact dynamics and a contact solver are given, and what a solver gives back."""
+"""Settings of a run of contact dynamics and of a contact solver, and what a solver gives back."""
 
 from __future__ import annotations
 
@@ -16,40 +16,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.threads import MOST_THREADS
 
-
-@dataclass(frozen=True)
-class CdSettings:
-    """Checked settings of a run.
-
-    Attributes
-    ----------
-    solver_options : SolverOptions
-    contacts : {"auto", "rigid", "elastic"}
-    save_failed : str
-        File for the problem of a failing step; empty: none.
-    options : mapping from str to value
-        All options by their full names.
-    """
-
-    solver_options: SolverOptions
-    contacts: Stiffness
-    save_failed: str
-    options: Mapping[str, Any]
-
-
-def read_settings(numerics: Numerics) -> CdSettings:
-    """Settings of ``numerics``; options of other engines are left alone.
-
-    Raises
-    ------
-    InvalidNumericsError
-        Naming the unknown option or the value that is not allowed.
-    """
-    given = read_options("cd", OPTIONS, numerics)
-    options = SolverOptions(**{field.name: given[f"cd.{field.name}"] for field in fields(SolverOptions)})
-    return CdSettings(options, cast(Stiffness, given["cd.contacts"]), given["cd.save_failed"], given)
-
-
+FloatArray = NDArray[np.float64]
 Stiffness = Literal["auto", "rigid", "elastic"]
 STIFFNESS: tuple[Stiffness, ...] = ("auto", "rigid", "elastic")
 
@@ -94,9 +61,6 @@ OPTIONS: Mapping[str, Option] = {
 """Options of `Numerics.options`, there named ``cd.tolerance`` and so on; their ranges are those of `SolverOptions`, too."""
 
 
-FloatArray = NDArray[np.float64]
-
-
 @dataclass(frozen=True, kw_only=True)
 class SolverOptions:
     """When a solver stops; ranges are those of `ninedisk.core.cd.settings.OPTIONS`.
@@ -130,6 +94,39 @@ class SolverOptions:
         for field in fields(self):
             value = OPTIONS[field.name].checked(field.name, getattr(self, field.name))
             object.__setattr__(self, field.name, value)
+
+
+@dataclass(frozen=True)
+class CdSettings:
+    """Checked settings of a run.
+
+    Attributes
+    ----------
+    solver_options : SolverOptions
+    contacts : {"auto", "rigid", "elastic"}
+    save_failed : str
+        File for the problem of a failing step; empty: none.
+    options : mapping from str to value
+        All options by their full names.
+    """
+
+    solver_options: SolverOptions
+    contacts: Stiffness
+    save_failed: str
+    options: Mapping[str, Any]
+
+
+def read_settings(numerics: Numerics) -> CdSettings:
+    """Settings of ``numerics``; options of other engines are left alone.
+
+    Raises
+    ------
+    InvalidNumericsError
+        Naming the unknown option or the value that is not allowed.
+    """
+    given = read_options("cd", OPTIONS, numerics)
+    options = SolverOptions(**{field.name: given[f"cd.{field.name}"] for field in fields(SolverOptions)})
+    return CdSettings(options, cast(Stiffness, given["cd.contacts"]), given["cd.save_failed"], given)
 
 
 @dataclass(frozen=True, kw_only=True)

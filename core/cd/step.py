@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from ninedisk.core.cd.contact_kernels import (
     step_displacements,
     surface_displacement,
 )
-from ninedisk.core.cd.contacts import ContactMemory, Place, contact_frames
+from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place, contact_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.cd.problem_kernels import contact_velocities
@@ -37,9 +37,11 @@ from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
 from ninedisk.core.scene import Scene
 
-if TYPE_CHECKING:
-    from ninedisk.core.cd.contacts import GrainFrames
 FloatArray = NDArray[np.float64]
+
+
+TOUCHING = 1e-9
+"""Overlap over radius up to which a rigid contact counts as touching: the rounding of a scene's coordinates."""
 
 
 class Solved(NamedTuple):
@@ -310,10 +312,6 @@ def _among(frames: Frames, others: Frames) -> NDArray[np.bool_]:
 
     known = set(names(others))
     return np.array([name in known for name in names(frames)], dtype=bool)
-
-
-TOUCHING = 1e-9
-"""Overlap over radius up to which a rigid contact counts as touching: the rounding of a scene's coordinates."""
 
 
 def initial_forces(

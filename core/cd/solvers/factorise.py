@@ -14,8 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.solvers import factorise_kernels as fronts
-from ninedisk.core.cd.solvers import factorise_kernels as symbolic
+from ninedisk.core.cd.solvers import factorise_kernels as kernels
 from ninedisk.core.cd.solvers.factorise_kernels import (
     BODIES,
     FIELDS,
@@ -33,6 +32,12 @@ from ninedisk.core.cd.solvers.factorise_kernels import (
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+
+DENSE = 10.0
+"""Bodies with more than this times ``sqrt(b)`` neighbours come last, as in AMD: they would slow down every step."""
+PIVOT = 1e-3
+"""Diagonal entries above this fraction of their column stay pivots: the matrix is nearly symmetric, and so its ordering holds."""
 
 
 class Factorisation(Protocol):
@@ -112,15 +117,15 @@ class SupernodalCholesky:
             return np.empty(shape, dtype=np.int64)
 
         ptr, neighbour, edge = longs(n + 1), longs(2 * len(row)), longs(2 * len(row))
-        symbolic.both_ways(column, row, ptr, neighbour, edge)
+        kernels.both_ways(column, row, ptr, neighbour, edge)
         order = elimination_order(ptr, neighbour)
         rank = longs(n)
         rank[order] = np.arange(n)
         parent, height, pivots, bodies, top, node, upper, first, place = (longs(n) for _ in range(9))
         work = longs(3, n)
-        symbolic.elimination_tree(order, rank, ptr, neighbour, parent, height, work[0])
-        symbolic.merge_supernodes(parent, height, pivots, bodies, top, work[0], work[1])
-        count = symbolic.number_supernodes(parent, top, pivots, node, upper, first, place, work)
+        kernels.elimination_tree(order, rank, ptr, neighbour, parent, height, work[0])
+        kernels.merge_supernodes(parent, height, pivots, bodies, top, work[0], work[1])
+        count = kernels.number_supernodes(parent, top, pivots, node, upper, first, place, work)
         self._order = longs(n)
         self._order[place] = order
         node_of = longs(n)
@@ -129,15 +134,15 @@ class SupernodalCholesky:
         self._nodes = nodes = np.zeros((count + 1, FIELDS), dtype=np.int64)
         nodes[:count, FIRST] = first[:count]
         nodes[:count, PIVOTS] = nodes[:count, BODIES] = np.diff(np.append(first[:count], n))
-        fronts.front_rows(self._order, rank, ptr, neighbour, node_of, upper, nodes, longs(0), work[0])
+        kernels.front_rows(self._order, rank, ptr, neighbour, node_of, upper, nodes, longs(0), work[0])
         nodes[1:, ROWS] = np.cumsum(nodes[:count, BODIES] - nodes[:count, PIVOTS])
         nodes[:count, BODIES] = nodes[:count, PIVOTS]
         self._rows, self._place = longs(nodes[-1, ROWS]), longs(nodes[-1, ROWS])
-        fronts.front_rows(self._order, rank, ptr, neighbour, node_of, upper, nodes, self._rows, work[0])
+        kernels.front_rows(self._order, rank, ptr, neighbour, node_of, upper, nodes, self._rows, work[0])
         self._children, sizes = longs(count), longs(2)
-        fronts.lay_out(nodes, upper, self._rows, self._children, self._place, work[0], sizes)
+        kernels.lay_out(nodes, upper, self._rows, self._children, self._place, work[0], sizes)
         self._entries = longs(n + len(row), 5)
-        fronts.matrix_entries(
+        kernels.matrix_entries(
             self._order, rank, ptr, neighbour, edge, column, diagonal, block, node_of, nodes, self._rows, self._entries
         )
         # Blocks of rows that are longer than the last column reach beyond it.
@@ -156,10 +161,6 @@ class SupernodalCholesky:
         solution = np.empty(len(right))
         solve_fronts(self._nodes, self._rows, self._order, self._factor, right, self._work, solution)
         return solution
-
-
-DENSE = 10.0
-"""Bodies with more than this times ``sqrt(b)`` neighbours come last, as in AMD: they would slow down every step."""
 
 
 def elimination_order(ptr: IntArray, neighbour: IntArray) -> IntArray:
@@ -246,10 +247,6 @@ class BodyMatrix:
         """Solve for a right-hand side of shape (b, 3); blocked unknowns give 0."""
         solution = self.graph.factorisation.solve((right * self.problem.free).ravel())
         return solution.reshape(-1, 3) * self.problem.free
-
-
-PIVOT = 1e-3
-"""Diagonal entries above this fraction of their column stay pivots: the matrix is nearly symmetric, and so its ordering holds."""
 
 
 def times(d: FloatArray, z: FloatArray) -> FloatArray:

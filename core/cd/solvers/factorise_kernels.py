@@ -1,30 +1,22 @@
-"""Kernels of the supernodal Cholesky factorisation: multifrontal, in blocks of 3 x 3.
+"""Kernels of the supernodal Cholesky factorisation: multifrontal, in blocks of 3 x 3; and those that assemble its matrix.
 
 A supernode's front is a dense lower trapezoid: its pivots' columns, the panel, are part of the factor; what is left of the rest
 after their elimination, the update, waits on a stack until the parent adds it to its own front. Panels and updates lie by columns,
 padded to a multiple of `LANES` rows. What is above the diagonal of a front is never used.
 
-Kernels that lay out the fronts of the supernodes: their rows, what the parent does with them, where everything lies.
-
-Kernels of the symbolic factorisation on the graph of bodies: elimination tree and supernodes.
-
-Kernels of the minimum-degree ordering: the graph of what is left is kept as a quotient graph.
-
-Bodies that are yet to be eliminated are variables. An eliminated one becomes an element: the clique of the variables that it
-touched. A variable's list holds its elements first, then the variables it still touches directly. Variables with the same
-neighbours are joined to one; the degrees are upper bounds that are cheap to keep [Amestoy, Davis, Duff 1996, An approximate minimum
-degree ordering algorithm, SIAM J. Matrix Anal. Appl. 17].
-
-Vectors of the processor in kernels: the inner loops of dense blocks that are three columns wide.
+The order of elimination is that of minimum degree, on a quotient graph of what is left. Bodies that are yet to be eliminated are
+variables. An eliminated one becomes an element: the clique of the variables that it touched. A variable's list holds its elements
+first, then the variables it still touches directly. Variables with the same neighbours are joined to one; the degrees are upper bounds
+that are cheap to keep [Amestoy, Davis, Duff 1996, An approximate minimum degree ordering algorithm, SIAM J. Matrix Anal. Appl. 17].
 
 The loops of small dense blocks are too short for the compiler's own vectoriser, and it would have to prove that the columns read
-and the columns written do not overlap. Here the vectors are spelled out; where a processor has shorter ones, the compiler splits
-them. Products and sums are fused where the processor can, lane by lane and in a fixed order: the same bits at each call.
-
-Blocks are given by an array and the position of their first entry; columns lie one after another, ``ld`` entries apart.
-
-Kernel that assembles ``M + H' D H`` into a fixed sparsity pattern.
+and the columns written do not overlap. Here the vectors of the processor are spelled out; where it has shorter ones, the compiler
+splits them. Products and sums are fused where the processor can, lane by lane and in a fixed order: the same bits at each call. Blocks
+are given by an array and the position of their first entry; columns lie one after another, ``ld`` entries apart.
 """
+
+# The arguments of an intrinsic are types; the code that it builds reads their values elsewhere.
+# ruff: noqa: ARG001
 
 from __future__ import annotations
 
@@ -46,6 +38,22 @@ FIRST, PIVOTS, BODIES, PANEL, UPDATE, ROWS, CHILDREN, ENTRIES = range(8)
 """Columns of the table of supernodes, which has one more line than supernodes: first body and number of bodies eliminated, bodies
 of the front, position of the panel and of the update, first of its other rows, of its children and of its matrix entries."""
 FIELDS = 8
+
+LANES = 4
+"""Rows of the shortest block of rows; columns are padded to a multiple of it."""
+
+LINE = 8
+"""Numbers in a line of the cache."""
+
+FRONT, PIVOT, BLOCK, ENTRY = 45.0, 30.0, 2.0, 0.25
+"""Cost [ns] of a front, a pivot body, a 3 x 3 block added to the parent and an entry of the factor (read by every solve)."""
+PRODUCT = 0.07
+"""Cost [ns] of a product of two entries."""
+
+START, LENGTH, ELEMENTS, WEIGHT, DEGREE, FLAG, NEXT, BEFORE, HEAD, MEMBER, LAST, BUCKET, CHAIN, HASH = range(14)
+"""Rows of the table of bodies: start, length and elements of the list, members of the variable (0: none, it has been joined or
+eliminated), degree, work, degree lists (neighbours and heads), members (next and last), hash buckets, next in a bucket, hash."""
+LINES = 14
 
 AHEAD, FRONTS_AHEAD = 1024, 3
 """How far ahead solutions fetch the factor, which they read once: in numbers on the way up, in fronts on the way down."""
@@ -426,12 +434,6 @@ def matrix_entries(
     nodes[nodes.shape[0] - 1, ENTRIES] = at
 
 
-FRONT, PIVOT, BLOCK, ENTRY = 45.0, 30.0, 2.0, 0.25
-"""Cost [ns] of a front, a pivot body, a 3 x 3 block added to the parent and an entry of the factor (read by every solve)."""
-PRODUCT = 0.07
-"""Cost [ns] of a product of two entries."""
-
-
 @kernel
 def both_ways(column: Longs, row: Longs, ptr: Longs, neighbour: Longs, edge: Longs) -> None:
     """Adjacency of an undirected graph from its edges: neighbours of i at ``ptr[i]:ptr[i + 1]``, with the edges' numbers."""
@@ -575,12 +577,6 @@ def number_supernodes(
         if upper[s] >= 0:
             upper[s] = node[upper[s]]
     return count
-
-
-START, LENGTH, ELEMENTS, WEIGHT, DEGREE, FLAG, NEXT, BEFORE, HEAD, MEMBER, LAST, BUCKET, CHAIN, HASH = range(14)
-"""Rows of the table of bodies: start, length and elements of the list, members of the variable (0: none, it has been joined or
-eliminated), degree, work, degree lists (neighbours and heads), members (next and last), hash buckets, next in a bucket, hash."""
-LINES = 14
 
 
 @inline_kernel
@@ -811,16 +807,6 @@ def minimum_degree(ptr: Longs, neighbour: Longs, dense: int, t: Longs, lists: Lo
     return True
 
 
-# The arguments of an intrinsic are types; the code that it builds reads their values elsewhere.
-# ruff: noqa: ARG001
-
-
-LANES = 4
-"""Rows of the shortest block of rows; columns are padded to a multiple of it."""
-
-LINE = 8
-"""Numbers in a line of the cache."""
-
 _tools: Any = cgutils
 _types: Any = types
 
@@ -914,9 +900,6 @@ def _tile(lanes: int, parts: int, *, fresh: bool) -> Callable[..., None]:
     kernel: Callable[..., None] = tile
     return kernel
 
-
-TILE_ROWS = 16
-"""Rows of the tallest tile: with its three columns it fills the registers of processors with vectors of four."""
 
 downdate_16 = _tile(8, 2, fresh=False)
 """``target[t:, :3] -= source[s:, :count] source[b : b + 3, :count]'`` for 16 rows; the arguments are ``target, t, t_ld, source, s,

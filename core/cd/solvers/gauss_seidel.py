@@ -1,9 +1,4 @@
-"""Projected (nonsmooth) Gauss-Seidel, optionally over-relaxed: the field's baseline, and the Coulomb solver.
-
-Contacts in an order that several threads can sweep with the same result, and the sweeps over them.
-
-Where an iterative contact solver starts.
-"""
+"""Projected (nonsmooth) Gauss-Seidel, optionally over-relaxed: the field's baseline, and the Coulomb solver."""
 
 from __future__ import annotations
 
@@ -27,6 +22,10 @@ FloatArray = NDArray[np.float64]
 MAX_SWEEPS = 1_000_000
 STRIPED_FROM = 1_000
 """Contacts from which they are swept in stripes, with any number of threads: below, a sweep takes less than threads need to meet."""
+
+
+MOST_STRIPES = 64
+"""Stripes, half of which are swept at the same time: enough to share them out evenly, and each of many contacts."""
 
 
 def solve_gauss_seidel(
@@ -156,10 +155,6 @@ def _sweeps(
         v,
         r,
     )
-
-
-MOST_STRIPES = 64
-"""Stripes, half of which are swept at the same time: enough to share them out evenly, and each of many contacts."""
 
 
 class Stripes:

@@ -1,11 +1,9 @@
-"""Kernel of the nonsmooth Gauss-Seidel sweep.
+"""Kernels of the nonsmooth Gauss-Seidel sweep, over contacts one by one or by stripes that threads share.
 
-Kernels that order contacts by stripes, so that threads can sweep over them with the same result whatever their number.
-
-The bodies are numbered by their distance from a corner of the packing, counted in contacts: breadth first, from a body as
-remote as possible. Contacts then join bodies of one level or of two neighbouring ones. A stripe is some levels in a row, and
-a contact belongs to the stripe of its first body. So it changes bodies of that stripe and of the next one, and every second
-stripe can be swept at the same time.
+Threads give the same result whatever their number. The bodies are numbered by their distance from a corner of the packing, counted in
+contacts: breadth first, from a body as remote as possible. Contacts then join bodies of one level or of two neighbouring ones. A
+stripe is some levels in a row, and a contact belongs to the stripe of its first body. So it changes bodies of that stripe and of the
+next one, and every second stripe can be swept at the same time.
 """
 
 from __future__ import annotations
@@ -30,6 +28,12 @@ Ints = NDArray[np.int32]
 
 FEWEST = 2
 """Sweeps between two measurements at the start: on few contacts a measurement costs as much as some sweeps."""
+
+
+NX, NY, ARM_NI, ARM_NJ, ARM_TI, ARM_TJ, G_N, G_T, C_N, C_T, MU, W_NN, W_NT, W_TT, P, Q = range(16)
+"""Columns of a contact's row: normal, arms, offset, compliance, friction, Delassus block, force. ``G_T`` holds ``g_t - c_t q0``."""
+ROW = 16
+"""Numbers in a row: two cache lines."""
 
 
 @inline_kernel
@@ -183,12 +187,6 @@ def _sweep_row(
         v[j, 0] -= inverse_mass[j, 0] * fx
         v[j, 1] -= inverse_mass[j, 1] * fy
         v[j, 2] += inverse_mass[j, 2] * (rows[m, ARM_NJ] * dp + rows[m, ARM_TJ] * dq)
-
-
-NX, NY, ARM_NI, ARM_NJ, ARM_TI, ARM_TJ, G_N, G_T, C_N, C_T, MU, W_NN, W_NT, W_TT, P, Q = range(16)
-"""Columns of a contact's row: normal, arms, offset, compliance, friction, Delassus block, force. ``G_T`` holds ``g_t - c_t q0``."""
-ROW = 16
-"""Numbers in a row: two cache lines."""
 
 
 @kernel

@@ -1,7 +1,4 @@
-"""Primal-dual interior-point method for the associated rule (Mehrotra's predictor-corrector, body-space matrix).
-
-One run of the interior-point method: the iterate, its start and its steps.
-"""
+"""Primal-dual interior-point method for the associated rule (Mehrotra's predictor-corrector, body-space matrix)."""
 
 from __future__ import annotations
 
@@ -25,6 +22,29 @@ STALL = 20
 """Iterations without progress after which the method gives up."""
 REFINEMENTS = 3
 """Corrections of the forces, at most, after which momentum is balanced as well as round-off allows."""
+
+
+CLOSEST = 1.0 - 1e-7
+"""Largest fraction of the way to the boundary, so that rays and slacks stay positive."""
+STIFFNESS = 100.0
+"""Of the springs, over the inverse of a contact's own compliance, whose forces the method starts from. Springs about as soft as
+the bodies spread a load over a few layers only, and forces that have to grow with the depth of a packing cost an iteration a
+layer; much stiffer ones find forces of both signs that are larger than the solution's."""
+BOLDNESS = 0.2
+"""Products to go for, in units of Mehrotra's cube rule: correctors make up for a goal that a single step would miss."""
+CORRECTORS = 8
+"""Centrality correctors of an iteration, at most: a solve each, a small part of a factorisation."""
+WEIGHTS = (0.0, 0.1, 0.3, 1.0)
+"""Of the second-order corrector: the one with the longest step is taken. In full it assumes the full step, and makes products
+cycle where the predictor gets only a part of the way (Colombo & Gondzio 2008)."""
+ENOUGH = 0.95
+"""Step length that needs no corrector."""
+SPREAD = 0.1
+"""Products between this fraction of the goal and its inverse count as central."""
+WORTH = 1.02
+"""Factor by which a corrector has to lengthen the step."""
+SMALLEST_RATIO = 1e-13
+"""Bound from below on ``rho s/a``: beyond it the factorisation sees only round-off of the inertia."""
 
 
 class InteriorPoint:
@@ -123,29 +143,6 @@ class InteriorPoint:
             residuals=residuals,
             seconds=clock.seconds,
         )
-
-
-CLOSEST = 1.0 - 1e-7
-"""Largest fraction of the way to the boundary, so that rays and slacks stay positive."""
-STIFFNESS = 100.0
-"""Of the springs, over the inverse of a contact's own compliance, whose forces the method starts from. Springs about as soft as
-the bodies spread a load over a few layers only, and forces that have to grow with the depth of a packing cost an iteration a
-layer; much stiffer ones find forces of both signs that are larger than the solution's."""
-BOLDNESS = 0.2
-"""Products to go for, in units of Mehrotra's cube rule: correctors make up for a goal that a single step would miss."""
-CORRECTORS = 8
-"""Centrality correctors of an iteration, at most: a solve each, a small part of a factorisation."""
-WEIGHTS = (0.0, 0.1, 0.3, 1.0)
-"""Of the second-order corrector: the one with the longest step is taken. In full it assumes the full step, and makes products
-cycle where the predictor gets only a part of the way (Colombo & Gondzio 2008)."""
-ENOUGH = 0.95
-"""Step length that needs no corrector."""
-SPREAD = 0.1
-"""Products between this fraction of the goal and its inverse count as central."""
-WORTH = 1.02
-"""Factor by which a corrector has to lengthen the step."""
-SMALLEST_RATIO = 1e-13
-"""Bound from below on ``rho s/a``: beyond it the factorisation sees only round-off of the inertia."""
 
 
 @dataclass

@@ -72,7 +72,7 @@ def particle(history: History) -> dict[str, np.ndarray]:
     }
 
 
-@pytest.mark.parametrize("dt", [0.01, 0.005, 0.0025])
+@pytest.mark.parametrize("dt", [0.01, 0.0025])
 @pytest.mark.parametrize("mu", [0.36, 0.4])
 @pytest.mark.parametrize(("sliding", "solver"), RULES)
 def test_incline(sliding: Any, solver: str, mu: float, dt: float) -> None:
@@ -143,7 +143,7 @@ def test_one_step_multiplier_of_the_collision() -> None:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("dt", [0.001, 1.0 / 300.0, 0.005, 0.01, 0.1])
+@pytest.mark.parametrize("dt", [0.001, 1.0 / 300.0, 0.005, 0.1])
 @pytest.mark.parametrize("g0", [0.0, 0.001])
 def test_dynamic_sliding(solver: str, dt: float, g0: float) -> None:
     """(A.4) above dt_cr = 1/300 s, free flight at and below it, and the steps after."""
