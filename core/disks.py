@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.validate import LARGEST, SMALLEST, FloatArray, finite, items_of, numbers, shown
+from ninedisk.core.validate import LARGEST, SMALLEST, finite, items_of, numbers, shown
 
 if TYPE_CHECKING:
     from ninedisk.core.nurbs.curve import NurbsCurve

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.validate import FloatArray
+from ninedisk.core.array_types import FloatArray
 
 Pair = tuple[int, int]
 

@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.disks import Disks, check_outlines, outlines_from, plain_outline
 from ninedisk.core.errors import BehindWallError, InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, SlipAt, WallVelocityAt
-from ninedisk.core.validate import FloatArray, all_of_kind, at_least, body_numbers, finite, kind_of, shown, whole
+from ninedisk.core.validate import all_of_kind, at_least, body_numbers, finite, kind_of, shown, whole
 from ninedisk.core.walls import Wall, WallSegment
 
 if TYPE_CHECKING:

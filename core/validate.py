@@ -13,12 +13,12 @@ from operator import index
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ninedisk.core.array_types import FloatArray as FloatArray
+from ninedisk.core.array_types import IntArray as IntArray
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Item = TypeVar("Item")
 
 LARGEST, SMALLEST = 1e150, 1e-150

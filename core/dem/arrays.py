@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.dem.critical import critical_time_step, packed_time_step
 from ninedisk.core.dem.force_kernels import SCRATCH, note_pairs
 from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, empty_cells, empty_list
@@ -17,7 +18,6 @@ from ninedisk.core.motion_kernels import WallMotion
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.core.thread_kernels import PAD
-from ninedisk.core.validate import FloatArray
 
 SORT_FROM = 2_000
 """Number of disks from which they are kept in the order of the cells: a smaller scene fits into the fast caches anyway, and the

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.dem.critical_kernels import lanczos
 from ninedisk.core.dem.grains import equal_radii, needs_outlines, outline_arrays
 from ninedisk.core.dem.neighbours import PairFinder
@@ -38,7 +39,6 @@ from ninedisk.core.nurbs.mass import farthest
 from ninedisk.core.nurbs.state import ContactRows
 from ninedisk.core.nurbs.table import outline_points
 from ninedisk.core.scene import ContactLaw, Scene
-from ninedisk.core.validate import FloatArray, IntArray
 
 NEAR = 1e-3
 """Pairs with a gap below this fraction of the smaller radius count as contacts of the network."""

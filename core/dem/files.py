@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.archive import made_folder, read_arrays, whole_file
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.dem.state import NeighbourList
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.core.validate import FloatArray, one_of
+from ninedisk.core.validate import one_of
 
 FORMAT = 3
 NEEDED = ("clock", "samples.pairs", "samples.chosen", "samples.at")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.dem.state import CODE, COUNT, FIRST, FS, ROOM, SECOND, SIDE, Memory, Outlines
 from ninedisk.core.errors import NonFiniteStateError
 from ninedisk.core.history import Pair
@@ -17,7 +18,6 @@ from ninedisk.core.nurbs.mass import area_moments
 from ninedisk.core.nurbs.shapes import body_shapes
 from ninedisk.core.nurbs.state import MOST_ROOTS, contact_rows, workspace
 from ninedisk.core.scene import Scene
-from ninedisk.core.validate import FloatArray
 
 CONTACTS_PER_BODY = 3
 """First guess of contacts a body: a packing of convex grains has 2, each shared by two."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.dem.neighbour_kernels import build_pairs, build_wall_pairs, sort_into_cells
 from ninedisk.core.dem.state import OK, Cells, NeighbourList
 from ninedisk.core.errors import InvalidSceneError, NonFiniteStateError
-from ninedisk.core.validate import FloatArray, IntArray
 
 PAIRS_PER_DISK = 2.1
 """First guess of listed pairs a disk: a settled polydisperse packing has 2.0 with the first skin."""

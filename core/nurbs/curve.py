@@ -9,10 +9,11 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve_kernels import ShapeTable, sample
 from ninedisk.core.nurbs.table import outline_points, shape_table
-from ninedisk.core.validate import LARGEST, SMALLEST, FloatArray, finite, numbers, real, shown
+from ninedisk.core.validate import LARGEST, SMALLEST, finite, numbers, real, shown
 
 MOST_DEGREE, MOST_POINTS = 12, 1_000
 """Of an outline. Bernstein coefficients of higher degrees lose digits; crossings are sought among all pairs of an outline's segments."""

@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
 from ninedisk.core.nurbs.features_kernels import DEEPEST, features_of_pairs, features_with_walls
 from ninedisk.core.nurbs.intersect import NurbsGrains
 from ninedisk.core.nurbs.state import FULL, FeatureRows, feature_rows
 from ninedisk.core.nurbs.table import vertices_of
-from ninedisk.core.validate import FloatArray, IntArray
 
 
 class NurbsFeatures:

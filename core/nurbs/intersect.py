@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve import NurbsCurve, powers
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
@@ -14,7 +15,7 @@ from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
 from ninedisk.core.nurbs.state import CROSSED, ENCLOSED, FULL, UNDECIDED, ContactRows, contact_rows, workspace
 from ninedisk.core.nurbs.table import shape_table
 from ninedisk.core.nurbs.wall_kernels import contacts_with_wall
-from ninedisk.core.validate import FloatArray, IntArray, all_of_kind, finite, numbers, shown
+from ninedisk.core.validate import all_of_kind, finite, numbers, shown
 
 REASONS = {
     ENCLOSED: "lies wholly inside the other body: there is no chord; the overlap is far beyond a contact's",

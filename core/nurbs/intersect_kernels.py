@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from math import sqrt
 
+from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, point_at
 from ninedisk.core.nurbs.lens_kernels import (
@@ -25,7 +26,6 @@ from ninedisk.core.nurbs.lens_kernels import (
 from ninedisk.core.nurbs.roots_kernels import APART, LENS, ROUNDING, SHIFT, UNSURE, convex_lens, crossings
 from ninedisk.core.nurbs.state import CROSSED, ENCLOSED, FULL, PARALLEL, UNDECIDED, ContactRows, Workspace
 from ninedisk.core.nurbs.wall_kernels import line_crossings
-from ninedisk.core.validate import FloatArray, IntArray
 
 POINT = 8.0
 """Roundings below which a chord is a point: the outlines touch at a corner."""

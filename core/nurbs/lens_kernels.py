@@ -23,10 +23,10 @@ from __future__ import annotations
 
 from math import sqrt
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.compile import inline_kernel
 from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, bend_at, step_along, tangent_at, walked
 from ninedisk.core.nurbs.state import ContactRows
-from ninedisk.core.validate import FloatArray
 
 CANCEL = 0.5
 """Length of the sum of chords over the sum of their lengths, on the mean of both outlines, below which they cancel."""

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.table import outline_points
-from ninedisk.core.validate import FloatArray, at_least, finite, kind_of, whole
+from ninedisk.core.validate import at_least, finite, kind_of, whole
 
 NODES = 16
 """Gauss nodes a piece: exact for polynomial curves of degree 8 and less; on rational pieces, which turn by 0.6 rad at most, the

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 from math import sqrt
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.compile import inline_kernel
 from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, bend_at, extreme_guess, tangent_at, walked
 from ninedisk.core.nurbs.state import MOST_ROOTS, PARALLEL, STACK, UNDECIDED, Workspace
-from ninedisk.core.validate import FloatArray
 
 TOUCHING = 5e-10
 """Length of a box, over the smaller shape's radius R, below which the curves are taken to touch without crossing. An overlap of

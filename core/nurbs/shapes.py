@@ -9,11 +9,12 @@ from math import cos, pi, sin, tan
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve import MOST_DEGREE, MOST_POINTS, NurbsCurve, powers
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
 from ninedisk.core.nurbs.table import shape_table, table_of_circles, tables_together
-from ninedisk.core.validate import FloatArray, at_least, numbers, real, shown, whole
+from ninedisk.core.validate import at_least, numbers, real, shown, whole
 
 QUARTERS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 4.0])
 MOST_ROUNDS = 1_000

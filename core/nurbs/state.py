@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
-from ninedisk.core.validate import FloatArray, IntArray
 
 MOST_ROOTS = 128
 """Intersections of two outlines that are kept."""

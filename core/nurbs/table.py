@@ -8,10 +8,10 @@ from math import comb, pi
 
 import numpy as np
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve_kernels import BINS, ShapeTable, diamond_angle, sample
 from ninedisk.core.nurbs.state import Vertices
-from ninedisk.core.validate import FloatArray
 
 TURN = 0.6
 """Largest turning of the tangent over a piece [rad], by its bound: then its circle fits and the piece is a graph over its chord."""

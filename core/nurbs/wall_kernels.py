@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from math import sqrt
 
+from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, step_along, tangent_at
 from ninedisk.core.nurbs.lens_kernels import extent_along, extent_on
 from ninedisk.core.nurbs.roots_kernels import COINCIDE, CONTRACTION, MOST_BOXES, ROUNDING, SHIFT, TOUCHING, known, tidy
 from ninedisk.core.nurbs.state import ENCLOSED, FULL, MOST_ROOTS, PARALLEL, STACK, UNDECIDED, ContactRows, Workspace
-from ninedisk.core.validate import FloatArray, IntArray
 
 
 @inline_kernel
