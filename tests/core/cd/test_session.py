@@ -12,6 +12,7 @@ import pytest
 
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.session import CdSession
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError, SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
