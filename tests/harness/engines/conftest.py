@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +14,19 @@ import pytest
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 
 G = 10.0
+
+
+def _load(name: str) -> None:
+    """Make a helper beside this file importable: test modules are imported by path and have no package."""
+    if (full := f"ninedisk_tests_{name}") not in sys.modules:
+        spec = importlib.util.spec_from_file_location(full, Path(__file__).with_name(f"{name}.py"))
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[full] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[full])
+
+
+_load("comparison")
 
 
 def rigid(mu: float = 0.0, restitution: float | None = 0.0) -> ContactLaw:

@@ -10,40 +10,20 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import numpy as np
 import pytest
+from ninedisk_tests_comparison import variant, worst
 
-from ninedisk.core.errors import UnstableTimeStepError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.case import Setup
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
-from ninedisk.harness.api.params import resolve
-from ninedisk.harness.api.registry import get_case
-from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
 from ninedisk.harness.engines.esys_particle import adapter as adapter
 from ninedisk.harness.engines.esys_particle.adapter import EsysParticle
-from ninedisk.references.exact_steps.compression import smooth_row
 
 needs_esys = pytest.mark.skipif(
     not EsysParticle().info().installed, reason="ESyS-Particle is not installed: apt-get install esys-particle"
 )
-
-ROUND_OFF = 1e-10
-"""Of the largest force: it is kn times a difference of positions near 300 m (ulp 5.7e-14 m) over overlaps of some 0.04 m,
-1.5e-12 in each evaluation; some hundred cycles add up to less than a hundred of them."""
-
-
-def variant(case_id: str, **params: object) -> Setup:
-    case = get_case(case_id)
-    return case.build(resolve(case, params).params)
-
-
-def worst(one: np.ndarray, two: np.ndarray) -> float:
-    """Largest difference over the history, relative to the largest value."""
-    return float(np.abs(one - two).max() / np.abs(two).max())
 
 
 def processes(folder: Path) -> list[str]:
@@ -56,32 +36,6 @@ def processes(folder: Path) -> list[str]:
         except OSError:
             continue
     return sorted(found)
-
-
-@needs_esys
-@pytest.mark.parametrize("load_case", LOAD_CASES)
-@pytest.mark.parametrize(("xi", "form"), [(3.0, "central"), (3.0, "lagged"), (0.0, "central")])
-def test_smooth_compression_is_the_exact_recurrence(load_case: str, xi: float, form: str) -> None:
-    setup = variant("nine-disk/compression", load_case=load_case, xi=xi, damping_form=form, settle_cycles=0)
-    history = EsysParticle().run(setup.scene, setup.numerics, setup.watch).history
-    load = LOAD_CASES[load_case]
-    middle, wall = smooth_row(
-        kn=load.kn,
-        mass=MASS,
-        xi=xi,
-        dt=load.dt,
-        n_load=load.load_cycles,
-        v_wall=load.v_wall,
-        n_steps=200,
-        form=form,  # type: ignore[arg-type]
-    )
-    for column, expected in enumerate((middle, middle, wall, wall)):
-        assert worst(history.fn[:, column], expected) <= ROUND_OFF
-    core = simulate(setup.scene, setup.numerics, setup.watch)
-    for name in ("x", "v", "gap", "wall_force", "wall_point", "wall_angle"):
-        assert worst(getattr(history, name), getattr(core, name)) <= ROUND_OFF, name
-    for name in ("kinetic", "elastic"):
-        assert worst(history.energy[name], core.energy[name]) <= 4.0 * ROUND_OFF, name
 
 
 @needs_esys
@@ -112,15 +66,6 @@ def test_smooth_collisions_under_gravity_between_walls_that_shake(form: str) -> 
 
 
 @needs_esys
-def test_collision_is_the_in_house_dem() -> None:
-    setup = variant("binary-collision")
-    engine = EsysParticle().run(setup.scene, setup.numerics, setup.watch).history
-    core = simulate(setup.scene, setup.numerics, setup.watch)
-    assert np.abs(engine.v - core.v).max() <= 1e-12
-    assert np.abs(engine.x - core.x).max() <= 1e-12
-
-
-@needs_esys
 def test_contact_forces_that_its_momenta_contradict_are_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -137,17 +82,6 @@ def test_contact_forces_that_its_momenta_contradict_are_an_error(
     setup = variant("nine-disk/compression", settle_cycles=0)
     with pytest.raises(EngineError, match=r"at step \d+ the contact forces .* differ by .* N"):
         EsysParticle().run(setup.scene, setup.numerics, setup.watch)
-
-
-@needs_esys
-def test_two_runs_at_once_do_not_disturb_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    setup = variant("nine-disk/compression", settle_cycles=0)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    with ThreadPoolExecutor(2) as pool:
-        one, two = pool.map(lambda _: EsysParticle().run(setup.scene, setup.numerics, setup.watch).history, range(2))
-    np.testing.assert_array_equal(one.fn, two.fn)
-    assert one.fn.max() > 0.0
-    assert list(tmp_path.iterdir()) == []
 
 
 @needs_esys
@@ -179,31 +113,6 @@ def test_crash_inside_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     setup = variant("nine-disk/compression")
     with pytest.raises(EngineError, match=r"mpirun ended with status 1.*(\n.*)*signal 11"):
         EsysParticle().run(setup.scene, setup.numerics, [])
-
-
-@needs_esys
-def test_step_beyond_the_critical_one_is_the_users_mistake() -> None:
-    scene = variant("nine-disk/compression").scene
-    with pytest.raises(UnstableTimeStepError, match="exceeds the critical step"):
-        EsysParticle().run(scene, Numerics(dt=1.0, n_steps=1, contact_dt=1.0), [])
-
-
-@needs_esys
-def test_scene_without_disks_is_an_error() -> None:
-    scene = Scene(disks=Disks(x=np.empty((0, 2)), radius=1.0, mass=1.0), disk_disk=ContactLaw(kn=1.0))  # type: ignore[arg-type]
-    with pytest.raises(EngineError, match="there is no disk"):
-        EsysParticle().run(scene, Numerics(dt=1.0, n_steps=1, contact_dt=1.0), [])
-
-
-@needs_esys
-def test_info_and_settings_of_the_real_one() -> None:
-    info = EsysParticle().info()
-    assert info.licence == "Apache-2.0"
-    setup = variant("nine-disk/compression")
-    settings = EsysParticle().run(setup.scene, Numerics(dt=0.01, n_steps=1), setup.watch).settings
-    assert settings["engine_version"] == info.version
-    assert settings["grid spacing [m]"] == 125.0
-    assert settings["contact_dt"] * settings["contact_steps_per_dt"] == pytest.approx(0.01)
 
 
 def test_smooth_scenes_only() -> None:

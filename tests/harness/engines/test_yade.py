@@ -7,19 +7,18 @@ code with it; they are skipped only where YADE is absent.
 from __future__ import annotations
 
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
+from ninedisk_tests_comparison import assert_same, worst
 
-from ninedisk.core.errors import UnstableTimeStepError
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
+from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, SupportLevel
 from ninedisk.harness.engines.yade.adapter import NOTE_ARM, NOTE_ROTATION, Yade
 from ninedisk.harness.run.isolation import run_isolated
 from ninedisk.harness.wire.protocol import Request, encode_request
@@ -57,57 +56,8 @@ def nine_disks(
     return Scene(disks=disks, disk_disk=law(kn=KN, ks=KN, mu=mu), walls=tuple(walls), xi=xi)
 
 
-def row_recurrence(xi: float, cycles: int, *, central: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Exact time-discrete forces of a row: ``m x'' + xi m x' + 2 kn x = kn w``, x the side disk, w the wall; (wall, middle)."""
-    x, v, a = 0.0, 0.0, 0.5 * xi * DT
-    wall, middle = np.empty(cycles + 1), np.empty(cycles + 1)
-    for n in range(cycles + 1):
-        w = SPEED * DT * min(n, LOAD)
-        wall[n], middle[n] = KN * (w - x), KN * x
-        rate = (wall[n] - middle[n]) / MASS
-        if n == 0:  # noqa: SIM108
-            v = 0.5 * DT * rate
-        else:
-            v = ((1.0 - a) * v + DT * rate) / (1.0 + a) if central else v + DT * (rate - xi * v)
-        x += DT * v
-    return wall, middle
-
-
-def worst(one: np.ndarray, two: np.ndarray, scale: float | None = None) -> float:
-    """Largest difference over the history, relative to the largest value."""
-    return float(np.abs(one - two).max() / (np.abs(two).max() if scale is None else scale))
-
-
 def both(scene: Scene, numerics: Numerics, watch: list[Pair]) -> tuple[History, History]:
     return Yade().run(scene, numerics, watch).history, simulate(scene, numerics, watch)
-
-
-def assert_same(yade: History, core: History, tolerance: float) -> None:
-    """All observed quantities agree, each relative to the largest value of its kind in the history."""
-    force = float(np.abs(core.fn).max())
-    scales = {"gap": force / KN, "fn": force, "fs": force, "wall_force": force}
-    for name in ("x", "v", "angle", "omega", "fn", "fs", "wall_point", "wall_angle", "wall_force"):
-        one, two = getattr(yade, name), getattr(core, name)
-        if two.size and np.abs(two).max() > 0.0:
-            assert worst(one, two, scales.get(name)) <= tolerance, name
-    for name in ("kinetic", "elastic", "gravity"):
-        total = max(float(np.abs(core.energy[key]).max()) for key in ("kinetic", "elastic"))
-        assert worst(yade.energy[name], core.energy[name], total) <= 4.0 * tolerance, name
-
-
-@needs_yade
-@pytest.mark.parametrize(("xi", "form"), [(3.0, "central"), (3.0, "lagged"), (0.0, "central")])
-def test_smooth_compression_is_the_exact_recurrence(xi: float, form: str) -> None:
-    numerics = Numerics(dt=DT, n_steps=200, contact_dt=DT, damping_form=form)  # type: ignore[arg-type]
-    history = Yade().run(nine_disks(wall_mu=0.0, xi=xi), numerics, [WALL_MID, CORNER, CENTRE]).history
-    wall, middle = row_recurrence(xi, 200, central=form == "central")
-    assert worst(history.fn[:, 0], wall) <= ROUND_OFF
-    assert worst(history.fn[:, 1], wall) <= ROUND_OFF
-    assert worst(history.fn[:, 2], middle) <= ROUND_OFF
-    assert history.fn[1, 0] == pytest.approx(KN * SPEED * DT, rel=1e-10)  # step 1 already has the wall's first move
-    if form == "central" and xi:
-        assert history.fn[:, 2].max() == pytest.approx(5.31963e7, rel=1e-6)
-        assert int(history.fn[:, 2].argmax()) == 44
 
 
 @needs_yade
@@ -134,29 +84,6 @@ def test_distortion_differs_only_by_the_first_order_rotation_of_shear() -> None:
     assert worst(yade.fs[before], core.fs[before], shear) <= ROUND_OFF
     assert worst(yade.fs, core.fs, shear) <= growth
     assert worst(yade.fn, core.fn) <= growth
-
-
-@needs_yade
-@pytest.mark.parametrize("tilted", [False, True])
-def test_preloaded_block_slides_as_the_closed_form(tilted: bool) -> None:
-    mass, g, angle, mu, kn = 7.854, 10.0, np.radians(20.0), 0.36, 1e7
-    down, up = np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
-    gravity = (0.0, -g) if tilted else (g * np.sin(angle), -g * np.cos(angle))
-    if not tilted:
-        down, up = np.array([1.0, 0.0]), np.array([0.0, 1.0])
-    weight = mass * g * np.cos(angle)
-    plane = Wall(name="plane", point=(0, 0), normal=tuple(up), law=law(kn=kn, ks=kn, mu=mu))
-    disks = Disks(x=[up * (0.5 - weight / kn)], radius=0.5, mass=mass, rotating=False)  # type: ignore[arg-type]
-    shear = {(0, 1): -mu * weight}
-    scene = Scene(disks=disks, disk_disk=law(kn=kn), walls=(plane,), gravity=gravity, initial_shear=shear)
-    history = Yade().run(scene, Numerics(dt=0.01, n_steps=100), [(0, 1)]).history
-    slope = g * (np.sin(angle) - mu * np.cos(angle))
-    # Normal forces carry the round-off of the position: ulp(0.5 m) kn = 1e-9 N of 74 N.
-    assert worst(history.x[:, 0] @ down, 0.5 * slope * history.t**2) <= 1e-10
-    assert worst(history.v[:, 0] @ down, slope * history.t) <= 1e-10
-    assert worst(history.fn[:, 0], np.full(101, weight)) <= 1e-9
-    assert worst(history.fs[:, 0], np.full(101, -mu * weight)) <= 1e-9
-    assert np.abs(history.angle).max() == 0.0
 
 
 @needs_yade
@@ -214,20 +141,6 @@ def test_oblique_walls_with_every_kind_of_motion() -> None:
 
 
 @needs_yade
-def test_two_runs_at_once_do_not_disturb_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    numerics = Numerics(dt=DT, n_steps=50, contact_dt=DT)
-    Yade().extra(nine_disks(), numerics, tmp_path)  # the core's kernels find their cache in the true home
-    (tmp_path / "wall_path.npy").unlink()
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    with ThreadPoolExecutor(2) as pool:
-        one, two = pool.map(lambda _: Yade().run(nine_disks(), numerics, [CENTRE]).history, range(2))
-    np.testing.assert_array_equal(one.fn, two.fn)
-    assert one.fn.max() > 0.0
-    assert list(tmp_path.iterdir()) == []  # neither a temporary file nor a home
-
-
-@needs_yade
 def test_folder_that_yade_makes_in_tmp_is_removed(tmp_path: Path) -> None:
     """YADE makes it whatever TMPDIR says, and leaves it behind when it is killed; the driver removes it at its start."""
     scene, numerics, engine = nine_disks(), Numerics(dt=DT, n_steps=1), Yade()
@@ -240,52 +153,12 @@ def test_folder_that_yade_makes_in_tmp_is_removed(tmp_path: Path) -> None:
 
 
 @needs_yade
-def test_run_stopped_half_way_is_a_timeout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    engine = Yade()
-    engine.time_limit = 2.5
-    numerics = Numerics(dt=DT, n_steps=10_000_000, contact_dt=DT, sample_every=10_000_000)
-    scene = nine_disks().replace(walls=())  # no path of the walls to prepare: the time goes into YADE
-    with pytest.raises(EngineTimeoutError, match=r"yade was stopped at its time limit of 2.5 s"):
-        engine.run(scene, numerics, [])
-    assert list(tmp_path.iterdir()) == []
-
-
-@needs_yade
 def test_preload_without_overlap_is_refused() -> None:
     plane = Wall(name="plane", point=(0, 0), normal=(0, 1), law=law(kn=1e6, ks=1e6, mu=0.3))
     disks = Disks(x=[(0.0, 1.1)], radius=1.0, mass=1.0)  # type: ignore[arg-type]
     scene = Scene(disks=disks, disk_disk=law(kn=1e6), walls=(plane,), initial_shear={(0, 1): 2.0})
     with pytest.raises(EngineError, match=r"initial_shear of pair \(0, 1\) is 2 N, but the two bodies do not overlap"):
         Yade().run(scene, Numerics(dt=0.01, n_steps=1), [])
-
-
-@needs_yade
-def test_step_beyond_the_critical_one_is_the_users_mistake() -> None:
-    with pytest.raises(UnstableTimeStepError, match="exceeds the critical step"):
-        Yade().run(nine_disks(), Numerics(dt=1.0, n_steps=1, contact_dt=1.0), [])
-
-
-@needs_yade
-def test_state_that_explodes_is_an_error() -> None:
-    """Far beyond the critical step positions overflow; the adapter must not hand that on."""
-    numerics = Numerics(dt=1.0, n_steps=2000, contact_dt=1.0, allow_unstable=True)
-    pushed = nine_disks(xi=-0.0).replace(gravity=(1e300, 0.0))
-    with pytest.raises(EngineError, match=r"stopped being finite|gave up|ended"):
-        Yade().run(pushed, numerics, [])
-
-
-@needs_yade
-def test_info_and_settings_of_the_real_one() -> None:
-    info = Yade().info()
-    assert info.installed
-    assert info.version
-    assert info.version[:2] == "20"
-    assert info.licence == "GPL-2.0-or-later"
-    settings = Yade().run(nine_disks(), Numerics(dt=DT, n_steps=1), [CENTRE]).settings
-    assert settings["engine_version"] == info.version
-    assert settings["contact_law"] == "Law2_ScGeom_FrictPhys_CundallStrack"
-    assert settings["contact_dt"] * settings["contact_steps_per_dt"] == pytest.approx(DT)
 
 
 def test_conventions_are_graded_honestly() -> None:

@@ -240,7 +240,7 @@ def told_by(info: EngineInfo) -> dict[str, Any]:
     told: dict[str, Any] = {"wire_version": 1}
     for each in fields(EngineInfo):
         value = getattr(info, each.name)
-        if each.name in ("how_it_runs", "not_installed_because") or value == each.default:
+        if each.name in ("how_it_runs", "not_installed_because", "reference") or value == each.default:
             continue
         if each.name == "options":
             value = {name: {f.name: list(v) if isinstance(v, tuple) else v for f in fields(option)
