@@ -171,7 +171,7 @@ def packing(n: int, *, aspect: float = 1.0, progress: Callable[[int, int], None]
     -------
     Scene
         At rest, with the shear forces of its contacts unless it is made of copies. It comes from the user's cache folder if it
-        has been made before by the same gallery.
+        has been made before by the same packings.
     """
     if n > LARGEST_SETTLED:
         one = packing(LARGEST_SETTLED, aspect=aspect, progress=progress).replace(initial_shear={})
@@ -180,7 +180,7 @@ def packing(n: int, *, aspect: float = 1.0, progress: Callable[[int, int], None]
 
 
 def kept(name: str, make: Callable[[], Scene]) -> Scene:
-    """A scene that takes long to make: from the user's cache folder if the same gallery has made it before."""
+    """A scene that takes long to make: from the user's cache folder if the same packings have made it before."""
     path = _folder() / f"{name}-{_recipe()}.json.gz"
     try:
         with gzip.open(path, "rt", encoding="utf-8") as file:
@@ -209,7 +209,7 @@ def _folder() -> Path:
 
 
 def _recipe() -> str:
-    """Hash of the gallery's sources: another recipe makes another packing."""
+    """Hash of the sources of `ninedisk.core.packings`: another recipe makes another packing."""
     return source_hash(Path(packings.__file__).parent)[:12]
 
 

@@ -57,7 +57,7 @@ UNIT = "s/simulated s"
 BOUND = 0.5
 """Of the distance between centres of mass at the end, over the mean radius."""
 STIFFNESS = (1.0, 10.0, 100.0)
-"""Of the DEM's springs over the gallery's."""
+"""Of the DEM's springs over those that the scene came with."""
 TOLERANCE, LOOSER = 1e-4, (1e-3, 1e-2, 1e-1)
 """Of contact dynamics, in each step, on natural map and duality gap."""
 
