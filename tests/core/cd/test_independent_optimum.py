@@ -35,7 +35,7 @@ from ninedisk.core.cd.problem import ContactProblem, measure
 from ninedisk.core.cd.settings import SolverOptions, SolverResult
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.errors import SolverNotConvergedError
-from ninedisk.harness.bench.cd_solvers import program
+from ninedisk.harness.bench.cd import program
 
 FloatArray = NDArray[np.float64]
 
