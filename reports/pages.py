@@ -19,7 +19,6 @@ from markupsafe import Markup
 
 from ninedisk.harness.results.schema import Row
 from ninedisk.reports import text
-from ninedisk.reports import text as words
 from ninedisk.reports.charts import Chart
 from ninedisk.reports.model import SHOWN, CaseData, EngineFacts, Panel, Summary, summarise
 from ninedisk.reports.text import as_float, number, pair_shade, parameters, shade, symbol
@@ -72,11 +71,11 @@ def environment() -> Environment:
         "css": lambda word: re.sub(r"[^a-z-]", "", str(word)),
     }
     env.globals |= {
-        "pips": words.SUPPORT_PIPS,
-        "support_meaning": words.SUPPORT_MEANING,
-        "status_meaning": words.STATUS_MEANING,
-        "shades": words.SHADES,
-        "pair_shades": words.PAIR_SHADES,
+        "pips": text.SUPPORT_PIPS,
+        "support_meaning": text.SUPPORT_MEANING,
+        "status_meaning": text.STATUS_MEANING,
+        "shades": text.SHADES,
+        "pair_shades": text.PAIR_SHADES,
         "nothing": text.NOTHING,
     }
     return env

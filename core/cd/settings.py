@@ -63,12 +63,12 @@ OPTIONS: Mapping[str, Option] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SolverOptions:
-    """When a solver stops; ranges are those of `ninedisk.core.cd.settings.OPTIONS`.
+    """When a solver stops; ranges are those of `OPTIONS`.
 
     Parameters
     ----------
     tolerance : float
-        Bound on natural-map residual and relative duality gap (`residuals.Residuals`).
+        Bound on natural-map residual and relative duality gap (`ninedisk.core.cd.problem.Residuals`).
     max_iterations : int or None
         Iteration limit; None: the solver's own default.
     time_limit : float

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from ninedisk.harness.api.case import Case
     from ninedisk.harness.results.schema import Row
-from ninedisk.harness.results.tables import CaseResult
+    from ninedisk.harness.results.tables import CaseResult
 
 Verdict = tuple[bool, str]
 Cells = Sequence["CaseResult"]

@@ -7,7 +7,7 @@ from functools import partial
 
 from ninedisk.harness.selftest.defect import planted
 
-FORCES, PAIRS, KICK, STEP = "dem.force_kernels", "dem.force_kernels", "dem.kick_kernels", "dem.step_kernels"
+FORCES, KICK, STEP = "dem.force_kernels", "dem.kick_kernels", "dem.step_kernels"
 SEARCH, MOTION = "dem.neighbour_kernels", "motion_kernels"
 
 
@@ -27,20 +27,20 @@ CONTACTS = (
     _kernel("shear-sign", "shear grows with the slip instead of against it", "slide",
             (FORCES, "force = before - ks * slip", "force = before + ks * slip")),
     _kernel("torque-one-body", "the second disk of a contact receives no torque", "shear-caps",
-            (PAIRS, "torque[j] += radius[j] * fs - loss", "torque[j] += 0.0 * fs")),
+            (FORCES, "torque[j] += radius[j] * fs - loss", "torque[j] += 0.0 * fs")),
     _kernel("torque-both-bodies", "contacts between disks exert no torque", "shear-caps",
-            (PAIRS, "torque[j] += radius[j] * fs - loss", "torque[j] += 0.0 * fs"),
-            (PAIRS, "torque[i] += radius[i] * fs - loss", "torque[i] += 0.0 * fs")),
+            (FORCES, "torque[j] += radius[j] * fs - loss", "torque[j] += 0.0 * fs"),
+            (FORCES, "torque[i] += radius[i] * fs - loss", "torque[i] += 0.0 * fs")),
     _kernel("torque-at-walls", "walls exert no torque", "roll",
             (FORCES, "disks.torque[i] += arm * fs", "disks.torque[i] += 0.0 * arm * fs")),
     _kernel("torque-sign", "the torque on the first disk of a contact is turned round", "shear-caps",
-            (PAIRS, "torque[i] += radius[i] * fs - loss", "torque[i] -= radius[i] * fs - loss")),
+            (FORCES, "torque[i] += radius[i] * fs - loss", "torque[i] -= radius[i] * fs - loss")),
     _kernel("slip-without-spin", "spins do not enter the slip between disks", "shear-caps",
-            (PAIRS, _DISK_SLIP, "vt += 0.0\n")),
+            (FORCES, _DISK_SLIP, "vt += 0.0\n")),
     _kernel("slip-without-spin-at-walls", "spins do not enter the slip at walls", "roll",
             (FORCES, _WALL_SLIP, "vt += 0.0\n")),
     _kernel("slip-without-dt", "the slip of a step is the slip velocity", "shear-caps",
-            (PAIRS, _DISK_SLIP + _DISK_SHEAR, _DISK_SLIP + _DISK_SHEAR.replace("vt * slip_dt", "vt")),
+            (FORCES, _DISK_SLIP + _DISK_SHEAR, _DISK_SLIP + _DISK_SHEAR.replace("vt * slip_dt", "vt")),
             (FORCES, _WALL_SLIP + _WALL_SHEAR, _WALL_SLIP + _WALL_SHEAR.replace("vt * slip_dt", "vt"))),
     _python("lever-arm", "lever arms R and R - overlap/2 are exchanged", "shear-caps",
             ("dem.arrays", 'law.lever_arm != "radius", law.lever_arm == "overlap"',
@@ -58,19 +58,19 @@ CONTACTS = (
     _kernel("damping-half", "the dashpot has half its strength", "hit-damped",
             (FORCES, "return 2.0 * beta * sqrt(kn / inv_m_eff)", "return beta * sqrt(kn / inv_m_eff)")),
     _kernel("dashpot-mass", "the dashpot between disks has one disk's mass for the effective one", "hit-damped",
-            (PAIRS, "dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[pairs.other[k]])",
+            (FORCES, "dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[pairs.other[k]])",
              "dashpot(law[KN], law[BETA], disks.inv_mass[i])")),
     _kernel("dashpot-pulls", "the dashpot may pull", "hit-damped",
-            (PAIRS, "fn = max(kn * overlap + damping[k] * rate, 0.0)", "fn = max(kn * overlap + damping[k] * rate, -1e300)")),
+            (FORCES, "fn = max(kn * overlap + damping[k] * rate, 0.0)", "fn = max(kn * overlap + damping[k] * rate, -1e300)")),
     _kernel("wall-velocity", "the wall's velocity does not enter the slip", "shear-caps",
             (FORCES, "(vx - disks.v[i, 0]) * tx + (vy - disks.v[i, 1]) * ty", "-disks.v[i, 0] * tx - disks.v[i, 1] * ty")),
     _kernel("reaction", "the reaction on the second disk is a millionth too large", "hit",
-            (PAIRS, "force[jx] -= gx", "force[jx] -= 1.000001 * gx")),
+            (FORCES, "force[jx] -= gx", "force[jx] -= 1.000001 * gx")),
     _kernel("normal-tilted", "the normal between disks is off by a hundredth of a radian", "hit",
-            (PAIRS, "nx, ny = dx * inv_d, dy * inv_d",
+            (FORCES, "nx, ny = dx * inv_d, dy * inv_d",
              "nx, ny = (dx - 0.01 * dy) * inv_d, (dy + 0.01 * dx) * inv_d")),
     _kernel("stale-contact", "forces between disks belong to the positions of the step before", "press",
-            (PAIRS, "dx, dy = scratch[DX + q], scratch[DY + q]",
+            (FORCES, "dx, dy = scratch[DX + q], scratch[DY + q]",
              "dx, dy = scratch[DX + q] + slip_dt * scratch[VX + q], scratch[DY + q] + slip_dt * scratch[VY + q]")),
     _kernel("fifth-pair", "every fifth pair is missed by the contact search", "press",
             (SEARCH, "if dx * dx + dy * dy < limit * limit:",
@@ -112,7 +112,7 @@ STEPPING = (
 
 REOPENED = (
     _kernel("history-kept", "contacts between disks that opened keep their shear force", "reopen-disks",
-            (PAIRS, "            shear[k] = fs\n", "            shear[k] = fs if overlap > 0.0 else shear[k]\n")),
+            (FORCES, "            shear[k] = fs\n", "            shear[k] = fs if overlap > 0.0 else shear[k]\n")),
     _kernel("history-kept-at-walls", "contacts with walls that opened keep their shear force", "reopen-wall",
             (FORCES, "            if overlap <= 0.0:\n                pairs.shear[k] = 0.0\n",
              "            if overlap <= 0.0:\n                pairs.shear[k] *= 1.0\n")),
@@ -136,7 +136,7 @@ RETRACED = (
     _python("slip-at", "slip is measured at the end of the step where it should be in the middle, and the other way round", "retrace",
             ("dem.arrays", 'law.slip_at == "middle"', 'law.slip_at != "middle"')),
     _kernel("slip-at-the-begin", "slip between disks is measured with the normal of the step's begin", "retrace",
-            (PAIRS, "mx, my = dx + back * vx, dy + back * vy", "mx, my = dx + 2.0 * back * vx, dy + 2.0 * back * vy")),
+            (FORCES, "mx, my = dx + back * vx, dy + back * vy", "mx, my = dx + 2.0 * back * vx, dy + 2.0 * back * vy")),
     _kernel("slip-of-a-later-wall", "slip in the middle of the step is measured with the wall's pose of its end", "retrace-wall",
             (STEP, "place_walls(motion, t_half, t_half, t_half, walls.middle)",
              "place_walls(motion, t, t_half, t_half, walls.middle)")),

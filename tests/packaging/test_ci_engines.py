@@ -13,7 +13,7 @@ import pytest
 from ninedisk.harness.api.registry import get_engine
 
 pytestmark = pytest.mark.tree  # against the wheel there are no external engines in the environment
-REQUIRED = ("pymunk", "yade", "siconos", "lammps", "mujoco", "box2d", "bullet", "dart", "drake")
+REQUIRED = ("pymunk", "yade", "siconos", "liggghts", "lammps", "kratos", "mujoco", "box2d", "bullet", "dart", "drake")
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -23,15 +23,15 @@ TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
 STAGES = ((200, 20), (5_000, 400), (20_000, 400), (80_000, 400))
 """Sweeps for Coulomb's law after which "auto" polishes the forces found, and pivots that a path of this may take."""
-PATH_AFTER = 5_000
+PATH_AFTER = STAGES[1][0]
 """Sweeps after which "auto" looks for the forces by another way, too."""
 LEMKE_CONTACTS = 500
 """Contacts up to which "auto" follows the path from nothing: some 3 pivots for each contact, each of which costs as much as a matrix
 that grows with the contacts."""
 LONGEST_WITHOUT_TRIAL = 15
 """Problems without a trial of Gauss-Seidel, at most, after trials in vain."""
-MANY = 2**62
-"""No limit."""
+NO_LIMIT = 2**62
+"""More contacts than a problem can have."""
 LOOSE, LOOSE_SWEEPS = 1e-5, 3_000
 """Tolerance from which on "auto" gives Gauss-Seidel more sweeps, on any number of contacts: a warm step of a flow takes some
 hundred."""
@@ -43,9 +43,11 @@ class ContactSolver:
     """Solves the problems of successive steps; keeps what can be reused.
 
     For Coulomb friction ``"auto"`` takes Gauss-Seidel, started from the last step's forces. Where the sweeps do not reach the
-    tolerance, `Polish` makes the forces found exact; if it cannot, more sweeps follow, then Lemke's method on up to `LEMKE_CONTACTS`
-    contacts, the interior point, and more sweeps. Where bodies rest it first asks whether they can stay: the solution of the
-    associated rule, if nothing slides in it, solves Coulomb's law, too, which may have others in which everything collapses.
+    tolerance after the first of `STAGES`, `Polish` makes the forces found exact; if it cannot, more sweeps follow, then Lemke's
+    method on up to `LEMKE_CONTACTS` contacts, the interior point, and more sweeps. ``options.max_iterations`` bounds the sweeps: at
+    a bound within the first stage nothing is polished, within the second no other method is tried. Where bodies rest it first asks
+    whether they can stay: the solution of the associated rule, if nothing slides in it, solves Coulomb's law, too, which may have
+    others in which everything collapses.
     For the associated rule it gives Gauss-Seidel, started from the last step's forces, `TRIAL_SWEEPS` sweeps: enough where few
     contacts touch each body, or where their compliance dominates. Where they do not reach the tolerance the interior point takes
     over, whose number of iterations hardly depends on the problem.
@@ -94,7 +96,7 @@ class ContactSolver:
     def most_contacts(self) -> int:
         """Contacts above which it does not begin with Gauss-Seidel."""
         trial = self.sliding == "associated" and self.name == "auto" and self.options.tolerance < LOOSE
-        return TRIAL_CONTACTS if trial else MANY
+        return TRIAL_CONTACTS if trial else NO_LIMIT
 
     def solve(self, problem: ContactProblem, start: FloatArray | None = None, *, at_rest: bool = False) -> SolverResult:
         """Solve one problem.
