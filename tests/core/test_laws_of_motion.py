@@ -283,7 +283,7 @@ def test_same_input_gives_the_same_bits_also_in_a_fresh_process() -> None:
     here = fingerprint()
     assert fingerprint() == here
     folder = str(Path(__file__).parent)
-    code = f"import sys; sys.path.insert(0, {folder!r}); import test_conservation as t; print(t.fingerprint())"
+    code = f"import sys; sys.path.insert(0, {folder!r}); import test_laws_of_motion as t; print(t.fingerprint())"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
     assert answer.stdout.strip() == here
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from ninedisk.harness.api.engine import Engine, EngineInfo, Session, SupportLevel
+from ninedisk.harness.api.engine import Difference, Engine, EngineInfo, Session, SupportLevel
 from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.engines.dem.adapter import DemEngine
 from ninedisk.harness.suite.gaps import KnownGap, read_gaps
@@ -61,7 +61,10 @@ def test_every_check_is_explained() -> None:
 
 def test_facts_and_gaps_exist(tmp_path: Path) -> None:
     told = re.search(r"which truths\nbind it: (.*?)\n\n", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    differences = re.search(r"the members of `Difference`: (.*?)\. Cases", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
     assert told is not None
+    assert differences is not None
+    assert set(re.findall(r"`(\w+)`", differences[1])) == set(Difference.__members__)
     values = {"spring", "impulse", "cd", "soft"}
     assert set(re.findall(r"`(\w+)`", told[1])) - values <= {field.name for field in fields(EngineInfo)}
     entries, gaps = blocks("toml")
