@@ -45,7 +45,11 @@ def test_the_iteration_limit_is_kept(solve: Solve, iterations: int) -> None:
 @pytest.mark.timing
 @each_solver
 def test_the_time_limit_is_kept_to_within_a_factor_of_two(solve: Solve) -> None:
-    """A lattice of 20,000 elastic contacts: an interior-point iteration takes about 0.1 s, and it needs 30 of them."""
+    """A lattice of 20,000 elastic contacts: the interior point needs 18 iterations, Gauss-Seidel thousands.
+
+    The limit is twice what the first iteration takes with all that comes before it, so that one more, which may have begun when the time
+    is over, stays within the factor on a machine of any speed.
+    """
     x = problems.lattice(100, 100)
     packing = problems.pack(x, np.full(len(x), 0.5), 0.01, (FLOOR, LEFT, RIGHT))
     c = len(packing.bodies)
@@ -59,13 +63,17 @@ def test_the_time_limit_is_kept_to_within_a_factor_of_two(solve: Solve) -> None:
         mu=np.full(c, 0.5),
         compliance=np.full((c, 2), 1e-3),
     )
-    options = SolverOptions(tolerance=1e-16, time_limit=0.8)
-    with pytest.raises(SolverNotConvergedError):
-        solve(problem, replace(options, max_iterations=1))
-    limit = options.time_limit
+    options = SolverOptions(tolerance=1e-16)
+    first = 0.0
+    for _ in range(2):  # the first run compiles
+        begin = perf_counter()
+        with pytest.raises(SolverNotConvergedError):
+            solve(problem, replace(options, max_iterations=1))
+        first = perf_counter() - begin
+    limit = max(2.0 * first, 0.05)
     begin = perf_counter()
     with pytest.raises(SolverNotConvergedError, match="time limit"):
-        solve(problem, options)
+        solve(problem, replace(options, time_limit=limit))
     assert limit <= perf_counter() - begin <= 2.0 * limit
 
 
