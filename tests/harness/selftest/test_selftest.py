@@ -63,7 +63,7 @@ SEEN_BY = {
     "cd/polish-slip-sign": "cd/test_polish.py::test_polish_of_problems_that_sweeps_do_not_solve",
     "cd/polish-unchecked": "cd/test_polish.py::test_polish_refuses_what_is_not_exact",
     "cd/rest-forgotten": "cd/test_polish.py::test_a_pyramid_stays_or_collapses",
-    "cd/behind-walls": "test_behind_walls.py::test_walls_that_cross",
+    "cd/behind-walls": "test_walls.py::test_walls_that_cross",
 }
 """Tests of the core that see what no case can."""
 CORE_TESTS = Path(__file__).parents[2] / "core"
@@ -183,6 +183,12 @@ def test_every_defect_is_caught_by_its_witness() -> None:
     assert len(rows) == len(GALLERY) + len(CLEAN)
     assert {row["defect"]: row["errors"] or row["checks"] for row in rows if not fine(row)} == {}
     assert [row["defect"] for row in rows if row["hole"] and row["caught"]] == []
+
+
+def test_the_tests_that_see_what_no_case_can_are_there() -> None:
+    for place in SEEN_BY.values():
+        file, _, name = place.partition("::")
+        assert f"def {name}(" in (CORE_TESTS / file).read_text(encoding="utf-8"), place
 
 
 @pytest.mark.slow
