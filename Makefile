@@ -50,16 +50,13 @@ help: ## Explain the targets
 report: $(INSTALLED) ## Run the main job, build its page and say where it is
 	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)" --jobs "$(JOBS)" $(if $(ENGINE_CMD),--engine-cmd "$(ENGINE_CMD)")
 
-# What a change of the core or the harness breaks first. Left out are the matrix and what costs most for one thing proved: other
-# programs (engines, browsers, the bench's peers, a cluster, the command in processes, the commands of the documentation), the whole
-# report, grains with outlines, random inputs.
+# What a change of the core, of a case or of the judgement breaks first. Left out are the matrix, other programs (engines, browsers,
+# workers, commands in processes), pages, grains with outlines, random inputs.
+QUICK := core references harness/api harness/cases harness/results harness/run/test_runner.py harness/cli/test_cli.py packaging/test_imports.py
 quick: $(DEVELOPED) ## Pass the tests that take little: the loop while one works, under 90 s with kernels cached
-	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not (timing or slow)" --ignore=tests/verification \
-	  --ignore=tests/harness/engines --ignore=tests/harness/bench --ignore=tests/harness/fuzz --ignore=tests/core/nurbs \
-	  --ignore-glob="*/cases/test_nurbs*" --ignore-glob="*/cases/test_engine_traits.py" --ignore-glob="*/test_cluster.py" \
-	  --ignore-glob="*/test_cli_process.py" --ignore-glob="*/test_new_engine.py" --ignore-glob="*/test_pytest_plugin.py" \
-	  --ignore-glob="*_browser.py" --ignore-glob="*/reports/test_numbers.py" --ignore-glob="*/packaging/test_docs.py" \
-	  --ignore-glob="*/core/test_kernels.py"
+	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not (timing or slow)" $(addprefix tests/,$(QUICK)) \
+	  --ignore=tests/core/nurbs --ignore=tests/core/cd/test_outlines.py --ignore=tests/core/test_critical_step.py --ignore=tests/core/test_kernels.py \
+	  --ignore-glob="*/cases/test_nurbs*" --ignore-glob="*/cases/test_e*"
 
 # Two runs, because a clock that is read while other tests keep the processors busy proves nothing. Cells that `make report`
 # has run with the very same code on this machine are judged as they are stored.
