@@ -19,6 +19,7 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
+    GRAVITY,
     contact_step,
     last,
     numerics_of,
@@ -67,7 +68,7 @@ class BouncingDisk:
         Parameter(name="restitution", default=0.5, low=0.0, high=1.0, unit="-", in_id=True,
                   help="coefficient of restitution; beta and theta follow from it"),
         Parameter(name="height", default=0.45, low=0.0, low_open=True, unit="m", help="gap from which the disk is dropped"),
-        Parameter(name="g", default=10.0, low=0.0, low_open=True, unit="m/s^2", help="gravity"),
+        GRAVITY,
         Parameter(name="dt", default=2e-3, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
         Parameter(name="bounces", default=3, low=1, high=12, whole=True, help="flights after the fall that are compared, at most"),
         Parameter(name="kn", default=1e6, low=0.0, low_open=True, unit="N/m",

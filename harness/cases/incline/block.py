@@ -20,6 +20,10 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
+    GRAVITY,
+    SHEAR_STIFFNESS,
+    STEP,
+    STIFFNESS,
     THETA,
     contact_step,
     follows_associated_rule,
@@ -74,15 +78,7 @@ class InclineBlock:
     claims = BLOCK_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.36, low=0.0, unit="-", in_id=True, help="friction coefficient"),
-        Parameter(
-            name="dt",
-            default=0.01,
-            low=0.0,
-            low_open=True,
-            unit="s",
-            in_id=True,
-            help="step; sampling of spring engines",
-        ),
+        STEP,
         Parameter(
             name="angle_deg", default=20.0, low=0.0, low_open=True, high=89.0, unit="deg", help="slope of the incline"
         ),
@@ -93,20 +89,10 @@ class InclineBlock:
             help="spring engines start with the overlap and the shear force of equilibrium; "
             "rigid ones start touching anyway",
         ),
-        Parameter(name="g", default=10.0, low=0.0, low_open=True, unit="m/s^2", help="gravity"),
+        GRAVITY,
         Parameter(name="mass", default=7.854, low=0.0, low_open=True, unit="kg", help="mass of the block"),
-        Parameter(
-            name="kn", default=1e8, low=0.0, low_open=True, unit="N/m", help="normal stiffness of spring engines"
-        ),
-        Parameter(
-            name="ks",
-            default=None,
-            optional=True,
-            low=0.0,
-            low_open=True,
-            unit="N/m",
-            help="shear stiffness of spring engines; none: kn",
-        ),
+        STIFFNESS,
+        SHEAR_STIFFNESS,
         CONTACT_DT,
         THETA,
         *CONTACT_DYNAMICS,

@@ -16,6 +16,7 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
+    GRAVITY,
     THETA,
     contact_step,
     follows_associated_rule,
@@ -73,7 +74,7 @@ class InclineDisk:
         ),
         Parameter(name="dt", default=0.01, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
         Parameter(name="duration", default=1.0, low=0.0, low_open=True, unit="s", help="length of the run"),
-        Parameter(name="g", default=10.0, low=0.0, low_open=True, unit="m/s^2", help="gravity"),
+        GRAVITY,
         Parameter(
             name="kn",
             default=1e8,

@@ -16,6 +16,11 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
+    FRICTION,
+    GRAVITY,
+    SHEAR_STIFFNESS,
+    STEP,
+    STIFFNESS,
     THETA,
     contact_step,
     follows_associated_rule,
@@ -71,18 +76,10 @@ class SlipToRoll:
     figures = SLIP_TO_ROLL_FIGURES
     claims = SLIP_TO_ROLL_CLAIMS
     parameters: tuple[Parameter, ...] = (
-        Parameter(name="mu", default=0.3, low=0.0, low_open=True, unit="-", in_id=True, help="friction coefficient"),
-        Parameter(
-            name="dt",
-            default=0.01,
-            low=0.0,
-            low_open=True,
-            unit="s",
-            in_id=True,
-            help="step; sampling of spring engines",
-        ),
+        FRICTION,
+        STEP,
         Parameter(name="speed", default=1.0, low=0.0, low_open=True, unit="m/s", help="initial velocity"),
-        Parameter(name="g", default=10.0, low=0.0, low_open=True, unit="m/s^2", help="gravity"),
+        GRAVITY,
         Parameter(name="rotating", default=True, help="false: the disk cannot turn"),
         Parameter(
             name="start",
@@ -90,18 +87,8 @@ class SlipToRoll:
             choices=("touching", "dilated"),
             help="gap at time 0: none, or mu v0 dt, at which the associated rule (theta = 1) slides from the start",
         ),
-        Parameter(
-            name="kn", default=1e8, low=0.0, low_open=True, unit="N/m", help="normal stiffness of spring engines"
-        ),
-        Parameter(
-            name="ks",
-            default=None,
-            optional=True,
-            low=0.0,
-            low_open=True,
-            unit="N/m",
-            help="shear stiffness of spring engines; none: kn",
-        ),
+        STIFFNESS,
+        SHEAR_STIFFNESS,
         CONTACT_DT,
         Parameter(
             name="duration",

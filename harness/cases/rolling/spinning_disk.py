@@ -16,6 +16,11 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
+    FRICTION,
+    GRAVITY,
+    SHEAR_STIFFNESS,
+    STEP,
+    STIFFNESS,
     THETA,
     contact_step,
     last,
@@ -61,30 +66,12 @@ class SpinningDisk:
     requirement = "gains mu g t until R omega0/(3 mu g), then rolls at R omega0/3; two thirds of the energy are lost"
     figures = SPINNING_DISK_FIGURES
     parameters: tuple[Parameter, ...] = (
-        Parameter(name="mu", default=0.3, low=0.0, low_open=True, unit="-", in_id=True, help="friction coefficient"),
-        Parameter(
-            name="dt",
-            default=0.01,
-            low=0.0,
-            low_open=True,
-            unit="s",
-            in_id=True,
-            help="step; sampling of spring engines",
-        ),
+        FRICTION,
+        STEP,
         Parameter(name="spin", default=1.0, low=0.0, low_open=True, unit="rad/s", help="initial spin, forward"),
-        Parameter(name="g", default=10.0, low=0.0, low_open=True, unit="m/s^2", help="gravity"),
-        Parameter(
-            name="kn", default=1e8, low=0.0, low_open=True, unit="N/m", help="normal stiffness of spring engines"
-        ),
-        Parameter(
-            name="ks",
-            default=None,
-            optional=True,
-            low=0.0,
-            low_open=True,
-            unit="N/m",
-            help="shear stiffness of spring engines; none: kn",
-        ),
+        GRAVITY,
+        STIFFNESS,
+        SHEAR_STIFFNESS,
         CONTACT_DT,
         Parameter(
             name="duration",

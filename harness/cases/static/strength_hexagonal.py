@@ -15,6 +15,7 @@ from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
+    GRAVITY,
     THETA,
     contact_step,
     numerics_of,
@@ -55,7 +56,7 @@ class HexagonalCell:
         Parameter(name="angle_deg", default=35.0, low=30.0, low_open=True, high=89.0, unit="deg", help="lines of centres to the vertical"),
         Parameter(name="dt", default=1e-3, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
         Parameter(name="steps", default=1000, low=20, whole=True, help="steps of the run"),
-        Parameter(name="g", default=10.0, low=0.0, low_open=True, unit="m/s^2", help="gravity"),
+        GRAVITY,
         Parameter(name="kn", default=1e6, low=1e4, unit="N/m", help="normal and shear stiffness of spring engines"),
         CONTACT_DT,
         THETA,
