@@ -36,7 +36,7 @@ class Stored:
     ----------
     runs : list of dict
         ``run.json`` of every run that contributes a row, newest first.
-    cells, measurements, claims : list of dict
+    cells, measurements, claims, headlines : list of dict
         Rows with the columns of `ninedisk.harness.results.schema`.
     series, references : mapping
         Curves by (case, variant, engine, quantity), and by (case, variant, quantity).
@@ -48,6 +48,7 @@ class Stored:
     cells: list[Row]
     measurements: list[Row]
     claims: list[Row]
+    headlines: list[Row]
     series: Series
     references: References
     outdated: list[str] = field(default_factory=list)
@@ -91,6 +92,7 @@ def load_store(store: Path) -> Stored:
     cells: dict[CellKey, Row] = {}
     measurements: list[Row] = []
     claims: dict[tuple[str, str, str], Row] = {}
+    headlines: list[Row] = []
     series: dict[tuple[str, str, str, str], Curve] = {}
     references: dict[tuple[str, str, str], list[Curve]] = {}
     shown = set(owner.values())
@@ -102,12 +104,20 @@ def load_store(store: Path) -> Stored:
         places = {place for place, run_index in reference_owner.items() if run_index == index}
         cells |= {cell_key(row): row for row in _rows_of(own, store, run, "cells")}
         measurements += _rows_of(own, store, run, "measurements")
+        headlines += _rows_of(own, store, run, "headlines")
         series |= split_series(keep_rows(read_table(store, run, "series"), CELL_KEY, own))
         references |= split_references(keep_rows(read_table(store, run, "references"), CELL_KEY[:2], places))
     used = [run for index, run in reversed(list(enumerate(runs))) if index in shown]
     outdated = [f"{case} / {variant} on {engine}" for case, variant, engine in sorted(old)]
     return Stored(
-        used, [cells[key] for key in owner], measurements, list(claims.values()), series, references, outdated
+        runs=used,
+        cells=[cells[key] for key in owner],
+        measurements=measurements,
+        claims=list(claims.values()),
+        headlines=headlines,
+        series=series,
+        references=references,
+        outdated=outdated,
     )
 
 

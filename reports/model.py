@@ -26,7 +26,7 @@ NOT_RUN = frozenset({"error", "timeout", "unsupported", "not-installed"})
 NOT_TRIED = frozenset({"unsupported", "not-installed"})
 """Statuses of cells that no engine was asked to run: they do not decide where other variants ran."""
 
-EXPLAINED = frozenset({"known-gap", "gap-closed"})
+EXPLAINED = frozenset({"known-gap", "gap-closed", "known-difference"})
 """Statuses of measurements whose truth is itself known to be off; they are ranked apart."""
 
 SUPPORT = ("exact", "equivalent", "approximate", "no")

@@ -127,6 +127,7 @@ STATUS_SYMBOL = {
     "not-installed": "∅",
     "known-gap": "△",
     "gap-closed": "▲",
+    "known-difference": "≠",
     "no-truth": "?",
 }
 STATUS_MEANING = {
@@ -138,6 +139,7 @@ STATUS_MEANING = {
     "not-installed": "the engine is not on the machine that ran the cases",
     "known-gap": "outside a truth that is itself known to be off; the reason is given",
     "gap-closed": "within a truth that is known to be off: the recorded reason no longer holds",
+    "known-difference": "outside its tolerance, as far as a declared difference of the engine (a finding) explains",
     "no-truth": "nothing to compare with",
 }
 VERDICT_SYMBOL = {"confirmed": "✓", "contradicted": "✗", "undecided": "?"}

@@ -83,6 +83,28 @@ class Observed:
 
 
 @dataclass(frozen=True, kw_only=True)
+class KnownDifference:
+    """What an engine is known to do otherwise, and how large an error that explains in one check.
+
+    An error within the check's tolerance passes as ever; one beyond it and at most ``size`` is a ``known-difference``, counted apart
+    from what passes; a larger one fails.
+
+    Parameters
+    ----------
+    finding : str
+        Id of the finding that describes the difference.
+    size : float
+        Largest error that it explains, in the quantity's unit.
+    why : str
+        How that size is derived.
+    """
+
+    finding: str
+    size: float
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Check:
     """One quantity against one truth.
 
@@ -105,6 +127,8 @@ class Check:
         Reason of the tolerance.
     window : (int, int) or None
         First and last step that count.
+    known : KnownDifference or None
+        A declared difference of this engine that explains an error beyond the tolerance, up to its own size.
     gap_reason : str
         Not empty: the truth itself is known to be off for this engine or contradicted by a better truth; a failure is
         then reported as ``known-gap`` with this reason, a success as ``gap-closed``.
@@ -121,6 +145,43 @@ class Check:
     uncertainty: float = 0.0
     window: tuple[int, int] | None = None
     gap_reason: str = ""
+    known: KnownDifference | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Headline:
+    """What one wants to know of an engine on a case: a quantity beside what the continuous problem says of it.
+
+    It is the same for every engine and every time step, and has no tolerance: it tells how far from the physics a result is.
+
+    Parameters
+    ----------
+    name : str
+        In a physicist's words ("restitution", "way after 1 s"), the same in every variant.
+    use : str
+        What it matters for, one of `ninedisk.harness.results.schema.USES`.
+    quantity : str
+        Name in `Observed`; of a series the largest difference over ``window`` counts.
+    expected : float or ndarray, shape (s,)
+        Truth of the continuous problem at the sampled steps (NaN where it says nothing), or a number.
+    source : str
+        Where that comes from.
+    scale : float
+        Positive size, in the quantity's unit, that the error is relative to.
+    scale_is : str
+        What that size is ("weight of the block").
+    window : (int, int) or None
+        First and last step that count.
+    """
+
+    name: str
+    use: str
+    quantity: str
+    expected: float | FloatArray
+    source: str
+    scale: float
+    scale_is: str
+    window: tuple[int, int] | None = None
 
 
 class Case(Protocol):
@@ -128,8 +189,8 @@ class Case(Protocol):
 
     ``source`` says where the problem comes from, ``requirement`` what an engine must do to pass; ``version`` changes whenever
     results of the old and new definition must not be joined. A case may also have ``figures``, a tuple of `Figure`, which its
-    report page shows before any other, and ``claims``, a tuple of `ninedisk.harness.api.claims.Claim`, statements of its source
-    that every engine confirms or contradicts.
+    report page shows before any other, ``claims``, a tuple of `ninedisk.harness.api.claims.Claim`, statements of its source
+    that every engine confirms or contradicts, and a method ``headlines(params, setup, observed)`` that returns one to three `Headline`.
     """
 
     id: str
@@ -156,6 +217,12 @@ class Case(Protocol):
     ) -> Sequence[Check]:
         """Truths that bind this engine on this variant."""
         ...
+
+
+def headlines_of(case: Case, params: Mapping[str, Any], setup: Setup, observed: Observed) -> tuple[Headline, ...]:
+    """The headlines that a case declares of a variant; none where it has no such method."""
+    declared = getattr(case, "headlines", None)
+    return () if declared is None else tuple(declared(params, setup, observed))
 
 
 def figures_of(case: Case) -> tuple[Figure, ...]:

@@ -127,7 +127,8 @@ def run(
 
     \b
     Exit codes:
-      0  every cell passes or is excused (unsupported, not-installed, known-gap, gap-closed, no-truth)
+      0  every cell passes or is excused (unsupported, not-installed, known-gap, gap-closed,
+         known-difference, no-truth)
       1  the run is complete but some check failed
       2  wrong usage (unknown id or parameter, value out of range, store that cannot be written)
       3  an engine failed, crashed or ran out of time in some cell

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ninedisk.harness.api.errors import NewerSchemaError, StoreError
-from ninedisk.harness.results.schema import EMPTY, OLDEST_SCHEMA, RUN_KEYS, SCHEMA_VERSION, TABLES, Row, RunFacts
+from ninedisk.harness.results.schema import EMPTY, OLDEST_SCHEMA, RUN_KEYS, SCHEMA_VERSION, SINCE, TABLES, Row, RunFacts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -113,6 +113,9 @@ def _read(store: Path, about: Mapping[str, Any], name: str, columns: Sequence[st
 
     run_id = about["run_id"]
     kinds = {column: TABLES[name][column] for column in columns or TABLES[name]}
+    arrow = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
+    if about["schema_version"] < SINCE.get(name, OLDEST_SCHEMA):
+        return pa.table({column: pa.array([], arrow[kind]) for column, kind in kinds.items()})
     try:
         # Not `pandas.read_parquet`: that takes words such as "a=b" in the folder's name for columns.
         file = pq.ParquetFile(store / "runs" / run_id / f"{name}.parquet")
@@ -122,7 +125,6 @@ def _read(store: Path, about: Mapping[str, Any], name: str, columns: Sequence[st
         missing = sorted(set(kinds) - set(held))
         if missing and about["schema_version"] == SCHEMA_VERSION:
             raise StoreError(f"run {run_id!r} is damaged: {name}.parquet lacks the column(s) {', '.join(missing)}")
-        arrow = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
         empty = {column: pa.scalar(EMPTY[kind], arrow[kind]) for column, kind in kinds.items()}
         found = {
             column: table[column].cast(arrow[kind]).fill_null(empty[column])

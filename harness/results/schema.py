@@ -19,7 +19,7 @@ Row = dict[str, Any]
 EMPTY: dict[str, Any] = {"string": "", "float64": math.nan, "int64": -1}
 """What stands for an unknown value of each kind of column; in a file an unknown number may also be null."""
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 OLDEST_SCHEMA = 1
 """Older runs than this cannot be read; those between lack columns, which are then empty."""
@@ -33,11 +33,12 @@ STATUSES = (
     "not-installed",
     "known-gap",
     "gap-closed",
+    "known-difference",
     "no-truth",
 )
 """Every status that a cell or a measurement can have."""
 
-EXCUSED = frozenset({"pass", "unsupported", "not-installed", "known-gap", "no-truth", "gap-closed"})
+EXCUSED = frozenset({"pass", "unsupported", "not-installed", "known-gap", "known-difference", "no-truth", "gap-closed"})
 """Statuses that leave the exit code at 0."""
 
 WORST_FIRST = (
@@ -45,6 +46,7 @@ WORST_FIRST = (
     "timeout",
     "fail",
     "gap-closed",
+    "known-difference",
     "known-gap",
     "no-truth",
     "unsupported",
@@ -108,6 +110,7 @@ CELL_COLUMNS: dict[str, str] = {
     "n_steps": "int64",
     "n_disks": "int64",
     "setup": "string",  # JSON: scene, numerics, watch, labels
+    "penetration": "float64",  # deepest overlap of the samples after the first, over the smallest radius; NaN where unknown
     "frames": "string",  # JSON: {"step": [...], "x": [[[x, y]]], "angle": [...], "wall_point":..., "wall_angle":...}
 }
 """One row per case variant and engine."""
@@ -138,8 +141,44 @@ MEASUREMENT_COLUMNS: dict[str, str] = {
     "first_divergence_step": "int64",  # -1: never
     "status": "string",
     "reason": "string",
+    "finding": "string",  # id of the known difference that this check allows for, "" for none
+    "known_size": "float64",  # largest error that the known difference explains, in the quantity's unit
 }
 """One row per checked quantity; a cell that did not run has one row with its status and empty numbers."""
+
+HEADLINE_COLUMNS: dict[str, str] = {
+    "case": "string",
+    "case_version": "int64",
+    "variant": "string",
+    "params": "string",
+    "engine": "string",
+    "engine_version": "string",
+    "support": "string",
+    "headline": "string",  # in a physicist's words
+    "use": "string",  # one of USES
+    "quantity": "string",
+    "unit": "string",
+    "source": "string",
+    "value": "float64",  # at the worst step; NaN where the engine does not observe it
+    "expected": "float64",
+    "scale": "float64",
+    "scale_is": "string",
+    "rel_error": "float64",  # |value - expected|/scale
+    "worst_step": "int64",  # -1 for numbers
+}
+"""One row per headline of a cell that ran: how far the engine is from the continuous problem, whatever its scheme."""
+
+USES = {
+    "impacts": "impacts",
+    "sliding": "sliding",
+    "rolling": "rolling",
+    "rest": "stacks and packs at rest",
+    "moving-walls": "moving and turning walls",
+    "energy": "energy over long runs",
+    "invariance": "laws that hold for every observer",
+    "large": "large scenes",
+}
+"""What people choose an engine for; each headline serves one use."""
 
 SERIES_COLUMNS: dict[str, str] = {
     "case": "string",
@@ -188,7 +227,11 @@ TABLES: dict[str, dict[str, str]] = {
     "series": SERIES_COLUMNS,
     "references": REFERENCE_COLUMNS,
     "claims": CLAIM_COLUMNS,
+    "headlines": HEADLINE_COLUMNS,
 }
+
+SINCE = {"headlines": 3}
+"""Schema from which on a run has a table, where that is not the oldest one."""
 
 Allowed = float | str | bool | None
 """A value of a parameter that a figure admits; None also stands for a parameter that the case does not have."""

@@ -15,6 +15,7 @@ from ninedisk.harness.results.schema import (
     CELL_COLUMNS,
     CLAIM_COLUMNS,
     EMPTY,
+    HEADLINE_COLUMNS,
     MEASUREMENT_COLUMNS,
     REFERENCE_COLUMNS,
     SERIES_COLUMNS,
@@ -41,6 +42,8 @@ class CaseResult:
         The row of `schema.CELL_COLUMNS`.
     rows : list of dict
         Rows of `schema.MEASUREMENT_COLUMNS`; a cell that did not run has one with its status.
+    headlines : list of dict
+        Rows of `schema.HEADLINE_COLUMNS`.
     curves, reference_curves : sequence of CurveColumns
         What `schema.SERIES_COLUMNS` and `schema.REFERENCE_COLUMNS` hold of it, a curve each.
     setup, history, observed : or None
@@ -51,6 +54,7 @@ class CaseResult:
 
     cell: Row
     rows: list[Row]
+    headlines: Sequence[Row] = ()
     curves: Sequence[CurveColumns] = ()
     reference_curves: Sequence[CurveColumns] = ()
     setup: Setup | None = None
@@ -106,6 +110,7 @@ def tables(results: Sequence[CaseResult], claims: Sequence[Row]) -> dict[str, pd
         "series": _of_curves([curve for result in results for curve in result.curves], SERIES_COLUMNS),
         "references": _of_curves(distinct_curves(results), REFERENCE_COLUMNS),
         "claims": _of_rows(claims, CLAIM_COLUMNS),
+        "headlines": _of_rows([row for result in results for row in result.headlines], HEADLINE_COLUMNS),
     }
 
 

@@ -13,9 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.history import History
-from ninedisk.harness.api.case import Check, Observed, Setup
+from ninedisk.harness.api.case import Check, Headline, Observed, Setup
 from ninedisk.harness.api.engine import EngineError
-from ninedisk.harness.results.schema import EXCUSED, MEASUREMENT_COLUMNS, Row, tolerance, worst_status
+from ninedisk.harness.results.schema import (
+    EXCUSED,
+    HEADLINE_COLUMNS,
+    MEASUREMENT_COLUMNS,
+    USES,
+    Row,
+    tolerance,
+    worst_status,
+)
 from ninedisk.harness.results.tables import CurveColumns, complete
 
 FloatArray = NDArray[np.float64]
@@ -225,6 +233,8 @@ def judge(check: Check, deviation: Deviation) -> tuple[str, str]:
     if deviation.missing:
         return "fail", _missing(deviation)
     inside = deviation.abs_error <= deviation.tolerance
+    if check.known is not None and not inside and deviation.abs_error <= check.known.size:
+        return "known-difference", f"{check.known.finding}: {check.known.why}"
     if check.gap_reason:
         return ("gap-closed" if inside else "known-gap"), check.gap_reason
     return ("pass", "") if inside else ("fail", _beyond(check, deviation))
@@ -276,8 +286,53 @@ def measurement_row(common: Mapping[str, Any], check: Check, observed: Observed)
             "first_divergence_step": found.first_divergence_step,
             "status": status,
             "reason": reason,
+            "finding": check.known.finding if check.known else "",
+            "known_size": check.known.size if check.known else float("nan"),
         },
         MEASUREMENT_COLUMNS,
+    )
+
+
+def headline_row(common: Mapping[str, Any], headline: Headline, observed: Observed) -> Row:
+    """Measure a headline and write the row of `schema.HEADLINE_COLUMNS`.
+
+    Raises
+    ------
+    CheckError
+        If its quantity is not observed, its truth has the wrong shape, its scale is not positive or its use unknown.
+    """
+    if not (np.isfinite(headline.scale) and headline.scale > 0.0):
+        raise CheckError(f"headline {headline.name!r}: scale = {headline.scale!r} must be finite and > 0")
+    if headline.use not in USES:
+        raise CheckError(f"headline {headline.name!r}: use = {headline.use!r} must be one of {', '.join(USES)}")
+    found = compare(
+        Check(
+            quantity=headline.quantity,
+            norm="max" if headline.quantity in observed.series else "scalar",
+            truth="analytic",
+            expected=headline.expected,
+            source=headline.source,
+            why="",
+            window=headline.window,
+        ),
+        observed,
+    )
+    return complete(
+        {
+            **common,
+            "headline": headline.name,
+            "use": headline.use,
+            "quantity": headline.quantity,
+            "unit": found.unit,
+            "source": headline.source,
+            "value": found.value,
+            "expected": found.expected,
+            "scale": headline.scale,
+            "scale_is": headline.scale_is,
+            "rel_error": found.abs_error / headline.scale,
+            "worst_step": found.worst_step,
+        },
+        HEADLINE_COLUMNS,
     )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
 from ninedisk.core.history import History
-from ninedisk.harness.api.case import Case, Check, Setup, figures_of
+from ninedisk.harness.api.case import Case, Check, Setup, figures_of, headlines_of
 from ninedisk.harness.api.engine import (
     Engine,
     EngineError,
@@ -31,13 +31,14 @@ from ninedisk.harness.api.engine import (
     SupportLevel,
 )
 from ninedisk.harness.api.params import foreign_settings
-from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, Row, figures_to_text
+from ninedisk.harness.results.schema import CELL_COLUMNS, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row, figures_to_text
 from ninedisk.harness.results.tables import CaseResult, complete, plain_json
 from ninedisk.harness.run.judge import (
     blank_history,
     cell_verdict,
     check_history,
     curves,
+    headline_row,
     measurement_row,
     reference_curves,
 )
@@ -182,6 +183,11 @@ def _measure(
     checks = all_checks(cell, setup, observed, info, published)
     common = {name: head[name] for name in head if name in MEASUREMENT_COLUMNS}
     rows = [measurement_row(common, check, observed) for check in checks]
+    told = {name: head[name] for name in head if name in HEADLINE_COLUMNS}
+    headlines = [
+        headline_row(told, headline, observed)
+        for headline in headlines_of(cell.case, cell.variant.params, setup, observed)
+    ]
     status, reason = cell_verdict(rows)
     failed = any(row["status"] == "fail" for row in rows)
     cell_row = head | {
@@ -191,6 +197,7 @@ def _measure(
         "setup_s": run.timings.setup,
         "warm_up_s": run.timings.warm_up,
         "advance_s": float("nan") if failed else run.timings.advance,
+        "penetration": penetration(setup, run.history),
         "frames": plain_json(frames(run.history)),
     }
     if not rows:
@@ -199,6 +206,7 @@ def _measure(
     return CaseResult(
         cell=complete(cell_row, CELL_COLUMNS),
         rows=rows,
+        headlines=headlines,
         curves=curves(names, observed, checks),
         reference_curves=reference_curves(names[:2], observed, checks),
         setup=setup,
@@ -206,6 +214,14 @@ def _measure(
         observed=observed,
         checks=tuple(checks),
     )
+
+
+def penetration(setup: Setup, history: History) -> float:
+    """Deepest overlap of the watched contacts after the first sample, over the smallest radius; NaN where no contact is watched."""
+    after = np.asarray(history.gap)[1:]
+    if after.size == 0 or np.isnan(after).all():
+        return float("nan")
+    return max(0.0, -float(np.nanmin(after))) / float(np.min(setup.scene.disks.radius))
 
 
 def frames(history: History) -> dict[str, Any]:

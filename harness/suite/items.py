@@ -178,8 +178,8 @@ class CellCheck:
 
     def _verdict(self, row: Row) -> None:
         __tracebackhide__ = True
-        if row["status"] == "known-gap":
-            pytest.xfail(f"known-gap: {row['reason']}")
+        if row["status"] in ("known-gap", "known-difference"):
+            pytest.xfail(f"{row['status']}: {row['reason']}")
         if row["status"] == "no-truth":
             pytest.skip(f"no-truth: {row['reason']}")
         if row["status"] == "fail":

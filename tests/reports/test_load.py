@@ -133,7 +133,7 @@ def test_of_a_run_that_is_half_replaced_only_the_other_half_is_made_into_rows_an
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(load, "keep_rows", counted)
         stored = load_store(tmp_path)
-    assert made == [1, 1, 5, 0, 1, 1, 5, 5], (
-        "cell, measurement, series and references of each run: those of its own cell"
+    assert made == [1, 1, 0, 5, 0, 1, 1, 0, 5, 5], (
+        "cell, measurement, headlines, series and references of each run: those of its own cell"
     )
     assert {key[2] for key in stored.series} == {"dem", "yade"}

@@ -10,7 +10,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
-from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, TruthKind, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, TruthKind, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DYNAMICS,
@@ -83,6 +83,20 @@ class DynamicSliding:
         series = {**found.series, "vx": ("m/s", history.v[:, 0, 0]), "vy": ("m/s", history.v[:, 0, 1])}
         scalars = {**found.scalars, "dt_cr": ("s", implied)}
         return Observed(step=found.step, t=found.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """No force acts, so the particle keeps its height; the associated rule lifts it."""
+        return (
+            Headline(
+                name="lift of the sliding particle",
+                use="sliding",
+                quantity="gap_final",
+                expected=params["g0"],
+                source="Newton's first law",
+                scale=params["speed"] * float(observed.t[-1]),
+                scale_is="way along the plane",
+            ),
+        )
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

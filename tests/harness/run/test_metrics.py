@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.harness.api.case import Check, Observed
+from ninedisk.harness.api.case import Check, Headline, KnownDifference, Observed
 from ninedisk.harness.results.schema import EXCUSED, STATUSES, WORST_FIRST, row_tolerance, tolerance, worst_status
-from ninedisk.harness.run.judge import CheckError, cell_verdict, compare, exit_code, judge, largest
+from ninedisk.harness.run.judge import CheckError, cell_verdict, compare, exit_code, headline_row, judge, largest
 
 NAN = float("nan")
 STEP = np.arange(0, 50, 10)
@@ -50,6 +50,36 @@ def test_worst_step_and_first_divergence() -> None:
     assert found.abs_error == pytest.approx(0.5)
     assert found.rel_error == pytest.approx(0.125)
     assert (found.value, found.expected, found.unit) == (4.5, 4.0, "m")
+
+
+def test_a_known_difference_explains_no_more_than_its_size() -> None:
+    known = KnownDifference(finding="engine/words", size=0.5, why="derived")
+    told = {1.95: "pass", 1.5: "known-difference", 1.4: "fail", NAN: "fail"}
+    for value, status in told.items():
+        found, reason = verdict(check(2.0, number=True, atol=0.1, known=known), observed(number=value))
+        assert found == status
+        assert reason.startswith("engine/words: derived") == (status == "known-difference")
+    assert exit_code(["pass", "known-difference"]) == 0
+
+
+def headline(**fields: Any) -> Headline:
+    given = {"name": "way", "use": "sliding", "quantity": "x", "expected": np.array(TRUTH), "source": "test",
+             "scale": 8.0, "scale_is": "twice the way", **fields}  # fmt: skip
+    return Headline(**given)
+
+
+def test_headline_is_relative_to_its_own_scale() -> None:
+    row = headline_row({"case": "c", "engine": "e"}, headline(), observed([0.0, 1.0, 2.0, 3.0, 5.0]))
+    assert (row["rel_error"], row["value"], row["expected"], row["worst_step"]) == (0.125, 5.0, 4.0, 40)
+    row = headline_row({}, headline(quantity="n", expected=0.0, scale=4.0), observed(number=2.0))
+    assert (row["rel_error"], row["worst_step"], row["unit"]) == (0.5, -1, "N")
+    assert math.isnan(headline_row({}, headline(quantity="n", expected=0.0), observed(number=NAN))["rel_error"])
+
+
+@pytest.mark.parametrize("wrong", [{"scale": 0.0}, {"scale": NAN}, {"use": "fun"}, {"quantity": "nothing"}])
+def test_headline_that_makes_no_sense_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(CheckError):
+        headline_row({}, headline(**wrong), observed())
 
 
 def test_tolerance_is_inclusive_and_its_parts_add() -> None:
