@@ -124,11 +124,14 @@ class MovingWall:
         truth = _continuous(params, observed.t)
         pushed = params["motion"] == "push"
         source = "impact seen from the wall" if pushed else "driven oscillator"
+        speed, force = (
+            (PUSH_SPEED, MASS * _omega(params) * PUSH_SPEED) if pushed else (AMPLITUDE * FREQUENCY, MASS * GRAVITY)
+        )
         return (
             Headline(name="speed of the disk", use="moving-walls", quantity="vy", expected=truth["vy"], source=source,
-                     scale=PUSH_SPEED if pushed else AMPLITUDE * FREQUENCY, scale_is="largest speed of the wall"),
+                     scale=speed, scale_is="largest speed of the wall"),
             Headline(name="force of the wall", use="moving-walls", quantity="fn", expected=truth["fn"], source=source,
-                     scale=float(np.nanmax(np.abs(truth["fn"]))), scale_is="largest force"),
+                     scale=force, scale_is="largest force of an elastic impact" if pushed else "weight"),
         )  # fmt: skip
 
     def checks(
