@@ -19,7 +19,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ninedisk.harness.results.schema import USES, Row
-from ninedisk.reports import text
+from ninedisk.reports import ranking, text
 from ninedisk.reports.charts import Chart
 from ninedisk.reports.headlines import (
     AGREES,
@@ -248,12 +248,7 @@ def errata_page(env: Environment, panel: Panel) -> str:
 def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, Any]) -> str:
     """A case; ``drawn`` holds its figures and difference tables, as `CaseDrawing.values` gives them."""
     rows = drawn["tables"].rows
-    cells, rated = _by(case.cells, "engine"), _by(case.measurements, "engine")
-    summaries = [
-        (panel.engines[key[0]], summary)
-        for key, group in cells.items()
-        if (summary := summarise(group, rated.get(key, []))) is not None
-    ]
+    cells = _by(case.cells, "engine")
     return env.get_template("case.html").render(
         root="../",
         case=case,
@@ -261,7 +256,10 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
         engines=panel.engines,
         worst=rows[0] if rows else None,
         fine=bool(rows) and rows[0]["ratio"] <= 1.0,
-        summaries=sorted(summaries, key=lambda item: -item[1].ratio if item[1].worst else 1.0),
+        ranking=ranking.rank(panel, case),
+        causes=ranking.causes(panel, drawn["tables"].gaps),
+        example=ranking.example,
+        percent=ranking.percent,
         shown=SHOWN,
         open_groups=OPEN_GROUPS,
         claims=_claims(panel, case.claims),

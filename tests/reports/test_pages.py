@@ -156,7 +156,7 @@ def test_overview_shows_claims_gaps_breaks_and_provenance(panel_report):
 
 def test_case_page_orders_its_errors(panel_report):
     html = (panel_report / "case" / "incline-block.html").read_text(encoding="utf-8")
-    errors = html[html.index('id="errors"') : html.index("Known gaps</h3>")]
+    errors = html[html.index('id="errors"') : html.index("Known gaps and differences, by cause</h3>")]
     shown = [float(value) for value in re.findall(r'<td class="n \w+"><b>([^<]+)</b>', errors)]
     assert len(shown) > 30
     assert shown == sorted(shown, reverse=True)
