@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine, problems
 from ninedisk.harness.cli.support import Commands, console, guarded, table
 
@@ -146,7 +146,7 @@ def _engine_row(shown: Table, missing: list[str], engine: Engine, origin: str) -
 
 def show_engine(engine_id: str) -> None:
     """One engine: facts, what it can express, what it lacks and where its documentation says so, its options."""
-    _show_info(get_engine(engine_id).info(), engine_table()[engine_id].origin)
+    _show_info(get_engine(engine_id).info(), engine_table()[engine_id].origin, ["--engine", engine_id])
 
 
 def show_described(commands: Sequence[str]) -> None:
@@ -157,18 +157,13 @@ def show_described(commands: Sequence[str]) -> None:
     UsageError
         If one cannot be started, or its description is broken.
     """
-    from ninedisk.harness.api.engine import EngineError
     from ninedisk.harness.wire.command import CommandEngine
 
     for line in commands:
-        try:
-            info = CommandEngine(line).info()
-        except EngineError as error:
-            raise UsageError(str(error)) from error
-        _show_info(info, "--engine-cmd")
+        _show_info(CommandEngine(line).info(), "--engine-cmd", ["--engine-cmd", line])
 
 
-def _show_info(info: EngineInfo, origin: str) -> None:
+def _show_info(info: EngineInfo, origin: str, chosen: Sequence[str]) -> None:
     from ninedisk.harness.api.capabilities import Capability
     from ninedisk.harness.api.params import format_value
 
@@ -200,8 +195,8 @@ def _show_info(info: EngineInfo, origin: str) -> None:
         shown.add_row(f"{info.id}.{name}", format_value(option.default), option.allowed, option.why)
     out.print(shown)
     name, option = next(iter(info.options.items()))
-    example = f"ninedisk run --engine {info.id} --option {info.id}.{name}={format_value(option.default)}"
-    out.print(f"example: {example}", markup=False, highlight=False)
+    example = shlex.join(["ninedisk", "run", *chosen, "--option", f"{info.id}.{name}={format_value(option.default)}"])
+    out.print(f"example: {example}", markup=False, highlight=False, soft_wrap=True)
 
 
 def _scope(info: EngineInfo, capability: Capability) -> str:

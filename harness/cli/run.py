@@ -112,6 +112,24 @@ def run(
         str | None,
         typer.Option("--dask", metavar="ADDRESS", help="Run on the Dask cluster whose scheduler listens there."),
     ] = None,
+    known_gaps: Annotated[
+        Path | None,
+        typer.Option(
+            "--known-gaps", metavar="FILE", help="TOML file of differences that are expected to fail (docs/engines.md)."
+        ),
+    ] = None,
+    write_known_gaps: Annotated[
+        Path | None,
+        typer.Option("--write-known-gaps", metavar="FILE", help="Write the checks that fail here as such a file."),
+    ] = None,
+    memory_limit: Annotated[
+        str | None,
+        typer.Option(
+            "--memory-limit",
+            metavar="SIZE",
+            help="Memory that the engine of one cell may hold ('4 GB', none). Default: half of the machine's, shared by the jobs.",
+        ),
+    ] = None,
 ) -> None:
     """Run cases on engines, hold the results against every known truth, and store them.
 
@@ -125,6 +143,8 @@ def run(
       ninedisk run binary-collision --engine-cmd 'node my-engine.mjs' --engine dem
       ninedisk run --jobs auto
       ninedisk run --dask tcp://head:8786
+      ninedisk run -e acme --write-known-gaps known_gaps.toml
+      ninedisk run -e acme --known-gaps known_gaps.toml --memory-limit '4 GB'
 
     Results do not depend on --jobs or --dask; timings do, so runs with different ones are not compared by their timings.
 
@@ -132,9 +152,10 @@ def run(
     Exit codes:
       0  every cell passes or is excused (unsupported, not-installed, known-gap, gap-closed,
          known-difference, no-truth)
-      1  the run is complete but some check failed
+      1  the run is complete but some check failed, or passes that --known-gaps expects to fail
       2  wrong usage (unknown id or parameter, value out of range, store that cannot be written)
-      3  an engine failed, crashed or ran out of time in some cell
+      3  an engine failed, crashed, ran out of time or took too much memory in some cell; one that runs out of time
+         three times in a row is not asked again
       130  interrupted (Ctrl-C, SIGTERM, SIGHUP); nothing was stored
     """
     if engine and all_engines:
@@ -151,6 +172,9 @@ def run(
         all_engines=all_engines,
         jobs=jobs,
         dask=dask,
+        known_gaps=known_gaps,
+        new_gaps=write_known_gaps,
+        memory=memory_limit,
     )
     raise typer.Exit(code)
 
@@ -168,6 +192,9 @@ def execute(
     all_engines: bool = False,
     jobs: str | None = None,
     dask: str | None = None,
+    known_gaps: Path | None = None,
+    new_gaps: Path | None = None,
+    memory: str | None = None,
 ) -> int:
     """Run, store, print; the exit code of the command.
 
@@ -182,7 +209,9 @@ def execute(
     from ninedisk.harness.results.claims import judge_claims
     from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
     from ninedisk.harness.results.whole_file import check_writable
+    from ninedisk.harness.run.gaps import GapFile, read_gaps, write_gaps
     from ninedisk.harness.run.judge import exit_code
+    from ninedisk.harness.run.memory import read_size
     from ninedisk.harness.run.plan import plan_matrix
     from ninedisk.harness.run.provenance import command_line, provenance
     from ninedisk.harness.run.published import check_folder
@@ -191,41 +220,59 @@ def execute(
 
     if jobs is not None and dask is not None:
         raise UsageError("--jobs and --dask exclude each other: a cluster has the workers that it has")
+    if known_gaps is not None and new_gaps is not None:
+        raise UsageError("--known-gaps and --write-known-gaps exclude each other: a first file is made without one")
     at_once = read_jobs(jobs)
+    limit = None if memory is None else read_size(memory, "--memory-limit")
+    gaps = GapFile() if known_gaps is None else read_gaps(known_gaps)
     cells = plan_matrix(
         match_cases(globs),
         engines_given(engines, commands, everything=all_engines),
         parse_settings(settings),
         parse_settings(options, flag="--option", example="siconos.theta=1"),
     )
+    gaps.check((cell.engine_id for cell in cells), cells)
     for note in (*(f"warning: {problem}" for problem in problems()), *check_folder(published, cells)):
         typer.echo(note, err=True)
     prepare_store(store)
     if json_file is not None:
         check_writable("--json", json_file)
+    if new_gaps is not None:
+        check_writable("--write-known-gaps", new_gaps)
+        if new_gaps.exists():
+            raise UsageError(
+                f"--write-known-gaps {str(new_gaps)!r} exists: give another file, or use it with --known-gaps"
+            )
     started = _now()
     with _cluster(dask) as cluster, CellProgress() as progress:
-        results = run_cells(cells, progress, published=published, jobs=at_once, cluster=cluster)
+        found = run_cells(cells, progress, published=published, jobs=at_once, cluster=cluster, memory=limit)
+        results = [gaps.applied(result) for result in found]
         claims = judge_claims(results)
         where = {"jobs": at_once} if cluster is None else cluster.facts()
         facts = {
             "started": started,
             "finished": _now(),
-            "provenance": provenance(result.cell for result in results) | where,
+            "provenance": provenance(result.cell for result in results) | where | gaps.facts(),
             "argv": command_line(),
         }
     shown = [result.cell for result in results]
     rows = [row for result in results for row in result.rows]
     headlines = [row for result in results for row in result.headlines]
     code = exit_code({status for result in results for status in result.statuses})
+    if code == 0 and gaps.closed(found):
+        code = 1
     try:
         folder: Path | None = write_run(store, new_run_id(), results, claims, facts)
         if json_file is not None:
             write_rows(json_file, rows)
+        if new_gaps is not None:
+            write_gaps(new_gaps, results)
     except StoreError as error:
         show_summary(shown, rows, None, headlines)
         fail(str(error), FAILURE)
     show_summary(shown, rows, folder, headlines)
+    if new_gaps is not None:
+        typer.echo(f"known gaps: {new_gaps}; write a cause into each reason")
     return code
 
 

@@ -46,6 +46,7 @@ class Cluster:
         *,
         published: Path | None = None,
         raise_users_mistakes: bool = False,
+        memory: float | None = None,
     ) -> list[CaseResult]:
         """Results in the order of the cells; see `ninedisk.harness.run.workers.run_cells`."""
         from distributed import as_completed
@@ -56,7 +57,8 @@ class Cluster:
         here: list[int] = []
         try:
             for number, cell in enumerate(cells):
-                payload = pickled(Task(cell=cell, published=folder, raise_users_mistakes=raise_users_mistakes))
+                mistakes = raise_users_mistakes
+                payload = pickled(Task(cell=cell, published=folder, raise_users_mistakes=mistakes, memory=memory))
                 if payload is None:
                     here.append(number)
                 else:  # not pure: equal cells of two runs are two measurements
@@ -74,7 +76,7 @@ class Cluster:
             self.client.cancel(list(numbers))
         # Dask blames a worker's death on all cells that it held; a process for each tells which of them it was.
         mine = [cells[number] for number in sorted(here)]
-        again = run_in_workers(mine, jobs=1, published=folder, raise_users_mistakes=raise_users_mistakes)
+        again = run_in_workers(mine, jobs=1, published=folder, raise_users_mistakes=raise_users_mistakes, memory=memory)
         results |= dict(zip(sorted(here), again, strict=True))
         _tell(progress, results, cells, "")
         return [results[number] for number in range(len(cells))]

@@ -1,4 +1,4 @@
-"""Run a command that may crash, hang, flood its output or leave children behind.
+"""Run a command that may crash, hang, flood its output, take all memory or leave children behind.
 
 The command runs in a session and process group of its own. Whatever happens (normal end, time limit, Ctrl-C), the whole
 group is killed before the leader is reaped, so that nothing outlives the call; pipes are read all the time and only
@@ -21,6 +21,7 @@ from typing import IO
 
 from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
 from ninedisk.harness.api.text import printable
+from ninedisk.harness.run.memory import memory_limit, resident, too_much
 from ninedisk.harness.run.warden import owned
 
 DEFAULT_TIME_LIMIT = 120.0
@@ -30,6 +31,9 @@ LAST_LINES = 12
 LINE_LENGTH = 150
 _CHUNK = 1 << 16
 _running: set[int] = set()
+_LOOK = (
+    0.05  # between two looks at the memory of a command: what it can take in that time is a small part of a machine [s]
+)
 _GRACE = 1.0  # a process that left the group may hold a pipe open: wait no longer than this for its end [s]
 
 
@@ -100,10 +104,12 @@ def run_isolated(
     EngineTimeoutError
         At the time limit.
     EngineError
-        If the command cannot be started, ends by a signal or ends with a status other than 0; the message carries its
+        If the command cannot be started, holds more memory than `ninedisk.harness.run.memory.memory_limit`, ends by a signal or
+        ends with a status other than 0; the message carries its
         last output lines.
     """
     limit = time_limit_from_environment() if time_limit is None else time_limit
+    memory = memory_limit()
     program = Path(command[0]).name
     begin = time.monotonic()
     try:
@@ -122,7 +128,7 @@ def run_isolated(
     _running.add(process.pid)
     tails = {"stdout": bytearray(), "stderr": bytearray()}
     try:
-        in_time = _converse(process, stdin.encode(), tails, keep, begin + limit)
+        stopped = _converse(process, stdin.encode(), tails, keep, (begin + limit, memory))
     finally:
         _running.discard(process.pid)
         _kill_group(process.pid)
@@ -135,7 +141,9 @@ def run_isolated(
     finished = Finished(None if name else returned, name, texts["stdout"], texts["stderr"], time.monotonic() - begin)
     said = finished.last_lines()
     tail = f"; its last output:\n{said}" if said else "; it printed nothing"
-    if not in_time:
+    if stopped > 0.0:
+        raise EngineError(f"{program} {too_much(stopped, memory)}{tail}")
+    if stopped < 0.0:
         raise EngineTimeoutError(
             f"{program} was stopped at its time limit of {limit:g} s (set {TIME_LIMIT_VARIABLE} to allow more){tail}"
         )
@@ -153,13 +161,17 @@ def end_commands() -> None:
 
 
 def _converse(
-    process: subprocess.Popen[bytes], data: bytes, tails: dict[str, bytearray], keep: int, deadline: float
-) -> bool:
-    """Feed and drain the pipes until the leader has ended; False at the deadline. The leader is not reaped."""
+    process: subprocess.Popen[bytes], data: bytes, tails: dict[str, bytearray], keep: int, limits: tuple[float, float]
+) -> float:
+    """Feed and drain the pipes until the leader has ended: 0; -1 at the deadline, or the bytes held where these are too many.
+
+    ``limits`` are the deadline [s] and the memory [bytes]. The leader is not reaped.
+    """
     assert process.stdin is not None
     assert process.stdout is not None
     assert process.stderr is not None
-    end, ended = deadline, False
+    (deadline, memory), ended, looked = limits, False, time.monotonic()
+    end = deadline
     with selectors.DefaultSelector() as selector:
         for stream, name in ((process.stdout, "stdout"), (process.stderr, "stderr")):
             os.set_blocking(stream.fileno(), False)
@@ -173,10 +185,15 @@ def _converse(
                 ended, end = True, min(deadline, time.monotonic() + _GRACE)
                 _kill_group(process.pid)
             if not _any_output(selector) and ended:
-                return True
-            left = end - time.monotonic()
+                return 0.0
+            now = time.monotonic()
+            left = end - now
             if left <= 0.0:
-                return ended
+                return 0.0 if ended else -1.0
+            if not ended and now >= looked + _LOOK:
+                looked = now
+                if (held := resident(process.pid)) > memory:
+                    return float(held)
             pause = min(2.0 * pause, 0.05)
             for key, _ in _ready(selector, min(left, pause)):
                 if key.data == "stdin":

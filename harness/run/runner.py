@@ -35,6 +35,7 @@ from ninedisk.harness.api.engine import (
 from ninedisk.harness.api.params import foreign_settings
 from ninedisk.harness.results.schema import CELL_COLUMNS, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row, figures_to_text
 from ninedisk.harness.results.tables import CaseResult, complete, plain_json
+from ninedisk.harness.run.isolation import TIME_LIMIT_VARIABLE
 from ninedisk.harness.run.judge import (
     blank_history,
     cell_verdict,
@@ -44,7 +45,7 @@ from ninedisk.harness.run.judge import (
     measurement_row,
     reference_curves,
 )
-from ninedisk.harness.run.plan import Cell, plan_case, request_command
+from ninedisk.harness.run.plan import Cell, plan_case, request_command, run_command
 from ninedisk.harness.run.published import published_checks
 
 Progress = Callable[[int, int, str], None]
@@ -52,6 +53,9 @@ Progress = Callable[[int, int, str], None]
 
 USERS_MISTAKES = (InvalidSceneError, InvalidNumericsError, UnstableTimeStepError)
 """Errors of an engine's run that come from the parameters, not from the engine."""
+
+LATE_CELLS = 3
+"""Cells in a row after whose time limits an engine is given up: one may be slow, three are a pattern."""
 
 _KEPT_LINES = 12
 _KEPT_LENGTH = 2000
@@ -106,8 +110,38 @@ def run_case(
     return run_cell(cell, published=published, raise_users_mistakes=bool(params))
 
 
-def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes: bool = False) -> CaseResult:
-    """Run one cell; only a mistake in the user's parameters is raised, and only if asked for."""
+class Patience:
+    """Gives up engines that hang: after `LATE_CELLS` cells in a row that were stopped at their time limit."""
+
+    def __init__(self) -> None:
+        self._late: dict[str, list[Cell]] = {}
+
+    def given_up(self, cell: Cell) -> str:
+        """Why the cell's engine is not to be asked any more; ``""`` as long as it is."""
+        late = self._late.get(cell.engine_id, [])
+        if len(late) < LATE_CELLS:
+            return ""
+        return (
+            f"not run: the engine was stopped at its time limit in {LATE_CELLS} cells in a row ({', '.join(each.name for each in late)}); "
+            f"set {TIME_LIMIT_VARIABLE} to allow more, or see what it does with this one alone: {run_command(cell)}"
+        )
+
+    def saw(self, cell: Cell, result: CaseResult) -> None:
+        """Take note of how a cell ended; one that never reached the engine tells nothing."""
+        late = self._late.setdefault(cell.engine_id, [])
+        if result.status == "timeout" and len(late) < LATE_CELLS:
+            late.append(cell)
+        elif result.status not in ("timeout", "unsupported", "not-installed"):
+            late.clear()
+
+
+def run_cell(
+    cell: Cell, *, published: Path | None = None, raise_users_mistakes: bool = False, given_up: str = ""
+) -> CaseResult:
+    """Run one cell; only a mistake in the user's parameters is raised, and only if asked for.
+
+    Where ``given_up`` says why, the engine is not asked to run: a scene that it supports ends as timeout for that reason.
+    """
     head = planned_columns(cell)
     if isinstance(cell.setup, Exception):
         return without_measurements(cell, head, "error", f"the case cannot be built: {last_lines(cell.setup)}")
@@ -128,6 +162,8 @@ def run_cell(cell: Cell, *, published: Path | None = None, raise_users_mistakes:
         head |= support_columns(support)
         if support.level is SupportLevel.NO:
             return without_measurements(cell, head, "unsupported", why_not(info, support))
+        if given_up:
+            return without_measurements(cell, head, "timeout", given_up)
         run = cell.engine.run(setup.scene, setup.numerics, setup.watch)
         check_history(run.history, setup)
         return _measure(cell, setup, info, run, head, published)

@@ -27,6 +27,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from math import isinf
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import IO, Any, Protocol, cast
@@ -34,9 +35,13 @@ from typing import IO, Any, Protocol, cast
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.isolation import signal_name
+from ninedisk.harness.run.memory import VARIABLE, default_limit, memory_limit, resident, too_much
 from ninedisk.harness.run.plan import Cell, plan_matrix
-from ninedisk.harness.run.runner import Progress, broken_cell, run_cell
+from ninedisk.harness.run.runner import Patience, Progress, broken_cell, run_cell
 from ninedisk.harness.run.warden import owned
+
+LOOK = 0.5
+"""Seconds between two looks at the memory of workers."""
 
 GRACE = 5.0
 """Seconds that a worker gets to put away its cell before it is killed."""
@@ -59,6 +64,7 @@ class CellRunner(Protocol):
         *,
         published: Path | None,
         raise_users_mistakes: bool,
+        memory: float | None,
     ) -> list[CaseResult]:
         """Results in the order of the cells."""
 
@@ -87,8 +93,11 @@ def run_cells(
     published: Path | None = None,
     jobs: int = 0,
     cluster: CellRunner | None = None,
+    memory: float | None = None,
 ) -> list[CaseResult]:
     """Run planned cells; the results are in their order, and the same, wherever they run.
+
+    An engine that hangs is given up (`ninedisk.harness.run.runner.Patience`), except on a cluster, whose cells are all handed out at once.
 
     Parameters
     ----------
@@ -101,17 +110,24 @@ def run_cells(
         crash is a status.
     cluster : CellRunner, optional
         Run them there instead (`ninedisk.harness.run.cluster`).
+    memory : float, optional
+        Bytes that a cell's engine may hold, in a process of its own or in a worker's; None: `ninedisk.harness.run.memory.memory_limit`,
+        and on this machine with several jobs their share of `ninedisk.harness.run.memory.default_limit`.
     """
     alone = len(cells) == 1 and cells[0].user_set
     if cluster is not None:
-        return cluster.run(cells, progress, published=published, raise_users_mistakes=alone)
+        return cluster.run(cells, progress, published=published, raise_users_mistakes=alone, memory=memory)
     if jobs:
-        return run_in_workers(cells, progress, jobs=jobs, published=published, raise_users_mistakes=alone)
-    results = []
+        return run_in_workers(
+            cells, progress, jobs=jobs, published=published, raise_users_mistakes=alone, memory=memory
+        )
+    results, patience = [], Patience()
     for done, cell in enumerate(cells):
         if progress is not None:
             progress(done, len(cells), cell.name)
-        results.append(run_cell(cell, published=published, raise_users_mistakes=alone))
+        given_up = patience.given_up(cell)
+        results.append(run_cell(cell, published=published, raise_users_mistakes=alone, given_up=given_up))
+        patience.saw(cell, results[-1])
     if progress is not None:
         progress(len(cells), len(cells), "")
     return results
@@ -124,6 +140,8 @@ class Task:
     cell: Cell
     published: Path | None
     raise_users_mistakes: bool
+    given_up: str = ""
+    memory: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,9 +176,17 @@ def run_task(payload: bytes) -> bytes:
     except Exception as error:
         outcome = TaskResult(unreadable=f"{type(error).__name__}: {error}")
     else:
+        if task.memory is not None:
+            os.environ[VARIABLE] = "none" if isinf(task.memory) else f"{task.memory / 1e9:.9f} GB"
         try:
-            mistakes = task.raise_users_mistakes
-            outcome = TaskResult(result=run_cell(task.cell, published=task.published, raise_users_mistakes=mistakes))
+            outcome = TaskResult(
+                result=run_cell(
+                    task.cell,
+                    published=task.published,
+                    raise_users_mistakes=task.raise_users_mistakes,
+                    given_up=task.given_up,
+                )
+            )
         except USERS_MISTAKES as error:
             outcome = TaskResult(mistake=error)
     return pickle.dumps(outcome, protocol=pickle.HIGHEST_PROTOCOL)
@@ -273,6 +299,11 @@ class Worker:
         outside = status in (-signal.SIGKILL, -signal.SIGTERM, -signal.SIGINT, -signal.SIGHUP)
         return LostWorkerError(f"its process {how}{where}", own_doing=not outside)
 
+    def kill(self) -> None:
+        """End it now; its warden ends what it has started."""
+        self._process.kill()
+        self._process.wait()
+
     def ask_to_end(self) -> None:
         """Close the link, which ends an idle worker, and interrupt a busy one."""
         self.link.close()
@@ -319,11 +350,13 @@ def run_in_workers(
     jobs: int,
     published: Path | None = None,
     raise_users_mistakes: bool = False,
+    memory: float | None = None,
 ) -> list[CaseResult]:
     """Run cells in up to ``jobs`` workers; the results in the order of the cells, whichever ends first.
 
     A cell whose code ends its worker (a segmentation fault) is an error. A cell whose worker is ended from outside is run
-    again, once. An engine that uses several threads counts as that many cells. A cell that cannot be sent to another process
+    again, once; one whose worker holds too much memory is an error.
+    An engine that uses several threads counts as that many cells. A cell that cannot be sent to another process
     is run in this one, after all others have begun.
 
     Raises
@@ -331,7 +364,11 @@ def run_in_workers(
     CoreError
         A mistake in the user's parameters, if that was asked for.
     """
-    run = _Dispatch(cells, jobs, progress, published, raise_users_mistakes)
+    if memory is None and not os.environ.get(VARIABLE):
+        memory = default_limit(jobs)
+    run = _Dispatch(
+        cells, jobs, progress, published, raise_users_mistakes, memory_limit() if memory is None else memory
+    )
     try:
         run.finish()
     finally:
@@ -349,9 +386,11 @@ class _Dispatch:
         progress: Progress | None,
         published: Path | None,
         raise_users_mistakes: bool,
+        memory: float,
     ) -> None:
         self.cells, self.jobs, self.progress = cells, jobs, progress
-        self.published, self.raise_users_mistakes = published, raise_users_mistakes
+        self.published, self.raise_users_mistakes, self.memory = published, raise_users_mistakes, memory
+        self._patience = Patience()
         self.results: list[CaseResult | None] = [None] * len(cells)
         self.workers: list[Worker] = []
         self._idle: list[Worker] = []
@@ -370,8 +409,9 @@ class _Dispatch:
             if self._here and not self._waiting:
                 self._run_here(self._here.popleft())
             by_link = {worker.link: worker for worker in self._busy}
-            for link in wait(list(by_link), 0.0 if self._here else None) if by_link else []:
+            for link in wait(list(by_link), 0.0 if self._here else LOOK) if by_link else []:
                 self._receive(by_link[cast(Connection, link)])
+            self._end_hogs()
         self._report("")
 
     def _room(self, number: int) -> bool:
@@ -390,7 +430,13 @@ class _Dispatch:
 
     def _begin(self, number: int) -> None:
         cell = self.cells[number]
-        task = Task(cell=cell, published=self.published, raise_users_mistakes=self.raise_users_mistakes)
+        task = Task(
+            cell=cell,
+            published=self.published,
+            raise_users_mistakes=self.raise_users_mistakes,
+            given_up=self._patience.given_up(cell),
+            memory=self.memory,
+        )
         payload = pickled(task)
         if payload is None:
             self._here.append(number)
@@ -434,14 +480,23 @@ class _Dispatch:
         times = "" if error.own_doing else f", {self._begun[number]} times in a row"
         self._keep(number, broken_cell(self.cells[number], f"{error}{times}"))
 
+    def _end_hogs(self) -> None:
+        """Workers in which an engine takes too much memory; what runs beside them in a process of its own is watched there."""
+        for worker, number in list(self._busy.items()):
+            if (held := resident(worker.pid, children=False)) > self.memory:
+                del self._busy[worker]
+                worker.kill()
+                self._keep(number, broken_cell(self.cells[number], f"its process {too_much(held, self.memory)}"))
+
     def _run_here(self, number: int) -> None:
         cell = self.cells[number]
         self._report(cell.name)
-        mistakes = self.raise_users_mistakes
-        self._keep(number, run_cell(cell, published=self.published, raise_users_mistakes=mistakes))
+        mistakes, given_up = self.raise_users_mistakes, self._patience.given_up(cell)
+        self._keep(number, run_cell(cell, published=self.published, raise_users_mistakes=mistakes, given_up=given_up))
 
     def _keep(self, number: int, result: CaseResult) -> None:
         self.results[number] = result
+        self._patience.saw(self.cells[number], result)
         self._done += 1
         self._report(self.cells[next(iter(self._busy.values()))].name if self._busy else "")
 

@@ -23,9 +23,9 @@ from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import match_cases
 from ninedisk.harness.results.schema import Row, row_tolerance
 from ninedisk.harness.results.tables import CaseResult
+from ninedisk.harness.run.gaps import GapFile, KnownGap, read_gaps
 from ninedisk.harness.run.plan import Cell, plan_matrix, run_command
-from ninedisk.harness.run.runner import check_ids, dry_checks, last_lines, run_cell
-from ninedisk.harness.suite.gaps import KnownGap, gap_of, read_gaps
+from ninedisk.harness.run.runner import Patience, check_ids, dry_checks, last_lines, run_cell
 from ninedisk.harness.suite.reuse import StoredCells, open_store
 from ninedisk.harness.wire.command import engines_given
 
@@ -43,28 +43,21 @@ TIERS = {
 }
 
 
-class BeyondTolerance(pytest.fail.Exception):  # type: ignore[name-defined, misc]
-    """A number that was measured and is off: the one failure that a known gap can explain."""
-
-
 @dataclass(frozen=True)
 class Plan:
     """The cells of a session with the checks that were found for each, and what is shared by their tests."""
 
     cells: Sequence[tuple[Cell, list[CheckName]]]
-    gaps: tuple[KnownGap, ...]
+    gaps: GapFile
     stored: StoredCells
     results: dict[CheckName, CaseResult] = field(default_factory=dict)
+    patience: Patience = field(default_factory=Patience)
 
     def idle_gaps(self) -> list[KnownGap]:
         """Gaps that explain no check of the session."""
-        used = {
-            gap_of((gap,), place(cell), quantity, truth) and gap
-            for gap in self.gaps
-            for cell, names in self.cells
-            for _, quantity, truth in names
-        }
-        return [gap for gap in self.gaps if gap not in used]
+        return self.gaps.idle(
+            (*place(cell), quantity, truth) for cell, names in self.cells for _, quantity, truth in names
+        )
 
 
 def make_plan(
@@ -77,7 +70,7 @@ def make_plan(
     UsageError
         Unknown ids, or a file of gaps that cannot be read.
     """
-    known = read_gaps(gaps) if gaps is not None else ()
+    known = read_gaps(gaps) if gaps is not None else GapFile()
     planned = plan_matrix(match_cases(cases), engines_given(engines, commands), {})
     stored = open_store(store) if store is not None else StoredCells("")
     return Plan([(cell, _collect(cell)) for cell in planned], known, stored)
@@ -94,12 +87,8 @@ def parameters(plan: Plan) -> Iterator[object]:
         collected = tuple(name for name, _, _ in names)
         shared = [pytest.mark.xdist_group(group)]
         shared += [getattr(pytest.mark, tier) for tier in levels[cell.case.id][cell.variant.id]]
-        for name, quantity, truth in [*names, (CELL, "", "")]:
-            gap = gap_of(plan.gaps, place(cell), quantity, truth) if quantity else None
-            # strict: a gap that is closed fails its test, so that its entry is removed
-            expected = [pytest.mark.xfail(reason=gap.reason, raises=BeyondTolerance, strict=True)] if gap else []
-            check = CellCheck(cell, name, collected, plan)
-            yield pytest.param(check, id=f"{group}-{name}", marks=[*shared, *expected])
+        for name in (*collected, CELL):
+            yield pytest.param(CellCheck(cell, name, collected, plan), id=f"{group}-{name}", marks=shared)
 
 
 def place(cell: Cell) -> CheckName:
@@ -140,7 +129,9 @@ class CellCheck:
             # Checks may depend on more than the sources, on digitised curves for instance: run the cell then.
             if stored is not None and tuple(_measured(stored)) != self.collected:
                 stored = None
-            results[key] = run_cell(self.cell) if stored is None else stored
+            patience = self.plan.patience
+            results[key] = run_cell(self.cell, given_up=patience.given_up(self.cell)) if stored is None else stored
+            patience.saw(self.cell, results[key])
         return results[key]
 
     def verify(self) -> None:
@@ -176,17 +167,17 @@ class CellCheck:
             return f"the case cannot list its checks for a history without numbers: {last_lines(error)}"
         return "the checks depend on what the engine computed"
 
-    def _verdict(self, row: Row) -> None:
+    def _verdict(self, measured: Row) -> None:
         __tracebackhide__ = True
+        (row,) = self.plan.gaps.judged([measured])
+        if row["status"] == "gap-closed" != measured["status"]:
+            self._fail(f"{self.cell.name}: {row['quantity']} against {row['truth']}: {row['reason']}")
         if row["status"] in ("known-gap", "known-difference"):
             pytest.xfail(f"{row['status']}: {row['reason']}")
         if row["status"] == "no-truth":
             pytest.skip(f"no-truth: {row['reason']}")
         if row["status"] == "fail":
-            text = f"{failure_text(self.cell.name, row)}\n{where_to_look(self.cell)}"
-            if row["abs_error"] == row["abs_error"]:  # a number, not NaN
-                raise BeyondTolerance(text, pytrace=False)
-            pytest.fail(text, pytrace=False)
+            self._fail(failure_text(self.cell.name, row))
 
     def _fail(self, text: str) -> None:
         __tracebackhide__ = True

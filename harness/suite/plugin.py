@@ -68,16 +68,16 @@ def pytest_configure(config: pytest.Config) -> None:
 def _check_options(config: pytest.Config) -> None:
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.registry import check_engine_ids, match_cases
-    from ninedisk.harness.suite.gaps import read_gaps
+    from ninedisk.harness.run.gaps import read_gaps
     from ninedisk.harness.wire.command import engines_given
 
     gaps = config.getoption("ninedisk_known_gaps")
     try:
         check_engine_ids(config.getoption("ninedisk_engine"))
-        engines_given(config.getoption("ninedisk_engine"), config.getoption("ninedisk_engine_cmd"))
+        engines = engines_given(config.getoption("ninedisk_engine"), config.getoption("ninedisk_engine_cmd"))
         match_cases(config.getoption("ninedisk_case"))
         if gaps is not None:
-            read_gaps(gaps)
+            read_gaps(gaps).check(each if isinstance(each, str) else each.id for each in engines)
     except UsageError as error:
         raise pytest.UsageError(str(error)) from error
 

@@ -29,7 +29,6 @@ from ninedisk.harness.api.engine import (
     EngineError,
     EngineInfo,
     EngineRun,
-    EngineTimeoutError,
     Support,
     SupportLevel,
 )
@@ -71,7 +70,8 @@ class CommandEngine(ExternalEngine):
     Raises
     ------
     UsageError
-        If there is no such program, or the quotes do not match. Whatever else is wrong with the engine is an error of `info`.
+        If there is no such program, the quotes do not match, or its description is not to be had or breaks the schema: one error
+        for the whole engine, before anything runs.
     """
 
     keep_output = MAX_OUTPUT + 1
@@ -88,20 +88,11 @@ class CommandEngine(ExternalEngine):
                 f"for instance './my-engine' or 'python3 my_engine.py'"
             )
         self.command_line = command_line
-        self._outcome = self._describe()
-        if isinstance(self._outcome, Description):
-            self.id = self._outcome.info.id
-        else:  # its cells are errors, under a name made of the command
-            self.id = f"cmd-{Path(self._command[-1]).name}"
+        self._description = self._describe()
+        self.id = self._description.info.id
 
     def info(self) -> EngineInfo:
-        """What the engine said about itself when it was asked, once, at the beginning.
-
-        Raises
-        ------
-        EngineError
-            If it cannot be asked, or its answer breaks the schema.
-        """
+        """What the engine said about itself when it was asked, once, at the beginning."""
         return self._description.info
 
     def command(self) -> Sequence[str]:
@@ -160,21 +151,13 @@ class CommandEngine(ExternalEngine):
             raise WireError(f"it ended well but printed no answer on standard output and wrote no answer_file{said}")
         return finished.stdout
 
-    def _describe(self) -> Description | EngineError:
-        """The description, or why there is none."""
+    def _describe(self) -> Description:
         limit = min(DESCRIBE_LIMIT, time_limit_from_environment())
         try:
             done = run_isolated([*self._command, "describe"], time_limit=limit)
             return read_description(done.stdout, how_it_runs=f"command `{self.command_line}`, wire protocol")
         except EngineError as error:
-            kind = type(error) if isinstance(error, EngineTimeoutError) else EngineError
-            return kind(f"`{self.command_line} describe` gives no description of the engine: {error}")
-
-    @property
-    def _description(self) -> Description:
-        if isinstance(self._outcome, EngineError):
-            raise self._outcome
-        return self._outcome
+            raise UsageError(f"`{self.command_line} describe` gives no description of the engine: {error}") from error
 
 
 def spring_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:

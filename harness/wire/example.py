@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
@@ -32,10 +31,6 @@ def example_request(
     """
     if command_line is not None:
         engine = CommandEngine(command_line)
-        try:
-            engine.info()
-        except EngineError as error:
-            raise UsageError(str(error)) from error
         setup = plan_case(case_id, engine, params, options).setup
         if isinstance(setup, Exception):
             raise setup

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.new_engine.write import FILES
-from ninedisk.harness.suite.gaps import read_gaps
+from ninedisk.harness.run.gaps import read_gaps
 
 
 def ninedisk(*arguments: str) -> Any:
@@ -96,7 +96,7 @@ def test_its_files(package: Path) -> None:
     assert "$name" not in text
     assert "$package" not in text
     assert "://" not in text  # no address of any registry
-    assert read_gaps(package / "known_gaps.toml") == ()
+    assert read_gaps(package / "known_gaps.toml").gaps == ()
     assert os.access(package / "ci.sh", os.X_OK)
     subprocess.run(["bash", "-n", str(package / "ci.sh")], check=True)
 
@@ -105,8 +105,9 @@ def test_the_example_in_its_known_gaps_is_one(package: Path, tmp_path: Path) -> 
     lines = (package / "known_gaps.toml").read_text().splitlines()
     first = next(k for k, line in enumerate(lines) if line == "# [[gap]]")
     (tmp_path / "gaps.toml").write_text("\n".join(line.removeprefix("# ") for line in lines[first:]))
-    (gap,) = read_gaps(tmp_path / "gaps.toml")
-    assert gap.explains("slip-to-roll", "mu=0.3,dt=0.01", "any", "fs", "analytic")
+    found = read_gaps(tmp_path / "gaps.toml")
+    found.check(())
+    assert found.gaps[0].explains("slip-to-roll", "mu=0.3,dt=0.01", "any", "spin", "analytic")
 
 
 @pytest.mark.parametrize(

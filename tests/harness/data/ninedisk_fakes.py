@@ -218,6 +218,10 @@ class FakeEngine:
             os._exit(7)
         elif self.behaviour == "killed" or (self.behaviour == "killed-once" and not _marked("killed-once")):
             os.kill(os.getpid(), signal.SIGKILL)
+        elif self.behaviour == "hog":
+            held = [b"x" * 10_000_000 for _ in range(100)]  # no more, so that a limit that does not act harms nobody
+            time.sleep(3.0)
+            del held
         elif self.behaviour == "wide":
             with Path("alone").open("x"):
                 time.sleep(0.5)
@@ -235,6 +239,6 @@ def _marked(name: str) -> bool:
 BEHAVIOURS = (
     "good", "wrong", "nan", "blind", "infinite", "garbage", "crash",
     "bug", "timeout", "uninstalled", "unstable", "slow", "absent", "incapable", "shy",
-    "stubborn", "segfault", "exit", "killed", "killed-once", "wide",
+    "stubborn", "segfault", "exit", "killed", "killed-once", "wide", "hog",
 )  # fmt: skip
 ENGINES = tuple(FakeEngine(behaviour) for behaviour in BEHAVIOURS)

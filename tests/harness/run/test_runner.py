@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -16,6 +17,9 @@ from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.registry import UnknownIdError
 from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, SERIES_COLUMNS
+from ninedisk.harness.run.plan import plan_matrix
+from ninedisk.harness.run.runner import Patience, run_cell
+from ninedisk.harness.run.workers import run_cells
 
 pytestmark = pytest.mark.usefixtures("fakes")
 
@@ -179,3 +183,34 @@ def test_reference_curves_are_kept_once() -> None:
     assert [len(result.reference_curves) for result in results] == [1, 1]
     (kept,) = distinct_curves(results)
     assert (len(kept["step"]), kept["quantity"], kept["label"]) == (11, "x", "analytic: mechanics")
+
+
+def test_an_engine_that_hangs_is_given_up(fakes: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """After three cells in a row; what it does not support is said as ever, and others go on."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(fakes.FallingDisk, "matrix", lambda _: [{"a": a} for a in (1, 2, 3, 4, 5)])
+    cells = plan_matrix(["fake/fall"], ["fake-timeout", "fake-good"], {})
+    for jobs in (0, 1):
+        results = run_cells(cells, jobs=jobs)
+        late = [result for result in results if result.cell["engine"] == "fake-timeout"]
+        assert [result.status for result in late] == ["timeout"] * 5
+        assert [result.reason for result in late[:3]] == ["stopped after 3 s"] * 3
+        for result, a in zip(late[3:], (4, 5), strict=True):
+            assert (
+                "not run: the engine was stopped at its time limit in 3 cells in a row (fake/fall[a=1]" in result.reason
+            )
+            assert result.reason.endswith(f"ninedisk run fake/fall --engine fake-timeout --set a={a}")
+        assert {result.status for result in results} - {"timeout"} == {"pass"}
+
+
+def test_an_engine_that_is_late_now_and_then_is_not_given_up() -> None:
+    patience = Patience()
+    (late,) = (run_cell(cell) for cell in plan_matrix(["fake/fall"], ["fake-timeout"], {"a": 1}))
+    (good,) = (run_cell(cell) for cell in plan_matrix(["fake/fall"], ["fake-good"], {"a": 1}))
+    (unable,) = (run_cell(cell) for cell in plan_matrix(["fake/fall"], ["fake-incapable"], {"a": 1}))
+    (cell,) = plan_matrix(["fake/fall"], ["fake-timeout"], {"a": 1})
+    for result in (late, late, good, late, unable, late):
+        patience.saw(cell, result)
+        assert not patience.given_up(cell)
+    patience.saw(cell, late)
+    assert patience.given_up(cell)

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from ninedisk.harness.api.registry import BUILTIN_CASES
+from ninedisk.harness.run.gaps import KnownGap, matches
 from ninedisk.harness.run.runner import check_ids
 from ninedisk.harness.suite import plugin as pytest_plugin
-from ninedisk.harness.suite.gaps import KnownGap, matches
 from ninedisk.harness.suite.items import TIERS, page
 from ninedisk.reports.text import Slugs
 
@@ -148,7 +148,7 @@ def test_a_closed_gap_is_reported(suite: pytest.Pytester) -> None:
     (suite.path / "gaps.toml").write_text(GAP.format(id="fake/*").replace("fake-wrong", "fake-good"))
     done = run(suite, *FALL, "--engine", "fake-good", "--known-gaps", "gaps.toml")
     done.assert_outcomes(failed=2, passed=4)
-    done.stdout.fnmatch_lines(["*XPASS(strict)*it is planted*"])
+    done.stdout.fnmatch_lines(["*x against analytic: it passes: remove this entry*gaps.toml, gap 1, *(it is planted)"])
 
 
 @pytest.mark.parametrize("engine", ["fake-crash", "fake-nan"])
@@ -166,6 +166,7 @@ def test_a_gap_excuses_neither_a_crash_nor_a_missing_number(suite: pytest.Pytest
         ("[[gap]]\nid = 'a'\nquantity = 'x'\nreason = 3\n", "reason = 3 is not allowed"),
         ("[[gap\n", "is no TOML"),
         ("[gaps]\n", "and nothing else"),
+        ("[[gap]]\nid = 'fake/fal'\nquantity = 'x'\nreason = 'r'\n", "no case 'fake/fal'. Did you mean 'fake/fall'"),
     ],
 )
 def test_a_file_of_gaps_that_is_wrong(suite: pytest.Pytester, text: str, said: str) -> None:

@@ -115,7 +115,7 @@ def test_a_store_that_is_not_there(tmp_path: Path) -> None:
 def test_the_suite_runs_only_what_it_must(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ran = []
     run_cell = items.run_cell
-    monkeypatch.setattr(items, "run_cell", lambda cell: ran.append(cell.name) or run_cell(cell))
+    monkeypatch.setattr(items, "run_cell", lambda cell, **how: ran.append(cell.name) or run_cell(cell, **how))
     plan = make_plan([CASE], [ENGINE], [], None, store)
 
     def check(plan: Plan, number: int, collected: tuple[str, ...]) -> CellCheck:

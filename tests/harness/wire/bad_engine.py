@@ -143,6 +143,10 @@ def main() -> None:
     if mode == "late":
         print("about to hang", file=sys.stderr, flush=True)
         time.sleep(3600)
+    if mode == "hog":
+        held = [b"x" * 20_000_000 for _ in range(40)]  # no more, so that a limit that does not act harms nobody
+        time.sleep(1.0)
+        del held
     if mode == "killed":
         print("the machine runs out of memory", file=sys.stderr, flush=True)
         os.kill(os.getpid(), signal.SIGKILL)

@@ -86,13 +86,6 @@ def test_other_ways_to_answer(mode: str) -> None:
         ("npz-objects", "is no NPZ file of plain arrays"),
         ("npz-names", r"unknown array\(s\) velocity"),
         ("npz-shape", r"history.v has shape \(102, 1, 2\)"),
-        ("about-missing", "breaks its schema at the object: 'contact' is a required property"),
-        ("about-capability", r"breaks its schema at capabilities\[0\]: 'friktion' is not one of"),
-        ("about-id", "breaks its schema at id: 'no id.at all' does not match"),
-        ("about-option", "default does not fit: bad.effort = 0 is not allowed: it must be a number >= 1"),
-        ("about-scheme", "the scheme 'moreau-jean' needs the option 'theta'"),
-        ("about-exit", "ended with status 1 .*no licence found"),
-        ("about-banner", "stands before the JSON object"),
     ],
 )
 def test_bad_engines_end_as_errors_that_say_what_to_mend(mode: str, reason: str) -> None:
@@ -102,10 +95,34 @@ def test_bad_engines_end_as_errors_that_say_what_to_mend(mode: str, reason: str)
     assert result.history is None
 
 
-@pytest.mark.parametrize("mode", ["late", "endless", "about-late"])
+@pytest.mark.parametrize(
+    ("mode", "reason"),
+    [
+        ("about-missing", "breaks its schema at the object: 'contact' is a required property"),
+        ("about-capability", r"breaks its schema at capabilities\[0\]: 'friktion' is not one of"),
+        ("about-id", "breaks its schema at id: 'no id.at all' does not match"),
+        ("about-option", "default does not fit: bad.effort = 0 is not allowed: it must be a number >= 1"),
+        ("about-scheme", "the scheme 'moreau-jean' needs the option 'theta'"),
+        ("about-exit", "ended with status 1 .*no licence found"),
+        ("about-banner", "stands before the JSON object"),
+    ],
+)
+def test_a_broken_description_is_one_error(mode: str, reason: str) -> None:
+    """Of the whole engine, before anything runs."""
+    with pytest.raises(
+        UsageError, match=re.compile(f"describe` gives no description of the engine.*{reason}", re.DOTALL)
+    ):
+        CommandEngine(command(mode))
+
+
+def test_a_late_description_is_one_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NINEDISK_TIME_LIMIT", "0.5")
+    with pytest.raises(UsageError, match=r"time limit of 0\.5 s"):
+        CommandEngine(command("about-late"))
+
+
+@pytest.mark.parametrize("mode", ["late", "endless"])
 def test_late_engines_are_stopped(mode: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if mode.startswith("about"):
-        monkeypatch.setenv("NINEDISK_TIME_LIMIT", "0.5")
     engine = CommandEngine(command(mode))  # described before the limit is short, on a machine that may be busy
     monkeypatch.setenv("NINEDISK_TIME_LIMIT", "0.5")
     result = run_case("binary-collision", engine=engine)
@@ -170,7 +187,7 @@ def test_a_run_with_a_broken_engine_is_stored_whole(tmp_path: Path) -> None:
                 "--store",
                 "results",
             ),
-            *("--engine-cmd", command("banner"), "--engine-cmd", command("about-exit"), "--engine", "dem"),
+            *("--engine-cmd", command("banner"), "--engine", "dem"),
         ],
         capture_output=True,
         text=True,
@@ -185,9 +202,5 @@ def test_a_run_with_a_broken_engine_is_stored_whole(tmp_path: Path) -> None:
     import pyarrow.parquet as pq
 
     cells = pq.read_table(folder / "cells.parquet").to_pylist()
-    assert {cell["engine"]: cell["status"] for cell in cells} == {
-        "dem": "pass",
-        "bad": "error",
-        "cmd-about-exit": "error",
-    }
+    assert {cell["engine"]: cell["status"] for cell in cells} == {"dem": "pass", "bad": "error"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["results"]
