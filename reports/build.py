@@ -236,6 +236,8 @@ class CaseDrawing:
         caption = f"Set-up of {variant.replace(',', ', ') or 'the case'}." + (
             f" Watched contacts: {marks}." if marks else ""
         )
+        if scene.block:
+            caption += " The body cannot turn: a block, which engines get as a disk of that width that may not rotate."
         return svg_image(path, alt, caption)
 
 

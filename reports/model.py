@@ -303,7 +303,7 @@ class CaseTables:
     @property
     def folded(self) -> dict[str, list[Row]]:
         """Rows that the page shows on demand, by table."""
-        return {"rows": self.rows[SHOWN:], "gaps": self.gaps[SHOWN:], "unrated": self.unrated}
+        return {"rows": self.rows[SHOWN:], "gaps": self.gaps, "unrated": self.unrated}
 
 
 def case_tables(case: CaseData) -> CaseTables:
@@ -312,7 +312,7 @@ def case_tables(case: CaseData) -> CaseTables:
     gaps = worst_first(row for row in case.measurements if row["status"] in EXPLAINED)
     unrated = [row for row in case.measurements if not is_rated(row) and row["status"] not in EXPLAINED]
     notes: dict[tuple[str, str, str], int] = {}
-    for row in (*rows[SHOWN:], *gaps[SHOWN:], *unrated):
+    for row in (*rows[SHOWN:], *gaps, *unrated):
         # What a failure says, its numbers say as well; every other reason is told once.
         reason = "" if row["status"] == "fail" else row["reason"]
         row["note"] = notes.setdefault((row["why"], row["source"], reason), len(notes) + 1)

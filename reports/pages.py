@@ -19,7 +19,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ninedisk.harness.results.schema import USES, Row
-from ninedisk.reports import text
+from ninedisk.reports import ranking, text
 from ninedisk.reports.charts import Chart
 from ninedisk.reports.headlines import (
     AGREES,
@@ -39,7 +39,6 @@ from ninedisk.reports.model import (
     Panel,
     Summary,
     is_wide,
-    largest_number,
     summarise,
 )
 from ninedisk.reports.text import as_float, number, pair_shade, parameters, shade, symbol
@@ -92,9 +91,8 @@ def environment() -> Environment:
         "shade": shade,
         "symbol": symbol,
         "pair_shade": pair_shade,
-        "most": _most,
         "decade": text.decade,
-        "percent": text.percent,
+        "percent": ranking.percent,
         "some": text.some,
         "slower_shade": text.slower_shade,
         "times": text.times,
@@ -195,15 +193,6 @@ def verdict_counts(panel: Panel) -> dict[str, int]:
     return told | dict(counts)
 
 
-def causes(panel: Panel) -> list[tuple[str, list[Row]]]:
-    """Known gaps and known differences joined by their cause, those of most engines first."""
-    groups = _by(panel.gap_rows(), "reason")
-    return sorted(
-        ((reason, rows) for (reason,), rows in groups.items()),
-        key=lambda item: (-len({row["engine"] for row in item[1]}), -len(item[1])),
-    )
-
-
 def index_page(env: Environment, panel: Panel, findings: Sequence[Any] = (), uses: Any = None) -> str:
     """The overview: what is wrong with whom, the matrix, what to take for what; the largest errors come first.
 
@@ -229,7 +218,8 @@ def index_page(env: Environment, panel: Panel, findings: Sequence[Any] = (), use
         counts=verdict_counts(panel),
         disagreements=disagreements(panel)[:LISTED],
         worst_pairs=panel.worst_of_pairs(),
-        causes=causes(panel),
+        causes=ranking.causes(panel, panel.gap_rows()),
+        example=ranking.example,
         unfinished=panel.unfinished(),
         fine=not panel.unfinished() and all(row["ratio"] <= 1.0 for row in rows),
         errata=errata(panel),
@@ -248,12 +238,7 @@ def errata_page(env: Environment, panel: Panel) -> str:
 def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, Any]) -> str:
     """A case; ``drawn`` holds its figures and difference tables, as `CaseDrawing.values` gives them."""
     rows = drawn["tables"].rows
-    cells, rated = _by(case.cells, "engine"), _by(case.measurements, "engine")
-    summaries = [
-        (panel.engines[key[0]], summary)
-        for key, group in cells.items()
-        if (summary := summarise(group, rated.get(key, []))) is not None
-    ]
+    cells = _by(case.cells, "engine")
     return env.get_template("case.html").render(
         root="../",
         case=case,
@@ -261,7 +246,10 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
         engines=panel.engines,
         worst=rows[0] if rows else None,
         fine=bool(rows) and rows[0]["ratio"] <= 1.0,
-        summaries=sorted(summaries, key=lambda item: -item[1].ratio if item[1].worst else 1.0),
+        ranking=ranking.rank(panel, case),
+        causes=ranking.causes(panel, drawn["tables"].gaps),
+        example=ranking.example,
+        percent=ranking.percent,
         shown=SHOWN,
         open_groups=OPEN_GROUPS,
         claims=_claims(panel, case.claims),
@@ -375,11 +363,6 @@ def _by(rows: Iterable[Row], *columns: str) -> dict[tuple[str, ...], list[Row]]:
 def _variant(name: str) -> Markup:
     """A variant's id with short numbers and places after its commas where it may wrap."""
     return Markup(",<wbr>").join(text.short_variant(name).split(","))
-
-
-def _most(values: Iterable[Any]) -> float:
-    """The largest of those that are numbers; NaN of none."""
-    return largest_number(map(as_float, values))
 
 
 def _plain(value: Any) -> str:

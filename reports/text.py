@@ -66,18 +66,6 @@ def order(value: Any) -> str:
     return f"{round(x, 2) + 0.0:.2f}" if math.isfinite(x) else NOTHING
 
 
-def percent(value: Any) -> str:
-    """A share: in percent with two significant digits up to ten times the whole, else as that many times: ``30 %``, ``12×``."""
-    x = as_float(value)
-    if not math.isfinite(x):
-        return "∞" if math.isinf(x) else NOTHING
-    return (
-        f"{error(x) if x >= 99999.5 else f'{x:.0f}'}×"
-        if x >= 9.995
-        else f"{f'{100.0 * x:.0f}' if x >= 0.995 else error(100.0 * x)} %"
-    )
-
-
 def times(value: Any) -> str:
     """How many times as long something took: ``1``, ``3.4``, ``120``."""
     x = as_float(value)
