@@ -29,7 +29,7 @@ from ninedisk.harness.cli.support import (
     table,
     write_rows,
 )
-from ninedisk.harness.results.schema import WORST_FIRST, Row, row_tolerance
+from ninedisk.harness.results.schema import WIDE, WORST_FIRST, Row, allowed_shares, row_tolerance
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ninedisk.harness.run.cluster import Cluster
 
 
-MAX_LINES = 28
+MAX_LINES = 27
 """Lines of table, reasons and notes together: with what stands around them a run ends within 40 lines of the terminal."""
 
 LEAST_OF_TABLE = 10
@@ -297,9 +297,18 @@ def show_summary(
     if left_out:
         lines.append(f"... and {left_out} more: {_counts(Counter(row['status'] for row in judged[-left_out:]))}")
     lines += [*reasons, *notes, *far]
+    ran = [cell for cell in cells if cell["status"] not in _NOT_RUN]
+    lines.append(f"ran: {' on '.join(_some(len({cell[key] for cell in ran}), key) for key in ('engine', 'case'))}")
     lines.append(f"cells: {_counts(Counter(str(cell['status']) for cell in cells))}")
-    counts = Counter(row["status"] for row in (rows if counted is None else counted) if row["status"] not in _NOT_RUN)
-    lines.append(f"checks: {_counts(counts)}")
+    checks = rows if counted is None else counted
+    lines.append(f"checks: {_counts(Counter(row['status'] for row in checks if row['status'] not in _NOT_RUN))}")
+    wide = [
+        share
+        for row, share in zip(checks, allowed_shares(checks), strict=True)
+        if row["status"] == "pass" and share > WIDE
+    ]
+    if wide:
+        lines[-1] += f" ({len(wide)} of them wide: the tolerance is more than {WIDE:.0%} of the reference)"
     if folder is not None:
         lines.append(f"results: {folder}")
         if not everything:
@@ -394,7 +403,7 @@ def _not_run(cells: Sequence[Row], most: int) -> list[str]:
             found[cell["status"]][str(cell["engine"]), str(cell["reason"])] += 1
     if sum(len(kinds) for kinds in found.values()) <= most:
         return [
-            f"{status}: {engine}, {_cells(count)}: {reason}"
+            f"{status}: {engine}, {_some(count, 'cell')}: {reason}"
             for status, kinds in sorted(found.items())
             for (engine, reason), count in sorted(kinds.items())
         ]
@@ -404,12 +413,12 @@ def _not_run(cells: Sequence[Row], most: int) -> list[str]:
         if status == "not-installed":
             lines.append(f"{status}: {', '.join(engines)}; how to install them: ninedisk list engines")
         else:
-            lines.append(f"{status}: {_cells(kinds.total())} on {', '.join(engines)}")
+            lines.append(f"{status}: {_some(kinds.total(), 'cell')} on {', '.join(engines)}")
     return lines
 
 
-def _cells(count: int) -> str:
-    return f"{count} cell{'s' if count > 1 else ''}"
+def _some(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def _counts(counter: Counter[str]) -> str:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
 from ninedisk.core.history import History
+from ninedisk.harness.api.capabilities import capabilities_asked
 from ninedisk.harness.api.case import Case, Check, Setup, figures_of, headlines_of
 from ninedisk.harness.api.engine import (
     Engine,
@@ -314,7 +315,12 @@ def _setup_columns(setup: Setup) -> Row:
         "watch": [list(pair) for pair in setup.watch],
         "labels": {name: list(pair) for name, pair in setup.labels.items()},
     }
-    return {"n_steps": setup.numerics.n_steps, "n_disks": len(setup.scene.disks), "setup": plain_json(stored)}
+    return {
+        "n_steps": setup.numerics.n_steps,
+        "n_disks": len(setup.scene.disks),
+        "setup": plain_json(stored),
+        "asked": json.dumps(sorted(capabilities_asked(setup.scene, setup.numerics))),
+    }
 
 
 def engine_columns(info: EngineInfo) -> Row:
@@ -324,6 +330,7 @@ def engine_columns(info: EngineInfo) -> Row:
         "engine_version": info.version or "",
         "engine_licence": info.licence,
         "engine_runs": info.how_it_runs,
+        "capabilities": json.dumps(sorted(info.capabilities)),
     }
 
 

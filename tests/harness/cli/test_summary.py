@@ -89,6 +89,15 @@ def test_the_end_of_a_run_fits_on_a_screen(
             assert lines[found + 1 : found + 12] == said[1:]
 
 
+def test_passes_that_allow_much_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    place = {"case": "c", "variant": "v", "engine": "e", "status": "pass"}
+    numbers = {"quantity": "x", "unit": "m", "abs_error": 0.0, "scale": 2.0, "atol": 0.0}
+    rows = [filled(MEASUREMENT_COLUMNS, **place, **numbers, rtol=rtol) for rtol in (0.04, 0.05, 0.06)]
+    lines = printed(capsys, [filled(CELL_COLUMNS, **place)], rows, None)
+    assert "ran: 1 engine on 1 case" in lines
+    assert "checks: 3 pass (1 of them wide: the tolerance is more than 5% of the reference)" in lines
+
+
 def test_everything_is_everything(capsys: pytest.CaptureFixture[str]) -> None:
     cells, rows = matrix(200)
     text = "\n".join(printed(capsys, cells, rows, None, everything=True))
