@@ -141,7 +141,9 @@ CELL_COLUMNS: dict[str, str] = {
     "n_steps": "int64",
     "n_disks": "int64",
     "setup": "string",  # JSON: scene, numerics, watch, labels
-    "penetration": "float64",  # deepest overlap of the samples after the first, over the smallest radius; NaN where unknown
+    # Deepest overlap of the samples beyond that with which the scene begins, over the smallest radius: of watched contacts, and of round
+    # disks and walls by their places. NaN where neither is known (outlines that nobody watches).
+    "penetration": "float64",
     "frames": "string",  # JSON: {"step": [...], "x": [[[x, y]]], "angle": [...], "wall_point":..., "wall_angle":...}
 }
 """One row per case variant and engine."""
