@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -15,7 +14,7 @@ import typer
 from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.api.text import printable
 from ninedisk.harness.cli.support import CellProgress, Store, console, guarded, table, write_rows
-from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding
+from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding, percent
 
 if TYPE_CHECKING:
     from ninedisk.harness.api.finding import Finding
@@ -158,8 +157,3 @@ def _details(found: Sequence[EvaluatedFinding]) -> None:
         for name, text in lines.items():
             if text:
                 out.print(f"  {name}: {printable(text)}", soft_wrap=True)
-
-
-def percent(size: float) -> str:
-    """A relative size in per cent, two significant digits; ``-`` for no number."""
-    return "-" if math.isnan(size) else f"{100.0 * size:.2g} %" if abs(size) < 1.0 else f"{100.0 * size:.0f} %"
