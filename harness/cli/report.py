@@ -26,8 +26,11 @@ def report(
     Example:
       ninedisk report --store results --out report
     """
+    from ninedisk.harness.api.finding import known_findings
+    from ninedisk.harness.results.findings import evaluate
     from ninedisk.reports.build import build_report
 
     with CellProgress() as progress:
-        page = build_report(store, out, lambda label, done, total: progress(done, total, label))
+        findings = evaluate(store, known_findings(), progress)
+        page = build_report(store, out, lambda label, done, total: progress(done, total, label), findings)
     typer.echo(f"report: {page}")
