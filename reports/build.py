@@ -13,10 +13,11 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ninedisk.harness.results.schema import Comparison, EvaluatedFinding
 from ninedisk.reports import pages
 from ninedisk.reports.charts import Chart, Image, on_page
 from ninedisk.reports.draw import (
@@ -38,10 +39,12 @@ from ninedisk.reports.figures import (
     looks_of,
     values_against_step,
 )
+from ninedisk.reports.findings import findings_page
 from ninedisk.reports.folder import fresh_folder
 from ninedisk.reports.load import Stored, load_store
 from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
 from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case
+from ninedisk.reports.studies import write_comparison
 from ninedisk.reports.text import decoded
 
 Progress = Callable[[str, int, int], None]
@@ -65,7 +68,13 @@ def _silent(_stage: str, _done: int, _total: int) -> None:
     """No progress is wanted."""
 
 
-def build_report(store: Path, out: Path, progress: Progress = _silent) -> Path:
+def build_report(
+    store: Path,
+    out: Path,
+    progress: Progress = _silent,
+    findings: Sequence[EvaluatedFinding] = (),
+    changes: Comparison | None = None,
+) -> Path:
     """Build the comparison report of a store.
 
     Parameters
@@ -77,6 +86,11 @@ def build_report(store: Path, out: Path, progress: Progress = _silent) -> Path:
         report; an existing folder that is neither empty nor a report is left alone.
     progress : callable, optional
         Called with a stage, the number of pieces done and their number.
+    findings : sequence of EvaluatedFinding
+        What this store says of known findings (`ninedisk.harness.results.findings.evaluate`), largest first; their page is written
+        where there are any.
+    changes : Comparison or None
+        The newest run against the one before; has a page as well.
 
     Returns
     -------
@@ -90,7 +104,7 @@ def build_report(store: Path, out: Path, progress: Progress = _silent) -> Path:
     """
     with fresh_folder(out, MARKER, "report") as fresh:
         progress("reading runs", 0, 1)
-        stored = load_store(Path(store))
+        stored = replace(load_store(Path(store)), findings=tuple(findings), changes=changes)
         progress("reading runs", 1, 1)
         write_site(stored, fresh, progress)
     return Path(out).absolute() / "index.html"
@@ -125,6 +139,10 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
         page = pages.engine_page(env, panel, engine, on_page(speed) if speed else None)
         (folder / "engine" / f"{engine.slug}.html").write_text(page, encoding="utf-8")
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
+    if stored.findings:
+        (folder / "findings.html").write_text(findings_page(env, panel), encoding="utf-8")
+    if stored.changes:
+        write_comparison(stored.changes, folder / "changes.html")
     (folder / "index.html").write_text(pages.index_page(env, panel), encoding="utf-8")
     progress("writing pages", total, total)
 

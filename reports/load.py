@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +21,7 @@ from ninedisk.harness.results.reader import (
     read_table,
     run_ids,
 )
-from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.schema import Comparison, EvaluatedFinding, Row
 from ninedisk.reports.folder import ReportError
 
 if TYPE_CHECKING:
@@ -42,6 +42,10 @@ class Stored:
         Curves by (case, variant, engine, quantity), and by (case, variant, quantity).
     outdated : list of str
         Cells that were left out because their case has a newer version.
+    findings : sequence of EvaluatedFinding
+        What the store says of known findings, largest first; whoever builds the report evaluates them.
+    changes : Comparison or None
+        The newest run against the one before, where whoever builds the report compared them.
     """
 
     runs: list[Row]
@@ -52,6 +56,8 @@ class Stored:
     series: Series
     references: References
     outdated: list[str] = field(default_factory=list)
+    findings: Sequence[EvaluatedFinding] = ()
+    changes: Comparison | None = None
 
 
 def load_store(store: Path) -> Stored:

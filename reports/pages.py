@@ -9,7 +9,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -21,6 +21,7 @@ from markupsafe import Markup
 from ninedisk.harness.results.schema import USES, Row
 from ninedisk.reports import ranking, text
 from ninedisk.reports.charts import Chart
+from ninedisk.reports.findings import of_engines
 from ninedisk.reports.headlines import (
     AGREES,
     Rating,
@@ -39,7 +40,6 @@ from ninedisk.reports.model import (
     Panel,
     Summary,
     is_wide,
-    largest_number,
     summarise,
 )
 from ninedisk.reports.text import as_float, number, pair_shade, parameters, shade, symbol
@@ -92,9 +92,8 @@ def environment() -> Environment:
         "shade": shade,
         "symbol": symbol,
         "pair_shade": pair_shade,
-        "most": _most,
         "decade": text.decade,
-        "percent": text.percent,
+        "percent": ranking.percent,
         "some": text.some,
         "slower_shade": text.slower_shade,
         "times": text.times,
@@ -195,19 +194,10 @@ def verdict_counts(panel: Panel) -> dict[str, int]:
     return told | dict(counts)
 
 
-def causes(panel: Panel) -> list[tuple[str, list[Row]]]:
-    """Known gaps and known differences joined by their cause, those of most engines first."""
-    groups = _by(panel.gap_rows(), "reason")
-    return sorted(
-        ((reason, rows) for (reason,), rows in groups.items()),
-        key=lambda item: (-len({row["engine"] for row in item[1]}), -len(item[1])),
-    )
-
-
-def index_page(env: Environment, panel: Panel, findings: Sequence[Any] = (), uses: Any = None) -> str:
+def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
     """The overview: what is wrong with whom, the matrix, what to take for what; the largest errors come first.
 
-    ``findings`` are those that a store was held against, largest first; ``uses`` is what ``uses.html`` shows.
+    ``uses`` is what ``uses.html`` shows.
     """
     rows, filled = panel.open_rows(), squares(panel)
     engines, cases = _matrix(panel, filled)
@@ -224,12 +214,16 @@ def index_page(env: Environment, panel: Panel, findings: Sequence[Any] = (), use
         mode="error" if worst else "ratio",
         matrix=[(case, [(engine, filled.get((case.id, engine.id))) for engine in engines]) for case in cases],
         worst_headline=worst[0] if worst else None,
-        findings=findings,
+        findings=of_engines(panel.stored),
+        n_findings=len(panel.stored.findings),
         uses=uses,
+        changes=panel.stored.changes,
+        moved=Counter(change.verdict for change in panel.stored.changes.changes) if panel.stored.changes else {},
         counts=verdict_counts(panel),
         disagreements=disagreements(panel)[:LISTED],
         worst_pairs=panel.worst_of_pairs(),
-        causes=causes(panel),
+        causes=ranking.causes(panel, panel.gap_rows()),
+        example=ranking.example,
         unfinished=panel.unfinished(),
         fine=not panel.unfinished() and all(row["ratio"] <= 1.0 for row in rows),
         errata=errata(panel),
@@ -268,9 +262,7 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
     )
 
 
-def engine_page(
-    env: Environment, panel: Panel, engine: EngineFacts, speed: Chart | None, findings: Sequence[Any] = ()
-) -> str:
+def engine_page(env: Environment, panel: Panel, engine: EngineFacts, speed: Chart | None) -> str:
     """An engine: what it does well, what otherwise, what was never asked of it; ``speed`` is its chart of accuracy against speed."""
     mine = [row for row in panel.measurements if row["engine"] == engine.id]
     rated = _by(mine, "case", "variant")
@@ -298,7 +290,7 @@ def engine_page(
         n_first=len(first),
         well=[each for each in first if each.error <= AGREES and each.of > 1][:LISTED],
         otherwise=[each for each in reversed(ranked) if each.error > AGREES][:LISTED],
-        findings=[each for each in findings if each.engine == engine.id],
+        findings=[each for each in of_engines(panel.stored) if each.engine == engine.id],
         differences=[(reason, rows) for (reason,), rows in differences.items()],
         n_passed=sum(row["status"] == "pass" for row in mine),
         wide=sorted(filter(is_wide, mine), key=lambda row: -row["share"]),
@@ -373,11 +365,6 @@ def _by(rows: Iterable[Row], *columns: str) -> dict[tuple[str, ...], list[Row]]:
 def _variant(name: str) -> Markup:
     """A variant's id with short numbers and places after its commas where it may wrap."""
     return Markup(",<wbr>").join(text.short_variant(name).split(","))
-
-
-def _most(values: Iterable[Any]) -> float:
-    """The largest of those that are numbers; NaN of none."""
-    return largest_number(map(as_float, values))
 
 
 def _plain(value: Any) -> str:

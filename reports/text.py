@@ -51,7 +51,8 @@ def ratio(value: Any) -> str:
     if x == 0.0:
         return "0"
     if x != 1.0 and f"{x:.2g}" == "1":
-        return next((told for digits in range(3, 17) if (told := f"{x:.{digits}g}") != "1"), repr(x))
+        told = next((told for digits in (3, 4) if (told := f"{x:.{digits}g}") != "1"), "")
+        return told or f"1{'−' if x < 1.0 else '+'}{abs(x - 1.0):.0e}".replace("e-0", "e-")
     return f"{x:.2g}" if 0.01 <= x < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else _scientific(x)
 
 
@@ -64,18 +65,6 @@ def order(value: Any) -> str:
     """A fitted order of convergence; errors that are round-off have none."""
     x = as_float(value)
     return f"{round(x, 2) + 0.0:.2f}" if math.isfinite(x) else NOTHING
-
-
-def percent(value: Any) -> str:
-    """A share: in percent with two significant digits up to ten times the whole, else as that many times: ``30 %``, ``12×``."""
-    x = as_float(value)
-    if not math.isfinite(x):
-        return "∞" if math.isinf(x) else NOTHING
-    return (
-        f"{error(x) if x >= 99999.5 else f'{x:.0f}'}×"
-        if x >= 9.995
-        else f"{f'{100.0 * x:.0f}' if x >= 0.995 else error(100.0 * x)} %"
-    )
 
 
 def times(value: Any) -> str:

@@ -1,18 +1,29 @@
 """Findings: what an engine, or a source, is known to do otherwise than the physics or its own documentation says.
 
-A finding holds no measured number: its size is read from the store, so that it can be seen to be still there, gone or larger.
-The findings of an engine stand beside its adapter (``harness/engines/<engine>/findings.py``, a tuple ``FINDINGS``).
+A finding holds no measured number: its size is read from the store, so that it can be seen to be still there, gone or larger
+(`ninedisk.harness.results.findings`). Findings stand beside what they are about, in a tuple ``FINDINGS`` of a module ``findings``: those of
+an engine beside its adapter (``harness/engines/<engine>/findings.py``), errata of the source beside the cases that show them
+(``harness/cases/<family>/findings.py``); so do those of other packages' engines and cases, beside the module that their entry point names.
 """
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
+
+from ninedisk.harness.api.registry import BUILTIN, case_table, engine_table
 
 
 @dataclass(frozen=True, kw_only=True)
 class Size:
     """Where the size of a finding stands in a store: the largest value of a column over the rows that match.
+
+    Sizes are relative, so that findings can be ranked: ``rel_error`` and ``penetration`` as they are stored, ``abs_error`` and
+    ``value`` divided by a scale that the store has as well.
 
     Parameters
     ----------
@@ -21,25 +32,33 @@ class Size:
     case, variant : str
         Id of the case, and a glob of its variants' ids.
     column : str
-        Column that is read, such as ``abs_error``, ``rel_error`` or ``value``; its absolute value counts.
+        Column that is read: ``rel_error``, ``abs_error`` or ``value`` of a measurement, ``rel_error`` of a headline,
+        ``penetration`` of a cell, or its ``broken``: 1 where it ended without an answer, 0 where it ran. The absolute value counts.
     quantity : str
         Quantity of the row, or the headline's name; empty for ``cells``.
     truth : str
-        Kind of truth of a measurement, "" for any.
+        Kind of truth of a measurement, "" for any but ``published``: what is printed somewhere may itself be wrong.
+    per : str
+        Quantity of the same cell whose scale, the largest ``|expected|``, ``abs_error`` and ``value`` are divided by; "": the
+        row's own quantity; "1": the quantity is relative as it is.
     over : float
-        The finding is there while the size is larger than this, in the column's unit.
+        The finding is there while the size is larger than this.
     over_why : str
         Why that and no other number: round-off, the order of the scheme, what a right engine shows.
+    fails : bool
+        Whether the check that measures it fails because of it: its tolerance then bounds nothing, and only growth makes it larger.
     """
 
-    table: Literal["measurements", "headlines", "cells"]
+    table: Literal["measurements", "headlines", "cells"] = "measurements"
     case: str
-    column: str
+    variant: str = "*"
+    column: str = "rel_error"
+    quantity: str = ""
+    truth: str = ""
+    per: str = ""
     over: float
     over_why: str
-    quantity: str = ""
-    variant: str = "*"
-    truth: str = ""
+    fails: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +68,7 @@ class Finding:
     Parameters
     ----------
     id : str
-        ``<engine>/<words>``, as in ``kratos-dem/arm-at-walls``; ``source/<words>`` for errata of the source.
+        ``<engine>/<words>``, as in ``kratos/arm-at-walls``; ``source/<words>`` for errata of the source.
     engine : str
         Id of the engine; the engine that shows it where the source is wrong.
     versions : str
@@ -71,6 +90,54 @@ class Finding:
     versions: str
     what: str
     size: Size
-    documented: str
-    thread: str
+    documented: str = ""
+    thread: str = ""
     command: str
+
+
+@lru_cache(maxsize=1)
+def known_findings() -> tuple[Finding, ...]:
+    """The findings of all engines and cases that are registered, engines first; loads neither engines nor cases."""
+    return _collected()[0]
+
+
+def finding_problems() -> tuple[str, ...]:
+    """What is wrong with the findings of installed packages, a sentence each; such findings are left out."""
+    return _collected()[1]
+
+
+@lru_cache(maxsize=1)
+def _collected() -> tuple[tuple[Finding, ...], tuple[str, ...]]:
+    found: dict[str, Finding] = {}
+    wrong: list[str] = []
+    for module, origin in _modules().items():
+        try:
+            held: Iterable[Finding] = importlib.import_module(module).FINDINGS
+            for each in held:
+                if found.setdefault(each.id, each) is not each:
+                    wrong.append(
+                        f"{module} of {origin} has a finding {each.id!r} that another module has already: rename it"
+                    )
+        except Exception as error:
+            if origin == BUILTIN:
+                raise
+            wrong.append(f"the findings of {origin} cannot be read from {module}: {type(error).__name__}: {error}")
+    return tuple(found.values()), tuple(wrong)
+
+
+def _modules() -> dict[str, str]:
+    """Modules of findings that exist, beside those of registered engines and cases, and the distributions that they are from."""
+    found: dict[str, str] = {}
+    for entry in (*engine_table().values(), *case_table().values()):
+        package = entry.where.partition(":")[0].rpartition(".")[0]
+        module = f"{package}.findings"
+        if package and module not in found and _exists(module):
+            found[module] = entry.origin
+    return found
+
+
+def _exists(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except Exception:  # whatever a broken package does where it begins; its engines say so
+        return False

@@ -371,6 +371,65 @@ CHANGE_VERDICTS = ("worse", "suspect", "lost", "not-comparable", "better", "new"
 """How something changed between two runs, what wants attention first."""
 
 
+FINDING_VERDICTS = ("larger", "gone", "there", "not-measured")
+"""What a store says of a finding, what wants attention first."""
+
+
+def percent(size: float) -> str:
+    """A relative size in per cent, two significant digits; ``-`` for no number."""
+    return "-" if math.isnan(size) else f"{100.0 * size:.2g} %" if abs(size) < 0.995 else f"{100.0 * size:.0f} %"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluatedFinding:
+    """A finding (`ninedisk.harness.api.finding`), and what a store says of it.
+
+    Parameters
+    ----------
+    id, engine, versions, what, documented, thread, command : str
+        As they are declared.
+    verdict : str
+        One of `FINDING_VERDICTS`; ``reason`` says why where it is not ``there``, and what else is to be said.
+    size : float
+        Relative, NaN where it is not measured; the finding is there while it is larger than ``over``, for ``over_why``.
+    before : float
+        The same cell's size in the run before, ``before_run``; NaN where there is none.
+    least, least_engine : float, str
+        The smallest size that another engine shows on the same cells: what is possible. NaN where there is none.
+    case, variant, quantity, unit, truth, value, expected, scale
+        The row that the size was read from.
+    engine_version, run_id : str
+        Of that row.
+    """
+
+    id: str
+    engine: str
+    versions: str
+    what: str
+    documented: str = ""
+    thread: str = ""
+    command: str = ""
+    verdict: str
+    reason: str = ""
+    size: float = math.nan
+    over: float = math.nan
+    over_why: str = ""
+    before: float = math.nan
+    before_run: str = ""
+    least: float = math.nan
+    least_engine: str = ""
+    case: str = ""
+    variant: str = ""
+    quantity: str = ""
+    unit: str = ""
+    truth: str = ""
+    value: float = math.nan
+    expected: float = math.nan
+    scale: float = math.nan
+    engine_version: str = ""
+    run_id: str = ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class RunFacts:
     """What a run came from.

@@ -13,6 +13,7 @@ import pytest
 from ninedisk.reports import text
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel
+from ninedisk.reports.ranking import percent
 
 
 class Page(HTMLParser):
@@ -133,9 +134,7 @@ def test_the_matrix_shows_what_is_farthest_from_the_physics_first(panel_store, p
     assert shown[0] == text.error(max(sizes.values()))
     assert "Chrono" not in table
     assert 'Not installed where this ran: <a href="engine/chrono.html">Chrono</a>' in html
-    assert (
-        text.percent(max(sizes.values())) in html[html.index("Farthest from the physics") : html.index('id="matrix"')]
-    )
+    assert percent(max(sizes.values())) in html[html.index("Farthest from the physics") : html.index('id="matrix"')]
 
 
 def test_overview_shows_claims_gaps_breaks_and_provenance(panel_report):

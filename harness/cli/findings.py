@@ -1,0 +1,159 @@
+"""``ninedisk findings``: what is known to be wrong, held against what is stored."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ninedisk.harness.api.errors import UsageError, close_matches
+from ninedisk.harness.api.text import printable
+from ninedisk.harness.cli.support import CellProgress, Store, console, guarded, table, write_rows
+from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding, percent
+
+if TYPE_CHECKING:
+    from ninedisk.harness.api.finding import Finding
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("findings", short_help="Tell which known findings are still there, gone or larger.")(findings)
+
+
+@guarded
+def findings(
+    globs: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="ID", help="Findings by id or pattern, shown in full, e.g. 'kratos/*'. None: a table of all."
+        ),
+    ] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option("--engine", "-e", metavar="ID", help="Only findings of this engine; repeat for several."),
+    ] = None,
+    store: Store = Path("results"),
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write them with all their numbers as JSON.")
+    ] = None,
+) -> None:
+    """Hold every finding against the stored results: is it still there, gone, or larger than before?
+
+    A finding is something that an engine does otherwise than the physics or its own documentation says, or an erratum of the source. It
+    holds no measured number: its size is read anew from the newest result of each cell, relative to a scale that the case states, and the
+    table has the largest first. Nothing is run; what the store does not hold is `not-measured`, and the command that would measure it
+    is part of the finding.
+
+    \b
+    Verdicts:
+      there         the size exceeds what a right engine shows
+      larger        it grew by a tenth since the run before, or exceeds what its check explains
+      gone          it no longer exceeds what a right engine shows: the engine was mended, or the finding is stale
+      not-measured  the store has no such cell, or the cell no number; other versions than those in which it was seen are named
+
+    \b
+    Examples:
+      ninedisk findings
+      ninedisk findings --engine kratos --store nightly
+      ninedisk findings siconos/elastic-gas-gains-energy
+      ninedisk findings --json findings.json
+
+    \b
+    Exit codes:
+      0  each finding that the store can tell of is there, as it is known
+      1  one is gone or larger: what is known of an engine has changed, look at it
+      2  wrong usage, a store that cannot be read, or one that cannot tell of any of these findings
+    """
+    raise typer.Exit(execute(globs or [], engine or [], store, json_file))
+
+
+def execute(globs: Sequence[str], engines: Sequence[str], store: Path, json_file: Path | None) -> int:
+    """Evaluate, print, write; the exit code of the command.
+
+    Raises
+    ------
+    UsageError, StoreError
+        With the message to show.
+    """
+    from ninedisk.harness.api.finding import finding_problems, known_findings
+    from ninedisk.harness.results.findings import evaluate, exit_code
+    from ninedisk.harness.results.whole_file import check_writable
+
+    if json_file is not None:
+        check_writable("--json", json_file)
+    known = known_findings()
+    for problem in finding_problems():
+        typer.echo(f"warning: {problem}", err=True)
+    with CellProgress() as progress:
+        found = evaluate(store, known, progress)
+    chosen = _chosen(found, known, globs, engines)
+    _details(chosen) if globs else _table(chosen)
+    counts = Counter(each.verdict for each in chosen)
+    console().print(", ".join(f"{counts[verdict]} {verdict}" for verdict in FINDING_VERDICTS if counts[verdict]))
+    if json_file is not None:
+        write_rows(json_file, [asdict(each) for each in chosen])
+    if set(counts) == {"not-measured"}:
+        raise UsageError(
+            f"the store {str(store)!r} can tell of none of these findings ({chosen[0].reason}); `{chosen[0].command} --store {store}` would"
+        )
+    return exit_code(chosen)
+
+
+def _chosen(
+    found: Sequence[EvaluatedFinding], known: Sequence[Finding], globs: Sequence[str], engines: Sequence[str]
+) -> list[EvaluatedFinding]:
+    ids, names = {each.id for each in known} | {each.id for each in found}, {each.engine for each in found}
+    for glob in globs:
+        if not any(fnmatchcase(name, glob) for name in ids):
+            raise UsageError(
+                f"no finding matches {glob!r}.{close_matches(glob, ids)} `ninedisk findings` lists them (quote patterns)"
+            )
+    for name in engines:
+        if name not in names:
+            raise UsageError(
+                f"there is no finding of the engine {name!r}.{close_matches(name, names)} Engines with findings: {', '.join(sorted(names))}"
+            )
+    return [
+        each
+        for each in found
+        if (not globs or any(fnmatchcase(each.id, glob) for glob in globs)) and (not engines or each.engine in engines)
+    ]
+
+
+def _table(found: Sequence[EvaluatedFinding]) -> None:
+    shown = table("size", "verdict", "finding", "what happens", right=("size",))
+    for each in found:
+        text = each.what if each.verdict == "there" and not each.reason else f"{each.what} [{each.reason}]"
+        shown.add_row(percent(each.size), each.verdict, *(printable(part) for part in (each.id, text)))
+    console().print(shown)
+
+
+def _details(found: Sequence[EvaluatedFinding]) -> None:
+    out = console()
+    for each in found:
+        numbers = (
+            f"{each.quantity} = {each.value:.6g} {each.unit} for {each.expected:.6g}"
+            if each.value == each.value
+            else each.quantity
+        )
+        lines = {
+            "what": each.what,
+            "verdict": each.verdict + (f": {each.reason}" if each.reason else ""),
+            "size": f"{percent(each.size)} ({each.case}[{each.variant}] on {each.engine}: {numbers})",
+            "before": f"{percent(each.before)} in {each.before_run}" if each.before_run else "",
+            "other engines": f"{percent(each.least)} at least ({each.least_engine})" if each.least_engine else "",
+            "there above": f"{percent(each.over)}: {each.over_why}",
+            "version": f"{each.engine_version or 'not in the store'}; seen in {each.versions}",
+            "documented": each.documented or "no",
+            "thread": each.thread or "none known",
+            "see it": each.command,
+        }
+        out.print(printable(each.id))
+        for name, text in lines.items():
+            if text:
+                out.print(f"  {name}: {printable(text)}", soft_wrap=True)

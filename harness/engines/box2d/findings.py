@@ -1,0 +1,46 @@
+"""What Box2D is known to do otherwise; see `ninedisk.harness.api.finding`."""
+
+from ninedisk.harness.api.finding import Finding, Size
+
+FINDINGS = (
+    Finding(
+        id="box2d/elastic-bounces-grow",
+        engine="box2d",
+        versions="2.3.10",
+        what=(
+            "A disk with restitution 1 bounces higher every time: the step of the impact adds gravity's whole step to the approach, and "
+            "restitution gives it back."
+        ),
+        size=Size(
+            case="impact/bouncing-disk",
+            variant="restitution=1",
+            quantity="energy",
+            truth="analytic",
+            over=0.02,
+            over_why=(
+                "a step's fall is g dt = 0.7 % of the speed of impact: 1.3 % of the energy, once; what exceeds that has grown from bounce"
+                " to bounce"
+            ),
+        ),
+        thread="https://github.com/erincatto/box2d/issues/167",
+        command="ninedisk run impact/bouncing-disk --engine box2d --set restitution=1",
+    ),
+    Finding(
+        id="box2d/single-precision",
+        engine="box2d",
+        versions="2.3.10",
+        what=(
+            "Single precision: seen by an observer who moves along at three metres a second, a slow slide loses four of its digits."
+        ),
+        size=Size(
+            case="invariance/galilei",
+            variant="scene=slide,*",
+            quantity="vx_final",
+            truth="exact-step",
+            over=1e-09,
+            over_why="double precision leaves 1e-12 of the slide's speed beside the observer's",
+        ),
+        documented="the type float32 of its API",
+        command="ninedisk run invariance/galilei --engine box2d --set scene=slide",
+    ),
+)

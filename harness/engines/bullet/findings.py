@@ -1,0 +1,70 @@
+"""What Bullet is known to do otherwise; see `ninedisk.harness.api.finding`."""
+
+from ninedisk.harness.api.finding import Finding, Size
+
+FINDINGS = (
+    Finding(
+        id="bullet/elastic-bounces-grow",
+        engine="bullet",
+        versions="3.2.7",
+        what=(
+            "A disk with restitution 1 bounces higher every time: the step of the impact adds gravity's whole step to the approach, and "
+            "restitution gives it back."
+        ),
+        size=Size(
+            case="impact/bouncing-disk",
+            variant="restitution=1",
+            quantity="energy",
+            truth="analytic",
+            over=0.02,
+            over_why=(
+                "a step's fall is g dt = 0.7 % of the speed of impact: 1.3 % of the energy, once; what exceeds that has grown from bounce"
+                " to bounce"
+            ),
+        ),
+        command="ninedisk run impact/bouncing-disk --engine bullet --set restitution=1",
+    ),
+    Finding(
+        id="bullet/overlap-of-impact-stays",
+        engine="bullet",
+        versions="3.2.7",
+        what=(
+            "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
+            "alone are made to vanish."
+        ),
+        size=Size(
+            case="impact/bouncing-disk",
+            variant="restitution=0",
+            column="abs_error",
+            quantity="gap_final",
+            per="gap",
+            over=0.0001,
+            over_why=(
+                "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
+            ),
+        ),
+        command="ninedisk run impact/bouncing-disk --engine bullet --set restitution=0",
+    ),
+    Finding(
+        id="bullet/own-erp-adds-energy",
+        engine="bullet",
+        versions="3.2.7",
+        what=(
+            "With Bullet's own error reduction (contact_erp 0.2) what takes an overlap out stays in the momentum: restitution 1 becomes "
+            "more."
+        ),
+        size=Size(
+            case="binary-collision",
+            variant="kind=elastic,gap=0.5025*bullet.contact_erp=0.2*",
+            quantity="restitution_effective",
+            truth="analytic",
+            over=1e-09,
+            fails=True,
+            over_why="an impact without gravity has the restitution that is asked for, to round-off, with contact_erp 0",
+        ),
+        thread="https://github.com/bulletphysics/bullet3/issues/3094",
+        command=(
+            "ninedisk run binary-collision --engine bullet --set kind=elastic --set gap=0.5025 --option bullet.contact_erp=0.2"
+        ),
+    ),
+)

@@ -1,0 +1,63 @@
+"""What the contact dynamics of ninedisk is known to do otherwise; see `ninedisk.harness.api.finding`."""
+
+from ninedisk.harness.api.finding import Finding, Size
+
+FINDINGS = (
+    Finding(
+        id="cd/sliding-lifts",
+        engine="cd",
+        versions="0.1.0",
+        what=(
+            "Under the source's associated rule a sliding particle leaves the surface, mu v dt high; sliding=coulomb does not."
+        ),
+        size=Size(
+            table="headlines",
+            case="sliding/dynamic",
+            variant="dt=0.01,g0=0",
+            quantity="lift of the sliding particle",
+            over=1e-09,
+            over_why="under Coulomb's law friction lifts nothing; other engines leave the particle where it is, to round-off",
+        ),
+        documented="docs/notation.md: the associated rule (A.2)",
+        command="ninedisk run sliding/dynamic --engine cd --set dt=0.01 --set g0=0",
+    ),
+    Finding(
+        id="cd/restitution-depends-on-phase",
+        engine="cd",
+        versions="0.1.0",
+        what=(
+            "Under the theta scheme's own impact law the restitution depends on the moment of the impact within its step: e = 1 only "
+            "where the gap is a whole number of v dt; impact=newton does not."
+        ),
+        size=Size(
+            case="binary-collision",
+            variant="kind=elastic,gap=0.5025",
+            quantity="energy_final",
+            truth="published",
+            over=1e-06,
+            over_why="an elastic impact keeps the energy whatever the gap; springs of the scene's stiffness to 1e-6",
+        ),
+        documented="docs/notation.md: Numerics.impact",
+        command="ninedisk run binary-collision --engine cd --set kind=elastic --set gap=0.5025",
+    ),
+    Finding(
+        id="cd/ratchet",
+        engine="cd",
+        versions="0.1.0",
+        what=(
+            "With slip_at=end a contact that goes to and fro on one path does not return to the shear force that it began with; "
+            "slip_at=middle does."
+        ),
+        size=Size(
+            case="contact/retraced-loop",
+            variant="*slip_at=end*",
+            column="value",
+            quantity="drift",
+            per="1",
+            over=1e-05,
+            over_why="net slip is 0; with slip_at=middle the solver's 2e-6 remain",
+        ),
+        documented="docs/notation.md: slip_at",
+        command="ninedisk run contact/retraced-loop --engine cd --set slip_at=end",
+    ),
+)

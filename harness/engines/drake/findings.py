@@ -1,0 +1,104 @@
+"""What Drake is known to do otherwise; see `ninedisk.harness.api.finding`."""
+
+from ninedisk.harness.api.finding import Finding, Size
+
+FINDINGS = (
+    Finding(
+        id="drake-sap/sliding-lifts",
+        engine="drake-sap",
+        versions="1.51.1",
+        what=(
+            "A sliding body leaves the surface: the convex model (SAP) couples slip and opening, and the body glides about mu v dt high."
+        ),
+        size=Size(
+            table="headlines",
+            case="sliding/dynamic",
+            variant="dt=0.01,g0=0",
+            quantity="lift of the sliding particle",
+            over=1e-09,
+            over_why="under Coulomb's law friction lifts nothing; other engines leave the particle where it is, to round-off",
+        ),
+        command="ninedisk run sliding/dynamic --engine drake-sap --set dt=0.01 --set g0=0",
+    ),
+    Finding(
+        id="drake-sap/slides-slower-while-it-lifts",
+        engine="drake-sap",
+        versions="1.51.1",
+        what=(
+            "Taking off costs slip: a thrown disk that slides loses a quarter of its slip at once to the lift, before friction takes the "
+            "rest."
+        ),
+        size=Size(
+            case="slip-to-roll",
+            variant="*",
+            quantity="slip",
+            truth="analytic",
+            over=0.02,
+            over_why=(
+                "friction takes mu g (1 + 2) dt = 9 % of the slip in a step of 0.01 s and less in shorter ones, at the time of the step: "
+                "rigid engines with Coulomb's law agree with the closed form at every sample"
+            ),
+        ),
+        command="ninedisk run slip-to-roll --engine drake-sap --set mu=0.3",
+    ),
+    Finding(
+        id="drake-sap/overlap-of-impact-stays",
+        engine="drake-sap",
+        versions="1.51.1",
+        what=(
+            "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
+            "alone are made to vanish."
+        ),
+        size=Size(
+            case="impact/bouncing-disk",
+            variant="restitution=0",
+            column="abs_error",
+            quantity="gap_final",
+            per="gap",
+            over=0.0001,
+            over_why=(
+                "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
+            ),
+        ),
+        command="ninedisk run impact/bouncing-disk --engine drake-sap --set restitution=0",
+    ),
+    Finding(
+        id="drake-lagged/slides-without-friction-at-first",
+        engine="drake-lagged",
+        versions="1.51.1",
+        what=(
+            "The bound of friction is mu times the normal force of the step before: a block that is put down without load slides freely "
+            "for its first step, and so goes almost three times as far as it should."
+        ),
+        size=Size(
+            case="incline-block",
+            variant="mu=0.36,dt=0.01,preload=false",
+            quantity="x_final",
+            truth="analytic",
+            over=0.1,
+            over_why="first order in the step moves the way by dt/t = 1 %; a spring that loads first by 3.5 %",
+        ),
+        command="ninedisk run incline-block --engine drake-lagged --set mu=0.36 --set dt=0.01 --set preload=false",
+    ),
+    Finding(
+        id="drake-lagged/overlap-of-impact-stays",
+        engine="drake-lagged",
+        versions="1.51.1",
+        what=(
+            "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
+            "alone are made to vanish."
+        ),
+        size=Size(
+            case="impact/bouncing-disk",
+            variant="restitution=0",
+            column="abs_error",
+            quantity="gap_final",
+            per="gap",
+            over=0.0001,
+            over_why=(
+                "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
+            ),
+        ),
+        command="ninedisk run impact/bouncing-disk --engine drake-lagged --set restitution=0",
+    ),
+)

@@ -1,0 +1,69 @@
+"""What LAMMPS is known to do otherwise; see `ninedisk.harness.api.finding`."""
+
+from ninedisk.harness.api.finding import Finding, Size
+
+FINDINGS = (
+    Finding(
+        id="lammps/ratchet",
+        engine="lammps",
+        versions="2025.7.22.4.0",
+        what=(
+            "A contact that goes to and fro on one path does not return to the shear force that it began with: slip of half steps is "
+            "added along the normal of the step's end, an error of first order that grows with every cycle."
+        ),
+        size=Size(
+            case="contact/retraced-loop",
+            variant="kind=pair,slip_at=middle,*",
+            column="value",
+            quantity="drift",
+            per="1",
+            over=1e-05,
+            over_why=(
+                "net slip is 0; with the normal of the middle of a step O(dt^4) remains, 1e-10 of the amplitude here, and 2e-6 of an "
+                "iterative solver"
+            ),
+        ),
+        documented="examples/granular/in.sync_verlet shows the remedy (synchronized_verlet), which is not the default",
+        thread="https://github.com/lammps/lammps/pull/4351",
+        command="ninedisk run contact/retraced-loop --engine lammps --set kind=pair --set slip_at=middle",
+    ),
+    Finding(
+        id="lammps/classic-shear-projection",
+        engine="lammps",
+        versions="2025.7.22.4.0",
+        what=(
+            "gran/hooke/history projects the shear displacement on the new tangent: it shrinks by half the square of the normal's "
+            "rotation in each step; pair_style granular does not."
+        ),
+        size=Size(
+            case="contact/retraced-loop",
+            variant="kind=pair,*arm=radius*",
+            quantity="shear",
+            truth="exact-step",
+            over=1e-09,
+            over_why="the exact steps of a law that turns the shear exactly; pair_style granular shows round-off",
+        ),
+        command="ninedisk run contact/retraced-loop --engine lammps --set kind=pair --set arm=radius",
+    ),
+    Finding(
+        id="lammps/two-lever-arms",
+        engine="lammps",
+        versions="2025.7.22.4.0",
+        what=(
+            "pair_style granular uses R - overlap/2 as the arm of the torque, and R for the slip by rotation, so that work and slip do "
+            "not belong together."
+        ),
+        size=Size(
+            case="nine-disk/distortion",
+            variant="*lever_arm=overlap",
+            quantity="fs_up",
+            truth="converged",
+            over=0.01,
+            over_why=(
+                "the disks overlap by 8 % of the radius, half of which is the difference of the arms; the step's own error is at most 0.6"
+                " %"
+            ),
+        ),
+        command="ninedisk run nine-disk/distortion --engine lammps --set lever_arm=overlap",
+    ),
+)

@@ -1,0 +1,47 @@
+"""What MuJoCo is known to do otherwise; see `ninedisk.harness.api.finding`."""
+
+from ninedisk.harness.api.finding import Finding, Size
+
+FINDINGS = (
+    Finding(
+        id="mujoco/soft-contacts",
+        engine="mujoco",
+        versions="4.0.0",
+        what=(
+            "Contacts are soft and take their load up over part of a step: a column that is put down touching presses less on the floor "
+            "than it weighs at first."
+        ),
+        size=Size(
+            case="static/stack",
+            variant="arrangement=column,start=touching",
+            quantity="fn_layer_2",
+            truth="analytic",
+            over=0.001,
+            over_why="a rigid contact bears the load in the first step, to round-off or the solver's tolerance (DART 1.5e-4)",
+        ),
+        documented="https://mujoco.readthedocs.io/en/stable/computation/index.html",
+        command="ninedisk run static/stack --engine mujoco --set arrangement=column --set start=touching",
+    ),
+    Finding(
+        id="mujoco/impacts-share",
+        engine="mujoco",
+        versions="4.0.0",
+        what=(
+            "An impact is a spring's motion over half a step: a disk that hits two at once shares its speed as springs do, and collisions"
+            " that follow each other overlap."
+        ),
+        size=Size(
+            case="chain/newton-cradle",
+            variant="*",
+            quantity="handed_on",
+            truth="analytic",
+            over=0.001,
+            over_why=(
+                "one collision after the other hands the speed on to 1e-4 of springs of the scene's stiffness, to round-off of rigid "
+                "contacts"
+            ),
+        ),
+        documented="https://mujoco.readthedocs.io/en/stable/computation/index.html",
+        command="ninedisk run chain/newton-cradle --engine mujoco",
+    ),
+)

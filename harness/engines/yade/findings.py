@@ -1,0 +1,68 @@
+"""What YADE is known to do otherwise; see `ninedisk.harness.api.finding`."""
+
+from ninedisk.harness.api.finding import Finding, Size
+
+FINDINGS = (
+    Finding(
+        id="yade/first-order-turn",
+        engine="yade",
+        versions="2023.02a",
+        what=(
+            "ScGeom::rotate turns a shear force with the contact normal to first order: it grows by half the square of the rotation in "
+            "each step, whatever happens."
+        ),
+        size=Size(
+            case="invariance/objectivity",
+            variant="*",
+            quantity="fs_bottom",
+            truth="analytic",
+            over=0.0001,
+            over_why="forces turn with the box unchanged: 1e-13 where the rotation is exact, 2e-6 of an iterative solver",
+        ),
+        command="ninedisk run invariance/objectivity --engine yade",
+    ),
+    Finding(
+        id="yade/ratchet",
+        engine="yade",
+        versions="2023.02a",
+        what=(
+            "A contact that goes to and fro on one path does not return to the shear force that it began with: slip of half steps is "
+            "added along the normal of the step's end, an error of first order that grows with every cycle."
+        ),
+        size=Size(
+            case="contact/retraced-loop",
+            variant="kind=wall,slip_at=middle,*",
+            column="value",
+            quantity="drift",
+            per="1",
+            over=1e-05,
+            over_why=(
+                "net slip is 0; with the normal of the middle of a step O(dt^4) remains, 1e-10 of the amplitude here, and 2e-6 of an "
+                "iterative solver"
+            ),
+        ),
+        command="ninedisk run contact/retraced-loop --engine yade --set kind=wall --set slip_at=middle",
+    ),
+    Finding(
+        id="yade/one-lever-arm",
+        engine="yade",
+        versions="2023.02a",
+        what=(
+            "The lever arm of shear forces is always R - overlap/2: at dense packing it differs from a law with arm R by per cents of the"
+            " shear force."
+        ),
+        size=Size(
+            case="nine-disk/distortion",
+            variant="*lever_arm=radius",
+            quantity="fs_up",
+            truth="converged",
+            over=0.01,
+            over_why=(
+                "the disks overlap by 8 % of the radius, half of which is the difference of the arms; the step's own error is at most 0.6"
+                " %"
+            ),
+        ),
+        documented="https://yade-dem.org/doc/formulation.html",
+        command="ninedisk run nine-disk/distortion --engine yade --set lever_arm=radius",
+    ),
+)

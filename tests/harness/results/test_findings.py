@@ -1,0 +1,267 @@
+"""Findings: what each declares exists, and its verdict follows the stored numbers, whatever is planted there."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from fnmatch import fnmatchcase
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from ninedisk.harness.api.finding import Finding, finding_problems, known_findings
+from ninedisk.harness.api.registry import engine_table, get_case
+from ninedisk.harness.cli.app import app
+from ninedisk.harness.cli.support import parse_settings
+from ninedisk.harness.results.findings import GROWN, evaluate
+from ninedisk.harness.results.schema import TABLES, EvaluatedFinding
+from ninedisk.harness.run.plan import plan_matrix
+
+FINDINGS = known_findings()
+CHEAP = ("cd/restitution-depends-on-phase", "cd/sliding-lifts", "source/a4-needs-tension", "cd/ratchet")
+"""Findings of our own engine whose cells run in a second or two."""
+
+
+@cache
+def planned(command: str) -> dict[str, Any]:
+    """The cells of a ``ninedisk run`` command, by variant: planned as the command line plans them, and not run."""
+    program, word, case, *rest = shlex.split(command)
+    assert (program, word) == ("ninedisk", "run")
+    given: dict[str, list[str]] = {"--engine": [], "--set": [], "--option": []}
+    for flag, value in zip(rest[::2], rest[1::2], strict=True):
+        given[flag].append(value)
+    settings = parse_settings(given["--set"]), parse_settings(given["--option"], flag="--option")
+    return {cell.variant.id: cell for cell in plan_matrix([case], given["--engine"], *settings)}
+
+
+def test_ids_are_unique_and_name_their_engine() -> None:
+    assert finding_problems() == ()
+    assert len(FINDINGS) == len({each.id for each in FINDINGS}) >= 25
+    assert all(each.engine in engine_table() for each in FINDINGS)
+    assert all(each.id.partition("/")[0] in (each.engine, "source") for each in FINDINGS)
+
+
+@pytest.mark.parametrize("finding", FINDINGS, ids=lambda each: each.id)
+def test_what_a_finding_says_exists(finding: Finding) -> None:
+    """Its case, column and command; the command runs cells of that engine that the size is read from."""
+    size, cells = finding.size, planned(finding.command)
+    columns = {*TABLES[size.table], "broken"} if size.table == "cells" else set(TABLES[size.table])
+    assert size.column in columns
+    assert size.over >= 0.0
+    assert size.over_why
+    assert {cell.engine_id for cell in cells.values()} == {finding.engine}
+    assert {cell.case.id for cell in cells.values()} == {get_case(size.case).id}
+    assert any(fnmatchcase(variant, size.variant) for variant in cells)
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store with what the cheap findings' commands run."""
+    store = tmp_path_factory.mktemp("store")
+    runner = CliRunner()
+    for each in FINDINGS:
+        if each.id in CHEAP:
+            done = runner.invoke(app, [*shlex.split(each.command)[1:], "--store", str(store)])
+            assert done.exit_code == 0, done.output
+    return store
+
+
+def test_the_commands_show_what_they_should(measured: Path) -> None:
+    found = {each.id: each for each in evaluate(measured, FINDINGS)}
+    assert {name: found[name].verdict for name in CHEAP} == dict.fromkeys(CHEAP, "there")
+    assert all(
+        found[name].verdict == "not-measured" and found[name].reason for name in found if found[name].engine != "cd"
+    )
+
+
+@pytest.fixture
+def store(measured: Path, tmp_path: Path) -> Path:
+    """A copy of it that a test may change."""
+    return Path(shutil.copytree(measured, tmp_path / "store"))
+
+
+@contextmanager
+def rows_of(store: Path, name: str, run: str = "*") -> Iterator[list[dict[str, Any]]]:
+    """All rows of a table, to be changed in place; they are written back."""
+    files = sorted(store.glob(f"runs/{run}/{name}.parquet"))
+    tables = [pq.ParquetFile(file).read() for file in files]
+    rows = [table.to_pylist() for table in tables]
+    yield [row for each in rows for row in each]
+    for file, table, changed in zip(files, tables, rows, strict=True):
+        pq.write_table(pa.Table.from_pylist(changed, table.schema), file)
+
+
+def scaled(row: dict[str, Any], factor: float) -> None:
+    """Multiply a row's error, with all that is stored of it."""
+    row["value"] = row["expected"] + factor * (row["value"] - row["expected"])
+    for name in {"abs_error", "rel_error"} & set(row):
+        row[name] *= factor
+
+
+def of_lift(store: Path, change: Callable[[dict[str, Any]], None], run: str = "*") -> None:
+    with rows_of(store, "headlines", run) as rows:
+        chosen = [row for row in rows if row["headline"] == LIFT and row["variant"] == "dt=0.01,g0=0"]
+        assert chosen
+        for row in chosen:
+            change(row)
+
+
+def of_energy(store: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    with rows_of(store, "measurements") as rows:
+        chosen = [
+            row
+            for row in rows
+            if row["case"] == "binary-collision" and row["quantity"] == "energy_final" and row["truth"] == "published"
+        ]
+        assert chosen
+        for row in chosen:
+            change(row)
+
+
+def earlier(store: Path) -> None:
+    """A run before: all of them once more, a year older."""
+    for folder in list((store / "runs").iterdir()):
+        older = Path(shutil.copytree(folder, folder.with_name(f"before-{folder.name}")))
+        about = json.loads((older / "run.json").read_text())
+        about.update(run_id=older.name, started="2020" + about["started"][4:])
+        (older / "run.json").write_text(json.dumps(about))
+
+
+NEW = "[0-9]*"
+"""Folders of the runs that are not those of `earlier`."""
+LIFT = "lift of the sliding particle"
+LIFTS, PHASE = "cd/sliding-lifts", "cd/restitution-depends-on-phase"
+
+
+def told(store: Path, name: str) -> tuple[EvaluatedFinding, Result]:
+    """What is found of a finding, and the command's answer about it."""
+    (found,) = (each for each in evaluate(store, FINDINGS) if each.id == name)
+    answer = CliRunner().invoke(app, ["findings", name, "--store", str(store)])
+    assert f"verdict: {found.verdict}" in answer.output
+    return found, answer
+
+
+def test_a_size_that_is_gone(store: Path) -> None:
+    of_lift(store, lambda row: scaled(row, 0.0))
+    found, answer = told(store, LIFTS)
+    assert (found.verdict, found.size, answer.exit_code) == ("gone", 0.0, 1)
+
+
+@pytest.mark.parametrize(("factor", "verdict"), [(0.99 * GROWN, "there"), (1.01 * GROWN, "larger")])
+def test_a_size_that_grew_since_the_run_before(store: Path, factor: float, verdict: str) -> None:
+    earlier(store)
+    of_lift(store, lambda row: scaled(row, factor), run=NEW)
+    found, answer = told(store, LIFTS)
+    assert (found.verdict, answer.exit_code) == (verdict, int(verdict == "larger"))
+    assert found.size == pytest.approx(factor * found.before)
+
+
+def test_a_size_beyond_what_its_known_difference_explains(store: Path) -> None:
+    """The published elastic impact is a known gap, whose tolerance bounds nothing; a known difference does."""
+
+    def declare(row: dict[str, Any], share: float) -> None:
+        row.update(status="known-difference", finding=PHASE, known_size=share * row["abs_error"])
+
+    of_energy(store, lambda row: declare(row, 1.01))
+    assert told(store, PHASE)[0].verdict == "there"
+    of_energy(store, lambda row: declare(row, 0.99))
+    found, answer = told(store, PHASE)
+    assert (found.verdict, answer.exit_code) == ("larger", 1)
+
+
+def test_a_cell_that_breaks_now(store: Path) -> None:
+    earlier(store)
+    with rows_of(store, "cells", NEW) as rows:
+        for row in rows:
+            row.update(status="timeout", reason="stopped after 3 s")
+    for name in ("measurements", "headlines"):
+        for file in store.glob(f"runs/{NEW}/{name}.parquet"):
+            pq.write_table(pq.ParquetFile(file).read().slice(0, 0), file)
+    found, answer = told(store, LIFTS)
+    assert (found.verdict, answer.exit_code) == ("not-measured", 2)
+    assert "stopped after 3 s" in found.reason
+
+
+@pytest.mark.parametrize("column", ["value", "expected", "abs_error", "rel_error"])
+def test_a_number_that_was_changed_alone(store: Path, column: str) -> None:
+    """A row whose numbers do not hold together says nothing."""
+
+    def forge(row: dict[str, Any]) -> None:
+        row[column] *= 0.5
+
+    of_energy(store, forge)
+    found, _ = told(store, PHASE)
+    assert found.verdict == "not-measured"
+    assert "contradicts itself" in found.reason
+
+
+def test_another_version_is_named(store: Path) -> None:
+    with rows_of(store, "cells") as rows:
+        for row in rows:
+            row["engine_version"] = "9.9"
+    found, answer = told(store, LIFTS)
+    assert (found.verdict, answer.exit_code) == ("there", 0)
+    assert "this is 9.9" in found.reason
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(0.5, "gone"), (2.0, "there"), (4.0, "larger")])
+def test_a_difference_that_no_finding_describes(store: Path, error: float, verdict: str) -> None:
+    """An engine that declares one in a check is believed as far as it goes: tolerance 1, known size 3."""
+
+    def declare(row: dict[str, Any]) -> None:
+        row.update(
+            status="pass",
+            finding="mine/something",
+            reason="mine/something: softness",
+            atol=1.0,
+            rtol=0.0,
+            known_size=3.0,
+        )
+        row.update(value=row["expected"] + error, abs_error=error, rel_error=error / row["scale"])
+
+    of_energy(store, declare)
+    found, answer = told(store, "mine/something")
+    assert (found.verdict, answer.exit_code, found.what) == (verdict, int(verdict != "there"), "softness")
+    assert found.size == pytest.approx(error / found.scale)
+
+
+def test_sizes_are_relative_and_ranked(store: Path) -> None:
+    found = evaluate(store, FINDINGS)
+    sizes = [each.size for each in found if not math.isnan(each.size)]
+    assert sizes == sorted(sizes, reverse=True)
+    assert found[: len(sizes)] == [each for each in found if not math.isnan(each.size)]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["cd/sliding-lift"], "Did you mean 'cd/sliding-lifts'"),
+        (["--engine", "yode"], "Engines with findings"),
+        (["kratos/*"], "can tell of none"),
+        (["--json", "/nowhere/at/all.json"], "--json"),
+    ],
+)
+def test_a_mistake_is_explained(store: Path, words: list[str], says: str) -> None:
+    answer = CliRunner().invoke(app, ["findings", "--store", str(store), *words])
+    assert answer.exit_code == 2
+    assert says in answer.output + answer.stderr
+
+
+def test_json_holds_every_number(store: Path, tmp_path: Path) -> None:
+    file = tmp_path / "found.json"
+    answer = CliRunner().invoke(app, ["findings", "--store", str(store), "--json", str(file)])
+    assert answer.exit_code == 0
+    rows = {row["id"]: row for row in json.loads(file.read_text())}
+    assert set(rows) == {each.id for each in FINDINGS}
+    assert rows[LIFTS]["size"] == next(each.size for each in evaluate(store, FINDINGS) if each.id == LIFTS)
+    assert rows["kratos/arm-at-walls"]["size"] is None
