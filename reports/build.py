@@ -50,7 +50,7 @@ Progress = Callable[[str, int, int], None]
 Picture = HistoryPanel | SceneView | Configuration
 MARKER = ".ninedisk-report"
 """File that says: this folder is a report and may be replaced."""
-BUNDLE = ("uplot.js", "uplot.css", "uplot-LICENSE.txt", "data.js", "charts.js", "player.js", "tables.js")
+BUNDLE = ("uplot.js", "uplot.css", "uplot-LICENSE.txt", "data.js", "charts.js", "player.js", "tables.js", "overview.js")
 """Scripts that the pages share, and the licence of the one that is not ours."""
 MOST_SKETCHES = 4
 """Set-ups of one case that are drawn; those that look alike are drawn once."""
@@ -245,6 +245,8 @@ class CaseDrawing:
         caption = f"Set-up of {variant.replace(',', ', ') or 'the case'}." + (
             f" Watched contacts: {marks}." if marks else ""
         )
+        if scene.block:
+            caption += " The body cannot turn: a block, which engines get as a disk of that width that may not rotate."
         return svg_image(path, alt, caption)
 
 

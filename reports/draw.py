@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -67,7 +67,9 @@ class WallView:
 class SceneView:
     """Disks and walls of a scene; ``marks`` are the watched contacts by label.
 
-    ``edges`` are the outlines of its grains about their centres [m], turned as at time 0; None for a disk.
+    ``edges`` are the outlines of its grains about their centres [m], turned as at time 0; None for a disk. The only body of a scene
+    with a plane is a ``block`` if it cannot turn: engines get a disk that may not rotate, which is the same contact, but it is drawn
+    as what it is.
     """
 
     x: FloatArray
@@ -78,6 +80,7 @@ class SceneView:
     gravity: FloatArray
     marks: tuple[tuple[str, FloatArray], ...]
     edges: tuple[FloatArray | None, ...]
+    block: bool = False
 
     @property
     def signature(self) -> tuple[Any, ...]:
@@ -132,7 +135,47 @@ def _read(setup: Mapping[str, Any]) -> SceneView | None:
         if place is not None:
             marks.append((str(label), place))
     gravity = np.array(scene.get("gravity", (0.0, 0.0)), dtype=np.float64)
-    return SceneView(x, v, radius, rotating, walls, gravity, tuple(marks), _edges(scene, len(x)))
+    edges = _edges(scene, len(x))
+    block = len(x) == 1 and len(walls) == 1 and not rotating[0] and edges[0] is None
+    if block:
+        half = radius[0] * np.array([walls[0].tangent, walls[0].normal])
+        edges = (np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]]) @ half,)
+    return SceneView(x, v, radius, rotating, walls, gravity, tuple(marks), edges, block)
+
+
+def upright(scene: SceneView) -> SceneView:
+    """A scene turned about the origin such that gravity points down; as it is without gravity."""
+    strength = float(np.hypot(*scene.gravity))
+    if strength == 0.0 or scene.gravity[1] <= -strength * (1.0 - 1e-12):
+        return scene
+    angle = -0.5 * np.pi - float(np.arctan2(scene.gravity[1], scene.gravity[0]))
+
+    def turn(vector: FloatArray) -> FloatArray:
+        return turned(vector, angle)
+
+    walls = tuple(
+        replace(
+            wall,
+            point=turn(wall.point),
+            normal=turn(wall.normal),
+            moves=tuple(turn(velocity) for velocity in wall.moves),
+            pivot=None if wall.pivot is None else turn(wall.pivot),
+        )
+        for wall in scene.walls
+    )
+    return replace(
+        scene,
+        x=turn(scene.x),
+        v=turn(scene.v),
+        walls=walls,
+        gravity=np.array([0.0, -strength]),
+        marks=tuple((label, turn(place)) for label, place in scene.marks),
+        edges=tuple(
+            # A disk's number stands upright whatever the picture's turn; only outlines have a side that points somewhere.
+            None if edge is None else turn(edge)
+            for edge in scene.edges
+        ),
+    )
 
 
 def _edges(scene: Mapping[str, Any], n: int) -> tuple[FloatArray | None, ...]:
@@ -217,9 +260,10 @@ class Configuration:
 
 
 def draw_sketch(scene: SceneView) -> str:
-    """SVG of a scene's sketch."""
+    """SVG of a scene's sketch, gravity pointing down."""
     from matplotlib import rc_context
 
+    scene = upright(scene)
     with rc_context(rc_params()):
         low, high, size = _box(scene.x, scene.radius, 0.3)
         figure, axes = _blank(low, high)
@@ -230,7 +274,7 @@ def draw_sketch(scene: SceneView) -> str:
             axes.add_patch(_body(centre, radius, scene.edges[k], facecolor="none", edgecolor=INK, linewidth=1.0))
             if len(scene.x) <= MOST_NUMBERED:
                 axes.text(*centre, str(k), ha="center", va="center", fontsize=10, fontweight="bold")
-            if not scene.rotating[k]:
+            if not scene.rotating[k] and not scene.block:
                 axes.text(centre[0], centre[1] - 0.45 * radius, "no rotation", ha="center", va="center", fontsize=6.5)
             if scene.v[k].any():
                 along = scene.v[k] / np.hypot(*scene.v[k])
@@ -239,6 +283,8 @@ def draw_sketch(scene: SceneView) -> str:
                 _arrow(axes, foot - 0.4 * size * along, foot + 0.4 * size * along, MOTION, label)
         for wall in scene.walls:
             _motion(axes, wall, scene.walls, low, high, size)
+        if len(scene.walls) == 1 and scene.gravity.any():
+            _slope(axes, scene.walls[0], low, high)
         if scene.gravity.any():
             strength = float(np.hypot(*scene.gravity))
             head = np.array([high[0] - 1.1 * size, high[1] - 0.1 * size]) + 0.8 * size * scene.gravity / strength
@@ -377,6 +423,32 @@ def _motion(
         beside = wall.pivot + 1.15 * arm - 0.3 * size * wall.normal
         side = "right" if wall.normal[0] >= 0.0 else "left"
         axes.text(*beside, f"{abs(wall.spin):.4g} rad/s", color=MOTION, fontsize=8, ha=side, va="center", zorder=6)
+
+
+def _slope(axes: Any, wall: WallView, low: FloatArray, high: FloatArray) -> None:
+    """Angle of a plane that is neither level nor upright with the horizontal, at its lower end."""
+    from matplotlib.patches import Arc
+
+    uphill = wall.tangent if wall.tangent[1] > 0.0 else -wall.tangent
+    angle = float(np.degrees(np.arctan2(uphill[1], abs(uphill[0]))))
+    if not 0.5 < angle < 89.5:
+        return
+    side = 1.0 if uphill[0] > 0.0 else -1.0
+    # The lowest point of the plane that is well inside the picture, on its way up from the lower corner.
+    room = 0.05 * (high - low)
+    corner = np.array([low[0] + room[0] if side > 0.0 else high[0] - room[0], low[1] + room[1]])
+    foot = wall.point + float(((corner - wall.point) / uphill).max()) * uphill
+    reach = 0.45 * float(high[0] - low[0])
+    axes.plot(
+        [foot[0], foot[0] + side * reach], [foot[1]] * 2, color=INK, linewidth=0.8, linestyle=(0, (5, 3)), zorder=4
+    )
+    first, last = (0.0, angle) if side > 0.0 else (180.0 - angle, 180.0)
+    axes.add_patch(
+        Arc(tuple(foot), 1.6 * reach, 1.6 * reach, theta1=first, theta2=last, color=INK, linewidth=1.0, zorder=4)
+    )
+    half = np.radians(0.5 * angle)
+    place = foot + 0.86 * reach * np.array([side * np.cos(half), np.sin(half)])
+    axes.text(*place, f"{angle:.4g}°", fontsize=9, ha="left" if side > 0.0 else "right", va="center", zorder=6)
 
 
 def _arrow(axes: Any, tail: FloatArray, head: FloatArray, colour: str, label: str, *, beneath: bool = False) -> None:

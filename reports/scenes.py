@@ -82,7 +82,10 @@ def moving_scenes(case: CaseData, arrays: Arrays) -> dict[str, Any]:
         forces = np.empty((len(frames.step), 0))
         if held is not None and len(held.walls) == frames.wall_point.shape[1] and len(held.radius) == n:
             pairs, forces = contact_forces(held, frames.x, frames.wall_point, frames.wall_angle)
-        scene = scenes.setdefault(cell["variant"], {"radius": arrays(radius), "engines": {}})
+        view = read_scene(setup)
+        edges = [None if edge is None else arrays(edge) for edge in (view.edges if view else (None,) * n)]
+        shown: dict[str, Any] = {"radius": arrays(radius), "edges": edges, "engines": {}}
+        scene = scenes.setdefault(cell["variant"], shown)
         scene["engines"][cell["engine"]] = {
             "step": arrays(frames.step), "t": arrays(frames.t), "x": arrays(frames.x), "angle": arrays(frames.angle),
             "wall_point": arrays(frames.wall_point), "wall_angle": arrays(frames.wall_angle),

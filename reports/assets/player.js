@@ -41,6 +41,7 @@
     open() {
       const scene = this.scenes[this.select.value], array = k => ninedisk.data.arrays[k];
       this.radius = array(scene.radius);
+      this.edges = scene.edges.map(k => k === null ? null : array(k));
       this.engines = Object.entries(scene.engines).map(([id, held]) => ({
         id, look: ninedisk.data.head.engines.find(engine => engine.id === id), pairs: held.pairs,
         ...Object.fromEntries(["step", "t", "x", "angle", "wall_point", "wall_angle", "forces"].map(name => [name, array(held[name])])),
@@ -128,10 +129,13 @@
         for (const wall of walls) { const [a, b] = this.stretch(wall, walls); line(a, b); }
         for (let i = 0; i < n; i++) {
           const c = centre(i), angle = mix(engine.angle, n, i), r = this.radius[i];
+          const edge = this.edges[i], cos = Math.cos(angle), sin = Math.sin(angle);
+          const rim = j => [c[0] + edge[2 * j] * cos - edge[2 * j + 1] * sin, c[1] + edge[2 * j] * sin + edge[2 * j + 1] * cos];
           ctx.beginPath();
-          ctx.arc(px(c[0]), py(c[1]), r * size, 0, 2 * Math.PI);
+          if (!edge) ctx.arc(px(c[0]), py(c[1]), r * size, 0, 2 * Math.PI);
+          else if (Number.isFinite(angle)) for (let j = 0; j < edge.length / 2; j++) { const [x, y] = rim(j); ctx[j ? "lineTo" : "moveTo"](px(x), py(y)); }
           ctx.stroke();
-          if (Number.isFinite(angle)) line(c, [c[0] + r * Math.cos(angle), c[1] + r * Math.sin(angle)]);
+          if (Number.isFinite(angle)) line(c, edge ? rim(0) : [c[0] + r * Math.cos(angle), c[1] + r * Math.sin(angle)]);
         }
         ctx.setLineDash([]);
       });

@@ -195,6 +195,25 @@ def test_grains_are_drawn_as_their_outlines():
     assert moved.count("#123456") == 2  # one outline and its spoke; an unknown angle is not drawn as any
 
 
+def test_a_block_is_a_square_on_its_incline_and_gravity_points_down():
+    from ninedisk.harness.api.params import resolve
+
+    case = get_case("incline-block")
+    setup = case.build(resolve(case, {}).params)
+    view = read_scene({"scene": setup.scene.to_dict(), "labels": setup.labels})
+    assert view.block
+    level = draw_history.upright(view)
+    assert np.allclose(level.gravity / np.hypot(*view.gravity), (0.0, -1.0))
+    assert level.walls[0].normal == pytest.approx((np.sin(np.radians(20.0)), np.cos(np.radians(20.0))))
+    edge = level.edges[0]
+    assert np.allclose(np.diff(edge, axis=0)[0], 2.0 * view.radius[0] * level.walls[0].tangent)
+    assert np.allclose(np.hypot(*edge.T), view.radius[0] * np.sqrt(2.0))
+    assert "20°" in draw_history.draw_sketch(view)
+    turning = json.loads(json.dumps(setup.scene.to_dict()))
+    turning["disks"]["rotating"] = [True]
+    assert read_scene({"scene": turning, "labels": setup.labels}).edges == (None,)
+
+
 def test_drawing_is_deterministic_in_any_number_of_processes(panel_store, tmp_path):
     panel = build_panel(load_store(panel_store))
     written = []
