@@ -43,6 +43,7 @@ from ninedisk.reports.load import Stored, load_store
 from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
 from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case
 from ninedisk.reports.text import decoded
+from ninedisk.reports.uses import uses
 
 Progress = Callable[[str, int, int], None]
 Picture = HistoryPanel | SceneView | Configuration
@@ -125,7 +126,7 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
         page = pages.engine_page(env, panel, engine, on_page(speed) if speed else None)
         (folder / "engine" / f"{engine.slug}.html").write_text(page, encoding="utf-8")
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
-    (folder / "index.html").write_text(pages.index_page(env, panel), encoding="utf-8")
+    (folder / "index.html").write_text(pages.index_page(env, panel, uses=uses(stored, panel.engines)), encoding="utf-8")
     progress("writing pages", total, total)
 
 
