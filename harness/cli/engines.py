@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, CellProgress, fail, guarded
+from ninedisk.harness.cli.support import FAILURE, CellProgress, Command, fail, guarded
 
 
 def register(app: typer.Typer) -> None:
@@ -19,8 +19,9 @@ def register(app: typer.Typer) -> None:
 @guarded
 def check_engine(
     engine: Annotated[
-        str, typer.Argument(metavar="ENGINE", help="Id of the engine; ninedisk list engines shows them.")
-    ],
+        str | None, typer.Argument(metavar="[ENGINE]", help="Id of the engine; ninedisk list engines shows them.")
+    ] = None,
+    engine_cmd: Command = None,
     only: Annotated[
         list[str] | None,
         typer.Option("--check", metavar="GLOB", help="Only these checks, e.g. 'supports: *'; repeat for several."),
@@ -40,6 +41,7 @@ def check_engine(
       ninedisk check-engine dem
       ninedisk check-engine acme --check 'units: *' --check warm-up
       ninedisk check-engine acme --json findings.json
+      ninedisk check-engine --engine-cmd 'node my-engine.mjs'
 
     \b
     Exit codes:
@@ -48,13 +50,18 @@ def check_engine(
       2  wrong usage (unknown id, file that cannot be written)
       3  the engine is not installed, or its facts cannot be had
     """
-    from ninedisk.harness.api.engine import EngineError
+    from ninedisk.harness.api.engine import Engine, EngineError
+    from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.registry import get_engine
     from ninedisk.harness.check_engine.check import check_engine as check
     from ninedisk.harness.check_engine.findings import FAIL, show, write_json
     from ninedisk.harness.results.whole_file import check_writable
+    from ninedisk.harness.wire.command import CommandEngine
 
-    found = get_engine(engine)
+    if (engine is None) == (engine_cmd is None):
+        raise UsageError("give one engine: its id, or --engine-cmd COMMAND")
+    found: Engine = get_engine(engine) if engine is not None else CommandEngine(str(engine_cmd))
+    engine = found.id
     if json_file is not None:
         check_writable("--json", json_file)
     try:
@@ -68,7 +75,8 @@ def check_engine(
             findings = check(found, progress, only or ())
     except EngineError as error:
         fail(str(error), FAILURE)
-    show(engine, findings)
+    command = ["--engine-cmd", engine_cmd] if engine_cmd is not None else [engine]
+    show(engine, findings, ["ninedisk", "check-engine", *command])
     if json_file is not None:
         write_json(json_file, engine, info.version or "", findings)
     raise typer.Exit(int(any(each.status == FAIL for each in findings)))
