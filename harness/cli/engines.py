@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -90,18 +91,30 @@ def new_engine(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder to write; it must not exist. None: NAME.")
     ] = None,
+    language: Annotated[
+        str | None,
+        typer.Option("--language", metavar="LANGUAGE", help="An engine by its command, in javascript, c or python."),
+    ] = None,
 ) -> None:
     """Write a package that brings an engine: an adapter that works, tests that run the suite, known gaps, a CI example.
 
-    What comes out installs and passes as it is, with a minimal engine of smooth springs in it; put yours in its place.
+    What comes out installs and passes as it is, with a minimal engine of smooth springs in it; put yours in its place. With
+    --language it is one that is run by its command and not imported: it moves disks that meet nothing, refuses all else, and
+    passes check-engine for that.
 
     \b
     Examples:
       ninedisk new-engine acme
       ninedisk new-engine acme --out packages/ninedisk-acme
+      ninedisk new-engine acme --language javascript && cd acme && ninedisk check-engine --engine-cmd 'node engine.mjs'
       pip install --editable packages/ninedisk-acme && ninedisk check-engine acme
     """
-    from ninedisk.harness.new_engine.write import write_package
+    from ninedisk.harness.new_engine.write import LANGUAGES, write_package
 
-    folder = write_package(name, out if out is not None else Path(name))
-    typer.echo(f"{folder}: now  pip install --editable {folder}  and  ninedisk check-engine {name}")
+    folder = write_package(name, out if out is not None else Path(name), language)
+    where = shlex.quote(str(folder))
+    then = [f"pip install --editable {where}", f"ninedisk check-engine {name}"]
+    if language is not None:
+        _, run, build = LANGUAGES[language]
+        then = [f"cd {where}", *([build] if build else []), f"ninedisk check-engine --engine-cmd {shlex.quote(run)}"]
+    typer.echo(f"{folder}: now  {' && '.join(then)}")
