@@ -198,8 +198,8 @@ class Entry:
     iterations: int = -1
 
 
-def entries(wanted: Callable[[str], bool]) -> list[Entry]:
-    """Ours, always, and the settings of the engines that are wanted."""
+def entries(wanted: Callable[[str], bool], brought: Sequence[str] = ()) -> list[Entry]:
+    """Ours, always, the settings of the engines that are wanted, and those that were brought, as they are."""
     found = [
         *(
             Entry(
@@ -239,7 +239,7 @@ def entries(wanted: Callable[[str], bool]) -> list[Entry]:
                 )
                 for count in counts
             ]
-    return found
+    return found + [Entry(name=engine, engine=engine, numerics={}, options={}) for engine in brought]
 
 
 def run_problem(

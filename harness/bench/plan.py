@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
+from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.results.schema import Row
 
 Wanted = Callable[[str], bool]
@@ -22,7 +23,7 @@ class Tell(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What is to be measured; ``sizes`` empty: the usual ones."""
+    """What is to be measured; ``sizes`` empty: the usual ones; ``brought`` are engines that no registry knows, for flows."""
 
     suites: tuple[str, ...]
     problem_wanted: Wanted
@@ -31,6 +32,7 @@ class Request:
     large: bool
     repeats: int
     time_limit: float
+    brought: tuple[Engine, ...] = ()
 
 
 def run_suites(request: Request, tell: Tell) -> Iterator[list[Row]]:
@@ -86,8 +88,9 @@ def _flow(request: Request, progress: Progress) -> dict[str, Measure]:
     from ninedisk.harness.bench import flow
 
     makers = flow.problems(_sizes(request, flow.SIZES, flow.LARGE), progress)
-    chosen = flow.entries(request.engine_wanted)
+    chosen = flow.entries(request.engine_wanted, [engine.id for engine in request.brought])
     engines = {name: get_engine(name) for name in engine_table() if name in {each.engine for each in chosen}}
+    engines |= {engine.id: engine for engine in request.brought}
     return {
         name: partial(flow.run_problem, make, chosen, engines)
         for name, make in makers.items()

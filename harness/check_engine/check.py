@@ -6,7 +6,7 @@ import fnmatch
 from collections.abc import Callable, Iterator, Sequence
 
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import Engine, EngineError, SupportLevel
+from ninedisk.harness.api.engine import Engine, EngineError, EngineUnsupportedError, SupportLevel
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, probe_of, weights
 from ninedisk.harness.check_engine import conduct
@@ -49,12 +49,12 @@ def check_engine(engine: Engine, progress: Progress | None = None, only: Sequenc
 
 def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Finding]]]:
     info = bench.info()
-    simplest = next((probe for probe in _simple(bench) if _runs(bench, probe)), None)
+    simplest = next((probe for probe in _simple(bench) if _taken(bench, probe)), None)
     if simplest is None:
         why = "neither a disk in flight, nor one that falls, nor two at rest on a floor is supported"
         yield "scenes", lambda: Finding(check="scenes", status="fail", found=why, mend="support at least one of them")
         return
-    touching = next((probe for probe in (weights(info), simplest) if _runs(bench, probe)), simplest)
+    touching = next((probe for probe in (weights(info), simplest) if _taken(bench, probe)), simplest)
     flight = free_flight(info, **UNEVEN)
     for name, check, probe in (
         ("form", conduct.form, touching),
@@ -77,6 +77,19 @@ def _simple(bench: Bench) -> Iterator[Probe]:
     yield free_flight(bench.info())
     yield fall(bench.info())
     yield weights(bench.info())
+
+
+def _taken(bench: Bench, probe: Probe) -> bool:
+    """Whether the engine takes the scene, also once it has it: an engine behind a command may refuse only then."""
+    if not _runs(bench, probe):
+        return False
+    try:
+        bench.run_of(probe)
+    except EngineUnsupportedError:
+        return False
+    except Exception:  # the checks that run it say so
+        return True
+    return True
 
 
 def _runs(bench: Bench, probe: Probe) -> bool:

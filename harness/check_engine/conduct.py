@@ -26,7 +26,7 @@ REFUSAL = "raise CoreError or EngineError with a message that names the bad valu
 
 def _again(bench: Bench, probe: Probe) -> EngineRun:
     """One more run of a probe, which is not kept."""
-    return bench.engine.run(probe.setup.scene, probe.setup.numerics, probe.setup.watch)
+    return bench.run_anew(probe.setup.scene, probe.setup.numerics, probe.setup.watch)
 
 
 def determinism(bench: Bench, probe: Probe) -> Finding:
@@ -51,7 +51,7 @@ def input_unchanged(bench: Bench, probe: Probe) -> Finding:
     watch = list(setup.watch)
     before = _text(scene, numerics, watch)
     bench.engine.supports(scene, numerics)
-    bench.engine.run(scene, numerics, watch)
+    bench.run_anew(scene, numerics, watch)
     mend = "Scene and Numerics are values: work on copies (Scene.replace)"
     faults = (
         []
@@ -99,7 +99,7 @@ Request = tuple[Scene, Numerics, tuple[tuple[int, int], ...]]
 def _answered(bench: Bench, what: str, request: Request) -> tuple[str, str] | None:
     """The fault of answering a request, or of refusing it by an error that is none of ours."""
     try:
-        bench.engine.run(*request)
+        bench.run_anew(*request)
     except (CoreError, EngineError):
         return None
     except Exception as error:
@@ -115,7 +115,7 @@ def _unstable(bench: Bench) -> list[tuple[str, str]]:
     if bench.engine.supports(scene, numerics).level is SupportLevel.NO:
         return []
     try:
-        fastest = float(np.abs(bench.engine.run(scene, numerics, ()).history.v).max())
+        fastest = float(np.abs(bench.run_anew(scene, numerics, ()).history.v).max())
     except (CoreError, EngineError):
         return []
     except Exception as error:
@@ -234,7 +234,7 @@ def settings(bench: Bench, probe: Probe) -> Finding:
     if changed := _changed_option(bench.info()):
         name, value = changed
         numerics = probe.setup.numerics.replace(options={name: value})
-        found = bench.engine.run(probe.setup.scene, numerics, probe.setup.watch).settings.get(name)
+        found = bench.run_anew(probe.setup.scene, numerics, probe.setup.watch).settings.get(name)
         if found != value:
             faults.append((f"{name} = {value!r} was asked for, {found!r} is recorded", mend))
     return finding("settings", faults, f"{len(recorded)} recorded")

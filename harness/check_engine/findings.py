@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,14 +12,22 @@ from pathlib import Path
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, EngineRun, Support
+from ninedisk.harness.api.engine import (
+    Engine,
+    EngineError,
+    EngineInfo,
+    EngineRun,
+    EngineTimeoutError,
+    EngineUnsupportedError,
+    Support,
+)
 from ninedisk.harness.api.text import printable
 from ninedisk.harness.cases.adapter.probes import Probe
 from ninedisk.harness.cli.support import console, table
 from ninedisk.harness.results.whole_file import write_whole
 from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.run.plan import plan_case
-from ninedisk.harness.run.runner import last_lines, run_cell
+from ninedisk.harness.run.runner import LATE_CELLS, last_lines, run_cell
 
 PASS, FAIL, REFUSED = "pass", "fail", "refused"
 """``refused``: the engine says that it cannot express the scene, and why; that is no defect."""
@@ -51,7 +60,8 @@ class Bench:
 
     def __init__(self, engine: Engine, info: EngineInfo) -> None:
         self.id, self.engine, self._info = engine.id, engine, info
-        self._runs: dict[str, EngineRun] = {}
+        self._runs: dict[str, EngineRun | Exception] = {}
+        self._late = 0
 
     def info(self) -> EngineInfo:
         """The engine's facts, asked for once."""
@@ -62,11 +72,28 @@ class Bench:
         return self.engine.supports(scene, numerics)
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """The engine's run of this scene, kept."""
+        """The engine's run of this scene, or its error, kept."""
         key = json.dumps([scene.to_dict(), numerics.to_dict(), watch])
         if key not in self._runs:
-            self._runs[key] = self.engine.run(scene, numerics, watch)
-        return self._runs[key]
+            try:
+                self._runs[key] = self.run_anew(scene, numerics, watch)
+            except Exception as error:
+                self._runs[key] = error
+        if isinstance(found := self._runs[key], Exception):
+            raise found
+        return found
+
+    def run_anew(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """One more run, which is not kept; EngineTimeoutError at once after `LATE_CELLS` in a row at their time limits."""
+        if self._late >= LATE_CELLS:
+            raise EngineTimeoutError(f"not run: the engine was stopped at its time limit {LATE_CELLS} times in a row")
+        try:
+            found = self.engine.run(scene, numerics, watch)
+        except Exception as error:
+            self._late = self._late + 1 if isinstance(error, EngineTimeoutError) else 0
+            raise
+        self._late = 0
+        return found
 
     def run_of(self, probe: Probe) -> EngineRun:
         """The run of a probe, as the engine gives it."""
@@ -78,11 +105,11 @@ class Bench:
         Raises
         ------
         EngineError
-            If the probe does not run to its end.
+            If the probe does not run to its end; EngineUnsupportedError if the engine refuses it once it has it.
         """
         result = run_cell(plan_case(probe, self, {"coarse": coarse}))
         if result.status not in ("pass", "fail", "no-truth"):
-            raise EngineError(result.reason)
+            raise (EngineUnsupportedError if result.status == "unsupported" else EngineError)(result.reason)
         mends = {form.quantity: form.mend for form in probe.closed_forms(blank_history(probe.setup))}
         found: dict[str, tuple[str, str]] = {}
         for row in result.rows:
@@ -98,14 +125,16 @@ def attempt(check: str, make: Callable[[], Finding]) -> Finding:
     """The finding of a check, whatever the adapter does to it."""
     try:
         return make()
+    except EngineUnsupportedError as error:
+        return Finding(check=check, status=REFUSED, found=str(error) or "refused once it had the scene")
     except Exception as error:
         return Finding(
             check=check, status=FAIL, found=last_lines(error), mend="a scene that `supports` accepts must run"
         )
 
 
-def show(engine_id: str, findings: Sequence[Finding]) -> None:
-    """The table, and a line that counts."""
+def show(engine_id: str, findings: Sequence[Finding], command: Sequence[str]) -> None:
+    """The table, a line that counts, and the command that does the first failing check again; ``command`` does them all."""
     shown = table("check", "status", "found", "mend")
     for each in findings:
         shown.add_row(each.check, each.status, printable(each.found), printable(each.mend))
@@ -114,6 +143,9 @@ def show(engine_id: str, findings: Sequence[Finding]) -> None:
     counts = Counter(each.status for each in findings)
     parts = [f"{counts[status]} {status}" for status in (PASS, FAIL, REFUSED) if counts[status]]
     out.print(f"{engine_id}: {', '.join(parts)}")
+    first = next((each.check for each in findings if each.status == FAIL), None)
+    if first is not None:
+        out.print(f"the first failing check again: {shlex.join([*command, '--check', first])}", soft_wrap=True)
 
 
 def write_json(path: Path, engine_id: str, version: str, findings: Sequence[Finding]) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ninedisk.harness.cli.support import INTERRUPTED, CellProgress, fail, guarded
+from ninedisk.harness.cli.support import INTERRUPTED, CellProgress, Commands, fail, guarded
 
 if TYPE_CHECKING:
     from ninedisk.harness.results.schema import Row
@@ -43,6 +43,7 @@ def bench(
             "--engine", "-e", metavar="NAME", help="Only these besides ours (name or pattern); repeat for several."
         ),
     ] = None,
+    engine_cmd: Commands = None,
     size: Annotated[
         list[int] | None,
         typer.Option(
@@ -65,8 +66,8 @@ def bench(
     engines with springs that know the variant), these also with finer steps, error beside time. Suite cd: contact
     problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10 (our solvers,
     Clarabel, PIQP, Siconos), cold and warm. Suite flow: a drum, a hopper and a collapsing column stepped in time
-    (contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations),
-    time per simulated second beside the penetration. Suite harness: `ninedisk run` on dem, cd and pymunk, the
+    (contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations,
+    engines by their commands), time per simulated second beside the penetration. Suite harness: `ninedisk run` on dem, cd and pymunk, the
     appendix's cases (kernels cached, and from an empty cache) and all cases.
 
     Physics is checked first: an engine that computes something else gets no time. Repeats are interleaved (A B A B)
@@ -80,6 +81,7 @@ def bench(
       ninedisk bench cd --time-limit 60 --engine clarabel --engine piqp
       ninedisk bench dem cd --large --repeats 9 --out figures
       ninedisk bench harness
+      ninedisk bench flow --problem 'collapse-*' --engine-cmd 'node my-engine.mjs'
 
     \b
     Exit codes:
@@ -93,6 +95,7 @@ def bench(
         suites or list(SUITES),
         problems=problem or [],
         engines=engine or [],
+        commands=engine_cmd or [],
         sizes=size or [],
         large=large,
         repeats=repeats,
@@ -107,6 +110,7 @@ def execute(
     *,
     problems: list[str],
     engines: list[str],
+    commands: list[str],
     sizes: list[int],
     large: bool,
     repeats: int,
@@ -125,6 +129,7 @@ def execute(
     from ninedisk.harness.bench.records import prepare_folder, show, write_records
     from ninedisk.harness.results.store import new_run_id
     from ninedisk.harness.run.provenance import command_line, provenance
+    from ninedisk.harness.wire.command import engines_given
     from ninedisk.reports.bench import write_bench
 
     for suite in suites:
@@ -132,10 +137,13 @@ def execute(
             raise UsageError(f"there is no suite {suite!r}: use {', '.join(SUITES)}")
     if not 0.0 < time_limit <= LONGEST:
         raise UsageError(f"--time-limit {time_limit:g} is not allowed: it must be in (0, {LONGEST:g}] s")
+    if commands and "flow" not in suites:
+        raise UsageError("--engine-cmd is for the suite flow: add it, or leave the command out")
     request = Request(
         suites=tuple(dict.fromkeys(suites)),
         problem_wanted=_matcher(problems),
         engine_wanted=_matcher(engines),
+        brought=tuple(each for each in engines_given([], commands) if not isinstance(each, str)) if commands else (),
         sizes=tuple(dict.fromkeys(sizes)),
         large=large,
         repeats=repeats,

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, CellProgress, console, fail, guarded, parse_settings, table
+from ninedisk.harness.cli.support import FAILURE, CellProgress, Command, console, fail, guarded, parse_settings, table
 
 WRONG = 1
 
@@ -21,7 +21,10 @@ def register(app: typer.Typer) -> None:
 @guarded
 def converge(
     case: Annotated[str, typer.Argument(metavar="CASE", help="One case by its id.")],
-    engine: Annotated[str, typer.Option("--engine", "-e", metavar="ID", help="Engine to run.")] = "dem",
+    engine: Annotated[
+        str | None, typer.Option("--engine", "-e", metavar="ID", help="Engine to run; none given: dem.")
+    ] = None,
+    engine_cmd: Command = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Fix a parameter; its step is the coarsest one."),
@@ -45,6 +48,7 @@ def converge(
       ninedisk converge nine-disk/compression --engine dem
       ninedisk converge incline-block -e cd --set sliding=coulomb --html order.html
       ninedisk converge nine-disk/compression -e lammps --set settle_cycles=0 --halvings 4
+      ninedisk converge incline-block --engine-cmd 'node my-engine.mjs'
 
     \b
     Exit codes:
@@ -57,6 +61,7 @@ def converge(
         execute(
             case,
             engine=engine,
+            command=engine_cmd,
             settings=settings or [],
             options=options or [],
             halvings=halvings,
@@ -69,7 +74,8 @@ def converge(
 def execute(
     case: str,
     *,
-    engine: str,
+    engine: str | None,
+    command: str | None,
     settings: list[str],
     options: list[str],
     halvings: int,
@@ -83,19 +89,26 @@ def execute(
     UsageError, ParameterError, CoreError, StoreError
         With the message to show.
     """
+    from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.results.tables import plain_json
     from ninedisk.harness.results.whole_file import check_writable, write_whole
     from ninedisk.harness.run.converge import BAD, BrokenLevelError
     from ninedisk.harness.run.converge import converge as measured
+    from ninedisk.harness.wire.command import CommandEngine
     from ninedisk.reports.studies import converge_page
 
+    if engine is not None and command is not None:
+        raise UsageError("--engine and --engine-cmd exclude each other: orders are measured on one engine")
+    chosen_engine = CommandEngine(command) if command is not None else engine or "dem"
     params, chosen = parse_settings(settings), parse_settings(options, flag="--option", example="siconos.theta=1")
     for flag, path in (("--json", json_file), ("--html", html)):
         if path is not None:
             check_writable(flag, path)
     try:
         with CellProgress() as progress:
-            record = measured(case, engine=engine, params=params, options=chosen, halvings=halvings, progress=progress)
+            record = measured(
+                case, engine=chosen_engine, params=params, options=chosen, halvings=halvings, progress=progress
+            )
     except BrokenLevelError as error:
         fail(str(error), FAILURE)
     _show(record)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, CellProgress, fail, guarded
+from ninedisk.harness.cli.support import FAILURE, CellProgress, Command, fail, guarded
 
 
 def register(app: typer.Typer) -> None:
@@ -19,8 +20,9 @@ def register(app: typer.Typer) -> None:
 @guarded
 def check_engine(
     engine: Annotated[
-        str, typer.Argument(metavar="ENGINE", help="Id of the engine; ninedisk list engines shows them.")
-    ],
+        str | None, typer.Argument(metavar="[ENGINE]", help="Id of the engine; ninedisk list engines shows them.")
+    ] = None,
+    engine_cmd: Command = None,
     only: Annotated[
         list[str] | None,
         typer.Option("--check", metavar="GLOB", help="Only these checks, e.g. 'supports: *'; repeat for several."),
@@ -40,6 +42,7 @@ def check_engine(
       ninedisk check-engine dem
       ninedisk check-engine acme --check 'units: *' --check warm-up
       ninedisk check-engine acme --json findings.json
+      ninedisk check-engine --engine-cmd 'node my-engine.mjs'
 
     \b
     Exit codes:
@@ -48,13 +51,18 @@ def check_engine(
       2  wrong usage (unknown id, file that cannot be written)
       3  the engine is not installed, or its facts cannot be had
     """
-    from ninedisk.harness.api.engine import EngineError
+    from ninedisk.harness.api.engine import Engine, EngineError
+    from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.registry import get_engine
     from ninedisk.harness.check_engine.check import check_engine as check
     from ninedisk.harness.check_engine.findings import FAIL, show, write_json
     from ninedisk.harness.results.whole_file import check_writable
+    from ninedisk.harness.wire.command import CommandEngine
 
-    found = get_engine(engine)
+    if (engine is None) == (engine_cmd is None):
+        raise UsageError("give one engine: its id, or --engine-cmd COMMAND")
+    found: Engine = get_engine(engine) if engine is not None else CommandEngine(str(engine_cmd))
+    engine = found.id
     if json_file is not None:
         check_writable("--json", json_file)
     try:
@@ -68,7 +76,8 @@ def check_engine(
             findings = check(found, progress, only or ())
     except EngineError as error:
         fail(str(error), FAILURE)
-    show(engine, findings)
+    command = ["--engine-cmd", engine_cmd] if engine_cmd is not None else [engine]
+    show(engine, findings, ["ninedisk", "check-engine", *command])
     if json_file is not None:
         write_json(json_file, engine, info.version or "", findings)
     raise typer.Exit(int(any(each.status == FAIL for each in findings)))
@@ -82,18 +91,30 @@ def new_engine(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder to write; it must not exist. None: NAME.")
     ] = None,
+    language: Annotated[
+        str | None,
+        typer.Option("--language", metavar="LANGUAGE", help="An engine by its command, in javascript, c or python."),
+    ] = None,
 ) -> None:
     """Write a package that brings an engine: an adapter that works, tests that run the suite, known gaps, a CI example.
 
-    What comes out installs and passes as it is, with a minimal engine of smooth springs in it; put yours in its place.
+    What comes out installs and passes as it is, with a minimal engine of smooth springs in it; put yours in its place. With
+    --language it is one that is run by its command and not imported: it moves disks that meet nothing, refuses all else, and
+    passes check-engine for that.
 
     \b
     Examples:
       ninedisk new-engine acme
       ninedisk new-engine acme --out packages/ninedisk-acme
+      ninedisk new-engine acme --language javascript && cd acme && ninedisk check-engine --engine-cmd 'node engine.mjs'
       pip install --editable packages/ninedisk-acme && ninedisk check-engine acme
     """
-    from ninedisk.harness.new_engine.write import write_package
+    from ninedisk.harness.new_engine.write import LANGUAGES, write_package
 
-    folder = write_package(name, out if out is not None else Path(name))
-    typer.echo(f"{folder}: now  pip install --editable {folder}  and  ninedisk check-engine {name}")
+    folder = write_package(name, out if out is not None else Path(name), language)
+    where = shlex.quote(str(folder))
+    then = [f"pip install --editable {where}", f"ninedisk check-engine {name}"]
+    if language is not None:
+        _, run, build = LANGUAGES[language]
+        then = [f"cd {where}", *([build] if build else []), f"ninedisk check-engine --engine-cmd {shlex.quote(run)}"]
+    typer.echo(f"{folder}: now  {' && '.join(then)}")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import guarded, parse_settings
+from ninedisk.harness.cli.support import Command, guarded, parse_settings
 
 
 def register(app: typer.Typer) -> None:
@@ -54,10 +54,7 @@ def request(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Fix a parameter, as in ninedisk run; repeat for several."),
     ] = None,
-    command: Annotated[
-        str | None,
-        typer.Option("--engine-cmd", metavar="COMMAND", help="Exactly as the engine behind this command gets it."),
-    ] = None,
+    command: Command = None,
     options: Annotated[
         list[str] | None,
         typer.Option("--option", metavar="ENGINE.NAME=VALUE", help="A setting of that engine; repeat for several."),
@@ -65,7 +62,8 @@ def request(
 ) -> None:
     """Print the request that `ENGINE run` reads for one variant of a case, to try an engine by hand.
 
-    Without --engine-cmd it is that of an engine with contact springs.
+    With --engine-cmd it is exactly what this engine gets, with a note on standard error where `ninedisk run` would not ask it at
+    all; without, what an engine with contact springs gets.
 
     \b
     Examples:
@@ -75,4 +73,7 @@ def request(
     from ninedisk.harness.wire.example import example_request
 
     chosen = parse_settings(options or [], flag="--option", example="mine.theta=1")
-    typer.echo(example_request(case, parse_settings(settings or []), command, chosen))
+    text, note = example_request(case, parse_settings(settings or []), command, chosen)
+    if note:
+        typer.echo(f"note: {note}", err=True)
+    typer.echo(text)

@@ -39,6 +39,12 @@ Commands = Annotated[
 ]
 """Option of every command that takes engines by their commands."""
 
+Command = Annotated[
+    str | None,
+    typer.Option("--engine-cmd", metavar="COMMAND", help="Engine by its command, e.g. 'node my-engine.mjs'."),
+]
+"""The same of commands that take one engine."""
+
 USAGE, FAILURE, INTERRUPTED = 2, 3, 130
 QUIET_SECONDS = 2.0
 LINE_SECONDS, MOST_SECONDS = 5.0, 300.0

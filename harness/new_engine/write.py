@@ -30,9 +30,40 @@ FILES = {
 }
 """Files of the package, and the templates that they are made of."""
 
+LANGUAGES = {
+    "javascript": ("engine.mjs", "node engine.mjs", ""),
+    "c": ("engine.c", "./engine", "cc -O2 -o engine engine.c"),
+    "python": ("engine.py", "python3 engine.py", ""),
+}
+"""Languages of engines behind a command: the file of the engine, its command, and the one that builds it."""
 
-def write_package(name: str, out: Path) -> Path:
-    """Write the package; the folder appears whole or not at all.
+
+def files_of(language: str | None) -> dict[str, str]:
+    """Files that are written, and their templates.
+
+    Raises
+    ------
+    UsageError
+        If there is no skeleton in this language.
+    """
+    if language is None:
+        return FILES
+    if language not in LANGUAGES:
+        raise UsageError(
+            f"--language {language!r} is not allowed: use {', '.join(LANGUAGES)}, or leave it out for a package that is imported; "
+            f"in any other language the protocol is the same: docs/tutorial-engine.md"
+        )
+    file = LANGUAGES[language][0]
+    return {
+        file: f"{file}.in",
+        "README.md": "command_README.md.in",
+        "known_gaps.toml": "known_gaps.toml.in",
+        "ci.sh": "command_ci.sh.in",
+    }
+
+
+def write_package(name: str, out: Path, language: str | None = None) -> Path:
+    """Write the package, or the skeleton of an engine behind a command; the folder appears whole or not at all.
 
     Parameters
     ----------
@@ -40,11 +71,13 @@ def write_package(name: str, out: Path) -> Path:
         Id of the engine.
     out : Path
         Folder that does not exist yet.
+    language : str, optional
+        One of `LANGUAGES`: an engine by its command. None: a package whose engine is imported.
 
     Raises
     ------
     UsageError
-        If the name is no id or is taken, or the folder exists or cannot be written.
+        If the name is no id or is taken, there is no skeleton in this language, or the folder exists or cannot be written.
     """
     if not NAME.fullmatch(name) or len(name) > LONGEST:
         raise UsageError(
@@ -55,7 +88,13 @@ def write_package(name: str, out: Path) -> Path:
         raise UsageError(f"there is an engine {name!r} already, of {engine_table()[name].origin}: choose another name")
     if out.exists():
         raise UsageError(f"{str(out)!r} exists: give another folder with --out DIR")
+    files = files_of(language)
+    file, run, build = LANGUAGES.get(language or "", ("", "", ""))
     words = {
+        "file": file,
+        "run": run,
+        "build_line": f"$ {build}\n" if build else "",
+        "build_script": f"{build}\n" if build else "",
         "name": name,
         "package": f"ninedisk_{name.replace('-', '_')}",
         "version": ninedisk.__version__,
@@ -64,7 +103,7 @@ def write_package(name: str, out: Path) -> Path:
     temporary: Path | None = None
     try:
         temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
-        for target, source in FILES.items():
+        for target, source in files.items():
             path = temporary / Template(target).substitute(words)
             path.parent.mkdir(exist_ok=True)
             path.write_text(Template((folder / source).read_text(encoding="utf-8")).substitute(words), encoding="utf-8")

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.run.plan import plan_case
+from ninedisk.harness.run.runner import why_not
 from ninedisk.harness.wire.command import CommandEngine
 from ninedisk.harness.wire.protocol import Request, encode_request
 
@@ -18,8 +20,8 @@ ANSWER_FILE = "answer.json"
 
 def example_request(
     case_id: str, params: Mapping[str, Any], command_line: str | None = None, options: Mapping[str, Any] | None = None
-) -> str:
-    """Text of the request as the engine behind ``command_line`` gets it, its ``options`` in it.
+) -> tuple[str, str]:
+    """Text of the request as the engine behind ``command_line`` gets it, its ``options`` in it; and why a run does not ask it, if so.
 
     Without a command it is that of an engine with contact springs; others ignore ``contact_dt``.
 
@@ -29,11 +31,15 @@ def example_request(
         Unknown case, parameter or option, a value out of range, an impossible scene, no such program, or one that does not say
         what engine it is.
     """
+    note = ""
     if command_line is not None:
         engine = CommandEngine(command_line)
         setup = plan_case(case_id, engine, params, options).setup
         if isinstance(setup, Exception):
             raise setup
+        support = engine.supports(setup.scene, setup.numerics)
+        if support.level is SupportLevel.NO:
+            note = f"a run does not ask {engine.id} for this: {why_not(engine.info(), support)}"
         scene, numerics = engine.asked(setup.scene, setup.numerics)
     else:
         if options:
@@ -41,4 +47,4 @@ def example_request(
         case = get_case(case_id)
         setup = case.build(resolve(case, params).params)
         scene, numerics = setup.scene, setup.numerics.replace(contact_dt=contact_steps(setup.scene, setup.numerics)[1])
-    return encode_request(Request(scene=scene, numerics=numerics, watch=setup.watch, answer_file=ANSWER_FILE))
+    return encode_request(Request(scene=scene, numerics=numerics, watch=setup.watch, answer_file=ANSWER_FILE)), note

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -15,7 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.new_engine.write import FILES
+from ninedisk.harness.new_engine.write import FILES, LANGUAGES
 from ninedisk.harness.run.gaps import read_gaps
 
 
@@ -110,6 +112,46 @@ def test_the_example_in_its_known_gaps_is_one(package: Path, tmp_path: Path) -> 
     assert found.gaps[0].explains("slip-to-roll", "mu=0.3,dt=0.01", "any", "spin", "analytic")
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_skeleton_by_its_command_passes_what_it_declares(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, language: str
+) -> None:
+    """As its README says, build included; and a defect in its one capability is found."""
+    monkeypatch.chdir(tmp_path)
+    done = ninedisk("new-engine", "acme", "--language", language, "--out", "an acme")
+    assert done.exit_code == 0, done.output
+    file, run, build = LANGUAGES[language]
+    if (program := (build or run).split()[0]) and shutil.which(program) is None:
+        pytest.skip(f"there is no {program}")
+    monkeypatch.chdir("an acme")
+    assert sorted(path.name for path in Path().iterdir()) == sorted(["README.md", "ci.sh", "known_gaps.toml", file])
+    readme = Path("README.md").read_text()
+    assert not re.search(r"\$\w+", readme.replace("$ ", ""))
+    for script in (readme, Path("ci.sh").read_text()):
+        assert f"{build}\n" in script
+        assert f"ninedisk check-engine --engine-cmd '{run}'" in script
+
+    def checked() -> Any:
+        if build:
+            warnings = ["-std=gnu11", "-Wall", "-Wextra", "-Werror"]
+            subprocess.run([*build.split(), *warnings], check=True, timeout=100)
+        return ninedisk("check-engine", "--engine-cmd", run, "--json", "findings.json")
+
+    done = checked()
+    assert done.exit_code == 0, done.output
+    found = {each["check"]: each["status"] for each in json.loads(Path("findings.json").read_text())["findings"]}
+    declared = {name for name, status in found.items() if name.startswith("supports: ") and status == "pass"}
+    assert declared == {"supports: GRAVITY"}
+    assert {name for name, status in found.items() if status == "refused" and not name.startswith("supports: ")} == {
+        "units: weights and pairs"
+    }
+    source = Path(file).read_text()
+    wrong = re.sub(r"\+= dt \* (\w+(\[\"gravity\"\])?\[k\])", r"+= 0.9 * dt * \1", source, count=1)
+    assert wrong != source
+    Path(file).write_text(wrong)
+    assert checked().exit_code == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -119,6 +161,7 @@ def test_the_example_in_its_known_gaps_is_one(package: Path, tmp_path: Path) -> 
         (("../acme",), "small letters and digits"),
         (("dem",), "there is an engine 'dem' already, of ninedisk"),
         (("acme", "--out", "taken"), "'taken' exists"),
+        (("acme", "--language", "cobol"), "--language 'cobol' is not allowed: use javascript, c, python"),
         (("acme", "--out", "no/where"), "cannot be written (No such file or directory)"),
     ],
 )
