@@ -20,6 +20,8 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     contact_step,
+    drift_in_flight,
+    flight_checks,
     last,
     numerics_of,
     single,
@@ -142,6 +144,7 @@ class ElasticGas:
         scalars = {
             f"{name}_final": (series[name][0], last(series[name][1])) for name in ("kinetic", "kinetic_level", "energy")
         }
+        scalars["drift_in_flight"] = ("m/s", drift_in_flight(setup, history))
         scalars["energy_gain"] = ("1", float(series["kinetic"][1].max() - 1.0))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
@@ -175,6 +178,7 @@ class ElasticGas:
                   atol=2.0 * hits.all / n * 4.0 * speed * _rounding(engine, size) / RADIUS**2, **common),
             Check(quantity="outside", source="walls", why="way of a step, or overlap of a spring, of a disk that has all the energy",
                   atol=deep, **common),
+            *flight_checks(setup, engine),
         ]  # fmt: skip
         if engine.scheme == "theta" and numerics.impact == "theta":
             why = "an impact by theta's law keeps e_eff^2 <= 1 of the energy of approach: round-off of each"
