@@ -33,7 +33,7 @@ RADIUS, MASS, MU, GRAVITY = 0.5, 1.0, 0.5, 10.0
 AMPLITUDE, FREQUENCY = 0.02, 10.0
 """Of the floor [m], [rad/s]: its acceleration, 2 m/s^2, is less than half of what friction can give."""
 
-PLACE, RATE, RESTITUTION = (1.5, 0.55), 2.0, 0.5
+PLACE, RATE, RESTITUTION = (1.5, 0.55), 1.0, 0.5
 """Centre of the disk that is struck [m], seen from the pivot; rate of the wall [rad/s]; coefficient of restitution."""
 
 SURFACE = (0.4, 0.0)
