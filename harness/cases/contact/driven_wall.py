@@ -82,7 +82,12 @@ class DrivenWall:
             else WallSegment(angular_velocity=RATE, pivot=(0.0, 0.0))
         )
         scene = Scene(
-            disks=Disks(x=np.array([place]), radius=RADIUS, mass=MASS, rotating=not shakes),
+            disks=Disks(
+                x=np.array([place]),
+                radius=np.array([RADIUS]),
+                mass=np.array([MASS]),
+                rotating=np.array([not shakes]),
+            ),
             disk_disk=law,
             walls=(Wall(name="wall", point=SURFACE, normal=(0.0, 1.0), law=law, motion=(motion,)),),
             gravity=(0.0, -GRAVITY if shakes else 0.0),

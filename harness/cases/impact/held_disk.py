@@ -67,8 +67,8 @@ class HeldDisk:
         disks = Disks(
             x=np.array([PLACE, (0.0, 0.0)]),
             v=np.array([(SPEED - frame, 0.0), (-frame, 0.0)]),
-            radius=RADIUS,
-            mass=MASS,
+            radius=np.full(2, RADIUS),
+            mass=np.full(2, MASS),
             rotating=np.array([True, False]),
             held=np.array([[False, False], [True, True]]),
         )
