@@ -54,6 +54,11 @@ class Difference(StrEnum):
     )
 
 
+SOFTEST = 1e-2
+"""Largest softness that an engine may state, and what counts where it states none: more would not tell a right law from one that
+is off by the few per cent that matter."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class EngineInfo:
     """Facts about an engine; `version` is None where it is not installed.
@@ -85,7 +90,7 @@ class EngineInfo:
         Whether a sliding contact opens, as the associated rule of convex contact models has it.
     softness : float or None
         Of engines whose contacts are soft: part of what it should withstand in one step that a contact lets through, by the
-        engine's own regularisation. None: no such figure, see `ninedisk.harness.cases.common.SOFT_TOLERANCE`.
+        engine's own regularisation; from 0 to `SOFTEST`. None: no such figure, judged as `SOFTEST`.
     softness_why : str
         Where that figure comes from.
     second_order_dashpots : bool
@@ -99,6 +104,11 @@ class EngineInfo:
         Settings that ``Numerics.options`` may hold as ``<id>.<name>``.
     out_of_scope : mapping from Capability to str
         Where the engine's own documentation says that it is not meant to have a capability.
+
+    Raises
+    ------
+    ValueError
+        If ``softness`` is out of its range, or given for contacts of another kind.
     """
 
     id: str
@@ -124,6 +134,20 @@ class EngineInfo:
     differences: Mapping[Difference, str] = field(default_factory=dict)
     options: Mapping[str, Option] = field(default_factory=dict)
     out_of_scope: Mapping[Capability, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.softness is None:
+            return
+        if self.contact != "soft":
+            raise ValueError(
+                f"engine {self.id!r}: softness = {self.softness!r} is not allowed where contact is {self.contact!r}: leave it out, "
+                "or declare contact = 'soft'"
+            )
+        if not 0.0 <= self.softness <= SOFTEST:
+            raise ValueError(
+                f"engine {self.id!r}: softness = {self.softness!r} is not allowed: it must lie between 0 and {SOFTEST:g}; give "
+                f"{SOFTEST:g} where a contact lets through more, and declare the checks that it then fails as known"
+            )
 
     @property
     def installed(self) -> bool:

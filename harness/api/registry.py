@@ -47,6 +47,8 @@ BUILTIN_CASES: dict[str, str] = {
     "invariance/galilei": "ninedisk.harness.cases.invariance.observers:CASES",
     "contact/reopening": "ninedisk.harness.cases.contact.reopening:CASE",
     "contact/moving-wall": "ninedisk.harness.cases.contact.moving_wall:CASE",
+    "contact/driven-wall": "ninedisk.harness.cases.contact.driven_wall:CASE",
+    "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.invariance.rotating_box:CASE",
 }

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.harness.api.case import (
     Check,
@@ -21,7 +22,7 @@ from ninedisk.harness.api.case import (
     Setup,
     TruthKind,
 )
-from ninedisk.harness.api.engine import Difference, EngineInfo
+from ninedisk.harness.api.engine import SOFTEST, Difference, EngineInfo
 
 FloatArray = NDArray[np.float64]
 
@@ -94,10 +95,6 @@ CONTACT_DT = Parameter(
     unit="s",
     help="own step of engines with contact springs; it must divide dt; none: what the contact's resolution asks for",
 )
-
-SOFT_TOLERANCE = 1e-2
-"""Relative tolerance for engines whose contacts are soft in a way of their own (no kn to set) and that give no softness of theirs:
-1 % tells the right law from a wrong one; such runs are graded approximate."""
 
 EXACT_STEP_RTOL = 1e-10
 """Of an exact time-discrete solution: the round-off of some hundred steps, 1e-14, and of a solver's residual."""
@@ -200,16 +197,50 @@ def softness(engine: EngineInfo) -> float:
     """Part of what it should withstand in one step that a contact of this engine does not; 0 for all but soft contacts."""
     if engine.contact != "soft":
         return 0.0
-    return SOFT_TOLERANCE if engine.softness is None else engine.softness
+    return SOFTEST if engine.softness is None else engine.softness
 
 
-def slack_time(engine: EngineInfo, dt: float, t_end: float) -> float:
+def slack_time(engine: EngineInfo, dt: float) -> float:
     """Time [s] for which a load may act as if there were no contact: a body that should rest has that much of its free motion.
 
-    A soft contact lets through a fixed part of what it should withstand in one step, and so a velocity of ``softness g dt``
-    under gravity. An engine that does not say how soft it is may let through that part of the whole run.
+    A soft contact lets through a fixed part s of what it should withstand in one step: ``v' = s (v + g dt)``, which settles at
+    ``s g dt/(1 - s)``, however long the load acts.
     """
-    return softness(engine) * (t_end if engine.softness is None else dt)
+    s = softness(engine)
+    return s / (1.0 - s) * dt
+
+
+def drift_in_flight(setup: Setup, history: History) -> float:
+    """Largest change of a velocity [m/s] at samples before any two bodies can have met, without gravity and with walls at rest."""
+    return float(np.abs(history.v[history.t <= _free_until(setup)] - setup.scene.disks.v).max(initial=0.0))
+
+
+def flight_checks(setup: Setup, engine: EngineInfo) -> list[Check]:
+    """Nothing acts on bodies in flight, whatever their contacts are like; none where they meet in the first steps."""
+    scene, numerics = setup.scene, setup.numerics
+    if _free_until(setup) < numerics.dt:
+        return []
+    largest = float(np.abs(scene.disks.v).max())
+    why = "no force acts before bodies meet: round-off" + single_precision(engine)
+    return [
+        Check(quantity="drift_in_flight", norm="scalar", truth="analytic", expected=0.0, source="Newton's first law",
+              atol=1e-12 * largest + single(engine, largest, numerics.n_steps), why=why)
+    ]  # fmt: skip
+
+
+def _free_until(setup: Setup) -> float:
+    """Time [s] before which no two bodies can have met, less the step by which an engine may place an impact too early."""
+    disks = setup.scene.disks
+    speed = np.hypot(*disks.v.T)
+    one, two = np.triu_indices(len(disks), 1)
+    way = [np.hypot(*(disks.x[one] - disks.x[two]).T) - disks.radius[one] - disks.radius[two]]
+    rate = [speed[one] + speed[two]]
+    for wall in setup.scene.walls:
+        way.append((disks.x - np.array(wall.point)) @ np.array(wall.normal) - disks.radius)
+        rate.append(speed)
+    room, closing = np.concatenate(way), np.concatenate(rate)
+    met = np.divide(room, closing, out=np.where(room > 0.0, math.inf, 0.0), where=closing > 0.0)
+    return float(np.min(met, initial=math.inf)) - 1.5 * setup.numerics.dt
 
 
 def soft_reason(engine: EngineInfo) -> str:
@@ -219,7 +250,7 @@ def soft_reason(engine: EngineInfo) -> str:
     reason = (
         engine.softness_why
         if engine.softness is not None
-        else "the engine does not say how soft: of the run's whole motion"
+        else "the engine does not say how soft: the most that it might state"
     )
     return f"; a soft contact lets through {softness(engine):g} of what it should withstand ({reason})"
 

@@ -16,6 +16,7 @@ from ninedisk.core.options import Option
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.api.support import NOTE_SOFT
 from ninedisk.harness.cases.adapter.probes import COARSE, KN, OMEGA, Probe, on_floor, round_off
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED, Bench, Finding, finding
 from ninedisk.harness.run.judge import check_history
@@ -280,7 +281,11 @@ def capability(bench: Bench, probe: Probe, asked: Capability) -> Finding:
 
 def judged(name: str, bench: Bench, probe: Probe, support: Support, *, claimed: bool = True) -> Finding:
     """The run of a probe against its closed form, coarsely where it is graded approximate."""
-    faults = bench.faults(probe, coarse=support.level is SupportLevel.APPROXIMATE)
+    # Softness is in the bounds of contacts already, and what never touches has none.
+    scene = probe.setup.scene
+    touches = bool(scene.walls) or len(scene.disks) > 1
+    coarse = support.level is SupportLevel.APPROXIMATE and touches and NOTE_SOFT not in support.notes
+    faults = bench.faults(probe, coarse=coarse)
     if not claimed:
         return Finding(check=name, status=PASS, found=f"{probe.title}: not claimed, runs as {support.level}")
     return finding(name, [(f"{probe.title}: {text}", mend) for text, mend in faults], f"{probe.title}: {support.level}")

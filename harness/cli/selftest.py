@@ -48,11 +48,13 @@ def selftest(
     A verification suite is worth what it catches. Each defect is one small change: a sign in a kernel, a missing torque, a
     dashpot of half the strength, a wall one step late, a wrong mass, a report in single precision. The unchanged engines
     run first and must pass every check; then every wrong one must fail at least one. What no case can see is listed as a
-    known hole, with the reason; it becomes a closed one when a check fails. Wrong engines run in processes of their own; no
-    file of the installation is changed, and no result enters a store.
+    known hole, with the reason; it becomes a closed one when a check fails. impulse/... and soft/... are lies that a stranger's
+    engine might tell (friction a fifth too small, a wall's rotation ignored, steps that take no time), told by an honest one under
+    either declaration of its contacts; soft stands for the laxest judgement there is. Wrong engines run in processes of their own;
+    no file of the installation is changed, and no result enters a store.
 
     Variants are those of `ninedisk run` at smaller cost (softer springs, shorter settling), every kind of check included: some
-    four minutes on two idle cores, --quick about one.
+    five minutes on two idle cores, --quick about one and a half.
 
     A row of --json has defect, engine, kind, what, caught, checks (ids of those that failed), by_case, hole, errors, judged,
     passed (the unchanged engines'), edits and seconds.
@@ -62,6 +64,7 @@ def selftest(
       ninedisk selftest
       ninedisk selftest --only 'dem/torque-*' --only 'wall-*'
       ninedisk selftest --quick --jobs 2
+      ninedisk selftest --only 'impulse/*' --only 'soft/*'
       ninedisk selftest --json selftest.json --html selftest.html
 
     \b

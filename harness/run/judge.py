@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.history import History
+from ninedisk.core.numerics import Numerics
 from ninedisk.harness.api.case import Check, Headline, Observed, Setup
-from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.api.engine import EngineError, Timings
 from ninedisk.harness.results.schema import (
     EXCUSED,
     HEADLINE_COLUMNS,
@@ -74,6 +75,26 @@ def check_history(history: History, setup: Setup) -> None:
         raise EngineError("the engine's times are not its steps times dt")
     if history.pairs != wanted.pairs:
         raise EngineError(f"the engine watched the contacts {history.pairs} instead of {wanted.pairs}")
+
+
+LEAST_STEP, TICK = 5e-9, 1e-6
+"""Seconds: no step takes less, a chain of some ten dependent operations of four cycles each; and what a clock may be off by."""
+
+
+def check_timings(timings: Timings, numerics: Numerics) -> None:
+    """Refuse a time that no machine takes, which would make the engine the fastest of all.
+
+    Raises
+    ------
+    EngineError
+        If ``advance`` and a tick of the clock are less than the steps take at the very least.
+    """
+    least = LEAST_STEP * numerics.n_steps
+    if not timings.advance + TICK >= least:
+        raise EngineError(
+            f"the engine answered timings.advance = {timings.advance:g} s for {numerics.n_steps} steps, which take {least:.2g} s "
+            "at the very least: it is the wall-clock time of the steps themselves"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,6 +40,7 @@ from ninedisk.harness.run.judge import (
     blank_history,
     cell_verdict,
     check_history,
+    check_timings,
     curves,
     headline_row,
     measurement_row,
@@ -166,6 +167,7 @@ def run_cell(
             return without_measurements(cell, head, "timeout", given_up)
         run = cell.engine.run(setup.scene, setup.numerics, setup.watch)
         check_history(run.history, setup)
+        check_timings(run.timings, setup.numerics)
         return _measure(cell, setup, info, run, head, published)
     except EngineNotInstalledError as error:
         return without_measurements(cell, head, "not-installed", last_lines(error))

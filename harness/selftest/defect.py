@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ninedisk.core.history import History
     from ninedisk.core.numerics import Numerics
     from ninedisk.core.scene import Scene
+    from ninedisk.harness.api.engine import Timings
 
 Kind = Literal["clean", "kernel", "python", "scene", "numerics", "history"]
 KINDS: dict[str, str] = {
@@ -44,7 +45,7 @@ class Defect:
     name : str
         Unique among the defects of an engine.
     engine : str
-        "dem" or "cd".
+        "dem", "cd", or a kind of contact that contact dynamics is declared as, see `ninedisk.harness.selftest.lies`.
     kind : str
         A key of `KINDS`.
     what : str
@@ -57,6 +58,8 @@ class Defect:
         What the engine sees in place of the scene and the numerics (kinds "scene" and "numerics").
     after : callable, optional
         What the engine reports in place of its history (kind "history").
+    timed : callable, optional
+        What it reports in place of its timings (kind "history").
     hole : str
         Not empty: no case of the suite can see this defect, for this reason. It is shown as a known hole; once a check fails, the
         hole is closed and the note must go.
@@ -70,6 +73,7 @@ class Defect:
     edits: tuple[Edit, ...] = ()
     before: Before | None = None
     after: After | None = None
+    timed: Callable[[Timings], Timings] | None = None
     hole: str = ""
 
     @property

@@ -33,7 +33,7 @@ def changed(change: Callable[[FloatArray], FloatArray], *names: str) -> After:
     return after
 
 
-def _late(array: FloatArray) -> FloatArray:
+def late(array: FloatArray) -> FloatArray:
     """Each sample is that of the sample before."""
     return np.concatenate([array[:1], array[:-1]])
 
@@ -83,7 +83,8 @@ def _absolute(array: FloatArray) -> FloatArray:
     return np.abs(array)
 
 
-def _minus(array: FloatArray) -> FloatArray:
+def minus(array: FloatArray) -> FloatArray:
+    """The other sign."""
     return -array
 
 
@@ -104,30 +105,30 @@ def _report(engine: str, name: str, what: str, witness: str, after: After, hole:
 
 
 DEFECTS = (
-    _report("dem", "samples-late", "every sample is that of the step before", "press", changed(_late, *STATE)),
-    _report("dem", "forces-late", "forces are those of the step before", "press", changed(_late, "fn", "fs")),
+    _report("dem", "samples-late", "every sample is that of the step before", "press", changed(late, *STATE)),
+    _report("dem", "forces-late", "forces are those of the step before", "press", changed(late, "fn", "fs")),
     _report("dem", "forces-as-means", "forces are means over two samples", "press", changed(_mean, "fn", "fs")),
     _report("dem", "impulses", "impulses of a step are reported as forces", "press", _impulses),
     _report("dem", "wrong-pair", "forces belong to another contact", "press", changed(_backwards, "fn", "fs")),
-    _report("dem", "spin-sign", "spins are counted clockwise", "roll", changed(_minus, "angle", "omega")),
+    _report("dem", "spin-sign", "spins are counted clockwise", "roll", changed(minus, "angle", "omega")),
     _report("dem", "spin-in-degrees", "spins are in degrees a second", "roll", changed(_degrees, "omega")),
     _report("dem", "shear-unsigned", "shear forces have no sign", "slide", changed(_absolute, "fs")),
-    _report("dem", "gap-sign", "overlaps are reported as gaps", "slide", changed(_minus, "gap")),
+    _report("dem", "gap-sign", "overlaps are reported as gaps", "slide", changed(minus, "gap")),
     _report("dem", "gap-positive", "overlaps are reported as no gap", "slide", changed(_without_tension, "gap")),
     _report("dem", "noise", "one part in a million of noise on everything", "press", changed(_noisy, *STATE)),
     _report("dem", "printed", "six digits of everything are reported", "press", changed(_printed, *STATE)),
     _report("dem", "no-last-sample", "forces of the last sample are missing", "slide", changed(_no_end, "fn", "fs")),
-    _report("dem", "wall-force-sign", "forces on walls have the wrong sign", "push-wall", changed(_minus, "wall_force")),
+    _report("dem", "wall-force-sign", "forces on walls have the wrong sign", "push-wall", changed(minus, "wall_force")),
     _report("dem", "wall-report-late", "walls are reported where they were a step before", "push-wall",
-            changed(_late, "wall_point", "wall_angle")),
+            changed(late, "wall_point", "wall_angle")),
     _report("dem", "angle-sign", "rotations, not spins, are counted clockwise", "reopen-disks",
-            changed(_minus, "angle")),
+            changed(minus, "angle")),
     _report("dem", "energies-twice", "all energies are twice what they are", "push-wall", _double_energies),
     _report("cd", "single-precision", "the report is in single precision", "slide", changed(_single, *STATE)),
-    _report("cd", "velocity-late", "velocities are those of the step before", "slide", changed(_late, "v", "omega")),
+    _report("cd", "velocity-late", "velocities are those of the step before", "slide", changed(late, "v", "omega")),
     _report("cd", "half-step-positions", "positions belong to half a step later", "slide", _half_step_positions),
-    _report("cd", "shear-sign", "shear forces have the wrong sign", "slide", changed(_minus, "fs")),
+    _report("cd", "shear-sign", "shear forces have the wrong sign", "slide", changed(minus, "fs")),
     _report("cd", "impulses", "impulses of a step are reported as forces", "slide", _impulses),
-    _report("cd", "spin-sign", "spins are counted clockwise", "roll", changed(_minus, "angle", "omega")),
+    _report("cd", "spin-sign", "spins are counted clockwise", "roll", changed(minus, "angle", "omega")),
     _report("cd", "noise", "one part in a million of noise on everything", "slide", changed(_noisy, *STATE)),
 )  # fmt: skip

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ninedisk.harness.run.plan import Cell, plan_case
+from ninedisk.harness.selftest.declared import DECLARED, Declared
 
 PRESS, SHEAR = "nine-disk/compression", "nine-disk/distortion"
 HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
@@ -18,7 +19,7 @@ LENSES, OVALS, GRAINS, REST = "nurbs/overlap", "nurbs/collision", "nurbs/rolling
 GAS, REOPEN, WALL, STACK = "gas/elastic", "contact/reopening", "contact/moving-wall", "static/stack"
 RETRACE = "contact/retraced-loop"
 
-ENGINES = ("dem", "cd")
+ENGINES = ("dem", "cd", *DECLARED)
 
 
 @dataclass(frozen=True)
@@ -103,10 +104,30 @@ CD_PANEL: dict[str, Probe] = {
     "stop-coulomb": Probe(ROLL, {"rotating": False, "sliding": "coulomb"}),
 }
 
-PANELS: dict[str, dict[str, Probe]] = {"dem": DEM_PANEL, "cd": CD_PANEL}
+RIGID_PANEL: dict[str, Probe] = {
+    "hit": Probe(HIT, {"restitution": 0.5}),
+    "slide": Probe(INCLINE, {"mu": 0.36}),
+    "stick": Probe(INCLINE, {"mu": 0.4}),
+    "roll": Probe(ROLL, {}),
+    "stop": Probe(ROLL, {"rotating": False}),
+    "spin": Probe("spinning-disk", {}),
+    "bounce": Probe("impact/bouncing-disk", {}),
+    "graze": Probe("impact/oblique", {"restitution": 0.5, "spin": 2.0}),
+    "stack": Probe(STACK, {}),
+    "against": Probe("invariance/galilei", {"scene": "slide", "frame_vx": -3.0}),
+    "belt": Probe("invariance/galilei", {"scene": "belt", "frame_vx": -1.0}),
+    "shake": Probe("contact/driven-wall", {"motion": "shake"}),
+    "turn": Probe("contact/driven-wall", {"motion": "turn"}),
+    "fixed": Probe("impact/held-disk", {"partner": "fixed"}),
+    "held": Probe("impact/held-disk", {"partner": "held"}),
+}
+"""Of an engine with rigid contacts, whatever it declares them as."""
+
+PANELS: dict[str, dict[str, Probe]] = {"dem": DEM_PANEL, "cd": CD_PANEL, **dict.fromkeys(DECLARED, RIGID_PANEL)}
 
 
 def panel_cells(engine: str, names: Sequence[str] = ()) -> list[Cell]:
     """Cells of an engine's panel, or of the named probes of it."""
     panel = PANELS[engine]
-    return [plan_case(panel[name].case, engine, panel[name].params) for name in names or panel]
+    stands_for = Declared(engine) if engine in DECLARED else engine
+    return [plan_case(panel[name].case, stands_for, panel[name].params) for name in names or panel]

@@ -36,6 +36,7 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.registry import engine_table
 from ninedisk.harness.api.support import (
     NOTE_SLIP_AT,
+    NOTE_SOFT,
     OF_SLIP_AT,
     contact_steps,
     laws_in_use,
@@ -174,8 +175,6 @@ def spring_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
 SCHEME_OPTIONS = {"moreau-jean": "theta", "runge-kutta-3": "phase"}
 """Schemes whose truths read an option of the engine."""
 
-NOTE_SOFT = "contacts are soft in a way of the engine's own"
-
 _TRAITS = (
     "turns_shear",
     "dilates",
@@ -237,6 +236,10 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
     if both:
         raise WireError(
             f"the description has {both[0]!r} among capabilities and out_of_scope: leave it out of one of them"
+        )
+    if "softness" in data and data["contact"] != "soft":
+        raise WireError(
+            f"the description has a softness with contact = {data['contact']!r}: leave it out, or declare contact = 'soft'"
         )
     info = EngineInfo(
         id=data["id"],

@@ -70,4 +70,6 @@ def fault(name: str, data: Any) -> str | None:
     if found is None:
         return None
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in found.absolute_path)
-    return f"{place.removeprefix('.') or 'the object'}: {found.message:.300}"
+    low, high = (found.schema.get(key) for key in ("minimum", "maximum"))
+    within = f" (it must lie between {low} and {high})" if None not in (low, high) else ""
+    return f"{place.removeprefix('.') or 'the object'}: {found.message:.300}{within}"

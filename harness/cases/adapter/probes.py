@@ -20,7 +20,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability
 from ninedisk.harness.api.case import Check, FloatArray, Norm, Observed, Parameter, Setup, Value
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import SOFTEST, EngineInfo
 from ninedisk.harness.cases.nurbs.grains import grains
 from ninedisk.harness.run.judge import blank_history
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution, contact_duration, contact_history
@@ -162,7 +162,7 @@ def round_off(info: EngineInfo) -> float:
 def contact_error(info: EngineInfo) -> float:
     """Relative bound of a contact's force where nothing but the solver, or the engine's own softness, errs."""
     if info.contact == "soft":
-        return 1e-2 if info.softness is None else max(info.softness, 1e-6)
+        return max(SOFTEST if info.softness is None else info.softness, 1e-6)
     return max(1e-6, round_off(info))
 
 

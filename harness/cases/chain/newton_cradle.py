@@ -18,6 +18,8 @@ from ninedisk.harness.cases.common import (
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
     contact_step,
+    drift_in_flight,
+    flight_checks,
     last,
     numerics_of,
     phase_error,
@@ -111,7 +113,7 @@ class NewtonCradle:
         )
         return Setup(scene=scene, numerics=numerics.replace(n_steps=steps), watch=watch, labels=setup.labels)
 
-    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
         """Velocities along the row, kinetic energy and momentum."""
         mass, speed, v = params["mass"], params["speed"], history.v
         energy = 0.5 * mass * (v**2).sum(axis=(1, 2))
@@ -124,6 +126,7 @@ class NewtonCradle:
         }
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
         scalars["handed_on"] = ("1", last(v[:, -1, 0]) / speed)
+        scalars["drift_in_flight"] = ("m/s", drift_in_flight(setup, history))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
@@ -168,7 +171,7 @@ class NewtonCradle:
             Check(quantity="speed_across", expected=0.0, source="symmetry", why=on_axis,
                   atol=1e-13 * speed + single(engine, speed, 1), **common),
         ]  # fmt: skip
-        return found
+        return [*found, *flight_checks(setup, engine)]
 
     def _by_law(self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
         truth, mass, n = binding_truth(params, setup, observed, engine), params["mass"], params["n"]

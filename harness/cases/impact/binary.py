@@ -21,6 +21,8 @@ from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     around_contact,
     contact_step,
+    drift_in_flight,
+    flight_checks,
     last,
     numerics_of,
     phase_error,
@@ -188,6 +190,7 @@ class BinaryCollision:
         scalars["restitution_effective"] = ("1", (v[-1, 1, 0] - v[-1, 0, 0]) / params["speed"])
         drift = np.abs(momentum - params["mass"] * params["speed"])
         scalars["momentum_drift"] = ("kg m/s", float(drift.max()))  # NaN where a velocity is
+        scalars["drift_in_flight"] = ("m/s", drift_in_flight(setup, history))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
@@ -224,6 +227,7 @@ class BinaryCollision:
             Check(quantity="momentum_drift", norm="scalar", truth="analytic", expected=0.0, source="conservation",
                   why=conserved, atol=1e-13 * momentum + of_momentum),
             *still,
+            *flight_checks(setup, engine),
         ]  # fmt: skip
 
 

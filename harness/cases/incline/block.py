@@ -412,7 +412,7 @@ def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineIn
     weight, kn = mass * params["g"], setup.scene.walls[0].law.kn
     associated = engine.contact == "cd" and follows_associated_rule(engine, numerics)
     lift = 1.0 if associated else 0.0
-    slack = slack_time(engine, dt, t_end)
+    slack = slack_time(engine, dt)
     speed = params["g"] * slack + single(engine, params["g"] * t_end, numerics.n_steps)
     atol = {
         "x": a * t_end * dt * (0.5 + lift * mu**2) + 1e-12 * t_end + speed * t_end,

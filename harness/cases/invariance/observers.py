@@ -25,6 +25,7 @@ from ninedisk.harness.cases.invariance.frames import Frame
 from ninedisk.harness.cases.nine_disk import compression as nine_disk_compression
 from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES
 from ninedisk.harness.cases.rolling import incline_disk as rolling_incline
+from ninedisk.harness.cases.rolling import slip_to_roll
 from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS
 from ninedisk.references.analytic.incline import acceleration
 from ninedisk.references.analytic.rolling_incline import roll_rates
@@ -40,6 +41,11 @@ SCENES: Mapping[str, tuple[Case, Mapping[str, Value], frozenset[str]]] = {
         rolling_incline.CASE,
         {"mu": 0.3, "duration": 0.5},
         frozenset({"x", "vx", "spin", "slip", "gap", "fn", "fs"}),
+    ),
+    "belt": (
+        slip_to_roll.CASE,
+        {"mu": 0.3, "duration": 0.5},
+        frozenset({"x", "vx", "spin", "slip", "gap"}),
     ),
     "compression": (
         nine_disk_compression.CASE,
@@ -63,7 +69,8 @@ SCENE = Parameter(
     default="slide",
     choices=tuple(SCENES),
     in_id=True,
-    help="elastic collision, block that slides down an incline, disk that rolls down one, nine disks compressed without friction",
+    help="elastic collision, block that slides down an incline, disk that rolls down one, disk thrown along a plane, "
+    "nine disks compressed without friction",
 )
 UNIT = Parameter(name="units", default="SI", choices=tuple(UNITS), help="units of the numbers that the engine is given")
 ANGLE = Parameter(name="angle_deg", default=0.0, low=-360.0, high=360.0, unit="deg", help="rotation of the whole scene")
@@ -252,6 +259,8 @@ CASES = (
         variants=(
             {"scene": "collision", "frame_vx": 3.0, "frame_vy": -2.0},
             {"scene": "slide", "frame_vx": 3.0},
+            {"scene": "slide", "frame_vx": -3.0},  # a wall taken for one at rest would push the other way
+            {"scene": "belt", "frame_vx": -1.0},  # a disk at rest on a belt
             {"scene": "compression", "frame_vx": 3.0, "frame_vy": -2.0},
         ),
     ),

@@ -514,7 +514,7 @@ def _rigid(
         energy_gained(start.shape, start.phi + start.reach * NODES**2, start=start.phi, angle=start.angle, g=G)
     ).max()
     speed = math.sqrt(2.0 * max(float(top), G * d))
-    rough = (G * slack_time(engine, dt, t_end) + single(engine, G * t_end, setup.numerics.n_steps)) * t_end
+    rough = (G * slack_time(engine, dt) + single(engine, G * t_end, setup.numerics.n_steps)) * t_end
     first = "first order in dt" + soft_reason(engine)
     return GrainBounds(
         atol={

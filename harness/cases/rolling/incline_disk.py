@@ -344,7 +344,7 @@ def _rigid(
     slip = rates.slip * t_end
     associated = engine.contact == "cd" and follows_associated_rule(engine, setup.numerics)
     lift = mu * rates.slip * dt if associated else 0.0
-    speed = g * slack_time(engine, dt, t_end) + single(engine, g * t_end, setup.numerics.n_steps)
+    speed = g * slack_time(engine, dt) + single(engine, g * t_end, setup.numerics.n_steps)
     weight = mass * g
     force = softness(engine) * weight + single(engine, weight, 1) + 1e-10 * weight + mass * lift / dt
     # A contact that gives way lets the disk sink, and friction then acts on a shorter arm.

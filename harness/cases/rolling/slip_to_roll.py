@@ -442,7 +442,7 @@ def _rigid_bounds(
     flight = 2.0 * lift_vy / g
     # Friction of the lift's impulse and of the flight that it replaces, and a step's at the kinks. A convex engine may land
     # and lift again: momentum keeps vx at its truth less mu vy all the while, which this covers.
-    let_through = slack_time(engine, dt, t_end)
+    let_through = slack_time(engine, dt)
     rough = g * let_through + single(engine, max(speed, g * t_end), setup.numerics.n_steps)
     vx = (mu * lift_vy + mu * g * (flight + dt) if associated else 0.0) + 1e-11 * speed + rough
     fall = g * dt**2 if associated and engine.contact != "cd" else 0.0

@@ -259,7 +259,7 @@ def stack_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, en
         force = EXACT_STEP_RTOL * weight + params["kn"] * 8.0 * float(np.spacing(height))
         return StackBounds(force, force, force / params["kn"], 0.0, True, 1, why)
     network = contact_network(setup, params["g"])
-    speed = params["g"] * slack_time(engine, setup.numerics.dt, t_end) * len(disks)
+    speed = params["g"] * slack_time(engine, setup.numerics.dt) * len(disks)
     length = 1e-12 + speed * t_end + single(engine, height, setup.numerics.n_steps)
     why = "rigid contacts bear the weight at once: residual of the solver, round-off"
     why += soft_reason(engine) + single_precision(engine)

@@ -151,7 +151,7 @@ class DrakeDiscreteEngine(RigidPackageEngine):
             dilates=dilates,
             differences=differences,
             softness=FRICTION_REGULARISATION,
-            softness_why="regularisation of friction, sigma",
+            softness_why="regularisation of friction: slip is sigma times what friction prevents in a step",
             options=DISCRETE_OPTIONS[engine_id],
             out_of_scope={Capability.SHEAR_SPRING: REGULARISED},
         )

@@ -28,6 +28,7 @@ CAPABILITIES = (
         Capability.RESTITUTION,
         Capability.LEVER_ARM_OVERLAP,
         Capability.SLIP_MIDDLE,
+        Capability.FIXED_DISKS,
         Capability.HELD_MOTION,
         Capability.QUASI_STATIC,
     }

@@ -27,6 +27,7 @@ CAPABILITIES = (
         Capability.LEVER_ARM_RADIUS,
         Capability.LEVER_ARM_TORQUE,
         Capability.SLIP_MIDDLE,
+        Capability.FIXED_DISKS,
         Capability.HELD_MOTION,
         Capability.QUASI_STATIC,
     }

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from ninedisk.core.simulate import simulate
-from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.api.engine import SOFTEST, SupportLevel
 from ninedisk.harness.api.params import resolve
-from ninedisk.harness.api.registry import get_engine
+from ninedisk.harness.api.registry import get_case, get_engine
 from ninedisk.harness.api.support import NOTE_SLIP_END
 from ninedisk.harness.cases.common import follows_associated_rule, single, slack_time, softness
 from ninedisk.harness.cases.impact.binary import CASE as COLLISION
@@ -29,6 +29,7 @@ from ninedisk.harness.engines.mujoco.adapter import ENGINE as MUJOCO
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 from ninedisk.harness.engines.siconos.adapter import ENGINE as SICONOS
 from ninedisk.harness.engines.yade.adapter import ENGINE as YADE
+from ninedisk.harness.selftest.panel import RIGID_PANEL
 
 DRAKE, SAP, LAGGED = DRAKES
 
@@ -46,12 +47,40 @@ def test_round_off_of_single_precision(scheme_info):
     assert single(half, -1.0, 1) == 4.0 * unit  # eight roundings at least
 
 
-def test_softness_acts_for_a_step_or_for_the_whole_run(scheme_info):
-    unknown = scheme_info("some", "soft")
-    known = dataclasses.replace(unknown, softness=1e-3, softness_why="measured")
-    assert slack_time(known, 0.01, 2.0) == 1e-5
-    assert slack_time(unknown, 0.01, 2.0) == softness(unknown) * 2.0
-    assert softness(dataclasses.replace(known, contact="impulse")) == 0.0
+def test_softness_acts_for_a_step(scheme_info):
+    known = dataclasses.replace(scheme_info("some", "soft"), softness=1e-3, softness_why="measured")
+    v = 0.0
+    for _ in range(9):
+        v = softness(known) * (v + 10.0 * 0.01)
+    assert v == pytest.approx(10.0 * slack_time(known, 0.01), rel=1e-12)
+    assert softness(scheme_info("some", "impulse")) == 0.0
+
+
+@pytest.mark.parametrize("name", RIGID_PANEL)
+def test_silence_allows_what_the_softest_may_state_and_flight_nothing(scheme_info, judge_history, name):
+    """Whatever a check's tolerance, it grows with the softness that is stated, and silence is no way around it."""
+    silent = scheme_info("some", "soft")
+    case, params = get_case(RIGID_PANEL[name].case), RIGID_PANEL[name].params
+
+    def tolerances(softness):
+        info = dataclasses.replace(silent, softness=softness)
+        cell = judge_history(case, info, params, None)
+        assert len({(c.quantity, c.norm, c.truth) for c in cell.checks}) == len(cell.checks)
+        return {(c.quantity, c.truth): c.atol for c in cell.checks}
+
+    none, least, less, most = (tolerances(each) for each in (None, 0.0, 1e-3, SOFTEST))
+    assert none == most
+    assert all(least[key] <= less[key] <= most[key] for key in none)
+    in_flight = {"drift_in_flight", "momentum_x", "partner_x", "wall_place"}
+    assert all(least[key] == most[key] for key in none if key[0] in in_flight)
+
+
+@pytest.mark.parametrize("softness", [1.0, 0.011, -1e-9, math.nan])
+def test_a_softness_that_cannot_be_is_refused(scheme_info, softness):
+    with pytest.raises(ValueError, match=f"softness = {softness!r} is not allowed: it must lie between 0 and 0.01"):
+        dataclasses.replace(scheme_info("some", "soft"), softness=softness)
+    with pytest.raises(ValueError, match="not allowed where contact is 'impulse'"):
+        dataclasses.replace(scheme_info("some", "impulse"), softness=1e-3)
 
 
 def test_who_follows_the_associated_rule(scheme_info):

@@ -29,8 +29,10 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "static/stack": ALL,
     "strength/hexagonal": ALL,
     "contact/moving-wall": (CD, DEM),
+    "contact/driven-wall": ALL,
+    "impact/held-disk": ALL,
 }
-LEAST = {"row/pushed": 7, "contact/moving-wall": 7}
+LEAST = {"row/pushed": 7, "contact/moving-wall": 7, "contact/driven-wall": 7, "impact/held-disk": 9}
 """Checks that bind every engine on a variant, where more than one must."""
 
 OTHERS: tuple[tuple[str, Engine, Mapping[str, Any]], ...] = (
@@ -50,6 +52,8 @@ def runs(case_id: str, engine: Engine, params: Mapping[str, Any]) -> bool:
         return engine is CD or not set(params) & {"theta", "regime"}
     if case_id == "contact/moving-wall":
         return engine is DEM or not params["beta"]
+    if case_id == "impact/held-disk":
+        return engine is CD or params["partner"] == "fixed"
     if case_id == "strength/hexagonal":
         return engine is CD or params["sliding"] == "associated"
     return engine is not PYMUNK or params.get("start") != "equilibrium"  # pymunk has no springs to start with overlaps

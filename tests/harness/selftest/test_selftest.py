@@ -16,6 +16,7 @@ from typer.testing import CliRunner, Result
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.selftest import gallery
+from ninedisk.harness.selftest.declared import DECLARED
 from ninedisk.harness.selftest.defect import Defect, Edit
 from ninedisk.harness.selftest.gallery import CLEAN, GALLERY
 from ninedisk.harness.selftest.run import fine, run_selftest
@@ -175,6 +176,23 @@ def test_help_and_list_teach() -> None:
     assert listed.exit_code == 0
     assert "cd/spin-sign" in listed.output
     assert "dem/" not in listed.output
+
+
+def test_lies_are_told_under_both_declarations_and_a_refused_report_is_caught() -> None:
+    rows = by_id(
+        run_selftest([d for d in GALLERY if d.name in ("no-time", "mass-more", "velocities-late")], quick=True)
+    )
+    assert set(rows) == {
+        f"{engine}/{name}" for engine in DECLARED for name in ("unchanged", "no-time", "mass-more", "velocities-late")
+    }
+    assert all(fine(row) for row in rows.values())
+    assert all("timings.advance = 0 s for 629 steps" in rows[f"{engine}/no-time"]["errors"][0] for engine in DECLARED)
+
+
+def test_as_many_lies_under_each_declaration() -> None:
+    told = {engine: [d.name for d in GALLERY if d.engine == engine] for engine in DECLARED}
+    assert told["impulse"] == told["soft"]
+    assert len(told["soft"]) >= 27
 
 
 @pytest.mark.slow

@@ -25,7 +25,8 @@ from ninedisk.harness.api.engine import Difference, EngineError, EngineInfo
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine
-from ninedisk.harness.wire.command import NOTE_SOFT, read_description, wire_name
+from ninedisk.harness.api.support import NOTE_SOFT
+from ninedisk.harness.wire.command import read_description, wire_name
 from ninedisk.harness.wire.example import example_request
 from ninedisk.harness.wire.protocol import (
     ANSWER_KEYS,
@@ -223,13 +224,20 @@ def test_no_answer_breaks_the_reader() -> None:
 
 
 def test_a_description_is_read_as_its_schema_says() -> None:
-    told = {**ABOUT, "contact": "soft", "softness": 0.5, "capabilities": ["gravity"], "approximations": ["soft"]}
+    told = {**ABOUT, "contact": "soft", "softness": 0.005, "capabilities": ["gravity"], "approximations": ["soft"]}
     found = read_description(json.dumps(told), how_it_runs="x")
-    assert found.info.softness == 0.5
+    assert found.info.softness == 0.005
     assert found.info.capabilities == {Capability.GRAVITY}
     assert found.approximations == ("soft",)
     del told["approximations"]
     assert read_description(json.dumps(told), how_it_runs="x").approximations == (NOTE_SOFT,)
+    for softness in (1, 0.02, -0.1):
+        with pytest.raises(EngineError, match=r"softness: .* \(it must lie between 0 and 0.01\)"):
+            read_description(json.dumps(told | {"softness": softness}), how_it_runs="x")
+    with pytest.raises(
+        EngineError, match="softness with contact = 'impulse': leave it out, or declare contact = 'soft'"
+    ):
+        read_description(json.dumps(told | {"contact": "impulse"}), how_it_runs="x")
     for key in ABOUT:
         with pytest.raises(EngineError, match=key):
             read_description(json.dumps({k: v for k, v in ABOUT.items() if k != key}), how_it_runs="x")
