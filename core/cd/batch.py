@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.batch_kernels import (
     HELD,
     ITERATIONS,
@@ -33,8 +34,6 @@ from ninedisk.core.cd.solvers.solver import LOOSE, ContactSolver
 from ninedisk.core.cd.step import dynamic_mass
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.motion_kernels import WallMotion
-
-FloatArray = NDArray[np.float64]
 
 SKIN = 0.1
 """Extra reach of the list of pairs over the smallest radius: it outlasts many steps, and adds hardly a pair in a packing."""

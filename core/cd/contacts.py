@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.contact_kernels import (
     Frames,
     carry_over,
@@ -26,7 +27,6 @@ from ninedisk.core.nurbs.shapes import body_shapes
 from ninedisk.core.nurbs.state import ContactRows
 from ninedisk.core.scene import Scene
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 

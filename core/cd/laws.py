@@ -6,17 +6,13 @@ from itertools import combinations
 from math import acos, atan, degrees, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ninedisk.core.cd.contact_kernels import Laws
-from ninedisk.core.cd.settings import Stiffness
+from ninedisk.core.cd.settings import ContactKind
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-
-FloatArray = NDArray[np.float64]
-
 
 ADVICE = "use impact = 'theta', with which a solution always exists, or a restitution of 0"
 
@@ -56,7 +52,7 @@ class LawTable:
         lever arm for the torque than for the slip; or if a law is that of the common area.
     """
 
-    def __init__(self, scene: Scene, numerics: Numerics, contacts: Stiffness) -> None:
+    def __init__(self, scene: Scene, numerics: Numerics, contacts: ContactKind) -> None:
         laws = [scene.disk_disk, *(wall.law for wall in scene.walls)]
         names = ["disks", *(f"wall {wall.name!r}" for wall in scene.walls)]
         used = [len(scene.disks) > 1] + [True] * len(scene.walls)
@@ -98,7 +94,7 @@ class LawTable:
         )
 
 
-def _is_elastic(law: ContactLaw, contacts: Stiffness) -> bool:
+def _is_elastic(law: ContactLaw, contacts: ContactKind) -> bool:
     return not law.regularised if contacts == "auto" else contacts == "elastic"
 
 

@@ -13,11 +13,11 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ninedisk.core.archive import read_arrays, whole_file
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd import problem_kernels as kernels
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.validate import LARGEST, at_least, kind_of, numbers, real, shown
 
-FloatArray = NDArray[np.float64]
 Sliding = Literal["associated", "coulomb"]
 TINY = float(np.finfo(np.float64).tiny)
 """Smallest normal double."""

@@ -13,6 +13,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.batch import StepBatches
 from ninedisk.core.cd.contact_kernels import (
     GAIN_I,
@@ -28,8 +29,9 @@ from ninedisk.core.cd.contact_kernels import (
 from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place
 from ninedisk.core.cd.laws import ADVICE, LawTable, wedging_corners
 from ninedisk.core.cd.problem_kernels import UNRESOLVED
-from ninedisk.core.cd.settings import SolverResult, read_settings
+from ninedisk.core.cd.settings import read_settings
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
+from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.cd.step import (
     DynamicStep,
@@ -56,8 +58,6 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics, check_progress, check_room, check_run, chosen_particles, watched_pairs
 from ninedisk.core.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 NEAR = 1e-3
 """Gap over radius of the pairs that a static step considers at once."""

@@ -1,24 +1,17 @@
-"""Settings of a run of contact dynamics and of a contact solver, and what a solver gives back."""
+"""Settings of a run of contact dynamics and of a contact solver."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from time import perf_counter
-from typing import Any, Literal, NoReturn, cast
+from typing import Any, Literal, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ninedisk.core.cd.problem import Residuals, Sliding
-from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.threads import MOST_THREADS
 
-FloatArray = NDArray[np.float64]
-Stiffness = Literal["auto", "rigid", "elastic"]
-STIFFNESS: tuple[Stiffness, ...] = ("auto", "rigid", "elastic")
+ContactKind = Literal["auto", "rigid", "elastic"]
+CONTACT_KINDS: tuple[ContactKind, ...] = ("auto", "rigid", "elastic")
 
 OPTIONS: Mapping[str, Option] = {
     "tolerance": Option(
@@ -51,7 +44,7 @@ OPTIONS: Mapping[str, Option] = {
     ),
     "contacts": Option(
         default="auto",
-        choices=STIFFNESS,
+        choices=CONTACT_KINDS,
         why="elastic (1/kn, 1/ks) unless the law's springs only regularise a rigid contact",
     ),
     "save_failed": Option(
@@ -111,7 +104,7 @@ class CdSettings:
     """
 
     solver_options: SolverOptions
-    contacts: Stiffness
+    contacts: ContactKind
     save_failed: str
     options: Mapping[str, Any]
 
@@ -126,69 +119,4 @@ def read_settings(numerics: Numerics) -> CdSettings:
     """
     given = read_options("cd", OPTIONS, numerics)
     options = SolverOptions(**{field.name: given[f"cd.{field.name}"] for field in fields(SolverOptions)})
-    return CdSettings(options, cast(Stiffness, given["cd.contacts"]), given["cd.save_failed"], given)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SolverResult:
-    """Solution of a `ContactProblem`.
-
-    Attributes
-    ----------
-    solver : str
-        Name of the method that found it.
-    sliding : {"associated", "coulomb"}
-    v : ndarray, shape (b, 3)
-        Body velocities (displacements in the displacement form).
-    r : ndarray, shape (c, 2)
-        Contact forces ``(p, q)``, inside the cones.
-    iterations : int
-    residuals : Residuals
-        Natural-map residual, complementarity, relative duality gap.
-    seconds : float
-        Wall-clock time.
-    """
-
-    solver: str
-    sliding: Sliding
-    v: FloatArray
-    r: FloatArray
-    iterations: int
-    residuals: Residuals
-    seconds: float
-
-
-class Stopwatch:
-    """Wall-clock time since its creation, against a limit."""
-
-    def __init__(self, limit: float) -> None:
-        self._begin, self._limit = perf_counter(), limit
-
-    @property
-    def seconds(self) -> float:
-        """Seconds since the start."""
-        return perf_counter() - self._begin
-
-    @property
-    def left(self) -> float:
-        """Seconds until the limit, at least a millisecond: a solver that is asked does something."""
-        return max(self._limit - self.seconds, 1e-3)
-
-    @property
-    def over(self) -> bool:
-        """Whether the time limit has passed."""
-        return self.seconds > self._limit
-
-
-def not_converged(
-    solver: str, options: SolverOptions, iterations: int, best: Residuals, clock: Stopwatch, advice: str
-) -> NoReturn:
-    """Raise `SolverNotConvergedError` with all figures and what to change."""
-    why = f"the time limit of {options.time_limit:g} s" if clock.over else "its iteration limit or a stall"
-    raise SolverNotConvergedError(
-        f"{solver} stopped at {why} after {iterations} iterations and {clock.seconds:.3g} s: natural-map residual "
-        f"{best.natural_map:.3g}, relative duality gap {best.duality_gap:.3g}, complementarity {best.complementarity:.3g}; "
-        f"the tolerance is {options.tolerance:g}. {advice}",
-        iterations=iterations,
-        residuals=best,
-    )
+    return CdSettings(options, cast(ContactKind, given["cd.contacts"]), given["cd.save_failed"], given)

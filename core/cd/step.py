@@ -11,6 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.contact_kernels import (
     FED,
     MISSED,
@@ -31,14 +32,11 @@ from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place, contact
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.cd.problem_kernels import contact_velocities
-from ninedisk.core.cd.settings import SolverResult
+from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
 from ninedisk.core.scene import Scene
-
-FloatArray = NDArray[np.float64]
-
 
 TOUCHING = 1e-9
 """Overlap over radius up to which a rigid contact counts as touching: the rounding of a scene's coordinates."""

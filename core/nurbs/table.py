@@ -31,6 +31,18 @@ CORNER = 1e-6
 PLACES = 5
 """Points of a piece at which its curvature is looked at."""
 
+DIRECTIONS = 65
+"""Points of a span at which the normal's direction is tabulated, to begin the search for an extreme point near it."""
+
+RADII = 9
+"""Points of a piece at which the radius of curvature is taken; what it does between them is bounded by their spread."""
+
+KINK = 1e-9
+"""Sine of the turning between two spans from which an outline is not smooth: rounding of its control points."""
+
+DIAMOND_TURN = 4.0
+"""A full turn, as `diamond_angle` counts."""
+
 
 class Piece:
     """Part of a span and what bounds it.
@@ -196,7 +208,7 @@ def _extremes(polys: FloatArray, pieces: list[Piece]) -> tuple[FloatArray, float
     least = _smallest_radius(polys, pieces)
     if least == 0.0:
         return np.zeros(BINS + 1), 0.0
-    u = np.linspace(-0.5, 0.5, 65)
+    u = np.linspace(-0.5, 0.5, DIRECTIONS)
     _, first, _ = outline_points(polys, u)
     # The outward normal is the tangent turned clockwise; over the whole curve it turns once.
     angle = np.array([diamond_angle(y, -x) for x, y in first.reshape(-1, 2)])
@@ -204,9 +216,9 @@ def _extremes(polys: FloatArray, pieces: list[Piece]) -> tuple[FloatArray, float
     start = int(np.argmin(angle))
     place = np.concatenate([place[start:], place[:start] + len(polys)])
     angle = np.maximum.accumulate(np.concatenate([angle[start:], angle[:start]]))
-    turned = np.concatenate([angle[-1:] - 4.0, angle, angle[:1] + 4.0])
+    turned = np.concatenate([angle[-1:] - DIAMOND_TURN, angle, angle[:1] + DIAMOND_TURN])
     places = np.concatenate([place[-1:] - len(polys), place, place[:1] + len(polys)])
-    return np.interp(4.0 * np.arange(BINS + 1) / BINS, turned, places) + len(polys), least
+    return np.interp(DIAMOND_TURN * np.arange(BINS + 1) / BINS, turned, places) + len(polys), least
 
 
 def _smallest_radius(polys: FloatArray, pieces: list[Piece]) -> float:
@@ -218,11 +230,11 @@ def _smallest_radius(polys: FloatArray, pieces: list[Piece]) -> float:
     unit = slopes / speed
     following = np.roll(unit[:, 0], -1, axis=0)
     kink = unit[:, 1, 0] * following[:, 1] - unit[:, 1, 1] * following[:, 0]
-    if np.abs(kink).max() > 1e-9 or np.sum(unit[:, 1] * following, axis=1).min() < 0.0:
+    if np.abs(kink).max() > KINK or np.sum(unit[:, 1] * following, axis=1).min() < 0.0:
         return 0.0
     least = np.inf
     for piece in pieces:
-        u = np.linspace(piece.low, piece.high, 9)
+        u = np.linspace(piece.low, piece.high, RADII)
         _, first, second = outline_points(polys[piece.span : piece.span + 1], u)
         pace = np.linalg.norm(first[0], axis=1)
         if pace.min() == 0.0:

@@ -41,7 +41,6 @@ class PlaneSteps(NamedTuple):
 
 def plane_contact_theta(
     *,
-    mass: float,
     radius: float,
     inertia_ratio: float,
     gap: float,
@@ -74,8 +73,8 @@ def plane_contact_theta(
 
     Parameters
     ----------
-    mass, radius : float
-        Mass [kg] and radius [m], > 0; the motion does not depend on the mass.
+    radius : float
+        [m], > 0; the motion does not depend on the mass.
     inertia_ratio : float
         ``I/(m R^2)``, > 0; ``inf`` for a disk that cannot turn.
     gap : float
@@ -113,7 +112,7 @@ def plane_contact_theta(
     Source: theta scheme of Lim's thesis, appendix A, (A.1) with rotations; Moreau (1988) for the impact law at velocity level;
     de Saxce & Feng (1998) for Coulomb's rule. Solved here.
     """
-    positive(mass=mass, radius=radius, dt=dt)
+    positive(radius=radius, dt=dt)
     not_negative(gap=gap, g=g, mu=mu)
     count(n_steps=n_steps)
     theta_in_range(theta)

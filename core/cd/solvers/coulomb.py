@@ -13,19 +13,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, measure
-from ninedisk.core.cd.settings import SolverOptions, SolverResult, Stopwatch, not_converged
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers.coulomb_shift import ShiftedPath
 from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix, times
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError, check_feasible
 from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
+from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch, not_converged
 from ninedisk.core.cd.solvers.polish import Polish
 from ninedisk.core.errors import SolverNotConvergedError
-
-FloatArray = NDArray[np.float64]
 
 MAX_ITERATIONS = 5_000
 """Factorisations."""

@@ -14,12 +14,11 @@ some hundred contacts that slide) the motion leads to another branch, which a st
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix, times
 
-FloatArray = NDArray[np.float64]
 Direction = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 STIFF = 1e-2

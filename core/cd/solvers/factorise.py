@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.solvers import factorise_kernels as kernels
 from ninedisk.core.cd.solvers.factorise_kernels import (
@@ -30,7 +31,6 @@ from ninedisk.core.cd.solvers.factorise_kernels import (
     solve_fronts,
 )
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 

@@ -608,21 +608,21 @@ def _join(t: Longs, i: int, k: int) -> None:
 
 
 @inline_kernel
-def _clique(t: Longs, lists: Longs, me: int, free: int) -> int:
-    """Write the variables that ``me`` touches to ``lists[free:]``, their weights negative from now on; returns the end.
+def _clique(t: Longs, lists: Longs, pivot: int, free: int) -> int:
+    """Write the variables that ``pivot`` touches to ``lists[free:]``, their weights negative from now on; returns the end.
 
-    The elements that ``me`` belonged to are part of the new one and vanish (`FLAG` 0).
+    The elements that ``pivot`` belonged to are part of the new one and vanish (`FLAG` 0).
     """
-    t[WEIGHT, me] = -t[WEIGHT, me]
-    end, start = free, t[START, me]
-    elements = t[ELEMENTS, me]
+    t[WEIGHT, pivot] = -t[WEIGHT, pivot]
+    end, start = free, t[START, pivot]
+    elements = t[ELEMENTS, pivot]
     for q in range(elements + 1):
         if q < elements:
             e = lists[start + q]
             low, high = t[START, e], t[START, e] + t[LENGTH, e]
             t[FLAG, e] = 0
         else:
-            low, high = start + elements, start + t[LENGTH, me]
+            low, high = start + elements, start + t[LENGTH, pivot]
         for p in range(low, high):
             i = lists[p]
             if t[WEIGHT, i] > 0:
@@ -647,8 +647,8 @@ def _outside(t: Longs, lists: Longs, free: int, end: int, flag: int) -> None:
 
 
 @inline_kernel
-def _prune(t: Longs, lists: Longs, me: int, free: int, end: int, flag: int) -> int:
-    """New lists and degrees of the clique's variables; returns the weight of those that touch nothing else and go with ``me``."""
+def _prune(t: Longs, lists: Longs, pivot: int, free: int, end: int, flag: int) -> int:
+    """New lists and degrees of the clique's variables; returns the weight of those that touch nothing else and go with ``pivot``."""
     n = t.shape[1]
     gone = 0
     for p in range(free, end):
@@ -678,15 +678,15 @@ def _prune(t: Longs, lists: Longs, me: int, free: int, end: int, flag: int) -> i
         if degree == 0:
             gone -= t[WEIGHT, i]
             t[WEIGHT, i] = 0
-            _join(t, me, i)
+            _join(t, pivot, i)
             continue
         if first_variable < at:
             lists[at] = lists[first_variable]
         lists[first_variable] = lists[start]
-        lists[start] = me
+        lists[start] = pivot
         t[ELEMENTS, i], t[LENGTH, i] = elements, at + 1 - start
         t[DEGREE, i] = min(t[DEGREE, i], degree)
-        code = (code + me) % n
+        code = (code + pivot) % n
         t[HASH, i] = code
         t[CHAIN, i], t[BUCKET, code] = t[BUCKET, code], i
     return gone
@@ -770,22 +770,22 @@ def minimum_degree(ptr: Longs, neighbour: Longs, dense: int, t: Longs, lists: Lo
     while done < n:
         while t[HEAD, least] < 0:
             least += 1
-        me = t[HEAD, least]
-        _remove(t, me)
+        pivot = t[HEAD, least]
+        _remove(t, pivot)
         if free + n - done > lists.shape[0]:
             return False
-        weight = t[WEIGHT, me]
-        end = _clique(t, lists, me, free)
+        weight = t[WEIGHT, pivot]
+        end = _clique(t, lists, pivot, free)
         degree = 0
         for p in range(free, end):
             degree -= t[WEIGHT, lists[p]]
         _outside(t, lists, free, end, flag)
-        gone = _prune(t, lists, me, free, end, flag)
+        gone = _prune(t, lists, pivot, free, end, flag)
         degree -= gone
         done += weight + gone
         largest = max(largest, degree)
         flag = _join_equals(t, lists, free, end, flag + largest + 1)
-        t[WEIGHT, me], t[START, me], t[DEGREE, me] = 0, free, degree
+        t[WEIGHT, pivot], t[START, pivot], t[DEGREE, pivot] = 0, free, degree
         for p in range(free, end):
             i = lists[p]
             if t[WEIGHT, i] == 0:
@@ -797,9 +797,9 @@ def minimum_degree(ptr: Longs, neighbour: Longs, dense: int, t: Longs, lists: Lo
             least = min(least, bound)
             lists[free] = i
             free += 1
-        t[LENGTH, me] = free - t[START, me]
-        t[FLAG, me] = 1 if t[LENGTH, me] > 0 else 0
-        i = me
+        t[LENGTH, pivot] = free - t[START, pivot]
+        t[FLAG, pivot] = 1 if t[LENGTH, pivot] > 0 else 0
+        i = pivot
         while i >= 0:
             order[at] = i
             at += 1

@@ -6,10 +6,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.errors import InvalidSceneError
-
-FloatArray = NDArray[np.float64]
 
 RESISTANCE = 1e-9
 """Largest relative velocity ``rho W r / r`` that still counts as none: real contact graphs resist with 1e-6 and more."""

@@ -8,17 +8,18 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, Sliding, measure
-from ninedisk.core.cd.settings import SolverOptions, SolverResult, Stopwatch, not_converged
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers import gauss_seidel_kernels as kernels
 from ninedisk.core.cd.solvers.feasibility import PROOF_AFTER, check_feasible
 from ninedisk.core.cd.solvers.gauss_seidel_kernels import next_batch, sweep, sweep_stripes
+from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch, not_converged
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.thread_kernels import PAD
 from ninedisk.core.threads import together
 from ninedisk.core.validate import numbers
 
-FloatArray = NDArray[np.float64]
 MAX_SWEEPS = 1_000_000
 STRIPED_FROM = 1_000
 """Contacts from which they are swept in stripes, with any number of threads: below, a sweep takes less than threads need to meet."""

@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
 from ninedisk.core.cd.problem_kernels import contact_forces_on_bodies
-from ninedisk.core.cd.settings import SolverOptions, SolverResult, Stopwatch, not_converged
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers import interior_point_kernels as kernels
 from ninedisk.core.cd.solvers.factorise import BodyGraph, BodyMatrix
 from ninedisk.core.cd.solvers.feasibility import check_feasible
 from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
-
-FloatArray = NDArray[np.float64]
+from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch, not_converged
 
 MAX_ITERATIONS = 200
 STALL = 20

@@ -31,12 +31,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
-from ninedisk.core.cd.settings import Stopwatch
 from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix, times
 from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
+from ninedisk.core.cd.solvers.outcome import Stopwatch
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 OPEN, STICK, PLUS, MINUS = range(4)

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, Sliding, measure
-from ninedisk.core.cd.settings import SolverOptions, SolverResult, Stopwatch
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers.coulomb import CoulombInteriorPoint
 from ninedisk.core.cd.solvers.feasibility import PROOF_AFTER, InfeasibleContactsError, check_feasible
 from ninedisk.core.cd.solvers.gauss_seidel import MAX_SWEEPS, GaussSeidel, solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
+from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch
 from ninedisk.core.cd.solvers.polish import Polish
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
-
-FloatArray = NDArray[np.float64]
 
 SOLVERS = ("auto", "interior-point", "gauss-seidel")
 TRIAL_SWEEPS = 60

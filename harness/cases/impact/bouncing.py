@@ -405,7 +405,6 @@ def exact_curves(params: Mapping[str, Any], setup: Setup, observed: Observed) ->
     """
     disks, numerics = setup.scene.disks, setup.numerics
     steps = plane_contact_theta(
-        mass=float(disks.mass[0]),
         radius=float(disks.radius[0]),
         inertia_ratio=0.5,
         gap=params["height"],

@@ -367,7 +367,6 @@ def exact_steps(params: Mapping[str, Any], setup: Setup) -> PlaneSteps:
     """Exact steps of the theta scheme on this variant."""
     disks, numerics = setup.scene.disks, setup.numerics
     return plane_contact_theta(
-        mass=float(disks.mass[0]),
         radius=float(disks.radius[0]),
         inertia_ratio=inertia_ratio(params),
         gap=params["gap"],

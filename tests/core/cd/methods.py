@@ -9,9 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.settings import SolverOptions, SolverResult
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
+from ninedisk.core.cd.solvers.outcome import SolverResult
 
 Solve = Callable[..., SolverResult]
 

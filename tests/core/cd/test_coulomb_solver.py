@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from problems import FLOOR
 
 from ninedisk.core.cd.problem import ContactProblem, measure
-from ninedisk.core.cd.settings import SolverOptions, SolverResult
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers import coulomb as coulomb_interior_point
 from ninedisk.core.cd.solvers import coulomb_shift
 from ninedisk.core.cd.solvers import solver as solver_module
 from ninedisk.core.cd.solvers.coulomb import CoulombInteriorPoint
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.errors import SolverNotConvergedError
 

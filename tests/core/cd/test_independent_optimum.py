@@ -32,8 +32,9 @@ from methods import solve_interior_point
 from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem import ContactProblem, measure
-from ninedisk.core.cd.settings import SolverOptions, SolverResult
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
+from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.harness.bench.cd import program
 

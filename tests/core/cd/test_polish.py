@@ -15,10 +15,11 @@ from test_coulomb_solver import law_broken
 
 from ninedisk.core.cd.problem import ContactProblem, measure
 from ninedisk.core.cd.session import CdSession
-from ninedisk.core.cd.settings import SolverOptions, Stopwatch
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers import polish
 from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix
 from ninedisk.core.cd.solvers.gauss_seidel import GaussSeidel
+from ninedisk.core.cd.solvers.outcome import Stopwatch
 from ninedisk.core.cd.solvers.polish import MINUS, PLUS, STICK, Polish
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.numerics import Numerics

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from ninedisk.core.cd.problem import ContactProblem, measure
-from ninedisk.core.cd.settings import SolverOptions, SolverResult
+from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
+from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError

@@ -12,7 +12,7 @@ from ninedisk.references.exact_steps.plane_contact import plane_contact_theta
 from ninedisk.references.exact_steps.rolling import associated_rolling
 
 BASE = {
-    "mass": 3.0, "radius": 1.0, "inertia_ratio": 0.5, "gap": 0.0, "velocity": (1.0, 0.0), "spin": 0.0, "g": 10.0,
+    "radius": 1.0, "inertia_ratio": 0.5, "gap": 0.0, "velocity": (1.0, 0.0), "spin": 0.0, "g": 10.0,
     "mu": 0.3, "dt": 0.01, "theta": 1.0, "restitution": None, "dilates": True, "n_steps": 40,
 }  # fmt: skip
 
