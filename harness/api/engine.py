@@ -96,6 +96,9 @@ class EngineInfo:
     second_order_dashpots : bool
         Whether dashpots see the velocity of t_n to second order, as the exact steps of central differences have it; others
         extrapolate it in a way of their own, to first order.
+    sweeps : str
+        Of engines with ``"impulse"`` contacts: the option that counts the sweeps of Gauss-Seidel kind, from zero, over the contacts in a
+        step; ``""``: none. Cases allow for what so few leave of a load (`ninedisk.harness.cases.static.stack`), for no other engine.
     reference : bool
         Whether other engines of its scheme are held against this one's runs; it has to report all that a history has room for.
     differences : mapping from Difference to str
@@ -130,6 +133,7 @@ class EngineInfo:
     softness: float | None = None
     softness_why: str = ""
     second_order_dashpots: bool = False
+    sweeps: str = ""
     reference: bool = False
     differences: Mapping[Difference, str] = field(default_factory=dict)
     options: Mapping[str, Option] = field(default_factory=dict)

@@ -153,6 +153,13 @@ def facts(engine_id: str, info: EngineInfo) -> Finding:
     for name, option in info.options.items():
         if not isinstance(option, Option):
             faults.append((f"option {name!r} is {option!r}", "options are Option(...)"))
+    if info.sweeps and info.sweeps not in info.options:
+        faults.append(
+            (
+                f"sweeps names {info.sweeps!r}, which is no option",
+                "sweeps is the name of one of info().options, or empty",
+            )
+        )
     return finding("facts", faults, f"{info.name} {info.version}, {info.contact} contacts, {info.precision}")
 
 

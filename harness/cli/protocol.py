@@ -73,7 +73,8 @@ def request(
     from ninedisk.harness.wire.example import example_request
 
     chosen = parse_settings(options or [], flag="--option", example="mine.theta=1")
-    text, note = example_request(case, parse_settings(settings or []), command, chosen)
-    if note:
-        typer.echo(f"note: {note}", err=True)
-    typer.echo(text)
+    typer.echo(example_request(case, parse_settings(settings or []), command, chosen, _note))
+
+
+def _note(text: str) -> None:
+    typer.echo(f"note: {text}", err=True)

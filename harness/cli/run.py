@@ -212,7 +212,7 @@ def execute(
     from ninedisk.harness.run.gaps import GapFile, read_gaps, write_gaps
     from ninedisk.harness.run.judge import exit_code
     from ninedisk.harness.run.memory import read_size
-    from ninedisk.harness.run.plan import plan_matrix
+    from ninedisk.harness.run.plan import plan_matrix, run_command
     from ninedisk.harness.run.provenance import command_line, provenance
     from ninedisk.harness.run.published import check_folder
     from ninedisk.harness.run.workers import run_cells
@@ -271,6 +271,9 @@ def execute(
         show_summary(shown, rows, None, headlines)
         fail(str(error), FAILURE)
     show_summary(shown, rows, folder, headlines)
+    bad = [(WORST_FIRST.index(each.status), k) for k, each in enumerate(results) if each.status in BAD]
+    if code and bad:
+        typer.echo(f"the first of these again: {run_command(cells[min(bad)[1]])}")
     if new_gaps is not None:
         typer.echo(f"known gaps: {new_gaps}; write a cause into each reason")
     return code

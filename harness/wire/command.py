@@ -181,6 +181,7 @@ _TRAITS = (
     "softness",
     "softness_why",
     "second_order_dashpots",
+    "sweeps",
     "precision",
     "threads",
 )
@@ -226,6 +227,8 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
         raise WireError(
             f"the scheme {data['scheme']!r} needs the option {asked!r}: describe it, or name another scheme"
         )
+    if (sweeps := data.get("sweeps")) is not None and sweeps not in options:
+        raise WireError(f"the description's sweeps name the option {sweeps!r}: describe it, or leave sweeps out")
     names = {wire_name(capability): capability for capability in Capability}
     traits: dict[str, Any] = {"precision": "float64", "threads": 1}
     traits |= {trait: data[trait] for trait in _TRAITS if trait in data}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ninedisk.harness.api.engine import SupportLevel
@@ -19,9 +19,13 @@ ANSWER_FILE = "answer.json"
 
 
 def example_request(
-    case_id: str, params: Mapping[str, Any], command_line: str | None = None, options: Mapping[str, Any] | None = None
-) -> tuple[str, str]:
-    """Text of the request as the engine behind ``command_line`` gets it, its ``options`` in it; and why a run does not ask it, if so.
+    case_id: str,
+    params: Mapping[str, Any],
+    command_line: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> str:
+    """Text of the request as the engine behind ``command_line`` gets it, its ``options`` in it; ``tell`` hears if a run does not ask it.
 
     Without a command it is that of an engine with contact springs; others ignore ``contact_dt``.
 
@@ -31,7 +35,6 @@ def example_request(
         Unknown case, parameter or option, a value out of range, an impossible scene, no such program, or one that does not say
         what engine it is.
     """
-    note = ""
     if command_line is not None:
         engine = CommandEngine(command_line)
         setup = plan_case(case_id, engine, params, options).setup
@@ -39,7 +42,7 @@ def example_request(
             raise setup
         support = engine.supports(setup.scene, setup.numerics)
         if support.level is SupportLevel.NO:
-            note = f"a run does not ask {engine.id} for this: {why_not(engine.info(), support)}"
+            tell(f"a run does not ask {engine.id} for this: {why_not(engine.info(), support)}")
         scene, numerics = engine.asked(setup.scene, setup.numerics)
     else:
         if options:
@@ -47,4 +50,4 @@ def example_request(
         case = get_case(case_id)
         setup = case.build(resolve(case, params).params)
         scene, numerics = setup.scene, setup.numerics.replace(contact_dt=contact_steps(setup.scene, setup.numerics)[1])
-    return encode_request(Request(scene=scene, numerics=numerics, watch=setup.watch, answer_file=ANSWER_FILE)), note
+    return encode_request(Request(scene=scene, numerics=numerics, watch=setup.watch, answer_file=ANSWER_FILE))

@@ -269,8 +269,8 @@ def stack_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, en
         return StackBounds(force, force, length, _sunk(params, setup), True, None, why)
     # While a soft contact still gives way it hands its part on to the others; at rest it bears what statics asks for.
     step = force + softness(engine) * network.softened
-    if engine.contact == "impulse" and "iterations" in engine.options:
-        sweeps = int(engine.option("iterations", setup.numerics))
+    if engine.contact == "impulse" and engine.sweeps:
+        sweeps = int(engine.option(engine.sweeps, setup.numerics))
         step += weight * network.sweep**sweeps
         why += f"; {sweeps} sweeps from zero in the first step leave {network.sweep**sweeps:.1g} of the weight"
     return StackBounds(force, step, length, 0.0, False, 1, why)

@@ -55,6 +55,7 @@ FACTS = package_facts(
     name="Bullet",
     scheme="semi-implicit-euler",
     contact="impulse",
+    sweeps="iterations",
     options=OPTIONS,
     licence="zlib",
     capabilities=CAPABILITIES,

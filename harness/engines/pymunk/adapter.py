@@ -74,6 +74,7 @@ class PymunkEngine:
             version=version,
             scheme="position-first-euler",
             contact="impulse",
+            sweeps="iterations",
             options=OPTIONS,
             out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), RIGID_BODIES),
             licence="MIT",

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from ninedisk.core.options import Option
 from ninedisk.harness.api.params import resolve
-from ninedisk.harness.cases.static.stack import CASE, TILT, contact_network
+from ninedisk.harness.cases.static.stack import CASE, TILT, contact_network, stack_bounds
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.kratos.adapter import ENGINE as KRATOS
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 from ninedisk.harness.engines.siconos.adapter import ENGINE as SICONOS
+from ninedisk.harness.run.judge import blank_history
 from ninedisk.references.analytic.stack import pyramid_forces
 
 PYRAMID, AT_REST = {"arrangement": "pyramid"}, {"start": "equilibrium"}
@@ -43,6 +47,20 @@ def test_sweeps_and_softness_of_a_column():
     network = contact_network(CASE.build(resolve(CASE, {}).params), 10.0)
     assert network.sweep == pytest.approx(math.cos(math.pi / 8) ** 2)  # of the chain of four that the floor holds
     assert network.softened == pytest.approx(440.0)  # 4*4 + 2 (3*3 + 2*2 + 1*1) weights of 10 N
+
+
+def test_few_sweeps_are_allowed_for_where_the_engine_tells_their_option() -> None:
+    """Whatever that option is called; an engine that does not tell is held to the whole load in each step."""
+    params = resolve(CASE, {}).params
+    setup = CASE.build(params)
+    observed = CASE.observe(params, setup, blank_history(setup))
+
+    def allowed(**facts: Any) -> float:
+        engine = replace(PYMUNK.info(), options={"passes": Option(default=20, why="", whole=True)}, **facts)
+        return stack_bounds(params, setup, observed, engine).step_force
+
+    left = contact_network(setup, params["g"]).sweep ** 20 * float(setup.scene.disks.mass.sum()) * params["g"]
+    assert allowed(sweeps="passes") - allowed(sweeps="") == pytest.approx(left)
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,11 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from ninedisk.harness import run_case
 from ninedisk.harness.api.registry import BUILTIN_CASES
+from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.support import parse_settings
 from ninedisk.harness.run.plan import Cell, plan_case, plan_matrix, request_command, run_command
 from ninedisk.harness.wire.command import CommandEngine, engines_given
@@ -82,6 +84,28 @@ def test_an_engine_behind_a_command_is_run_again_by_it(engine_of, tmp_path: Path
     assert done.returncode == 1, done.stdout + done.stderr
     rows = json.loads((tmp_path / "rows.json").read_text())
     assert {(row["case"], row["variant"], row["engine"]) for row in rows} == {(cell.case.id, cell.variant.id, "bad")}
+
+
+@pytest.mark.usefixtures("engine_of")
+def test_what_a_run_says_to_do_again_gives_the_same(tmp_path: Path) -> None:
+    """The worst cell, through a shell: with the engine's command, its option, and what was set."""
+    engine = shlex.join([sys.executable, "an engine.py", "good"])
+    given = ["--engine-cmd", engine, "--set", "kind=elastic", "--option", "bad.effort=5", "--engine", "pymunk"]
+    first = shell(shlex.join(["ninedisk", "run", "binary-collision", *given, "--json", "first.json"]), tmp_path)
+    line = next(line for line in first.stdout.splitlines() if line.startswith("the first of these again: "))
+    again = shell(f"{line.partition(': ')[2]} --json again.json", tmp_path)
+    assert (first.returncode, again.returncode) == (1, 1), again.stdout + again.stderr
+    rows, more = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("again", "first"))
+    assert rows
+    assert all(row in more for row in rows)
+
+
+def test_the_example_of_an_engine_behind_a_command_runs_it(engine_of) -> None:
+    done = CliRunner().invoke(app, ["list", "engines", "--engine-cmd", engine_of("good").command_line])
+    line = next(line for line in done.output.splitlines() if line.startswith("example: "))
+    words = shlex.split(line.removeprefix("example: "))
+    cells = planned(shlex.join([*words[:2], "binary-collision", *words[2:]]))
+    assert {(cell.engine_id, cell.setup.numerics.options["bad.effort"]) for cell in cells} == {("bad", 3)}
 
 
 def test_how_to_see_a_failure_by_hand_shows_that_failure(engine_of, tmp_path: Path) -> None:

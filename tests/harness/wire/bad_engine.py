@@ -125,6 +125,8 @@ def describe(mode: str) -> None:
         about["options"] = {"effort": {"default": 0, "low": 1, "why": "none"}}
     if mode == "about-scheme":
         about["scheme"] = "moreau-jean"
+    if mode == "about-sweeps":
+        about["sweeps"] = "efort"
     if mode == "about-taken":
         about["id"] = "dem"
     text = json.dumps(about)

@@ -103,6 +103,7 @@ def test_bad_engines_end_as_errors_that_say_what_to_mend(mode: str, reason: str)
         ("about-id", "breaks its schema at id: 'no id.at all' does not match"),
         ("about-option", "default does not fit: bad.effort = 0 is not allowed: it must be a number >= 1"),
         ("about-scheme", "the scheme 'moreau-jean' needs the option 'theta'"),
+        ("about-sweeps", "sweeps name the option 'efort': describe it"),
         ("about-exit", "ended with status 1 .*no licence found"),
         ("about-banner", "stands before the JSON object"),
     ],

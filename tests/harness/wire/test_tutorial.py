@@ -78,7 +78,7 @@ def test_it_can_be_followed(tmp_path: Path, commands: Path) -> None:
     follow(TUTORIAL.read_text(encoding="utf-8"), folder, commands)
     assert (folder / "report" / "index.html").exists()
     assert sorted(path.name for path in folder.iterdir() if path.suffix in (".py", ".json")) == [
-        *("answer.json", "my_engine.py", "request.json", "rude.py", "spring_dem.py", "test_engine.py")
+        *("answer.json", "my_engine.py", "request.json", "rude.py", "spring_dem.py", "test_engine.py", "vague.py")
     ]
 
 
