@@ -39,7 +39,7 @@ from ninedisk.reports.figures import (
     looks_of,
     values_against_step,
 )
-from ninedisk.reports.findings import findings_page
+from ninedisk.reports.findings import findings_page, of_engines
 from ninedisk.reports.folder import fresh_folder
 from ninedisk.reports.load import Stored, load_store
 from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
@@ -129,12 +129,12 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     for done, engine in enumerate(engines, start=len(cases)):
         progress("writing pages", done, total)
         speed = engine_speed(panel, engine.id)
-        page = pages.engine_page(env, panel, engine, on_page(speed) if speed else None)
+        page = pages.engine_page(env, panel, engine, on_page(speed) if speed else None, of_engines(stored))
         (folder / "engine" / f"{engine.slug}.html").write_text(page, encoding="utf-8")
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
     if stored.findings:
         (folder / "findings.html").write_text(findings_page(env, panel), encoding="utf-8")
-    (folder / "index.html").write_text(pages.index_page(env, panel), encoding="utf-8")
+    (folder / "index.html").write_text(pages.index_page(env, panel, of_engines(stored)), encoding="utf-8")
     progress("writing pages", total, total)
 
 
