@@ -62,4 +62,19 @@ FINDINGS = (
         ),
         command="ninedisk run impact/bouncing-disk --engine dart --set restitution=0",
     ),
+    Finding(
+        id="dart/creeps-at-rest",
+        engine="dart",
+        versions="6.20.0",
+        what="Friction is regularised (constraint force mixing): a block that should stick creeps down the incline at a steady rate.",
+        size=Size(
+            table="headlines",
+            case="incline-block",
+            variant="mu=0.4,dt=0.01",
+            quantity="way down the incline",
+            over=1e-9,
+            over_why="a stuck block rests; engines with rigid contacts or shear springs leave it where it is, to round-off",
+        ),
+        command="ninedisk run incline-block --engine dart --set mu=0.4 --set dt=0.01",
+    ),
 )

@@ -44,4 +44,21 @@ FINDINGS = (
         documented="https://mujoco.readthedocs.io/en/stable/computation/index.html",
         command="ninedisk run chain/newton-cradle --engine mujoco",
     ),
+    Finding(
+        id="mujoco/creeps-at-rest",
+        engine="mujoco",
+        versions="4.0.0",
+        what="Friction is a force that slip makes: a block that should stick creeps down the incline, the less the larger impratio is.",
+        size=Size(
+            table="headlines",
+            case="incline-block",
+            variant="mu=0.4,dt=0.01",
+            quantity="way down the incline",
+            over=1e-9,
+            over_why="a stuck block rests; engines with rigid contacts or shear springs leave it where it is, to round-off",
+        ),
+        documented="https://mujoco.readthedocs.io/en/stable/computation/index.html",
+        thread="https://github.com/google-deepmind/mujoco/issues/3328",
+        command="ninedisk run incline-block --engine mujoco --set mu=0.4 --set dt=0.01",
+    ),
 )
