@@ -13,6 +13,7 @@ from dataclasses import replace
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
 from ninedisk.harness.api.support import NOTE_SOFT, rigid_support, without_spring_preload
 from ninedisk.harness.engines.cd.adapter import CAPABILITIES, ENGINE
@@ -27,6 +28,17 @@ RUNS = dict.fromkeys(DECLARED, ENGINE.id)
 def as_rigid(scene: Scene, numerics: Numerics) -> tuple[Scene, Numerics]:
     """What contact dynamics is asked so that it does what an impulse-based engine does."""
     return without_spring_preload(scene), numerics.replace(impact="newton", theta=1.0, sliding="coulomb", solver="auto")
+
+
+OF_SPRINGS = frozenset(
+    {
+        Capability.LINEAR_CONTACT,
+        Capability.SHEAR_SPRING,
+        Capability.GLOBAL_DAMPING_CENTRAL,
+        Capability.QUASI_STATIC,
+    }
+)
+"""What contact dynamics can do beside, and an impulse-based engine cannot."""
 
 
 class Declared:
@@ -45,12 +57,13 @@ class Declared:
             scheme="semi-implicit-euler" if self.contact == "impulse" else "semi-implicit Euler, regularised",
             contact=self.contact,
             options={},
+            capabilities=CAPABILITIES - OF_SPRINGS,
         )
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """As an engine behind a command of this kind."""
         near = (NOTE_SOFT,) if self.contact == "soft" else ()
-        return rigid_support(scene, numerics, CAPABILITIES, approximations=near)
+        return rigid_support(scene, numerics, CAPABILITIES - OF_SPRINGS, approximations=near)
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run contact dynamics."""

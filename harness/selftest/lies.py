@@ -123,8 +123,8 @@ SCENES: tuple[tuple[str, str, str, Before], ...] = (
 """Name, what is wrong, witness, and what the engine sees in place of scene and numerics."""
 
 REPORTS: tuple[tuple[str, str, str, After], ...] = (
-    ("velocities-late", "velocities are those of the step before", "slide", changed(late, "v", "omega")),
-    ("places-late", "places are those of the step before", "hit", changed(late, "x")),
+    ("velocities-late", "velocities are those of the step before", "roll", changed(late, "v", "omega")),
+    ("places-late", "places are those of the step before", "held", changed(late, "x")),
     ("forces-twice", "forces are reported twice as large", "stick", changed(lambda array: 2.0 * array, "fn", "fs")),
     ("impulses", "impulses of a step are reported as forces", "stick", _impulses),
     ("shear-sign", "shear forces have the wrong sign", "slide", changed(minus, "fs")),

@@ -24,6 +24,7 @@ from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.engines.dem.adapter import DemEngine
+from ninedisk.harness.selftest.declared import DECLARED, Declared
 
 Change = Callable[[Any], Any]
 
@@ -399,3 +400,18 @@ def test_exit_codes(arguments: tuple[str, ...], code: int, said: str) -> None:
     done = ninedisk("check-engine", *arguments)
     assert done.exit_code == code, done.output
     assert said in done.output
+
+
+class Heavy(Declared):
+    """Gravity is a tenth too strong."""
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        gx, gy = scene.gravity
+        return super().run(scene.replace(gravity=(1.1 * gx, 1.1 * gy)), numerics, watch)
+
+
+@pytest.mark.parametrize("contact", DECLARED)
+def test_what_contacts_are_declared_as_does_not_hide_gravity(contact: str) -> None:
+    checks = ("supports: GRAVITY", "units: weights and pairs", "supports: FIXED_DISKS", "supports: FRICTION")
+    assert {found.status for found in check_engine(Declared(contact), only=checks)} == {PASS}
+    assert {found.status for found in check_engine(Heavy(contact), only=checks)} == {FAIL}

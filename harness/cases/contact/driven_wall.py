@@ -110,18 +110,23 @@ class DrivenWall:
         way = history.x[:, 0] - setup.scene.disks.x[0]
         series = {
             "x": ("m", way[:, 0]),
-            "y": ("m", way[:, 1]),
             "vx": ("m/s", history.v[:, 0, 0]),
-            "vy": ("m/s", history.v[:, 0, 1]),
-            "spin": ("rad/s", history.omega[:, 0]),
-            "fn": ("N", history.fn[:, 0]),
-            "fs": ("N", history.fs[:, 0]),
-            "wall_x": ("m", history.wall_point[:, 0, 0]),
             "wall_place": ("m", (history.wall_point[:, 0] * normal).sum(axis=1)),
             "wall_angle": ("rad", history.wall_angle[:, 0]),
         }
         scalars = {}
-        if params["motion"] == "turn":
+        if params["motion"] == "shake":
+            series |= {
+                "fn": ("N", history.fn[:, 0]),
+                "fs": ("N", history.fs[:, 0]),
+                "wall_x": ("m", history.wall_point[:, 0, 0]),
+            }
+        else:
+            series |= {
+                "y": ("m", way[:, 1]),
+                "vy": ("m/s", history.v[:, 0, 1]),
+                "spin": ("rad/s", history.omega[:, 0]),
+            }
             struck = np.flatnonzero(history.v[:, 0, 1] > 0.5 * _struck().velocity[1])
             scalars = {
                 "vx_final": ("m/s", float(history.v[-1, 0, 0])),

@@ -27,6 +27,7 @@ from ninedisk.harness.cases.common import (
     round_off_speed,
     single,
     single_precision,
+    slack_time,
     soft_reason,
     softness,
     summed_round_off,
@@ -252,7 +253,9 @@ def binding_truth(params: Mapping[str, Any], setup: Setup, observed: Observed, e
         why = "an impact falls anywhere in a step, and its speed and place with it: first order in dt, bounce by bounce"
         why += soft_reason(engine) + single_precision(engine)
         rest = -mass * params["g"] / law.kn if Difference.KEEPS_KN in engine.differences else 0.0
-        settled = _landed(params, setup) + 1e-12 + softness(engine) * params["height"]
+        # A soft contact lets a part of the landing speed through, a part of that in the next step, and so on; then of gravity's.
+        slack, fall = slack_time(engine, setup.numerics.dt), math.sqrt(2.0 * params["g"] * params["height"])
+        settled = _landed(params, setup) + 1e-12 + slack * (fall + params["g"] * float(observed.t[-1]))
     return _collect(params, setup, observed, flights, errors, _Words(source, why), (rest, settled), spring=spring)
 
 

@@ -14,6 +14,7 @@ from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 from ninedisk.harness.engines.siconos.adapter import ENGINE as SICONOS
+from ninedisk.harness.selftest.declared import Declared
 
 
 @pytest.mark.parametrize("seed", [2, 3])
@@ -50,6 +51,14 @@ def test_newton_s_law_in_contact_dynamics_keeps_the_energy_where_contacts_join_a
     )  # a wall throws a disk into another within step 212
     assert cell.failures == []
     assert {check.quantity for check in cell.checks} >= {"kinetic", "kinetic_final"}
+
+
+def test_soft_contacts_may_lose_energy_and_gain_none(run_cell):
+    params = {"rows": 4, "spacing": 3.5, "duration": 1.0}
+    assert run_cell(CASE, Declared("soft"), params).failures == []
+    lost = run_cell(CASE, Declared("soft"), params, lambda h: h.v[99:].__imul__(1.0 - 1e-4)).seen
+    assert not {"kinetic", "energy_gain"} & lost
+    assert "energy_gain" in run_cell(CASE, Declared("soft"), params, lambda h: h.v.__imul__(1.0 + 1e-9)).seen
 
 
 @pytest.mark.skipif(not SICONOS.info().installed, reason="siconos is not installed")

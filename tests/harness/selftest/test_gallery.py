@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from ninedisk.harness.api.case import Setup
+from ninedisk.harness.api.engine import Timings
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.selftest.defect import KINDS, Defect, Edit, StaleEditError, by_module, check_edits, edited
@@ -72,6 +73,11 @@ def test_what_the_engine_is_told_differs(defect: Defect) -> None:
 @pytest.mark.parametrize("defect", of_kind("history"), ids=lambda defect: defect.id)
 def test_what_the_engine_reports_differs(defect: Defect) -> None:
     history = replace(blank_history(setup_of(defect)), energy={"kinetic": np.ones(1)})
+    if defect.timed is not None:
+        took = Timings(setup=1.0, warm_up=1.0, advance=1.0)
+        assert defect.after is None
+        assert defect.timed(took) != took
+        return
     random = np.random.default_rng(1)
     names = (*STATE, *WALLS)
     for name in names:
