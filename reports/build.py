@@ -46,6 +46,7 @@ from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, di
 from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case
 from ninedisk.reports.studies import write_comparison
 from ninedisk.reports.text import decoded
+from ninedisk.reports.uses import uses
 
 Progress = Callable[[str, int, int], None]
 Picture = HistoryPanel | SceneView | Configuration
@@ -144,6 +145,7 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     if stored.changes:
         write_comparison(stored.changes, folder / "changes.html")
     (folder / "index.html").write_text(pages.index_page(env, panel), encoding="utf-8")
+    (folder / "index.html").write_text(pages.index_page(env, panel, uses=uses(stored, panel.engines)), encoding="utf-8")
     progress("writing pages", total, total)
 
 
