@@ -144,7 +144,6 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
         (folder / "findings.html").write_text(findings_page(env, panel), encoding="utf-8")
     if stored.changes:
         write_comparison(stored.changes, folder / "changes.html")
-    (folder / "index.html").write_text(pages.index_page(env, panel), encoding="utf-8")
     (folder / "index.html").write_text(pages.index_page(env, panel, uses=uses(stored, panel.engines)), encoding="utf-8")
     progress("writing pages", total, total)
 

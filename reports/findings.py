@@ -2,8 +2,7 @@
 
 Findings come evaluated (`ninedisk.harness.results.findings.evaluate`), as ``Stored.findings``, and are plain data
 (`ninedisk.harness.results.schema.EvaluatedFinding`). What other pages show of them is `of_engines`: those that the store measured,
-largest first, each with the engine, ``what``, ``size`` (`ninedisk.harness.results.schema.percent` writes it), the row that it was read
-from and the verdict.
+largest first, each with the engine, ``what``, ``size``, the row that it was read from and the verdict.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from collections import Counter
 
 from jinja2 import Environment
 
-from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding, percent
+from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding
 from ninedisk.reports.load import Stored
 from ninedisk.reports.model import Panel
 
@@ -46,6 +45,5 @@ def findings_page(env: Environment, panel: Panel) -> str:
         counts=[(verdict, counts[verdict]) for verdict in FINDING_VERDICTS if counts[verdict]],
         engines=panel.engines,
         cases=panel.cases,
-        share=percent,
         colours=COLOURS,
     )

@@ -17,6 +17,9 @@ from typing import Literal
 
 from ninedisk.harness.api.registry import BUILTIN, case_table, engine_table
 
+COMMANDS = "ninedisk.harness.wire.findings"
+"""Module of the findings of engines that are known by their commands alone."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Size:
@@ -127,7 +130,7 @@ def _collected() -> tuple[tuple[Finding, ...], tuple[str, ...]]:
 
 def _modules() -> dict[str, str]:
     """Modules of findings that exist, beside those of registered engines and cases, and the distributions that they are from."""
-    found: dict[str, str] = {}
+    found = {COMMANDS: BUILTIN}
     for entry in (*engine_table().values(), *case_table().values()):
         package = entry.where.partition(":")[0].rpartition(".")[0]
         module = f"{package}.findings"

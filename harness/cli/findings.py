@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
+from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,11 +14,13 @@ import typer
 
 from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.cli.support import CellProgress, Store, console, guarded, table, write_rows
-from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding, percent
+from ninedisk.harness.cli.run import share
+from ninedisk.harness.cli.support import CellProgress, Commands, Store, console, guarded, table, write_rows
+from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding
 
 if TYPE_CHECKING:
-    from ninedisk.harness.api.finding import Finding
+    from ninedisk.harness.api.finding import Finding, Size
+    from ninedisk.harness.wire.command import CommandEngine
 
 
 def register(app: typer.Typer) -> None:
@@ -37,6 +40,7 @@ def findings(
         list[str] | None,
         typer.Option("--engine", "-e", metavar="ID", help="Only findings of this engine; repeat for several."),
     ] = None,
+    engine_cmd: Commands = None,
     store: Store = Path("results"),
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write them with all their numbers as JSON.")
@@ -46,8 +50,9 @@ def findings(
 
     A finding is something that an engine does otherwise than the physics or its own documentation says, or an erratum of the source. It
     holds no measured number: its size is read anew from the newest result of each cell, relative to a scale that the case states, and the
-    table has the largest first. Nothing is run; what the store does not hold is `not-measured`, and the command that would measure it
-    is part of the finding.
+    table has the largest first. Nothing is run, but of an engine given by --engine-cmd: of all that is known of others, does it
+    show the same? Its cells of those cases are run and stored, and are held against what a right engine shows. What the store does not
+    hold is `not-measured`, and the command that would measure it is part of the finding.
 
     \b
     Verdicts:
@@ -62,17 +67,21 @@ def findings(
       ninedisk findings --engine kratos --store nightly
       ninedisk findings siconos/elastic-gas-gains-energy
       ninedisk findings --json findings.json
+      ninedisk findings --engine-cmd 'node my-engine.mjs'
 
     \b
     Exit codes:
       0  each finding that the store can tell of is there, as it is known
       1  one is gone or larger: what is known of an engine has changed, look at it
+         (of an engine given by --engine-cmd this is about differences that it declares; what it shows besides is told, not judged)
       2  wrong usage, a store that cannot be read, or one that cannot tell of any of these findings
     """
-    raise typer.Exit(execute(globs or [], engine or [], store, json_file))
+    raise typer.Exit(execute(globs or [], engine or [], engine_cmd or [], store, json_file))
 
 
-def execute(globs: Sequence[str], engines: Sequence[str], store: Path, json_file: Path | None) -> int:
+def execute(
+    globs: Sequence[str], engines: Sequence[str], commands: Sequence[str], store: Path, json_file: Path | None
+) -> int:
     """Evaluate, print, write; the exit code of the command.
 
     Raises
@@ -89,6 +98,10 @@ def execute(globs: Sequence[str], engines: Sequence[str], store: Path, json_file
     known = known_findings()
     for problem in finding_problems():
         typer.echo(f"warning: {problem}", err=True)
+    if commands:
+        if globs or engines:
+            raise UsageError("--engine-cmd holds its engine against all findings: leave ids and --engine out")
+        return _alike(commands, known, store, json_file)
     with CellProgress() as progress:
         found = evaluate(store, known, progress)
     chosen = _chosen(found, known, globs, engines)
@@ -102,6 +115,65 @@ def execute(globs: Sequence[str], engines: Sequence[str], store: Path, json_file
             f"the store {str(store)!r} can tell of none of these findings ({chosen[0].reason}); `{chosen[0].command} --store {store}` would"
         )
     return exit_code(chosen)
+
+
+def _alike(commands: Sequence[str], known: Sequence[Finding], store: Path, json_file: Path | None) -> int:
+    """Run engines where findings of others are seen, and tell which of these they show, too."""
+    from ninedisk.harness.results.findings import evaluate, exit_code
+    from ninedisk.harness.wire.command import CommandEngine
+
+    asked = {
+        each.size: each
+        for each in reversed(known)
+        if not (each.id.startswith("source/") or each.size.fails or each.size.column == "broken")
+    }
+    engines = [CommandEngine(line) for line in dict.fromkeys(commands)]
+    _run([each.size for each in asked.values()], engines, store)
+    found, out = [], console()
+    for engine in engines:
+        of_engine = evaluate(store, [*reversed(asked.values())], engine=engine.id)
+        found += of_engine
+        ids = {each.id for each in asked.values()}
+        shown = table("size", "shows it", "finding", "what happens", right=("size",))
+        for each in of_engine:
+            if each.verdict != "not-measured":
+                word = each.verdict if each.id not in ids else "no" if each.verdict == "gone" else "yes"
+                shown.add_row(share(each.size), word, *(printable(part) for part in (each.id, each.what)))
+        out.print(f"{engine.id}: what is known of other engines, and what it declares itself")
+        out.print(shown)
+        reasons = Counter(each.reason for each in of_engine if each.verdict == "not-measured")
+        for reason, count in reasons.most_common():
+            out.print(printable(f"{count} not measured: {reason}"), soft_wrap=True)
+    if json_file is not None:
+        write_rows(json_file, [asdict(each) for each in found])
+    return exit_code(each for each in found if each.id not in {other.id for other in asked.values()})
+
+
+def _run(sizes: Sequence[Size], engines: Sequence[CommandEngine], store: Path) -> None:
+    """Run and store the cells that sizes are read from."""
+    from ninedisk.harness.results.claims import judge_claims
+    from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
+    from ninedisk.harness.run.plan import plan_matrix
+    from ninedisk.harness.run.provenance import command_line, provenance
+    from ninedisk.harness.run.workers import run_cells
+
+    prepare_store(store)
+    planned = plan_matrix(sorted({size.case for size in sizes}), engines, {})
+    cells = [
+        cell
+        for cell in planned
+        if any(cell.case.id == size.case and fnmatchcase(cell.variant.id, size.variant) for size in sizes)
+    ]
+    started = datetime.now(UTC)
+    with CellProgress() as progress:
+        results = run_cells(cells, progress)
+    facts = {
+        "started": started.isoformat(timespec="seconds"),
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "provenance": provenance(result.cell for result in results) | {"jobs": 1},
+        "argv": command_line(),
+    }
+    write_run(store, new_run_id(), results, judge_claims(results), facts)
 
 
 def _chosen(
@@ -127,10 +199,14 @@ def _chosen(
 
 def _table(found: Sequence[EvaluatedFinding]) -> None:
     shown = table("size", "verdict", "finding", "what happens", right=("size",))
-    for each in found:
+    for each in (each for each in found if each.verdict != "not-measured"):
         text = each.what if each.verdict == "there" and not each.reason else f"{each.what} [{each.reason}]"
-        shown.add_row(percent(each.size), each.verdict, *(printable(part) for part in (each.id, text)))
-    console().print(shown)
+        shown.add_row(share(each.size), each.verdict, *(printable(part) for part in (each.id, text)))
+    out = console()
+    if shown.rows:
+        out.print(shown)
+    if left := [each.id for each in found if each.verdict == "not-measured"]:
+        out.print(printable(f"not measured: {', '.join(left)}; `ninedisk findings ID` says why"), soft_wrap=True)
 
 
 def _details(found: Sequence[EvaluatedFinding]) -> None:
@@ -144,10 +220,10 @@ def _details(found: Sequence[EvaluatedFinding]) -> None:
         lines = {
             "what": each.what,
             "verdict": each.verdict + (f": {each.reason}" if each.reason else ""),
-            "size": f"{percent(each.size)} ({each.case}[{each.variant}] on {each.engine}: {numbers})",
-            "before": f"{percent(each.before)} in {each.before_run}" if each.before_run else "",
-            "other engines": f"{percent(each.least)} at least ({each.least_engine})" if each.least_engine else "",
-            "there above": f"{percent(each.over)}: {each.over_why}",
+            "size": f"{share(each.size)} ({each.case}[{each.variant}] on {each.engine}: {numbers})",
+            "before": f"{share(each.before)} in {each.before_run}" if each.before_run else "",
+            "other engines": f"{share(each.least)} at least ({each.least_engine})" if each.least_engine else "",
+            "there above": f"{share(each.over)}: {each.over_why}",
             "version": f"{each.engine_version or 'not in the store'}; seen in {each.versions}",
             "documented": each.documented or "no",
             "thread": each.thread or "none known",

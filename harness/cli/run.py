@@ -329,17 +329,17 @@ def _headlines(rows: Sequence[Row], most: int) -> list[str]:
     pairs = sorted(worst.values(), key=lambda row: -row["rel_error"])
     lines = [f"farthest from the physics, of {len(pairs)} pairs of a case and an engine, whatever the scheme:"]
     lines += [
-        f"{_share(row['rel_error']):>9} {row['case']} {row['engine']}: {row['headline']} [{row['variant']}], of the {row['scale_is']}"
+        f"{share(row['rel_error']):>9} {row['case']} {row['engine']}: {row['headline']} [{row['variant']}], of the {row['scale_is']}"
         for row in pairs[:most]
     ]
     if rest := [row["rel_error"] for row in pairs[most:]]:
-        lines.append(f"... and {len(rest)} more, half of them at most {_share(rest[len(rest) // 2])}")
+        lines.append(f"... and {len(rest)} more, half of them at most {share(rest[len(rest) // 2])}")
     return lines
 
 
-def _share(error: float) -> str:
-    """A relative error, three digits: in percent as long as that is readable."""
-    return f"{100.0 * error:.3g} %" if 1e-5 <= error < 9.995 else f"{error:.2g}"
+def share(error: float) -> str:
+    """A relative error, three digits: in percent as long as that is readable; ``-`` for no number."""
+    return "-" if math.isnan(error) else f"{100.0 * error:.3g} %" if 1e-5 <= error < 9.995 else f"{error:.2g}"
 
 
 def _print_table(out: Console, judged: Sequence[Row], room: int) -> int:

@@ -79,7 +79,7 @@ def evaluate(
     progress : callable, optional
         Called with the number of runs that are read, how many there are, and what is done.
     engine : str, optional
-        Id of an engine that is looked at in place of each finding's own: does it show the same?
+        Id of an engine that is looked at in place of each finding's own: does it show the same? Of declared differences its own.
 
     Raises
     ------
@@ -88,8 +88,8 @@ def evaluate(
     """
     cells = _cells(store, findings, progress)
     found = [_evaluated(each, engine or each.engine, cells) for each in findings]
-    if engine is None:
-        found += _declared({each.id for each in findings}, cells)
+    declared = _declared({each.id for each in findings}, cells)
+    found += [each for each in declared if engine in (None, each.engine)]
     return sorted(
         found, key=lambda each: (math.isnan(each.size), -each.size if each.size == each.size else 0.0, each.id)
     )

@@ -375,11 +375,6 @@ FINDING_VERDICTS = ("larger", "gone", "there", "not-measured")
 """What a store says of a finding, what wants attention first."""
 
 
-def percent(size: float) -> str:
-    """A relative size in per cent, two significant digits; ``-`` for no number."""
-    return "-" if math.isnan(size) else f"{100.0 * size:.2g} %" if abs(size) < 0.995 else f"{100.0 * size:.0f} %"
-
-
 @dataclass(frozen=True, kw_only=True)
 class EvaluatedFinding:
     """A finding (`ninedisk.harness.api.finding`), and what a store says of it.

@@ -1,0 +1,84 @@
+"""What engines that are known by their commands do otherwise (``docs/examples``); see `ninedisk.harness.api.finding`.
+
+No registered engine stands behind these ids: they are measured where a store has cells that ``--engine-cmd`` ran.
+"""
+
+from ninedisk.harness.api.finding import Finding, Size
+
+FINDINGS = (
+    Finding(
+        id="planck/elastic-bounces-grow",
+        engine="planck",
+        versions="1.5.0",
+        what=(
+            "A disk with restitution 1 bounces higher every time: the step of the impact adds gravity's whole step to the approach, "
+            "and restitution gives it back."
+        ),
+        size=Size(
+            case="impact/bouncing-disk",
+            variant="restitution=1",
+            quantity="energy",
+            truth="analytic",
+            over=0.02,
+            over_why=(
+                "a step's fall is g dt = 0.7 % of the speed of impact: 1.3 % of the energy, once; what exceeds that has grown from "
+                "bounce to bounce"
+            ),
+        ),
+        thread="https://github.com/piqnt/planck.js/issues/223",
+        command="ninedisk run impact/bouncing-disk --engine-cmd 'node docs/examples/planck/planck_engine.mjs' --set restitution=1",
+    ),
+    Finding(
+        id="rapier/friction-without-the-rebound",
+        engine="rapier",
+        versions="0.21.0",
+        what=(
+            "At a rebound friction is bounded by mu times the impulse that stops the approach, without the one of restitution: a "
+            "disk with restitution 1 gets half of the spin that it should."
+        ),
+        size=Size(
+            case="impact/oblique",
+            variant="vt=3,restitution=1",
+            quantity="spin_final",
+            truth="analytic",
+            over=0.01,
+            fails=True,
+            over_why="Coulomb's law bounds friction by mu times the whole normal impulse, at e = 1 twice that of the approach",
+        ),
+        command=(
+            "ninedisk run impact/oblique --engine-cmd 'node docs/examples/rapier/rapier_engine.mjs' --set vt=3 --set restitution=1"
+        ),
+    ),
+    Finding(
+        id="rapier/touching-row-loses-energy",
+        engine="rapier",
+        versions="0.21.0",
+        what="A row of touching elastic disks loses a sixth of its energy with three disks, more with five: all rebound at once.",
+        size=Size(
+            case="chain/newton-cradle",
+            variant="*gap=0",
+            quantity="energy_final",
+            truth="analytic",
+            over=0.01,
+            fails=True,
+            over_why="elastic impacts keep the energy, whatever order they are taken in: rigid contacts to round-off, springs to 1e-4",
+        ),
+        command="ninedisk run chain/newton-cradle --engine-cmd 'node docs/examples/rapier/rapier_engine.mjs' --set gap=0",
+    ),
+    Finding(
+        id="rapier/elastic-gas-loses-energy",
+        engine="rapier",
+        versions="0.21.0",
+        what="An elastic gas loses energy with its collisions.",
+        size=Size(
+            case="gas/elastic",
+            variant="rows=3",
+            quantity="kinetic_final",
+            truth="analytic",
+            over=1e-3,
+            fails=True,
+            over_why="elastic impacts keep the energy to round-off, 1e-7 for each of some hundred collisions in single precision",
+        ),
+        command="ninedisk run gas/elastic --engine-cmd 'node docs/examples/rapier/rapier_engine.mjs'",
+    ),
+)
