@@ -48,7 +48,7 @@ Progress = Callable[[str, int, int], None]
 Picture = HistoryPanel | SceneView | Configuration
 MARKER = ".ninedisk-report"
 """File that says: this folder is a report and may be replaced."""
-BUNDLE = ("uplot.js", "uplot.css", "uplot-LICENSE.txt", "data.js", "charts.js", "player.js", "tables.js")
+BUNDLE = ("uplot.js", "uplot.css", "uplot-LICENSE.txt", "data.js", "paper.js", "charts.js", "player.js", "tables.js")
 """Scripts that the pages share, and the licence of the one that is not ours."""
 MOST_SKETCHES = 4
 """Set-ups of one case that are drawn; those that look alike are drawn once."""
@@ -149,7 +149,7 @@ class CaseDrawing:
         self.frames = {id(picture): self._file(picture, "frame") for _, pictures in self.groups for picture in pictures}
         self.convergences = convergences(case, self.looks.engines)
         self.value_charts = values_against_step(case, self.looks.engines)
-        self.speed = case_speed(case, self.looks.engines)
+        self.speed = case_speed(panel, case, self.looks.engines)
         arrays = Arrays()
         self.moving = moving_scenes(case, arrays)
         self.tables = case_tables(case)
@@ -184,6 +184,7 @@ class CaseDrawing:
                         "heading": group.heading,
                         "grid": GRIDS.get(group.columns, ""),
                         "panels": [self._panel(shown) for shown in group.panels],
+                        "zero": group.zero,
                     }
                     for group in block.groups
                 ],

@@ -18,7 +18,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ninedisk.harness.results.schema import Row
-from ninedisk.reports import ranking, text
+from ninedisk.reports import citation, ranking, text
 from ninedisk.reports.charts import Chart
 from ninedisk.reports.model import SHOWN, CaseData, EngineFacts, Panel, Summary, summarise
 from ninedisk.reports.text import as_float, number, pair_shade, parameters, shade, symbol
@@ -157,6 +157,8 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
         causes=ranking.causes(panel, drawn["tables"].gaps),
         example=ranking.example,
         percent=ranking.percent,
+        caption_facts=citation.caption_facts(panel, case),
+        cite=citation.cite(panel),
         shown=SHOWN,
         open_groups=OPEN_GROUPS,
         claims=_claims(panel, case.claims),

@@ -95,6 +95,20 @@ class Ranking:
         """The engines of the first place."""
         return [ranked for ranked in self.measured if self.place(ranked) == 1]
 
+    @property
+    def ran(self) -> list[Ranked]:
+        """Engines that ran at least one variant."""
+        return [ranked for ranked in self.engines if ranked.summary.ran]
+
+    @property
+    def absent(self) -> dict[str, list[Ranked]]:
+        """Engines that ran none, by the first reason why, the commonest first."""
+        found: dict[str, list[Ranked]] = {}
+        for ranked in self.engines:
+            if not ranked.summary.ran:
+                found.setdefault(ranked.reasons[0] if ranked.reasons else ranked.summary.status, []).append(ranked)
+        return dict(sorted(found.items(), key=lambda item: -len(item[1])))
+
     def place(self, ranked: Ranked) -> int:
         """Place of an engine with a headline error; what is round-off shares one."""
         return 1 + sum(other.signal < ranked.signal for other in self.measured)

@@ -144,7 +144,7 @@ def test_speed_needs_a_time_and_a_continuous_truth(tmp_path, write, small):
     tables["measurements"][2]["truth"] = "exact-step"
     write(tmp_path, "a", tables)
     panel = build_panel(load_store(tmp_path))
-    chart = case_speed(panel.cases["demo/one"], engine_looks({"dem": "DEM"}))
+    chart = case_speed(panel, panel.cases["demo/one"], engine_looks({"dem": "DEM"}))
     assert [(d.key, d.x, d.y, d.names) for d in chart.dots] == [("dem", (0.1,), (1e-3,), ("dt=0.01",))]
     assert [d.key for d in engine_speed(panel, "dem").dots] == ["case demo/one"]
     assert engine_speed(panel, "nobody") is None
