@@ -225,13 +225,14 @@ def _limits(values: list[float], log: bool, *, marked: bool = True) -> tuple[flo
 
 @dataclass(frozen=True)
 class Image:
-    """An image of a page: address from the report's folder, text alternative, caption, and size in CSS pixels."""
+    """An image of a page: address from the report's folder, text alternative, caption, size in CSS pixels, address of its numbers."""
 
     src: str
     alt: str
     width: int
     height: int
     caption: str = ""
+    data: str = ""
 
 
 @dataclass(frozen=True)

@@ -327,6 +327,34 @@ def draw_configuration(configuration: Configuration) -> str:
         return svg_of(figure)
 
 
+def numbers_of(picture: SceneView | Configuration) -> str:
+    """What a sketch or a configuration shows as CSV: a line a body, then a line a wall; a wall has a point and its unit normal."""
+    lines = ["engine,kind,number,x [m],y [m],radius [m],angle [rad],vx [m/s],vy [m/s],normal x,normal y"]
+
+    def add(*cells: Any) -> None:
+        told = [
+            "" if cell is None or cell != cell else cell if isinstance(cell, str) else repr(float(cell))
+            for cell in cells
+        ]
+        lines.append(
+            ",".join(f'"{cell.replace(chr(34), chr(34) * 2)}"' if set(cell) & set(',"\n') else cell for cell in told)
+        )
+
+    if isinstance(picture, SceneView):
+        for k, (x, radius, v) in enumerate(zip(picture.x, picture.radius, picture.v, strict=True)):
+            add("", "block" if picture.block else "body", str(k), *x, radius, None, *v, None, None)
+        bodies: Sequence[tuple[str, tuple[WallView, ...]]] = [("", picture.walls)]
+    else:
+        for look, places, angles, _ in picture.bodies:
+            for k, (x, radius, angle) in enumerate(zip(places, picture.radius, angles, strict=True)):
+                add(look.label, "body", str(k), *x, radius, angle, None, None, None, None)
+        bodies = [(look.label, walls) for look, _, _, walls in picture.bodies]
+    for name, walls in bodies:
+        for k, wall in enumerate(walls):
+            add(name, "wall", wall.name or str(k), *wall.point, None, None, None, None, *wall.normal)
+    return "\n".join(lines) + "\n"
+
+
 def numeral(k: int) -> str:
     """Roman numeral of the k-th watched contact, from 0."""
     return ROMAN[k] if k < len(ROMAN) else str(k + 1)

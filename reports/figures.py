@@ -276,7 +276,7 @@ def _outside(lines: Iterable[Line], limits: tuple[float, float], unit: str) -> s
         values = line.y[~np.isnan(line.y)]
         if len(values) and (values.min() < low or values.max() > high):
             worst = float(values[np.argmax(np.maximum(low - values, values - high))])
-            far.append((max(low - worst, worst - high), f"{line.look.label} to {worst:.3g}{unit}"))
+            far.append((max(low - worst, worst - high), f"{line.look.label} to {worst + 0.0:.3g}{unit}"))
     if not far:
         return ""
     far.sort(key=lambda each: -each[0])

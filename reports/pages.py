@@ -145,7 +145,7 @@ def errata_page(env: Environment, panel: Panel) -> str:
 def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, Any]) -> str:
     """A case; ``drawn`` holds its figures and difference tables, as `CaseDrawing.values` gives them."""
     rows = drawn["tables"].rows
-    cells = _by(case.cells, "engine")
+    cells, facts = _by(case.cells, "engine"), citation.caption_facts(panel, case)
     return env.get_template("case.html").render(
         root="../",
         case=case,
@@ -157,7 +157,8 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
         causes=ranking.causes(panel, drawn["tables"].gaps),
         example=ranking.example,
         percent=ranking.percent,
-        caption_facts=citation.caption_facts(panel, case),
+        caption_facts=facts,
+        caption_json=json.dumps(facts),
         cite=citation.cite(panel),
         shown=SHOWN,
         open_groups=OPEN_GROUPS,

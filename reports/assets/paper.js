@@ -4,7 +4,7 @@
   const INK = "#000", SOFT = "#555", LINE = "#ddd", FONT = 10;
   const escape = text => String(text).replace(/[&<>"]/g, c => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[c]);
   const short = value => String(+value.toFixed(1));
-  const held = () => JSON.parse(document.getElementById("cite")?.textContent || "null");
+  const held = () => JSON.parse(document.querySelector("[data-cite]")?.dataset.cite || "null");
   const visible = chart => chart.held.series.filter(s => !ninedisk.hidden.has(s.key));
 
   /* What the figure shows, by which versions, and whom to cite. */
