@@ -45,12 +45,23 @@ from ninedisk.reports.load import Stored, load_store
 from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
 from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case
 from ninedisk.reports.text import decoded
+from ninedisk.reports.uses import uses
 
 Progress = Callable[[str, int, int], None]
 Picture = HistoryPanel | SceneView | Configuration
 MARKER = ".ninedisk-report"
 """File that says: this folder is a report and may be replaced."""
-BUNDLE = ("uplot.js", "uplot.css", "uplot-LICENSE.txt", "data.js", "paper.js", "charts.js", "player.js", "tables.js")
+BUNDLE = (
+    "uplot.js",
+    "uplot.css",
+    "uplot-LICENSE.txt",
+    "data.js",
+    "paper.js",
+    "charts.js",
+    "player.js",
+    "tables.js",
+    "overview.js",
+)
 """Scripts that the pages share, and the licence of the one that is not ours."""
 MOST_SKETCHES = 4
 """Set-ups of one case that are drawn; those that look alike are drawn once."""
@@ -127,7 +138,7 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
         page = pages.engine_page(env, panel, engine, on_page(speed) if speed else None)
         (folder / "engine" / f"{engine.slug}.html").write_text(page, encoding="utf-8")
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
-    (folder / "index.html").write_text(pages.index_page(env, panel), encoding="utf-8")
+    (folder / "index.html").write_text(pages.index_page(env, panel, uses=uses(stored, panel.engines)), encoding="utf-8")
     progress("writing pages", total, total)
 
 
@@ -151,7 +162,7 @@ class CaseDrawing:
         self.frames = {id(picture): self._file(picture, "frame") for _, pictures in self.groups for picture in pictures}
         self.convergences = convergences(case, self.looks.engines)
         self.value_charts = values_against_step(case, self.looks.engines)
-        self.speed = case_speed(panel, case, self.looks.engines)
+        self.speed = case_speed(case, self.looks.engines)
         arrays = Arrays()
         self.moving = moving_scenes(case, arrays)
         self.tables = case_tables(case)

@@ -471,24 +471,18 @@ LEAST = 1e-17
 Point = tuple[float, float, str]
 
 
-def speed_points(panel: Panel, case: CaseData) -> dict[str, list[Point]]:
-    """By engine: seconds of stepping, largest relative error of any headline, variant.
+def speed_points(case: CaseData) -> dict[str, list[Point]]:
+    """By engine: seconds of stepping, largest relative error of a headline, variant.
 
-    Without headlines (runs of an older schema) the error is that of any history against the continuous truth, over the truth's size.
-    Timings are stored only where the run's physics checks pass.
+    Timings are stored only where the run's physics checks pass. A headline's error is relative to a scale that the case states: a
+    reference that is zero makes it no larger.
     """
     errors: dict[tuple[str, str], float] = {}
-    headlines = [row for row in panel.stored.headlines if row["case"] == case.id]
-    for row in headlines:
-        size = as_float(row["rel_error"])
-        if math.isfinite(size):
+    for row in case.headlines:
+        error = as_float(row["rel_error"])
+        if math.isfinite(error):
             key = row["variant"], row["engine"]
-            errors[key] = max(errors.get(key, LEAST), size)
-    for row in case.measurements if not headlines else ():
-        error, scale = as_float(row["abs_error"]), as_float(row["scale"])
-        if row["norm"] == "max" and row["truth"] in CONTINUOUS and scale > 0.0 and math.isfinite(error):
-            key = row["variant"], row["engine"]
-            errors[key] = max(errors.get(key, LEAST), error / scale)
+            errors[key] = max(errors.get(key, LEAST), error)
     points: dict[str, list[Point]] = {}
     for cell in case.cells:
         seconds, largest = as_float(cell["advance_s"]), errors.get((cell["variant"], cell["engine"]))
@@ -497,9 +491,9 @@ def speed_points(panel: Panel, case: CaseData) -> dict[str, list[Point]]:
     return points
 
 
-def case_speed(panel: Panel, case: CaseData, looks: dict[str, Look]) -> PointChart | None:
+def case_speed(case: CaseData, looks: dict[str, Look]) -> PointChart | None:
     """All engines on one case; None where nothing was timed."""
-    dots = [_dots(engine, looks[engine], points) for engine, points in speed_points(panel, case).items()]
+    dots = [_dots(engine, looks[engine], points) for engine, points in speed_points(case).items()]
     return _chart("Accuracy against speed", dots) if dots else None
 
 
@@ -509,7 +503,7 @@ def engine_speed(panel: Panel, engine: str) -> PointChart | None:
     own, others = [], []
     for k, case in enumerate(panel.cases.values()):
         look = Look(case.title, *numbered_look(k))
-        for name, points in speed_points(panel, case).items():
+        for name, points in speed_points(case).items():
             told = [(x, y, f"{case.id} {variant}") for x, y, variant in points]
             if name == engine:
                 own.append(_dots(f"case {case.id}", look, told))
@@ -527,4 +521,4 @@ def _dots(key: str, look: Look, points: list[Point]) -> Dots:
 
 
 def _chart(title: str, dots: list[Dots]) -> PointChart:
-    return PointChart(title, "stepping [s]", "largest relative error", tuple(dots))
+    return PointChart(title, "stepping [s]", "largest relative error of a headline", tuple(dots))

@@ -11,11 +11,21 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import combinations
+from statistics import median
 from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.results.schema import WORST_FIRST, Figure, Row, figures_from_text, row_tolerance, worst_status
+from ninedisk.harness.results.schema import (
+    WIDE,
+    WORST_FIRST,
+    Figure,
+    Row,
+    allowed_shares,
+    figures_from_text,
+    row_tolerance,
+    worst_status,
+)
 from ninedisk.reports import text
 from ninedisk.reports.load import Curve, Series, Stored, differences
 from ninedisk.reports.text import Slugs, as_float, decoded, shade, symbol
@@ -86,6 +96,7 @@ class CaseData:
     version: int
     cells: list[Row] = field(default_factory=list)
     measurements: list[Row] = field(default_factory=list)
+    headlines: list[Row] = field(default_factory=list)
     claims: list[Row] = field(default_factory=list)
     figures: tuple[Figure, ...] = ()
     variants: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -93,7 +104,11 @@ class CaseData:
 
 @dataclass(frozen=True)
 class Summary:
-    """One square of the matrix, or one line of an engine's table; status and support are those of what ``ran``, if any."""
+    """One square of the matrix, or one line of an engine's table; status and support are those of what ``ran``, if any.
+
+    ``wide`` is the largest share of its reference that a passing check allows (`allowed_shares`), NaN where all are tight;
+    ``penetration`` the deepest one, NaN where unknown; ``seconds`` the median of the stepping times.
+    """
 
     status: str
     counts: tuple[tuple[str, int], ...]
@@ -102,6 +117,9 @@ class Summary:
     gaps: int
     ran: int
     variants: int
+    wide: float
+    penetration: float
+    seconds: float
 
     @property
     def ratio(self) -> float:
@@ -147,6 +165,7 @@ def summarise(cells: list[Row], measurements: list[Row]) -> Summary | None:
     counts = Counter(cell["status"] for cell in cells)
     order = {status: k for k, status in enumerate(WORST_FIRST)}
     tried = [cell for cell in cells if cell["status"] not in NOT_TRIED]
+    times = [time for cell in cells if math.isfinite(time := as_float(cell.get("advance_s")))]
     support = {cell["support"] for cell in tried or cells if cell["support"]}
     return Summary(
         status=worst_status(cell["status"] for cell in tried or cells),
@@ -156,7 +175,20 @@ def summarise(cells: list[Row], measurements: list[Row]) -> Summary | None:
         gaps=sum(row["status"] in EXPLAINED for row in measurements),
         ran=len(tried),
         variants=len(cells),
+        wide=largest_number(row["share"] for row in measurements if is_wide(row)),
+        penetration=largest_number(as_float(cell.get("penetration")) for cell in cells),
+        seconds=median(times) if times else math.nan,
     )
+
+
+def is_wide(row: Row) -> bool:
+    """Whether a measurement passes a tolerance that is no small part of its reference."""
+    return bool(row["status"] == "pass" and row["share"] > WIDE)
+
+
+def largest_number(values: Iterable[float]) -> float:
+    """The largest of those that are numbers; NaN of none."""
+    return max((value for value in values if not math.isnan(value)), default=math.nan)
 
 
 def build_panel(stored: Stored) -> Panel:
@@ -190,10 +222,12 @@ def build_panel(stored: Stored) -> Panel:
                 runs=cell["engine_runs"],
             )
     rated = []
-    for row in stored.measurements:
-        measured = {**row, "ratio": error_ratio(row), "tolerance": row_tolerance(row)}
+    for row, share in zip(stored.measurements, allowed_shares(stored.measurements), strict=True):
+        measured = {**row, "ratio": error_ratio(row), "tolerance": row_tolerance(row), "share": share}
         rated.append(measured)
         cases[row["case"]].measurements.append(measured)
+    for headline in stored.headlines:
+        cases[headline["case"]].headlines.append(headline)
     for claim in stored.claims:
         if claim["case"] in cases:
             cases[claim["case"]].claims.append(claim)

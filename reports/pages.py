@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -17,13 +18,35 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.schema import USES, Row
 from ninedisk.reports import citation, ranking, text
 from ninedisk.reports.charts import Chart
-from ninedisk.reports.model import SHOWN, CaseData, EngineFacts, Panel, Summary, summarise
+from ninedisk.reports.headlines import (
+    AGREES,
+    Rating,
+    disagreements,
+    never_asked,
+    ratings,
+    slower_than_fastest,
+    standings,
+    worst_headline,
+)
+from ninedisk.reports.model import (
+    NOT_RUN,
+    SHOWN,
+    CaseData,
+    EngineFacts,
+    Panel,
+    Summary,
+    is_wide,
+    summarise,
+)
 from ninedisk.reports.text import as_float, number, pair_shade, parameters, shade, symbol
 
 HERE = Path(__file__).parent
+
+LISTED = 10
+"""Lines of a short ranked table."""
 
 OPEN_GROUPS = 4
 """Groups of variants of one figure that are open; the rest is folded."""
@@ -68,6 +91,11 @@ def environment() -> Environment:
         "shade": shade,
         "symbol": symbol,
         "pair_shade": pair_shade,
+        "decade": text.decade,
+        "percent": ranking.percent,
+        "some": text.some,
+        "slower_shade": text.slower_shade,
+        "times": text.times,
         "css": lambda word: re.sub(r"[^a-z-]", "", str(word)),
     }
     env.globals |= {
@@ -77,6 +105,7 @@ def environment() -> Environment:
         "shades": text.SHADES,
         "pair_shades": text.PAIR_SHADES,
         "nothing": text.NOTHING,
+        "slower": text.SLOWER,
     }
     return env
 
@@ -99,37 +128,101 @@ def _asset(name: str) -> str:
     return (HERE / "assets" / name).read_text(encoding="utf-8")
 
 
-def index_page(env: Environment, panel: Panel) -> str:
-    """The overview: cases and engines with the worst error come first."""
-    rows, gaps = panel.open_rows(), panel.gap_rows()
-    by_cell = _by(panel.measurements, "case", "engine")
-    squares: dict[tuple[str, str], Summary | None] = {}
+MODES = {
+    "error": "error",
+    "ratio": "error ÷ tolerance",
+    "time": "time",
+    "support": "support",
+    "penetration": "penetration",
+}
+"""What the squares of the matrix can show; the first one that the store has is shown at the start."""
+
+
+@dataclass(frozen=True)
+class Square:
+    """A case on an engine: its cells and checks, its headlines, and its stepping time over the fastest engine's."""
+
+    engine: EngineFacts
+    summary: Summary
+    rating: Rating
+    slower: float
+
+
+def squares(panel: Panel) -> dict[tuple[str, str], Square]:
+    """Every square of the matrix by case and engine, of engines that are installed."""
+    checked = _by(panel.measurements, "case", "engine")
+    found = {}
     for case in panel.cases.values():
-        cells = _by(case.cells, "engine")
-        for name in panel.engines:
-            squares[case.id, name] = summarise(cells.get((name,), []), by_cell.get((case.id, name), []))
+        rated, slower = ratings(case), slower_than_fastest(case)
+        for (name,), cells in _by(case.cells, "engine").items():
+            summary = summarise(cells, checked.get((case.id, name), []))
+            if summary is not None and summary.status != "not-installed":
+                rating = rated.get(name, Rating(None, 0, 0))
+                found[case.id, name] = Square(panel.engines[name], summary, rating, slower.get(name, math.nan))
+    return found
 
-    def worst(*, case: str = "", engine: str = "") -> tuple[float, int]:
-        mine = [s for (c, e), s in squares.items() if s and (c == case or e == engine)]
-        return -max((s.ratio for s in mine if s.worst), default=-1.0), -sum(s.ran for s in mine)
 
-    engines = sorted(panel.engines.values(), key=lambda engine: worst(engine=engine.id))
-    cases = sorted(panel.cases.values(), key=lambda case: worst(case=case.id))
-    found = errata(panel)
+def _matrix(panel: Panel, found: dict[tuple[str, str], Square]) -> tuple[list[EngineFacts], list[CaseData]]:
+    """Engines and cases in the order of the matrix: those with the largest errors of headlines first, then by error over tolerance.
+
+    A case counts by its worst engine, an engine by the middle of its cases: its worst one says little of it.
+    """
+
+    def size(square: Square) -> tuple[float, float]:
+        error, ratio = square.rating.error, square.summary.ratio
+        return (-1.0 if math.isnan(error) else error), (-1.0 if math.isnan(ratio) else ratio)
+
+    of_engine = {
+        name: sorted(size(s) for (_, e), s in found.items() if e == name and s.summary.ran) for name in panel.engines
+    }
+    of_case = {
+        name: max((size(s) for (c, _), s in found.items() if c == name), default=(-1.0, -1.0)) for name in panel.cases
+    }
+    engines = [panel.engines[name] for name in dict.fromkeys(name for _, name in found)]
+    middle = {name: sizes[len(sizes) // 2] if sizes else (-1.0, -1.0) for name, sizes in of_engine.items()}
+    engines.sort(key=lambda engine: tuple(-each for each in middle[engine.id]))
+    return engines, sorted(panel.cases.values(), key=lambda case: tuple(-each for each in of_case[case.id]))
+
+
+def verdict_counts(panel: Panel) -> dict[str, int]:
+    """How many checks came out how; those that pass are told apart by how much they allow."""
+    rows = [row for row in panel.measurements if row["status"] not in NOT_RUN]
+    counts = Counter("pass, wide" if is_wide(row) else str(row["status"]) for row in rows)
+    order = ("pass", "pass, wide", "known-difference", "known-gap", "fail")
+    told = {"pass, tight" if word == "pass" else word: counts.pop(word, 0) for word in order}
+    return told | dict(counts)
+
+
+def index_page(env: Environment, panel: Panel, findings: Sequence[Any] = (), uses: Any = None) -> str:
+    """The overview: what is wrong with whom, the matrix, what to take for what; the largest errors come first.
+
+    ``findings`` are those that a store was held against, largest first; ``uses`` is what ``uses.html`` shows.
+    """
+    rows, filled = panel.open_rows(), squares(panel)
+    engines, cases = _matrix(panel, filled)
+    worst = sorted(
+        (s.rating.worst for s in filled.values() if s.rating.worst), key=lambda row: -as_float(row["rel_error"])
+    )
     return env.get_template("index.html").render(
         root="",
         engines=panel.engines,
         columns=engines,
+        absent=[engine for engine in panel.engines.values() if engine not in engines],
         cases=panel.cases,
-        matrix=[(case, [squares[case.id, engine.id] for engine in engines]) for case in cases],
-        open_rows=rows,
+        modes=MODES,
+        mode="error" if worst else "ratio",
+        matrix=[(case, [(engine, filled.get((case.id, engine.id))) for engine in engines]) for case in cases],
+        worst_headline=worst[0] if worst else None,
+        findings=findings,
+        uses=uses,
+        counts=verdict_counts(panel),
+        disagreements=disagreements(panel)[:LISTED],
         worst_pairs=panel.worst_of_pairs(),
-        gap_rows=gaps,
+        causes=ranking.causes(panel, panel.gap_rows()),
+        example=ranking.example,
         unfinished=panel.unfinished(),
-        n_failed=sum(row["ratio"] > 1.0 for row in rows),
-        n_rated=len(rows),
         fine=not panel.unfinished() and all(row["ratio"] <= 1.0 for row in rows),
-        errata=found,
+        errata=errata(panel),
         n_claims=len(_all_claims(panel)),
         provenance=provenance(panel.stored.runs[0]) if panel.stored.runs else [],
         runs=[_run(run) for run in panel.stored.runs],
@@ -168,20 +261,49 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
     )
 
 
-def engine_page(env: Environment, panel: Panel, engine: EngineFacts, speed: Chart | None) -> str:
-    """An engine; ``speed`` is its chart of accuracy against speed."""
-    rated = _by([row for row in panel.measurements if row["engine"] == engine.id], "case", "variant")
+def engine_page(
+    env: Environment, panel: Panel, engine: EngineFacts, speed: Chart | None, findings: Sequence[Any] = ()
+) -> str:
+    """An engine: what it does well, what otherwise, what was never asked of it; ``speed`` is its chart of accuracy against speed."""
+    mine = [row for row in panel.measurements if row["engine"] == engine.id]
+    rated = _by(mine, "case", "variant")
     lines, groups = [], []
     for case in panel.cases.values():
         cells = [cell for cell in case.cells if cell["engine"] == engine.id]
         if cells:
             groups.append((case, cell_groups(cells)))
         for cell in cells:
-            lines.append((case, cell, summarise([cell], rated.get((case.id, cell["variant"]), []))))
-    lines.sort(key=lambda line: -line[2].ratio if line[2] and line[2].worst else 1.0)
+            told = [row for row in case.headlines if (row["variant"], row["engine"]) == (cell["variant"], engine.id)]
+            summary = summarise([cell], rated.get((case.id, cell["variant"]), []))
+            lines.append((case, cell, summary, worst_headline(told)))
+    lines.sort(key=lambda line: (-as_float(line[3]["rel_error"]) if line[3] else 1.0, _worst_ratio(line[2])))
+    ranked = standings(panel, engine.id)
+    first = [each for each in ranked if each.rank == 1]
+    differences = _by([row for row in mine if row["status"] == "known-difference"], "reason")
     return env.get_template("engine.html").render(
-        root="../", engine=engine, lines=lines, cell_groups=groups, speed=speed
+        root="../",
+        engine=engine,
+        lines=lines,
+        cell_groups=groups,
+        speed=speed,
+        ranked=ranked,
+        n_near=sum(each.error <= AGREES for each in ranked),
+        n_first=len(first),
+        well=[each for each in first if each.error <= AGREES and each.of > 1][:LISTED],
+        otherwise=[each for each in reversed(ranked) if each.error > AGREES][:LISTED],
+        findings=[each for each in findings if each.engine == engine.id],
+        differences=[(reason, rows) for (reason,), rows in differences.items()],
+        n_passed=sum(row["status"] == "pass" for row in mine),
+        wide=sorted(filter(is_wide, mine), key=lambda row: -row["share"]),
+        asked=never_asked(panel, engine),
+        uses=USES,
+        none_known=math.nan,
     )
+
+
+def _worst_ratio(summary: Summary | None) -> float:
+    """Sorts by error over tolerance, the largest first, what was not measured last."""
+    return -summary.ratio if summary and summary.worst else 1.0
 
 
 def cell_groups(cells: list[Row]) -> list[CellGroup]:

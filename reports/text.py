@@ -51,7 +51,7 @@ def ratio(value: Any) -> str:
     if x == 0.0:
         return "0"
     if x != 1.0 and f"{x:.2g}" == "1":
-        return "<1" if x < 1.0 else ">1"
+        return next((told for digits in range(3, 17) if (told := f"{x:.{digits}g}") != "1"), repr(x))
     return f"{x:.2g}" if 0.01 <= x < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else _scientific(x)
 
 
@@ -64,6 +64,17 @@ def order(value: Any) -> str:
     """A fitted order of convergence; errors that are round-off have none."""
     x = as_float(value)
     return f"{round(x, 2) + 0.0:.2f}" if math.isfinite(x) else NOTHING
+
+
+def times(value: Any) -> str:
+    """How many times as long something took: ``1``, ``3.4``, ``120``."""
+    x = as_float(value)
+    return f"{x:.2g}" if x < 99.5 else f"{x:.0f}" if math.isfinite(x) else NOTHING
+
+
+def some(number: int, word: str) -> str:
+    """A number and a noun: ``1,162 checks``, ``1 check``."""
+    return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
 def short_variant(name: str) -> str:
@@ -163,6 +174,26 @@ SHADES = (
 def shade(ratio: float) -> str:
     """CSS class of an error over tolerance; ``none`` where nothing was measured."""
     return "none" if math.isnan(ratio) else next(name for name, most, _ in SHADES if ratio <= most)
+
+
+DECADES = 12
+"""Decades of a relative error that have a colour each, those below 1; all that is smaller looks like the smallest."""
+
+
+def decade(size: float) -> str:
+    """CSS class of a relative error by its decade, ``d0`` for at most 1e-12 to ``d13`` above 1; ``none`` for no number."""
+    if math.isnan(size):
+        return "none"
+    return f"d{0 if size <= 10.0**-DECADES else DECADES + 1 if size > 1.0 else math.ceil(math.log10(size)) + DECADES}"
+
+
+SLOWER = (1.5, 3.0, 10.0, 30.0, 100.0, 1000.0)
+"""Bounds of the classes of time over that of the fastest engine."""
+
+
+def slower_shade(factor: float) -> str:
+    """CSS class of a time over that of the fastest engine: every second colour of the decades."""
+    return "none" if math.isnan(factor) else f"d{2 * sum(factor > bound for bound in SLOWER)}"
 
 
 def symbol(word: str) -> str:

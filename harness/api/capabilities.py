@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from enum import StrEnum
 from typing import Self
 
@@ -112,6 +113,23 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
     if scene.disks.rotating.any() and any(law.mu > 0.0 for law in laws):
         need.add(Capability.DISK_INERTIA)
     return frozenset(need)
+
+
+def capabilities_asked(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
+    """What a scene asks of whatever engine runs it: `capabilities_needed`, and of a contact whose stiffness only regularises a
+    rigid one both the springs and the impact law, of which an engine uses one."""
+    sprung = replace(
+        scene,
+        disk_disk=replace(scene.disk_disk, regularised=False),
+        walls=tuple(replace(wall, law=replace(wall.law, regularised=False)) for wall in scene.walls),
+    )
+    laws = [scene.disk_disk] if len(scene.disks) > 1 else []
+    impact = any(law.restitution for law in (*laws, *(wall.law for wall in scene.walls)))
+    return (
+        capabilities_needed(scene, numerics)
+        | capabilities_needed(sprung, numerics)
+        | ({Capability.RESTITUTION} if impact else frozenset())
+    )
 
 
 def _turning(scene: Scene) -> list[ContactLaw]:

@@ -29,7 +29,7 @@ from ninedisk.harness.cli.support import (
     table,
     write_rows,
 )
-from ninedisk.harness.results.schema import WORST_FIRST, Row, row_tolerance
+from ninedisk.harness.results.schema import WIDE, WORST_FIRST, Row, allowed_shares, row_tolerance
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ninedisk.harness.run.cluster import Cluster
 
 
-MAX_LINES = 28
+MAX_LINES = 27
 """Lines of table, reasons and notes together: with what stands around them a run ends within 40 lines of the terminal."""
 
 LEAST_OF_TABLE = 10
@@ -46,6 +46,9 @@ LEAST_OF_TABLE = 10
 MAX_REASONS, REASON_LINES = 8, 14
 
 MAX_NOTES, NOTES_BESIDE_REASONS = 8, 3
+
+HEADLINES, HEADLINES_BESIDE_REASONS = 8, 3
+"""Lines of the end of a run about headlines, their heading and their last one apart."""
 
 MAX_LENGTH = 300
 """Letters of a reason where there is no room for all of them."""
@@ -213,15 +216,16 @@ def execute(
         }
     shown = [result.cell for result in results]
     rows = [row for result in results for row in result.rows]
+    headlines = [row for result in results for row in result.headlines]
     code = exit_code({status for result in results for status in result.statuses})
     try:
         folder: Path | None = write_run(store, new_run_id(), results, claims, facts)
         if json_file is not None:
             write_rows(json_file, rows)
     except StoreError as error:
-        show_summary(shown, rows, None)
+        show_summary(shown, rows, None, headlines)
         fail(str(error), FAILURE)
-    show_summary(shown, rows, folder)
+    show_summary(shown, rows, folder, headlines)
     return code
 
 
@@ -260,11 +264,12 @@ def show_summary(
     cells: Sequence[Row],
     rows: Sequence[Row],
     folder: Path | None,
+    headlines: Sequence[Row] = (),
     *,
     everything: bool = False,
     counted: Sequence[Row] | None = None,
 ) -> None:
-    """Print the worst checks, the reasons of what went wrong, the counts, and the run's folder.
+    """Print the worst checks, the reasons of what went wrong, how far the engines are from the physics, the counts, and the run's folder.
 
     Parameters
     ----------
@@ -272,6 +277,8 @@ def show_summary(
         With the columns of `schema.CELL_COLUMNS` and `schema.MEASUREMENT_COLUMNS`.
     folder : Path or None
         The stored run, ``STORE/runs/ID``; None: there is none.
+    headlines : sequence of dict, optional
+        With the columns of `schema.HEADLINE_COLUMNS`.
     everything : bool
         All checks and reasons, whatever room they take.
     counted : sequence of dict, optional
@@ -281,17 +288,27 @@ def show_summary(
     judged = sorted((row for row in rows if row["status"] not in _NOT_RUN), key=_worst_first)
     reasons = _reasons(judged, everything)
     notes = _not_run(cells, 10**9 if everything else NOTES_BESIDE_REASONS if reasons else MAX_NOTES)
-    room = max(LEAST_OF_TABLE, MAX_LINES - len(reasons) - len(notes))
+    far = _headlines(headlines, 10**9 if everything else HEADLINES_BESIDE_REASONS if reasons else HEADLINES)
+    room = max(LEAST_OF_TABLE - len(far), MAX_LINES - len(reasons) - len(notes) - len(far))
     left_out = 0 if everything else _print_table(out, judged, room)
     if everything and judged:
         out.print(_table(judged))
     lines = []
     if left_out:
         lines.append(f"... and {left_out} more: {_counts(Counter(row['status'] for row in judged[-left_out:]))}")
-    lines += [*reasons, *notes]
+    lines += [*reasons, *notes, *far]
+    ran = [cell for cell in cells if cell["status"] not in _NOT_RUN]
+    lines.append(f"ran: {' on '.join(_some(len({cell[key] for cell in ran}), key) for key in ('engine', 'case'))}")
     lines.append(f"cells: {_counts(Counter(str(cell['status']) for cell in cells))}")
-    counts = Counter(row["status"] for row in (rows if counted is None else counted) if row["status"] not in _NOT_RUN)
-    lines.append(f"checks: {_counts(counts)}")
+    checks = rows if counted is None else counted
+    lines.append(f"checks: {_counts(Counter(row['status'] for row in checks if row['status'] not in _NOT_RUN))}")
+    wide = [
+        share
+        for row, share in zip(checks, allowed_shares(checks), strict=True)
+        if row["status"] == "pass" and share > WIDE
+    ]
+    if wide:
+        lines[-1] += f" ({len(wide)} of them wide: the tolerance is more than {WIDE:.0%} of the reference)"
     if folder is not None:
         lines.append(f"results: {folder}")
         if not everything:
@@ -299,6 +316,30 @@ def show_summary(
             lines.append(f"all checks and reasons: ninedisk show {folder.name} --store {store}")
     for line in lines:
         out.print(line, soft_wrap=True)  # a command that is broken into two lines is none
+
+
+def _headlines(rows: Sequence[Row], most: int) -> list[str]:
+    """Lines: the largest headline error of each case and engine, worst first, at most so many."""
+    worst: dict[tuple[str, str], Row] = {}
+    for row in rows:
+        if row["rel_error"] > max(worst.get((row["case"], row["engine"]), {"rel_error": -1.0})["rel_error"], -1.0):
+            worst[row["case"], row["engine"]] = row
+    if not worst:
+        return []
+    pairs = sorted(worst.values(), key=lambda row: -row["rel_error"])
+    lines = [f"farthest from the physics, of {len(pairs)} pairs of a case and an engine, whatever the scheme:"]
+    lines += [
+        f"{_share(row['rel_error']):>9} {row['case']} {row['engine']}: {row['headline']} [{row['variant']}], of the {row['scale_is']}"
+        for row in pairs[:most]
+    ]
+    if rest := [row["rel_error"] for row in pairs[most:]]:
+        lines.append(f"... and {len(rest)} more, half of them at most {_share(rest[len(rest) // 2])}")
+    return lines
+
+
+def _share(error: float) -> str:
+    """A relative error, three digits: in percent as long as that is readable."""
+    return f"{100.0 * error:.3g} %" if 1e-5 <= error < 9.995 else f"{error:.2g}"
 
 
 def _print_table(out: Console, judged: Sequence[Row], room: int) -> int:
@@ -362,7 +403,7 @@ def _not_run(cells: Sequence[Row], most: int) -> list[str]:
             found[cell["status"]][str(cell["engine"]), str(cell["reason"])] += 1
     if sum(len(kinds) for kinds in found.values()) <= most:
         return [
-            f"{status}: {engine}, {_cells(count)}: {reason}"
+            f"{status}: {engine}, {_some(count, 'cell')}: {reason}"
             for status, kinds in sorted(found.items())
             for (engine, reason), count in sorted(kinds.items())
         ]
@@ -372,12 +413,12 @@ def _not_run(cells: Sequence[Row], most: int) -> list[str]:
         if status == "not-installed":
             lines.append(f"{status}: {', '.join(engines)}; how to install them: ninedisk list engines")
         else:
-            lines.append(f"{status}: {_cells(kinds.total())} on {', '.join(engines)}")
+            lines.append(f"{status}: {_some(kinds.total(), 'cell')} on {', '.join(engines)}")
     return lines
 
 
-def _cells(count: int) -> str:
-    return f"{count} cell{'s' if count > 1 else ''}"
+def _some(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def _counts(counter: Counter[str]) -> str:

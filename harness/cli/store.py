@@ -64,7 +64,8 @@ def show(
     ] = None,
     store: Store = Path("results"),
 ) -> None:
-    """Show what a run has stored: every check that does not pass, worst first, with its reason in full, and why cells did not run.
+    """Show what a run has stored: every check that does not pass, worst first, with its reason in full, why cells did not run, and
+    the largest headline error of each case and engine: how far from the physics it is.
 
     Passing checks are shown where --status pass, an engine or a case asks for them. Nothing is run.
 
@@ -77,7 +78,7 @@ def show(
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.cli.run import show_summary
     from ninedisk.harness.results.compare import one_stored
-    from ninedisk.harness.results.reader import read_about, read_rows
+    from ninedisk.harness.results.reader import cell_key, read_about, read_rows
     from ninedisk.harness.results.schema import STATUSES
 
     if unknown := sorted(set(status or ()) - set(STATUSES)):
@@ -98,7 +99,9 @@ def show(
         )
     chosen = [row for row in rows if row["status"] in few]
     shown_cells = [cell for cell in cells if cell["status"] in set(status or STATUSES)]
-    show_summary(shown_cells, chosen, store / "runs" / run_id, everything=True, counted=rows)
+    shown_keys = {cell_key(cell) for cell in shown_cells}
+    headlines = [row for row in of("headlines") if cell_key(row) in shown_keys]
+    show_summary(shown_cells, chosen, store / "runs" / run_id, headlines, everything=True, counted=rows)
 
 
 @guarded

@@ -20,7 +20,7 @@ from ninedisk.harness.results.rules import (
     timing_shifts,
 )
 from ninedisk.harness.results.schema import Comparison, Line, Point, Row, StoreHistory, row_tolerance
-from ninedisk.harness.results.store import BROKEN, Snapshot
+from ninedisk.harness.results.store import BROKEN, HEADLINE, Snapshot
 
 AROUND = 10
 """Runs on each side of a mark that give the timings of the comparison around it."""
@@ -82,7 +82,7 @@ def _points(number: int, key: CellKey, cell: Row, run: Snapshot) -> Iterator[tup
     )
     for (quantity, norm, truth, k), row in run.checks.get(key, {}).items():
         error = error_of(row)
-        if not math.isnan(error):
+        if not math.isnan(error) and truth != HEADLINE:  # lines are drawn over a tolerance
             shown = Point(number, error, row_tolerance(row), str(row["status"]), own, str(row["reason"]))
             kind = f"{truth}, {norm}" if norm == "max" else truth
             yield ("error", case, version, variant, engine, quantity, kind, k), shown, str(row["unit"])

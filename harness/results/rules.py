@@ -25,7 +25,8 @@ ERROR_RULE = (
     f"An error got worse when its check now fails and did not before, or when it is more than {GROWTH:g} times as large "
     f"and above {QUIET:.0%} of its tolerance. Below that it may move: round-off adds up like the square root of the number "
     f"of operations, the tolerance allows for all of them in one direction, and a hundred operations make that a tenth. "
-    f"Twice the error is what a scheme of first order shows when its step is doubled."
+    f"Twice the error is what a scheme of first order shows when its step is doubled. A headline has no tolerance: its error "
+    f"got worse when it is more than {GROWTH:g} times as large and above 1e-7 of its scale."
 )
 
 
@@ -56,10 +57,8 @@ def judge_errors(base: Row, head: Row) -> tuple[str, str]:
     if math.isnan(before) or math.isnan(after):
         return "same", "no truth speaks about it"
     if grew(before, after, allowed):
-        return (
-            "worse",
-            f"{_times(before, after)} the error, {'outside' if fails else 'still inside'} its tolerance{note}",
-        )
+        inside = f", {'outside' if fails else 'still inside'} its tolerance" if head["status"] else ""
+        return "worse", f"{_times(before, after)} the error{inside}{note}"
     if grew(after, before, allowed_before):
         return "better", f"a fraction {short(after / before)} of the error{note}"
     if head["status"] == "gap-closed" and base["status"] == "known-gap":

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal
 
@@ -82,6 +82,35 @@ def row_tolerance(row: Mapping[str, Any]) -> float:
     return tolerance(row["atol"], row["rtol"], row["scale"])
 
 
+WIDE = 0.05
+"""A check that passes is wide where its tolerance exceeds this part of what it is held against (`allowed_shares`)."""
+
+ROUND_OFF = 1e-12
+"""A reference smaller than this part of the largest one of its case and unit is zero but for round-off."""
+
+
+def allowed_shares(rows: Sequence[Mapping[str, Any]]) -> list[float]:
+    """Tolerance of each measurement over the largest value of its reference; NaN where nothing tells how large that is.
+
+    A reference that is zero, or zero but for round-off, is no measure. There the largest one among ``rows`` counts that the same
+    quantity has in another variant of the case, and if it is zero in all of them, the largest of the same unit.
+    """
+    largest: dict[tuple[str, ...], float] = {}
+    sizes = [math.nan if row["scale"] is None else float(row["scale"]) for row in rows]
+    keys = [((row["case"], row["unit"]), (row["case"], row["unit"], row["quantity"])) for row in rows]
+    for held, size in zip(keys, sizes, strict=True):
+        for key in held if math.isfinite(size) else ():
+            largest[key] = max(size, largest.get(key, 0.0))
+    shares = []
+    for row, size, (unit, quantity) in zip(rows, sizes, keys, strict=True):
+        most = largest.get(unit, 0.0)
+        measure = next(
+            (each for each in (size, largest.get(quantity, 0.0)) if ROUND_OFF * most < each < math.inf), most
+        )
+        shares.append(row_tolerance(row) / measure if measure > 0.0 else math.nan)
+    return shares
+
+
 RUN_KEYS = ("run_id", "schema_version", "started", "finished", "provenance", "argv")
 
 CELL_COLUMNS: dict[str, str] = {
@@ -100,6 +129,8 @@ CELL_COLUMNS: dict[str, str] = {
     "engine_runs": "string",
     "support": "string",
     "missing": "string",  # JSON list of capability descriptions
+    "asked": "string",  # JSON list of the capabilities that the scene asks for, of springs and of rigid contacts alike
+    "capabilities": "string",  # JSON list of those that the engine declares
     "notes": "string",  # JSON list
     "settings": "string",  # JSON object
     "status": "string",
@@ -110,7 +141,9 @@ CELL_COLUMNS: dict[str, str] = {
     "n_steps": "int64",
     "n_disks": "int64",
     "setup": "string",  # JSON: scene, numerics, watch, labels
-    "penetration": "float64",  # deepest overlap of the samples after the first, over the smallest radius; NaN where unknown
+    # Deepest overlap of the samples beyond that with which the scene begins, over the smallest radius: of watched contacts, and of round
+    # disks and walls by their places. NaN where neither is known (outlines that nobody watches).
+    "penetration": "float64",
     "frames": "string",  # JSON: {"step": [...], "x": [[[x, y]]], "angle": [...], "wall_point":..., "wall_angle":...}
 }
 """One row per case variant and engine."""

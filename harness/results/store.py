@@ -32,13 +32,14 @@ from ninedisk.harness.results.reader import (
 )
 from ninedisk.harness.results.schema import (
     CELL_COLUMNS,
+    MEASUREMENT_COLUMNS,
     RUN_KEYS,
     SCHEMA_VERSION,
     TABLES,
     Row,
     RunFacts,
 )
-from ninedisk.harness.results.tables import CaseResult, plain_json, tables, write_table
+from ninedisk.harness.results.tables import CaseResult, complete, plain_json, tables, write_table
 
 UNFINISHED = ".tmp-"
 """What the name of a half-written run begins with."""
@@ -46,6 +47,12 @@ UNFINISHED = ".tmp-"
 
 CheckKey = tuple[str, str, str, int]
 """Quantity, norm, kind of truth, and a number that tells checks alike in these apart."""
+
+HEADLINE = "headline"
+"""Kind of truth of a headline among checks."""
+
+HEADLINE_FLOOR = 1e-6
+"""Ten times the relative headline error from which on a change is no rounding: single precision has that of some steps."""
 
 LEFT_OUT = ("setup", "frames", "settings")
 """Columns of cells that are large and that no comparison reads."""
@@ -158,7 +165,7 @@ def _flush(path: Path) -> None:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One run: ``checks`` are the measured quantities of each cell that ran."""
+    """One run: ``checks`` are the measured quantities of each cell that ran, its headlines (`as_check`) among them."""
 
     facts: RunFacts
     cells: Mapping[CellKey, Row]
@@ -174,7 +181,19 @@ def load_snapshot(store: Path, run_id: str) -> Snapshot:
         If it is damaged, or its schema is newer or too old.
     """
     about = read_about(store, run_id)
-    return snapshot(run_facts(about), read_rows(store, about, "cells", CELLS), read_rows(store, about, "measurements"))
+    checks = read_rows(store, about, "measurements") + [as_check(row) for row in read_rows(store, about, "headlines")]
+    return snapshot(run_facts(about), read_rows(store, about, "cells", CELLS), checks)
+
+
+def as_check(headline: Row) -> Row:
+    """A headline in the columns of a check, for comparisons and exports: its relative error, no verdict, `HEADLINE_FLOOR` as tolerance."""
+    own = {name: headline[name] for name in MEASUREMENT_COLUMNS if name in headline}
+    words = {"quantity": headline["headline"], "unit": "1", "norm": "scalar", "truth": HEADLINE}
+    why = f"of the {headline['scale_is']}; a headline has no tolerance, and is compared from a tenth of this on"
+    return complete(
+        own | words | {"abs_error": headline["rel_error"], "atol": HEADLINE_FLOOR, "rtol": 0.0, "why": why},
+        MEASUREMENT_COLUMNS,
+    )
 
 
 def load_snapshots(store: Path) -> list[Snapshot]:

@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
 from ninedisk.core.history import History
+from ninedisk.harness.api.capabilities import capabilities_asked
 from ninedisk.harness.api.case import Case, Check, Setup, figures_of, headlines_of
 from ninedisk.harness.api.engine import (
     Engine,
@@ -216,12 +218,43 @@ def _measure(
     )
 
 
+PLACES = 2_000_000
+"""Pairs of bodies times samples whose gaps `penetration` computes at most: some 40 ms."""
+
+
 def penetration(setup: Setup, history: History) -> float:
-    """Deepest overlap of the watched contacts after the first sample, over the smallest radius; NaN where no contact is watched."""
-    after = np.asarray(history.gap)[1:]
-    if after.size == 0 or np.isnan(after).all():
+    """Deepest overlap beyond that with which the scene begins, over the smallest radius; NaN where no gap is known.
+
+    Known are the gaps of watched contacts, at every sample, and those of round disks and walls by their places, at every sample or,
+    of many disks, at as many, evenly spread, as `PLACES` allows. Of each contact counts how much deeper it is than at time 0:
+    a scene that starts in equilibrium, or asks for overlaps, prescribes those.
+    """
+    deep = [_deeper(np.asarray(history.gap, dtype=np.float64))]
+    disks = setup.scene.disks
+    round_ones = np.flatnonzero(disks.outline < 0)
+    contacts = len(round_ones) * ((len(round_ones) - 1) // 2 + len(setup.scene.walls))
+    count = min(len(history.step), PLACES // contacts if contacts else 0)
+    if count > 1:
+        rows = np.linspace(0, len(history.step) - 1, count).round().astype(np.int64)
+        x, radius = history.x[rows][:, round_ones], disks.radius[round_ones]
+        one, two = np.triu_indices(len(round_ones), 1)
+        apart = x[:, two] - x[:, one]
+        deep.append(_deeper(np.hypot(apart[..., 0], apart[..., 1]) - radius[one] - radius[two]))
+        for k in range(len(setup.scene.walls)):
+            angle, point = history.wall_angle[rows, k], history.wall_point[rows, k]
+            away = x - point[:, None]
+            height = away[..., 0] * np.cos(angle)[:, None] + away[..., 1] * np.sin(angle)[:, None]
+            deep.append(_deeper(height - radius))
+    known = [each for each in deep if not np.isnan(each)]
+    return max(known) / float(disks.radius.min()) if known else float("nan")
+
+
+def _deeper(gap: NDArray[np.float64]) -> float:
+    """How much deeper than in the first row any column gets [m], >= 0; NaN where no later row has a number. Shape (s, contacts)."""
+    if not np.isfinite(gap[1:]).any():
         return float("nan")
-    return max(0.0, -float(np.nanmin(after))) / float(np.min(setup.scene.disks.radius))
+    first = np.minimum(np.nan_to_num(gap[0], nan=0.0), 0.0)
+    return max(0.0, -float(np.nanmin(np.minimum(gap[1:], 0.0) - first)))
 
 
 def frames(history: History) -> dict[str, Any]:
@@ -282,7 +315,12 @@ def _setup_columns(setup: Setup) -> Row:
         "watch": [list(pair) for pair in setup.watch],
         "labels": {name: list(pair) for name, pair in setup.labels.items()},
     }
-    return {"n_steps": setup.numerics.n_steps, "n_disks": len(setup.scene.disks), "setup": plain_json(stored)}
+    return {
+        "n_steps": setup.numerics.n_steps,
+        "n_disks": len(setup.scene.disks),
+        "setup": plain_json(stored),
+        "asked": json.dumps(sorted(capabilities_asked(setup.scene, setup.numerics))),
+    }
 
 
 def engine_columns(info: EngineInfo) -> Row:
@@ -292,6 +330,7 @@ def engine_columns(info: EngineInfo) -> Row:
         "engine_version": info.version or "",
         "engine_licence": info.licence,
         "engine_runs": info.how_it_runs,
+        "capabilities": json.dumps(sorted(info.capabilities)),
     }
 
 

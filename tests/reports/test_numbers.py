@@ -138,13 +138,17 @@ def test_dilation_is_shown_beside_the_levels_of_both_rules(tmp_path, write, smal
     assert chart.y_limits[0] < 0.0 < 1.0 < chart.y_limits[1]
 
 
-def test_speed_needs_a_time_and_a_continuous_truth(tmp_path, write, small):
+def test_speed_needs_a_time_and_the_number_of_a_headline(tmp_path, write, small):
     tables = steps_table(small, [1e-3, 5e-4, 2e-4])
     tables["cells"][1]["advance_s"] = math.nan
-    tables["measurements"][2]["truth"] = "exact-step"
+    named = [{k: row[k] for k in ("case", "case_version", "variant", "engine")} for row in tables["cells"]]
+    tables["headlines"] = [
+        {**name, "headline": "way", "rel_error": error}
+        for name, error in zip(named, (1e-3, 5e-4, math.nan), strict=True)
+    ]
     write(tmp_path, "a", tables)
     panel = build_panel(load_store(tmp_path))
-    chart = case_speed(panel, panel.cases["demo/one"], engine_looks({"dem": "DEM"}))
+    chart = case_speed(panel.cases["demo/one"], engine_looks({"dem": "DEM"}))
     assert [(d.key, d.x, d.y, d.names) for d in chart.dots] == [("dem", (0.1,), (1e-3,), ("dt=0.01",))]
     assert [d.key for d in engine_speed(panel, "dem").dots] == ["case demo/one"]
     assert engine_speed(panel, "nobody") is None

@@ -10,8 +10,10 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from ninedisk.reports import text
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel
+from ninedisk.reports.ranking import percent
 
 
 class Page(HTMLParser):
@@ -119,11 +121,22 @@ def test_overview_ranks_the_worst_first(panel_store, panel_report):
     assert float(f"{rows[0]['ratio']:.1e}") == float(shown[0])
     values = re.findall(r'<td>(\w+) \[[^<]*<small>[^<]*</small></td>\s*<td class="n">([^<]+)</td>', table)
     assert values == [(row["quantity"], f"{row['value']:.7g}") for row in rows[:10]]
-    headline = html[html.index("Worst error of the panel") : html.index('id="matrix"')]
-    assert shown[0] in headline
-    assert rows[0]["quantity"] in headline
-    cells = re.findall(r'class="size">([^<]+)<', html)
-    assert float(cells[0]) == max(float(value) for value in cells if value != "—") == float(shown[0])
+
+
+def test_the_matrix_shows_what_is_farthest_from_the_physics_first(panel_store, panel_report):
+    html = (panel_report / "index.html").read_text(encoding="utf-8")
+    rows = load_store(panel_store).headlines
+    sizes = {}
+    for row in rows:
+        key = row["case"], row["engine"]
+        sizes[key] = max(sizes.get(key, 0.0), row["rel_error"])
+    table = html[html.index('class="matrix"') : html.index("Not installed")]
+    shown = re.findall(r'class="v v-error d\d+"[^>]*>([^<]+)<', table)
+    assert sorted(shown) == sorted(text.error(size) for size in sizes.values())
+    assert shown[0] == text.error(max(sizes.values()))
+    assert "Chrono" not in table
+    assert 'Not installed where this ran: <a href="engine/chrono.html">Chrono</a>' in html
+    assert percent(max(sizes.values())) in html[html.index("Farthest from the physics") : html.index('id="matrix"')]
 
 
 def test_overview_shows_claims_gaps_breaks_and_provenance(panel_report):
@@ -134,8 +147,7 @@ def test_overview_shows_claims_gaps_breaks_and_provenance(panel_report):
     for words in (
         "◷ timeout",
         "‼ error",
-        "∅ not-installed",
-        "○ unsupported",
+        "○</b> unsupported",
         "△ known-gap",
         "0123456789abcdef",
         "a processor",

@@ -26,7 +26,7 @@ def row(**changes):
         "quantity": "q",
     }
     made = {**base, **changes}
-    return {**made, "ratio": error_ratio(made)}
+    return {**made, "ratio": error_ratio(made), "share": math.nan}
 
 
 @pytest.mark.parametrize(
@@ -80,10 +80,17 @@ def test_shades_bound_the_ratio():
 def test_numbers_as_text():
     assert [text.error(x) for x in (1.23e-13, 0, None, math.nan, math.inf)] == ["1.2e-13", "0", "—", "—", "—"]
     assert [text.ratio(x) for x in (0.5, 12345.0, 3e-9, math.inf, math.nan)] == ["0.5", "1.2e4", "3.0e-9", "∞", "—"]
+    near = (0.996, 0.99996, 1.0 - 1e-16, 1.0, 1.004)
+    assert [text.ratio(x) for x in near] == ["0.996", "0.99996", "0.9999999999999999", "1", "1.004"]
     assert [text.seconds(x) for x in (2.0, 0.0123, 4e-6, math.nan)] == ["2 s", "12.3 ms", "4 µs", "—"]
     assert text.number(-math.inf) == "—"
     factors = (1.5, 9.94, 12.3, 12345.0, 1e-3, math.inf)
     assert [text.factor(x) for x in factors] == ["1.50", "9.94", "12", "1.2e4", "1.0e-3", "∞"]
+
+
+def test_decades_bound_the_error():
+    sizes = (0.0, 1e-12, 1.1e-12, 1e-6, 1.1e-6, 0.5, 1.0, 1.1, math.inf, math.nan)
+    assert [text.decade(x) for x in sizes] == ["d0", "d0", "d1", "d6", "d7", "d12", "d12", "d13", "d13", "none"]
 
 
 def test_slugs_stay_in_their_folder_and_apart():

@@ -11,7 +11,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -125,6 +125,26 @@ class NewtonCradle:
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
         scalars["handed_on"] = ("1", last(v[:, -1, 0]) / speed)
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Speed handed on and energy kept; in a row that touches the contacts' law decides on both, unless all energy is kept.
+
+        Energy of a plastic row that touches: by any law the disks end with one speed, ``1/n`` of the first.
+        """
+        n, e, speed, mass = params["n"], params["restitution"], params["speed"], params["mass"]
+        first = 0.5 * mass * speed**2
+        last_speed, kept = math.nan, math.nan
+        if params["gap"] > 0.0:
+            final = collisions(params).v[-1]
+            last_speed, kept = float(final[-1]), float((final**2).sum()) / speed**2
+        elif e in (0.0, 1.0):
+            last_speed, kept = (math.nan, 1.0) if e else (speed / n, 1.0 / n)
+        return (
+            Headline(name="speed handed on", use="impacts", quantity=f"vx_{n}_final", expected=last_speed,
+                     source="one collision after the other, Newton's restitution", scale=speed, scale_is="speed of the first disk"),
+            Headline(name="energy kept", use="impacts", quantity="energy_final", expected=kept * first,
+                     source="Newton's restitution", scale=first, scale_is="first energy"),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

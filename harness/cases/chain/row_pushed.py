@@ -11,7 +11,17 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, TruthKind, Value
+from ninedisk.harness.api.case import (
+    Check,
+    FloatArray,
+    Headline,
+    Observed,
+    Parameter,
+    ParameterError,
+    Setup,
+    TruthKind,
+    Value,
+)
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nine_disk.compression import step_error
 from ninedisk.harness.cases.nine_disk.scene import DAMPING_FORM, NINE_DISK_CD, cd_settings
@@ -107,6 +117,23 @@ class PushedRow:
             scalars[f"fn_{name}_settled"] = ("N", float(force[-1]) if params["xi"] > 0.0 else math.nan)
         scalars["across"] = ("m", float(np.abs(history.x[:, :, 1]).max()))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """The chain's motion, continuous in time, of elastic contacts; that of equilibria where the static limit is asked for."""
+        way = params["speed"] * params["dt"] * LOAD_STEPS
+        settled = float(_rest(params)[-1] + static_force(n=params["n"], kn=params["kn"], way=way))
+        if params["regime"] == "quasi-static":
+            pushed = np.minimum(observed.step, LOAD_STEPS) / LOAD_STEPS
+            stop = _rest(params)[-1] + (settled - _rest(params)[-1]) * pushed
+        else:
+            stop = self._continuous(params, observed.t)[:, -1]
+        common: dict[str, Any] = {"scale": settled, "scale_is": "settled force at the stop"}
+        return (
+            Headline(name="force at the stop", use="moving-walls", quantity="fn_stop", expected=stop,
+                     source="modes of the chain, continuous in time", **common),
+            Headline(name="settled force", use="rest", quantity="fn_stop_settled", source="prestress + n m g + kn w/(n + 1)",
+                     expected=settled if params["xi"] > 0.0 else math.nan, **common),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

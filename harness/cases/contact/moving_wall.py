@@ -11,7 +11,17 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, TruthKind, Value
+from ninedisk.harness.api.case import (
+    Check,
+    FloatArray,
+    Headline,
+    Observed,
+    Parameter,
+    ParameterError,
+    Setup,
+    TruthKind,
+    Value,
+)
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import where_observed
 from ninedisk.harness.cases.nine_disk.scene import DAMPING_FORM, NINE_DISK_CD, cd_settings
@@ -106,6 +116,23 @@ class MovingWall:
         }
         scalars = {"vy_final": ("m/s", float(history.v[-1, 0, 1]))}
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Motion and force of a disk on the scene's spring and dashpot, continuous in time."""
+        if params["regime"] == "quasi-static":
+            return ()
+        truth = _continuous(params, observed.t)
+        pushed = params["motion"] == "push"
+        source = "impact seen from the wall" if pushed else "driven oscillator"
+        speed, force = (
+            (PUSH_SPEED, MASS * _omega(params) * PUSH_SPEED) if pushed else (AMPLITUDE * FREQUENCY, MASS * GRAVITY)
+        )
+        return (
+            Headline(name="speed of the disk", use="moving-walls", quantity="vy", expected=truth["vy"], source=source,
+                     scale=speed, scale_is="largest speed of the wall"),
+            Headline(name="force of the wall", use="moving-walls", quantity="fn", expected=truth["fn"], source=source,
+                     scale=force, scale_is="largest force of an elastic impact" if pushed else "weight"),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

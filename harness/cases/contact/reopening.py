@@ -12,7 +12,17 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.capabilities import LEVER_ARMS
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, TruthKind, Value
+from ninedisk.harness.api.case import (
+    Check,
+    FloatArray,
+    Headline,
+    Observed,
+    Parameter,
+    ParameterError,
+    Setup,
+    TruthKind,
+    Value,
+)
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import where_observed
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
@@ -110,7 +120,26 @@ class Reopening:
             "energy_kinetic": ("J", np.asarray(history.energy.get("kinetic", blank))),
             "energy_elastic": ("J", np.asarray(history.energy.get("elastic", blank))),
         }
-        return Observed(step=history.step, t=history.t, series=series, scalars={})
+        scalars = {"fs_largest": ("N", float(np.abs(series["fs"][1]).max()))}
+        return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:
+        """Half sines of the scene's springs and the shear force that grows from nothing in each contact, continuous in time."""
+        if params["regime"] == "quasi-static":
+            return ()
+        lasts = math.pi / _omega(params, first=True)
+        fn = _continuous(params, setup, 0.0)["fn"][observed.step]
+        depth = (2.0 if params["pair"] == "disks" else 1.0) * params["speed"] / _omega(params, first=True)
+        # Half a sine has the mean 2/pi.
+        slips = abs(float(_slip(params, np.array([2.0 * depth / math.pi]))[0])) * lasts
+        way, scale_is = (slips, "slip in a contact") if slips else (params["speed"] * lasts, "way in a contact's time")
+        ks = params["ks_over_kn"] * params["kn"]
+        return (
+            Headline(name="largest shear force", use="impacts", quantity="fs_largest", expected=ks * slips,
+                     source="slip of one contact, from nothing", scale=ks * way, scale_is=f"ks times the {scale_is}"),
+            Headline(name="normal force", use="impacts", quantity="fn", expected=fn, source="half sines between uniform flights",
+                     scale=float(fn.max()), scale_is="largest normal force"),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

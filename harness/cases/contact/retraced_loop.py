@@ -13,7 +13,7 @@ from ninedisk.core.law import SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.matched import slip_of
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
@@ -172,6 +172,13 @@ class RetracedLoop:
         series = {"shear": ("m", shear), "astray": ("m", astray), "way": ("m", way)}
         drift = float(astray[-1]) / (params["cycles"] * params["amplitude"])
         return Observed(step=history.step, t=history.t, series=series, scalars={"drift": ("-", drift)})
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Net slip on a path that goes to and fro, which is 0 after a cycle, wherever in a step the scene's law measures it."""
+        return (
+            Headline(name="drift in a cycle", use="moving-walls", quantity="drift", expected=0.0,
+                     source="line integral of slip along the path", scale=1.0, scale_is="amplitude of the path"),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

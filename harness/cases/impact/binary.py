@@ -13,7 +13,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene
-from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, TruthKind, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, TruthKind, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -189,6 +189,16 @@ class BinaryCollision:
         drift = np.abs(momentum - params["mass"] * params["speed"])
         scalars["momentum_drift"] = ("kg m/s", float(drift.max()))  # NaN where a velocity is
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Newton's restitution for all: the rigid disks' problem, whose spring engines have a dashpot of at most `PLASTIC_BETA`."""
+        momentum = params["mass"] * params["speed"]
+        return (
+            Headline(name="restitution", use="impacts", quantity="restitution_effective", expected=knobs(params).restitution,
+                     source="Newton's restitution", scale=1.0, scale_is="speed of approach"),
+            Headline(name="momentum lost", use="impacts", quantity="momentum_drift", expected=0.0,
+                     source="conservation of momentum", scale=momentum, scale_is="momentum of the hitting disk"),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

@@ -14,7 +14,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -126,6 +126,8 @@ class BouncingDisk:
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
         """Gap, velocity and energy; height and time of each flight's highest point; when the disk is at rest for good.
 
+        ``bounce_first`` and ``bounce_last`` are the heights of the first and the last flight that is compared, 0 where there is none.
+
         The highest point lies between samples whose velocities have different signs: from the first of them the parabola of free
         flight gives both numbers.
         """
@@ -143,11 +145,29 @@ class BouncingDisk:
             i = int(tops[k - 1]) if found else 0
             scalars[f"apex_{k}"] = ("m", float(gap[i] + vy[i] ** 2 / (2.0 * g)) if found else math.nan)
             scalars[f"apex_time_{k}"] = ("s", float(history.t[i] + vy[i] / g) if found else math.nan)
+        known = bool(np.isfinite(gap).all() and np.isfinite(vy).all())
+        for name, k in (("bounce_first", 1), ("bounce_last", params["bounces"])):
+            height = scalars[f"apex_{k}"][1] if k <= len(tops) else 0.0
+            scalars[name] = ("m", max(height, 0.0) if known else math.nan)
         # Written so that a NaN counts as motion.
         moving = np.flatnonzero(~(gap <= rest_level(params)))
         rests = len(moving) > 0 and moving[-1] + 1 < len(gap)
         scalars["rest_time"] = ("s", float(history.t[moving[-1] + 1]) if rests else math.nan)
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Newton's restitution on a rigid plane: heights of the first bounce and of the last one that is compared."""
+        e, height, bounces = params["restitution"], params["height"], params["bounces"]
+        common: dict[str, Any] = {
+            "source": "flight k reaches e^(2k) h",
+            "scale": height,
+            "scale_is": "height of the fall",
+        }
+        return (
+            Headline(name="height of the first bounce", use="impacts", quantity="bounce_first", expected=e**2 * height, **common),
+            Headline(name="height of the last bounce", use="energy" if e == 1.0 else "impacts", quantity="bounce_last",
+                     expected=e ** (2 * bounces) * height, **common),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

@@ -13,7 +13,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -50,6 +50,9 @@ DAMPED_PHASE = 0.05
 AFTER = 4
 """Steps ``dt`` after the contact in a run of default length."""
 
+
+AGREE = 0.01
+"""Of the first speed: as near as springs must come to the rigid disk's speed along the plane for that to be a truth for all."""
 
 NAMES = ("vx", "vy", "spin", "slip", "energy")
 
@@ -171,6 +174,21 @@ class ObliqueImpact:
         scalars["impulse_ratio"] = ("1", float(ratio))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Newton's restitution; the speed along the plane where the disk slides through the impact.
+
+        A disk that sticks for a while leaves with a speed that depends on the springs, ks/kn and the dashpot, however stiff they are:
+        the law of rigid disks is the truth where the scene's springs agree with it to `AGREE`, and there is none elsewhere.
+        """
+        rigid, first = _on_impulses(params, dilates=False), math.hypot(params["vt"], params["vn"])
+        agree = abs(rigid.vx - _on_springs(params, setup, setup.scene.walls[0].law.beta).vx) <= AGREE * first
+        return (
+            Headline(name="restitution", use="impacts", quantity="restitution_effective", expected=params["restitution"],
+                     source="Newton's restitution", scale=1.0, scale_is="speed of approach"),
+            Headline(name="speed along the plane", use="impacts", quantity="vx_final", expected=rigid.vx if agree else math.nan,
+                     source="Coulomb's law for the impulses: mu (1 + e) vn is lost", scale=first, scale_is="first speed"),
+        )  # fmt: skip
+
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
@@ -255,19 +273,38 @@ def binding_truth(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, b
     return _rigid(params, setup, engine)
 
 
-def _rigid(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Truth:
-    """Newton and Coulomb; the impulse of one step is exact but for round-off and what a soft contact lets through."""
-    e, mu, radius = params["restitution"], params["mu"], float(setup.scene.disks.radius[0])
-    dilates = follows_associated_rule(engine, setup.numerics)
-    found = rigid_rebound(
+def _on_impulses(params: Mapping[str, Any], *, dilates: bool) -> Rebound:
+    return rigid_rebound(
         velocity=(params["vt"], -params["vn"]),
         spin=params["spin"],
-        radius=radius,
+        radius=RADIUS,
         inertia_ratio=inertia_ratio(params),
-        mu=mu,
-        restitution=e,
+        mu=params["mu"],
+        restitution=params["restitution"],
         dilates=dilates,
     )
+
+
+def _on_springs(params: Mapping[str, Any], setup: Setup, beta: float) -> Rebound:
+    law, disks = setup.scene.walls[0].law, setup.scene.disks
+    return spring_rebound(
+        velocity=(params["vt"], -params["vn"]),
+        spin=params["spin"],
+        radius=float(disks.radius[0]),
+        inertia_ratio=inertia_ratio(params),
+        mu=law.mu,
+        mass=float(disks.mass[0]),
+        kn=law.kn,
+        ks=law.ks,
+        beta=beta,
+    )
+
+
+def _rigid(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Truth:
+    """Newton and Coulomb; the impulse of one step is exact but for round-off and what a soft contact lets through."""
+    mu, radius = params["mu"], float(setup.scene.disks.radius[0])
+    dilates = follows_associated_rule(engine, setup.numerics)
+    found = _on_impulses(params, dilates=dilates)
     # A soft contact misses a part of each impulse; friction takes part of what the normal impulse misses.
     normal = found.vy + params["vn"]
     along = abs(found.vx - params["vt"])
@@ -291,17 +328,7 @@ def _spring(params: Mapping[str, Any], setup: Setup, beta: float) -> Truth:
     """
     law, disks = setup.scene.walls[0].law, setup.scene.disks
     mass, radius = float(disks.mass[0]), float(disks.radius[0])
-    found = spring_rebound(
-        velocity=(params["vt"], -params["vn"]),
-        spin=params["spin"],
-        radius=radius,
-        inertia_ratio=inertia_ratio(params),
-        mu=law.mu,
-        mass=mass,
-        kn=law.kn,
-        ks=law.ks,
-        beta=beta,
-    )
+    found = _on_springs(params, setup, beta)
     e = restitution_of_beta(beta)
     contact_dt = setup.numerics.contact_dt or setup.numerics.dt
     phase = math.sqrt(law.kn / mass) * contact_dt

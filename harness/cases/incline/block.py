@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -139,9 +139,9 @@ class InclineBlock:
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
         """Displacement, velocity, gap and contact forces; ``fs`` is positive up the incline.
 
-        ``fn_mean`` and ``fs_mean`` are means over the second half of the run, and ``mu_crit`` the friction that would hold the
-        block, from what the engine reports there: ``(fs + m dvx/dt)/fn``. ``dilation`` is the final rise of the gap over
-        ``mu v dt``: 1 under the associated rule, 0 under Coulomb's. ``dilation_peak`` is the largest gap of that half over ``mu v
+        ``lift`` is the largest gap of the run. ``fn_mean`` and ``fs_mean`` are means over its second half, and ``mu_crit`` the friction
+        that would hold the block, from what the engine reports there: ``(fs + m dvx/dt)/fn``. ``dilation`` is the final rise of the gap
+        over ``mu v dt``: 1 under the associated rule, 0 under Coulomb's. ``dilation_peak`` is the largest gap of that half over ``mu v
         dt``, v the velocity at the begin of the step. ``creep_rate`` is the mean velocity over that half, observed only where the
         block should stick.
         """
@@ -166,6 +166,7 @@ class InclineBlock:
         with np.errstate(divide="ignore", invalid="ignore"):  # an engine that loses the contact reports fn = 0
             held = np.float64(scalars["fs_mean"][1] + inertial) / scalars["fn_mean"][1]
         scalars["mu_crit"] = ("1", float(held))
+        scalars["lift"] = ("m", float(np.maximum(series["gap"][1], 0.0).max()))
         if not sticks(params):
             lift = series["gap"][1][-1] - series["gap"][1][0]
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -178,6 +179,27 @@ class InclineBlock:
         else:
             scalars["creep_rate"] = ("m/s", float((x[-1] - x[half]) / elapsed))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Coulomb's block on a rigid incline, at every step, with or without preload: way, lift, and the force on the incline.
+
+        Near the critical friction the block slides slowly; what counts is its own way, and where it sticks the way that it
+        would make without friction.
+        """
+        angle, t_end = math.radians(params["angle_deg"]), float(observed.t[-1])
+        truth = incline(observed.t, mu=params["mu"], angle=angle, g=params["g"], mass=params["mass"])
+        way, scale_is = float(truth.x[-1]), "way of the sliding block"
+        free = 0.5 * params["g"] * math.sin(angle) * t_end**2
+        scale, scale_is = (free, "way without friction") if sticks(params) else (way, "way of the sliding block")
+        return (
+            Headline(name="way down the incline", use="rest" if sticks(params) else "sliding", quantity="x_final", expected=way,
+                     source="(A.7)", scale=scale, scale_is=scale_is),
+            Headline(name="lift of the block", use="sliding", quantity="lift", expected=0.0, source="Coulomb's law: no dilation",
+                     scale=scale, scale_is=scale_is),
+            Headline(name="force on the incline", use="rest" if sticks(params) else "sliding", quantity="fn",
+                     expected=float(truth.fn[-1]), source="m g cos", scale=params["mass"] * params["g"], scale_is="weight",
+                     window=(int(observed.step[second_half(observed.t)]), int(observed.step[-1]))),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

@@ -15,16 +15,19 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
-from ninedisk.harness.api.case import Case, Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Case, Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.api.params import resolve
-from ninedisk.harness.cases.common import single
+from ninedisk.harness.cases.common import last, single
 from ninedisk.harness.cases.impact import binary as binary_collision
 from ninedisk.harness.cases.incline import block as incline_block
 from ninedisk.harness.cases.invariance.frames import Frame
 from ninedisk.harness.cases.nine_disk import compression as nine_disk_compression
+from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES
 from ninedisk.harness.cases.rolling import incline_disk as rolling_incline
 from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS
+from ninedisk.references.analytic.incline import acceleration
+from ninedisk.references.analytic.rolling_incline import roll_rates
 
 SCENES: Mapping[str, tuple[Case, Mapping[str, Value], frozenset[str]]] = {
     "collision": (
@@ -118,9 +121,42 @@ class Invariance:
         return frame_of(params).setup(_original(params)[2], settings_with_dimension())
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
-        """The original case's quantities, from the history brought back."""
+        """The original case's quantities, from the history brought back; of the compression, what a half row's contacts bear in the end."""
         case, full, original = _original(params)
-        return case.observe(full, original, frame_of(params).history(history))
+        found = case.observe(full, original, frame_of(params).history(history))
+        if params["scene"] != "compression":
+            return found
+        force = sum(last(found.series[name][1]) for name in ("fn_disk_disk_centre", "fn_wall_mid"))
+        return replace(found, scalars={**found.scalars, "row_force": ("N", force)})
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """A quantity of the scene that has one value in every scheme: what is off is off by the observer."""
+        scene, full = params["scene"], _original(params)[1]
+        if scene == "collision":
+            quantity, expected, source, scale_is = (
+                "restitution_effective",
+                1.0,
+                "Newton's restitution",
+                "speed of approach",
+            )
+        elif scene == "compression":
+            load = LOAD_CASES[full["load_case"]]
+            quantity, expected, scale_is = "row_force", load.kn * load.v_wall * load.load_cycles * load.dt, "that force"
+            source = "the two contacts of a half row are closed by their wall's way: kn v T"
+        else:
+            case = {"mu": full["mu"], "angle": math.radians(full["angle_deg"]), "g": full["g"]}
+            rolls = roll_rates(mass=rolling_incline.MASS, radius=rolling_incline.RADIUS, **case).along
+            rate = rolls if scene == "roll" else acceleration(**case)
+            quantity, expected, source = (
+                "vx_final",
+                rate * float(observed.t[-1]),
+                "Newton and Euler with Coulomb friction",
+            )
+            scale_is = "that speed"
+        return (
+            Headline(name="motion seen by the observer", use="invariance", quantity=quantity, expected=expected, source=source,
+                     scale=expected, scale_is=scale_is),
+        )  # fmt: skip
 
     def checks(
         self,

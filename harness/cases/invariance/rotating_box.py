@@ -12,7 +12,7 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
-from ninedisk.harness.api.case import Check, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
 
@@ -101,6 +101,15 @@ class RotatingBox:
         series["spin"] = ("rad/s", history.omega[:, 0])
         scalars = {"shear": ("N", float(np.abs(history.fs[-1]).mean()))}
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Forces turn with the box, and the disk stays in its middle."""
+        return (
+            Headline(name="shear force", use="invariance", quantity="shear", expected=params["fs"],
+                     source="objectivity: forces turn with the box", scale=params["fn"], scale_is="normal force"),
+            Headline(name="way of the disk", use="invariance", quantity="way", expected=0.0,
+                     source="objectivity: equilibrium in the box", scale=RADIUS, scale_is="radius"),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import WallSegment
-from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.matched import core_history
-from ninedisk.harness.cases.nine_disk.converged import consensus_checks, converged_checks
+from ninedisk.harness.cases.nine_disk.converged import Limit, consensus_checks, converged_checks
 from ninedisk.harness.cases.nine_disk.scene import (
     CENTRE,
     DAMPING_FORM,
@@ -159,6 +159,31 @@ class Compression:
         scalars["symmetry_error"] = ("m", float(np.abs(middle).max()))
         scalars["overlap_error"] = ("m", overlap_error(setup, history))
         return Observed(step=step, t=t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Forces of the centre row, of elastic contacts kn: closed form for smooth walls, fine-step limit for rough ones.
+
+        The static limit is asked for by its own setting: its truth is the equilibrium of every step, known for smooth walls.
+        """
+        load, name = LOAD_CASES[params["load_case"]], "fn_disk_disk_centre"
+        t_wall = load.load_cycles * load.dt
+        steady = steady_force(kn=load.kn, v_wall=load.v_wall, t_wall=t_wall)
+        history: float | NDArray[np.float64] = math.nan
+        settled, source = math.nan, "no closed form: rough walls in the static limit"
+        static = params["regime"] == "quasi-static"
+        if friction(params)[1] == 0.0:
+            ramp = steady * np.minimum(observed.step, load.load_cycles) / load.load_cycles
+            row = continuous_row(observed.t, kn=load.kn, mass=MASS, xi=params["xi"], v_wall=load.v_wall, t_wall=t_wall)
+            history, settled = ramp if static else row[0], steady
+            source = "equilibrium of the smooth row" if static else "damped oscillator under a ramp that stops"
+        elif not static and (limit := Limit.of(self.id, params, observed)):
+            history, settled, source = limit.series(name), limit.number(f"{name}_settled"), limit.source
+        common: dict[str, Any] = {"source": source, "scale": steady, "scale_is": "kn v T/2, what smooth rows settle at"}
+        return (
+            Headline(name="force in the centre row", use="moving-walls", quantity=name, expected=history, **common),
+            Headline(name="settled force", use="rest", quantity=f"{name}_settled",
+                     expected=settled if params["xi"] > 0.0 else math.nan, **common),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

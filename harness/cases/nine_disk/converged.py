@@ -2,17 +2,53 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ninedisk.harness.api.case import Check, Observed
+from ninedisk.harness.api.case import Check, FloatArray, Observed
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.matched import slip_of
 
+if TYPE_CHECKING:
+    from ninedisk.references.converged_tables import ConvergedCurve
+
 MARGIN = 2.0
 """Factor on the measured step error: it comes from one pair of steps, and friction makes the order wander around 2."""
+
+
+class Limit:
+    """The fine-step limit of a variant at the sampled steps, for headlines."""
+
+    def __init__(self, table: ConvergedCurve, observed: Observed) -> None:
+        self._table, self._observed = table, observed
+        names = ", ".join(f"{name}: {size:.1g}" for name, size in table.uncertainty.items())
+        self.source = f"fine-step limit of the in-house DEM, uncertain by (N) {names}"
+
+    @classmethod
+    def of(cls, case: str, params: Mapping[str, Any], observed: Observed) -> Limit | None:
+        """None where no limit was computed for the variant."""
+        from ninedisk.references.converged_tables import load_converged
+
+        table = load_converged(case, params)
+        return None if table is None else cls(table, observed)
+
+    def series(self, name: str) -> FloatArray:
+        """Values at the sampled steps, NaN where the table has none, shape (s,)."""
+        return at_steps(self._table, name, self._observed)
+
+    def number(self, name: str) -> float:
+        """A single number of the table; NaN where it has none."""
+        return self._table.scalars[name].value if name in self._table.scalars else math.nan
+
+
+def at_steps(table: ConvergedCurve, name: str, observed: Observed) -> FloatArray:
+    """Values of a table at the sampled steps, NaN where it has none, shape (s,)."""
+    rows = {int(step): row for row, step in enumerate(table.step)}
+    pick = np.array([rows.get(int(step), -1) for step in observed.step])
+    return np.where(pick >= 0, table.quantities[name][pick], np.nan)
 
 
 def converged_checks(
@@ -54,8 +90,6 @@ def converged_checks(
     if table is None:
         return []
     found = []
-    rows = {int(step): row for row, step in enumerate(table.step)}
-    pick = np.array([rows.get(int(step), -1) for step in observed.step])
     for name in (*series, *scalars):
         number = name in scalars
         if name not in (table.scalars if number else table.quantities):
@@ -65,7 +99,7 @@ def converged_checks(
             expected: Any = entry.value
             uncertainty, scale = entry.uncertainty, (scales or {}).get(name, abs(entry.value))
         else:
-            expected = np.where(pick >= 0, table.quantities[name][pick], np.nan)
+            expected = at_steps(table, name, observed)
             uncertainty, scale = table.uncertainty[name], float(np.abs(table.quantities[name]).max())
         if other_arm:
             atol, why = other_arm_rtol * scale + uncertainty, other_arm

@@ -14,11 +14,11 @@ from ninedisk.core.law import LeverArm
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
-from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.matched import core_history, slip_of
 from ninedisk.harness.cases.nine_disk.compression import outline_check
-from ninedisk.harness.cases.nine_disk.converged import consensus_checks, converged_checks
+from ninedisk.harness.cases.nine_disk.converged import Limit, consensus_checks, converged_checks
 from ninedisk.harness.cases.nine_disk.scene import (
     CENTRE,
     DAMPING_FORM,
@@ -37,7 +37,7 @@ from ninedisk.harness.cases.nine_disk.scene import (
 )
 from ninedisk.harness.cases.nine_disk.shown import DISTORTION_CLAIMS, DISTORTION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
-from ninedisk.references.analytic.compression import row_frequency
+from ninedisk.references.analytic.compression import row_frequency, steady_force
 
 COMPRESS, SETTLE, DISTORT = 4000, 1000, 500
 """Cycles of the three stages."""
@@ -179,6 +179,18 @@ class Distortion:
             scalars[f"x_{disk}_final"] = ("m", float(x[-1, disk, 0]))
             scalars[f"y_{disk}_final"] = ("m", float(x[-1, disk, 1]))
         return Observed(step=step, t=t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Forces above the centre disk against the fine-step limit of the scene's own law; none is known for the static limit."""
+        limit = None if params["regime"] == "quasi-static" else Limit.of(self.id, params, observed)
+        load = LOAD_CASES["a1"]
+        pressed = steady_force(kn=load.kn, v_wall=load.v_wall, t_wall=COMPRESS * load.dt)
+        return tuple(
+            Headline(name=words, use="moving-walls", quantity=name, expected=limit.series(name) if limit else math.nan,
+                     source=limit.source if limit else "no converged reference", scale=pressed,
+                     scale_is="normal force after the compression")
+            for words, name in (("normal force in shear", "fn_up"), ("shear force", "fs_up"), ("shear force aside", "fs_right"))
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

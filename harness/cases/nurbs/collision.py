@@ -11,7 +11,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
-from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import contact_step, where_observed
 from ninedisk.harness.cases.nurbs.grains import grains
@@ -108,6 +108,22 @@ class Collision:
             "gap": ("m", gap),
         }
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Elastic grains keep energy and momenta. The chord's force has no potential and so does not: its law's truth is in the checks.
+
+        What friction leaves of the energy has no closed form.
+        """
+        momentum = float(setup.scene.disks.mass[0]) * SPEED
+        return (
+            Headline(name="energy kept", use="impacts", quantity="energy_change", expected=math.nan if params["mu"] else 0.0,
+                     source="conservation of energy", scale=1.0, scale_is="first energy"),
+            Headline(name="momentum kept", use="impacts", quantity="momentum_drift", expected=0.0,
+                     source="conservation of momentum", scale=momentum, scale_is="momentum of an ellipse"),
+            Headline(name="angular momentum kept", use="impacts", quantity="angular_momentum_drift", expected=0.0,
+                     source="conservation of angular momentum", scale=momentum * A,
+                     scale_is="momentum of an ellipse times its half-axis"),
+        )  # fmt: skip
 
     def checks(
         self,

@@ -11,7 +11,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
-from ninedisk.harness.api.case import Check, FloatArray, Norm, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Norm, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nurbs.grains import disk_gap, grains
 from ninedisk.harness.cases.nurbs.shown import OVERLAP_CLAIMS
@@ -97,6 +97,14 @@ class Overlap:
             for grade in GRADES
         }
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Overlap of the outlines by their closed form, which depends on nothing but geometry."""
+        return (
+            Headline(name="overlap of two outlines", use="impacts", quantity="gap_error", expected=0.0,
+                     source="closed form of disks and of ellipses", scale=min(min(axes) for axes in AXES[params["shape"]]),
+                     scale_is="smallest half-axis"),
+        )  # fmt: skip
 
     def checks(
         self,

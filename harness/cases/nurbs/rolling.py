@@ -13,7 +13,17 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Scene, Wall
-from ninedisk.harness.api.case import Check, FloatArray, Norm, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import (
+    Check,
+    FloatArray,
+    Headline,
+    Norm,
+    Observed,
+    Parameter,
+    ParameterError,
+    Setup,
+    Value,
+)
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -178,11 +188,34 @@ class RollingGrain:
             "load_y": ("N", history.wall_force[:, 0, 1]),
         }
         scalars = {f"{name}_final": (series[name][0], last(series[name][1])) for name in ("turned", "spin", "fn", "fs")}
+        scalars["way_disk"] = ("m", last(series["x_disk"][1]))
         # Written so that a NaN counts as neither.
         farthest = float(turned.max())
         scalars["rolls"] = ("1", math.nan if math.isnan(farthest) else float(farthest > start.passed))
         scalars["t_half"] = ("s", crossing_time(history.t, turned, spin, start.reach))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:
+        """Rigid grains: the disk's way, the time that a grain takes over half a face, and the turn of one that should rest.
+
+        The time is known where the grain tips, the turn where a polygon rests; an ellipse on a flatter slope rocks for ever.
+        """
+        start, above = release(params), params["steepness"] > 1.0
+        weight = float(setup.scene.disks.mass[GRAIN]) * G
+        radius, t_end = float(setup.scene.disks.radius[DISK]), float(observed.t[-1])
+        disk = roll_rates(mu=params["mu"], angle=start.angle, g=G, mass=weight / G, radius=radius)
+        way = 0.5 * disk.along * t_end**2
+        time = half_way(params, start) if above else math.nan
+        rests = not above and params["grain"] == "polygon"
+        return (
+            Headline(name="way of the disk", use="rolling", quantity="way_disk", expected=way, source="a uniform disk rolls with 2/3 g sin",
+                     scale=way, scale_is="way of the rigid disk"),
+            Headline(name="time to roll over half a face", use="rolling", quantity="t_half", expected=time,
+                     source="quadrature of the energy's equation", scale=time if above else t_end,
+                     scale_is="that time" if above else "length of the run"),
+            Headline(name="turn of the resting grain", use="rest", quantity="turned_final", expected=0.0 if rests else math.nan,
+                     source="rest: the weight meets the plane within the face", scale=start.passed, scale_is="angle of a face"),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

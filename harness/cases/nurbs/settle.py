@@ -11,7 +11,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene, Wall
-from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import contact_step, round_off_speed
 from ninedisk.harness.cases.nurbs.grains import grains
@@ -100,6 +100,16 @@ class Settle:
         scalars["way_settled"] = ("m", float(np.max(moved)))
         scalars["kinetic_settled"] = ("J", float(kinetic[still].max()))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Statics: the plane bears the weight, and the grain stays where it is."""
+        weight, slope = float(setup.scene.disks.mass[0]) * G, params["slope"]
+        return (
+            Headline(name="force at rest", use="rest", quantity="fn_final", expected=weight * math.cos(slope),
+                     source="balance of forces", scale=weight, scale_is="weight"),
+            Headline(name="creep at rest", use="rest", quantity="way_settled", expected=0.0, source="rest: no creep, no rolling",
+                     scale=float(setup.scene.disks.radius[0]), scale_is="radius of the grain"),
+        )  # fmt: skip
 
     def checks(
         self,

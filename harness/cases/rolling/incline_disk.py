@@ -10,7 +10,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -115,8 +115,8 @@ class InclineDisk:
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
         """Motion, spin and slip (positive forward), gap and forces (``fs`` positive up the incline).
 
-        ``acceleration`` and ``spin_rate`` are means over the second half of the run, as are ``fn_mean`` and ``fs_mean``;
-        ``dilation`` is the final gap over ``mu slip dt``: 1 under the associated rule, 0 under Coulomb's.
+        ``lift`` is the largest gap; ``acceleration`` and ``spin_rate`` are means over the second half of the run, as are ``fn_mean``
+        and ``fs_mean``; ``dilation`` is the final gap over ``mu slip dt``: 1 under the associated rule, 0 under Coulomb's.
         """
         vx, spin = history.v[:, 0, 0], 0.0 - history.omega[:, 0]
         fn, fs = history.fn[:, 0], -history.fs[:, 0]
@@ -137,12 +137,27 @@ class InclineDisk:
             "spin_rate": ("rad/s^2", float(spin[-1] - spin[half]) / elapsed),
             "fn_mean": ("N", float(fn[half + 1 :].mean())),
             "fs_mean": ("N", float(fs[half + 1 :].mean())),
+            "lift": ("m", float(np.maximum(series["gap"][1], 0.0).max())),
         }
         if params["mu"] > 0.0 and not rolls(params):
             lift = series["gap"][1][-1] - series["gap"][1][0]
             with np.errstate(divide="ignore", invalid="ignore"):
                 scalars["dilation"] = ("1", float(lift / (params["mu"] * series["slip"][1][-1] * params["dt"])))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """The rigid disk's way, its lift, which Coulomb's law does not know, and the friction that drives its spin."""
+        rates, t_end = _rates(params), float(observed.t[-1])
+        way = 0.5 * rates.along * t_end**2
+        use, source = "rolling" if rolls(params) else "sliding", "Newton and Euler with Coulomb friction"
+        return (
+            Headline(name="way down the incline", use=use, quantity="x_final", expected=way, source=source,
+                     scale=way, scale_is="way of the rigid disk"),
+            Headline(name="lift of the disk", use=use, quantity="lift", expected=0.0, source="Coulomb's law: no dilation",
+                     scale=way, scale_is="way of the rigid disk"),
+            Headline(name="friction force", use=use, quantity="fs_mean", expected=rates.fs, source=source,
+                     scale=MASS * params["g"], scale_is="weight"),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

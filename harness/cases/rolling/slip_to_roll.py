@@ -10,7 +10,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -145,10 +145,10 @@ class SlipToRoll:
         return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
-        """Motion, spin (positive when rolling forward) and slip; ``slip_end`` is the first sample of lasting rolling.
+        """Motion, spin (positive when rolling forward), slip and ``lift``, the largest gap.
 
-        Slip counts as ended within `slip_tolerance`, which allows for the swing that a shear spring of the scene's
-        stiffness leaves. NaN where the slip never ends.
+        ``slip_end`` is the first sample of lasting rolling. Slip counts as ended within `slip_tolerance`, which allows for the swing
+        that a shear spring of the scene's stiffness leaves. NaN where the slip never ends.
         """
         vx, spin = history.v[:, 0, 0], 0.0 - history.omega[:, 0]
         slip = vx - RADIUS * spin
@@ -160,11 +160,29 @@ class SlipToRoll:
             "gap": ("m", history.gap[:, 0]),
         }
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
+        scalars["lift"] = ("m", float(np.maximum(series["gap"][1], 0.0).max()))
         # Written so that a NaN counts as slip.
         slips = np.flatnonzero(~(np.abs(slip) <= slip_tolerance(params, setup, inertia_ratio(params))))
         first = int(slips[-1]) + 1 if len(slips) else 0
         scalars["slip_end"] = ("s", float(history.t[first]) if first < len(history.t) else math.nan)
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """The rigid disk's way, its speed in the end, and its lift, which Coulomb's law does not know.
+
+        A disk that starts above the plane falls first: of its way there is no closed form.
+        """
+        truth_end = truth(params, observed.t[-1:], RADIUS, inertia_ratio(params)).curves
+        falls, way = params["start"] == "dilated", float(truth_end["x"][0])
+        source = "rigid disk with Coulomb friction"
+        return (
+            Headline(name="way", use="rolling", quantity="x_final", expected=math.nan if falls else way, source=source,
+                     scale=way, scale_is="way of the rigid disk"),
+            Headline(name="speed in the end", use="rolling", quantity="vx_final", expected=float(truth_end["vx"][0]),
+                     source=source, scale=params["speed"], scale_is="first speed"),
+            Headline(name="lift of the sliding disk", use="sliding", quantity="lift", expected=math.nan if falls else 0.0,
+                     source="Coulomb's law: no dilation", scale=way, scale_is="way of the rigid disk"),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

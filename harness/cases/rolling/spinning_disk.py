@@ -10,7 +10,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -42,7 +42,7 @@ from ninedisk.harness.cases.rolling.slip_to_roll import (
     slip_tolerance,
 )
 from ninedisk.references.analytic.slip_to_roll import UNIFORM_DISK
-from ninedisk.references.analytic.spinning_disk import energy_kept, slip_end, spinning_disk
+from ninedisk.references.analytic.spinning_disk import SpinHistory, energy_kept, slip_end, spinning_disk
 
 TURN = 1.0 / (UNIFORM_DISK * RADIUS)
 """Change of spin that goes with a unit change of velocity [1/m]."""
@@ -151,14 +151,28 @@ class SpinningDisk:
         scalars["energy_kept"] = ("1", last(series["energy"][1]) / _first_energy(params, setup))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:
+        """The rigid disk's way, its speed in the end, and the energy that friction leaves it."""
+        rim = RADIUS * params["spin"]
+        history, _ = _truth(params, observed.t)
+        energy = 0.5 * (history.vx[-1] ** 2 * MASS + history.spin[-1] ** 2 * float(setup.scene.disks.inertia[0]))
+        source = "rigid disk with Coulomb friction"
+        return (
+            Headline(name="way", use="rolling", quantity="x_final", expected=float(history.x[-1]), source=source,
+                     scale=float(history.x[-1]), scale_is="way of the rigid disk"),
+            Headline(name="speed in the end", use="rolling", quantity="vx_final", expected=float(history.vx[-1]), source=source,
+                     scale=rim, scale_is="first speed of the rim"),
+            Headline(name="energy kept", use="rolling", quantity="energy_kept", expected=float(energy) / _first_energy(params, setup),
+                     source=source, scale=1.0, scale_is="first energy"),
+        )  # fmt: skip
+
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
         """History, end of slip and energy kept; exact steps where the engine's scheme has them."""
         thrown = _as_thrown(params)
         limit = bounds(thrown, setup, observed, engine, UNIFORM_DISK)
-        case = {name: params[name] for name in ("mu", "spin", "g")} | {"radius": RADIUS}
-        analytic, end = spinning_disk(observed.t, **case), slip_end(**case)
+        analytic, end = _truth(params, observed.t)
         # Velocity and spin are off by opposite parts of one momentum: dE = m v dv + I omega domega, at most at the start.
         first = _first_energy(params, setup)
         vx, spin = limit.atol["vx"], limit.atol["spin"]
@@ -212,6 +226,12 @@ def _stepped(
     }
     tolerance = {name: (floor[name], EXACT_STEP_RTOL, why) for name in curves}
     return series_and_final(tuple(curves), curves, truth="exact-step", source=source, tolerance=tolerance)
+
+
+def _truth(params: Mapping[str, Any], t: FloatArray) -> tuple[SpinHistory, float]:
+    """History of the rigid disk, and when its slip ends [s]."""
+    case = {name: params[name] for name in ("mu", "spin", "g")} | {"radius": RADIUS}
+    return spinning_disk(t, **case), slip_end(**case)
 
 
 def _as_thrown(params: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
-from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import CONTACT_DYNAMICS
 from ninedisk.harness.cases.sliding.scene import MASS, PAIR, RADIUS, observe_particle, particle_on_plane
@@ -83,6 +83,17 @@ class QuasistaticSliding:
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
         """Way, gap, forces and the rises of the first two increments."""
         return observe_particle(setup, history)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Coulomb's law does not dilate: the particle stays on the plane, and the plane holds it by ``mu`` times the load."""
+        steps = setup.numerics.n_steps
+        source = "Coulomb's law, equilibrium"
+        return (
+            Headline(name="lift of the sliding particle", use="sliding", quantity="gap_final", expected=0.0, source=source,
+                     scale=params["increment"] * steps, scale_is="way along the plane"),
+            Headline(name="friction force", use="sliding", quantity="fs", expected=params["mu"] * params["normal_load"],
+                     source=source, scale=params["normal_load"], scale_is="load", window=(steps, steps)),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

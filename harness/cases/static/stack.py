@@ -13,7 +13,7 @@ import numpy as np
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -117,10 +117,11 @@ class Stack:
         )
         return Setup(scene=scene, numerics=numerics, watch=tuple(labels.values()), labels=labels)
 
-    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
         """Force and gap of every contact; ``motion`` is the largest way of any disk; ``base`` the force on the floor.
 
-        ``fn_<contact>_rest`` is the mean over the last quarter of the run.
+        ``fn_<contact>_rest`` is the mean over the last quarter of the run, ``force_error`` the largest difference of one from the
+        statics of rigid disks; in that quarter ``force_swing`` is the largest range of a force, ``creep`` the largest way of a disk.
         """
         series, scalars = {}, {}
         late = slice(-max(len(history.step) // 4, 1), None)
@@ -133,8 +134,26 @@ class Stack:
         moved = np.abs(history.x - setup.scene.disks.x).max(axis=(1, 2))
         series["motion"] = ("m", moved)
         scalars["motion_final"] = ("m", last(moved))
+        statics = rigid_forces(params, setup)
+        off = [abs(scalars[f"fn_{name}_rest"][1] - force) for name, force in statics.items()]
+        scalars["force_error"] = ("N", float(np.max(off)))
+        scalars["force_swing"] = ("N", float(np.ptp(history.fn[late], axis=0).max()))
+        scalars["creep"] = ("m", float(np.hypot(*np.moveaxis(history.x[late] - history.x[late][0], 2, 0)).max()))
         scalars["base"] = ("N", float(-history.wall_force[late, 0, 1].mean()))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Statics of rigid disks: every contact bears what is above it, all the time, and nothing creeps."""
+        weight = MASS * params["g"]
+        total = weight * len(setup.scene.disks)
+        at_rest: dict[str, Any] = {"expected": 0.0, "source": "statics: nothing moves"}
+        return (
+            Headline(name="contact forces at rest", use="rest", quantity="force_error", expected=0.0,
+                     source="equilibrium of forces", scale=total, scale_is="weight of all disks"),
+            Headline(name="swing of the forces", use="rest", quantity="force_swing", scale=total,
+                     scale_is="weight of all disks", **at_rest),
+            Headline(name="creep at rest", use="rest", quantity="creep", scale=RADIUS, scale_is="radius", **at_rest),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
@@ -176,18 +195,18 @@ def _pyramid(weight: float, kn: float) -> tuple[np.ndarray[Any, np.dtype[np.floa
 
 def _truth(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> dict[str, float]:
     """Force of every contact by its label [N]; springs that settle change the pyramid's angle."""
-    weight = MASS * params["g"]
-    if params["arrangement"] == "column":
-        return dict(zip(setup.labels, column_forces(n=params["n"], weight=weight).tolist(), strict=True))
     settles = params["start"] == "touching" and (
         engine.contact == "spring" or Difference.KEEPS_KN in engine.differences
     )
-    rest = pyramid_forces(
-        weight=weight,
-        chord=2.0 * RADIUS,
-        half_width=2.0 * RADIUS * math.sin(TILT),
-        kn=params["kn"] if settles else math.inf,
-    )
+    return rigid_forces(params, setup, kn=params["kn"] if settles else math.inf)
+
+
+def rigid_forces(params: Mapping[str, Any], setup: Setup, kn: float = math.inf) -> dict[str, float]:
+    """Force of every contact by its label [N], of rigid disks or of those that have settled on springs ``kn`` [N/m]."""
+    weight = MASS * params["g"]
+    if params["arrangement"] == "column":
+        return dict(zip(setup.labels, column_forces(n=params["n"], weight=weight).tolist(), strict=True))
+    rest = pyramid_forces(weight=weight, chord=2.0 * RADIUS, half_width=2.0 * RADIUS * math.sin(TILT), kn=kn)
     return {name: getattr(rest, name.split("_")[0]) for name in setup.labels}
 
 

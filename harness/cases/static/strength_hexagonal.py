@@ -10,7 +10,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -132,6 +132,19 @@ class HexagonalCell:
         series["y"] = ("m", history.x[:, 2, 1] - setup.scene.disks.x[2, 1])
         series["skew"] = ("m", history.x[:, 2, 0] - 0.5 * (history.x[:, 0, 0] + history.x[:, 1, 0]))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """Rigid disks that slide on each other: force on the walls, friction between the disks, height of the upper one."""
+        truth, late = _truth(params, observed.t), slice(params["steps"] // 2 + 1, None)
+        source = "Rowe's cell with the upper disk's inertia"
+        return (
+            Headline(name="force on the walls", use="moving-walls", quantity="fn_wall_mean", expected=float(truth.wall[late].mean()),
+                     source=source, scale=MASS * params["g"], scale_is="weight of a disk"),
+            Headline(name="mobilised friction", use="sliding", quantity="mobilised", expected=params["mu"],
+                     source="Coulomb: contacts that slide", scale=1.0, scale_is="normal force"),
+            Headline(name="height of the upper disk", use="moving-walls", quantity="y", expected=truth.y - truth.y[0], source=source,
+                     scale=RADIUS, scale_is="radius"),
+        )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.run import show_summary
-from ninedisk.harness.results.schema import CELL_COLUMNS, EMPTY, MEASUREMENT_COLUMNS, Row
+from ninedisk.harness.results.schema import CELL_COLUMNS, EMPTY, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
 
 SCREEN = 40
 """Lines; `tools/main_job.py` adds at most `AROUND` of its own."""
@@ -43,6 +43,17 @@ def matrix(failing: int) -> tuple[list[Row], list[Row]]:
     return cells, rows
 
 
+def headlines(cells: list[Row]) -> list[Row]:
+    """Two of each cell that ran, and one without a truth; one cell has a larger error than all others."""
+    ran = [cell for cell in cells if cell["status"] != "not-installed"]
+    return [
+        filled(HEADLINE_COLUMNS, **{name: cell[name] for name in ("case", "variant", "engine")}, headline="way", scale_is="height",
+               rel_error=error if error != 0.25 or cell is not ran[5] else 0.996)
+        for cell in ran
+        for error in (0.25, 1e-9, float("nan"))
+    ]  # fmt: skip
+
+
 def printed(capsys: pytest.CaptureFixture[str], *arguments: Any, **more: Any) -> list[str]:
     show_summary(*arguments, **more)
     return capsys.readouterr().out.splitlines()
@@ -56,8 +67,15 @@ def test_the_end_of_a_run_fits_on_a_screen(
     monkeypatch.setenv("COLUMNS", width)
     monkeypatch.setattr("ninedisk.harness.cli.support.PIPE_WIDTH", int(width))
     cells, rows = matrix(failing)
-    lines = printed(capsys, cells, rows, Path("results/runs/20260101T000000Z-abcdef"))
+    lines = printed(capsys, cells, rows, Path("results/runs/20260101T000000Z-abcdef"), headlines(cells))
     assert len(lines) <= SCREEN - AROUND
+    first = next(k for k, line in enumerate(lines) if line.startswith("farthest from the physics, of 200 pairs"))
+    told = 3 if failing else 8
+    assert [line.split()[:2] for line in lines[first + 1 : first + told + 1]] == [
+        ["99.6", "%"],
+        *[["25", "%"]] * (told - 1),
+    ]
+    assert lines[first + told + 1] == f"... and {200 - told} more, half of them at most 25 %"
     (missing,) = [line for line in lines if line.startswith("not-installed: ")]
     assert all(f"engine-{k}" in missing for k in range(8))
     assert sum(line.startswith("unsupported: ") for line in lines) == 1
@@ -69,6 +87,15 @@ def test_the_end_of_a_run_fits_on_a_screen(
         found = next(k for k, line in enumerate(lines) if line.endswith(said[0]) or f"{said[0]} ... {said[-1]}" in line)
         if failing == 1:  # where there is room for all of its lines
             assert lines[found + 1 : found + 12] == said[1:]
+
+
+def test_passes_that_allow_much_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    place = {"case": "c", "variant": "v", "engine": "e", "status": "pass"}
+    numbers = {"quantity": "x", "unit": "m", "abs_error": 0.0, "scale": 2.0, "atol": 0.0}
+    rows = [filled(MEASUREMENT_COLUMNS, **place, **numbers, rtol=rtol) for rtol in (0.04, 0.05, 0.06)]
+    lines = printed(capsys, [filled(CELL_COLUMNS, **place)], rows, None)
+    assert "ran: 1 engine on 1 case" in lines
+    assert "checks: 3 pass (1 of them wide: the tolerance is more than 5% of the reference)" in lines
 
 
 def test_everything_is_everything(capsys: pytest.CaptureFixture[str]) -> None:

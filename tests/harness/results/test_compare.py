@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 import pytest
 
 from ninedisk.harness.results.compare import as_json, compare, counts, headline, junit, markdown, side
-from ninedisk.harness.results.schema import Change, Comparison
-from ninedisk.harness.results.store import Snapshot
+from ninedisk.harness.results.schema import EMPTY, HEADLINE_COLUMNS, Change, Comparison
+from ninedisk.harness.results.store import Snapshot, as_check, snapshot
 
 HOSTILE = '<script>alert(1)</script>|`x` [y](http://z) @all #1 &amp; "q"\x1b[31m\nnext'
 
@@ -45,6 +45,26 @@ def test_a_planted_error_is_found(synthetic: ModuleType) -> None:
         "incline-block", "k=1", "yade", "energy_final",
     )  # fmt: skip
     assert change.head == pytest.approx(10.0 * change.base)
+
+
+def with_headline(run: Snapshot, error: float) -> Snapshot:
+    """The run with a headline of this relative error on one cell."""
+    key = ("incline-block", "k=1", "yade")
+    place = dict(zip(("case", "variant", "engine"), key, strict=True)) | {"case_version": 1}
+    row = {name: EMPTY[kind] for name, kind in HEADLINE_COLUMNS.items()} | place
+    own = as_check(row | {"headline": "way", "scale_is": "height", "rel_error": error})
+    held = snapshot(run.facts, run.cells.values(), [*run.checks[key].values(), own])
+    return replace(run, checks={**run.checks, **held.checks})
+
+
+def test_a_headline_gets_worse_by_its_size_alone(synthetic: ModuleType) -> None:
+    """Twice as far from the physics, rounding apart; a run that tells no headlines says nothing of them."""
+    old, new = runs(synthetic)
+    (change,) = worse(both([with_headline(old, 1e-3), with_headline(new, 3e-3)]))
+    assert (change.quantity, change.truth, change.reason) == ("way", "headline", "3 times the error")
+    assert worse(both([with_headline(old, 1e-12), with_headline(new, 9e-8)])) == []
+    assert worse(both([with_headline(old, 1e-3), with_headline(new, 1.9e-3)])) == []
+    assert counts(both([old, with_headline(new, 1e-3)])) == counts(both([old, new]))
 
 
 def test_a_planted_slowdown_is_found(synthetic: ModuleType) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from ninedisk.core.errors import InvalidSceneError, UnstableTimeStepError
 from ninedisk.harness import run_case, run_matrix
+from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.registry import UnknownIdError
@@ -48,6 +49,16 @@ def test_every_behaviour_is_a_status(behaviour: str, status: str, said: str) -> 
         assert [row["status"] for row in result.rows] == [status]
         assert math.isnan(result.rows[0]["value"])
         assert result.rows[0]["quantity"] == ""
+
+
+def test_a_cell_tells_what_was_asked_and_what_is_declared() -> None:
+    """Springs that regularise a rigid contact ask for both ways to express it, of which an engine has one."""
+    cell = run_case("binary-collision", engine="pymunk").cell
+    asked, declared = set(json.loads(cell["asked"])), set(json.loads(cell["capabilities"]))
+    assert {Capability.LINEAR_CONTACT, Capability.RESTITUTION} <= asked
+    assert Capability.GRAVITY not in asked
+    assert Capability.LINEAR_CONTACT not in declared
+    assert {Capability.RESTITUTION, Capability.GRAVITY} <= declared
 
 
 def test_the_last_lines_of_a_crash_are_kept() -> None:
