@@ -165,11 +165,38 @@ class EngineInfo:
 
 @dataclass(frozen=True, kw_only=True)
 class Timings:
-    """Wall-clock seconds; only ``advance`` counts in comparisons of speed."""
+    """Seconds by the clock on the wall, and of the processor, which stands still while other work holds the machine.
+
+    Attributes
+    ----------
+    setup, warm_up, advance : float
+        Wall-clock seconds; ``advance`` is that of the steps alone.
+    cpu : float or None
+        CPU seconds of all threads: what comparisons of speed are made of. None: the engine cannot tell.
+    cpu_of : {"stepping", "whole process"}
+        What ``cpu`` was spent on; an engine behind a command that does not tell has that of its whole process.
+    """
 
     setup: float
     warm_up: float
     advance: float
+    cpu: float | None = None
+    cpu_of: str = "stepping"
+
+
+class Stopwatch:
+    """Sums the seconds of its ``with`` blocks: on the wall, and of the processor for all threads of this process."""
+
+    def __init__(self) -> None:
+        self.wall = self.cpu = 0.0
+
+    def __enter__(self) -> Stopwatch:
+        self._begin = time.perf_counter(), time.process_time()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.cpu += time.process_time() - self._begin[1]
+        self.wall += time.perf_counter() - self._begin[0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,21 +279,22 @@ def run_session(
         pairs=pairs,
         force_meaning=force_meaning,
     )
-    begin = time.perf_counter()
-    session = make(scene, numerics, pairs)
-    setup = time.perf_counter() - begin
-    begin = time.perf_counter()
-    session.warm_up()
-    warm_up = time.perf_counter() - begin
-    advance, done = 0.0, 0
+    setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
+    with setup:
+        session = make(scene, numerics, pairs)
+    with warm_up:
+        session.warm_up()
+    done = 0
     for row, step in enumerate(steps):
-        begin = time.perf_counter()
         if step > done:
-            session.advance(int(step) - done)
-        advance += time.perf_counter() - begin
+            with stepping:
+                session.advance(int(step) - done)
         done = int(step)
         session.observe(history, row)
     settings = getattr(session, "settings", {})
-    return EngineRun(
-        history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=dict(settings)
-    )
+    return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=dict(settings))
+
+
+def timings_of(setup: Stopwatch, warm_up: Stopwatch, stepping: Stopwatch) -> Timings:
+    """Timings of a run in this process."""
+    return Timings(setup=setup.wall, warm_up=warm_up.wall, advance=stepping.wall, cpu=stepping.cpu)

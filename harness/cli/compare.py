@@ -153,18 +153,19 @@ def compare(
 
     BASE and HEAD are each a run id (or its beginning), latest, latest~1, a range latest~9..latest~5, the folder of a
     store or of one run, or a file of `ninedisk export`. Where a side has several runs, its newest decides about errors,
-    and all of them together give the timings: one timing alone is mostly noise, seven runs a side are plenty.
+    and all of them together give the timings: five runs a side find a slowdown of 30 %.
 
     \b
     An error got worse when its check now fails, or when it is more than twice as large and above a tenth of its
-    tolerance: below that it is round-off, which any other compiler or processor moves. A timing got worse when it is
-    10 % slower beyond the noise that the timings themselves show; --html and --markdown state the rule in full.
+    tolerance: below that it is round-off, which any other compiler or processor moves. A timing,
+    CPU seconds relative to a reference computation timed beside it, got worse when it is above 5 ms and 20 % slower
+    beyond the noise of the same runs; --html and --markdown state the rule in full.
     Results of different case versions, and timings of different machines, are said to be not comparable.
 
     \b
     Examples:
       ninedisk compare latest~1 latest
-      ninedisk compare latest~13..latest~7 latest~6..latest
+      ninedisk compare latest~9..latest~5 latest~4..latest
       ninedisk compare base.parquet head.parquet --junit compare.xml
       ninedisk compare main-results results --markdown summary.md --html compare.html
 

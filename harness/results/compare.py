@@ -18,17 +18,15 @@ from xml.etree import ElementTree
 
 from ninedisk.harness.api.errors import StoreError, UsageError, close_matches
 from ninedisk.harness.api.text import duration, printable, short, times
+from ninedisk.harness.results.error_rules import ERROR_RULE, error_of, judge_errors
 from ninedisk.harness.results.export import FORMATS, read_export
 from ninedisk.harness.results.reader import CellKey, moment, read_about, run_facts, run_ids
-from ninedisk.harness.results.rules import ERROR_RULE, LEAST, TIMING_RULE, error_of, judge_errors, judge_timings
 from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison, Row, RunFacts, row_tolerance
 from ninedisk.harness.results.store import BROKEN, HEADLINE, NOT_RUN, CheckKey, Snapshot, in_order, load_snapshot
 from ninedisk.harness.results.tables import plain_json
+from ninedisk.harness.results.timing_rules import LEAST, TIMING_RULE, WALL_CLOCK, Samples, judge_timings, timing
 
 NAN = float("nan")
-TIMINGS = {"advance_s": "stepping", "setup_s": "set-up"}
-"""Timings that are compared. Warm-up is not: it depends on whether compiled code was already in a cache."""
-
 EVERY = "all timings"
 """Stands where a case's id stands, for what all timings share."""
 
@@ -206,38 +204,42 @@ def _timings(base: Side, head: Side, different: set[CellKey]) -> Iterator[Change
     apart = machines[0] != machines[1]
     samples = {}
     for key in _shared(base.decisive, head.decisive, different):
-        version = head.decisive.cells[key]["case_version"]
-        for name in TIMINGS:
-            pair = tuple(seconds(each, key, name, version) for each in (base, head))
-            if all(pair):
-                samples[key, name] = pair
+        of = [timing(each.decisive.cells[key])[0] for each in (base, head)]
+        kind = of[0] if of[0] == of[1] else WALL_CLOCK
+        sides = [_seconds(each, key, kind) for each in (base, head)]
+        if all(sides):
+            spreads = [float(each.decisive.cells[key]["cpu_spread"]) for each in (base, head)]
+            spread = max((spread for spread in spreads if math.isfinite(spread)), default=0.0)
+            samples[key, kind] = Samples(*sides, spread=spread, gates=kind != WALL_CLOCK)
     if not samples:
         return
     if apart:
         words = f"not comparable: timings of {machines[0]} and of {machines[1]}"
         yield _every("not-comparable", NAN, NAN, words)
         return
-    found, common = judge_timings({key: (pair[0], pair[1]) for key, pair in samples.items()})
-    for (key, name), judged in found.items():
+    found, common = judge_timings(samples)
+    for (key, kind), judged in found.items():
         row = head.decisive.cells[key]
-        yield _change(row, kind="timing", quantity=TIMINGS[name], unit="s", base=judged.base, head=judged.head,
+        yield _change(row, kind="timing", quantity=kind, unit="s", base=judged.base, head=judged.head,
                       verdict=judged.verdict, reason=judged.reason, base_status=base.decisive.cells[key]["status"],
                       head_status=row["status"])  # fmt: skip
     if abs(math.log(common)) >= LEAST:
         reason = (
-            "all timings moved together: the machine, or something that every engine uses; taken out of each timing"
+            "all timings moved together although the reference computation did not: something that every engine uses, or a "
+            "machine that slows them more than it; with few runs a side it is taken out of each timing"
         )
         yield _every("suspect" if common > 1.0 else "same", 1.0, common, reason)
 
 
-def seconds(one: Side, key: CellKey, name: str, version: int) -> list[float]:
-    """A timing [s] in the runs of a side that have the cell in this version, on the machine of its decisive run."""
-    held = []
+def _seconds(one: Side, key: CellKey, kind: str) -> list[float]:
+    """A timing [s] in the runs of a side that have it, in the version and on the machine of its decisive run."""
+    held, version = [], one.decisive.cells[key]["case_version"]
     for run in one.sample:
         cell = run.cells.get(key)
         if cell is not None and cell["case_version"] == version and run.facts.machine == one.decisive.facts.machine:
-            value = float(cell[name])
-            if math.isfinite(value) and value > 0.0:
+            of, value = timing(cell)
+            value = float(cell["advance_s"]) if kind == WALL_CLOCK else value
+            if kind in (of, WALL_CLOCK) and math.isfinite(value) and value > 0.0:
                 held.append(value)
     return held
 

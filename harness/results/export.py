@@ -24,7 +24,19 @@ RUN_COLUMNS = {
     "versions": "string",  # JSON object
     "command": "string",
 }
-OF_CELL = ("case_title", "engine_name", "setup_s", "warm_up_s", "advance_s", "n_steps", "n_disks")
+OF_CELL = (
+    "case_title",
+    "engine_name",
+    "setup_s",
+    "warm_up_s",
+    "advance_s",
+    "cpu_s",
+    "cpu_of",
+    "cpu_spread",
+    "reference_s",
+    "n_steps",
+    "n_disks",
+)
 COLUMNS: dict[str, str] = {
     **RUN_COLUMNS,
     **MEASUREMENT_COLUMNS,

@@ -8,19 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ninedisk.harness.results.compare import EVERY, TIMINGS, Side, compare
+from ninedisk.harness.results.compare import EVERY, Side, compare
+from ninedisk.harness.results.error_rules import ERROR_RULE, error_of
+from ninedisk.harness.results.marks import SHIFT_RULE, cell_shifts, error_shifts, timing_shifts
 from ninedisk.harness.results.reader import CellKey
-from ninedisk.harness.results.rules import (
-    ERROR_RULE,
-    MANY,
-    SHIFT_RULE,
-    cell_shifts,
-    error_of,
-    error_shifts,
-    timing_shifts,
-)
 from ninedisk.harness.results.schema import Comparison, Line, Point, Row, StoreHistory, row_tolerance
 from ninedisk.harness.results.store import BROKEN, HEADLINE, Snapshot
+from ninedisk.harness.results.timing_rules import MANY, timing
 
 AROUND = 10
 """Runs on each side of a mark that give the timings of the comparison around it."""
@@ -86,10 +80,9 @@ def _points(number: int, key: CellKey, cell: Row, run: Snapshot) -> Iterator[tup
             shown = Point(number, error, row_tolerance(row), str(row["status"]), own, str(row["reason"]))
             kind = f"{truth}, {norm}" if norm == "max" else truth
             yield ("error", case, version, variant, engine, quantity, kind, k), shown, str(row["unit"])
-    for column, name in TIMINGS.items():
-        seconds = float(cell[column])
-        if math.isfinite(seconds) and seconds > 0.0:
-            yield ("timing", case, version, variant, engine, name, "", 0), Point(number, seconds, nan, status, own), "s"
+    of, seconds = timing(cell)
+    if math.isfinite(seconds) and seconds > 0.0:
+        yield ("timing", case, version, variant, engine, of, "", 0), Point(number, seconds, nan, status, own), "s"
 
 
 def _marked(lines: Sequence[Line], n_timings: int) -> Iterator[Line]:

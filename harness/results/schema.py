@@ -137,7 +137,12 @@ CELL_COLUMNS: dict[str, str] = {
     "reason": "string",
     "setup_s": "float64",
     "warm_up_s": "float64",
-    "advance_s": "float64",  # recorded only where the physics checks pass
+    "advance_s": "float64",  # recorded only where the physics checks pass, and so is all that follows down to repeats
+    "cpu_s": "float64",  # CPU seconds of what cpu_of says, the least of repeats
+    "cpu_of": "string",  # stepping | whole process
+    "cpu_spread": "float64",  # median over least of the repeats, less 1; NaN of one
+    "reference_s": "float64",  # CPU seconds of the harness' reference computation, the least of those before, between and after
+    "repeats": "int64",
     "n_steps": "int64",
     "n_disks": "int64",
     "setup": "string",  # JSON: scene, numerics, watch, labels
@@ -178,6 +183,22 @@ MEASUREMENT_COLUMNS: dict[str, str] = {
     "known_size": "float64",  # largest error that the known difference explains, in the quantity's unit
 }
 """One row per checked quantity; a cell that did not run has one row with its status and empty numbers."""
+
+GATED_SECONDS = 5e-3
+"""Timings below this are shown and never judged: a page fault or a cold cache is a tenth of them."""
+
+REFERENCE_SECONDS = 1e-3
+"""What the reference computation takes on a processor on which `standard_seconds` are CPU seconds."""
+
+
+def standard_seconds(cell: Mapping[str, Any]) -> float:
+    """CPU time of a cell in seconds of a processor that computes the reference in `REFERENCE_SECONDS`; NaN where one is unknown.
+
+    Whatever makes the processor faster or slower for a while, its clock rate or a neighbour on the same core, divides out.
+    """
+    cpu, reference = float(cell["cpu_s"]), float(cell["reference_s"])
+    return cpu * REFERENCE_SECONDS / reference if reference > 0.0 else math.nan
+
 
 HEADLINE_COLUMNS: dict[str, str] = {
     "case": "string",

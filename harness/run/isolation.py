@@ -41,7 +41,8 @@ _GRACE = 1.0  # a process that left the group may hold a pipe open: wait no long
 class Finished:
     """How a command ended; ``stdout`` and ``stderr`` hold the last `KEEP_BYTES` bytes of each.
 
-    ``status`` is the exit status, or None where the signal named ``signal`` ended the command.
+    ``status`` is the exit status, or None where the signal named ``signal`` ended the command. ``seconds`` are those on the wall, ``cpu``
+    those of the processor, of the command and the children that it waited for.
     """
 
     status: int | None
@@ -49,6 +50,7 @@ class Finished:
     stdout: str
     stderr: str
     seconds: float
+    cpu: float
 
     def last_lines(self, count: int = LAST_LINES) -> str:
         """Last non-empty lines of standard error, or of standard output where standard error is empty; long ones are cut."""
@@ -132,13 +134,17 @@ def run_isolated(
     finally:
         _running.discard(process.pid)
         _kill_group(process.pid)
-        returned = process.wait()
+        _, ended, used = os.wait4(process.pid, 0)
+        returned = process.returncode = os.waitstatus_to_exitcode(ended)
         for stream in (process.stdin, process.stdout, process.stderr):
             if stream is not None:
                 stream.close()
     texts = {name: bytes(tail).decode(errors="replace") for name, tail in tails.items()}
     name = signal_name(-returned) if returned < 0 else None
-    finished = Finished(None if name else returned, name, texts["stdout"], texts["stderr"], time.monotonic() - begin)
+    cpu = used.ru_utime + used.ru_stime
+    finished = Finished(
+        None if name else returned, name, texts["stdout"], texts["stderr"], time.monotonic() - begin, cpu
+    )
     said = finished.last_lines()
     tail = f"; its last output:\n{said}" if said else "; it printed nothing"
     if stopped > 0.0:

@@ -7,6 +7,7 @@ cell will have, without running its engine.
 from __future__ import annotations
 
 import json
+import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -48,6 +49,7 @@ from ninedisk.harness.run.judge import (
 )
 from ninedisk.harness.run.plan import Cell, plan_case, request_command, run_command
 from ninedisk.harness.run.published import published_checks
+from ninedisk.harness.run.timing import reference_seconds, timing_columns
 
 Progress = Callable[[int, int, str], None]
 """Called with (cells done, cells in all, name of the cell that begins)."""
@@ -165,10 +167,16 @@ def run_cell(
             return without_measurements(cell, head, "unsupported", why_not(info, support))
         if given_up:
             return without_measurements(cell, head, "timeout", given_up)
+        before, begin = reference_seconds(), time.perf_counter()
         run = cell.engine.run(setup.scene, setup.numerics, setup.watch)
+        took = time.perf_counter() - begin
         check_history(run.history, setup)
         check_timings(run.timings, setup.numerics)
-        return _measure(cell, setup, info, run, head, published)
+        result = _measure(cell, setup, info, run, head, published)
+        if not np.isnan(result.cell["advance_s"]):
+            engine, inputs = cell.engine, (setup.scene, setup.numerics, setup.watch)
+            result.cell.update(timing_columns(lambda: engine.run(*inputs), run.timings, took, before))
+        return result
     except EngineNotInstalledError as error:
         return without_measurements(cell, head, "not-installed", last_lines(error))
     except EngineUnsupportedError as error:

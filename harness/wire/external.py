@@ -113,8 +113,9 @@ class ExternalEngine(ABC):
             answer = decode_answer(text, scene=scene, numerics=numerics, watch=pairs, folder=folder)
         timings = answer.run.timings
         setup = max(0.0, finished.seconds - timings.warm_up - timings.advance)
+        cpu = (finished.cpu, "whole process") if timings.cpu is None else (timings.cpu, timings.cpu_of)
         return EngineRun(
             history=answer.run.history,
-            timings=Timings(setup=setup, warm_up=timings.warm_up, advance=timings.advance),
+            timings=Timings(setup=setup, warm_up=timings.warm_up, advance=timings.advance, cpu=cpu[0], cpu_of=cpu[1]),
             settings={**answer.run.settings, "engine_version": answer.engine_version},
         )

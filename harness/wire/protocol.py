@@ -16,7 +16,8 @@ Request (one JSON object on the engine's standard input)
         Additions of one adapter for its own driver; other engines ignore it.
 
 Answer (one JSON object in ``answer_file``)
-    ``wire_version``, ``engine_version`` (a string), ``timings`` (``setup, warm_up, advance`` in seconds), ``settings``
+    ``wire_version``, ``engine_version`` (a string), ``timings`` (``setup, warm_up, advance`` in wall-clock seconds and,
+    optionally, ``cpu``, the CPU seconds of ``advance`` over all threads), ``settings``
     (an object) and ``history``: the fields of `ninedisk.core.history.History` as nested lists (without ``pairs``, which
     are the request's). A number that the engine cannot observe is ``null``, and so is an array none of whose numbers it
     can observe; steps, times, positions and velocities must always be numbers. For large histories ``history`` is
@@ -58,6 +59,7 @@ from ninedisk.harness.api.text import printable
 
 ANSWER_KEYS = ("wire_version", "engine_version", "timings", "settings", "history")
 TIMING_KEYS = ("setup", "warm_up", "advance")
+OPTIONAL_TIMINGS = ("cpu",)
 MEANINGS = ("instantaneous", "step-mean")
 
 __all__ = [
@@ -162,7 +164,11 @@ def encode_answer(answer: Answer) -> str:
         {
             "wire_version": WIRE_VERSION,
             "engine_version": answer.engine_version,
-            "timings": vars(run.timings),
+            "timings": {
+                key: value
+                for key in (*TIMING_KEYS, *OPTIONAL_TIMINGS)
+                if (value := getattr(run.timings, key)) is not None
+            },
             "settings": dict(run.settings),
             "history": {
                 "step": history.step.tolist(),
@@ -205,10 +211,10 @@ def decode_answer(
         raise EngineUnsupportedError(text_field(data["unsupported"], "unsupported"))
     expect_keys(data, ANSWER_KEYS, "answer")
     timings = data["timings"]
-    expect_keys(timings, TIMING_KEYS, "timings")
+    expect_keys(timings, TIMING_KEYS, "timings", optional=OPTIONAL_TIMINGS)
     run = EngineRun(
         history=_history(data["history"], scene, numerics, tuple((int(i), int(j)) for i, j in watch), folder),
-        timings=Timings(**{key: number(timings[key], f"timings.{key}", low=0.0) for key in TIMING_KEYS}),
+        timings=Timings(**{key: number(timings[key], f"timings.{key}", low=0.0) for key in timings}),
         settings=settings_field(data["settings"]),
     )
     return Answer(run=run, engine_version=text_field(data["engine_version"], "engine_version"))
@@ -296,14 +302,14 @@ class WireError(EngineError):
     """A message does not keep to the wire format; the text names the key and what was expected there."""
 
 
-def expect_keys(data: Any, keys: Sequence[str], where: str) -> None:
-    """Raise `WireError` unless ``data`` is an object with exactly these keys."""
+def expect_keys(data: Any, keys: Sequence[str], where: str, *, optional: Sequence[str] = ()) -> None:
+    """Raise `WireError` unless ``data`` is an object with exactly these keys; ``optional`` ones may be missing."""
     if not isinstance(data, Mapping):
         raise WireError(f"{where} must be an object with the keys {', '.join(keys)}, not {data!r:.80}")
     missing = [key for key in keys if key not in data]
     if missing:
         raise WireError(f"{where} lacks the key(s) {', '.join(missing)}; expected {', '.join(keys)}")
-    unknown = sorted(set(data) - set(keys))
+    unknown = sorted(set(data) - set(keys) - set(optional))
     if unknown:
         raise WireError(f"{where} has the unknown key(s) {', '.join(unknown)}; expected {', '.join(keys)}")
 

@@ -17,6 +17,9 @@ from ninedisk.harness.api import registry
 from ninedisk.harness.results.schema import CELL_COLUMNS
 from ninedisk.harness.results.tables import CaseResult
 
+MEASURED_ANEW = {"setup_s", "warm_up_s", "advance_s", "cpu_s", "cpu_spread", "reference_s", "repeats"}
+"""Columns of cells that are other ones in each run."""
+
 SOURCE = Path(__file__).parent / "data" / "ninedisk_fakes.py"
 
 
@@ -76,7 +79,7 @@ def bits() -> Callable[[CaseResult], bytes]:
     """All of a result but its timings, floats to the last bit and NaN included: equal for equal results only."""
 
     def of(result: CaseResult) -> bytes:
-        cell = {name: result.cell[name] for name in CELL_COLUMNS if name not in ("setup_s", "warm_up_s", "advance_s")}
+        cell = {name: result.cell[name] for name in CELL_COLUMNS if name not in MEASURED_ANEW}
         curves = [
             {name: np.asarray(column).tolist() for name, column in curve.items()}
             for curve in (*result.curves, *result.reference_curves)

@@ -48,6 +48,7 @@ class Plan:
     cases: tuple[str, ...] = CASES
     engines: Mapping[str, str] = field(default_factory=lambda: dict(ENGINES))
     round_off: bool = True
+    cpu: bool = True  # whether CPU times are known, or wall-clock times only as in old stores
     seed: int = 1
 
 
@@ -122,7 +123,10 @@ def _cell(plan: Plan, number: int, key: tuple[str, str, str], name: str, speed: 
         status = "fail" if row["status"] == "fail" else status
     if not ran:
         found["measurements"].append({**common, "status": status, "reason": reason})
-    timing = {"advance_s": seconds[0] if status == "pass" else math.nan, "setup_s": seconds[1], "warm_up_s": 0.0}
+    cpu = seconds[0] if status == "pass" else math.nan
+    timing = {"advance_s": cpu, "setup_s": seconds[1], "warm_up_s": 0.0}
+    if plan.cpu:
+        timing |= {"cpu_s": cpu, "cpu_of": "stepping", "reference_s": 1e-3 * speed, "repeats": 1}
     found["cells"].append(
         {
             **common,

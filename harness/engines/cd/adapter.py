@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 import ninedisk
@@ -13,7 +12,7 @@ from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel, Timings
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, timings_of
 from ninedisk.harness.api.support import (
     NOTE_SLIP_AT,
     OF_SLIP_AT,
@@ -87,15 +86,13 @@ class CdEngine:
         """Run the scene on `ninedisk.core.cd.session.CdSession`."""
         from ninedisk.core.cd.session import CdSession
 
-        begin = time.perf_counter()
-        session = CdSession(without_spring_preload(scene), numerics, watch)
-        setup = time.perf_counter() - begin
-        begin = time.perf_counter()
-        session.warm_up()
-        warm_up = time.perf_counter() - begin
-        begin = time.perf_counter()
-        history = session.run()
-        advance = time.perf_counter() - begin
+        setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
+        with setup:
+            session = CdSession(without_spring_preload(scene), numerics, watch)
+        with warm_up:
+            session.warm_up()
+        with stepping:
+            history = session.run()
         settings = {
             "dt [s]": session.dt,
             "theta": numerics.theta,
@@ -110,9 +107,7 @@ class CdEngine:
             "largest relative duality gap": session.worst[1],
             "remarks": "; ".join(session.remarks),
         }
-        return EngineRun(
-            history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=settings
-        )
+        return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings)
 
 
 def _laws(scene: Scene) -> list[ContactLaw]:

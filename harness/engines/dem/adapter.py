@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 import ninedisk
@@ -10,7 +9,7 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel, Timings
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, timings_of
 
 LACKS = frozenset({Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC})
 
@@ -55,15 +54,13 @@ class DemEngine:
         from ninedisk.core.dem.arrays import FIRST_SKIN, LEAST_SKIN, MOST_SKIN
         from ninedisk.core.dem.session import DemSession
 
-        begin = time.perf_counter()
-        session = DemSession(scene, numerics, watch)
-        setup = time.perf_counter() - begin
-        begin = time.perf_counter()
-        session.warm_up()
-        warm_up = time.perf_counter() - begin
-        begin = time.perf_counter()
-        history = session.run()
-        advance = time.perf_counter() - begin
+        setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
+        with setup:
+            session = DemSession(scene, numerics, watch)
+        with warm_up:
+            session.warm_up()
+        with stepping:
+            history = session.run()
         settings = {
             "contact_dt [s]": session.contact_dt,
             "critical step of the initial state [s]": session.critical_dt,
@@ -71,9 +68,7 @@ class DemEngine:
             "lever_arm": scene.disk_disk.lever_arm,
             "skin / mean radius": f"{LEAST_SKIN:g} to {MOST_SKIN:g}, adapted at each rebuild, first {FIRST_SKIN:g}",
         }
-        return EngineRun(
-            history=history, timings=Timings(setup=setup, warm_up=warm_up, advance=advance), settings=settings
-        )
+        return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings)
 
 
 ENGINE = DemEngine()

@@ -16,7 +16,6 @@ Kratos writes into the current folder and much to standard output.
 import json
 import os
 import sys
-import time
 from importlib import metadata
 
 sys.path.insert(
@@ -25,7 +24,7 @@ sys.path.insert(
 
 import KratosMultiphysics as Kratos
 import numpy as np
-from driver_parts import SpringRun, number, rough, serve
+from driver_parts import SpringRun, clock, number, rough, serve
 from KratosMultiphysics import DEMApplication as Dem
 from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStage
 
@@ -117,9 +116,9 @@ class Run(SpringRun):
         return np.array([list(node.GetSolutionStepValue(variable)) for node in self.nodes])
 
     def advance(self, sampled):
-        """All steps; returns the seconds that are not spent on samples."""
+        """All steps; returns the seconds that are not spent on samples, see `clock`."""
         wanted, last = {step * self.substeps for step in sampled}, max(sampled) * self.substeps
-        spent, begin = 0.0, time.perf_counter()
+        spent, begin = 0.0, clock()
         for step in range(last + 1):
             sampling = step in wanted
             if sampling:
@@ -128,10 +127,10 @@ class Run(SpringRun):
             if step == 0:
                 self._correct_start()
             if sampling:
-                spent += time.perf_counter() - begin
+                spent += clock() - begin
                 self._sample(step, *before)
-                begin = time.perf_counter()
-        return spent + time.perf_counter() - begin
+                begin = clock()
+        return spent + clock() - begin
 
     def _step(self, step, sampling):
         self._place_walls(step)

@@ -22,7 +22,6 @@ import ctypes
 import math
 import os
 import sys
-import time
 from importlib import metadata
 
 sys.path.insert(
@@ -30,7 +29,7 @@ sys.path.insert(
 )  # -P keeps folders off the path
 
 import numpy as np
-from driver_parts import SpringRun, number, rough, serve
+from driver_parts import SpringRun, clock, number, rough, serve
 
 SHEAR_COLUMNS = "p1 p2"
 """Of ``compute pair/local``: x and y of the shear force on the pair's first atom, for both pair styles."""
@@ -182,12 +181,12 @@ class Run(SpringRun):
         return self.get("omega") + np.where(self.rotating, turning, 0.0)
 
     def advance(self, sampled):
-        """All steps; returns the seconds that LAMMPS spends on them."""
+        """All steps; returns the seconds that LAMMPS spends on them, see `clock`."""
         wanted, spent = set(sampled), 0.0
         for step in range(1, max(wanted) + 1):
-            begin = time.perf_counter()
+            begin = clock()
             self.do(f"run {self.substeps} pre no post no")
-            spent += time.perf_counter() - begin
+            spent += clock() - begin
             mean = np.array(self.engine.numpy.extract_fix("spin", lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_VECTOR))[
                 self.order()
             ]

@@ -19,7 +19,6 @@ and velocities, and its Gauss-Seidel takes 1e-12 for 0 whatever the units. That 
 import math
 import os
 import sys
-import time
 
 sys.path.insert(1, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "drivers"))
 
@@ -27,7 +26,7 @@ import numpy as np
 import siconos
 import siconos.kernel as sk
 import siconos.numerics as sn
-from driver_parts import Run, serve
+from driver_parts import Run, clock, serve
 from siconos.mechanics.collision.bodies import DiskDiskR
 from solver_driver import SOLVERS, natural_map
 
@@ -132,23 +131,23 @@ class SiconosRun(Run):
         self._sample(0)
 
     def advance(self, sampled):
-        """All steps; returns the seconds spent on them, sampling apart."""
+        """All steps; returns the seconds spent on them, sampling apart, see `clock`."""
         wanted, spent = set(sampled), 0.0
         moving = [(w, body) for w, body in enumerate(self.wall_bodies) if body is not None]
-        begin = time.perf_counter()
+        begin = clock()
         for step in range(1, max(wanted) + 1):
             self.simulation.computeOneStep()
             self._check_solver(step)
             if step in wanted:
-                now = time.perf_counter()
+                now = clock()
                 spent += now - begin
                 self._sample(step)
-                begin = time.perf_counter()
+                begin = clock()
             for w, body in moving:  # nextStep() keeps these as the state at the beginning of the next step
                 body.q()[:] = self.path[self._place(step), w, 0:2]
                 body.velocity()[:] = self._chord(w, step)
             self.simulation.nextStep()
-        return spent + time.perf_counter() - begin
+        return spent + clock() - begin
 
     def _check_solver(self, step):
         """Hold the step's reactions against Siconos' own error function: its solvers' word is not enough.

@@ -18,7 +18,6 @@ import contextlib
 import math
 import os
 import sys
-import time
 
 import numpy as np
 import yade
@@ -26,7 +25,7 @@ import yade
 # YADE runs this file without a folder on the path.
 sys.path.insert(0, os.path.dirname(os.path.abspath(sys.argv[0])))
 sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
-from driver_parts import SpringRun, serve
+from driver_parts import SpringRun, clock, serve
 from yade import (
     Bo1_Box_Aabb,
     Bo1_Sphere_Aabb,
@@ -196,13 +195,13 @@ class Run(SpringRun):
         return sign, (-sign * normal[1], sign * normal[0])
 
     def advance(self, sampled):
-        """All steps; returns the seconds spent on them, sampling apart."""
+        """All steps; returns the seconds spent on them, sampling apart, see `clock`."""
         wanted = {step * self.substeps for step in sampled}
         last, rest = max(wanted), len(self.path) - 1
         states, decay, step_once = self.states, self.decay, O.step
         turning = [states[i] for i in range(self.n) if self.disks["rotating"][i]]
         spent = 0.0
-        begin = time.perf_counter()
+        begin = clock()
         for step in range(1, last + 1):
             if decay != 1.0 and step > 1:
                 for state in states:
@@ -215,11 +214,11 @@ class Run(SpringRun):
                     box.place(row[w])
             step_once()
             if step in wanted:
-                now = time.perf_counter()
+                now = clock()
                 spent += now - begin
                 self._sample(step // self.substeps)
-                begin = time.perf_counter()
-        return spent + time.perf_counter() - begin
+                begin = clock()
+        return spent + clock() - begin
 
     def _sample(self, step, v=None, omega=None):
         """Append one sample; velocities are synchronised with the forces unless they are given (step 0)."""

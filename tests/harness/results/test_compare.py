@@ -13,6 +13,7 @@ import pytest
 from ninedisk.harness.results.compare import as_json, compare, counts, headline, junit, markdown, side
 from ninedisk.harness.results.schema import EMPTY, HEADLINE_COLUMNS, Change, Comparison
 from ninedisk.harness.results.store import Snapshot, as_check, snapshot
+from ninedisk.harness.results.timing_rules import WALL_CLOCK
 
 HOSTILE = '<script>alert(1)</script>|`x` [y](http://z) @all #1 &amp; "q"\x1b[31m\nnext'
 
@@ -33,8 +34,8 @@ def both(held: list[Snapshot]) -> Comparison:
 
 def test_unchanged_runs(synthetic: ModuleType) -> None:
     found = both(runs(synthetic))
-    assert counts(found) == {**dict.fromkeys(counts(found), 0), "same": 30 * 3 + 60}
-    assert headline(found) == "Nothing got worse (150 same)."
+    assert counts(found) == {**dict.fromkeys(counts(found), 0), "same": 30 * 3 + 30}
+    assert headline(found) == "Nothing got worse (120 same)."
 
 
 def test_a_planted_error_is_found(synthetic: ModuleType) -> None:
@@ -148,9 +149,19 @@ def test_missing_and_additional_cells_and_checks(synthetic: ModuleType) -> None:
 
 def test_a_machine_that_slows_down_is_no_regression(synthetic: ModuleType) -> None:
     base, head = runs(synthetic)
-    cells = {k: {**c, "advance_s": 1.6 * c["advance_s"], "setup_s": 1.6 * c["setup_s"]} for k, c in head.cells.items()}
-    found = compare(side([base]), side([replace(head, cells=cells)]))
-    assert [(c.verdict, c.case) for c in found.changes if c.verdict != "same"] == [("suspect", "all timings")]
+    for names, told in ((("cpu_s", "reference_s"), []), (("cpu_s",), [("suspect", "all timings")])):
+        cells = {k: {**c, **{name: 1.6 * c[name] for name in names}} for k, c in head.cells.items()}
+        found = compare(side([base]), side([replace(head, cells=cells)]))
+        assert [(c.verdict, c.case) for c in found.changes if c.verdict != "same"] == told
+
+
+def test_wall_clock_times_of_old_stores_are_suspect_at_most(synthetic: ModuleType) -> None:
+    held = runs(synthetic, cpu=False, timings={("slip-to-roll", "k=0", "dem"): (1, 70.0)})
+    found = both(held)
+    (change,) = [change for change in found.changes if change.verdict != "same"]
+    assert (change.verdict, change.quantity, counts(found)["worse"]) == ("suspect", WALL_CLOCK, 0)
+    mixed = compare(side(held[:1]), side(runs(synthetic)[1:]))
+    assert {change.quantity for change in mixed.changes if change.kind == "timing"} == {WALL_CLOCK}
 
 
 def test_hostile_text_is_no_markup(synthetic: ModuleType) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import sys
+import time
 from pathlib import Path
 from types import ModuleType
 
@@ -11,14 +13,18 @@ import numpy as np
 import pytest
 
 from ninedisk.core.errors import InvalidSceneError, UnstableTimeStepError
+from ninedisk.core.history import History
 from ninedisk.harness import run_case, run_matrix
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.case import ParameterError
+from ninedisk.harness.api.engine import EngineError, EngineRun, Stopwatch, Timings
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.registry import UnknownIdError
 from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, SERIES_COLUMNS
+from ninedisk.harness.run.isolation import run_isolated
 from ninedisk.harness.run.plan import plan_matrix
 from ninedisk.harness.run.runner import Patience, run_cell
+from ninedisk.harness.run.timing import reference_seconds, timing_columns
 from ninedisk.harness.run.workers import run_cells
 
 pytestmark = pytest.mark.usefixtures("fakes")
@@ -75,6 +81,47 @@ def test_time_counts_only_where_the_physics_is_right() -> None:
     assert run_case("fake/fall", engine="fake-good").cell["advance_s"] == 0.3
     assert math.isnan(run_case("fake/fall", engine="fake-wrong").cell["advance_s"])
     assert math.isnan(run_case("fake/fall", engine="fake-nan").cell["advance_s"])
+
+
+class _Clocked:
+    """Runs with the CPU seconds of a list, one after the other; None: it cannot tell, and an error where the list ends."""
+
+    def __init__(self, cpu: list[float | None]) -> None:
+        self.left = list(cpu)
+
+    def __call__(self) -> EngineRun:
+        steps = np.array([0])
+        history = History.empty(steps, steps * 1.0, n_disks=1, n_walls=0, pairs=())
+        if not self.left:
+            raise EngineError("it ran out")
+        return EngineRun(history=history, timings=Timings(setup=0.0, warm_up=0.0, advance=9.0, cpu=self.left.pop(0)))
+
+
+@pytest.mark.parametrize(
+    ("cpu", "took", "least", "repeats"),
+    [
+        ([8e-3, 7e-3, 6e-3, 9e-3, 8e-3, 1e-3], 1e-3, 6e-3, 5),  # never a sixth
+        ([8e-3, 7e-3], 1e-3, 7e-3, 2),  # a repeat that fails ends them
+        ([4e-3, 1e-3], 1e-3, 4e-3, 1),  # too short to be compared
+        ([8e-3, 7e-3], 0.4, 8e-3, 1),  # too long to be repeated
+        ([None], 1e-3, math.nan, 1),
+    ],
+)
+def test_cpu_time_is_the_least_of_repeats(cpu: list[float | None], took: float, least: float, repeats: int) -> None:
+    run = _Clocked(cpu)
+    found = timing_columns(run, run().timings, took, reference_seconds())
+    assert found["cpu_s"] == pytest.approx(least, nan_ok=True)
+    assert (found["repeats"], found["cpu_of"]) == (repeats, "" if math.isnan(least) else "stepping")
+    assert 1e-5 < found["reference_s"] < 1.0
+
+
+def test_waiting_is_no_cpu_time() -> None:
+    with Stopwatch() as watch:
+        time.sleep(0.05)
+    assert watch.wall >= 0.05 > 10.0 * watch.cpu
+    command = [sys.executable, "-c", "import time; time.sleep(0.3); sum(range(3_000_000))"]
+    finished = run_isolated(command)
+    assert 0.02 < finished.cpu < finished.seconds - 0.25
 
 
 def test_result_of_a_cell() -> None:
