@@ -44,10 +44,12 @@ def struck_by_turning_wall(*, place: tuple[float, float], radius: float, rate: f
     Source: Newton's restitution for the velocity of the wall's point of contact; derived here.
     """
     x, y = pair("place", place)
-    positive(x=x, radius=radius, rate=rate)
+    positive(radius=radius, rate=rate)
     fraction(restitution=restitution)
-    if y < radius:
-        raise ValueError(f"place = {place!r} is not allowed: the disk must be above the wall, y >= {radius!r}")
+    if not (x > 0.0 and y >= radius):
+        raise ValueError(
+            f"place = {place!r} is not allowed: the disk must be above the wall, x > 0 and y >= {radius!r}"
+        )
     far = math.hypot(x, y)
     angle, arm = math.atan2(y, x) - math.asin(radius / far), math.sqrt(far**2 - radius**2)
     speed = (1.0 + restitution) * rate * arm

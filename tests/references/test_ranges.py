@@ -35,7 +35,8 @@ RIGHT_VALUES: dict[str, Any] = {
     "gap_0": 0.1, "gaps": [0.1, 0.2], "half": 5, "half_width": 0.7, "height": 0.5, "increment": 0.1, "inertia_ratio": 0.5, "kn": 1e4,
     "ks": 1e4, "length": 10.0, "m_eff": 1.0, "mass": 1.0, "mass_1": 1.0, "mass_2": 2.0, "mid_overlap": True, "mu": 0.1, "n": 5,
     "n_load": 5, "n_steps": 10, "normal_load": 1.0, "omega": 10.0, "omega_first": 10.0, "omega_second": 20.0, "one": LEFT,
-    "overlap": 0.05, "part": np.array([0.0, 0.5, 1.0]), "period": 1.0, "phase": 0.1, "phi": np.array([0.5, 0.6]), "pull": 1.0,
+    "overlap": 0.05, "part": np.array([0.0, 0.5, 1.0]), "period": 1.0, "phase": 0.1, "phi": np.array([0.5, 0.6]),
+    "place": (-1.0, 0.05), "pull": 1.0, "rate": 1.0, "reach": 0.2,
     "radius": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "speed": 1.0, "spin": 1.0, "start": 0.4,
     "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
     "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,
@@ -50,6 +51,7 @@ OWN: dict[str, dict[str, Any]] = {
     "normal_contact.normal_contact_central": {"planes": [Plane(1, np.zeros(11), np.zeros(11), 1e4)]},
     "rolling_grain.kinetic_of": {"spin": np.array([1.0, 2.0])},
     "rolling_incline.roll_down": {"rates": (1.0, 1.0, 1.0, 1.0, 1.0)},
+    "prescribed_partner.struck_by_turning_wall": {"place": (0.5, 0.2)},
     "pushed_row.static_force": {"way": 0.01},
     "wedge.wedge": {"speed": 0.01, "half_width": 0.7, "t": np.array([0.0, 0.1])},
 }
@@ -171,6 +173,8 @@ def odd_values(argument: str) -> dict[str, Any]:
         found |= {"one": [0.1, 0.2], "none": np.empty((0, 2)), "three": [[1.0, 2.0, 3.0]], "meet": [[0.0, 0.0]] * 2}
     if argument == "velocity":
         found |= {"away": (1.0, 1.0), "three": (1.0, 2.0, 3.0), "nan inside": (math.nan, -1.0)}
+    if argument == "place":
+        found |= {"behind": (1.0, 0.05), "passes": (-1.0, 0.3), "inside": (-0.1, 0.05), "three": (-1.0, 0.0, 0.0)}
     if argument == "gaps":
         found |= {"none": [], "nan inside": [0.1, math.nan], "negative inside": [0.1, -0.1], "many": [0.1] * 100_000}
     return found
