@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ninedisk.harness.results.schema import EvaluatedFinding
+from ninedisk.harness.results.schema import Comparison, EvaluatedFinding
 from ninedisk.reports import pages
 from ninedisk.reports.charts import Chart, Image, on_page
 from ninedisk.reports.draw import (
@@ -39,12 +39,14 @@ from ninedisk.reports.figures import (
     looks_of,
     values_against_step,
 )
-from ninedisk.reports.findings import findings_page, of_engines
+from ninedisk.reports.findings import findings_page
 from ninedisk.reports.folder import fresh_folder
 from ninedisk.reports.load import Stored, load_store
 from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
 from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case
+from ninedisk.reports.studies import write_comparison
 from ninedisk.reports.text import decoded
+from ninedisk.reports.uses import uses
 
 Progress = Callable[[str, int, int], None]
 Picture = HistoryPanel | SceneView | Configuration
@@ -68,7 +70,11 @@ def _silent(_stage: str, _done: int, _total: int) -> None:
 
 
 def build_report(
-    store: Path, out: Path, progress: Progress = _silent, findings: Sequence[EvaluatedFinding] = ()
+    store: Path,
+    out: Path,
+    progress: Progress = _silent,
+    findings: Sequence[EvaluatedFinding] = (),
+    changes: Comparison | None = None,
 ) -> Path:
     """Build the comparison report of a store.
 
@@ -84,6 +90,8 @@ def build_report(
     findings : sequence of EvaluatedFinding
         What this store says of known findings (`ninedisk.harness.results.findings.evaluate`), largest first; their page is written
         where there are any.
+    changes : Comparison or None
+        The newest run against the one before; has a page as well.
 
     Returns
     -------
@@ -97,7 +105,7 @@ def build_report(
     """
     with fresh_folder(out, MARKER, "report") as fresh:
         progress("reading runs", 0, 1)
-        stored = replace(load_store(Path(store)), findings=tuple(findings))
+        stored = replace(load_store(Path(store)), findings=tuple(findings), changes=changes)
         progress("reading runs", 1, 1)
         write_site(stored, fresh, progress)
     return Path(out).absolute() / "index.html"
@@ -129,12 +137,14 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     for done, engine in enumerate(engines, start=len(cases)):
         progress("writing pages", done, total)
         speed = engine_speed(panel, engine.id)
-        page = pages.engine_page(env, panel, engine, on_page(speed) if speed else None, of_engines(stored))
+        page = pages.engine_page(env, panel, engine, on_page(speed) if speed else None)
         (folder / "engine" / f"{engine.slug}.html").write_text(page, encoding="utf-8")
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
     if stored.findings:
         (folder / "findings.html").write_text(findings_page(env, panel), encoding="utf-8")
-    (folder / "index.html").write_text(pages.index_page(env, panel, of_engines(stored)), encoding="utf-8")
+    if stored.changes:
+        write_comparison(stored.changes, folder / "changes.html")
+    (folder / "index.html").write_text(pages.index_page(env, panel, uses=uses(stored, panel.engines)), encoding="utf-8")
     progress("writing pages", total, total)
 
 

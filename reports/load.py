@@ -21,7 +21,7 @@ from ninedisk.harness.results.reader import (
     read_table,
     run_ids,
 )
-from ninedisk.harness.results.schema import EvaluatedFinding, Row
+from ninedisk.harness.results.schema import Comparison, EvaluatedFinding, Row
 from ninedisk.reports.folder import ReportError
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ class Stored:
         Cells that were left out because their case has a newer version.
     findings : sequence of EvaluatedFinding
         What the store says of known findings, largest first; whoever builds the report evaluates them.
+    changes : Comparison or None
+        The newest run against the one before, where whoever builds the report compared them.
     """
 
     runs: list[Row]
@@ -55,6 +57,7 @@ class Stored:
     references: References
     outdated: list[str] = field(default_factory=list)
     findings: Sequence[EvaluatedFinding] = ()
+    changes: Comparison | None = None
 
 
 def load_store(store: Path) -> Stored:

@@ -9,7 +9,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -21,6 +21,7 @@ from markupsafe import Markup
 from ninedisk.harness.results.schema import USES, Row
 from ninedisk.reports import ranking, text
 from ninedisk.reports.charts import Chart
+from ninedisk.reports.findings import of_engines
 from ninedisk.reports.headlines import (
     AGREES,
     Rating,
@@ -193,10 +194,10 @@ def verdict_counts(panel: Panel) -> dict[str, int]:
     return told | dict(counts)
 
 
-def index_page(env: Environment, panel: Panel, findings: Sequence[Any] = (), uses: Any = None) -> str:
+def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
     """The overview: what is wrong with whom, the matrix, what to take for what; the largest errors come first.
 
-    ``findings`` are those that a store was held against, largest first; ``uses`` is what ``uses.html`` shows.
+    ``uses`` is what ``uses.html`` shows.
     """
     rows, filled = panel.open_rows(), squares(panel)
     engines, cases = _matrix(panel, filled)
@@ -213,8 +214,11 @@ def index_page(env: Environment, panel: Panel, findings: Sequence[Any] = (), use
         mode="error" if worst else "ratio",
         matrix=[(case, [(engine, filled.get((case.id, engine.id))) for engine in engines]) for case in cases],
         worst_headline=worst[0] if worst else None,
-        findings=findings,
+        findings=of_engines(panel.stored),
+        n_findings=len(panel.stored.findings),
         uses=uses,
+        changes=panel.stored.changes,
+        moved=Counter(change.verdict for change in panel.stored.changes.changes) if panel.stored.changes else {},
         counts=verdict_counts(panel),
         disagreements=disagreements(panel)[:LISTED],
         worst_pairs=panel.worst_of_pairs(),
@@ -258,9 +262,7 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
     )
 
 
-def engine_page(
-    env: Environment, panel: Panel, engine: EngineFacts, speed: Chart | None, findings: Sequence[Any] = ()
-) -> str:
+def engine_page(env: Environment, panel: Panel, engine: EngineFacts, speed: Chart | None) -> str:
     """An engine: what it does well, what otherwise, what was never asked of it; ``speed`` is its chart of accuracy against speed."""
     mine = [row for row in panel.measurements if row["engine"] == engine.id]
     rated = _by(mine, "case", "variant")
@@ -288,7 +290,7 @@ def engine_page(
         n_first=len(first),
         well=[each for each in first if each.error <= AGREES and each.of > 1][:LISTED],
         otherwise=[each for each in reversed(ranked) if each.error > AGREES][:LISTED],
-        findings=[each for each in findings if each.engine == engine.id],
+        findings=[each for each in of_engines(panel.stored) if each.engine == engine.id],
         differences=[(reason, rows) for (reason,), rows in differences.items()],
         n_passed=sum(row["status"] == "pass" for row in mine),
         wide=sorted(filter(is_wide, mine), key=lambda row: -row["share"]),

@@ -51,7 +51,8 @@ def ratio(value: Any) -> str:
     if x == 0.0:
         return "0"
     if x != 1.0 and f"{x:.2g}" == "1":
-        return next((told for digits in range(3, 17) if (told := f"{x:.{digits}g}") != "1"), repr(x))
+        told = next((told for digits in (3, 4) if (told := f"{x:.{digits}g}") != "1"), "")
+        return told or f"1{'−' if x < 1.0 else '+'}{abs(x - 1.0):.0e}".replace("e-0", "e-")
     return f"{x:.2g}" if 0.01 <= x < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else _scientific(x)
 
 

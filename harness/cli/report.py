@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ninedisk.harness.cli.support import CellProgress, Store, guarded
+
+if TYPE_CHECKING:
+    from ninedisk.harness.results.schema import Comparison
 
 
 def register(app: typer.Typer) -> None:
@@ -32,5 +35,16 @@ def report(
 
     with CellProgress() as progress:
         findings = evaluate(store, known_findings(), progress)
-        page = build_report(store, out, lambda label, done, total: progress(done, total, label), findings)
+        changes = _since_the_run_before(store)
+        page = build_report(store, out, lambda label, done, total: progress(done, total, label), findings, changes)
     typer.echo(f"report: {page}")
+
+
+def _since_the_run_before(store: Path) -> Comparison | None:
+    """The newest run against the one before; None where there is none."""
+    from ninedisk.harness.results.compare import compare, resolve, side
+    from ninedisk.harness.results.reader import run_ids
+
+    if len(run_ids(store)) < 2:
+        return None
+    return compare(side(resolve("latest~1", store)), side(resolve("latest", store)))

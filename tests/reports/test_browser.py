@@ -120,6 +120,39 @@ def test_from_the_matrix_to_a_value_of_the_store(quiet, panel_report, panel_stor
     quiet.wait(f"document.querySelector('{CHART} .readout tr[data-key=yade]')")
 
 
+def test_the_matrix_switches_by_keyboard_and_remembers_it(quiet, panel_report):
+    shown = "[...new Set([...document.querySelectorAll('.matrix .v')].filter(v => v.checkVisibility()).map(v => v.classList[1]))]"
+    seen = "[...document.querySelectorAll('.matrix td')].filter(c => c.checkVisibility()).length"
+    cells = "document.querySelectorAll('.matrix td').length"
+    page = panel_report / "index.html"
+    quiet.open(page)
+    assert quiet.run(shown) == ["v-error"]
+    quiet.run("document.getElementById('show-error').focus()")
+    for mode in ("ratio", "time", "support", "penetration"):
+        quiet.key("ArrowRight")
+        quiet.wait(f"location.hash === '#show={mode}'")
+        assert quiet.run(shown) == [f"v-{mode}"]
+    quiet.run(
+        "(s => { s.value = [...s.options].find(o => o.text === 'YADE').value; s.dispatchEvent(new Event('change', {bubbles: true})); })"
+        "(document.getElementById('only'))"
+    )
+    assert quiet.run("location.hash") == "#show=penetration&engine=yade"
+    assert quiet.run(seen) == 6
+    quiet.open(panel_report / "errata.html")
+    quiet.open(page, 390, fragment="#show=time&engine=yade")
+    assert quiet.run(shown) == ["v-time"]
+    assert 0 < quiet.run(seen) == 6 < quiet.run(cells)
+    quiet.call("Emulation.setScriptExecutionDisabled", value=True)
+    try:
+        quiet.open(panel_report / "errata.html")
+        quiet.open(page, fragment="#show=time")
+        assert quiet.run(shown) == ["v-error"]
+        quiet.click("label:has(#show-ratio)")
+        assert quiet.run(shown) == ["v-ratio"]
+    finally:
+        quiet.call("Emulation.setScriptExecutionDisabled", value=False)
+
+
 def test_zoom_by_dragging_and_by_keyboard(quiet, panel_report):
     open_case(quiet, panel_report)
     ticks = f"document.querySelector('{CHART} canvas').toDataURL().length + document.querySelector('{CHART} canvas').toDataURL()"

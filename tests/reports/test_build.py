@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 
 import pytest
+from typer.testing import CliRunner
 
+from ninedisk.harness.cli.app import app
 from ninedisk.reports import build as site
 from ninedisk.reports import folder
 from ninedisk.reports.build import build_report
@@ -30,6 +32,22 @@ def test_new_report_replaces_the_old_one(tmp_path, write, small):
     build_report(tmp_path / "other", out)
     assert [path.name for path in (out / "case").iterdir()] == ["demo-new.html"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "out", "store"]
+
+
+def test_the_first_page_tells_what_changed_since_the_run_before(tmp_path, write, small):
+    store = tmp_path / "store"
+    write(store, "20260101T000000Z-aaaaaa", small(), started="2026-01-01T00:00:00+00:00")
+    made = CliRunner().invoke(app, ["report", "--store", str(store), "--out", str(tmp_path / "out")])
+    assert made.exit_code == 0, made.output
+    assert not (tmp_path / "out" / "changes.html").exists()
+    write(store, "20260102T000000Z-bbbbbb", small(status="fail", abs_error=3.0), started="2026-01-02T00:00:00+00:00")
+    made = CliRunner().invoke(app, ["report", "--store", str(store), "--out", str(tmp_path / "out")])
+    assert made.exit_code == 0, made.output
+    first = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    told = first[first.index("Since the run before (2026-01-01") :]
+    assert "worse" in told[:200]
+    assert "0.5 → 3" in told[:600]
+    assert (tmp_path / "out" / "changes.html").is_file()
 
 
 def test_failure_leaves_the_old_report_untouched(tmp_path, write, small, monkeypatch):

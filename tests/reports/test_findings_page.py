@@ -52,6 +52,16 @@ def test_what_changed_comes_first_then_engines_then_the_source(page):
         assert (page.parent / link).is_file(), link
 
 
+def test_the_first_page_and_the_engines_page_lead_to_what_they_name(page):
+    first = (page.parent / "index.html").read_text(encoding="utf-8")
+    assert re.findall(r"<li><b>([^<]* %)</b>", first) == ["182 %", "3.1 %"]
+    own = (page.parent / "engine" / "demo.html").read_text(encoding="utf-8")
+    for html in (first, own):
+        assert HOSTILE not in html
+        named = re.findall(r"findings\.html#([\w-]+)", html)
+        assert named == ["demo-a", "demo-c"]
+
+
 def test_other_pages_get_what_was_measured_of_engines(tmp_path, write, small):
     write(tmp_path / "store", "a", small())
     stored = load_store(tmp_path / "store")

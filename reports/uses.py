@@ -1,0 +1,199 @@
+"""Which engine for what: for each use the engines by decades of headline error, and by the time that an error of 1 % takes them.
+
+The figure of an engine is its *worst* headline error in a use, not a mean. A mean of decades hides one result that is off by half
+behind nine that are exact, and who takes the engine meets that one as well; which headline it is stands beside. Engines are compared on
+what they share: of a headline the variants count that two engines or more have a number on (all, where only one engine has any), so that
+settings that one engine alone has neither spoil nor save it. An engine with a number on less than half of a use's headlines stands apart.
+
+Time at 1 % is that of stepping: between two stored steps by the logarithms, of the largest step where that is good enough
+(`ninedisk.reports.ranking.time_at`). Absolute times depend on the case; an engine's figure is the geometric mean, over all it reaches,
+of its time over that of the fastest engine there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from ninedisk.harness.results.schema import ROUND_OFF, USES, Row
+from ninedisk.reports.figures import STEPS
+from ninedisk.reports.load import Stored
+from ninedisk.reports.model import EngineFacts
+from ninedisk.reports.ranking import EQUAL, time_at
+from ninedisk.reports.text import as_float, decade, decoded
+
+LITTLE = 0.5
+"""Share of a use's headlines from which on an engine is ranked."""
+
+Place = tuple[str, str]
+"""Case and headline."""
+
+
+@dataclass(frozen=True)
+class Rank:
+    """An engine in a use.
+
+    Attributes
+    ----------
+    engine : EngineFacts
+    worst : dict
+        The headline row with the largest relative error.
+    typical : float
+        Median over the headlines of the use.
+    told : int
+        Headlines that it has a number on.
+    slower : float
+        Time at an error of 1 % over that of the fastest engine, geometric mean; NaN where none is known.
+    reached, timed : int
+        On how many series of steps it comes to 1 %, of how many that it ran and some engine does so on.
+    """
+
+    engine: EngineFacts
+    worst: Row
+    typical: float
+    told: int
+    slower: float
+    reached: int
+    timed: int
+
+    @property
+    def error(self) -> float:
+        """Largest relative headline error."""
+        return as_float(self.worst["rel_error"])
+
+    @property
+    def decade(self) -> int:
+        """That error's decade, as its colour has it: 0 for round-off."""
+        return int(decade(self.error)[1:])
+
+
+@dataclass(frozen=True)
+class Use:
+    """A use with its engines, the most accurate decade first and the fastest first within it; ``of`` is how many headlines it has.
+
+    ``little`` are engines that have a number on less than half of them.
+    """
+
+    id: str
+    title: str
+    of: int
+    ranks: Sequence[Rank]
+    little: Sequence[Rank]
+
+    @property
+    def best(self) -> Sequence[Rank]:
+        """The ranked engines of the most accurate decade."""
+        return [rank for rank in self.ranks if rank.decade == self.ranks[0].decade]
+
+    @property
+    def fastest(self) -> Rank | None:
+        """The ranked engine that comes to 1 % wherever it was tried and takes the least time; None if there is none."""
+        able = [rank for rank in self.ranks if rank.timed and rank.reached == rank.timed]
+        return min(able, key=lambda rank: rank.slower, default=None)
+
+
+def uses(stored: Stored, engines: Mapping[str, EngineFacts]) -> list[Use]:
+    """Every use of `schema.USES` in its order; one that no stored headline serves has no ranks.
+
+    No case is large: what large scenes cost, and how deep disks overlap there, is measured by ``ninedisk bench flow``, whose
+    records are no part of a store.
+
+    Parameters
+    ----------
+    stored : Stored
+        Its headlines and the cells' times.
+    engines : mapping from id to EngineFacts
+        Engines that are shown; others are left out.
+    """
+    took = {(cell["case"], cell["variant"], cell["engine"]): as_float(cell["advance_s"]) for cell in stored.cells}
+    rows = [row for row in stored.headlines if row["engine"] in engines and not math.isnan(as_float(row["rel_error"]))]
+    return [
+        _use(name, title, [row for row in rows if row["use"] == name], took, engines) for name, title in USES.items()
+    ]
+
+
+def _use(
+    name: str,
+    title: str,
+    rows: Sequence[Row],
+    took: Mapping[tuple[str, str, str], float],
+    engines: Mapping[str, EngineFacts],
+) -> Use:
+    worst: dict[str, dict[Place, Row]] = {}
+    for row in _shared(rows):
+        own, place = worst.setdefault(row["engine"], {}), (row["case"], row["headline"])
+        if place not in own or row["rel_error"] > own[place]["rel_error"]:
+            own[place] = row
+    slower, tried = _times(rows, took)
+    ranks = [
+        Rank(
+            engine=engines[engine],
+            worst=max(own.values(), key=lambda row: as_float(row["rel_error"])),
+            typical=median(as_float(row["rel_error"]) for row in own.values()),
+            told=len(own),
+            slower=math.exp(sum(held) / len(held)) if (held := slower.get(engine, [])) else math.nan,
+            reached=len(held),
+            timed=tried.get(engine, 0),
+        )
+        for engine, own in worst.items()
+    ]
+    ranks.sort(key=lambda rank: (rank.decade, math.inf if math.isnan(rank.slower) else rank.slower, rank.engine.name))
+    of = len({(row["case"], row["headline"]) for row in rows})
+    enough = [rank.told >= LITTLE * of for rank in ranks]
+    return Use(
+        name,
+        title,
+        of,
+        [rank for rank, ok in zip(ranks, enough, strict=True) if ok],
+        [rank for rank, ok in zip(ranks, enough, strict=True) if not ok],
+    )
+
+
+def _shared(rows: Iterable[Row]) -> list[Row]:
+    """The rows of variants that two engines have a number on; all of a headline that one engine alone has."""
+    held: dict[Place, dict[str, list[Row]]] = {}
+    for row in rows:
+        held.setdefault((row["case"], row["headline"]), {}).setdefault(row["variant"], []).append(row)
+    found: list[Row] = []
+    for variants in held.values():
+        common = [group for group in variants.values() if len(group) > 1]
+        found += [row for group in common or variants.values() for row in group]
+    return found
+
+
+def _times(
+    rows: Iterable[Row], took: Mapping[tuple[str, str, str], float]
+) -> tuple[dict[str, list[float]], dict[str, int]]:
+    """By engine, logarithms of its times at 1 % over the fastest one's, and on how many series of steps it was tried.
+
+    A series of steps is a headline on the variants that differ in the step alone; one on which no engine comes to 1 % says nothing.
+    """
+    held: dict[tuple[Place, str], dict[str, list[tuple[float, float, float]]]] = {}
+    for row in rows:
+        spent = took.get((row["case"], row["variant"], row["engine"]), math.nan)
+        if not spent > 0.0:
+            continue
+        params = decoded(row["params"], dict)
+        step = next((name for name in STEPS if isinstance(params.get(name), int | float)), "")
+        others = repr(sorted((name, value) for name, value in params.items() if name != step))
+        series = held.setdefault(((row["case"], row["headline"]), others), {})
+        series.setdefault(row["engine"], []).append(
+            (as_float(params.get(step, 0.0)), spent, as_float(row["rel_error"]))
+        )
+    slower: dict[str, list[float]] = {}
+    tried: dict[str, int] = {}
+    for series in held.values():
+        at = {
+            engine: time_at(EQUAL, [(spent, max(error, ROUND_OFF)) for _, spent, error in sorted(points)])[0]
+            for engine, points in series.items()
+        }
+        least = min(at.values())
+        if math.isinf(least):
+            continue
+        for engine, time in at.items():
+            tried[engine] = tried.get(engine, 0) + 1
+            if not math.isinf(time):
+                slower.setdefault(engine, []).append(math.log(time / least))
+    return slower, tried
