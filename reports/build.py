@@ -20,6 +20,7 @@ from typing import Any
 from ninedisk.harness.results.schema import Comparison, EvaluatedFinding
 from ninedisk.reports import pages
 from ninedisk.reports.charts import Chart, Image, on_page
+from ninedisk.reports.citation import caption_facts
 from ninedisk.reports.draw import (
     Configuration,
     HistoryPanel,
@@ -27,6 +28,7 @@ from ninedisk.reports.draw import (
     draw_configuration,
     draw_history,
     draw_sketch,
+    numbers_of,
     numeral,
     read_scene,
 )
@@ -52,7 +54,17 @@ Progress = Callable[[str, int, int], None]
 Picture = HistoryPanel | SceneView | Configuration
 MARKER = ".ninedisk-report"
 """File that says: this folder is a report and may be replaced."""
-BUNDLE = ("uplot.js", "uplot.css", "uplot-LICENSE.txt", "data.js", "charts.js", "player.js", "tables.js", "overview.js")
+BUNDLE = (
+    "uplot.js",
+    "uplot.css",
+    "uplot-LICENSE.txt",
+    "data.js",
+    "paper.js",
+    "charts.js",
+    "player.js",
+    "tables.js",
+    "overview.js",
+)
 """Scripts that the pages share, and the licence of the one that is not ours."""
 MOST_SKETCHES = 4
 """Set-ups of one case that are drawn; those that look alike are drawn once."""
@@ -178,6 +190,10 @@ class CaseDrawing:
     def _file(self, picture: Picture, kind: str) -> Path:
         path = self.folder / "figures" / f"{self.case.slug}-{kind}-{len(self.jobs) + 1}.svg"
         self.jobs.append(Job(picture, path))
+        if not isinstance(picture, HistoryPanel):  # those have their numbers in the page's data
+            facts = caption_facts(self.panel, self.case)
+            about = " ".join(f"# Case {facts['case']}, {facts['run']}. Cite: {facts['text']}".split())
+            path.with_suffix(".csv").write_text(f"{about}\n{numbers_of(picture)}", encoding="utf-8")
         return path
 
     def _scenes(self) -> list[tuple[str, SceneView]]:
@@ -203,6 +219,7 @@ class CaseDrawing:
                         "heading": group.heading,
                         "grid": GRIDS.get(group.columns, ""),
                         "panels": [self._panel(shown) for shown in group.panels],
+                        "zero": group.zero,
                     }
                     for group in block.groups
                 ],
@@ -217,7 +234,10 @@ class CaseDrawing:
             "configuration_plan": self.plan,
             "configuration_looks": {engine: look for engine, look in self.looks.engines.items() if id(look) in used},
             "configurations": [
-                (heading, [svg_image(self.frames[id(p)], self._alt(p, heading)) for p in pictures])
+                (
+                    heading,
+                    [svg_image(self.frames[id(p)], self._alt(p, heading), self._alt(p, heading)) for p in pictures],
+                )
                 for heading, pictures in self.groups
             ],
             "moving": next(
@@ -245,12 +265,12 @@ class CaseDrawing:
     def _alt(self, picture: Configuration, heading: str) -> str:
         engines = ", ".join(body[0].label for body in picture.bodies)
         where = f" ({heading})" if heading else ""
-        return f"Configuration at {picture.title}{where}: {len(picture.radius)} disks and their walls, by {engines}."
+        return f"Configuration at {picture.title}{where}: {bodies(len(picture.radius))} and walls, by {engines}."
 
     def _sketch(self, scene: SceneView, variant: str, path: Path) -> Image:
         moving = [f"{wall.name} {'turns' if wall.spin else 'moves'}" for wall in scene.walls if wall.spin or wall.moves]
         walls = ", ".join(moving) or ("walls at rest" if scene.walls else "no walls")
-        alt = f"Set-up {variant}: {len(scene.x)} disks and {len(scene.walls)} walls; {walls}."
+        alt = f"Set-up {variant}: {bodies(len(scene.x))} and {len(scene.walls)} wall{'' if len(scene.walls) == 1 else 's'}; {walls}."
         marks = "; ".join(f"{numeral(k)} = {label.replace('_', ' ')}" for k, (label, _) in enumerate(scene.marks))
         caption = f"Set-up of {variant.replace(',', ', ') or 'the case'}." + (
             f" Watched contacts: {marks}." if marks else ""
@@ -260,13 +280,19 @@ class CaseDrawing:
         return svg_image(path, alt, caption)
 
 
+def bodies(number: int) -> str:
+    """A number of bodies in words."""
+    return "1 body" if number == 1 else f"{number} bodies"
+
+
 def svg_image(path: Path, alt: str, caption: str = "") -> Image:
     """Image with the size that its SVG states, so that the page does not jump while it loads."""
     with path.open(encoding="utf-8") as file:
         head = file.read(600)
     sizes = [re.search(rf'\b{name}="([0-9.]+)pt"', head) for name in ("width", "height")]
     width, height = (round(float(size[1]) * _POINTS_TO_PIXELS) if size else 0 for size in sizes)
-    return Image(f"figures/{path.name}", alt, width, height, caption)
+    data = f"figures/{path.stem}.csv" if path.with_suffix(".csv").exists() else ""
+    return Image(f"figures/{path.name}", alt, width, height, caption, data)
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,9 @@ import numpy as np
 
 SOFT = "#8a9099"
 """Colour of grids and hatches, readable on white and on black."""
-PALETTE = (
-    "#1f77d0", "#e0701a", "#1a9a6a", "#c44e9a", "#8a63d2", "#a8871a", "#d64545", "#2aa7b8", "#9c6a3c", "#6f8f2a",
-    "#5a62c9", "#b8456b", "#3f8a8a",
-)  # fmt: skip
-DASHES = ((), (7.0, 2.5), (2.0, 2.0), (7.0, 2.0, 2.0, 2.0), (11.0, 3.0), (4.0, 1.5), (1.0, 2.5), (9.0, 2.0, 1.0, 2.0))
+PALETTE = ("#1470b5", "#f86507", "#2ca45a", "#fd44b3", "#a00bfe", "#826710", "#a55c89", "#9582f9")
+"""Any two lie 0.16 or more apart in OKLab, for readers without green cones as well, and stand out 3 : 1 from white and from dark pages."""
+DASHES = ((), (7.0, 2.5), (2.0, 2.0), (7.0, 2.0, 2.0, 2.0))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "p")
 REFERENCE_DASHES = {
     "exact-step": ((), 4.5),
@@ -61,19 +59,21 @@ class Look:
 
 
 def engine_looks(names: dict[str, str]) -> dict[str, Look]:
-    """Looks by engine id, given the engines' display names by id."""
-    many = len(PALETTE)
+    """Looks by engine id, given the engines' display names by id: those of one colour differ in dash and mark."""
     return {
-        engine: Look(
-            name,
-            PALETTE[k % many],
-            DASHES[(k + k // 8) % 8],
-            1.3,
-            MARKERS[(k + k // many) % 8],
-            (k % many + 0.5) / many,
-        )
+        engine: Look(name, *numbered_look(k), (k % MOST_LOOKS + 0.5) / MOST_LOOKS)
         for k, (engine, name) in enumerate(names.items())
     }
+
+
+def numbered_look(k: int) -> tuple[str, tuple[float, ...], float, str]:
+    """Colour, dash, width and mark of the k-th of some lines; the first `MOST_LOOKS` are all different."""
+    many = len(PALETTE)
+    return PALETTE[k % many], DASHES[k // many % len(DASHES)], 1.3, MARKERS[(k + 3 * (k // many)) % len(MARKERS)]
+
+
+MOST_LOOKS = len(PALETTE) * len(DASHES)
+"""Looks that differ from one another."""
 
 
 def reference_looks(labels: dict[str, str]) -> dict[str, Look]:
@@ -225,13 +225,14 @@ def _limits(values: list[float], log: bool, *, marked: bool = True) -> tuple[flo
 
 @dataclass(frozen=True)
 class Image:
-    """An image of a page: address from the report's folder, text alternative, caption, and size in CSS pixels."""
+    """An image of a page: address from the report's folder, text alternative, caption, size in CSS pixels, address of its numbers."""
 
     src: str
     alt: str
     width: int
     height: int
     caption: str = ""
+    data: str = ""
 
 
 @dataclass(frozen=True)

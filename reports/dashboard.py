@@ -390,6 +390,52 @@ def marks(history: StoreHistory) -> list[Mark]:
     return sorted(found, key=lambda m: (order.index(m.severity), -m.size, m.line.case, m.line.variant, m.line.quantity))
 
 
+@dataclass(frozen=True)
+class Step:
+    """A line between the newest run of its machine and the one before: a factor of its error over tolerance, or of its time."""
+
+    line: Line
+    before: float
+    after: float
+
+    @property
+    def words(self) -> str:
+        """The factor and both ends: ``1.02 × (0.53 → 0.54 × tolerance)``."""
+        if self.line.kind == "timing":
+            told = f"{text.seconds(self.before)} → {text.seconds(self.after)}"
+        else:
+            told = f"{text.ratio(self.before)} → {text.ratio(self.after)} × tolerance"
+        return f"{text.factor(self.after / self.before)} × ({told})"
+
+    @property
+    def size(self) -> float:
+        """What ranks changes: tolerances by which an error moved, or the factor of a timing, as its logarithm; 0 for none."""
+        if self.line.kind == "timing":
+            return abs(math.log(self.after / self.before))
+        return abs(self.after - self.before)
+
+
+def last_steps(history: StoreHistory) -> dict[str, Step]:
+    """The largest change of an error and of a timing between the newest run and the one before on its machine, by kind.
+
+    The error that moved by the largest part of its tolerance is the one that changed most: round-off may triple, and is nothing.
+    From timings is taken what all timings of a run share.
+    """
+    machine = history.runs[-1].machine
+    last = [number for number, run in enumerate(history.runs) if run.machine == machine][-2:]
+    found: dict[str, Step] = {}
+    for line in history.lines:
+        ends = line.points[-2:]
+        heights = [_height(line, point) for point in ends]
+        same = line.machine == machine and len(last) == 2 and [point.run for point in ends] == last
+        if line.kind == "cell" or not line.engine or not same or not all(map(math.isfinite, heights)):
+            continue
+        step = Step(line, 10.0 ** heights[0], 10.0 ** heights[1])
+        if line.kind not in found or step.size > found[line.kind].size:
+            found[line.kind] = step
+    return found
+
+
 def groups(chosen: Iterable[Mark]) -> list[Group]:
     """Marks joined where one change of the code can be the cause of all; the order of the worst ones is kept.
 
@@ -463,6 +509,7 @@ class Pages:
             machines={machine: len(runs) for machine, runs in self._by_machine.items()},
             runs=[self._run(number) for number in reversed(range(len(self._history.runs)))],
             newest=self._history.runs[-1],
+            last_steps=last_steps(self._history),
             rules=self._history.rules,
             ended=[line for line in lines if self._ends(line)],
             whole_runs=[line for line in self._history.lines if not line.engine],

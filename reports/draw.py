@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -27,8 +29,8 @@ FLAT = 2e-3
 """Relative span below which a quantity counts as constant."""
 MOST_NUMBERED = 60
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
-MOTION, GRAVITY, MARK = PALETTE[0], PALETTE[2], PALETTE[6]
-CHAIN = PALETTE[6]
+MOTION, GRAVITY, MARK = PALETTE[0], PALETTE[2], "#d64545"
+CHAIN = MARK
 CHAIN_WIDTH = 7.0
 """Width [pt] of the largest force of a picture; the others in proportion."""
 EDGE_POINTS = 129
@@ -325,6 +327,34 @@ def draw_configuration(configuration: Configuration) -> str:
         return svg_of(figure)
 
 
+def numbers_of(picture: SceneView | Configuration) -> str:
+    """What a sketch or a configuration shows as CSV: a line a body, then a line a wall; a wall has a point and its unit normal."""
+    lines = ["engine,kind,number,x [m],y [m],radius [m],angle [rad],vx [m/s],vy [m/s],normal x,normal y"]
+
+    def add(*cells: Any) -> None:
+        told = [
+            "" if cell is None or cell != cell else cell if isinstance(cell, str) else repr(float(cell))
+            for cell in cells
+        ]
+        lines.append(
+            ",".join(f'"{cell.replace(chr(34), chr(34) * 2)}"' if set(cell) & set(',"\n') else cell for cell in told)
+        )
+
+    if isinstance(picture, SceneView):
+        for k, (x, radius, v) in enumerate(zip(picture.x, picture.radius, picture.v, strict=True)):
+            add("", "block" if picture.block else "body", str(k), *x, radius, None, *v, None, None)
+        bodies: Sequence[tuple[str, tuple[WallView, ...]]] = [("", picture.walls)]
+    else:
+        for look, places, angles, _ in picture.bodies:
+            for k, (x, radius, angle) in enumerate(zip(places, picture.radius, angles, strict=True)):
+                add(look.label, "body", str(k), *x, radius, angle, None, None, None, None)
+        bodies = [(look.label, walls) for look, _, _, walls in picture.bodies]
+    for name, walls in bodies:
+        for k, wall in enumerate(walls):
+            add(name, "wall", wall.name or str(k), *wall.point, None, None, None, None, *wall.normal)
+    return "\n".join(lines) + "\n"
+
+
 def numeral(k: int) -> str:
     """Roman numeral of the k-th watched contact, from 0."""
     return ROMAN[k] if k < len(ROMAN) else str(k + 1)
@@ -490,7 +520,8 @@ class Line:
 class HistoryPanel:
     """What one panel draws; limits are shared by the panels that are compared.
 
-    ``floor`` is the round-off of the quantity: smaller errors are drawn on it.
+    ``floor`` is the round-off of the quantity: smaller errors are drawn on it. ``note`` says what is clipped, and which truth the
+    errors are measured from.
     """
 
     title: str
@@ -501,6 +532,7 @@ class HistoryPanel:
     y_limits: tuple[float, float]
     error_limits: tuple[float, float] | None
     floor: float
+    note: str = ""
 
 
 def value_limits(truths: Sequence[FloatArray], values: Sequence[FloatArray]) -> tuple[float, float]:
@@ -560,22 +592,26 @@ def draw_history(panel: HistoryPanel) -> str:
     from matplotlib.figure import Figure
 
     with rc_context(rc_params()):
+        told = textwrap.wrap(panel.note, 78)
+        foot = 0.13 * len(told)
+        tall = (2.3 if panel.error_limits is None else 3.6) + foot
+        figure = Figure(figsize=(4.3, tall))
         if panel.error_limits is None:
-            figure = Figure(figsize=(3.6, 2.3))
             top, bottom = figure.subplots(), None
         else:
-            figure = Figure(figsize=(3.6, 3.6))
             top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.35, 1.0))
         # Fixed margins: measuring the texts takes longer than drawing everything else.
-        below = 0.19 if bottom is None else 0.12
-        figure.subplots_adjust(left=0.2, right=0.975, top=1.0 - 1.05 * below, bottom=below, hspace=0.1)
+        figure.subplots_adjust(left=0.17, right=0.78, top=1.0 - 0.45 / tall, bottom=(0.43 + foot) / tall, hspace=0.1)
         figure.text(0.02, 0.985, panel.title, fontsize=9.0, va="top")
+        if told:
+            figure.text(0.02, 0.01, "\n".join(told), fontsize=6.5, va="bottom")
         top.set_ylabel(panel.y_label)
         top.set_ylim(*panel.y_limits)
         for line in panel.references:
             _plot(top, line.look, line.x, line.y, zorder=1.0)
         for line in panel.lines:
             _plot(top, line.look, line.x, line.y, zorder=2.0)
+        _name_ends(top, [(line.look, line.y) for line in (*panel.references, *panel.lines)], panel.y_limits)
         if bottom is not None and panel.error_limits is not None:
             _errors(bottom, panel, panel.error_limits)
         (top if bottom is None else bottom).set_xlabel(panel.x_label)
@@ -597,6 +633,8 @@ def _errors(axes: Any, panel: HistoryPanel, limits: tuple[float, float]) -> None
     for line in panel.lines:
         if line.error is not None and np.isfinite(line.error).any():
             _plot(axes, line.look, line.x, np.maximum(line.error, panel.floor), zorder=2.0, most=MOST_ERRORS)
+    shown = [(line.look, np.maximum(line.error, panel.floor)) for line in panel.lines if line.error is not None]
+    _name_ends(axes, [(look, np.log10(error)) for look, error in shown], (np.log10(limits[0]), np.log10(limits[1])))
     limits_shown = sorted(
         {line.tolerance for line in panel.lines if np.isfinite(line.tolerance) and line.tolerance > 0}
     )
@@ -618,6 +656,64 @@ def _errors(axes: Any, panel: HistoryPanel, limits: tuple[float, float]) -> None
                 axes.plot(
                     [0.94, 1.0], mark, transform=axes.get_yaxis_transform(), color=line.look.colour, linewidth=2.0
                 )
+
+
+def _name_ends(axes: Any, ends: Sequence[tuple[Look, FloatArray]], limits: tuple[float, float]) -> None:
+    """Write the names of curves beside their last values."""
+    low, high = limits
+    places = []
+    for look, values in ends:
+        held = values[np.isfinite(values)]
+        if len(held):
+            places.append((float(np.clip((held[-1] - low) / (high - low), 0.0, 1.0)), look))
+    for height, words, colour in end_labels(places, 0.025, 0.075):
+        axes.text(1.015, height, words, transform=axes.transAxes, fontsize=6.5, color=colour, va="center")
+
+
+def end_labels(places: Sequence[tuple[float, Look]], near: float, apart: float) -> list[tuple[float, str, str]]:
+    """Labels beside the ends of curves: height, words and colour.
+
+    Parameters
+    ----------
+    places : sequence of (float, Look)
+        Height of each end in parts of the axis; looks without a mark are truths.
+    near : float
+        Ends that are no farther apart than this share a label.
+    apart : float
+        Labels keep this distance; where there is no room for all, neighbours are joined.
+    """
+    groups: list[list[tuple[float, Look]]] = []
+    for place in sorted(places, key=lambda each: each[0]):
+        if groups and place[0] - groups[-1][-1][0] <= near:
+            groups[-1].append(place)
+        else:
+            groups.append([place])
+    while len(groups) > max(1, int(1.0 / apart)):
+        gaps = [two[0][0] - one[-1][0] for one, two in pairwise(groups)]
+        k = gaps.index(min(gaps))
+        groups[k : k + 2] = [groups[k] + groups[k + 1]]
+    heights: list[float] = []
+    for group in groups:
+        middle = sum(height for height, _ in group) / len(group)
+        heights.append(max(middle, heights[-1] + apart) if heights else middle)
+    highest = 1.0
+    for k in range(len(heights) - 1, -1, -1):
+        heights[k] = highest = min(heights[k], highest)
+        highest -= apart
+    found = []
+    for height, group in zip(heights, groups, strict=True):
+        names = list(dict.fromkeys(look.label for _, look in group if look.marker))
+        truth = len(names) < len({look.label for _, look in group})
+        both = ", ".join(names)
+        one = both if len(names) < 2 or len(both) <= LABEL else f"{len(names)} engines"
+        words = ("truth" if not names else f"truth + {len(names)}") if truth else one
+        colour = next(look.colour for _, look in group if look.marker) if len(names) == 1 and not truth else INK
+        found.append((height, words, colour))
+    return found
+
+
+LABEL = 16
+"""Letters that fit beside a chart."""
 
 
 def log_label(value: float) -> str:

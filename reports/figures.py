@@ -15,13 +15,13 @@ import numpy as np
 
 from ninedisk.harness.results.schema import Figure, Plotted, Row
 from ninedisk.reports.charts import (
-    PALETTE,
     SOFT,
     Dots,
     Look,
     PointChart,
     engine_looks,
     fitted_order,
+    numbered_look,
     reference_looks,
     slopes,
     spread,
@@ -51,6 +51,7 @@ class Group:
     heading: str
     columns: int
     panels: list[Shown]
+    zero: list[str] = field(default_factory=list)  # quantities that are zero in every engine and truth: not drawn
 
 
 @dataclass
@@ -135,6 +136,12 @@ class _Builder:
         self.references = {key[1:]: curves for key, curves in panel.stored.references.items() if key[0] == case.id}
         self.looks = looks_of(panel, case)
         self.tolerance = tolerances(case)
+        self.sizes: dict[str, float] = {}
+        for engines in self.series.values():
+            for curve in engines.values():
+                # An engine that runs away is no measure of what the others call zero: the truth's size goes before its own.
+                size = curve.scale or (_largest(curve.value[np.isfinite(curve.value)]) if not curve.truth else 0.0)
+                self.sizes[curve.unit] = max(size, self.sizes.get(curve.unit, 0.0))
 
     def block(self, plan: Figure, variants: dict[str, dict[str, Any]]) -> FigureBlock:
         block = FigureBlock(plan)
@@ -145,12 +152,28 @@ class _Builder:
         for heading, members in groups.items():
             rank = {_text(value): k for k, value in enumerate(plan.where.get(plan.compare, ()))}
             order = sorted(members, key=lambda name: rank.get(_text(members[name].get(plan.compare)), len(rank)))
-            panels = []
+            panels, zero = [], []
             for quantity in plan.quantities or self._every_quantity(order):
-                panels += self._row(plan, quantity, [(name, members[name]) for name in order], heading, block.legend)
-            if panels:
-                block.groups.append(Group(heading, max(1, len(order)), panels))
+                if self._is_zero(quantity.name, order):
+                    zero.append(quantity.label)
+                else:
+                    panels += self._row(
+                        plan, quantity, [(name, members[name]) for name in order], heading, block.legend
+                    )
+            if panels or zero:
+                block.groups.append(Group(heading, max(1, len(order)), panels, zero))
+        block.legend = dict(sorted(block.legend.items(), key=lambda item: not item[0].startswith("reference ")))
         return block
+
+    def _is_zero(self, quantity: str, variants: list[str]) -> bool:
+        """Whether a quantity is round-off in every engine and truth, beside the largest one of its unit in the case."""
+        held = [self.series.get((variant, quantity), {}) for variant in variants]
+        curves = [curve for engines in held for curve in engines.values()]
+        beside = [curve for variant in variants for curve in self.references.get((variant, quantity), [])]
+        if not curves:
+            return False
+        size = max(_largest(curve.value, curve.expected) for curve in [*curves, *beside])
+        return size <= ROUND_OFF * self.sizes.get(curves[0].unit, 0.0)
 
     def _every_quantity(self, variants: list[str]) -> list[Plotted]:
         names = {quantity: None for variant, quantity in self.series if variant in variants}
@@ -198,12 +221,20 @@ class _Builder:
                 y_limits=limits,
                 error_limits=bounds,
                 floor=floor,
+                note=" ".join(
+                    told
+                    for told in (
+                        _outside(lines, limits, f" {unit}" if unit not in ("", "-", "1") else ""),
+                        _against(engines, self.looks.engines) if bounds else "",
+                    )
+                    if told
+                ),
             )
             spec = {
                 "kind": "history", "variant": name, "quantity": quantity.name, "x": plan.x, "last": plan.last,
                 "references": any(c.label for c in self.references.get((name, quantity.name), [])), "unit": unit,
                 "title": numbered, "x_label": picture.x_label, "y_label": picture.y_label,
-                "error_label": error_label(picture.y_label), "y": limits, "error": bounds, "floor": floor,
+                "error_label": error_label(picture.y_label), "y": limits, "error": bounds, "floor": floor, "note": picture.note,
             }  # fmt: skip
             shown.append(Shown(picture, _alt(picture, heading), spec))
         return shown
@@ -229,6 +260,44 @@ class _Builder:
             for truth, c in best.items()
             if np.isfinite(c.expected).any()
         ]
+
+
+def _largest(*values: Any) -> float:
+    """Largest finite absolute value; infinite where something is not finite but NaN."""
+    every = np.abs(np.concatenate(values))
+    return float(every[~np.isnan(every)].max(initial=0.0))
+
+
+def _outside(lines: Iterable[Line], limits: tuple[float, float], unit: str) -> str:
+    """Which curves leave the picture, and how far; empty where none does."""
+    low, high = limits
+    far = []
+    for line in lines:
+        values = line.y[~np.isnan(line.y)]
+        if len(values) and (values.min() < low or values.max() > high):
+            worst = float(values[np.argmax(np.maximum(low - values, values - high))])
+            far.append((max(low - worst, worst - high), f"{line.look.label} to {worst + 0.0:.3g}{unit}"))
+    if not far:
+        return ""
+    far.sort(key=lambda each: -each[0])
+    more = f" and {len(far) - 3} more" if len(far) > 3 else ""
+    told = ", ".join(words for _, words in far[:3])
+    return f"Clipped: {len(far)} engine{'' if len(far) == 1 else 's'} leave{'s' if len(far) == 1 else ''} the picture, {told}{more}."
+
+
+def _against(engines: dict[str, Curve], looks: dict[str, Look]) -> str:
+    """The truths that the strip of errors measures from, and whose."""
+    by: dict[str, list[str]] = {}
+    for engine, curve in engines.items():
+        if np.isfinite(curve.expected).any():
+            by.setdefault(curve.truth, []).append(looks[engine].label)
+    if len(by) == 1:
+        return f"Strip: distance from the {next(iter(by))} truth."
+    told = [
+        f"{truth} ({', '.join(names) if len(names) < 3 else f'{len(names)} engines'})"
+        for truth, names in sorted(by.items(), key=lambda item: len(item[1]))
+    ]
+    return f"Strip: distance from each engine's truth: {'; '.join(told)}." if told else ""
 
 
 def _window(curve: Curve, last: int | None) -> Curve:
@@ -433,7 +502,7 @@ def engine_speed(panel: Panel, engine: str) -> PointChart | None:
     grey = Look("other engines", SOFT, (), 1.0, "o")
     own, others = [], []
     for k, case in enumerate(panel.cases.values()):
-        look = Look(case.title, PALETTE[k % len(PALETTE)], (), 1.3, "os^DvPXp"[k % 8])
+        look = Look(case.title, *numbered_look(k))
         for name, points in speed_points(case).items():
             told = [(x, y, f"{case.id} {variant}") for x, y, variant in points]
             if name == engine:

@@ -19,7 +19,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ninedisk.harness.results.schema import USES, Row
-from ninedisk.reports import ranking, text
+from ninedisk.reports import citation, ranking, text
 from ninedisk.reports.charts import Chart
 from ninedisk.reports.findings import of_engines
 from ninedisk.reports.headlines import (
@@ -242,7 +242,7 @@ def errata_page(env: Environment, panel: Panel) -> str:
 def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, Any]) -> str:
     """A case; ``drawn`` holds its figures and difference tables, as `CaseDrawing.values` gives them."""
     rows = drawn["tables"].rows
-    cells = _by(case.cells, "engine")
+    cells, facts = _by(case.cells, "engine"), citation.caption_facts(panel, case)
     return env.get_template("case.html").render(
         root="../",
         case=case,
@@ -254,6 +254,9 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
         causes=ranking.causes(panel, drawn["tables"].gaps),
         example=ranking.example,
         percent=ranking.percent,
+        caption_facts=facts,
+        caption_json=json.dumps(facts),
+        cite=citation.cite(panel),
         shown=SHOWN,
         open_groups=OPEN_GROUPS,
         claims=_claims(panel, case.claims),

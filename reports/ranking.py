@@ -18,6 +18,8 @@ from ninedisk.reports.text import NOTHING, as_float, decoded, error, number, sec
 
 EQUAL = 0.01
 """Relative error at which the engines' times are compared."""
+SLACK = 1.005
+"""What is shown as 1 % counts as 1 %: a scheme of first order that was given the step for it is off by the next order."""
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 _PRINT = re.compile(r"the [\w-]+ truth is \S+, the print says \S+ \((?P<law>.*)\)", re.DOTALL)
 
@@ -43,8 +45,6 @@ class Ranked:
         What it is, and how its checks went.
     worst : dict
         Row with the largest relative error of each headline, over the variants; headlines that it has no number of are left out.
-    variants : int
-        Variants that have a headline.
     order : float
         Slope of ``log error`` over ``log step`` of the headline that decides; NaN without two steps above round-off.
     time : str
@@ -56,7 +56,6 @@ class Ranked:
     engine: EngineFacts
     summary: Summary
     worst: dict[str, Row]
-    variants: int
     order: float
     time: str
     reasons: list[str]
@@ -76,13 +75,17 @@ class Ranked:
         """The error, no smaller than what counts as round-off."""
         return max(self.error, ROUND_OFF)
 
+    @property
+    def at_round_off(self) -> bool:
+        """Whether the largest error is round-off."""
+        return self.error <= ROUND_OFF
+
 
 @dataclass(frozen=True)
 class Ranking:
     """The engines of a case, closest to the physics first; ``headlines`` are a row for each of its headlines."""
 
     headlines: dict[str, Row]
-    variants: int
     engines: list[Ranked]
 
     @property
@@ -94,6 +97,20 @@ class Ranking:
     def closest(self) -> list[Ranked]:
         """The engines of the first place."""
         return [ranked for ranked in self.measured if self.place(ranked) == 1]
+
+    @property
+    def ran(self) -> list[Ranked]:
+        """Engines that ran at least one variant."""
+        return [ranked for ranked in self.engines if ranked.summary.ran]
+
+    @property
+    def absent(self) -> dict[str, list[Ranked]]:
+        """Engines that ran none, by the first reason why, the commonest first."""
+        found: dict[str, list[Ranked]] = {}
+        for ranked in self.engines:
+            if not ranked.summary.ran:
+                found.setdefault(ranked.reasons[0] if ranked.reasons else ranked.summary.status, []).append(ranked)
+        return dict(sorted(found.items(), key=lambda item: -len(item[1])))
 
     def place(self, ranked: Ranked) -> int:
         """Place of an engine with a headline error; what is round-off shares one."""
@@ -124,13 +141,16 @@ def rank(panel: Panel, case: CaseData) -> Ranking:
         if worst:
             decides = max(worst.values(), key=lambda row: as_float(row["rel_error"]))
             same = [row for row in own if row["headline"] == decides["headline"]]
-            order, time = _order(case, same, decides), _time(case, cells, same)
-        seen = len({row["variant"] for row in own})
+            order, time = _order(case, same), _time(case, cells, same)
         far = [row["variant"] for row in worst.values() if row["rel_error"] > EQUAL]
         why = reasons(cells, measurements, far)
-        engines.append(Ranked(panel.engines[name], summary, worst, seen, order, time, why))
+        if far and order >= 0.5:
+            why.append(f"its error shrinks with the step, of order {order:.2g}")
+        if far and not why:
+            why.append("nothing stored says why: no note, no known difference")
+        engines.append(Ranked(panel.engines[name], summary, worst, order, time, why))
     engines.sort(key=_order_of)
-    return Ranking({row["headline"]: row for row in rows}, len({row["variant"] for row in rows}), engines)
+    return Ranking({row["headline"]: row for row in rows}, engines)
 
 
 def _order_of(ranked: Ranked) -> tuple[int, float, float, str]:
@@ -153,11 +173,17 @@ def _families(case: CaseData, rows: Iterable[Row]) -> dict[str, list[tuple[float
     return {others: sorted(family, key=lambda each: each[0]) for others, family in found.items()}
 
 
-def _order(case: CaseData, rows: list[Row], decides: Row) -> float:
-    """Order over the variants that differ from the deciding one in the step alone."""
-    family = next(held for held in _families(case, rows).values() if any(row is decides for _, row in held))
-    signal = [(step, as_float(row["rel_error"])) for step, row in family]
-    signal = [(step, size) for step, size in signal if step > 0.0 and math.isfinite(size) and size > ROUND_OFF]
+def _order(case: CaseData, rows: list[Row]) -> float:
+    """Order over variants that differ in the step alone: of those that have two steps above round-off, the ones with the largest error."""
+    found = []
+    for family in _families(case, rows).values():
+        signal = [(step, as_float(row["rel_error"])) for step, row in family]
+        signal = [(step, size) for step, size in signal if step > 0.0 and math.isfinite(size) and size > ROUND_OFF]
+        if len({step for step, _ in signal}) > 1:
+            found.append((max(size for _, size in signal), signal))
+    if not found:
+        return math.nan
+    _, signal = max(found)
     return fitted_order([step for step, _ in signal], [size for _, size in signal])
 
 
@@ -194,12 +220,12 @@ def time_at(size: float, points: Sequence[tuple[float, float]]) -> tuple[float, 
     str
         ``"3 ms"`` by interpolation of the logarithms, ``"≤ 3 ms"`` where the largest step is good enough.
     """
-    close = [k for k, (_, got) in enumerate(points) if got <= size]
+    close = [k for k, (_, got) in enumerate(points) if got <= SLACK * size]
     if not close:
         return math.inf, "1 % not reached"
     k = close[-1]
     spent, got = points[k]
-    if k + 1 == len(points) or got == 0.0:
+    if k + 1 == len(points) or got == 0.0 or got >= size:
         return spent, f"≤ {seconds(spent)}"
     other, worse = points[k + 1]
     share = math.log(size / got) / math.log(worse / got)

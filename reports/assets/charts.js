@@ -32,6 +32,50 @@
     }).reverse();
   };
 
+  /* Names beside the ends of curves: those that end together share a label, and none covers another. */
+  const APART = 11, LABEL = 16;
+  function endLabels(places, height) {
+    let groups = [];
+    for (const place of [...places].sort((a, b) => a.y - b.y)) {
+      const last = groups[groups.length - 1];
+      if (last && place.y - last[last.length - 1].y <= 3.5) last.push(place);
+      else groups.push([place]);
+    }
+    while (groups.length > Math.max(1, Math.floor(height / APART))) {
+      let at = 0, least = Infinity;
+      for (let k = 0; k + 1 < groups.length; k++) {
+        const gap = groups[k + 1][0].y - groups[k][groups[k].length - 1].y;
+        if (gap < least) [least, at] = [gap, k];
+      }
+      groups.splice(at, 2, [...groups[at], ...groups[at + 1]]);
+    }
+    const at = [];
+    for (const group of groups) {
+      const middle = group.reduce((sum, place) => sum + place.y, 0) / group.length;
+      at.push(Math.max(middle, at.length ? at[at.length - 1] + APART : 5));
+    }
+    for (let k = at.length - 1, most = height - 3; k >= 0; k--, most -= APART) at[k] = most = Math.min(at[k], most);
+    return groups.map((group, k) => {
+      const names = [...new Set(group.filter(place => !place.truth).map(place => place.name))], truth = group.some(place => place.truth);
+      const all = names.join(", "), one = names.length < 2 || all.length <= LABEL ? all : `${names.length} engines`;
+      return { y: at[k], text: truth ? (names.length ? `truth + ${names.length}` : "truth") : one, colour: names.length === 1 && !truth ? group.find(place => !place.truth).colour : null };
+    });
+  }
+
+  /* Ends of what a plot shows, in CSS pixels from its top; beyond the plot they are at its edge. */
+  function endsOf(u, shown) {
+    const top = u.bbox.top / devicePixelRatio, height = u.bbox.height / devicePixelRatio, places = [];
+    shown.forEach((s, index) => {
+      if (s.guide || !u.series[index + 1].show) return;
+      let k = u.data[0].length - 1;
+      while (k >= 0 && (u.data[index + 1][k] === null || u.data[index + 1][k] === undefined || u.data[0][k] > u.scales.x.max)) k--;
+      if (k < 0) return;
+      const y = u.valToPos(u.data[index + 1][k], "y");
+      places.push({ name: s.name, colour: s.colour, truth: s.key.startsWith("reference "), y: Math.min(height, Math.max(0, y)) });
+    });
+    return endLabels(places, height).map(label => ({ ...label, y: label.y + top }));
+  }
+
   /* Curves of a history on the union of their steps; the last `last` steps of each, counted from their beginning. */
   function history(spec) {
     const held = ninedisk.data.of(spec.variant, spec.quantity);
@@ -70,7 +114,7 @@
       values.forEach((value, k) => { made[place.get(s.x[k])] = value; });
       return made;
     };
-    return { x, series: given.map(s => ({ ...s, y: column(s, s.y), names: column(s, s.names || []), heights: s.y })) };
+    return { x, series: given.map(s => ({ ...s, y: column(s, s.y), names: column(s, s.names || []), told: s.names || [], heights: s.y })) };
   }
 
   /* A curve that speaks at scattered samples only loses its gaps, any other keeps them. */
@@ -100,6 +144,27 @@
     return { stroke, fill: null, clip: null, flags: 3 };
   };
 
+  /* Where the names of engines stand that have points alone, in CSS pixels from the plot's corner. */
+  function nameSpots(u, shown, width) {
+    const wide = u.bbox.width / devicePixelRatio, taken = [], found = [];
+    const free = box => taken.every(other => box[1] < other[0] || other[1] < box[0] || box[3] < other[2] || other[3] < box[2]);
+    shown.forEach((s, index) => {
+      if (s.guide || !u.series[index + 1].show) return;
+      const ends = s.x.map((x, k) => [u.valToPos(x, "x"), u.valToPos(s.heights[k], "y")]).sort((a, b) => b[0] - a[0]);
+      for (const [x, y] of ends) {
+        const size = width(s.name), left = x + 8 + size > wide, at = left ? x - 8 : x + 8;
+        const box = [left ? at - size : at, left ? at : at + size, y - 5.5, y + 5.5];
+        if (box[0] < 0 || !free(box)) continue;
+        taken.push(box);
+        found.push({ text: s.name, x: at, y, left });
+        break;
+      }
+    });
+    return found;
+  }
+
+  const GUTTER = 88; // beside a chart, for the names of its curves
+
   class Chart {
     constructor(figure) {
       this.figure = figure;
@@ -107,6 +172,7 @@
       this.held = this.spec.kind === "history" ? history(this.spec) : points(this.spec.points);
       if (!this.held || !this.held.x.length) return;
       this.window = null;
+      this.lines = this.held.series.some(s => s.line && !s.guide);
       this.full = [this.held.x[0], this.held.x[this.held.x.length - 1]];
       if (this.spec.limits && this.spec.limits.x) this.full = this.spec.limits.x;
       if (this.full[0] === this.full[1]) this.full = [this.full[0] - 1, this.full[1] + 1];
@@ -131,6 +197,13 @@
         const floor = this.spec.floor;
         this.plots.push(this.plot(185, this.held.series.map(s => s.error && s.error.map(e => e === null ? null : Math.max(e, floor))), this.spec.error, true, this.spec.error_label, true));
       }
+      if (this.spec.note) {
+        const note = document.createElement("p");
+        note.className = "note";
+        note.textContent = this.spec.note;
+        this.box.append(note);
+      }
+      ninedisk.paper?.(figure, this);
       figure.addEventListener("keydown", event => this.key(event));
       figure.addEventListener("blur", () => { this.readout.hidden = true; });
       new ResizeObserver(() => this.resize()).observe(this.box);
@@ -148,7 +221,7 @@
         return [low - room, high + room];
       };
       const options = {
-        width: this.width(), height, legend: { show: false },
+        width: this.width(), height, legend: { show: false }, padding: [null, this.lines ? GUTTER : null, null, null],
         scales: { x: { time: false, distr: xlog ? 3 : 1, range: () => chart.window || chart.full }, y: { distr: log ? 3 : 1, range } },
         axes: [
           { stroke: ink, grid, ticks: grid, font, size: last ? 40 : 6, label: last ? this.spec.x_label : undefined, labelFont: font, labelSize: 14, ...(last ? {} : { values: (u, v) => v.map(() => "") }), ...(xlog ? { splits: (u, axis, low, high) => chart.spec.marks || decades(u, axis, low, high), values: apart, filter: (u, v) => v } : {}) },
@@ -163,13 +236,43 @@
         hooks: {
           setCursor: [u => chart.point(u)],
           setSelect: [u => { if (u.select.width > 4) chart.zoom([u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")]); u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false); }],
-          draw: this.spec.kind === "points" ? [u => chart.guides(u)] : log ? [u => chart.tolerances(u, shown)] : [],
+          draw: [
+            ...(this.spec.kind === "points" ? [u => chart.guides(u)] : log ? [u => chart.tolerances(u, shown)] : []),
+            ...(this.lines ? [u => chart.ends(u, shown)] : [u => chart.names(u, shown)]),
+          ],
         },
       };
       const made = new uPlot(options, [this.held.x, ...shown.map(s => s.y)], this.box);
       made.keys = shown.map(s => s.key);
+      made.shown = shown;
+      made.label = label;
       made.over.addEventListener("mouseleave", () => { this.readout.hidden = true; });
       return made;
+    }
+
+    /* Names of the curves beside their ends. */
+    ends(u, shown) {
+      const { ctx, bbox } = u, ratio = devicePixelRatio;
+      ctx.save();
+      Object.assign(ctx, { font: `${10 * ratio}px system-ui, sans-serif`, textAlign: "left", textBaseline: "middle" });
+      for (const { y, text, colour } of endsOf(u, shown)) {
+        ctx.fillStyle = colour || style("--ink");
+        ctx.fillText(text, bbox.left + bbox.width + 4 * ratio, y * ratio, (GUTTER - 6) * ratio);
+      }
+      ctx.restore();
+    }
+
+    /* Names beside points that no line joins: of each engine at the one farthest right where there is room. */
+    names(u, shown) {
+      const { ctx, bbox } = u, ratio = devicePixelRatio;
+      ctx.save();
+      Object.assign(ctx, { font: `${10 * ratio}px system-ui, sans-serif`, textBaseline: "middle" });
+      for (const { text, x, y, left } of nameSpots(u, shown, text => ctx.measureText(text).width / ratio)) {
+        ctx.fillStyle = style("--ink");
+        ctx.textAlign = left ? "right" : "left";
+        ctx.fillText(text, bbox.left + x * ratio, bbox.top + y * ratio);
+      }
+      ctx.restore();
     }
 
     width() { return Math.max(200, this.box.clientWidth); }
@@ -253,6 +356,8 @@
       u.setCursor({ left: u.valToPos(x[this.at ?? 0], "x"), top: u.over.clientHeight / 2 });
     }
   }
+
+  ninedisk.charts = { endsOf, nameSpots, decades, power, short, apart, GUTTER };
 
   function start() {
     const waiting = new Set([...document.querySelectorAll("figure[data-chart]")].filter(figure => ninedisk.data || !figure.dataset.chart.startsWith('{"kind": "history"')));

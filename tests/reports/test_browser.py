@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from pathlib import Path
@@ -244,6 +245,46 @@ def test_charts_without_a_picture_are_printed_in_dark_ink(tab, panel_report):
     tab.call("Emulation.setEmulatedMedia", media="print")
     heights = tab.run(f"{alone}.map(f => f.querySelector('canvas').getBoundingClientRect().height)")
     assert min(heights) > 100
+
+
+def test_a_figure_for_a_paper(quiet, panel_report, panel_store):
+    """SVG of what is shown, CSV of its very numbers, caption with versions; what is switched off is in none of them."""
+    open_case(quiet, panel_report)
+    spec = json.loads(quiet.run(f"document.querySelector('{CHART}').dataset.chart"))
+    quiet.click('.legend button[data-key="yade"]')
+    quiet.run(
+        "window.saved = []; URL.createObjectURL = blob => { saved.push(blob.text()); return '#'; };"
+        " HTMLAnchorElement.prototype.click = function () { this.remove(); }"
+    )
+    quiet.run(f"[...document.querySelectorAll('{CHART}')][0].querySelectorAll('.paper button').forEach(b => b.click())")
+    svg, numbers = quiet.run("Promise.all(saved)")
+    caption = quiet.run(f"document.querySelector('{CHART} .paper p').textContent")
+    for text in (svg, numbers, caption):
+        assert "Box2D 3.1" in text
+        assert "commit 0123456789ab" in text
+        assert "YADE" not in text
+    drawn = quiet.run(
+        "(d => [d.documentElement.nodeName, d.querySelectorAll('parsererror').length,"
+        " [...d.querySelectorAll('path')].filter(p => p.getAttribute('d').length > 100).length])"
+        f"(new DOMParser().parseFromString({json.dumps(svg)}, 'image/svg+xml'))"
+    )
+    assert drawn[:2] == ["svg", 0]
+    assert drawn[2] >= 8  # four engines with numbers and the truth, and their errors
+    head, *lines = numbers.splitlines()[1:]
+    column = next(k for k, name in enumerate(csv_cells(head)) if name.startswith("Box2D: "))
+    (run,) = (panel_store / "runs").iterdir()
+    rows = [
+        r
+        for r in pq.read_table(run / "series.parquet").to_pylist()
+        if (r["case"], r["variant"], r["engine"], r["quantity"])
+        == ("incline-block", spec["variant"], "box2d", spec["quantity"])
+    ]
+    assert [float(line.split(",")[column]) for line in lines] == [row["value"] for row in rows]
+    quiet.click('.legend button[data-key="yade"]')
+
+
+def csv_cells(line):
+    return next(csv.reader([line]))
 
 
 def test_a_hostile_name_runs_no_script(quiet, tmp_path, write, small):

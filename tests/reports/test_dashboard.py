@@ -13,7 +13,7 @@ import pytest
 from ninedisk.harness.results.compare import compare, side
 from ninedisk.harness.results.history import history
 from ninedisk.harness.results.schema import StoreHistory
-from ninedisk.reports.dashboard import build_dashboard, groups, marks
+from ninedisk.reports.dashboard import build_dashboard, groups, last_steps, marks
 from ninedisk.reports.folder import ReportError
 from ninedisk.reports.studies import write_comparison
 
@@ -160,6 +160,30 @@ def test_one_run_alone(synthetic: ModuleType, tmp_path: Path) -> None:
     found = history(synthetic.snapshots(synthetic.Plan(runs=1)))
     text = build_dashboard(found, tmp_path / "out", silent).read_text(encoding="utf-8")
     assert "No open regression" in text
+
+
+def test_the_largest_change_is_named_even_when_all_is_steady(synthetic: ModuleType, tmp_path: Path) -> None:
+    """Of the newest machine's last two runs; round-off far below a tolerance, which triples here, is no change."""
+    place = ("incline-block", "k=0", "yade", "fn_wall_mid")
+
+    def steady(runs: int, **more: bool) -> StoreHistory:
+        plan = synthetic.Plan(
+            runs=runs, errors={place: (4, 1.02)}, noise=1e-3, outliers=0.0, drift=0.0, machines=("here",), **more
+        )
+        found: StoreHistory = history(synthetic.snapshots(plan))
+        return found
+
+    assert marks(steady(5)) == []
+    step = last_steps(steady(5))["error"]
+    assert (step.line.case, step.line.variant, step.line.engine, step.line.quantity) == place
+    assert step.after / step.before == pytest.approx(1.02, rel=1e-9)
+    index = build_dashboard(steady(5), tmp_path / "out", silent).read_text(encoding="utf-8")
+    assert f"Largest change since the last run: an error, <b>{step.words}</b>" in index
+    assert step.words.startswith("1.02 × (")
+    after = last_steps(steady(6, round_off=False))
+    assert after["error"].size == 0.0
+    assert 0.0 < after["timing"].size < 0.02
+    assert last_steps(steady(1)) == {}
 
 
 def test_a_foreign_folder_is_left_alone(planted: StoreHistory, tmp_path: Path) -> None:

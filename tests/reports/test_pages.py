@@ -100,6 +100,8 @@ def test_every_figure_is_used_and_has_a_text_alternative(panel_report, pages):
             assert int(image["width"]) > 100
             assert int(image["height"]) > 100
             used.add((path.parent / image["src"]).resolve())
+        saved = re.findall(r'href="([^"]+)" download', path.read_text(encoding="utf-8"))
+        used |= {(path.parent / name).resolve() for name in saved}
     assert used == {path.resolve() for path in (panel_report / "figures").iterdir()}
 
 

@@ -57,7 +57,8 @@ def test_engines_are_ranked_by_their_worst_headline(panel):
     assert (exact.time, coarse.time, absent.time) == ("≤ 1 ms", "1 % not reached", ranking.NOTHING)
     assert absent.reasons == ["there is no command"]
     assert coarse.reasons == ["its scheme says so, and it meets that scheme's exact solution: its own scheme"]
-    assert first.reasons == []
+    assert first.reasons == ["its error shrinks with the step, of order 1.3"]
+    assert exact.reasons == []
 
 
 def test_errors_are_told_in_per_cent_or_decades():
