@@ -236,9 +236,14 @@ def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
 
 def _moved(changes: Comparison | None) -> dict[str, Any]:
     """What changed between two runs, counted, and the first of it; cells that only one of them was asked for have not changed."""
-    held = [change for change in changes.changes if change.base_status and change.head_status] if changes else []
+    found = changes.changes if changes else ()
+    held = [
+        change
+        for change in found
+        if change.verdict not in ("new", "lost") or (change.base_status and change.head_status)
+    ]
     counts = Counter(change.verdict for change in held)
-    alone = len(changes.changes) - len(held) if changes else 0
+    alone = len(found) - len(held)
     first = next((change for change in held if change.verdict != "same"), None)
     return {
         "moved": {word: counts[word] for word in CHANGE_VERDICTS if counts[word]},
