@@ -18,7 +18,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from ninedisk.harness.results.schema import USES, Row
+from ninedisk.harness.results.schema import CHANGE_VERDICTS, USES, Comparison, Row
 from ninedisk.reports import citation, ranking, text
 from ninedisk.reports.charts import Chart
 from ninedisk.reports.findings import of_engines
@@ -218,7 +218,7 @@ def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
         n_findings=len(panel.stored.findings),
         uses=uses,
         changes=panel.stored.changes,
-        moved=Counter(change.verdict for change in panel.stored.changes.changes) if panel.stored.changes else {},
+        **_moved(panel.stored.changes),
         counts=verdict_counts(panel),
         disagreements=disagreements(panel)[:LISTED],
         worst_pairs=panel.worst_of_pairs(),
@@ -232,6 +232,24 @@ def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
         runs=[_run(run) for run in panel.stored.runs],
         outdated=panel.stored.outdated,
     )
+
+
+def _moved(changes: Comparison | None) -> dict[str, Any]:
+    """What changed between two runs, counted, and the first of it; cells that only one of them was asked for have not changed."""
+    found = changes.changes if changes else ()
+    held = [
+        change
+        for change in found
+        if change.verdict not in ("new", "lost") or (change.base_status and change.head_status)
+    ]
+    counts = Counter(change.verdict for change in held)
+    alone = len(found) - len(held)
+    first = next((change for change in held if change.verdict != "same"), None)
+    return {
+        "moved": {word: counts[word] for word in CHANGE_VERDICTS if counts[word]},
+        "first_moved": first,
+        "alone": alone,
+    }
 
 
 def errata_page(env: Environment, panel: Panel) -> str:

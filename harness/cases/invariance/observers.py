@@ -148,7 +148,11 @@ class Invariance:
             )
         elif scene == "compression":
             load = LOAD_CASES[full["load_case"]]
-            quantity, expected, scale_is = "row_force", load.kn * load.v_wall * load.load_cycles * load.dt, "that force"
+            quantity, expected, scale_is = (
+                "row_force",
+                load.kn * load.v_wall * load.load_cycles * load.dt,
+                "force of a smooth row",
+            )
             source = "the two contacts of a half row are closed by their wall's way: kn v T"
         else:
             case = {"mu": full["mu"], "angle": math.radians(full["angle_deg"]), "g": full["g"]}
@@ -159,7 +163,7 @@ class Invariance:
                 rate * float(observed.t[-1]),
                 "Newton and Euler with Coulomb friction",
             )
-            scale_is = "that speed"
+            scale_is = "speed in the end"
         return (
             Headline(name="motion seen by the observer", use="invariance", quantity=quantity, expected=expected, source=source,
                      scale=expected, scale_is=scale_is),

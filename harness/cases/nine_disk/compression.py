@@ -178,7 +178,11 @@ class Compression:
             source = "equilibrium of the smooth row" if static else "damped oscillator under a ramp that stops"
         elif not static and (limit := Limit.of(self.id, params, observed)):
             history, settled, source = limit.series(name), limit.number(f"{name}_settled"), limit.source
-        common: dict[str, Any] = {"source": source, "scale": steady, "scale_is": "kn v T/2, what smooth rows settle at"}
+        common: dict[str, Any] = {
+            "source": source,
+            "scale": steady,
+            "scale_is": "force kn v T/2 at which smooth rows settle",
+        }
         return (
             Headline(name="force in the centre row", use="moving-walls", quantity=name, expected=history, **common),
             Headline(name="settled force", use="rest", quantity=f"{name}_settled",

@@ -212,7 +212,7 @@ class RollingGrain:
                      scale=way, scale_is="way of the rigid disk"),
             Headline(name="time to roll over half a face", use="rolling", quantity="t_half", expected=time,
                      source="quadrature of the energy's equation", scale=time if above else t_end,
-                     scale_is="that time" if above else "length of the run"),
+                     scale_is="time of the rigid grain" if above else "length of the run"),
             Headline(name="turn of the resting grain", use="rest", quantity="turned_final", expected=0.0 if rests else math.nan,
                      source="rest: the weight meets the plane within the face", scale=start.passed, scale_is="angle of a face"),
         )  # fmt: skip

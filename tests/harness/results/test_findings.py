@@ -9,6 +9,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
@@ -146,6 +147,8 @@ def earlier(store: Path) -> None:
 NEW = "[0-9]*"
 """Folders of the runs that are not those of `earlier`."""
 LIFT = "lift of the sliding particle"
+PRINTED_RISE = (0.001 - 0.3 * 0.001) / (1.0 + 0.3**2)
+"""Of (A.4), downwards [m]: gap 0.001 m, step 0.001 s, 1 m/s, mu = 0.3."""
 LIFTS, TENSION = "cd/sliding-lifts", "source/a4-needs-tension"
 
 
@@ -170,6 +173,36 @@ def test_a_size_that_grew_since_the_run_before(store: Path, factor: float, verdi
     found, answer = told(store, LIFTS)
     assert (found.verdict, answer.exit_code) == (verdict, int(verdict == "larger"))
     assert found.size == pytest.approx(factor * found.before)
+
+
+def test_results_of_another_definition_of_the_case_are_no_run_before(store: Path) -> None:
+    earlier(store)
+    of_lift(store, lambda row: scaled(row, 2.0), run=NEW)
+    with rows_of(store, "cells", "before-*") as rows:
+        for row in rows:
+            row["case_version"] -= 1
+    found, _ = told(store, LIFTS)
+    assert (found.verdict, found.before_run) == ("there", "")
+
+
+@pytest.mark.parametrize(
+    ("change", "size"),
+    [
+        ({}, 1.0),
+        (
+            {"truth": "", "column": "abs_error"},
+            0.0,
+        ),  # the exact steps say that nothing rises; what is printed does not count
+        ({"column": "abs_error"}, 1.0),
+        ({"column": "abs_error", "per": "1"}, PRINTED_RISE),
+        ({"column": "abs_error", "per": "gap"}, PRINTED_RISE / 1e-3),
+    ],
+)
+def test_what_a_size_is_relative_to(measured: Path, change: dict[str, str], size: float) -> None:
+    known = next(each for each in FINDINGS if each.id == TENSION)
+    (found,) = evaluate(measured, [replace(known, size=replace(known.size, **change))])[:1]
+    assert found.id == TENSION
+    assert found.size == pytest.approx(size, abs=1e-9)
 
 
 def test_a_size_beyond_what_its_known_difference_explains(store: Path) -> None:
