@@ -99,7 +99,7 @@ def execute(
 
     if engine is not None and command is not None:
         raise UsageError("--engine and --engine-cmd exclude each other: orders are measured on one engine")
-    chosen_engine = CommandEngine(command) if command is not None else engine or "dem"
+    chosen_engine = CommandEngine(command) if command is not None else "dem" if engine is None else engine
     params, chosen = parse_settings(settings), parse_settings(options, flag="--option", example="siconos.theta=1")
     for flag, path in (("--json", json_file), ("--html", html)):
         if path is not None:

@@ -47,7 +47,7 @@ def default_limit(jobs: int = 1) -> float:
     for path in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
         with suppress(OSError, ValueError):  # none of its own: "max", or no such file
             whole = min(whole, float(Path(path).read_text()))
-    return max(float(LEAST), 0.5 * whole / max(1, jobs))
+    return max(float(LEAST), 0.5 * whole / min(max(1, jobs), 10**9))
 
 
 def memory_limit() -> float:

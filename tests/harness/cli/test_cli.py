@@ -106,7 +106,11 @@ def test_wrong_commands(arguments: tuple[str, ...]) -> None:
 
 def test_the_table_is_worst_first() -> None:
     done = ninedisk("run", "fake/fall", "-e", "fake-good", "-e", "fake-wrong", "-e", "fake-crash", "-e", "fake-absent")
-    rows = [line.split() for line in done.stdout.splitlines() if " fake/fall " in line and "[" not in line]
+    rows = [
+        line.split()
+        for line in done.stdout.splitlines()
+        if " fake/fall " in line and "ninedisk" not in line and "[" not in line
+    ]
     assert [row[0] for row in rows] == ["error"] * 2 + ["fail"] * 4 + ["pass"] * 4
     assert (
         rows[2][1:] == ["fake/fall", "a=1", "fake-wrong", "x_final", "0.001", "1e-09", "analytic"] or rows[2][4] == "x"

@@ -33,6 +33,7 @@ TAKEN: dict[tuple[str, str], tuple[str, ...]] = {
     ("run", "--published"): ("",),
     # Files and an engine's folder are made in folders that are there; pages and schemas bring theirs along.
     **{(words, "--json"): TOP for words in ("run", "compare")},
+    ("run", "--write-known-gaps"): TOP,
     **{("compare", option): TOP for option in ("--markdown", "--junit", "--html")},
     **{(words, "--out"): MISSING for words in ("report", "dashboard")},
     ("schema", "--out"): ("", *MISSING),
