@@ -3,7 +3,8 @@
 The figure of an engine is its *worst* headline error in a use, not a mean. A mean of decades hides one result that is off by half
 behind nine that are exact, and who takes the engine meets that one as well; which headline it is stands beside. Engines are compared on
 what they share: of a headline the variants count that two engines or more have a number on (all, where only one engine has any), so that
-settings that one engine alone has neither spoil nor save it. An engine with a number on less than half of a use's headlines stands apart.
+settings that one engine alone has neither spoil nor save it. What an engine covers is the share of these variants that it has a number on,
+mean over the headlines; one that covers less than half of a use, as one that knows plastic impacts only, stands apart.
 
 Time at 1 % is that of stepping: between two stored steps by the logarithms, of the largest step where that is good enough
 (`ninedisk.reports.ranking.time_at`). Absolute times depend on the case; an engine's figure is the geometric mean, over all it reaches,
@@ -25,7 +26,7 @@ from ninedisk.reports.ranking import EQUAL, time_at
 from ninedisk.reports.text import as_float, decade, decoded
 
 LITTLE = 0.5
-"""Share of a use's headlines from which on an engine is ranked."""
+"""What an engine has to cover of a use to be ranked."""
 
 Place = tuple[str, str]
 """Case and headline."""
@@ -42,8 +43,8 @@ class Rank:
         The headline row with the largest relative error.
     typical : float
         Median over the headlines of the use.
-    told : int
-        Headlines that it has a number on.
+    covers : float
+        Share of the variants that it has a number on, mean over the headlines of the use.
     slower : float
         Time at an error of 1 % over that of the fastest engine, geometric mean; NaN where none is known.
     reached, timed : int
@@ -53,7 +54,7 @@ class Rank:
     engine: EngineFacts
     worst: Row
     typical: float
-    told: int
+    covers: float
     slower: float
     reached: int
     timed: int
@@ -71,14 +72,14 @@ class Rank:
 
 @dataclass(frozen=True)
 class Use:
-    """A use with its engines, the most accurate decade first and the fastest first within it; ``of`` is how many headlines it has.
+    """A use with its engines, the most accurate decade first and the fastest first within it; ``headlines`` is how many it has.
 
-    ``little`` are engines that have a number on less than half of them.
+    ``little`` are engines that cover less than half of it.
     """
 
     id: str
     title: str
-    of: int
+    headlines: int
     ranks: Sequence[Rank]
     little: Sequence[Rank]
 
@@ -122,17 +123,21 @@ def _use(
     engines: Mapping[str, EngineFacts],
 ) -> Use:
     worst: dict[str, dict[Place, Row]] = {}
-    for row in _shared(rows):
-        own, place = worst.setdefault(row["engine"], {}), (row["case"], row["headline"])
-        if place not in own or row["rel_error"] > own[place]["rel_error"]:
-            own[place] = row
+    covered: dict[str, float] = {}
+    shared = _shared(rows)
+    for place, variants in shared.items():
+        for row in (row for group in variants for row in group):
+            covered[row["engine"]] = covered.get(row["engine"], 0.0) + 1.0 / len(variants) / len(shared)
+            own = worst.setdefault(row["engine"], {})
+            if place not in own or row["rel_error"] > own[place]["rel_error"]:
+                own[place] = row
     slower, tried = _times(rows, took)
     ranks = [
         Rank(
             engine=engines[engine],
             worst=max(own.values(), key=lambda row: as_float(row["rel_error"])),
             typical=median(as_float(row["rel_error"]) for row in own.values()),
-            told=len(own),
+            covers=covered[engine],
             slower=math.exp(sum(held) / len(held)) if (held := slower.get(engine, [])) else math.nan,
             reached=len(held),
             timed=tried.get(engine, 0),
@@ -140,27 +145,19 @@ def _use(
         for engine, own in worst.items()
     ]
     ranks.sort(key=lambda rank: (rank.decade, math.inf if math.isnan(rank.slower) else rank.slower, rank.engine.name))
-    of = len({(row["case"], row["headline"]) for row in rows})
-    enough = [rank.told >= LITTLE * of for rank in ranks]
-    return Use(
-        name,
-        title,
-        of,
-        [rank for rank, ok in zip(ranks, enough, strict=True) if ok],
-        [rank for rank, ok in zip(ranks, enough, strict=True) if not ok],
-    )
+    enough = [rank for rank in ranks if rank.covers >= LITTLE]
+    return Use(name, title, len(shared), enough, [rank for rank in ranks if rank.covers < LITTLE])
 
 
-def _shared(rows: Iterable[Row]) -> list[Row]:
-    """The rows of variants that two engines have a number on; all of a headline that one engine alone has."""
+def _shared(rows: Iterable[Row]) -> dict[Place, list[list[Row]]]:
+    """By headline the rows of each variant that two engines have a number on; of all its variants where one engine alone has any."""
     held: dict[Place, dict[str, list[Row]]] = {}
     for row in rows:
         held.setdefault((row["case"], row["headline"]), {}).setdefault(row["variant"], []).append(row)
-    found: list[Row] = []
-    for variants in held.values():
-        common = [group for group in variants.values() if len(group) > 1]
-        found += [row for group in common or variants.values() for row in group]
-    return found
+    return {
+        place: [group for group in variants.values() if len(group) > 1] or list(variants.values())
+        for place, variants in held.items()
+    }
 
 
 def _times(

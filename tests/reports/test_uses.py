@@ -17,10 +17,11 @@ ERRORS = {  # by engine: case, step (its variant) -> error; "own" is a variant o
     "exact": {("a", 0.1): 1e-15, ("a", 0.2): 3e-14, ("b", 0.1): 0.0, ("b", 0.2): 1e-13},
     "first": {("a", 0.1): 0.01, ("a", 0.2): 0.02, ("b", 0.1): 0.005, ("b", 0.2): 0.01},
     "blunder": {("a", 0.1): 0.0, ("a", 0.2): 0.0, ("b", 0.1): 0.5, ("b", 0.2): 0.5, ("b", "own"): 7.0},
+    "half": {("a", 0.1): 1e-13, ("b", 0.1): 1e-13},  # both headlines, on half of the variants
     "little": {("a", 0.1): math.nan, ("c", 0.1): 1e-6},
     "coarse": {("a", 0.1): 0.015, ("a", 0.2): 0.06, ("b", 0.1): 0.0025, ("b", 0.2): 0.04},
 }
-SECONDS = {"exact": 8.0, "first": 1.0, "blunder": 2.0, "little": 1.0, "coarse": 1.0}
+SECONDS = {"exact": 8.0, "first": 1.0, "blunder": 2.0, "little": 1.0, "half": 9.0, "coarse": 1.0}
 
 
 @pytest.fixture
@@ -44,16 +45,19 @@ def test_engines_are_ordered_by_their_worst_decade_and_then_by_time(store):
     found = {use.id: use for use in uses(stored, build_panel(stored).engines)}
     assert list(found) == list(USES)
     sliding = found["sliding"]
-    assert sliding.of == 3
-    assert [(rank.engine.id, rank.error, rank.told) for rank in sliding.ranks] == [
-        ("exact", 1e-13, 2),
-        ("first", 0.02, 2),
-        ("coarse", 0.06, 2),
-        ("blunder", 0.5, 2),
+    assert sliding.headlines == 3
+    assert [(rank.engine.id, rank.error, round(3.0 * rank.covers, 9)) for rank in sliding.ranks] == [
+        ("exact", 1e-13, 2.0),
+        ("first", 0.02, 2.0),
+        ("coarse", 0.06, 2.0),
+        ("blunder", 0.5, 2.0),
     ]
-    assert [(rank.engine.id, rank.error) for rank in sliding.little] == [("little", 1e-6)]
+    assert [(rank.engine.id, rank.error, rank.covers) for rank in sliding.little] == [
+        ("half", 1e-13, pytest.approx(1 / 3)),
+        ("little", 1e-6, pytest.approx(1 / 3)),
+    ]
     assert [rank.engine.id for rank in sliding.best] == ["exact"]
-    assert all(use.of == 0 and not use.ranks for name, use in found.items() if name != "sliding")
+    assert all(use.headlines == 0 and not use.ranks for name, use in found.items() if name != "sliding")
 
 
 def test_time_at_one_percent_is_compared_where_some_engine_gets_there(store):
@@ -74,7 +78,7 @@ def test_the_first_page_shows_it(store, tmp_path):
     html = (build_report(store, tmp_path / "out").parent / "index.html").read_text()
     assert "Most accurate: <b>EXACT</b>, 1.0e-13 at the worst; next FIRST, 2 %. Fastest at 1 %: <b>FIRST</b>." in html
     assert (
-        '<li class="d0"><a href="engine/exact.html">EXACT</a> <b>1.0e-13</b> <small>5.7 ×</small> <small>2/3</small></li>'
+        '<li class="d0"><a href="engine/exact.html">EXACT</a> <b>1.0e-13</b> <small>5.7 ×</small> <small>of 67 %</small></li>'
         in html
     )
     assert "ninedisk bench flow" in html
