@@ -122,11 +122,14 @@ class Check:
     source : str
         Where the truth comes from.
     atol, rtol : float
-        The check passes if the error is at most ``atol + rtol max|expected|``.
+        The check passes if the error is at most ``atol + rtol max(|expected|, scale)``.
     why : str
         Reason of the tolerance.
     window : (int, int) or None
         First and last step that count.
+    scale : float
+        Physical size that errors are relative to where the truth is smaller, zero or nearly so: a radius for a gap, the weight
+        for a force.
     known : KnownDifference or None
         A declared difference of this engine that explains an error beyond the tolerance, up to its own size.
     gap_reason : str
@@ -145,6 +148,7 @@ class Check:
     uncertainty: float = 0.0
     window: tuple[int, int] | None = None
     gap_reason: str = ""
+    scale: float = 0.0
     known: KnownDifference | None = None
 
 

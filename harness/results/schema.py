@@ -166,7 +166,7 @@ MEASUREMENT_COLUMNS: dict[str, str] = {
     "uncertainty": "float64",
     "abs_error": "float64",
     "rel_error": "float64",
-    "scale": "float64",  # largest |expected|: what rel_error and rtol refer to
+    "scale": "float64",  # largest |expected|, or the size that the case states where that is larger: what rel_error and rtol refer to
     "atol": "float64",
     "rtol": "float64",
     "why": "string",

@@ -80,9 +80,9 @@ def check_history(history: History, setup: Setup) -> None:
 class Deviation:
     """A check, measured.
 
-    ``value`` and ``expected`` are those at the worst step; ``scale`` is the largest ``|expected|`` of the window and
-    ``tolerance = atol + rtol scale``. ``spoken`` counts the steps at which the truth says something, ``missing`` those
-    among them at which the engine gives no number.
+    ``value`` and ``expected`` are those at the worst step; ``scale`` is the largest ``|expected|`` of the window, or the check's own
+    where that is larger, and ``tolerance = atol + rtol scale``. ``spoken`` counts the steps at which the truth says something,
+    ``missing`` those among them at which the engine gives no number.
     """
 
     unit: str
@@ -106,7 +106,7 @@ def compare(check: Check, observed: Observed) -> Deviation:
     CheckError
         If the quantity is not observed, the truth has the wrong shape, or a tolerance is negative or not finite.
     """
-    for name in ("atol", "rtol", "uncertainty"):
+    for name in ("atol", "rtol", "uncertainty", "scale"):
         if not getattr(check, name) >= 0.0:
             raise CheckError(f"check of {check.quantity!r}: {name} = {getattr(check, name)!r} must be >= 0")
     if check.norm == "scalar":
@@ -162,7 +162,7 @@ def _compare_scalar(check: Check, observed: Observed) -> Deviation:
         raise CheckError(f"check of {check.quantity!r}: a scalar needs one number, not shape {expected.shape}")
     truth, value = float(expected), float(value)
     speaks = not np.isnan(truth)
-    scale = abs(truth) if speaks else float("nan")
+    scale = max(abs(truth), check.scale) if speaks else float("nan")
     error = float(_difference(np.array(value), np.array(truth)))
     return Deviation(
         unit=unit,
@@ -195,7 +195,7 @@ def _compare_series(check: Check, observed: Observed) -> Deviation:
             unit=unit, value=nan, expected=nan, abs_error=nan, rel_error=nan, scale=nan, tolerance=check.atol,
             worst_step=-1, first_divergence_step=-1, spoken=0, missing=0,
         )  # fmt: skip
-    scale = largest(expected[speaks])
+    scale = max(largest(expected[speaks]), check.scale)
     allowed = tolerance(check.atol, check.rtol, scale)
     error = np.where(speaks, _difference(value, expected), 0.0)
     beyond = speaks & ~(error <= allowed)

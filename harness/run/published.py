@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -88,6 +89,7 @@ def _curves(folder: Path) -> tuple[PublishedCurve, ...]:
 def _value_check(value: PublishedValue, observed: Observed, own: Sequence[Check]) -> Check:
     _same_unit(f"published value {value.id!r}", value.quantity, value.unit, observed.scalars)
     rounded = _rounded_truth(value.quantity, own)
+    known = rounded.known if rounded else None
     atol, why, gap = value.precision, "half a unit of the last printed digit", value.contradicted_by
     if value.precision == 0.0:
         why = "the source states it exactly"
@@ -96,7 +98,7 @@ def _value_check(value: PublishedValue, observed: Observed, own: Sequence[Check]
         why += f"; round-off {ROUND_OFF:g}"
     else:
         truth = float(rounded.expected)
-        atol += tolerance(rounded.atol, rounded.rtol, abs(truth))
+        atol += tolerance(rounded.atol, rounded.rtol, max(abs(truth), rounded.scale))
         why += f"; plus what the {rounded.truth} truth allows: {rounded.why}"
         if not gap and abs(truth - value.value) > atol:
             gap = rounded.gap_reason or (
@@ -113,6 +115,8 @@ def _value_check(value: PublishedValue, observed: Observed, own: Sequence[Check]
         atol=atol,
         why=why,
         gap_reason=gap,
+        scale=rounded.scale if rounded else 0.0,
+        known=known and replace(known, size=known.size + value.precision),
     )
 
 

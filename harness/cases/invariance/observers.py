@@ -174,7 +174,12 @@ class Invariance:
         counted = SCENES[params["scene"]][2]
         rounding = _rounding(params, original, engine)
         return [
-            replace(check, atol=check.atol + rounding[_unit(check, observed)], why=f"{check.why}; rounding of the observer's numbers")
+            replace(
+                check,
+                atol=check.atol + rounding[_unit(check, observed)],
+                known=check.known and replace(check.known, size=check.known.size + rounding[_unit(check, observed)]),
+                why=f"{check.why}; rounding of the observer's numbers",
+            )
             for check in case.checks(full, original, observed, engine)
             if check.quantity.removesuffix("_final") in counted and check.truth in ("exact-step", "analytic")
         ]  # fmt: skip

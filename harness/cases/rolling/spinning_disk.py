@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,12 @@ from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     FRICTION,
     GRAVITY,
+    LIFTS,
     SHEAR_STIFFNESS,
     STEP,
     STIFFNESS,
     THETA,
+    allowing,
     contact_step,
     last,
     numerics_of,
@@ -38,6 +41,7 @@ from ninedisk.harness.cases.rolling.slip_to_roll import (
     RADIUS,
     binding_history,
     bounds,
+    end_of_slip,
     shear_frequency,
     slip_tolerance,
 )
@@ -170,8 +174,15 @@ class SpinningDisk:
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
         """History, end of slip and energy kept; exact steps where the engine's scheme has them."""
-        thrown = _as_thrown(params)
-        limit = bounds(thrown, setup, observed, engine, UNIFORM_DISK)
+        return [
+            *_stepped(params, _as_thrown(params), setup, observed, engine),
+            *allowing(LIFTS, setup, engine, partial(self._continuous, params, observed)),
+        ]
+
+    def _continuous(
+        self, params: Mapping[str, Any], observed: Observed, setup: Setup, engine: EngineInfo
+    ) -> list[Check]:
+        limit = bounds(_as_thrown(params), setup, observed, engine, UNIFORM_DISK)
         analytic, end = _truth(params, observed.t)
         # Velocity and spin are off by opposite parts of one momentum: dE = m v dv + I omega domega, at most at the start.
         first = _first_energy(params, setup)
@@ -190,14 +201,14 @@ class SpinningDisk:
         }
         source = "rigid disk with Coulomb friction"
         tolerance = {name: (atol[name], 0.0, why[name]) for name in names}
-        found = series_and_final(names, expected, truth="analytic", source=source, tolerance=tolerance)
+        sizes = {"gap": RADIUS}
+        found = series_and_final(names, expected, truth="analytic", source=source, tolerance=tolerance, sizes=sizes)
         found += [
-            Check(quantity="slip_end", norm="scalar", truth="analytic", expected=end, source=source,
-                  atol=atol["slip_end"], why=why["slip_end"]),
+            end_of_slip(_as_thrown(params), setup, observed, engine, limit, expected["slip"], UNIFORM_DISK),
             Check(quantity="energy_kept", norm="scalar", truth="analytic", expected=energy_kept(UNIFORM_DISK),
                   source=source, atol=atol["energy"] / first, why=why["energy"]),
         ]  # fmt: skip
-        return [*_stepped(params, thrown, setup, observed, engine), *found]
+        return found
 
 
 def _stepped(

@@ -29,18 +29,18 @@ class Cell:
 
     @property
     def failures(self) -> list[str]:
-        """Quantity, truth, error and tolerance of every check that does not pass."""
+        """Quantity, truth, error and tolerance of every check that neither passes nor errs as a declared difference does."""
         found = []
         for check in self.checks:
             comparison = compare(check, self.observed)
             status, reason = judge(check, comparison)
-            if status != "pass":
+            if status not in ("pass", "known-difference"):
                 found.append(f"{check.quantity} ({check.truth}): {status} {reason}")
         return found
 
     @property
     def seen(self) -> set[str]:
-        """Quantities with a check that does not pass."""
+        """Quantities of `failures`."""
         return {text.split()[0] for text in self.failures}
 
     def margin(self, quantity: str, truth: str) -> float:

@@ -22,13 +22,16 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from ninedisk.harness.api import finding
-from ninedisk.harness.api.finding import Finding, finding_problems, known_findings
+from ninedisk.harness.api.case import Setup, headlines_of
+from ninedisk.harness.api.finding import Finding, Size, finding_problems, known_findings
 from ninedisk.harness.api.registry import engine_table, get_case
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.support import parse_settings
 from ninedisk.harness.results.findings import GROWN, evaluate
 from ninedisk.harness.results.schema import TABLES, EvaluatedFinding
-from ninedisk.harness.run.plan import plan_matrix
+from ninedisk.harness.run.judge import blank_history
+from ninedisk.harness.run.plan import Cell, plan_matrix
+from ninedisk.harness.run.runner import dry_checks
 
 FINDINGS = known_findings()
 CHEAP = ("cd/restitution-depends-on-phase", "cd/sliding-lifts", "source/a4-needs-tension", "cd/ratchet")
@@ -36,10 +39,10 @@ CHEAP = ("cd/restitution-depends-on-phase", "cd/sliding-lifts", "source/a4-needs
 
 
 @cache
-def planned(command: str) -> dict[str, Any]:
+def planned(command: str) -> dict[str, Cell]:
     """The cells of a ``ninedisk run`` command, by variant: planned as the command line plans them, and not run.
 
-    An engine behind a command is planned as if it were ours: it may not be installed.
+    An engine behind a command, which may not be installed, is planned as if it were one with rigid contacts that we know.
     """
     program, word, case, *rest = shlex.split(command)
     assert (program, word) == ("ninedisk", "run")
@@ -47,7 +50,7 @@ def planned(command: str) -> dict[str, Any]:
     for flag, value in zip(rest[::2], rest[1::2], strict=True):
         given[flag].append(value)
     settings = parse_settings(given["--set"]), parse_settings(given["--option"], flag="--option")
-    return {cell.variant.id: cell for cell in plan_matrix([case], given["--engine"] or ["dem"], *settings)}
+    return {cell.variant.id: cell for cell in plan_matrix([case], given["--engine"] or ["pymunk"], *settings)}
 
 
 def test_ids_are_unique_and_name_their_engine() -> None:
@@ -59,7 +62,7 @@ def test_ids_are_unique_and_name_their_engine() -> None:
 
 @pytest.mark.parametrize("each", FINDINGS, ids=lambda each: each.id)
 def test_what_a_finding_says_exists(each: Finding) -> None:
-    """Its case, column and command; the command runs cells of that engine that the size is read from."""
+    """Its case, column, quantity and command; the command runs cells of that engine that the size is read from."""
     size, cells = each.size, planned(each.command)
     columns = {*TABLES[size.table], "broken"} if size.table == "cells" else set(TABLES[size.table])
     assert size.column in columns
@@ -67,7 +70,21 @@ def test_what_a_finding_says_exists(each: Finding) -> None:
     assert size.over_why
     assert each.engine not in engine_table() or {cell.engine_id for cell in cells.values()} == {each.engine}
     assert {cell.case.id for cell in cells.values()} == {get_case(size.case).id}
-    assert any(fnmatchcase(variant, size.variant) for variant in cells)
+    mine = [cell for variant, cell in cells.items() if fnmatchcase(variant, size.variant)]
+    assert mine
+    asked = {size.quantity, size.per} - {"", "1"}
+    assert asked <= set().union(*(told_of(cell, size) for cell in mine))
+
+
+def told_of(cell: Cell, size: Size) -> set[str]:
+    """Quantities that a cell measures by the size's truth, or its headlines: whichever table the size is read from."""
+    assert isinstance(cell.setup, Setup)
+    assert not isinstance(cell.engine, Exception)
+    if size.table == "headlines":
+        observed = cell.case.observe(cell.variant.params, cell.setup, blank_history(cell.setup))
+        return {each.name for each in headlines_of(cell.case, cell.variant.params, cell.setup, observed)}
+    checks = dry_checks(cell, cell.engine.info())
+    return {check.quantity for check in checks if check.truth == size.truth or not size.truth}
 
 
 @pytest.fixture(scope="module")
@@ -200,8 +217,9 @@ def test_results_of_another_definition_of_the_case_are_no_run_before(store: Path
 )
 def test_what_a_size_is_relative_to(measured: Path, change: dict[str, str], size: float) -> None:
     known = next(each for each in FINDINGS if each.id == TENSION)
-    (found,) = evaluate(measured, [replace(known, size=replace(known.size, **change))])[:1]
-    assert found.id == TENSION
+    found = {each.id: each for each in evaluate(measured, [replace(known, size=replace(known.size, **change))])}[
+        TENSION
+    ]
     assert found.size == pytest.approx(size, abs=1e-9)
 
 
