@@ -137,14 +137,15 @@ def rank(panel: Panel, case: CaseData) -> Ranking:
                 row["headline"] not in worst or row["rel_error"] > worst[row["headline"]]["rel_error"]
             ):
                 worst[row["headline"]] = row
-        order, time = math.nan, NOTHING
+        order, own_order, time = math.nan, False, NOTHING
         if worst:
             decides = max(worst.values(), key=lambda row: as_float(row["rel_error"]))
             same = [row for row in own if row["headline"] == decides["headline"]]
-            order, time = _order(case, same), _time(case, cells, same)
+            order, own_order = _order(case, same, decides)
+            time = _time(case, cells, same)
         far = [row["variant"] for row in worst.values() if row["rel_error"] > EQUAL]
         why = reasons(cells, measurements, far)
-        if far and order >= 0.5:
+        if far and own_order and order >= 0.5:
             why.append(f"its error shrinks with the step, of order {order:.2g}")
         if far and not why:
             why.append("nothing stored says why: no note, no known difference")
@@ -173,18 +174,21 @@ def _families(case: CaseData, rows: Iterable[Row]) -> dict[str, list[tuple[float
     return {others: sorted(family, key=lambda each: each[0]) for others, family in found.items()}
 
 
-def _order(case: CaseData, rows: list[Row]) -> float:
-    """Order over variants that differ in the step alone: of those that have two steps above round-off, the ones with the largest error."""
+def _order(case: CaseData, rows: list[Row], decides: Row) -> tuple[float, bool]:
+    """Order over variants that differ in the step alone, and whether the deciding row is among them.
+
+    Of the families that have two steps above round-off the one with the largest error counts.
+    """
     found = []
     for family in _families(case, rows).values():
         signal = [(step, as_float(row["rel_error"])) for step, row in family]
         signal = [(step, size) for step, size in signal if step > 0.0 and math.isfinite(size) and size > ROUND_OFF]
         if len({step for step, _ in signal}) > 1:
-            found.append((max(size for _, size in signal), signal))
+            found.append((max(size for _, size in signal), any(row is decides for _, row in family), signal))
     if not found:
-        return math.nan
-    _, signal = max(found)
-    return fitted_order([step for step, _ in signal], [size for _, size in signal])
+        return math.nan, False
+    _, own, signal = max(found)
+    return fitted_order([step for step, _ in signal], [size for _, size in signal]), own
 
 
 def _time(case: CaseData, cells: list[Row], rows: list[Row]) -> str:

@@ -81,7 +81,7 @@ class Finding:
     size : Size
         How large it is.
     documented : str
-        Where the engine's documentation says so; "" where it does not.
+        Where the engine's documentation says so; "" where no such place is known.
     thread : str
         Address of an upstream issue or discussion; "" where none is known.
     command : str

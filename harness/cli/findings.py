@@ -225,7 +225,7 @@ def _details(found: Sequence[EvaluatedFinding]) -> None:
             "other engines": f"{share(each.least)} at least ({each.least_engine})" if each.least_engine else "",
             "there above": f"{share(each.over)}: {each.over_why}",
             "version": f"{each.engine_version or 'not in the store'}; seen in {each.versions}",
-            "documented": each.documented or "no",
+            "documented": each.documented or "no place is known",
             "thread": each.thread or "none known",
             "see it": each.command,
         }

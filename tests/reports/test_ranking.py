@@ -61,6 +61,22 @@ def test_engines_are_ranked_by_their_worst_headline(panel):
     assert exact.reasons == []
 
 
+def test_a_step_explains_its_own_error_only(tmp_path, write, small):
+    """Order 1 of two variants says nothing of a third one that is farther off."""
+    tables = {"cells": [], "measurements": [], "headlines": []}
+    for k, (dt, other, error) in enumerate(((0.1, 0, 0.02), (0.05, 0, 0.01), (0.1, 1, 0.9))):
+        own = small("a", advance_s=1e-3)
+        params = {"variant": f"v{k}", "params": json.dumps({"dt": dt, "other": other})}
+        for table in ("cells", "measurements"):
+            tables[table] += [{**row, **params} for row in own[table]]
+        tables["headlines"].append({**headline("a", dt, error), "variant": f"v{k}"})
+    write(tmp_path, "a", tables)
+    panel = build_panel(load_store(tmp_path))
+    (only,) = ranking.rank(panel, panel.cases["demo/one"]).engines
+    assert (only.error, round(only.order, 12)) == (0.9, 1.0)
+    assert only.reasons == ["nothing stored says why: no note, no known difference"]
+
+
 def test_errors_are_told_in_per_cent_or_decades():
     told = [ranking.percent(x) for x in (0.0, 2.2e-14, 1e-5, 0.0123, 0.996, 2.75, 37.0, math.inf, math.nan)]
     assert told == ["0", "2.2e-14", "0.001 %", "1.2 %", "100 %", "275 %", "37 ×", "—", "—"]

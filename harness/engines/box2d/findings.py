@@ -30,7 +30,7 @@ FINDINGS = (
         engine="box2d",
         versions="2.3.10",
         what=(
-            "Single precision: seen by an observer who moves along at three metres a second, a slow slide loses four of its digits."
+            "Single precision: seen by an observer who moves along at three metres a second, a slow slide is right to four digits only."
         ),
         size=Size(
             case="invariance/galilei",

@@ -8,7 +8,7 @@ FINDINGS = (
         engine="dart",
         versions="6.20.0",
         what=(
-            "Every contact constraint is regularised (constraint force mixing): an elastic gas cools by a millionth with each collision."
+            "Every contact constraint is regularised (constraint force mixing): an elastic gas cools with every collision."
         ),
         size=Size(
             case="gas/elastic",

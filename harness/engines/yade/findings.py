@@ -62,7 +62,6 @@ FINDINGS = (
                 " %"
             ),
         ),
-        documented="https://yade-dem.org/doc/formulation.html",
         command="ninedisk run nine-disk/distortion --engine yade --set lever_arm=radius",
     ),
 )
