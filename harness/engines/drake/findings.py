@@ -39,27 +39,6 @@ FINDINGS = (
         command="ninedisk run slip-to-roll --engine drake-sap --set mu=0.3",
     ),
     Finding(
-        id="drake-sap/overlap-of-impact-stays",
-        engine="drake-sap",
-        versions="1.51.1",
-        what=(
-            "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
-            "alone are made to vanish."
-        ),
-        size=Size(
-            case="impact/bouncing-disk",
-            variant="restitution=0",
-            column="abs_error",
-            quantity="gap_final",
-            per="gap",
-            over=0.0001,
-            over_why=(
-                "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
-            ),
-        ),
-        command="ninedisk run impact/bouncing-disk --engine drake-sap --set restitution=0",
-    ),
-    Finding(
         id="drake-lagged/slides-without-friction-at-first",
         engine="drake-lagged",
         versions="1.51.1",

@@ -13,6 +13,7 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pyarrow as pa
@@ -350,3 +351,15 @@ def test_an_engine_by_its_command_is_held_against_what_is_known_of_others(
     }  # fmt: skip
     assert {row["engine"] for row in rows.values()} == {"spring-dem"}
     assert "walls with prescribed rotation" in rows["yade/first-order-turn"]["reason"]
+
+
+def test_what_is_wrong_with_a_package_s_findings_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A module that cannot be read, and one that takes an id of ours, whose finding stays."""
+    thief = ModuleType("thief")
+    thief.FINDINGS = (replace(FINDINGS[0], what="mine"),)  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "thief", thief)
+    modules = {**finding._modules(), "thief": "acme", "nowhere.findings": "acme"}
+    monkeypatch.setattr(finding, "_modules", lambda: modules)
+    found, wrong = finding._collected.__wrapped__()
+    assert found == FINDINGS
+    assert [FINDINGS[0].id in text or "nowhere.findings" in text for text in wrong] == [True, True]
