@@ -19,7 +19,7 @@ from ninedisk.reports.draw import error_limits, read_scene, round_off, thin, val
 from ninedisk.reports.figures import GENERIC, case_figures, looks_of
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel
-from ninedisk.reports.scenes import case_configurations
+from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes
 
 FIGURES = {f"A.{k}" for k in (2, 3, 4, *range(6, 14), *range(17, 27))} | {
     "A.1",
@@ -189,6 +189,12 @@ def test_grains_are_drawn_as_their_outlines():
     assert springs({"scene": {**stored["scene"], "disks": disks}}) is not None
     assert plain.signature != view.signature
     assert draw_sketch(view) != draw_sketch(plain)
+    frames = {"step": [0, 1], "x": [view.x.tolist(), (view.x + 1.0).tolist()], "angle": [[0.0, 0.0], [0.3, 0.3]]}
+    cell = {"variant": "v", "engine": "e", "frames": json.dumps(frames), "setup": json.dumps(stored)}
+    arrays = Arrays()
+    edges = moving_scenes(SimpleNamespace(cells=[cell]), arrays)["v"]["edges"]
+    assert edges == [arrays(edge) for edge in view.edges]
+    assert len(set(edges)) == 2
     look = SimpleNamespace(colour="#123456", dash=())
     bodies = ((look, view.x, np.array([0.3, np.nan]), ()),)
     moved = draw_configuration(Configuration("", view.radius, bodies, edges=view.edges))
