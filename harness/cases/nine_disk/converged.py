@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,14 @@ MARGIN = 2.0
 """Factor on the measured step error: it comes from one pair of steps, and friction makes the order wander around 2."""
 
 
+class FirstOrder(NamedTuple):
+    """Error of a scheme of first order: of forces [N] and of places [m], and why."""
+
+    force: float
+    length: float
+    why: str
+
+
 def converged_checks(
     case: str,
     params: Mapping[str, Any],
@@ -23,7 +31,7 @@ def converged_checks(
     *,
     series: Sequence[str],
     scalars: Sequence[str],
-    first_order_rtol: float,
+    first_order: FirstOrder,
     other_arm: str = "",
     other_arm_rtol: float = 0.0,
     scales: Mapping[str, float] | None = None,
@@ -38,11 +46,11 @@ def converged_checks(
         For the sampled steps.
     engine : EngineInfo
         Central-difference engines are granted the step error that refinement measured with slip where they have it, others
-        ``first_order_rtol``.
+        ``first_order``.
     series, scalars : sequence of str
         Quantities to check, where the table has them.
-    first_order_rtol : float
-        Tolerance relative to the largest value for schemes of another order.
+    first_order : FirstOrder
+        Tolerance of schemes of another order.
     other_arm, other_arm_rtol : str, float
         Where the engine has another lever arm than the scene asks for: what that is, and the difference it explains.
     scales : mapping from str to float, optional
@@ -78,8 +86,8 @@ def converged_checks(
                 f"uncertainty of the limit"
             )
         else:
-            atol = first_order_rtol * scale + uncertainty
-            why = f"first-order scheme: {first_order_rtol:.2g} of the largest value is omega dt/2"
+            atol = (first_order.length if name.startswith(("x_", "y_")) else first_order.force) + uncertainty
+            why = first_order.why
         found.append(
             Check(
                 quantity=name,
