@@ -89,7 +89,7 @@ def _curves(folder: Path) -> tuple[PublishedCurve, ...]:
 def _value_check(value: PublishedValue, observed: Observed, own: Sequence[Check]) -> Check:
     _same_unit(f"published value {value.id!r}", value.quantity, value.unit, observed.scalars)
     rounded = _rounded_truth(value.quantity, own)
-    known = rounded.known if rounded else None
+    known, of_series = rounded.known if rounded else None, value.quantity.removesuffix("_final")
     atol, why, gap = value.precision, "half a unit of the last printed digit", value.contradicted_by
     if value.precision == 0.0:
         why = "the source states it exactly"
@@ -115,7 +115,7 @@ def _value_check(value: PublishedValue, observed: Observed, own: Sequence[Check]
         atol=atol,
         why=why,
         gap_reason=gap,
-        scale=rounded.scale if rounded else 0.0,
+        scale=max((check.scale for check in own if check.quantity in (value.quantity, of_series)), default=0.0),
         known=known and replace(known, size=known.size + value.precision),
     )
 

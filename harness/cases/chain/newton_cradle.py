@@ -169,7 +169,7 @@ class NewtonCradle:
             Check(quantity="momentum_x", expected=momentum, source="conservation", why=conserved,
                   atol=n * 1e-13 * momentum + rough, **common),
             Check(quantity="speed_across", expected=0.0, source="symmetry", why=on_axis,
-                  atol=1e-13 * speed + single(engine, speed, 1), **common),
+                  atol=1e-13 * speed + single(engine, speed, 1), scale=speed, **common),
         ]  # fmt: skip
         return [*found, *flight_checks(setup, engine)]
 
@@ -181,8 +181,9 @@ class NewtonCradle:
         of_energy = mass * truth.atol * (float(np.abs(truth.final).sum()) + params["speed"] + n * truth.atol)
         tolerance = dict.fromkeys(names, (truth.atol, 0.0, truth.why)) | {"energy": (of_energy, 0.0, truth.why)}
         found = series_and_final(
-            (*names, "energy"), expected, truth="analytic", source=truth.source, tolerance=tolerance
-        )
+            (*names, "energy"), expected, truth="analytic", source=truth.source, tolerance=tolerance,
+            sizes=dict.fromkeys(names, params["speed"]),
+        )  # fmt: skip
         found.append(
             Check(quantity="handed_on", norm="scalar", truth="analytic", expected=float(truth.final[-1]) / params["speed"],
                   source=truth.source, atol=truth.atol / params["speed"], why=truth.why)
@@ -202,7 +203,10 @@ class NewtonCradle:
         floor = 1e-10 * speed
         tolerance = dict.fromkeys(names, (floor, EXACT_STEP_RTOL, why))
         tolerance["energy"] = (2.0 * mass * speed * floor, EXACT_STEP_RTOL, why)
-        return series_and_final((*names, "energy"), expected, truth="exact-step", source=source, tolerance=tolerance)
+        sizes = dict.fromkeys(names, speed)
+        return series_and_final(
+            (*names, "energy"), expected, truth="exact-step", source=source, tolerance=tolerance, sizes=sizes
+        )
 
 
 class Truth(NamedTuple):

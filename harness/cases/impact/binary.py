@@ -215,7 +215,7 @@ class BinaryCollision:
         on_axis = "both centres lie on the x axis: no force has a y component"
         still: list[Check] = [
             Check(quantity=f"vy_{i}", norm="max", truth="analytic", expected=0.0, source="symmetry", why=on_axis,
-                  atol=1e-13 * params["speed"] + of_speed)
+                  atol=1e-13 * params["speed"] + of_speed, scale=params["speed"])
             for i in (1, 2)
         ]  # fmt: skip
         return [
@@ -225,7 +225,7 @@ class BinaryCollision:
             Check(quantity="momentum_x_final", norm="scalar", truth="analytic", expected=momentum,
                   source="conservation", why=conserved, rtol=1e-13, atol=of_momentum),
             Check(quantity="momentum_drift", norm="scalar", truth="analytic", expected=0.0, source="conservation",
-                  why=conserved, atol=1e-13 * momentum + of_momentum),
+                  why=conserved, atol=1e-13 * momentum + of_momentum, scale=momentum),
             *still,
             *flight_checks(setup, engine),
         ]  # fmt: skip
@@ -317,7 +317,9 @@ def _analytic(params: Mapping[str, Any], setup: Setup, observed: Observed, impac
         "energy": (of_energy, 0.0, impact.why),
     }
     return [
-        *series_and_final(NAMES, expected, truth="analytic", source=impact.source, tolerance=tolerance),
+        *series_and_final(
+            NAMES, expected, truth="analytic", source=impact.source, tolerance=tolerance, sizes=_sizes(params)
+        ),
         _restitution(e, "analytic", impact.source, impact.tolerance, impact.why),
     ]
 
@@ -339,14 +341,27 @@ def _exact_steps(params: Mapping[str, Any], setup: Setup, observed: Observed) ->
     tolerance = dict.fromkeys(NAMES, (0.0, EXACT_STEP_RTOL, why))
     e = float((expected["vx_2"][-1] - expected["vx_1"][-1]) / params["speed"])
     return [
-        *series_and_final(NAMES, expected, truth="exact-step", source=source, tolerance=tolerance),
+        *series_and_final(
+            NAMES, expected, truth="exact-step", source=source, tolerance=tolerance, sizes=_sizes(params)
+        ),
         _restitution(e, "exact-step", source, EXACT_STEP_RTOL, why),
     ]
 
 
+def _sizes(params: Mapping[str, Any]) -> dict[str, float]:
+    return dict.fromkeys(("vx_1", "vx_2"), float(params["speed"]))
+
+
 def _restitution(e: float, truth: TruthKind, source: str, atol: float, why: str) -> Check:
     return Check(
-        quantity="restitution_effective", norm="scalar", truth=truth, expected=e, source=source, atol=atol, why=why
+        quantity="restitution_effective",
+        norm="scalar",
+        truth=truth,
+        expected=e,
+        source=source,
+        atol=atol,
+        why=why,
+        scale=1.0,
     )
 
 

@@ -212,13 +212,14 @@ def _rebound(params: Mapping[str, Any], setup: Setup, observed: Observed, engine
         name: np.where(event, np.nan, np.where(observed.t < middle, first[name], after[name])) for name in NAMES
     }
     tolerance = {name: (truth.atol[name], 0.0, truth.why) for name in NAMES}
-    found = series_and_final(NAMES, expected, truth="analytic", source=truth.source, tolerance=tolerance)
+    sizes = _sizes(params)
+    found = series_and_final(NAMES, expected, truth="analytic", source=truth.source, tolerance=tolerance, sizes=sizes)
     gained, lost = after["vy"] + params["vn"], params["vt"] - after["vx"]
     ratio = lost / gained
     atol = (truth.atol["vx"] + abs(ratio) * truth.atol["vy"]) / (gained - truth.atol["vy"])
     found += [
         Check(quantity="restitution_effective", norm="scalar", truth="analytic", expected=after["vy"] / params["vn"],
-              source=truth.source, atol=truth.atol["vy"] / params["vn"], why=truth.why),
+              source=truth.source, atol=truth.atol["vy"] / params["vn"], why=truth.why, scale=1.0),
         Check(quantity="impulse_ratio", norm="scalar", truth="analytic", expected=ratio,
               source=truth.source, atol=atol, why=truth.why),
     ]  # fmt: skip
@@ -235,7 +236,15 @@ def _stepped(params: Mapping[str, Any], setup: Setup, observed: Observed) -> lis
     largest = abs(params["vt"]) + params["vn"] + RADIUS * abs(params["spin"])
     floor = {"gap": 1e-12 * RADIUS, "spin": 1e-10 * largest / RADIUS}
     tolerance = {name: (floor.get(name, 1e-11 * largest), EXACT_STEP_RTOL, why) for name in curves}
-    return series_and_final(tuple(curves), curves, truth="exact-step", source=source, tolerance=tolerance)
+    return series_and_final(
+        tuple(curves), curves, truth="exact-step", source=source, tolerance=tolerance, sizes=_sizes(params)
+    )
+
+
+def _sizes(params: Mapping[str, Any]) -> dict[str, float]:
+    """Sizes of what an impact may leave at zero."""
+    along = abs(params["vt"]) + RADIUS * abs(params["spin"])
+    return {"spin": along / RADIUS, "slip": along, "vx": along, "vy": params["vn"]}
 
 
 class Truth(NamedTuple):

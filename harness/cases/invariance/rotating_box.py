@@ -147,7 +147,7 @@ class RotatingBox:
         loaded = observed.t >= 0.0 if engine.contact == "spring" else observed.t > 0.0
         found = [
             Check(quantity=name, norm="max", truth="analytic", source=source, why=why, atol=atol[name.split("_")[0]],
-                  expected=np.where(loaded, value, np.nan))
+                  expected=np.where(loaded, value, np.nan), scale=RADIUS if name == "way" else 0.0)
             for name, value in expected.items()
         ]  # fmt: skip
         found.append(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,14 @@ if TYPE_CHECKING:
 
 MARGIN = 2.0
 """Factor on the measured step error: it comes from one pair of steps, and friction makes the order wander around 2."""
+
+
+class FirstOrder(NamedTuple):
+    """Error of a scheme of first order: of forces [N] and of places [m], and why."""
+
+    force: float
+    length: float
+    why: str
 
 
 class Limit:
@@ -59,7 +67,7 @@ def converged_checks(
     *,
     series: Sequence[str],
     scalars: Sequence[str],
-    first_order_rtol: float,
+    first_order: FirstOrder,
     other_arm: str = "",
     other_arm_rtol: float = 0.0,
     scales: Mapping[str, float] | None = None,
@@ -74,11 +82,11 @@ def converged_checks(
         For the sampled steps.
     engine : EngineInfo
         Central-difference engines are granted the step error that refinement measured with slip where they have it, others
-        ``first_order_rtol``.
+        ``first_order``.
     series, scalars : sequence of str
         Quantities to check, where the table has them.
-    first_order_rtol : float
-        Tolerance relative to the largest value for schemes of another order.
+    first_order : FirstOrder
+        Tolerance of schemes of another order.
     other_arm, other_arm_rtol : str, float
         Where the engine has another lever arm than the scene asks for: what that is, and the difference it explains.
     scales : mapping from str to float, optional
@@ -112,8 +120,8 @@ def converged_checks(
                 f"uncertainty of the limit"
             )
         else:
-            atol = first_order_rtol * scale + uncertainty
-            why = f"first-order scheme: {first_order_rtol:.2g} of the largest value is omega dt/2"
+            atol = (first_order.length if name.startswith(("x_", "y_")) else first_order.force) + uncertainty
+            why = first_order.why
         found.append(
             Check(
                 quantity=name,

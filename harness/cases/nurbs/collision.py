@@ -145,9 +145,10 @@ class Collision:
             implicit = "; forces of the end of a step at its start's places: first order in the step"
         common: dict[str, Any] = {"norm": "scalar", "truth": "analytic", "expected": 0.0}
         found = [
-            Check(quantity="momentum_drift", source="conservation of momentum", atol=CONSERVED * momentum, why=why, **common),
+            Check(quantity="momentum_drift", source="conservation of momentum", atol=CONSERVED * momentum, why=why, scale=momentum,
+                  **common),
             Check(quantity="angular_momentum_drift", source="conservation of angular momentum", atol=CONSERVED * momentum * A + moved,
-                  why=why + implicit, **common),
+                  why=why + implicit, scale=momentum * A, **common),
         ]  # fmt: skip
         if params["mu"]:
             return found
@@ -171,11 +172,14 @@ class Collision:
             atol = deep**2 + 0.25 * phase**2 + lost
             why = f"second order in the overlap over the smaller half-axis, {deep:.2g}, and in the step, (omega dt)^2/4{implicit}"
             found.append(
-                Check(quantity="energy_change", norm="scalar", truth="analytic", expected=expected, atol=atol,
+                Check(quantity="energy_change", norm="scalar", truth="analytic", expected=expected, atol=atol, scale=1.0,
                       source="work of the chord's force, leading order in the overlap", why=why)
             )  # fmt: skip
             return found
-        return [*found, Check(quantity="energy_change", source="conservation of energy", atol=atol, why=why, **common)]
+        return [
+            *found,
+            Check(quantity="energy_change", source="conservation of energy", atol=atol, why=why, scale=1.0, **common),
+        ]
 
 
 def chord_of(scene: Scene) -> ChordWork:

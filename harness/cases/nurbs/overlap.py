@@ -123,9 +123,13 @@ class Overlap:
         )
         why = f"{LAST_PLACES:g} last places of the largest coordinate"
         common: dict[str, Any] = {"truth": "analytic", "expected": 0.0, "source": source}
+        size = float(setup.scene.disks.radius.min())
         names: list[tuple[str, Norm]] = [("gap_error", "max"), *((name, "scalar") for name in observed.scalars)]
-        found = [Check(quantity=name, norm=norm, atol=atol, why=why, **common) for name, norm in names]
-        return [*found, Check(quantity="fn_error", norm="max", atol=KN * atol, why=f"kn times {why}", **common)]
+        found = [Check(quantity=name, norm=norm, atol=atol, why=why, scale=size, **common) for name, norm in names]
+        return [
+            *found,
+            Check(quantity="fn_error", norm="max", atol=KN * atol, why=f"kn times {why}", scale=KN * size, **common),
+        ]
 
 
 def round_off(setup: Setup) -> float:

@@ -228,6 +228,8 @@ class RollingGrain:
             mu=params["mu"], angle=start.angle, g=G, mass=weight / G, radius=float(setup.scene.disks.radius[DISK])
         )
 
+        size = {"spin_final": math.sqrt(G / start.height)}  # of a grain that falls over
+
         def check(quantity: str, norm: Norm, expected: float | FloatArray, source: str, of: str = "") -> Check:
             name = of or quantity
             return Check(
@@ -238,6 +240,7 @@ class RollingGrain:
                 source=source,
                 atol=atol[name],
                 why=why[name],
+                scale=size.get(quantity, 1.0 if quantity in ("turned", "unbalance") else 0.0),
             )
 
         rolls = "tan(angle) against the largest p'/p of the support function"

@@ -140,16 +140,16 @@ class Settle:
         found = [
             Check(quantity="fn_final", expected=weight * math.cos(slope), source="balance of forces: weight", atol=force, **common),
             Check(quantity="fs_final", expected=-weight * math.sin(slope), source="balance of forces: weight along the slope",
-                  atol=force, **common),
-            Check(quantity="kinetic_settled", source="rest", atol=energy, **rest),
-            Check(quantity="way_settled", source="rest: no creep, no rolling", atol=way, **rest),
+                  atol=force, scale=weight, **common),
+            Check(quantity="kinetic_settled", source="rest", atol=energy, scale=fall_energy(setup), **rest),
+            Check(quantity="way_settled", source="rest: no creep, no rolling", atol=way, scale=length, **rest),
         ]  # fmt: skip
         if slope == 0.0:
             sag = 0.5 * weight / KN if engine.contact == "spring" else 0.0
             level = -lowest(setup.scene.outlines[0], 0.0)[1] - sag
             found += [
                 Check(quantity="angle_final", expected=0.0, source="balance of moments: both feet bear alike",
-                      atol=SYMMETRY + swing / length, **common),
+                      atol=SYMMETRY + swing / length, scale=1.0, **common),
                 Check(quantity="y_final", expected=level, source="lowest points, less (m g/2)/kn each on springs",
                       atol=SYMMETRY + swing, **common),
             ]  # fmt: skip

@@ -192,6 +192,7 @@ class SlipToRoll:
         """History, end of slip and rolling speed; a start above the plane binds contact dynamics alone."""
         ratio = inertia_ratio(params)
         analytic = truth(params, observed.t, RADIUS, ratio)
+        sizes = {"gap": RADIUS, "spin": params["speed"] / RADIUS}
 
         def continuous(setup: Setup, engine: EngineInfo) -> list[Check]:
             limit = bounds(params, setup, observed, engine, ratio)
@@ -200,7 +201,6 @@ class SlipToRoll:
             tolerance = {name: (limit.atol[name], 0.0, limit.why[name]) for name in names}
             expected = {**analytic.curves, "gap": np.full_like(observed.t, limit.rest_gap)}
             end = end_of_slip(params, setup, observed, engine, limit, analytic.curves["slip"], ratio)
-            sizes = {"gap": RADIUS, "spin": params["speed"] / RADIUS}
             return [
                 *series_and_final(names, expected, truth="analytic", source=source, tolerance=tolerance, sizes=sizes),
                 end,
@@ -236,6 +236,7 @@ class SlipToRoll:
             truth="exact-step",
             source=source,
             tolerance={name: (floor.get(name, 0.0), EXACT_STEP_RTOL, why) for name in exact.curves},
+            sizes=sizes,
         )
         return [*stepped, *found]
 

@@ -146,21 +146,25 @@ class DynamicSliding:
             else getattr(steps, name)[observed.step]
             for name in atol
         }
+        # A lift that should not be is one over the way along the plane, a force that should not be one that stops the particle.
+        sizes = {"gap": distance, "vy": params["speed"], "fn": impulse, "fs": impulse}
         found = [
-            Check(quantity=name, norm="max", truth=truth, expected=values, source=source, atol=atol[name], why=why)
+            Check(quantity=name, norm="max", truth=truth, expected=values, source=source, atol=atol[name], why=why,
+                  scale=0.0 if np.nan_to_num(values).any() else sizes.get(name, 0.0))
             for name, values in expected.items()
-        ]
+        ]  # fmt: skip
         rise = np.diff(steps.gap)
         critical = params["g0"] / (params["mu"] * params["speed"]) if rise[0] > 0.0 else params["dt"]
         found.append(
             Check(quantity="dt_cr", norm="scalar", truth=truth, expected=critical, source=source, why=why,
-                  atol=2.0 * length * (1.0 + params["mu"] ** 2) / (params["mu"] * params["speed"])),
+                  scale=params["dt"], atol=2.0 * length * (1.0 + params["mu"] ** 2) / (params["mu"] * params["speed"])),
         )  # fmt: skip
         numbers = {"du_y_1": float(rise[0]), "du_y_2": float(rise[1]), "gap_final": float(steps.gap[-1])}
         found += [
-            Check(quantity=name, norm="scalar", truth=truth, expected=value, source=source, atol=length, why=why)
+            Check(quantity=name, norm="scalar", truth=truth, expected=value, source=source, atol=length, why=why,
+                  scale=0.0 if value else distance)
             for name, value in numbers.items()
-        ]
+        ]  # fmt: skip
         return found
 
 

@@ -121,14 +121,22 @@ class QuasistaticSliding:
         }
         found = [
             Check(quantity=name, norm="max", truth="exact-step", expected=values, source=source, atol=atol[name],
-                  why=of_force if name in ("fn", "fs") else of_gap)
+                  why=of_force if name in ("fn", "fs") else of_gap,
+                  scale=0.0 if np.any(values) else float(steps.x[-1]))
             for name, values in expected.items()
         ]  # fmt: skip
         rise = np.diff(gap)
         numbers = {"du_y_1": float(rise[0]), "du_y_2": float(rise[1]), "gap_final": float(gap[-1])}
         found += [
             Check(
-                quantity=name, norm="scalar", truth="exact-step", expected=value, source=source, atol=length, why=of_gap
+                quantity=name,
+                norm="scalar",
+                truth="exact-step",
+                expected=value,
+                source=source,
+                atol=length,
+                why=of_gap,
+                scale=0.0 if value else float(steps.x[-1]),
             )
             for name, value in numbers.items()
         ]

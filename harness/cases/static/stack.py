@@ -173,7 +173,7 @@ class Stack:
                 Check(quantity=f"fn_{name}_rest", norm="scalar", truth="analytic", expected=force, source=source,
                       atol=bounds.force, why=bounds.why),
                 Check(quantity=f"gap_{name}_final", norm="scalar", truth="analytic", source="overlap fn/kn",
-                      expected=-force / params["kn"] if bounds.yields else 0.0, atol=bounds.length, why=bounds.why),
+                      expected=-force / params["kn"] if bounds.yields else 0.0, atol=bounds.length, why=bounds.why, scale=RADIUS),
             ]  # fmt: skip
             if bounds.from_step is not None:
                 held = np.where(observed.step >= bounds.from_step, force, np.nan)
@@ -214,7 +214,7 @@ def _motion(setup: Setup, bounds: StackBounds) -> Check:
     source = "statics: nothing moves" if bounds.motion == 0.0 else "overlaps of the weights"
     return Check(
         quantity="motion_final", norm="scalar", truth="analytic", expected=0.0, source=source,
-        atol=bounds.motion + bounds.length * len(setup.scene.disks), why=bounds.why,
+        atol=bounds.motion + bounds.length * len(setup.scene.disks), why=bounds.why, scale=RADIUS,
     )  # fmt: skip
 
 

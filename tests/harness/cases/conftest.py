@@ -39,6 +39,15 @@ class Cell:
         return found
 
     @property
+    def known(self) -> dict[str, str]:
+        """Finding by quantity of every check that errs as a declared difference does."""
+        return {
+            check.quantity: check.known.finding
+            for check in self.checks
+            if check.known and judge(check, compare(check, self.observed))[0] == "known-difference"
+        }
+
+    @property
     def seen(self) -> set[str]:
         """Quantities of `failures`."""
         return {text.split()[0] for text in self.failures}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -102,6 +103,18 @@ def test_dilation_is_no_coulomb_friction(judge_history, scheme_info):
     params = {"mu": 0.36, "sliding": "coulomb"}
     cell = judge_history(CASE, scheme_info("theta", "cd"), params, _history(params, associated_incline(**block)))
     assert {"gap", "gap_final"} <= cell.seen
+
+
+def test_a_sliding_contact_that_opens_is_a_known_difference_of_that_size_and_no_more(judge_history, scheme_info):
+    block = {"mu": 0.36, "angle": math.radians(20), "g": 10.0, "mass": 7.854, "dt": 0.01, "n_steps": 100}
+    info = replace(scheme_info("unheard-of", "impulse"), dilates=True)
+    history = _history({"mu": 0.36}, associated_incline(**block))
+    cell = judge_history(CASE, info, {"mu": 0.36}, history)
+    assert cell.failures == []
+    assert cell.known["gap"] == cell.known["vx"] == "imaginary/sliding-lifts"
+    assert judge_history(CASE, replace(info, dilates=False), {"mu": 0.36}, history).seen >= {"gap", "vx"}
+    history.v[:, 0, 0] += 0.5
+    assert "vx" in judge_history(CASE, info, {"mu": 0.36}, history).seen
 
 
 @pytest.mark.parametrize(

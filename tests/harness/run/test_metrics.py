@@ -52,6 +52,15 @@ def test_worst_step_and_first_divergence() -> None:
     assert (found.value, found.expected, found.unit) == (4.5, 4.0, "m")
 
 
+def test_the_check_s_own_size_counts_where_the_truth_is_smaller() -> None:
+    still = compare(check([0.0] * 5, atol=0.1, scale=8.0), observed())
+    assert (still.scale, still.rel_error, still.tolerance) == (8.0, 0.5, 0.1)
+    assert compare(check(0.5, number=True, rtol=0.1, scale=8.0), observed()).tolerance == pytest.approx(0.8)
+    assert compare(check(TRUTH, scale=1.0), observed()).scale == 4.0
+    with pytest.raises(CheckError, match=r"scale = -1\.0 must be >= 0"):
+        compare(check(TRUTH, scale=-1.0), observed())
+
+
 def test_a_known_difference_explains_no_more_than_its_size() -> None:
     known = KnownDifference(finding="engine/words", size=0.5, why="derived")
     told = {1.95: "pass", 1.5: "known-difference", 1.4: "fail", NAN: "fail"}
