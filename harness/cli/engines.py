@@ -106,7 +106,7 @@ def new_engine(
     Examples:
       ninedisk new-engine acme
       ninedisk new-engine acme --out packages/ninedisk-acme
-      ninedisk new-engine acme --language javascript && cd acme && ninedisk check-engine --engine-cmd 'node engine.mjs'
+      ninedisk new-engine acme --language javascript
       pip install --editable packages/ninedisk-acme && ninedisk check-engine acme
     """
     from ninedisk.harness.new_engine.write import LANGUAGES, write_package

@@ -124,8 +124,9 @@ class Patience:
         late = self._late.get(cell.engine_id, [])
         if len(late) < LATE_CELLS:
             return ""
+        names = ", ".join(f"{each.case.id}[{each.variant.id}]" for each in late)
         return (
-            f"not run: the engine was stopped at its time limit in {LATE_CELLS} cells in a row ({', '.join(each.name for each in late)}); "
+            f"not run: the engine was stopped at its time limit in {LATE_CELLS} cells in a row ({names}); "
             f"set {TIME_LIMIT_VARIABLE} to allow more, or see what it does with this one alone: {run_command(cell)}"
         )
 
