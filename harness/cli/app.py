@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli import bench, compare, converge, docs, engines, protocol, report, run, selftest, store
+from ninedisk.harness.cli import bench, compare, converge, docs, engines, protocol, report, run, selftest, site, store
 from ninedisk.harness.cli import list as listing
 from ninedisk.harness.cli.support import INTERRUPTED
 
@@ -39,7 +39,7 @@ def _root(
     pass
 
 
-for command in (listing, run, report, bench, converge, docs, protocol, engines, compare, selftest, store):
+for command in (listing, run, report, bench, converge, docs, protocol, engines, compare, selftest, site, store):
     command.register(app)
 
 

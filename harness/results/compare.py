@@ -204,7 +204,7 @@ def _timings(base: Side, head: Side, different: set[CellKey]) -> Iterator[Change
         if all(sides):
             spreads = [float(each.decisive.cells[key]["cpu_spread"]) for each in (base, head)]
             spread = max((spread for spread in spreads if math.isfinite(spread)), default=0.0)
-            samples[key, kind] = Samples(*sides, spread=spread, gates=kind != WALL_CLOCK)
+            samples[key, kind] = Samples(sides[0], sides[1], spread=spread, gates=kind != WALL_CLOCK)
     if not samples:
         return
     if apart:
