@@ -18,6 +18,7 @@ from ninedisk.harness.cli import (
     report,
     run,
     selftest,
+    site,
     store,
 )
 from ninedisk.harness.cli import list as listing
@@ -51,7 +52,21 @@ def _root(
     pass
 
 
-for command in (listing, run, report, findings, bench, converge, docs, protocol, engines, compare, selftest, store):
+for command in (
+    listing,
+    run,
+    report,
+    findings,
+    bench,
+    converge,
+    docs,
+    protocol,
+    engines,
+    compare,
+    selftest,
+    site,
+    store,
+):
     command.register(app)
 
 

@@ -212,12 +212,10 @@ def decode_answer(
     expect_keys(data, ANSWER_KEYS, "answer")
     timings = data["timings"]
     expect_keys(timings, TIMING_KEYS, "timings", optional=OPTIONAL_TIMINGS)
-    seconds = {key: number(timings[key], f"timings.{key}", low=0.0) for key in timings}
+    seconds: dict[str, Any] = {key: number(timings[key], f"timings.{key}", low=0.0) for key in timings}
     run = EngineRun(
         history=_history(data["history"], scene, numerics, tuple((int(i), int(j)) for i, j in watch), folder),
-        timings=Timings(
-            setup=seconds["setup"], warm_up=seconds["warm_up"], advance=seconds["advance"], cpu=seconds.get("cpu")
-        ),
+        timings=Timings(**seconds),
         settings=settings_field(data["settings"]),
     )
     return Answer(run=run, engine_version=text_field(data["engine_version"], "engine_version"))
