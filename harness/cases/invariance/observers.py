@@ -29,6 +29,7 @@ from ninedisk.harness.cases.rolling import slip_to_roll
 from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS
 from ninedisk.references.analytic.incline import acceleration
 from ninedisk.references.analytic.rolling_incline import roll_rates
+from ninedisk.references.analytic.slip_to_roll import rolling_speed
 
 SCENES: Mapping[str, tuple[Case, Mapping[str, Value], frozenset[str]]] = {
     "collision": (
@@ -154,6 +155,9 @@ class Invariance:
                 "force of a smooth row",
             )
             source = "the two contacts of a half row are closed by their wall's way: kn v T"
+        elif scene == "belt":
+            quantity, expected, source = "vx_final", rolling_speed(speed=full["speed"]), "disk that rolls in the end"
+            scale_is = "speed in the end, seen from the belt"
         else:
             case = {"mu": full["mu"], "angle": math.radians(full["angle_deg"]), "g": full["g"]}
             rolls = roll_rates(mass=rolling_incline.MASS, radius=rolling_incline.RADIUS, **case).along
