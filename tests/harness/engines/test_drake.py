@@ -289,7 +289,8 @@ def test_the_convex_model_slides_off_and_the_lagged_one_does_not():
     assert set(lagged.measurements.status) <= {"pass", "known-gap"}
     assert lagged.observed.scalars["vx_final"][1] == pytest.approx(exact, rel=1e-3)
     sap = run_case("incline-block", engine="drake-sap", params={"mu": 0.36, "dt": 0.0025})
-    assert set(sap.measurements.status) == {"pass", "known-gap", "known-difference"}  # it chatters
+    assert set(sap.measurements.status) <= {"pass", "known-gap", "known-difference"}
+    assert sap.status == "known-difference"  # it chatters
     force = sap.observed.series["fn"][1][1:]
     assert force.min() == 0.0  # it leaves the plane
     assert force.mean() == pytest.approx(7.854 * G * math.cos(math.radians(20.0)), rel=0.02)
