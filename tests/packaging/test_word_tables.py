@@ -27,6 +27,7 @@ OUTSIDE = ("driver", "solver_driver", "yade_parts", "drivers", "template", "pyte
 """Modules that run inside other programs."""
 
 PARTIAL = {
+    "reports.site.BADGE_COLOURS": "a badge tells whether all passes",
     "harness.cases.common.FINDING_WORDS": "two differences choose the truth that binds, and are no findings",
     "reports.selftest.KINDS": "unchanged engines (clean) are no defect that the page describes",
 }
