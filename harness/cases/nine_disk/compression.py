@@ -447,8 +447,8 @@ def _first_order(
     """Rough walls make no oscillation larger or faster; what friction keeps of one's error is no larger than that."""
     error = _history_error(params, setup, observed, load, engine)
     omega = row_frequency(kn=load.kn, mass=MASS)
-    why = f"{step_error(params, setup, engine, omega).why}: what the step makes of the oscillation, which friction may keep"
-    return FirstOrder(error, error / load.kn, why)
+    why = f"{step_error(params, setup, engine, omega).why}: the changed oscillation, which friction may keep; at most omega dt/2"
+    return FirstOrder(force=error, length=error / load.kn, lag=0.5 * omega * load.dt, why=why)
 
 
 class StepError(NamedTuple):

@@ -20,10 +20,14 @@ MARGIN = 2.0
 
 
 class FirstOrder(NamedTuple):
-    """Error of a scheme of first order: of forces [N] and of places [m], and why."""
+    """Error of a scheme of first order: of forces [N] and of places [m], and why.
+
+    No force is off by more than ``lag`` of its largest value: half a step at the oscillation's rate, ``omega dt/2``.
+    """
 
     force: float
     length: float
+    lag: float
     why: str
 
 
@@ -120,7 +124,10 @@ def converged_checks(
                 f"uncertainty of the limit"
             )
         else:
-            atol = (first_order.length if name.startswith(("x_", "y_")) else first_order.force) + uncertainty
+            atol = (
+                first_order.length if name.startswith(("x_", "y_")) else min(first_order.force, first_order.lag * scale)
+            )
+            atol += uncertainty
             why = first_order.why
         found.append(
             Check(

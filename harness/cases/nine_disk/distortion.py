@@ -320,10 +320,12 @@ def _first_order() -> FirstOrder:
     """
     load = LOAD_CASES["a1"]
     apart = 2.0 * RADIUS * RATE
-    way = apart / row_frequency(kn=load.kn, mass=MASS) + apart * load.dt
+    omega = row_frequency(kn=load.kn, mass=MASS)
+    way = apart / omega + apart * load.dt
     return FirstOrder(
         force=load.kn * way,
         length=way,
+        lag=0.5 * omega * load.dt,
         why="first-order scheme: the oscillation of neighbours from the walls' start, kn v/omega, and a step's way of lag, kn v dt",
     )
 
