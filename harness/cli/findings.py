@@ -108,12 +108,12 @@ def execute(
     _details(chosen) if globs else _table(chosen)
     counts = Counter(each.verdict for each in chosen)
     console().print(", ".join(f"{counts[verdict]} {verdict}" for verdict in FINDING_VERDICTS if counts[verdict]))
-    if json_file is not None:
-        write_rows(json_file, [asdict(each) for each in chosen])
     if set(counts) == {"not-measured"}:
         raise UsageError(
             f"the store {str(store)!r} can tell of none of these findings ({chosen[0].reason}); `{chosen[0].command} --store {store}` would"
         )
+    if json_file is not None:
+        write_rows(json_file, [asdict(each) for each in chosen])
     return exit_code(chosen)
 
 

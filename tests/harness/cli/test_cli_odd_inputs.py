@@ -35,7 +35,7 @@ TAKEN: dict[tuple[str, str], tuple[str, ...]] = {
     **{(words, "--json"): TOP for words in ("run", "compare")},
     ("run", "--write-known-gaps"): TOP,
     **{("compare", option): TOP for option in ("--markdown", "--junit", "--html")},
-    **{(words, "--out"): MISSING for words in ("report", "dashboard")},
+    **{(words, "--out"): MISSING for words in ("report", "dashboard", "site")},
     ("schema", "--out"): ("", *MISSING),
     ("new-engine", "--out"): TOP,
     # A pattern, and whole numbers.
