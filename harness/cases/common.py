@@ -223,7 +223,7 @@ def flight_checks(setup: Setup, engine: EngineInfo) -> list[Check]:
     why = "no force acts before bodies meet: round-off" + single_precision(engine)
     return [
         Check(quantity="drift_in_flight", norm="scalar", truth="analytic", expected=0.0, source="Newton's first law",
-              atol=1e-12 * largest + single(engine, largest, numerics.n_steps), why=why)
+              atol=1e-12 * largest + single(engine, largest, numerics.n_steps), scale=largest, why=why)
     ]  # fmt: skip
 
 

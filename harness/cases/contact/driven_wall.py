@@ -161,7 +161,7 @@ class DrivenWall:
         size = 1e-12 + single(engine, 4.0, setup.numerics.n_steps)
         found = [
             Check(quantity=name, norm="max", truth="analytic", expected=where_observed(observed, engine, name, curve),
-                  source="prescribed path", atol=size, why="round-off" + single_precision(engine))
+                  source="prescribed path", atol=size, scale=AMPLITUDE, why="round-off" + single_precision(engine))
             for name, curve in path.items()
         ]  # fmt: skip
         return [*found, *(_shaken if shakes else _turned)(setup, observed, engine)]
@@ -222,18 +222,18 @@ def _turned(setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]
     after = np.where(event, np.nan, np.where(t < struck.time, 0.0, 1.0))
     found = [
         Check(quantity=name, norm="max", truth="analytic", expected=after * value, source="Newton's restitution",
-              atol=off, why=f"the wall turns by {turn:.2g} rad in what an impact may be late or early; {why}")
+              atol=off, scale=speed, why=f"the wall turns by {turn:.2g} rad in what an impact may be late or early; {why}")
         for name, value in zip(("vx", "vy"), struck.velocity, strict=True)
     ]  # fmt: skip
     found += [
         Check(quantity=f"{name}_final", norm="scalar", truth="analytic", expected=value, source="Newton's restitution",
-              atol=off, why=found[0].why)
+              atol=off, scale=speed, why=found[0].why)
         for name, value in zip(("vx", "vy"), struck.velocity, strict=True)
     ]  # fmt: skip
-    way = 2.0 * numerics.dt * speed
+    way, flown = 2.0 * numerics.dt * speed, float(t[-1] - struck.time)
     found += [
         Check(quantity=name, norm="max", truth="analytic", expected=np.maximum(t - struck.time, 0.0) * value,
-              source="flight after the impact", atol=way + off * float(t[-1] - struck.time), why="two steps' way; " + found[0].why)
+              source="flight after the impact", atol=way + off * flown, scale=speed * flown, why="two steps' way; " + found[0].why)
         for name, value in zip(("x", "y"), struck.velocity, strict=True)
     ]  # fmt: skip
     found.append(
@@ -242,7 +242,7 @@ def _turned(setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]
     )  # fmt: skip
     found.append(
         Check(quantity="spin", norm="max", truth="analytic", expected=0.0, source="smooth wall",
-              atol=1e-12 + single(engine, speed / RADIUS, numerics.n_steps), why="no force has a moment")
+              atol=1e-12 + single(engine, speed / RADIUS, numerics.n_steps), scale=speed / RADIUS, why="no force has a moment")
     )  # fmt: skip
     return found
 

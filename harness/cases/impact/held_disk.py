@@ -132,7 +132,8 @@ class HeldDisk:
             ]  # fmt: skip
         rough = 1e-12 + single(engine, 1.0, numerics.n_steps)
         prescribed: dict[str, Any] = {
-            "norm": "max", "truth": "analytic", "source": "prescribed motion", "atol": rough, "why": "round-off" + single_precision(engine),
+            "norm": "max", "truth": "analytic", "source": "prescribed motion", "atol": rough, "scale": SPEED,
+            "why": "round-off" + single_precision(engine),
         }  # fmt: skip
         return [
             *found,
