@@ -139,12 +139,12 @@ class DrivenWall:
         """Does the wall take the disk along?"""
         if params["motion"] == "shake":
             return (
-                Headline(name="way of the carried block", use="moving-walls", quantity="x", expected=_carried(observed).x,
+                Headline(name="motion that the wall gives", use="moving-walls", quantity="x", expected=_carried(observed).x,
                          source="the floor's own path", scale=2.0 * AMPLITUDE, scale_is="way of the floor"),
             )  # fmt: skip
         speed = math.hypot(*_struck().velocity)
         return (
-            Headline(name="velocity given by a turning wall", use="moving-walls", quantity="vy_final", expected=_struck().velocity[1],
+            Headline(name="motion that the wall gives", use="moving-walls", quantity="vy_final", expected=_struck().velocity[1],
                      source=self.source, scale=speed, scale_is="speed of the disk"),
         )  # fmt: skip
 
