@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from ninedisk.harness.suite.items import BeyondTolerance, CellCheck, make_plan, parameters, place
+from ninedisk.harness.suite.items import CellCheck, make_plan, parameters, place
 
 Verdicts = dict[str, list[str]]
 
@@ -71,7 +71,7 @@ def says(name: str, outcome: Exception | None = None) -> Any:
 
 def test_a_cell_is_what_its_checks_say() -> None:
     passes, cell, skips = says("x"), says("cell"), says("y", pytest.skip.Exception("no truth"))
-    known, fails = says("z", pytest.xfail.Exception("known")), says("w", BeyondTolerance("off", pytrace=False))
+    known, fails = says("z", pytest.xfail.Exception("known")), says("w", pytest.fail.Exception("off", pytrace=False))
     test_cell([passes, skips, cell])
     with pytest.raises(pytest.skip.Exception, match="no truth"):
         test_cell([skips, cell])
