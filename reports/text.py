@@ -130,6 +130,9 @@ class Slugs:
         return self._slug[name]
 
 
+SOURCE_WRONG = "the source is contradicted"
+"""What pages call a known gap that is none of the engine's: a printed number that a better truth contradicts."""
+
 STATUS_SYMBOL = {
     "pass": "✓",
     "fail": "✗",
@@ -199,7 +202,7 @@ def slower_shade(factor: float) -> str:
 
 def symbol(word: str) -> str:
     """Symbol of a status or verdict; ``‼`` for one that this version does not know."""
-    return STATUS_SYMBOL.get(word) or VERDICT_SYMBOL.get(word) or "‼"
+    return "§" if word == SOURCE_WRONG else STATUS_SYMBOL.get(word) or VERDICT_SYMBOL.get(word) or "‼"
 
 
 PAIR_SHADES = (

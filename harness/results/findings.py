@@ -330,7 +330,8 @@ def _declared(described: set[str], cells: Mapping[CellKey, Sequence[Kept]]) -> l
                 what=str(row["reason"]).removeprefix(f"{name}: ") or "declared by its adapter, not described",
                 reason=reason.get(verdict, ""), size=_relative(row), case=row["case"], variant=row["variant"],
                 quantity=row["quantity"], unit=row["unit"], truth=row["truth"], value=_number(row, "value"),
-                expected=_number(row, "expected"), scale=_number(row, "scale"), of=_number(row, "scale"), per=f"largest {row['quantity']}", run_id=kept.run_id, over_why="the tolerance of its check",
+                expected=_number(row, "expected"), scale=_number(row, "scale"), of=_number(row, "scale"),
+                per=f"largest {row['quantity']}", run_id=kept.run_id, over_why="the tolerance of its check",
                 over=_relative({**row, "abs_error": row_tolerance(row)}),
                 command=f"ninedisk run {row['case']} --engine {row['engine']}",
             )

@@ -76,7 +76,9 @@ def test_time_at_one_percent_is_compared_where_some_engine_gets_there(store):
 
 def test_the_first_page_shows_it(store, tmp_path):
     html = (build_report(store, tmp_path / "out").parent / "index.html").read_text()
-    assert "Most accurate: <b>EXACT</b>, 1.0e-13 at the worst; next FIRST, 2 %. Fastest at 1 %: <b>FIRST</b>, 1 ×." in html
+    assert (
+        "Most accurate: <b>EXACT</b>, 1.0e-13 at the worst; next FIRST, 2 %. Fastest at 1 %: <b>FIRST</b>, 1 ×." in html
+    )
     assert (
         '<li class="d0"><a href="engine/exact.html">EXACT</a> <b>1.0e-13</b> <small>5.7 ×</small> <small>2 of 3 headlines</small></li>'
         in html
