@@ -7,6 +7,7 @@ largest first, each with the engine, ``what``, ``size``, the row that it was rea
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 
 from jinja2 import Environment
@@ -14,14 +15,33 @@ from jinja2 import Environment
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding
 from ninedisk.reports.load import Stored
 from ninedisk.reports.model import Panel
+from ninedisk.reports.text import as_float
 
 COLOURS = {"larger": "out3", "gone": "in0", "there": "out1", "not-measured": "none"}
 """Colour class of each verdict; the word itself stands beside it."""
+
+WORDS = {"there": "confirmed", "not-measured": "not measured"}
+"""Verdicts that a page says in other words than the stored ones."""
 
 
 def of_engines(stored: Stored) -> list[EvaluatedFinding]:
     """What engines do otherwise, as far as the store has a number for it, largest first; errata of the source left out."""
     return [each for each in stored.findings if each.verdict in ("larger", "there") and not _of_source(each)]
+
+
+def _right(finding: EvaluatedFinding, panel: Panel) -> float:
+    """What a printed number should be: the better truth of the same quantity of the same cell; NaN where the store has none."""
+    place = (finding.case, finding.variant, finding.engine, finding.quantity)
+    return next(
+        (
+            as_float(row["expected"])
+            for row in panel.measurements
+            if (row["case"], row["variant"], row["engine"], row["quantity"]) == place
+            and row["truth"] in ("exact-step", "analytic", "converged")
+            and row["norm"] == "scalar"
+        ),
+        math.nan,
+    )
 
 
 def _of_source(finding: EvaluatedFinding) -> bool:
@@ -42,8 +62,10 @@ def findings_page(env: Environment, panel: Panel) -> str:
         root="",
         groups=[group for group in groups if group[2]],
         unmeasured=[each for each in found if each.verdict == "not-measured"],
+        right={each.id: _right(each, panel) for each in found if each.truth == "published"},
         counts=[(verdict, counts[verdict]) for verdict in FINDING_VERDICTS if counts[verdict]],
         engines=panel.engines,
         cases=panel.cases,
         colours=COLOURS,
+        words=WORDS,
     )

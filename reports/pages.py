@@ -39,10 +39,11 @@ from ninedisk.reports.model import (
     EngineFacts,
     Panel,
     Summary,
+    contradicts_print,
     is_wide,
     summarise,
 )
-from ninedisk.reports.text import as_float, number, pair_shade, parameters, shade, symbol
+from ninedisk.reports.text import SOURCE_WRONG, as_float, number, pair_shade, parameters, shade, symbol
 
 HERE = Path(__file__).parent
 
@@ -103,6 +104,7 @@ def environment() -> Environment:
         "pips": text.SUPPORT_PIPS,
         "support_meaning": text.SUPPORT_MEANING,
         "status_meaning": text.STATUS_MEANING,
+        "source_wrong": text.SOURCE_WRONG,
         "shades": text.SHADES,
         "pair_shades": text.PAIR_SHADES,
         "nothing": text.NOTHING,
@@ -188,8 +190,10 @@ def _matrix(panel: Panel, found: dict[tuple[str, str], Square]) -> tuple[list[En
 def verdict_counts(panel: Panel) -> dict[str, int]:
     """How many checks came out how; those that pass are told apart by how much they allow."""
     rows = [row for row in panel.measurements if row["status"] not in NOT_RUN]
-    counts = Counter("pass, wide" if is_wide(row) else str(row["status"]) for row in rows)
-    order = ("pass", "pass, wide", "known-difference", "known-gap", "fail")
+    counts = Counter(
+        "pass, wide" if is_wide(row) else SOURCE_WRONG if contradicts_print(row) else str(row["status"]) for row in rows
+    )
+    order = ("pass", "pass, wide", "known-difference", "known-gap", SOURCE_WRONG, "fail")
     told = {"pass, tight" if word == "pass" else word: counts.pop(word, 0) for word in order}
     return told | dict(counts)
 
@@ -208,6 +212,7 @@ def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
         root="",
         engines=panel.engines,
         columns=engines,
+        n_programs=len({engine.program for engine in engines}),
         absent=[engine for engine in panel.engines.values() if engine not in engines],
         cases=panel.cases,
         modes=MODES,
@@ -216,13 +221,14 @@ def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
         worst_headline=worst[0] if worst else None,
         findings=of_engines(panel.stored),
         n_findings=len(panel.stored.findings),
+        described={each.id for each in panel.stored.findings},
         uses=uses,
         changes=panel.stored.changes,
         **_moved(panel.stored.changes),
         counts=verdict_counts(panel),
         disagreements=disagreements(panel)[:LISTED],
         worst_pairs=panel.worst_of_pairs(),
-        causes=ranking.causes(panel, panel.gap_rows()),
+        causes=_grouped(ranking.causes(panel, panel.gap_rows())),
         example=ranking.example,
         unfinished=panel.unfinished(),
         fine=not panel.unfinished() and all(row["ratio"] <= 1.0 for row in rows),
@@ -250,6 +256,36 @@ def _moved(changes: Comparison | None) -> dict[str, Any]:
         "first_moved": first,
         "alone": alone,
     }
+
+
+@dataclass(frozen=True)
+class CauseGroup:
+    """Causes of one finding, those without one by their status; ``engines`` and ``count`` of all of them."""
+
+    finding: str
+    status: str
+    engines: list[str]
+    count: int
+    causes: list[ranking.Cause]
+
+
+def _grouped(causes: list[ranking.Cause]) -> list[CauseGroup]:
+    """Known differences by the finding that they belong to, most checks first; the other causes one by one after them."""
+    groups: dict[tuple[str, str], list[ranking.Cause]] = {}
+    for cause in causes:
+        finding = str(cause.worst["finding"] or "") if cause.status == "known-difference" else ""
+        groups.setdefault((finding, "" if finding else f"{cause.status} {cause.text}"), []).append(cause)
+    found = [
+        CauseGroup(
+            finding=finding,
+            status=SOURCE_WRONG if contradicts_print(members[0].worst) else members[0].status,
+            engines=list(dict.fromkeys(name for cause in members for name in cause.engines)),
+            count=sum(cause.count for cause in members),
+            causes=members,
+        )
+        for (finding, _), members in groups.items()
+    ]
+    return sorted(found, key=lambda group: (not group.finding, -group.count))
 
 
 def errata_page(env: Environment, panel: Panel) -> str:
@@ -309,8 +345,10 @@ def engine_page(env: Environment, panel: Panel, engine: EngineFacts, speed: Char
         ranked=ranked,
         n_near=sum(each.error <= AGREES for each in ranked),
         n_first=len(first),
-        well=[each for each in first if each.error <= AGREES and each.of > 1][:LISTED],
-        otherwise=[each for each in reversed(ranked) if each.error > AGREES][:LISTED],
+        well=[each for each in first if each.error <= AGREES and each.of > 1],
+        otherwise=[each for each in reversed(ranked) if each.error > AGREES],
+        listed=LISTED,
+        siblings=[other for other in panel.engines.values() if other != engine and other.program == engine.program],
         findings=[each for each in of_engines(panel.stored) if each.engine == engine.id],
         differences=[(reason, rows) for (reason,), rows in differences.items()],
         n_passed=sum(row["status"] == "pass" for row in mine),

@@ -26,7 +26,8 @@ def error(value: Any) -> str:
     x = as_float(value)
     if not math.isfinite(x):
         return NOTHING
-    return "0" if x == 0.0 else f"{x:.2g}" if 0.01 <= abs(x) < 99.5 else _scientific(x)
+    # Rounded first: else 0.00999 would be 1.0e-2 beside the 0.01 of 0.01001.
+    return "0" if x == 0.0 else f"{x:.2g}" if 0.01 <= abs(float(f"{x:.1e}")) < 99.5 else _scientific(x)
 
 
 def _scientific(x: float) -> str:
@@ -53,7 +54,7 @@ def ratio(value: Any) -> str:
     if x != 1.0 and f"{x:.2g}" == "1":
         told = next((told for digits in (3, 4) if (told := f"{x:.{digits}g}") != "1"), "")
         return told or f"1{'−' if x < 1.0 else '+'}{abs(x - 1.0):.0e}".replace("e-0", "e-")
-    return f"{x:.2g}" if 0.01 <= x < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else _scientific(x)
+    return f"{x:.2g}" if 0.01 <= float(f"{x:.1e}") < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else _scientific(x)
 
 
 def factor(value: float) -> str:
@@ -130,6 +131,9 @@ class Slugs:
         return self._slug[name]
 
 
+SOURCE_WRONG = "the source is contradicted"
+"""What pages call a known gap that is none of the engine's: a printed number that a better truth contradicts."""
+
 STATUS_SYMBOL = {
     "pass": "✓",
     "fail": "✗",
@@ -199,7 +203,7 @@ def slower_shade(factor: float) -> str:
 
 def symbol(word: str) -> str:
     """Symbol of a status or verdict; ``‼`` for one that this version does not know."""
-    return STATUS_SYMBOL.get(word) or VERDICT_SYMBOL.get(word) or "‼"
+    return "§" if word == SOURCE_WRONG else STATUS_SYMBOL.get(word) or VERDICT_SYMBOL.get(word) or "‼"
 
 
 PAIR_SHADES = (

@@ -1,4 +1,4 @@
-"""Which engine for what: for each use the engines by decades of headline error, and by the time that an error of 1 % takes them.
+"""Which engine for what: for each use the engines by headline error, and by the time that an error of 1 % takes them.
 
 The figure of an engine is its *worst* headline error in a use, not a mean. A mean of decades hides one result that is off by half
 behind nine that are exact, and who takes the engine meets that one as well; which headline it is stands beside. Engines are compared on
@@ -43,6 +43,8 @@ class Rank:
         The headline row with the largest relative error.
     typical : float
         Median over the headlines of the use.
+    rated : int
+        Headlines of the use that it has a number on.
     covers : float
         Share of the variants that it has a number on, mean over the headlines of the use.
     slower : float
@@ -54,6 +56,7 @@ class Rank:
     engine: EngineFacts
     worst: Row
     typical: float
+    rated: int
     covers: float
     slower: float
     reached: int
@@ -72,7 +75,7 @@ class Rank:
 
 @dataclass(frozen=True)
 class Use:
-    """A use with its engines, the most accurate decade first and the fastest first within it; ``headlines`` is how many it has.
+    """A use with its engines, the most accurate first, of those within round-off the fastest; ``headlines`` is how many it has.
 
     ``little`` are engines that cover less than half of it.
     """
@@ -137,6 +140,7 @@ def _use(
             engine=engines[engine],
             worst=max(own.values(), key=lambda row: as_float(row["rel_error"])),
             typical=median(as_float(row["rel_error"]) for row in own.values()),
+            rated=len(own),
             covers=covered[engine],
             slower=math.exp(sum(held) / len(held)) if (held := slower.get(engine, [])) else math.nan,
             reached=len(held),
@@ -144,7 +148,13 @@ def _use(
         )
         for engine, own in worst.items()
     ]
-    ranks.sort(key=lambda rank: (rank.decade, math.inf if math.isnan(rank.slower) else rank.slower, rank.engine.name))
+    ranks.sort(
+        key=lambda rank: (
+            max(rank.error, ROUND_OFF),
+            math.inf if math.isnan(rank.slower) else rank.slower,
+            rank.engine.name,
+        )
+    )
     enough = [rank for rank in ranks if rank.covers >= LITTLE]
     return Use(name, title, len(shared), enough, [rank for rank in ranks if rank.covers < LITTLE])
 

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.finding import Finding, Size
@@ -45,7 +46,9 @@ MEASUREMENTS = (
     "case", "variant", "engine", "quantity", "unit", "truth", "value", "expected", "abs_error", "rel_error", "scale", "atol", "rtol",
     "status", "reason", "finding", "known_size",
 )  # fmt: skip
-HEADLINES = ("case", "variant", "engine", "headline", "quantity", "unit", "value", "expected", "scale", "rel_error")
+HEADLINES = (
+    "case", "variant", "engine", "headline", "quantity", "unit", "value", "expected", "scale", "scale_is", "rel_error",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -170,7 +173,7 @@ def _evaluated(finding: Finding, engine: str, cells: Mapping[CellKey, Sequence[K
         blank, size=largest.size, least=least[0], least_engine=least[1],
         before=max((each.size for each in before), default=math.nan), before_run=held[1].run_id if before else "",
         variant=str(held[0].cell["variant"]), truth=str(row.get("truth", "")), unit=str(row.get("unit", "")),
-        value=_number(row, "value"), expected=_number(row, "expected"), scale=_number(row, "scale"),
+        value=_number(row, "value"), expected=_number(row, "expected"), scale=_number(row, "scale"), **_relative_to(size, row, held[0]),
         engine_version=str(held[0].cell["engine_version"]), run_id=held[0].run_id,
     )  # fmt: skip
     rows = [each.row for each, _ in numbers] if engine == finding.engine and not size.fails else []
@@ -236,6 +239,15 @@ def _reading(size: Size, row: Row, kept: Kept) -> Reading:
     return Reading(
         number, row, "" if number == number else f"{size.quantity!r} has no number, or no scale that it is relative to"
     )
+
+
+def _relative_to(size: Size, row: Row, kept: Kept) -> dict[str, Any]:
+    """What a reading is relative to, and what that is called; nothing where the number is relative as it is."""
+    if size.table == "cells" or size.per == "1":
+        return {}
+    name = size.per or size.quantity
+    of = _number(row, "scale") if size.column == "rel_error" else _scale(kept, name)
+    return {"of": of, "per": str(row.get("scale_is") or f"largest {name}")}
 
 
 def _scale(kept: Kept, quantity: str) -> float:
@@ -318,7 +330,8 @@ def _declared(described: set[str], cells: Mapping[CellKey, Sequence[Kept]]) -> l
                 what=str(row["reason"]).removeprefix(f"{name}: ") or "declared by its adapter, not described",
                 reason=reason.get(verdict, ""), size=_relative(row), case=row["case"], variant=row["variant"],
                 quantity=row["quantity"], unit=row["unit"], truth=row["truth"], value=_number(row, "value"),
-                expected=_number(row, "expected"), scale=_number(row, "scale"), run_id=kept.run_id, over_why="the tolerance of its check",
+                expected=_number(row, "expected"), scale=_number(row, "scale"), of=_number(row, "scale"),
+                per=f"largest {row['quantity']}", run_id=kept.run_id, over_why="the tolerance of its check",
                 over=_relative({**row, "abs_error": row_tolerance(row)}),
                 command=f"ninedisk run {row['case']} --engine {row['engine']}",
             )

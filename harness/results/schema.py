@@ -414,6 +414,8 @@ class EvaluatedFinding:
         The smallest size that another engine shows on the same cells: what is possible. NaN where there is none.
     case, variant, quantity, unit, truth, value, expected, scale
         The row that the size was read from.
+    of, per : float, str
+        What the size is relative to, in ``unit``, and its name; NaN and "" where the number is relative as it is.
     engine_version, run_id : str
         Of that row.
     """
@@ -442,6 +444,8 @@ class EvaluatedFinding:
     value: float = math.nan
     expected: float = math.nan
     scale: float = math.nan
+    of: float = math.nan
+    per: str = ""
     engine_version: str = ""
     run_id: str = ""
 

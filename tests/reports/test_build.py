@@ -40,12 +40,14 @@ def test_the_first_page_tells_what_changed_since_the_run_before(tmp_path, write,
     made = CliRunner().invoke(app, ["report", "--store", str(store), "--out", str(tmp_path / "out")])
     assert made.exit_code == 0, made.output
     assert not (tmp_path / "out" / "changes.html").exists()
+    assert "First run in this store" in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     write(store, "20260102T000000Z-bbbbbb", small(status="fail", abs_error=3.0), started="2026-01-02T00:00:00+00:00")
     made = CliRunner().invoke(app, ["report", "--store", str(store), "--out", str(tmp_path / "out")])
     assert made.exit_code == 0, made.output
     first = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     told = first[first.index("Since the run before (2026-01-01") :]
     assert "worse" in told[:200]
+    assert "First run" not in first
     assert "0.5 → 3" in told[:600]
     assert (tmp_path / "out" / "changes.html").is_file()
 

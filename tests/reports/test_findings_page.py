@@ -14,7 +14,7 @@ from ninedisk.reports.load import load_store
 HOSTILE = "<script>alert('x')</script>"
 
 
-def finding(name: str, verdict: str = "there", size: float = float("nan"), **more: str) -> EvaluatedFinding:
+def finding(name: str, verdict: str = "there", size: float = float("nan"), **more: str | float) -> EvaluatedFinding:
     told = {
         "engine": "demo",
         "versions": "1.0",
@@ -27,7 +27,7 @@ def finding(name: str, verdict: str = "there", size: float = float("nan"), **mor
 
 
 FOUND = (
-    finding("demo/a", size=1.82, documented="https://demo.org/manual"),
+    finding("demo/a", size=1.82, documented="https://demo.org/manual", of=0.5, per="push", unit="N"),
     finding("source/print", size=0.5, truth="published"),
     finding("demo/b", "gone", 0.06, thread="javascript:alert(1)", reason="the size is at most 0.1"),
     finding("demo/c", size=0.031, what=HOSTILE, command="ninedisk run case/one --engine demo"),
@@ -45,6 +45,8 @@ def test_what_changed_comes_first_then_engines_then_the_source(page):
     html = page.read_text(encoding="utf-8")
     assert re.findall(r'<article class="finding" id="(.*?)"', html) == ["demo-b", "demo-a", "demo-c", "source-print"]
     assert re.findall(r"<b>([^<]* %)</b>", html) == ["6 %", "182 %", "3.1 %", "50 %"]
+    assert "of the push = 0.5 N</small><small>confirmed" in html
+    assert "the source prints 1, DEMO gives 1.5" in re.sub("<.*?>", "", html)
     assert "the store has no such cell" in html
     assert HOSTILE not in html
     assert set(re.findall(r'href="(\w+:.*?)"', html)) == {"https://demo.org/manual"}
@@ -55,6 +57,7 @@ def test_what_changed_comes_first_then_engines_then_the_source(page):
 def test_the_first_page_and_the_engines_page_lead_to_what_they_name(page):
     first = (page.parent / "index.html").read_text(encoding="utf-8")
     assert re.findall(r"<li><b>([^<]* %)</b>", first) == ["182 %", "3.1 %"]
+    assert "of the push = 0.5 N: <a" in first
     own = (page.parent / "engine" / "demo.html").read_text(encoding="utf-8")
     for html in (first, own):
         assert HOSTILE not in html

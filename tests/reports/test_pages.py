@@ -11,6 +11,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 from ninedisk.reports import text
+from ninedisk.reports.build import build_report
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel
 from ninedisk.reports.ranking import percent
@@ -177,3 +178,32 @@ def test_errata_are_told_with_verdicts(panel_report):
     assert "by every engine that decides it" in html
     assert "ninedisk DEM, YADE" in html
     assert "fn = 73.80 N against 78.54 N" in html
+
+
+def test_lists_tell_what_they_leave_out_and_engines_of_one_program_know_each_other(tmp_path, write, small):
+    tables = {"cells": [], "headlines": [], "measurements": []}
+    for engine in ("demo one", "demo two", "other"):
+        own = small(
+            engine, status="known-difference", finding="demo/slips", reason=f"demo/slips: up to {len(engine)} m s"
+        )
+        tables["cells"].append({**own["cells"][0], "engine_version": "1.0"})
+        tables["measurements"] += own["measurements"]
+        for k in range(12):
+            row = {
+                "case": "demo/one",
+                "case_version": 1,
+                "variant": "k=1",
+                "engine": engine,
+                "headline": f"h{k}",
+                "scale_is": "push",
+            }
+            tables["headlines"].append({**row, "value": 0.5, "expected": 0.0, "scale": 1.0, "rel_error": 0.5})
+    write(tmp_path / "store", "a", tables)
+    out = build_report(tmp_path / "store", tmp_path / "out").parent
+    own = (out / "engine" / "demo-one.html").read_text(encoding="utf-8")
+    assert "10 of 12 shown; the other 2</summary>" in own
+    assert re.findall(r'Of the same program: <a href="(.*?)">', own) == ["demo-two.html"]
+    assert "Of the same program" not in (out / "engine" / "other.html").read_text(encoding="utf-8")
+    first = (out / "index.html").read_text(encoding="utf-8")
+    assert "3 simulation engines (2 programs) stand" in first
+    assert "<b>demo/slips</b>: DEMO ONE, DEMO TWO, OTHER, 3 checks" in first

@@ -11,7 +11,7 @@ from ninedisk.harness.results.schema import STATUSES
 from ninedisk.reports import text
 from ninedisk.reports.load import Curve, differences
 from ninedisk.reports.model import difference_matrix, error_ratio, summarise, worst_first
-from ninedisk.reports.text import SHADES, STATUS_MEANING, STATUS_SYMBOL, shade
+from ninedisk.reports.text import SHADES, SOURCE_WRONG, STATUS_MEANING, STATUS_SYMBOL, shade, symbol
 
 
 def row(**changes):
@@ -69,6 +69,7 @@ def test_a_cell_shows_a_status_that_nobody_knows():
 def test_every_status_has_a_symbol_of_its_own_and_a_meaning():
     assert set(STATUS_SYMBOL) == set(STATUS_MEANING) == set(STATUSES)
     assert len(set(STATUS_SYMBOL.values())) == len(STATUSES)
+    assert symbol(SOURCE_WRONG) not in STATUS_SYMBOL.values()
 
 
 def test_shades_bound_the_ratio():
@@ -79,6 +80,7 @@ def test_shades_bound_the_ratio():
 
 def test_numbers_as_text():
     assert [text.error(x) for x in (1.23e-13, 0, None, math.nan, math.inf)] == ["1.2e-13", "0", "—", "—", "—"]
+    assert {f(x) for f in (text.error, text.ratio) for x in (0.00996, 0.01, 0.0104)} == {"0.01"}
     assert [text.ratio(x) for x in (0.5, 12345.0, 3e-9, math.inf, math.nan)] == ["0.5", "1.2e4", "3.0e-9", "∞", "—"]
     near = (0.996, 0.99996, 1.0 - 1e-16, 1.0, 1.004)
     assert [text.ratio(x) for x in near] == ["0.996", "1−4e-5", "1−1e-16", "1", "1.004"]
@@ -149,3 +151,13 @@ def test_what_no_engine_was_asked_to_run_does_not_decide():
     found = summarise(cells, [row()])
     assert (found.status, found.support, found.ran, found.variants) == ("pass", ("exact",), 1, 2)
     assert summarise(cells[1:], []).status == "unsupported"
+
+
+def test_a_wrong_print_is_not_the_engines_fault():
+    cell = {"status": "known-gap", "support": "exact", "variant": "k=1"}
+    printed = row(status="known-gap", truth="published", variant="k=1")
+    found = summarise([cell], [printed, row(variant="k=1")])
+    assert (found.status, found.counts) == ("pass", (("the source is contradicted", 1),))
+    own = row(status="known-gap", truth="analytic", variant="k=1")
+    for others in ([], [own, row(variant="k=1")]):
+        assert summarise([cell], [printed, *others]).status == "known-gap"
