@@ -61,7 +61,9 @@ def test_every_check_is_explained() -> None:
 
 def test_facts_and_gaps_exist(tmp_path: Path) -> None:
     told = re.search(r"which truths\nbind it: (.*?)\n\n", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
-    differences = re.search(r"the members of `Difference`: (.*?)\. A check", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    differences = re.search(
+        r"the members of `Difference`: (.*?)\. A check", GUIDE.read_text(encoding="utf-8"), re.DOTALL
+    )
     assert told is not None
     assert differences is not None
     assert set(re.findall(r"`(\w+)`", differences[1])) == set(Difference.__members__)
