@@ -291,13 +291,18 @@ def _against(engines: dict[str, Curve], looks: dict[str, Look]) -> str:
     for engine, curve in engines.items():
         if np.isfinite(curve.expected).any():
             by.setdefault(curve.truth, []).append(looks[engine].label)
+    scheme = (
+        " Exact steps are those of an engine's own scheme: near to them is not near to the physics."
+        if "exact-step" in by
+        else ""
+    )
     if len(by) == 1:
-        return f"Strip: distance from the {next(iter(by))} truth."
+        return f"Strip: distance from the {next(iter(by))} truth.{scheme}"
     told = [
         f"{truth} ({', '.join(names) if len(names) < 3 else f'{len(names)} engines'})"
         for truth, names in sorted(by.items(), key=lambda item: len(item[1]))
     ]
-    return f"Strip: distance from each engine's truth: {'; '.join(told)}." if told else ""
+    return f"Strip: distance from each engine's truth: {'; '.join(told)}.{scheme}" if told else ""
 
 
 def _window(curve: Curve, last: int | None) -> Curve:

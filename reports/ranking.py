@@ -94,6 +94,15 @@ class Ranking:
         return [ranked for ranked in self.engines if ranked.decides]
 
     @property
+    def scales(self) -> dict[str, str]:
+        """What the shown errors of each headline are relative to; variants may differ in it."""
+        found: dict[str, dict[str, None]] = {name: {} for name in self.headlines}
+        for ranked in self.measured:
+            for name, row in ranked.worst.items():
+                found[name][str(row["scale_is"])] = None
+        return {name: " or ".join(words) or str(self.headlines[name]["scale_is"]) for name, words in found.items()}
+
+    @property
     def closest(self) -> list[Ranked]:
         """The engines of the first place."""
         return [ranked for ranked in self.measured if self.place(ranked) == 1]
@@ -147,6 +156,14 @@ def rank(panel: Panel, case: CaseData) -> Ranking:
         why = reasons(cells, measurements, far)
         if far and own_order and order >= 0.5:
             why.append(f"its error shrinks with the step, of order {order:.2g}")
+        if far:
+            found = [each for each in panel.stored.findings if (each.engine, each.case) == (name, case.id)]
+            told = [
+                f"finding {each.id}: {each.what}"
+                for each in found
+                if each.size > EQUAL and not each.id.startswith("source/")
+            ]
+            why = told + why
         if far and not why:
             why.append("nothing stored says why: no note, no known difference")
         engines.append(Ranked(panel.engines[name], summary, worst, order, time, why))

@@ -82,7 +82,10 @@ def group(tmp_path, write, small):
 def test_what_is_clipped_and_the_truth_of_the_strip_are_told(group):
     notes = {shown.picture.title: shown.picture.note for shown in group.panels}
     assert notes["x"] == "Clipped: 1 engine leaves the picture, B to 321 m. Strip: distance from the analytic truth."
-    assert notes["z"] == "Strip: distance from each engine's truth: analytic (A); exact-step (B)."
+    assert notes["z"] == (
+        "Strip: distance from each engine's truth: analytic (A); exact-step (B). "
+        "Exact steps are those of an engine's own scheme: near to them is not near to the physics."
+    )
 
 
 def test_quantities_that_are_zero_everywhere_are_a_sentence(group):

@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+from ninedisk.harness.results.schema import EvaluatedFinding
 from ninedisk.reports import ranking
 from ninedisk.reports.load import load_store
 from ninedisk.reports.model import build_panel, case_tables
@@ -75,6 +76,25 @@ def test_a_step_explains_its_own_error_only(tmp_path, write, small):
     (only,) = ranking.rank(panel, panel.cases["demo/one"]).engines
     assert (only.error, round(only.order, 12)) == (0.9, 1.0)
     assert only.reasons == ["nothing stored says why: no note, no known difference"]
+
+
+def test_what_errors_are_relative_to_is_that_of_the_rows_that_are_shown(panel):
+    first = next(row for row in panel.stored.headlines if row["engine"] == "first" and row["rel_error"] == 0.04)
+    for row in panel.stored.headlines:
+        row["scale_is"] = "the other way"  # of rows that no engine's largest error stands in
+    first["scale_is"] = "its way"
+    assert ranking.rank(panel, panel.cases["demo/one"]).scales == {"lift": "the other way or its way"}
+
+
+def test_a_finding_says_why(panel):
+    found = {
+        "id": "first/off", "engine": "first", "versions": "1", "what": "it is off", "verdict": "there",
+        "size": 0.04, "case": "demo/one",
+    }  # fmt: skip
+    other = found | {"id": "source/off"}
+    object.__setattr__(panel.stored, "findings", [EvaluatedFinding(**each) for each in (found, other)])
+    first = next(each for each in ranking.rank(panel, panel.cases["demo/one"]).engines if each.engine.id == "first")
+    assert first.reasons == ["finding first/off: it is off", "its error shrinks with the step, of order 1.3"]
 
 
 def test_errors_are_told_in_per_cent_or_decades():
