@@ -16,11 +16,13 @@ from ninedisk.core.errors import (
 )
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core.scene import BodyForce, Cell, ContactLaw, Disks, Rolling, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
 
 __all__ = [
     "BehindWallError",
+    "BodyForce",
+    "Cell",
     "ContactLaw",
     "CoreError",
     "Disks",
@@ -31,6 +33,7 @@ __all__ = [
     "NoEquilibriumError",
     "NonFiniteStateError",
     "Numerics",
+    "Rolling",
     "Scene",
     "SolverNotConvergedError",
     "UnstableTimeStepError",

@@ -50,6 +50,8 @@ class Disks:
         True: the disk keeps this component of its velocity whatever force acts (a prescribed motion).
     outline : array_like of int, shape (n,) or scalar
         Which of `Scene.outlines` is the boundary of the grain; -1: it is a disk.
+    material : sequence of n str, or str
+        Names of what the bodies are made of, which `Scene.laws` refers to; "" where the scene names no materials.
     angle : array_like, shape (n,) or scalar
         Angles [rad] of the outlines at time 0, counter-clockwise positive: at 0 the body's frame has the scene's axes.
 
@@ -69,6 +71,7 @@ class Disks:
     held: NDArray[np.bool_] = False  # type: ignore[assignment]
     outline: NDArray[np.int64] = -1  # type: ignore[assignment]
     angle: FloatArray = 0.0  # type: ignore[assignment]
+    material: tuple[str, ...] = ""  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         x = _pairs("disks.x", self.x)
@@ -106,6 +109,7 @@ class Disks:
         object.__setattr__(self, "rotating", rotating)
         object.__setattr__(self, "held", held)
         object.__setattr__(self, "outline", outline)
+        object.__setattr__(self, "material", _materials(self.material, n))
         angle = column("angle", self.angle, most=LARGEST) + 0.0  # -0.0 becomes 0.0, which the JSON form leaves out
         angle.setflags(write=False)
         object.__setattr__(self, "angle", angle)
@@ -113,7 +117,11 @@ class Disks:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Disks):
             return NotImplemented
-        return all(np.array_equal(mine, getattr(other, name)) for name, mine in vars(self).items())
+        if self.material != other.material:
+            return False
+        return all(
+            np.array_equal(mine, getattr(other, name)) for name, mine in vars(self).items() if name != "material"
+        )
 
     def __len__(self) -> int:
         return int(self.x.shape[0])
@@ -155,6 +163,18 @@ def _outline_numbers(value: object, n: int) -> NDArray[np.int64]:
     whole = full.astype(np.int64)
     whole.setflags(write=False)
     return whole
+
+
+def _materials(value: object, n: int) -> tuple[str, ...]:
+    """Names of the materials of ``n`` bodies, from as many or from one for all; or `InvalidSceneError`."""
+    if isinstance(value, str):
+        return (value,) * n
+    names = items_of("disks.material", value, "a name, or one for each disk")
+    if len(names) != n or not all(isinstance(name, str) for name in names):
+        raise InvalidSceneError(
+            f"disks.material = {shown(value)} is not allowed: it must be a name, or one for each of the {n} disks"
+        )
+    return names
 
 
 def _pairs(name: str, value: ArrayLike) -> FloatArray:

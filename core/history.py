@@ -45,8 +45,16 @@ class History:
     wall_force : ndarray, shape (s, m, 2)
         Force of the disks on each wall [N].
     energy : mapping from name to ndarray, shape (s,)
-        Energies [J], e.g. ``kinetic``, ``elastic``, ``gravity``, ``wall_work``; of contact dynamics also ``impact_gain``, what impacts
+        Energies [J]: those of the state (``translation``, ``rotation`` and their sum ``kinetic``; ``elastic_normal``, ``elastic_shear``,
+        ``elastic_rolling`` and their sum ``elastic``; ``gravity``), what was fed since time 0 (``wall_work``, ``force_work`` by
+        `Scene.forces`, ``cell_work`` by the deforming cell), and with `Numerics.energy_budget` what was lost since time 0, each > 0 where
+        energy is lost: ``friction_loss``, ``dashpot_loss``, ``rolling_loss``, ``damping_loss`` (global damping), ``impact_loss`` (rigid
+        impacts). Kinetic, elastic, gravity and losses together grow by what was fed. Of contact dynamics also ``impact_gain``, what impacts
         under Newton's law fed since time 0, which friction alone lets them do: summed over the contacts that feed.
+    stress : ndarray, shape (s, 2, 2, 2), or None
+        Of a periodic cell: stress [N/m], compression positive, by contact forces (first) and by velocities relative to the cell's
+        affine flow (second); row a, column b is the force along a on an edge whose normal is b. None: there is no cell, or it was not
+        observed.
     particles : tuple of int or None
         Disks that ``x``, ``v``, ``angle`` and ``omega`` hold, in this order; None: all n of them.
     """
@@ -67,6 +75,7 @@ class History:
     wall_force: FloatArray
     energy: Mapping[str, FloatArray] = field(default_factory=dict)
     particles: tuple[int, ...] | None = None
+    stress: FloatArray | None = None
 
     def contact(self, pair: Pair) -> int:
         """Column of a watched pair in ``gap``, ``fn`` and ``fs``; KeyError if it was not watched."""

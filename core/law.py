@@ -2,21 +2,71 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.validate import at_least, flag, one_of, real, shown
+from ninedisk.core.validate import at_least, flag, kind_of, one_of, real, shown
 
 LeverArm = Literal["radius", "overlap", "torque-overlap"]
 WallVelocityAt = Literal["surface", "mid-overlap"]
 SlipAt = Literal["middle", "end"]
 Contact = Literal["chord", "area"]
+RollingModel = Literal["constant", "viscous", "elastic-plastic"]
 
 LEVER_ARMS: tuple[LeverArm, ...] = ("radius", "overlap", "torque-overlap")
 WALL_VELOCITY_AT: tuple[WallVelocityAt, ...] = ("surface", "mid-overlap")
 SLIP_AT: tuple[SlipAt, ...] = ("middle", "end")
 CONTACTS: tuple[Contact, ...] = ("chord", "area")
+ROLLING_MODELS: tuple[RollingModel, ...] = ("constant", "viscous", "elastic-plastic")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rolling:
+    """Rolling resistance of a contact: models A, B and C of Ai, Chen, Rotter & Ooi, Powder Technology 206 (2011) 269-282.
+
+    With ``omega = omega_i - omega_j`` [rad/s] and the reduced radius ``R = 1/(1/R_i + 1/R_j)`` (at a wall R_i), body i gets the torque
+    ``-M`` and body j ``M``, ``fn`` being the repulsive part of the normal force [N]:
+
+    - "constant" (A): ``M = mu R fn sign(omega)``, and 0 where omega is 0;
+    - "viscous" (B): ``M = mu R fn |omega| R sign(omega) / (1 m/s)``;
+    - "elastic-plastic" (C): a spring ``kr``, ``dM = kr omega dt``, cut off at ``mu R fn`` with its sign kept; below that a dashpot adds
+      ``2 beta sqrt(I kr) omega`` with ``1/I = 1/(I_i + m_i R_i^2) + 1/(I_j + m_j R_j^2)``, the moments about the contact.
+
+    Parameters
+    ----------
+    model : {"constant", "viscous", "elastic-plastic"}
+    mu : float
+        Coefficient of rolling friction [-], >= 0.
+    kr : float
+        Rolling stiffness [N m/rad] of "elastic-plastic", > 0 there and 0 elsewhere.
+    beta : float
+        Damping ratio [-] of "elastic-plastic", >= 0; 0 elsewhere.
+
+    Raises
+    ------
+    InvalidSceneError
+        If a value is outside its range.
+    """
+
+    model: RollingModel
+    mu: float
+    kr: float = 0.0
+    beta: float = 0.0
+
+    def __post_init__(self) -> None:
+        one_of("rolling model", self.model, ROLLING_MODELS)
+        sprung = self.model == "elastic-plastic"
+        object.__setattr__(self, "mu", at_least("rolling mu", self.mu, 0.0))
+        object.__setattr__(self, "kr", at_least("rolling kr", self.kr, 0.0, strict=sprung))
+        object.__setattr__(self, "beta", at_least("rolling beta", self.beta, 0.0))
+        for name in ("kr", "beta"):
+            if not sprung and getattr(self, name) > 0.0:
+                raise InvalidSceneError(
+                    f"rolling {name} = {getattr(self, name):g} is not allowed: the model {self.model!r} has no spring; leave it out, or "
+                    "use the model 'elastic-plastic'"
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +123,15 @@ class ContactLaw:
         Circles that overlap little have ``A = (4/3) sqrt(2 R_e) overlap^(3/2)`` with ``1/R_e = 1/R_i + 1/R_j``. The energy
         is ``U = (kn/2) (9 A^2/(32 R_e))^(2/3)``, which makes ``fn = kn overlap (1 + O(overlap/R))`` on them: kn is the normal stiffness
         of disks. R of an outline is the radius of the disk of the same area, and a wall has 1/R = 0.
+    rolling : Rolling or None
+        Rolling resistance; None: none.
+    cohesion : float
+        Linear cohesion [N/m], >= 0 and below ``kn``: overlapping bodies attract each other by ``cohesion`` times the overlap, so that
+        ``fn = (kn - cohesion) overlap`` and the dashpot, which then may pull as well. Friction and rolling resistance see the repulsive
+        part, ``fn + cohesion overlap``, where that is positive.
+    adhesion : float
+        Pull [N], >= 0, that a closed contact takes before it opens, ``fn >= -adhesion``, for rigid contacts; friction and rolling
+        resistance see ``fn + adhesion``.
     regularised : bool
         True if ``kn, ks, beta`` only regularise a contact that is meant to be rigid, so that an
         engine with rigid contacts and an impact law expresses the same physics.
@@ -92,10 +151,13 @@ class ContactLaw:
     wall_velocity_at: WallVelocityAt = "surface"
     slip_at: SlipAt = "middle"
     contact: Contact = "chord"
+    rolling: Rolling | None = None
+    cohesion: float = 0.0
+    adhesion: float = 0.0
     regularised: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("kn", "ks", "mu", "beta"):
+        for name in ("kn", "ks", "mu", "beta", "cohesion", "adhesion"):
             object.__setattr__(self, name, at_least(name, getattr(self, name), 0.0, strict=name == "kn"))
         if self.restitution is not None:
             restitution = real(self.restitution)
@@ -104,6 +166,13 @@ class ContactLaw:
                     f"restitution = {shown(self.restitution)} is not allowed: it must be a number in [0, 1], or None"
                 )
             object.__setattr__(self, "restitution", restitution)
+        if self.cohesion >= self.kn:
+            raise InvalidSceneError(
+                f"cohesion = {self.cohesion:g} is not allowed: it must be below kn = {self.kn:g}, beyond which bodies attract each other "
+                "the more the deeper they overlap and collapse into each other; lower the cohesion or raise kn"
+            )
+        if self.rolling is not None:
+            kind_of("rolling", self.rolling, Rolling)
         one_of("lever_arm", self.lever_arm, LEVER_ARMS)
         one_of("wall_velocity_at", self.wall_velocity_at, WALL_VELOCITY_AT)
         one_of("slip_at", self.slip_at, SLIP_AT)
@@ -114,3 +183,20 @@ class ContactLaw:
     def shear_stiffness(self) -> float:
         """``ks`` [N/m], or 0 where no friction lets the shear spring act."""
         return self.ks if self.mu > 0.0 else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; what most laws lack is left out where it is not there."""
+        plain = {name: value for name, value in vars(self).items() if (name, value) not in ABSENT}
+        if self.rolling is not None:
+            plain["rolling"] = dict(vars(self.rolling))
+        return plain
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> ContactLaw:
+        """Inverse of `to_dict`."""
+        rolling = data.get("rolling")
+        return cls(**{**data, "rolling": None if rolling is None else Rolling(**rolling)})
+
+
+ABSENT = (("contact", "chord"), ("slip_at", "middle"), ("rolling", None), ("cohesion", 0.0), ("adhesion", 0.0))
+"""Values that a law's plain data leave out, so that laws keep the form that they had before there were these fields."""

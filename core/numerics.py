@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
@@ -66,6 +66,8 @@ class Numerics:
         Contact solver of contact dynamics; "auto" chooses by size and tolerance.
     allow_unstable : bool
         True: run although ``contact_dt`` exceeds the critical step.
+    energy_budget : bool
+        True: all channels of the energy are sampled (`History.energy`), not only those that the state tells.
     options : mapping
         Settings of one engine, named by that engine (e.g. ``{"pymunk.iterations": 100}``).
     """
@@ -83,6 +85,7 @@ class Numerics:
     regime: Regime = "dynamic"
     solver: str = "auto"
     allow_unstable: bool = False
+    energy_budget: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -97,9 +100,8 @@ class Numerics:
                 continue
             object.__setattr__(self, name, whole(name, value, low, MOST_STEPS))
         object.__setattr__(self, "theta", within("theta", self.theta, 0.5, 1.0, error=InvalidNumericsError))
-        object.__setattr__(
-            self, "allow_unstable", flag("allow_unstable", self.allow_unstable, error=InvalidNumericsError)
-        )
+        for name in ("allow_unstable", "energy_budget"):
+            object.__setattr__(self, name, flag(name, getattr(self, name), error=InvalidNumericsError))
         if not isinstance(self.solver, str):
             raise InvalidNumericsError(f"solver = {shown(self.solver)} is not allowed: it must be the name of a solver")
         if not (isinstance(self.options, Mapping) and all(isinstance(name, str) for name in self.options)):
@@ -151,8 +153,11 @@ class Numerics:
         return np.union1d(regular, np.array([0, self.n_steps], dtype=np.int64))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {**asdict(self), "options": dict(self.options)}
+        """Plain data for JSON; ``energy_budget`` is left out where it is not asked for."""
+        plain = {**asdict(self), "options": dict(self.options)}
+        if not self.energy_budget:
+            del plain["energy_budget"]
+        return plain
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Numerics:
@@ -169,8 +174,17 @@ class Numerics:
         return replace(self, **changes)
 
 
-def check_run(scene: Scene, numerics: Numerics) -> None:
-    """Refuse what is no scene with a disk, or no numerics.
+def check_run(scene: Scene, numerics: Numerics, method: str = "", lacks: Collection[str] = ()) -> None:
+    """Refuse what is no scene with a disk, or no numerics, or asks for what a method lacks.
+
+    Parameters
+    ----------
+    scene, numerics
+    method : str
+        Its name in messages.
+    lacks : collection of str
+        Of "materials", "forces on disks", "a periodic cell", "cohesion", "adhesion", "rolling resistance" and "rolling resistance
+        (MODEL)".
 
     Raises
     ------
@@ -180,6 +194,22 @@ def check_run(scene: Scene, numerics: Numerics) -> None:
     kind_of("numerics", numerics, Numerics, error=InvalidNumericsError)
     if len(scene.disks) == 0:
         raise InvalidSceneError("the scene has no disk: there is nothing to simulate")
+    laws = scene.laws_in_use
+    models = [law.rolling.model for law in laws if law.rolling is not None]
+    asked = {
+        "materials": bool(scene.laws),
+        "forces on disks": bool(scene.forces),
+        "a periodic cell": scene.cell is not None,
+        "cohesion": any(law.cohesion > 0.0 for law in laws),
+        "adhesion": any(law.adhesion > 0.0 for law in laws),
+        "rolling resistance": bool(models),
+        **{f"rolling resistance ({model})": True for model in models},
+    }
+    missing = [name for name in lacks if asked.get(name)]
+    if missing:
+        raise InvalidSceneError(
+            f"the scene has {missing[0]}, which {method} does not have: leave it out, or use another method"
+        )
 
 
 def check_progress(progress: object) -> None:

@@ -1,4 +1,4 @@
-"""The scene: disks and grains, half-plane walls and their motion, contact laws, gravity and damping.
+"""The scene: disks and grains, half-plane walls and their motion, contact laws, gravity, forces, damping, a periodic cell.
 
 A `Scene` says what is simulated; `ninedisk.core.numerics.Numerics` says how. Both are plain
 frozen data that serialise to JSON, which is also the wire format to external engines.
@@ -23,14 +23,28 @@ import numpy as np
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.disks import Disks, check_outlines, outlines_from, plain_outline
 from ninedisk.core.errors import BehindWallError, InvalidSceneError
-from ninedisk.core.law import ContactLaw, LeverArm, SlipAt, WallVelocityAt
-from ninedisk.core.validate import all_of_kind, at_least, body_numbers, finite, kind_of, shown, whole
+from ninedisk.core.law import ContactLaw, LeverArm, Rolling, SlipAt, WallVelocityAt
+from ninedisk.core.loads import BodyForce, Cell
+from ninedisk.core.validate import all_of_kind, at_least, body_numbers, finite, items_of, kind_of, shown, whole
 from ninedisk.core.walls import Wall, WallSegment
 
 if TYPE_CHECKING:
     from ninedisk.core.nurbs.curve import NurbsCurve
 
-__all__ = ["ContactLaw", "Disks", "FloatArray", "LeverArm", "Scene", "SlipAt", "Wall", "WallSegment", "WallVelocityAt"]
+__all__ = [
+    "BodyForce",
+    "Cell",
+    "ContactLaw",
+    "Disks",
+    "FloatArray",
+    "LeverArm",
+    "Rolling",
+    "Scene",
+    "SlipAt",
+    "Wall",
+    "WallSegment",
+    "WallVelocityAt",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +58,7 @@ class Scene:
     disks : Disks
     walls : sequence of Wall
     disk_disk : ContactLaw
-        Law of every contact between two disks.
+        Law of every contact between two disks, where ``laws`` has none for their materials.
     gravity : (float, float)
         Acceleration [m/s^2].
     xi : float
@@ -53,6 +67,13 @@ class Scene:
         Shear forces ``fs`` [N] that contacts carry at time 0 (preload); more than ``mu fn`` is cut off to that.
     outlines : sequence of NurbsCurve
         Boundaries that ``disks.outline`` refers to, each in the body's frame: centroid at the origin, at angle 0.
+    laws : mapping from pair of names to ContactLaw
+        Laws of contacts between two materials (`Disks.material`, `Wall.material`), in either order; other contacts obey
+        ``disk_disk`` or the wall's own law.
+    forces : sequence of BodyForce
+        Forces and torques on single disks, beside gravity.
+    cell : Cell or None
+        Periodic cell; a scene that has one has no walls.
 
     Raises
     ------
@@ -67,6 +88,9 @@ class Scene:
     xi: float = 0.0
     initial_shear: Mapping[tuple[int, int], float] = field(default_factory=dict)
     outlines: tuple[NurbsCurve, ...] = ()
+    laws: Mapping[tuple[str, str], ContactLaw] = field(default_factory=dict)
+    forces: tuple[BodyForce, ...] = ()
+    cell: Cell | None = None
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -86,6 +110,16 @@ class Scene:
         for pair, force in kind_of("initial_shear", self.initial_shear, Mapping).items():  # type: ignore[type-abstract]
             shear[self.check_pair(pair)] = float(finite(f"initial shear of {pair}", force, ()))
         object.__setattr__(self, "initial_shear", shear)
+        self._check_materials()
+        object.__setattr__(self, "forces", all_of_kind("forces", self.forces, BodyForce))
+        for force in self.forces:
+            whole("force on disk", force.disk, 0, len(self.disks) - 1, error=InvalidSceneError)
+        if self.cell is not None:
+            kind_of("cell", self.cell, Cell)
+            if self.walls:
+                raise InvalidSceneError(
+                    f"wall {self.walls[0].name!r} is not allowed in a periodic cell: leave out the cell, or the walls"
+                )
 
     @property
     def n_bodies(self) -> int:
@@ -121,9 +155,20 @@ class Scene:
 
     def law(self, pair: tuple[int, int]) -> ContactLaw:
         """Contact law of a pair."""
-        _, j = self.check_pair(pair)
-        n = len(self.disks)
-        return self.disk_disk if j < n else self.walls[j - n].law
+        i, j = self.check_pair(pair)
+        n, one = len(self.disks), self.disks.material[i]
+        if j < n:
+            return self.laws.get(_ordered(one, self.disks.material[j]), self.disk_disk)
+        return self.laws.get(_ordered(one, self.walls[j - n].material), self.walls[j - n].law)
+
+    @property
+    def laws_in_use(self) -> tuple[ContactLaw, ...]:
+        """All laws that a pair of the scene can have: between disks (of two or more), of each wall, of the materials."""
+        return (
+            *((self.disk_disk,) if len(self.disks) > 1 else ()),
+            *(wall.law for wall in self.walls),
+            *self.laws.values(),
+        )
 
     def behind_wall(self, disk: int, wall: int, height: float, when: str, step: str) -> BehindWallError:
         """The error of a disk whose centre is at this height <= 0 [m] above a wall during a run; ``step`` says which step to reduce."""
@@ -131,6 +176,27 @@ class Scene:
             f"the centre of disk {disk} is {-height:g} m behind wall {self.walls[wall].name!r} at {when}: it moves too far in a step, its "
             f"contact is too soft, or walls close in on it; reduce {step}, raise kn, or mend the walls' motion"
         )
+
+    def _check_materials(self) -> None:
+        """Laws of materials that somebody has, each pair of names in alphabetical order."""
+        used = {*self.disks.material, *(wall.material for wall in self.walls)}
+        laws: dict[tuple[str, str], ContactLaw] = {}
+        for pair, law in kind_of("laws", self.laws, Mapping).items():  # type: ignore[type-abstract]
+            names = items_of("the materials of a law", pair, "two names")
+            if len(names) != 2 or not all(isinstance(name, str) for name in names):
+                raise InvalidSceneError(
+                    f"the materials of a law = {shown(pair)} are not allowed: they must be two names"
+                )
+            for name in names:
+                if name not in used:
+                    known = ", ".join(map(repr, sorted(used)))
+                    raise InvalidSceneError(
+                        f"no disk and no wall is made of the material {name!r} of a law: there are {known}"
+                    )
+            if _ordered(*names) in laws:
+                raise InvalidSceneError(f"the materials {names[0]!r} and {names[1]!r} have two laws: give one")
+            laws[_ordered(*names)] = kind_of(f"law of {shown(pair)}", law, ContactLaw)
+        object.__setattr__(self, "laws", laws)
 
     def _check_walls(self) -> None:
         for a, one in enumerate(self.walls):
@@ -155,8 +221,8 @@ class Scene:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; `from_dict` is its inverse, to the last bit.
 
-        What only grains with outlines have (``outlines``, ``disks.outline``, ``disks.angle``, a law's ``contact``) and a law's
-        ``slip_at`` are left out where they have their default value, so that scenes have the form that they had before there were these.
+        What few scenes have (outlines, materials, forces, a cell, and some fields of a law) is left out where it is not there, so that
+        scenes keep the form that they had before there was this.
         """
         disks = self.disks
         data: dict[str, Any] = {
@@ -170,14 +236,15 @@ class Scene:
                 "rotating": disks.rotating.tolist(),
                 "held": disks.held.tolist(),
             },
-            "disk_disk": _plain(self.disk_disk),
+            "disk_disk": self.disk_disk.to_dict(),
             "walls": [
                 {
                     "name": wall.name,
                     "point": list(wall.point),
                     "normal": list(wall.normal),
-                    "law": _plain(wall.law),
+                    "law": wall.law.to_dict(),
                     "motion": [_plain(segment) for segment in wall.motion],
+                    **({"material": wall.material} if wall.material else {}),
                 }
                 for wall in self.walls
             ],
@@ -191,6 +258,14 @@ class Scene:
             data["disks"]["angle"] = disks.angle.tolist()
         if self.outlines:
             data["outlines"] = [plain_outline(curve) for curve in self.outlines]
+        if any(disks.material):
+            data["disks"]["material"] = list(disks.material)
+        if self.laws:
+            data["laws"] = [[*pair, law.to_dict()] for pair, law in self.laws.items()]
+        if self.forces:
+            data["forces"] = [_plain(force) for force in self.forces]
+        if self.cell is not None:
+            data["cell"] = {"size": list(self.cell.size), "rate": [list(row) for row in self.cell.rate]}
         return data
 
     @classmethod
@@ -205,20 +280,20 @@ class Scene:
         try:
             walls = []
             for wall in data["walls"]:
-                law = ContactLaw(**wall["law"])
-                motion = tuple(
-                    WallSegment(**{**seg, "duration": np.inf} if seg.get("duration") == "inf" else seg)
-                    for seg in wall["motion"]
-                )
+                law = ContactLaw.from_dict(wall["law"])
+                motion = tuple(WallSegment(**_endless(segment, "duration")) for segment in wall["motion"])
                 walls.append(Wall(**{**wall, "law": law, "motion": motion}))
             scene = cls(
                 disks=Disks(**data["disks"]),
-                disk_disk=ContactLaw(**data["disk_disk"]),
+                disk_disk=ContactLaw.from_dict(data["disk_disk"]),
                 walls=tuple(walls),
                 gravity=data["gravity"],
                 xi=data["xi"],
                 initial_shear={(i, j): force for i, j, force in data["initial_shear"]},
                 outlines=outlines_from(data.get("outlines", ())),
+                laws={(one, two): ContactLaw.from_dict(law) for one, two, law in data.get("laws", ())},
+                forces=tuple(BodyForce(**_endless(force, "end")) for force in data.get("forces", ())),
+                cell=Cell(**data["cell"]) if "cell" in data else None,
             )
         except KeyError as error:
             raise InvalidSceneError(f"the scene lacks the key {error.args[0]!r}") from error
@@ -236,12 +311,14 @@ class Scene:
         return replace(self, **changes)
 
 
-def _plain(record: ContactLaw | WallSegment) -> dict[str, Any]:
-    """Fields of a flat record as JSON data; an infinite duration becomes the string ``"inf"``."""
+def _ordered(one: str, two: str) -> tuple[str, str]:
+    return (one, two) if one <= two else (two, one)
+
+
+def _plain(record: WallSegment | BodyForce) -> dict[str, Any]:
+    """Fields of a flat record as JSON data; an infinite time becomes the string ``"inf"``."""
     plain: dict[str, Any] = {}
     for name, value in vars(record).items():
-        if (name, value) in (("contact", "chord"), ("slip_at", "middle")):
-            continue
         if isinstance(value, tuple):
             plain[name] = list(value)
         elif isinstance(value, float) and np.isinf(value):
@@ -249,3 +326,8 @@ def _plain(record: ContactLaw | WallSegment) -> dict[str, Any]:
         else:
             plain[name] = value
     return plain
+
+
+def _endless(record: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The same fields, with the time ``name`` infinite where it is the string ``"inf"``."""
+    return {**record, name: np.inf} if record.get(name) == "inf" else dict(record)

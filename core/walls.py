@@ -91,7 +91,9 @@ class Wall:
     normal : (float, float)
         Normal into the free side; normalised here.
     law : ContactLaw
-        Contact of disks with this wall.
+        Contact of disks with this wall, where `Scene.laws` has none for their materials.
+    material : str
+        Name of what it is made of; "" where the scene names no materials.
     motion : sequence of WallSegment
         Segments one after the other from time 0; the wall rests after the last one.
     """
@@ -100,6 +102,7 @@ class Wall:
     point: tuple[float, float]
     normal: tuple[float, float]
     law: ContactLaw
+    material: str = ""
     motion: tuple[WallSegment, ...] = ()
 
     def __post_init__(self) -> None:
@@ -111,6 +114,7 @@ class Wall:
         if largest == 0.0:
             raise InvalidSceneError(f"wall {self.name!r} has a zero normal: give it a direction")
         kind_of(f"wall {self.name!r} law", self.law, ContactLaw)
+        kind_of(f"wall {self.name!r} material", self.material, str)
         motion = all_of_kind(f"wall {self.name!r} motion", self.motion, WallSegment)
         for segment in motion[:-1]:
             if not np.isfinite(segment.duration):

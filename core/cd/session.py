@@ -79,6 +79,9 @@ ENERGIES = (
     "impact_gain",
 )
 
+LACKS = ("materials", "forces on disks", "a periodic cell", "cohesion", "adhesion", "rolling resistance")
+"""What scenes may ask for and contact dynamics lacks (`check_run`)."""
+
 
 class CdSession:
     """Contact dynamics on one scene.
@@ -119,7 +122,7 @@ class CdSession:
     def __init__(
         self, scene: Scene, numerics: Numerics, watch: Sequence[Pair] = (), particles: Sequence[int] | None = None
     ) -> None:
-        check_run(scene, numerics)
+        check_run(scene, numerics, "contact dynamics", LACKS)
         pairs, chosen = watched_pairs(scene, watch), chosen_particles(scene, particles)
         check_room(numerics, len(chosen), len(scene.walls), len(pairs))
         self.scene, self.numerics = scene, numerics

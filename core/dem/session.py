@@ -72,6 +72,9 @@ from ninedisk.core.validate import whole
 STEPS_TIMES_DISKS = 16_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
 
+LACKS = ("materials", "forces on disks", "a periodic cell", "cohesion", "adhesion", "rolling resistance")
+"""What scenes may ask for and the DEM lacks (`check_run`)."""
+
 
 class DemSession:
     """The in-house DEM on one scene.
@@ -338,7 +341,7 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     InvalidNumericsError
         If the numerics ask for the static limit or have options for the DEM, which has none, or the number of threads is not allowed.
     """
-    check_run(scene, numerics)
+    check_run(scene, numerics, "the DEM", LACKS)
     moved = scene.disks.held.any(axis=1) & ~scene.disks.fixed
     if moved.any():
         raise InvalidSceneError(

@@ -7,6 +7,7 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import Self
 
+from ninedisk.core.law import RollingModel
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, LeverArm, Scene, SlipAt
 
@@ -43,6 +44,14 @@ class Capability(StrEnum):
     LEVER_ARM_TORQUE = "shear torque with the lever arm R - overlap/2, slip with R", "arm R - overlap/2 of the torque"
     SLIP_MIDDLE = "slip measured in the middle of the step", "slip of mid-step"
     SLIP_END = "slip of the half step, measured with the normal of the step's end", "slip of step's end"
+    MATERIALS = "contact laws by pairs of materials", "materials"
+    BODY_FORCES = "forces and torques on single disks, by segments of time", "forces"
+    ROLLING_CONSTANT = "rolling resistance by a constant torque (model A)", "rolling A"
+    ROLLING_VISCOUS = "rolling resistance by a viscous torque (model B)", "rolling B"
+    ROLLING_SPRING = "rolling resistance by a spring with a cap (model C)", "rolling C"
+    COHESION = "linear cohesion beside the normal spring", "cohesion"
+    ADHESION = "rigid contacts that take a pull of a given size", "adhesion"
+    PERIODIC_CELL = "periodic cell, at rest or deforming affinely", "periodic cell"
     OUTLINES = "grains with NURBS outlines", "outlines"
     AREA_CONTACT = "normal contact with an energy of the common area", "common area"
 
@@ -57,6 +66,22 @@ LEVER_ARMS: Mapping[LeverArm, Capability] = {
 SLIP_AT: Mapping[SlipAt, Capability] = {"middle": Capability.SLIP_MIDDLE, "end": Capability.SLIP_END}
 """What a law's place of the slip in the step asks of an engine."""
 
+ROLLING: Mapping[RollingModel, Capability] = {
+    "constant": Capability.ROLLING_CONSTANT,
+    "viscous": Capability.ROLLING_VISCOUS,
+    "elastic-plastic": Capability.ROLLING_SPRING,
+}
+"""What a law's rolling resistance asks of an engine."""
+
+EXTRAS = frozenset(ROLLING.values()) | {
+    Capability.MATERIALS,
+    Capability.BODY_FORCES,
+    Capability.COHESION,
+    Capability.ADHESION,
+    Capability.PERIODIC_CELL,
+}
+"""What few engines have beside disks, walls and Coulomb's law."""
+
 GRAINS = frozenset({Capability.OUTLINES, Capability.AREA_CONTACT})
 """What only engines of grains have, not those of disks."""
 
@@ -68,9 +93,14 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
     contact or an impact law; it is therefore left to the engine's ``supports`` and not listed here.
     """
     need: set[Capability] = set()
-    laws: list[ContactLaw] = [scene.disk_disk] if len(scene.disks) > 1 else []
-    laws += [wall.law for wall in scene.walls]
+    laws = scene.laws_in_use
     for law in laws:
+        if law.rolling is not None and scene.disks.rotating.any():
+            need.add(ROLLING[law.rolling.model])
+        if law.cohesion > 0.0:
+            need.add(Capability.COHESION)
+        if law.adhesion > 0.0:
+            need.add(Capability.ADHESION)
         if law.contact == "area":
             need.add(Capability.AREA_CONTACT)
         if not law.regularised:
@@ -106,6 +136,12 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
         need.add(Capability.BLOCKED_ROTATION)
     if scene.disks.held[~fixed].any():
         need.add(Capability.HELD_MOTION)
+    if scene.laws:
+        need.add(Capability.MATERIALS)
+    if scene.forces:
+        need.add(Capability.BODY_FORCES)
+    if scene.cell is not None:
+        need.add(Capability.PERIODIC_CELL)
     if numerics.regime == "quasi-static":
         need.add(Capability.QUASI_STATIC)
     if any(scene.initial_shear.values()):
@@ -122,9 +158,9 @@ def capabilities_asked(scene: Scene, numerics: Numerics) -> frozenset[Capability
         scene,
         disk_disk=replace(scene.disk_disk, regularised=False),
         walls=tuple(replace(wall, law=replace(wall.law, regularised=False)) for wall in scene.walls),
+        laws={pair: replace(law, regularised=False) for pair, law in scene.laws.items()},
     )
-    laws = [scene.disk_disk] if len(scene.disks) > 1 else []
-    impact = any(law.restitution for law in (*laws, *(wall.law for wall in scene.walls)))
+    impact = any(law.restitution for law in scene.laws_in_use)
     return (
         capabilities_needed(scene, numerics)
         | capabilities_needed(sprung, numerics)
@@ -143,4 +179,5 @@ def _turning(scene: Scene) -> list[ContactLaw]:
         rotates = any(segment.angular_velocity for segment in wall.motion)
         if rotates or (wall.law.lever_arm == "overlap" and scene.disks.rotating.any()):
             laws.append(wall.law)
+    laws += scene.laws.values()
     return [law for law in laws if law.shear_stiffness > 0.0 and not law.regularised]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Support, SupportLevel
 
@@ -39,11 +39,6 @@ def contact_steps(scene: Scene, numerics: Numerics) -> tuple[int, float]:
 
     contact_dt, _ = contact_step(scene, numerics)
     return numerics.substeps(contact_dt), contact_dt
-
-
-def laws_in_use(scene: Scene) -> list[ContactLaw]:
-    """Laws of the pairs that the scene can have: between disks (of two or more), then of each wall."""
-    return ([scene.disk_disk] if len(scene.disks) > 1 else []) + [wall.law for wall in scene.walls]
 
 
 def rigid_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
@@ -86,7 +81,7 @@ def rigid_support(
         What becomes of the preload of regularising springs.
     """
     need = set(rigid_needs(scene, numerics))
-    laws = laws_in_use(scene)
+    laws = scene.laws_in_use
     if any(law.restitution for law in laws):
         need.add(Capability.RESTITUTION)
     missing = need - capabilities

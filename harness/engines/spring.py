@@ -15,7 +15,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineRun, Support, SupportLevel
-from ninedisk.harness.api.support import NOTE_SLIP_END, OF_SLIP_AT, contact_steps, laws_in_use
+from ninedisk.harness.api.support import NOTE_SLIP_END, OF_SLIP_AT, contact_steps
 from ninedisk.harness.api.wall_path import wall_path
 from ninedisk.harness.engines.process import ProcessEngine
 
@@ -85,7 +85,7 @@ class SpringEngine(ProcessEngine):
             fit.equivalent = True
             fit.notes.append(NOTE_SLIP_END)
         self.judge(scene, numerics, fit)
-        if any(law.beta > 0.0 for law in laws_in_use(scene)) and Capability.CONTACT_DAMPING not in fit.missing:
+        if any(law.beta > 0.0 for law in scene.laws_in_use) and Capability.CONTACT_DAMPING not in fit.missing:
             fit.notes.append(self.dashpot_note)
             fit.equivalent = fit.equivalent or numerics.damping_form == "central"
         return fit.support()

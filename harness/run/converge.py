@@ -20,7 +20,7 @@ from ninedisk.core.history import History
 from ninedisk.harness.api.case import Case, Check, Observed, Setup
 from ninedisk.harness.api.engine import Engine, EngineInfo
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.api.support import contact_steps, laws_in_use
+from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.cases.matched import slip_of
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import CaseResult
@@ -471,10 +471,10 @@ def expected_order(case: Case, params: Mapping[str, Any], setup: Setup, engine: 
     if scheme == "central-difference":
         if setup.scene.xi > 0.0 and setup.numerics.damping_form == "lagged":
             return 1.0, "central differences; global damping sees the velocity of half a step before"
-        if any(law.beta > 0.0 for law in laws_in_use(setup.scene)):
+        if any(law.beta > 0.0 for law in setup.scene.laws_in_use):
             return 1.0, "central differences; a dashpot's force jumps at touch, anywhere within a step"
         slips = getattr(case, "slips", None)
-        rough = [law for law in laws_in_use(setup.scene) if law.ks > 0.0 and law.mu > 0.0]
+        rough = [law for law in setup.scene.laws_in_use if law.ks > 0.0 and law.mu > 0.0]
         if rough and (slips is None or slips(params)):
             if any(slip_of(law.slip_at, engine) == "end" for law in rough):
                 return (
@@ -500,7 +500,7 @@ def step_name(case: Case, setup: Setup, engine: EngineInfo) -> str:
     UsageError
         If the engine steps by ``dt`` and the case has no such parameter.
     """
-    elastic = not any(law.regularised for law in laws_in_use(setup.scene))
+    elastic = not any(law.regularised for law in setup.scene.laws_in_use)
     if engine.contact == "spring" or (engine.contact == "cd" and elastic):
         return "contact_dt"
     known = {parameter.name for parameter in case.parameters}
@@ -523,7 +523,7 @@ def round_off(setup: Setup, engine: EngineInfo, history: History, contact_dt: fl
     disks = setup.scene.disks
     length = float(np.nanmax(np.abs(history.x), initial=0.0)) + float(disks.radius.max())
     unit = float(np.spacing(length if engine.precision == "float64" else np.float32(length)))
-    stiff = max((law.kn for law in laws_in_use(setup.scene)), default=0.0) if engine.contact == "spring" else 0.0
+    stiff = max((law.kn for law in setup.scene.laws_in_use), default=0.0) if engine.contact == "spring" else 0.0
     omega = min(math.sqrt(2.0 * stiff / float(disks.mass.min())), 2.0 / contact_dt)
     speed = float(np.nanmax(np.abs(history.v), initial=0.0))
     of_length, of_speed = share * length, share * speed + ROUNDINGS * unit * omega

@@ -39,7 +39,6 @@ from ninedisk.harness.api.support import (
     NOTE_SOFT,
     OF_SLIP_AT,
     contact_steps,
-    laws_in_use,
     rigid_support,
     without_spring_preload,
 )
@@ -112,7 +111,7 @@ class CommandEngine(ExternalEngine):
         missing = spring_needs(scene, numerics) - self.info().capabilities
         if missing - OF_SLIP_AT:
             return Support(SupportLevel.NO, tuple(sorted(missing - OF_SLIP_AT)), near)
-        notes = (NOTE_SPRINGS, *near) if any(law.regularised for law in laws_in_use(scene)) else near
+        notes = (NOTE_SPRINGS, *near) if any(law.regularised for law in scene.laws_in_use) else near
         level = SupportLevel.APPROXIMATE if notes else SupportLevel.EQUIVALENT if missing else SupportLevel.EXACT
         return Support(level, (), (*notes, NOTE_SLIP_AT) if missing else notes)
 
@@ -164,7 +163,7 @@ class CommandEngine(ExternalEngine):
 def spring_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
     """Capabilities that an engine with contact springs needs: also those of springs that stand in for rigid contacts."""
     need = set(capabilities_needed(scene, numerics))
-    for law in laws_in_use(scene):
+    for law in scene.laws_in_use:
         if law.beta > 0.0:
             need.add(Capability.CONTACT_DAMPING)
         if law.mu > 0.0:

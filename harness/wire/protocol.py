@@ -175,6 +175,7 @@ def encode_answer(answer: Answer) -> str:
                 **fields,
                 "force_meaning": history.force_meaning,
                 "energy": {name: _lists(series) for name, series in history.energy.items()},
+                **({} if history.stress is None else {"stress": _lists(history.stress)}),
             },
         },
         allow_nan=False,
@@ -225,9 +226,9 @@ def _history(data: Any, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...
     shapes = _shapes(len(scene.disks), len(scene.walls), len(pairs))
     if isinstance(data, Mapping) and "file" in data:
         expect_keys(data, HISTORY_FILE_KEYS, "history")
-        found = read_history_file(data["file"], folder, shapes)
+        found = read_history_file(data["file"], folder, (*shapes, "stress"))
         data = {**found, "force_meaning": data["force_meaning"]}
-    expect_keys(data, ("step", *shapes, "force_meaning", "energy"), "history")
+    expect_keys(data, ("step", *shapes, "force_meaning", "energy"), "history", optional=("stress",))
     steps = step_array(data["step"], numerics.sampled_steps())
     arrays = {name: float_array(data[name], f"history.{name}", (len(steps), *shape)) for name, shape in shapes.items()}
     _check_state(arrays, steps, numerics)
@@ -239,6 +240,8 @@ def _history(data: Any, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...
         name: float_array(series, f"history.energy.{name}", (len(steps),)) for name, series in data["energy"].items()
     }
     fields: dict[str, Any] = {**arrays}
+    if data.get("stress") is not None:
+        fields["stress"] = float_array(data["stress"], "history.stress", (len(steps), 2, 2, 2))
     return History(step=steps, pairs=pairs, force_meaning=data["force_meaning"], energy=energy, **fields)
 
 

@@ -20,6 +20,8 @@ from scenes import KN, floor_scene, numerics, pair_scene, run
 
 from ninedisk.core import (
     BehindWallError,
+    BodyForce,
+    Cell,
     ContactLaw,
     CoreError,
     Disks,
@@ -27,6 +29,7 @@ from ninedisk.core import (
     InvalidSceneError,
     NonFiniteStateError,
     Numerics,
+    Rolling,
     Scene,
     UnwritableFileError,
     Wall,
@@ -436,6 +439,7 @@ def one_number(value: Any) -> Any:
 SIZE = between(1e-150, 1e150)
 AMOUNT = between(0.0, 1e150)
 SIGNED = between(-1e150, 1e150)
+LATER = between(0.0, 1.7976931348623157e308, open_low=True)
 PLAIN = between(-1.8e308, 1.7976931348623157e308)
 COUNT = between(1, 10**7, whole=True)
 STEP_COUNT = between(1, 2**53, whole=True)
@@ -527,7 +531,28 @@ TARGETS: dict[str, Target] = {
         {
             "kn": SIZE, "ks": AMOUNT, "mu": AMOUNT, "beta": AMOUNT, "restitution": optional(between(0.0, 1.0)), "regularised": flag,
             "lever_arm": word("radius"), "wall_velocity_at": word("surface"), "slip_at": word("middle"), "contact": word("chord"),
+            "cohesion": between(0.0, 1.0, open_high=True), "adhesion": AMOUNT, "rolling": optional(is_a(Rolling)),
         },
+    ),
+    "Rolling": Target(
+        Rolling,
+        {"model": "elastic-plastic", "mu": 1.0, "kr": 1.0},
+        {"model": word("elastic-plastic"), "mu": AMOUNT, "kr": SIZE, "beta": AMOUNT},
+        ("rolling",),
+    ),
+    "BodyForce": Target(
+        BodyForce,
+        {"disk": 0},
+        {
+            "disk": between(0, 2**31 - 1, whole=True), "force": Column(np.array([1.0, 2.0])), "torque": SIGNED, "begin": AMOUNT,
+            "end": lambda value: math.inf if number(value) == math.inf and isinstance(value, float) else LATER(value),
+        },
+        ("force", "torque"),
+    ),
+    "Cell": Target(
+        Cell,
+        {"size": (1.0, 1.0)},
+        {"size": Column(np.array([1.0, 2.0]), SIZE), "rate": Column(np.array([[0.0, 1.0], [0.0, 2.0]]), rows=True)},
     ),
     "WallSegment": Target(
         WallSegment,
@@ -544,7 +569,7 @@ TARGETS: dict[str, Target] = {
         WALL,
         {
             "name": is_a(str), "point": Column(np.array([0.0, 1.0])), "normal": Column(np.array([3.0, 4.0]), any_size=True),
-            "law": is_a(ContactLaw),
+            "law": is_a(ContactLaw), "material": is_a(str),
             "motion": nothing,
         },
     ),
@@ -558,6 +583,7 @@ TARGETS: dict[str, Target] = {
             "inertia": Column(np.array([1.0, 2.0]), between(1e-300, 1e300), none=True),
             "omega": Column(np.array([1.0, 2.0]), PLAIN, none=True, any_size=True), "angle": Column(np.array([1.0, 2.0]), SIGNED),
             "rotating": flag, "held": flag, "outline": between(-1, 2**31 - 1, whole=True),
+            "material": is_a(str),
         },
     ),
     "Scene": Target(
@@ -567,6 +593,8 @@ TARGETS: dict[str, Target] = {
             "disks": is_a(Disks), "disk_disk": is_a(ContactLaw), "walls": nothing, "gravity": Column(np.array([0.0, -9.81]),
             any_size=True), "xi": AMOUNT,
             "initial_shear": lambda value: {} if value == {} and isinstance(value, dict) else REFUSED, "outlines": nothing,
+            "laws": lambda value: {} if value == {} and isinstance(value, dict) else REFUSED, "forces": nothing,
+            "cell": optional(is_a(Cell)),
         },
     ),
     "Numerics": Target(
@@ -578,7 +606,7 @@ TARGETS: dict[str, Target] = {
             "n_steps": between(1, 10**8, whole=True), "sample_every": STEP_COUNT, "sample_from": between(0, 2**53, whole=True),
             "sample_until": optional(between(0, 2**53, whole=True)), "damping_form": word("central"), "theta": between(0.5, 1.0),
             "impact": word("theta"), "sliding": word("coulomb"), "regime": word("dynamic"), "solver": is_a(str), "allow_unstable": flag,
-            "options": is_a(dict),
+            "energy_budget": flag, "options": is_a(dict),
         },
     ),
     "SolverOptions": Target(
@@ -808,7 +836,20 @@ def test_there_are_many_odd_inputs_and_right_ones() -> None:
 
 
 def test_every_argument_of_the_public_classes_is_tried() -> None:
-    for kind in (ContactLaw, WallSegment, Wall, Disks, Scene, Numerics, SolverOptions, ContactProblem, NurbsCurve):
+    for kind in (
+        ContactLaw,
+        Rolling,
+        BodyForce,
+        Cell,
+        WallSegment,
+        Wall,
+        Disks,
+        Scene,
+        Numerics,
+        SolverOptions,
+        ContactProblem,
+        NurbsCurve,
+    ):
         missing = {field.name for field in fields(kind)} - set(TARGETS[kind.__name__].kinds)
         assert not missing, f"{kind.__name__}: {missing}"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,15 @@ from hypothesis import strategies as st
 from scenes import random_scene
 
 from ninedisk.core import (
+    BodyForce,
+    Cell,
     ContactLaw,
     CoreError,
     Disks,
     InvalidNumericsError,
     InvalidSceneError,
     Numerics,
+    Rolling,
     Scene,
     Wall,
     WallSegment,
@@ -44,8 +48,25 @@ LAWS = st.builds(
     lever_arm=st.sampled_from(["radius", "overlap", "torque-overlap"]),
     wall_velocity_at=st.sampled_from(["surface", "mid-overlap"]),
     slip_at=st.sampled_from(["middle", "end"]),
+    rolling=st.none()
+    | st.builds(Rolling, model=st.sampled_from(["constant", "viscous"]), mu=NOT_NEGATIVE)
+    | st.builds(Rolling, model=st.just("elastic-plastic"), mu=NOT_NEGATIVE, kr=POSITIVE, beta=NOT_NEGATIVE),
+    adhesion=NOT_NEGATIVE,
     regularised=st.booleans(),
-)
+).flatmap(lambda law: st.floats(0.0, 0.99).map(lambda part: replace(law, cohesion=part * law.kn)))
+"""Laws with everything that one can have."""
+
+
+@st.composite
+def forces(draw: st.DrawFn, n: int) -> BodyForce:
+    begin = draw(st.floats(0.0, 1e6))
+    return BodyForce(
+        disk=draw(st.integers(0, n - 1)),
+        force=draw(BOUNDED_POINT),
+        torque=draw(BOUNDED),
+        begin=begin,
+        end=draw(st.just(math.inf) | st.floats(1e-6, 1e6).map(lambda span: begin + span)),
+    )
 
 
 @st.composite
@@ -89,6 +110,9 @@ def scenes(draw: st.DrawFn) -> Scene:
         name = f"{k}{draw(st.text(max_size=5))}"
         walls.append(Wall(name=name, point=point, normal=tuple(normal * stretch), law=draw(LAWS), motion=tuple(motion)))
     pairs = [(i, j) for i in range(n) for j in range(i + 1, n + m)]
+    materials = many(st.sampled_from(["", "steel", "glass"]))
+    made_of = sorted(set(materials))
+    rate = draw(st.tuples(BOUNDED, BOUNDED, BOUNDED))
     return Scene(
         disks=Disks(
             x=x,
@@ -99,12 +123,16 @@ def scenes(draw: st.DrawFn) -> Scene:
             inertia=draw(st.none() | st.lists(POSITIVE, min_size=n, max_size=n)),
             rotating=many(st.booleans()),
             held=many(st.tuples(st.booleans(), st.booleans())),
+            material=materials,
         ),
         disk_disk=draw(LAWS),
         walls=walls,
         gravity=draw(POINT),
         xi=draw(NOT_NEGATIVE),
         initial_shear=draw(st.dictionaries(st.sampled_from(pairs), ANY)) if pairs else {},
+        laws={(made_of[0], made_of[-1]): draw(LAWS)} if n else {},
+        forces=draw(st.lists(forces(n), max_size=2)) if n else (),
+        cell=None if m else draw(st.none() | st.just(Cell(size=(3.0, 2.0), rate=((rate[0], rate[1]), (0.0, rate[2]))))),
     )
 
 
@@ -141,9 +169,12 @@ def test_scene_comes_back_to_the_last_bit(scene: Scene) -> None:
     assert text(again) == text(scene)
     for name, value in vars(scene.disks).items():
         found = getattr(again.disks, name)
+        if name == "material":
+            assert found == value
+            continue
         assert (found.tobytes(), found.shape, found.dtype) == (value.tobytes(), value.shape, value.dtype), name
     assert [vars(w) for w in again.walls] == [vars(w) for w in scene.walls]
-    for name in ("disk_disk", "gravity", "xi", "initial_shear"):
+    for name in ("disk_disk", "gravity", "xi", "initial_shear", "laws", "forces", "cell"):
         assert getattr(again, name) == getattr(scene, name), name
     # A copy goes through the constructors once more; nothing may drift with the number of copies.
     assert text(scene.replace(walls=[Wall(**vars(w)) for w in scene.walls])) == text(scene)
@@ -173,7 +204,7 @@ def test_numbers_of_numpy_become_plain_ones() -> None:
     assert json.loads(text(scene))["walls"][0]["law"]["kn"] == 2.0
     found = Numerics(dt=np.float32(0.5), n_steps=np.int64(3), theta=1, sample_every=2.0)
     assert json.loads(text(found))["sample_every"] == 2
-    assert {type(value) for value in vars(law).values()} == {float, str, bool}
+    assert {type(value) for value in vars(law).values()} == {float, str, bool, type(None)}
     assert [type(getattr(found, name)) for name in ("dt", "n_steps", "theta")] == [float, int, float]
 
 

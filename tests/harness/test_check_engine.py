@@ -123,6 +123,8 @@ class Deaf(Planted):
 RANDOM = np.random.default_rng(1)
 SWEEPS = {"sweeps": Option(default=10, whole=True, why="planted")}
 
+EXACT = Support(SupportLevel.EXACT, notes=("so it says",))
+
 PLANTED = {
     "an id of another": ("facts", Planted(facts={"id": "mine"}), "info().id is 'mine'"),
     "a kind of contact that nobody knows": ("facts", Planted(facts={"contact": "sticky"}), "contact is 'sticky'"),
@@ -199,7 +201,7 @@ PLANTED = {
     "no dashpot": ("supports: CONTACT_DAMPING", Planted(scene=laws(beta=0.0)), "overlap is"),
     "no restitution": (
         "supports: RESTITUTION",
-        Planted(scene=laws(beta=0.0), support=Support(SupportLevel.EXACT, notes=("so it says",))),
+        Planted(scene=laws(beta=0.0), support=EXACT),
         "v after the impact",
     ),
     "lagged for central": (
@@ -235,19 +237,17 @@ PLANTED = {
     "disks that turn all the same": ("supports: BLOCKED_ROTATION", Planted(scene=disks(rotating=True)), "omega is"),
     "nothing held": (
         "supports: HELD_MOTION",
-        Planted(scene=disks(held=[False, False]), support=Support(SupportLevel.EXACT, notes=("so it says",))),
+        Planted(scene=disks(held=[False, False]), support=EXACT),
         "v is",
     ),
     "fixed disks that fall": (
         "supports: FIXED_DISKS",
-        Planted(scene=disks(held=[False, False]), support=Support(SupportLevel.EXACT, notes=("so it says",))),
+        Planted(scene=disks(held=[False, False]), support=EXACT),
         "x of the fixed disks",
     ),
     "inertia in the static limit": (
         "supports: QUASI_STATIC",
-        Planted(
-            numerics=lambda n: n.replace(regime="dynamic"), support=Support(SupportLevel.EXACT, notes=("so it says",))
-        ),
+        Planted(numerics=lambda n: n.replace(regime="dynamic"), support=EXACT),
         "fn is",
     ),
     "no preload": ("supports: PRELOAD", Planted(scene=lambda s: s.replace(initial_shear={})), "v is"),
@@ -268,6 +268,18 @@ PLANTED = {
     "circles for outlines": ("supports: OUTLINES", Planted(scene=disks(outline=-1)), "fn is"),
     "outlines that are not turned": ("supports: OUTLINES", Planted(scene=disks(angle=0.0)), "fn is"),
     "chords for areas": ("supports: AREA_CONTACT", Planted(scene=laws(contact="chord")), "fn is"),
+    "one law for all materials": (
+        "supports: MATERIALS",
+        Planted(scene=lambda s: s.replace(laws={}), support=EXACT),
+        "v along the floor",
+    ),
+    "no forces": ("supports: BODY_FORCES", Planted(scene=lambda s: s.replace(forces=()), support=EXACT), "v is"),
+    "no constant torque": ("supports: ROLLING_CONSTANT", Planted(scene=laws(rolling=None), support=EXACT), "v is"),
+    "no viscous torque": ("supports: ROLLING_VISCOUS", Planted(scene=laws(rolling=None), support=EXACT), "v is"),
+    "no rolling spring": ("supports: ROLLING_SPRING", Planted(scene=laws(rolling=None), support=EXACT), "v is"),
+    "no cohesion": ("supports: COHESION", Planted(scene=laws(cohesion=0.0), support=EXACT), "overlap is"),
+    "no adhesion": ("supports: ADHESION", Planted(scene=laws(adhesion=0.0), support=EXACT), "y is"),
+    "no images": ("supports: PERIODIC_CELL", Planted(scene=lambda s: s.replace(cell=None), support=EXACT), "v is"),
     "more than its facts": (
         "supports: HELD_MOTION",
         Planted(support=Support(SupportLevel.EXACT)),

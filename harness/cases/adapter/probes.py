@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ninedisk.core.history import History
-from ninedisk.core.law import LeverArm, SlipAt
+from ninedisk.core.law import LeverArm, RollingModel, SlipAt
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core.scene import BodyForce, Cell, ContactLaw, Disks, Rolling, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability
 from ninedisk.harness.api.case import Check, FloatArray, Norm, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import SOFTEST, EngineInfo
@@ -684,6 +684,167 @@ def fixed(info: EngineInfo) -> Probe:
     return Probe(title="fixed", setup=Setup(scene=scene, numerics=numerics, watch=((0, 1),)), closed_forms=closed_forms)
 
 
+def two_materials(info: EngineInfo, own: LeverArm) -> Probe:
+    """Two disks of unlike materials thrown along a floor of a third: each slows by mu g of its own pair, not of the wall's law."""
+    mu, speed = np.array([0.1, 0.2]), 1.0
+    overlap = resting_overlap(info)
+    floor = Wall(
+        name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law(info, mu=0.4, lever_arm=own), material="ground"
+    )
+    thrown = some_disks(
+        x=[[0.0, R - overlap], [3.0, R - overlap]], v=[[speed, 0.0], [speed, 0.0]], material=("smooth", "rough")
+    )
+    scene = Scene(
+        disks=thrown,
+        disk_disk=floor.law,
+        walls=(floor,),
+        gravity=(0.0, -G),
+        laws={
+            (name, "ground"): law(info, mu=float(each), lever_arm=own)
+            for name, each in zip(("smooth", "rough"), mu, strict=True)
+        },
+    )
+    numerics = Numerics(dt=0.002, n_steps=50, sliding="coulomb")
+    end = numerics.dt * numerics.n_steps
+    slow = float(mu[1]) * G * (numerics.dt + contact_error(info) * end)
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        return [
+            ClosedForm(quantity="v along the floor", unit="m/s", value=history.v[-1, :, 0], expected=speed - mu * G * end, bound=slow,
+                  why="friction may act one step less, in the first", mend="a contact obeys the law of its two materials in Scene.laws"),
+        ]  # fmt: skip
+
+    return Probe(title="materials", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms)
+
+
+def pushed(info: EngineInfo) -> Probe:
+    """A free disk under a force and a torque that begin and end inside steps: their impulse is exact all the same."""
+    force, torque, v, omega = np.array([3.0, -1.0]), 0.2, np.array([0.4, 0.1]), 1.0
+    span = BodyForce(disk=0, force=(3.0, -1.0), torque=torque, begin=0.0132, end=0.0573)
+    scene = Scene(
+        disks=some_disks(x=[[0.0, 0.0]], v=[v], omega=[omega]), disk_disk=law(info), forces=(span,), gravity=(0.0, 0.0)
+    )
+    numerics = Numerics(dt=0.01, n_steps=10, sample_from=10)
+    lasts = span.end - span.begin
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        common: dict[str, Any] = {
+            "bound": 10.0 * round_off(info), "why": "round-off: the impulse of a step is the mean force times the step",
+            "mend": "a force in Scene.forces acts from begin to end; the step in which it begins gets its part",
+        }  # fmt: skip
+        return [
+            ClosedForm(quantity="v", unit="m/s", value=history.v[-1, 0], expected=v + force * lasts / M, **common),
+            ClosedForm(quantity="omega", unit="rad/s", value=history.omega[-1, 0],
+                       expected=omega + torque * lasts / (0.5 * M * R**2), **common),
+        ]  # fmt: skip
+
+    return Probe(title="forces", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms)
+
+
+def resisted(info: EngineInfo, own: LeverArm, model: RollingModel) -> Probe:
+    """A disk that rolls along a floor against a torque: m a + (I/R) a/R = mu fn, so that a = (2/3) mu g; on a spring kr it swings.
+
+    The rolling spring of "elastic-plastic" is so soft that a quarter of a period lasts 0.1 s, and its cap is out of reach.
+    """
+    speed, end = 0.1 if model == "elastic-plastic" else 1.0, 0.1
+    omega = 0.5 * math.pi / end
+    mu = {"constant": 0.1, "viscous": 0.5, "elastic-plastic": 10.0}[model]
+    rolling = Rolling(model=model, mu=mu, kr=1.5 * M * R**2 * omega**2 if model == "elastic-plastic" else 0.0)
+    contact = law(info, mu=0.5, rolling=rolling, lever_arm=own)
+    scene = on_floor(contact, overlap=resting_overlap(info), v=[[speed, 0.0]], omega=[-speed / R])
+    numerics = Numerics(dt=end / STEPS, n_steps=STEPS, sample_from=STEPS, sliding="coulomb", theta=0.5)
+    slowing = 2.0 / 3.0 * mu * G
+    v, x = {
+        "constant": (speed - slowing * end, speed * end - 0.5 * slowing * end**2),
+        "viscous": (speed * math.exp(-slowing * end), speed * (1.0 - math.exp(-slowing * end)) / slowing),
+        "elastic-plastic": (0.0, speed / omega),
+    }[model]
+    strongest = speed * omega if model == "elastic-plastic" else slowing * speed
+    # The shear spring, of ks = KN, is not stretched at first: the disk swings about its motion with that spring's frequency.
+    swing = 2.0 * strongest / math.sqrt(3.0 * KN / M) if has_springs(info) else 0.0
+    bound = 2.0 * strongest * numerics.dt + swing + contact_error(info) * speed
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        why = "two steps without the torque, and the swing on the shear spring"
+        mend = "the torque is mu R fn against the relative spin (see ContactLaw.rolling), on both bodies, R the reduced radius"
+        return [
+            ClosedForm(quantity="v", unit="m/s", value=history.v[-1, 0, 0], expected=v, bound=bound, why=why, mend=mend),
+            ClosedForm(quantity="x", unit="m", value=history.x[-1, 0, 0], expected=x, bound=bound * end, why=why, mend=mend),
+        ]  # fmt: skip
+
+    return Probe(
+        title=f"rolling resistance {model}",
+        setup=Setup(scene=scene, numerics=numerics, watch=()),
+        closed_forms=closed_forms,
+    )
+
+
+def stuck_deep(info: EngineInfo) -> Probe:
+    """A disk at rest on a floor that half takes back what its spring gives: it lies twice as deep."""
+    sunk = M * G / (0.5 * KN)
+    scene = on_floor(ContactLaw(kn=KN, cohesion=0.5 * KN), overlap=sunk)
+    numerics = Numerics(dt=0.0005, n_steps=20)
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        why = "equilibrium: round-off"
+        mend = "cohesion is a force of -cohesion times the overlap beside kn times it; fn is both together"
+        bound = round_off(info)
+        return [
+            ClosedForm(quantity="overlap", unit="m", value=R - history.x[:, 0, 1], expected=np.full(21, sunk), bound=bound * R,
+                       why=why, mend=mend),
+            ClosedForm(quantity="fn", unit="N", value=history.fn[-1, 0], expected=M * G, bound=1e3 * bound * M * G, why=why, mend=mend),
+        ]  # fmt: skip
+
+    return Probe(
+        title="cohesion", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms
+    )
+
+
+def hung(info: EngineInfo) -> Probe:
+    """A disk that hangs from a ceiling, whose contact takes twice its weight."""
+    contact = ContactLaw(kn=KN, regularised=True, restitution=0.0, adhesion=2.0 * M * G)
+    ceiling = Wall(name="ceiling", point=(0.0, 0.0), normal=(0.0, -1.0), law=contact)
+    scene = Scene(disks=some_disks(x=[[0.0, -R]]), disk_disk=contact, walls=(ceiling,), gravity=(0.0, -G))
+    numerics = Numerics(dt=0.002, n_steps=20, sample_from=20)
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        allowed = contact_error(info)
+        mend = "a contact that is closed stays so until it is pulled harder than its adhesion"
+        return [
+            ClosedForm(quantity="y", unit="m", value=history.x[-1, 0, 1], expected=-R, bound=max(1e-3, allowed) * R,
+                       why="rigid disks may sink by a thousandth of their radius", mend=mend),
+            ClosedForm(quantity="fn", unit="N", value=history.fn[-1, 0], expected=-M * G, bound=allowed * M * G,
+                       why="equilibrium: the solver's tolerance", mend=mend),
+        ]  # fmt: skip
+
+    return Probe(
+        title="adhesion", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms
+    )
+
+
+def across_the_edge(info: EngineInfo) -> Probe:
+    """Two disks that meet through an edge of a periodic cell only, exchange their velocities, and are back where they began."""
+    speed, room = 0.5, 0.2
+    contact = law(info, **({} if has_springs(info) else {"restitution": 1.0}))
+    x = [[0.5 * room + R, 1.0], [4.0 - 0.5 * room - R, 1.0]]
+    scene = Scene(disks=some_disks(x=x, v=[[-speed, 0.0], [speed, 0.0]]), disk_disk=contact, cell=Cell(size=(4.0, 3.0)))
+    numerics = Numerics(dt=0.002, n_steps=200, sample_from=200, impact="newton")
+    bound = 0.05
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        why = "a twentieth: the phase of the impact in the contact step"
+        mend = "each disk has images one edge of Scene.cell away; positions are not put back into the cell"
+        return [
+            ClosedForm(quantity="v", unit="m/s", value=history.v[-1], expected=[[speed, 0.0], [-speed, 0.0]], bound=bound * speed,
+                       why=why, mend=mend),
+            ClosedForm(quantity="x", unit="m", value=history.x[-1], expected=x, bound=bound * room, why=why, mend=mend),
+        ]  # fmt: skip
+
+    return Probe(
+        title="periodic cell", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms
+    )
+
+
 def probe_of(capability: Capability, info: EngineInfo) -> Probe:
     """The probe of a capability, in the engine's own kind of contact where it may be springs or rigid."""
     arms: dict[Capability, LeverArm] = {held_by: name for name, held_by in LEVER_ARMS.items()}
@@ -710,6 +871,14 @@ def probe_of(capability: Capability, info: EngineInfo) -> Probe:
         Capability.DISK_INERTIA: lambda: sliding(info, rotating=True),
         Capability.SLIP_MIDDLE: lambda: passing(info, "middle"),
         Capability.SLIP_END: lambda: passing(info, "end"),
+        Capability.MATERIALS: lambda: two_materials(info, own),
+        Capability.BODY_FORCES: lambda: pushed(info),
+        Capability.ROLLING_CONSTANT: lambda: resisted(info, own, "constant"),
+        Capability.ROLLING_VISCOUS: lambda: resisted(info, own, "viscous"),
+        Capability.ROLLING_SPRING: lambda: resisted(info, own, "elastic-plastic"),
+        Capability.COHESION: lambda: stuck_deep(info),
+        Capability.ADHESION: lambda: hung(info),
+        Capability.PERIODIC_CELL: lambda: across_the_edge(info),
         Capability.OUTLINES: lambda: ellipse_at_rest(info),
         Capability.AREA_CONTACT: lambda: lens_on_floor(),
     }[capability]()

@@ -12,7 +12,6 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.support import laws_in_use
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
 CAPABILITIES = frozenset(
@@ -74,7 +73,7 @@ class BulletEngine(RigidPackageEngine):
         """A friction that Bullet would cap in silence."""
         return [
             f"Bullet caps the friction of a pair at {MAX_FRICTION:g}, the scene has {law.mu:g}"
-            for law in laws_in_use(scene)
+            for law in scene.laws_in_use
             if law.mu > MAX_FRICTION
         ]
 

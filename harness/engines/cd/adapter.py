@@ -8,10 +8,9 @@ import ninedisk
 from ninedisk.core.cd.laws import wedging_corners
 from ninedisk.core.cd.settings import OPTIONS
 from ninedisk.core.history import Pair
-from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import EXTRAS, Capability
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, timings_of
 from ninedisk.harness.api.support import (
     NOTE_SLIP_AT,
@@ -21,13 +20,17 @@ from ninedisk.harness.api.support import (
     without_spring_preload,
 )
 
-CAPABILITIES = frozenset(Capability) - {
-    Capability.AREA_CONTACT,
-    Capability.CONTACT_DAMPING,
-    Capability.GLOBAL_DAMPING_LAGGED,
-    Capability.LEVER_ARM_TORQUE,
-    Capability.SLIP_END,
-}
+CAPABILITIES = (
+    frozenset(Capability)
+    - EXTRAS
+    - {
+        Capability.AREA_CONTACT,
+        Capability.CONTACT_DAMPING,
+        Capability.GLOBAL_DAMPING_LAGGED,
+        Capability.LEVER_ARM_TORQUE,
+        Capability.SLIP_END,
+    }
+)
 
 NOTE_PRELOAD = "the preload of regularising springs is undone: rigid contacts find their forces anew in each step"
 NOTE_DAMPING = "global damping acts on the displacement of the step, dx/dt"
@@ -64,7 +67,7 @@ class CdEngine:
             notes.append(NOTE_PRELOAD)
         if scene.xi > 0.0 and numerics.regime == "dynamic":
             notes.append(NOTE_DAMPING)
-        if any(not law.regularised for law in _laws(scene)) and numerics.regime == "dynamic":
+        if any(not law.regularised for law in scene.laws_in_use) and numerics.regime == "dynamic":
             notes.append(NOTE_ELASTIC)
         notes += wedging_corners(scene, numerics)
         missing = rigid_needs(scene, numerics) - CAPABILITIES
@@ -76,7 +79,7 @@ class CdEngine:
             return Support(SupportLevel.NO, tuple(sorted(missing)), tuple(notes))
         if numerics.impact == "theta":
             scheme = (1.0 - numerics.theta) / numerics.theta
-            asked = {law.restitution for law in _laws(scene) if law.regularised and law.restitution is not None}
+            asked = {law.restitution for law in scene.laws_in_use if law.regularised and law.restitution is not None}
             if any(abs(scheme - e) > 1e-12 for e in asked):
                 told = ", ".join(f"{e:g}" for e in sorted(asked))
                 notes.append(f"restitution of the theta scheme: (1 - theta)/theta = {scheme:g}; the scene says {told}")
@@ -108,10 +111,6 @@ class CdEngine:
             "remarks": "; ".join(session.remarks),
         }
         return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings)
-
-
-def _laws(scene: Scene) -> list[ContactLaw]:
-    return [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
 
 
 ENGINE = CdEngine()

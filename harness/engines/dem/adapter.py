@@ -8,10 +8,10 @@ import ninedisk
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import Capability, capabilities_needed
+from ninedisk.harness.api.capabilities import EXTRAS, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, timings_of
 
-LACKS = frozenset({Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC})
+LACKS = EXTRAS | {Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC}
 
 
 class DemEngine:
@@ -42,8 +42,7 @@ class DemEngine:
         missing = capabilities_needed(scene, numerics) & LACKS
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
-        laws = [wall.law for wall in scene.walls] + ([scene.disk_disk] if len(scene.disks) > 1 else [])
-        if any(law.regularised for law in laws):
+        if any(law.regularised for law in scene.laws_in_use):
             return Support(
                 SupportLevel.APPROXIMATE, notes=("rigid contacts are replaced by springs kn, ks and a dashpot",)
             )

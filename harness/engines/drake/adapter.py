@@ -18,7 +18,6 @@ from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, Support, SupportLevel
-from ninedisk.harness.api.support import laws_in_use
 from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.plane import OF_SLIP, no_contact_can_slip
 
@@ -100,7 +99,7 @@ class DrakeEngine(PackageEngine):
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """Linear springs without dashpots, in scenes whose contacts do not slip."""
         need = set(capabilities_needed(scene, numerics))
-        laws = laws_in_use(scene)
+        laws = scene.laws_in_use
         if any(law.beta > 0.0 for law in laws):
             need.add(Capability.CONTACT_DAMPING)
         if any(law.mu > 0.0 for law in laws):

@@ -12,7 +12,6 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.support import laws_in_use
 from ninedisk.harness.api.wall_path import moving_until
 from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS, OPTIONS, shares_in_series
 from ninedisk.harness.engines.drake.world import ENGINE_VERSION, DrakeWorld, Surfaces
@@ -161,7 +160,7 @@ def stiffness_shares(scene: Scene) -> tuple[float, list[float]]:
 
 def fastest(scene: Scene) -> float:
     """Highest angular frequency [rad/s] of two disks on the stiffest contact."""
-    kn = max((law.kn for law in laws_in_use(scene)), default=0.0)
+    kn = max((law.kn for law in scene.laws_in_use), default=0.0)
     return math.sqrt(2.0 * kn / float(scene.disks.mass.min())) if len(scene.disks) else 0.0
 
 

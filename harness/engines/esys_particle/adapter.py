@@ -11,7 +11,6 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.api.support import laws_in_use
 from ninedisk.harness.engines.plane import OF_SLIP, no_contact_can_slip, wall_reach
 from ninedisk.harness.engines.process import clean_environment, system_python, system_version, without_mpi
 from ninedisk.harness.engines.spring import Fit, SpringEngine
@@ -98,7 +97,7 @@ class EsysParticle(SpringEngine):
 
     def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """EXACT for smooth elastic contacts, and for disks whose friction symmetry keeps from acting."""
-        laws = laws_in_use(scene)
+        laws = scene.laws_in_use
         if capabilities_needed(scene, numerics) & NEEDLESS and no_contact_can_slip(scene):
             fit.missing -= NEEDLESS
             fit.notes.append(NOTE_SLIP)

@@ -10,7 +10,6 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.api.support import laws_in_use
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
 from ninedisk.harness.engines.process import package_version
 from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, rough, turns
@@ -113,7 +112,7 @@ class Kratos(SpringEngine):
         if any(turns(wall.motion) for wall in rough_walls):
             fit.notes += [NOTE_WALL_VELOCITY, NOTE_TURNING]
             fit.approximate = True
-        damped = [law for law in laws_in_use(scene) if law.beta > 0.0]
+        damped = [law for law in scene.laws_in_use if law.beta > 0.0]
         if any(wall.law.beta > 0.0 for wall in scene.walls) or any(rough(law) for law in damped):
             fit.lacks(Capability.CONTACT_DAMPING, NOTE_NO_DASHPOT)
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall, WallSegment
-from ninedisk.harness.api.capabilities import GRAINS, Capability
+from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, Capability
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.api.support import contact_steps, laws_in_use
+from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.engines.plane import contact_frame
 from ninedisk.harness.engines.process import package_version
 from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, rough, turns
@@ -24,6 +24,7 @@ MPI = "libmpi.so.12"
 CAPABILITIES = (
     frozenset(Capability)
     - GRAINS
+    - EXTRAS
     - {
         Capability.RESTITUTION,
         Capability.LEVER_ARM_OVERLAP,
@@ -104,7 +105,7 @@ class Lammps(SpringEngine):
 
     def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """Lever arms by pair style, walls' velocities as means over the step, uniform disks, preloads that velocities can make."""
-        disks, laws = scene.disks, laws_in_use(scene)
+        disks, laws = scene.disks, scene.laws_in_use
         pairs, walls = len(disks) > 1 and rough(scene.disk_disk), [wall for wall in scene.walls if rough(wall.law)]
         fit.near |= fit.missing & ARMS
         fit.missing -= ARMS

@@ -12,9 +12,8 @@ from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import GRAINS, Capability
+from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, Capability
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.api.support import laws_in_use
 from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, turns
 from ninedisk.harness.run.warden import owned
 
@@ -22,6 +21,7 @@ _FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "DISPLAY
 CAPABILITIES = (
     frozenset(Capability)
     - GRAINS
+    - EXTRAS
     - {
         Capability.RESTITUTION,
         Capability.LEVER_ARM_RADIUS,
@@ -122,7 +122,7 @@ class Yade(SpringEngine):
         fit.missing -= ARMS
         turning = [wall.law for wall in scene.walls if wall.law.mu > 0.0 and turns(wall.motion)]
         fit.approximate = any(law.wall_velocity_at != "mid-overlap" for law in turning)
-        if any(law.mu > 0.0 for law in laws_in_use(scene)):
+        if any(law.mu > 0.0 for law in scene.laws_in_use):
             fit.notes += [NOTE_ARM, NOTE_ROTATION, *([NOTE_WALL] if turning else [])]
 
 

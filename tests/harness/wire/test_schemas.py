@@ -15,10 +15,10 @@ from jsonschema import Draft202012Validator
 
 from ninedisk.core.errors import CoreError
 from ninedisk.core.history import History
-from ninedisk.core.law import CONTACTS, LEVER_ARMS, SLIP_AT, WALL_VELOCITY_AT, ContactLaw
+from ninedisk.core.law import CONTACTS, LEVER_ARMS, ROLLING_MODELS, SLIP_AT, WALL_VELOCITY_AT, ContactLaw
 from ninedisk.core.numerics import DampingForm, Impact, Numerics, Regime, Sliding
 from ninedisk.core.options import Option
-from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
+from ninedisk.core.scene import BodyForce, Cell, Disks, Rolling, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS as ARMS_OF_LAWS
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Difference, EngineError, EngineInfo
@@ -43,7 +43,8 @@ from ninedisk.harness.wire.schemas import NAMES, fault, schema_text, validator, 
 SCHEMAS = {name: json.loads(schema_text(name)) for name in NAMES}
 SCENE = SCHEMAS["scene"]["$defs"]
 REQUEST_JUNK: tuple[Any, ...] = (None, True, -1, -0.5, 0, "x", [], {}, [[1.0]])
-LEFT_OUT = {"cpu", "outlines", "outline", "angle", "contact", "slip_at"}
+LEFT_OUT = {"cpu", "outlines", "outline", "angle", "contact", "slip_at", "material", "laws", "forces", "cell"}
+LEFT_OUT |= {"rolling", "cohesion", "adhesion", "energy_budget", "stress"}
 """Keys that scenes leave out where they have their default value."""
 JUNK: tuple[Any, ...] = (*REQUEST_JUNK, float("inf"), 2**70)
 TOGETHER = "it must have shape|one for|m behind wall|the first body is a disk|zero normal|that the numerics ask for"
@@ -72,6 +73,9 @@ def test_keys_are_the_fields_of_the_dataclasses() -> None:
     assert keys(SCENE["law"]) == names(ContactLaw)
     assert keys(SCENE["wall"]) == names(Wall)
     assert keys(SCENE["segment"]) == names(WallSegment)
+    assert keys(SCENE["force"]) == names(BodyForce)
+    assert keys(SCHEMAS["scene"]["properties"]["cell"]) == names(Cell)
+    assert keys(SCENE["law"]["properties"]["rolling"]) == names(Rolling)
     assert keys(SCHEMAS["numerics"]) == names(Numerics)
     assert keys(SCHEMAS["request"]) == names(Request) | {"wire_version", "sampled_steps"}
     # Pairs are the request's, and outside engines report every disk.
@@ -87,6 +91,7 @@ def test_choices_are_those_of_the_code() -> None:
     assert law["wall_velocity_at"]["enum"] == list(WALL_VELOCITY_AT)
     assert law["slip_at"]["enum"] == list(SLIP_AT)
     assert law["contact"]["enum"] == list(CONTACTS)
+    assert law["rolling"]["properties"]["model"]["enum"] == list(ROLLING_MODELS)
     literals = {"damping_form": DampingForm, "impact": Impact, "sliding": Sliding, "regime": Regime}
     for name, literal in literals.items():
         assert numerics[name]["enum"] == list(get_args(literal))
