@@ -293,11 +293,15 @@ Allowed = float | str | bool | None
 
 @dataclass(frozen=True)
 class Plotted:
-    """A quantity of a figure: its name in the records, axis label and the number of its figure in the source."""
+    """A quantity of a figure: its name in the records, axis label and the number of its figure in the source.
+
+    ``at`` is its place on the horizontal axis of ``places``: a number in digits, or the name of a quantity of the same cell.
+    """
 
     name: str
     label: str
     number: str = ""
+    at: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -308,9 +312,9 @@ class Figure:
     ----------
     number, title : str
         Figure number in the source ("" for a figure of our own) and heading.
-    kind : {"history", "configuration", "values", "setup"}
-        Histories; the stored configurations; a number over the step size, held against ``levels``; or the sketch of the
-        set-up, of which only the number counts.
+    kind : {"history", "configuration", "values", "places", "setup"}
+        Histories; the stored configurations; a number over the step size, held against ``levels``; numbers of all variants over
+        their places (`Plotted.at`), a picture an engine; or the sketch of the set-up, of which only the number counts.
     quantities : tuple of Plotted
         Panels; empty means every series quantity of the variants.
     where : mapping from parameter to allowed values
@@ -324,19 +328,22 @@ class Figure:
         Show the last so many steps, counted from their beginning.
     levels : tuple of (str, float)
         Names and values of the horizontal lines of ``values``.
+    at_label : str
+        Of the horizontal axis of ``places``.
     shows, allows : str
         What is to be seen, and which conclusion it allows.
     """
 
     number: str = ""
     title: str = ""
-    kind: Literal["history", "configuration", "values", "setup"] = "history"
+    kind: Literal["history", "configuration", "values", "places", "setup"] = "history"
     quantities: tuple[Plotted, ...] = ()
     where: Mapping[str, tuple[Allowed, ...]] = field(default_factory=dict)
     compare: str = ""
     x: Literal["cycle", "time"] = "time"
     last: int | None = None
     levels: tuple[tuple[str, float], ...] = ()
+    at_label: str = ""
     shows: str = ""
     allows: str = ""
 
