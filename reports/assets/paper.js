@@ -64,7 +64,8 @@
         for (const [a, b] of spots) parts.push(`<path d="${s.shape}" fill="${s.colour}" transform="translate(${short(a - 16 * size)} ${short(b - 5 * size)}) scale(${size})"/>`);
       });
       parts.push("</g>");
-      if (chart.lines) for (const { y, text: words, colour } of endsOf(u, u.shown)) text(left + wide + 4, y - above + top + 3.5, words, colour ? `fill="${colour}"` : "");
+      if (chart.spec.bare) { /* the legend tells */ }
+      else if (chart.lines) for (const { y, text: words, colour } of endsOf(u, u.shown)) text(left + wide + 4, y - above + top + 3.5, words, colour ? `fill="${colour}"` : "");
       else for (const { text: words, x: at, y, left: before } of nameSpots(u, u.shown, words => 5.6 * words.length)) text(left + at, top + y + 3.5, words, before ? `text-anchor="end"` : "");
       const guides = u.shown.filter(s => s.guide && s.name), end = s => s.heights[s.heights.length - 1], least = Math.min(...guides.map(end));
       for (const s of guides) text(px(s.x[s.x.length - 1]), py(end(s)) + (end(s) === least ? 11 : -3), s.name, `text-anchor="end" fill="${SOFT}"`);

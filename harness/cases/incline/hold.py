@@ -70,10 +70,14 @@ class HoldAndCreep:
         Figure(
             kind="places",
             title="Creep rate about the angle of friction",
-            quantities=tuple(Plotted(f"speed_{ratio:g}", "speed down the slope", at=f"{ratio:g}") for ratio in RATIOS),
+            quantities=tuple(
+                Plotted(f"speed_{ratio:g}", "creep rate, speed [m/s]", at=f"{ratio:g}") for ratio in RATIOS
+            ),
             at_label="tan(angle)/mu",
+            log="y",
+            apart=True,
             shows="Mean speed of each block over the second half of the run, by its slope; a picture an engine, a line a load and "
-            "friction, the engine that creeps fastest first.",
+            "friction, the engine that is farthest from Coulomb first.",
             allows="Left of 1 Coulomb's blocks rest: what is above round-off there is creep, and the load should not matter. Right of 1 "
             "they slide, as fast as the dashed truth says.",
         ),
@@ -266,7 +270,7 @@ def _checks(params: Mapping[str, Any], setup: Setup, observed: Observed, engine:
 
 
 class Limits(NamedTuple):
-    """Of one block: how fast it may creep and how far its speed may be off where it slides [m/s], how far the force leaves the cone, why."""
+    """Of one block: creep and, where it slides, error of the speed [m/s], how far the force leaves the cone, and why."""
 
     creep: float
     slide: float
@@ -278,10 +282,10 @@ def _limits(params: Mapping[str, Any], setup: Setup, observed: Observed, engine:
     """By the bounds of `ninedisk.harness.cases.incline.block`, which hold for one block on one slope.
 
     Positions of first-order schemes are those of half a step before or after, at either end of the second half. A soft contact creeps
-    steadily, as `slack_time` says, where friction is linear in the slip, r = s of the limit; where it is ``s/sqrt(1 + s^2)`` of the limit,
-    as in lagged models, ``r/sqrt(1 - r^2)`` in place of r. Spring contacts that slide start below the limit by `BELOW`: for all of
-    the run, at worst. A block that lifts and lands keeps ``vx + mu vy = a t`` while it slides: its mean speed is off by mu times its rise over
-    the time.
+    steadily, as `slack_time` says, where friction is linear in the slip, r = s of the limit; where it is ``s/sqrt(1 + s^2)`` of the
+    limit, as in lagged models, ``r/sqrt(1 - r^2)`` in place of r. Spring contacts that slide start below the limit by `BELOW`: for all
+    of the run, at worst. A block that lifts and lands keeps ``vx + mu vy = a t`` while it slides: its mean speed is off by mu times
+    its rise over the time.
     """
     angle = math.atan(params["mu"] * ratio)
     block = {**params, "angle_deg": math.degrees(angle), "preload": True}
