@@ -26,6 +26,7 @@ BUILTIN_CASES: dict[str, str] = {
     "nine-disk/distortion": "ninedisk.harness.cases.nine_disk.distortion:CASE",
     "binary-collision": "ninedisk.harness.cases.impact.binary:CASE",
     "incline-block": "ninedisk.harness.cases.incline.block:CASE",
+    "friction/hold": "ninedisk.harness.cases.incline.hold:CASE",
     "sliding/quasistatic": "ninedisk.harness.cases.sliding.quasistatic:CASE",
     "sliding/dynamic": "ninedisk.harness.cases.sliding.dynamic:CASE",
     "slip-to-roll": "ninedisk.harness.cases.rolling.slip_to_roll:CASE",

@@ -67,7 +67,8 @@
         if (s.tolerance > 0 && u.series[index + 1].show) parts.push(`<path d="M${short(left + 0.94 * wide)} ${short(py(s.tolerance))}h${short(0.06 * wide)}" stroke="${s.colour}" stroke-width="2"/>`);
       }
       parts.push("</g>");
-      if (chart.lines) for (const { y, text: words, colour } of endsOf(u, u.shown)) text(left + wide + 4, y - above + top + 3.5, words, colour ? `fill="${colour}"` : "");
+      if (chart.spec.bare) { /* the legend tells */ }
+      else if (chart.lines) for (const { y, text: words, colour } of endsOf(u, u.shown)) text(left + wide + 4, y - above + top + 3.5, words, colour ? `fill="${colour}"` : "");
       else for (const { text: words, x: at, y, left: before } of nameSpots(u, u.shown, words => 5.6 * words.length)) text(left + at, top + y + 3.5, words, before ? `text-anchor="end"` : "");
       const guides = u.shown.filter(s => s.guide && s.name), end = s => s.heights[s.heights.length - 1], least = Math.min(...guides.map(end));
       for (const s of guides) text(px(s.x[s.x.length - 1]), py(end(s)) + (end(s) === least ? 11 : -3), s.name, `text-anchor="end" fill="${SOFT}"`);
