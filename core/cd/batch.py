@@ -86,7 +86,7 @@ class StepBatches:
         theta: float,
         gains: FloatArray,
     ) -> None:
-        n, m = len(radius), len(laws.kn) - 1
+        n, m = len(radius), len(motion.first) - 1
         self._laws, self._motion, self._finder, self._n, self._gains = laws, motion, finder, n, gains
         self._scheme = Scheme(
             dt=dt,
@@ -194,13 +194,13 @@ class StepBatches:
             x=x.copy(),
             wall=wall.copy(),
             reach=reach,
-            frames=empty_frames(pairs, self._n),
+            frames=empty_frames(pairs, self._n, self._laws),
             closing=np.empty(c),
             inside=np.zeros(c, dtype=np.bool_),
             shear=np.empty(c),
             force=np.empty((c, 2)),
         )
-        frames = empty_frames(pairs.copy(), self._n)
+        frames = empty_frames(pairs.copy(), self._n, self._laws)
         self._chosen = Chosen(
             frames=frames,
             contacts=Contacts(frames.bodies, frames.normal, frames.arms, mu=np.empty(c), compliance=np.empty((c, 2))),

@@ -36,7 +36,7 @@ FED = 100.0
 
 
 class Laws(NamedTuple):
-    """Columns of `ninedisk.core.cd.laws.LawTable`, shape (1 + m,) each."""
+    """Columns of `ninedisk.core.cd.laws.LawTable`, shape (l,) each."""
 
     kn: Floats
     ks: Floats

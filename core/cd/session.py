@@ -79,7 +79,7 @@ ENERGIES = (
     "impact_gain",
 )
 
-LACKS = ("materials", "forces on disks", "a periodic cell", "cohesion", "adhesion", "rolling resistance")
+LACKS = ("forces on disks", "a periodic cell", "cohesion", "adhesion", "rolling resistance")
 """What scenes may ask for and contact dynamics lacks (`check_run`)."""
 
 
@@ -341,8 +341,7 @@ class CdSession:
 
     def _own_step(self) -> tuple[float, int]:
         numerics = self.numerics
-        used = self._laws.elastic[0 if len(self.scene.disks) > 1 else 1 :]
-        if numerics.contact_dt is None or not used.all():
+        if numerics.contact_dt is None or not self._laws.elastic[self._laws.used].all():
             return numerics.dt, 1
         return numerics.contact_dt, numerics.substeps(numerics.contact_dt)
 
@@ -428,8 +427,7 @@ class Recorder:
         self._scene, self._laws, self._chosen, self._grains = scene, laws, chosen, grains
         steps = numerics.sampled_steps()
         self._at = {int(step): row for row, step in enumerate(steps)}
-        used = laws.elastic if len(scene.disks) > 1 else laws.elastic[1:]
-        self.elastic = bool(used.all())
+        self.elastic = bool(laws.elastic[laws.used].all())
         history = History.empty(
             steps,
             np.multiply(steps, numerics.dt, dtype=np.float64),
@@ -515,7 +513,7 @@ class Recorder:
         self, row: int, x: FloatArray, v: FloatArray, memory: ContactMemory, wall_work: float, impact_gain: float
     ) -> None:
         disks, laws, energy = self._scene.disks, self._laws, self.history.energy
-        of = np.where(memory.pairs[:, 1] >= len(x), memory.pairs[:, 1] - len(x) + 1, 0)
+        of = laws.rows(memory.pairs)
         soft = laws.elastic[of]
         p, q = memory.forces[soft].T
         kn, ks = laws.kn[of[soft]], laws.ks[of[soft]]
