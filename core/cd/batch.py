@@ -26,7 +26,7 @@ from ninedisk.core.cd.batch_kernels import (
     State,
     take_steps,
 )
-from ninedisk.core.cd.contact_kernels import Bodies, Start
+from ninedisk.core.cd.contact_kernels import Bodies, Loads, Start
 from ninedisk.core.cd.contacts import ContactMemory, empty_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem_kernels import SUMS, Contacts
@@ -52,6 +52,7 @@ class StepBatches:
     Parameters
     ----------
     bodies : Bodies
+    loads : Loads
     laws : LawTable
     motion : WallMotion
     radius : ndarray, shape (n,)
@@ -77,6 +78,7 @@ class StepBatches:
     def __init__(
         self,
         bodies: Bodies,
+        loads: Loads,
         laws: LawTable,
         motion: WallMotion,
         radius: FloatArray,
@@ -102,6 +104,7 @@ class StepBatches:
             smallest=float(radius.min()),
             radius=radius,
             bodies=bodies,
+            loads=loads,
             inverse_mass=1.0 / dynamic_mass(bodies, dt, theta),
             dilation=laws.mu if solver.sliding == "associated" else np.zeros_like(laws.mu),
         )

@@ -22,6 +22,7 @@ from ninedisk.core.cd.contact_kernels import (
     Bodies,
     Frames,
     Laws,
+    Loads,
     Start,
     carry_shear,
     closing_gaps,
@@ -29,6 +30,7 @@ from ninedisk.core.cd.contact_kernels import (
     gap_round_off,
     measure_frames,
     note_impact_work,
+    place_loads,
     start_step,
     step_displacements,
     surface_displacement,
@@ -100,6 +102,7 @@ class Scheme(NamedTuple):
     smallest: float
     radius: Floats
     bodies: Bodies
+    loads: Loads
     inverse_mass: Floats
     dilation: Floats
 
@@ -178,6 +181,8 @@ def take_steps(
     while counts[STEP] < last:
         t = (counts[STEP] + 1) * scheme.dt
         place_walls(motion, t, t, t, scratch.after)
+        if scheme.loads.disk.shape[0] > 0:
+            place_loads(scheme.loads, counts[STEP] * scheme.dt, t, False, scheme.bodies.load)
         why = _step(scheme, laws, state, near, chosen, scratch)
         if why != DONE:
             return why

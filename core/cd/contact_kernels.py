@@ -49,7 +49,7 @@ class Laws(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """What does not change from step to step; b disks.
+    """Data of b disks, of which nothing but the load changes from step to step.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Bodies(NamedTuple):
     free : ndarray of bool, shape (b, 3)
         False for unknowns whose motion is prescribed.
     load : ndarray, shape (b, 3)
-        External force [N], force [N], torque [N m].
+        External force [N], force [N], torque [N m], means over the step at hand (`place_loads`).
     xi : float
         Global damping [1/s].
     """
@@ -67,6 +67,18 @@ class Bodies(NamedTuple):
     free: NDArray[np.bool_]
     load: Floats
     xi: float
+
+
+class Loads(NamedTuple):
+    """External loads of b disks: ``steady`` (b, 3) beside k forces, each ``force`` (k, 3) on a ``disk`` (k,) from ``begin`` to ``end``
+    (k,), in [N], [N], [N m] and [s].
+    """
+
+    steady: Floats
+    disk: NDArray[np.int64]
+    force: Floats
+    begin: Floats
+    end: Floats
 
 
 class Start(NamedTuple):
@@ -253,6 +265,26 @@ def contact_compliances(row: NDArray[np.int64], laws: Laws, scale: float, out: F
             out[k, 0] = 1.0 / laws.kn[row[k]] / scale
             if laws.ks[row[k]] > 0.0:
                 out[k, 1] = 1.0 / laws.ks[row[k]] / scale
+
+
+@kernel
+def place_loads(loads: Loads, begin: float, end: float, static: bool, load: Floats) -> None:
+    """Fill ``load``, shape (b, 3), with the mean loads of the step from ``begin`` to ``end`` [s], or for ``static`` with those of its end.
+
+    The mean makes the impulse exact wherever in the step a force begins or ends. A load that begins or ends with a step, but for the
+    rounding of times, does so there: the static step up to the end of a load still has it.
+    """
+    instant = end - 1e-6 * (end - begin)
+    for k in range(loads.disk.shape[0]):
+        i = loads.disk[k]
+        for d in range(3):
+            load[i, d] = loads.steady[i, d]
+    for k in range(loads.disk.shape[0]):
+        share = max(0.0, min(end, loads.end[k]) - max(begin, loads.begin[k])) / (end - begin)
+        if static:
+            share = 1.0 if loads.begin[k] < instant < loads.end[k] else 0.0
+        for d in range(3):
+            load[loads.disk[k], d] += share * loads.force[k, d]
 
 
 @kernel

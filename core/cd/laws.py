@@ -97,7 +97,6 @@ class LawTable:
             self.kn, self.ks, self.mu, self.elastic, self.restitution, self.arm_overlap, self.wall_mid, self.slip_middle
         )
 
-
     def rows(self, pairs: IntArray) -> IntArray:
         """Row of the law of each pair, shape (c,), of body numbers, shape (c, 2)."""
         i, j = pairs.T

@@ -24,6 +24,7 @@ from ninedisk.core.cd.contact_kernels import (
     GAIN_TOTAL,
     MISSED,
     Frames,
+    place_loads,
     surface_displacement,
 )
 from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place
@@ -41,6 +42,7 @@ from ninedisk.core.cd.step import (
     bodies_of,
     carried_shear,
     initial_forces,
+    loads_of,
     solve_with_contacts,
     zero_energy_modes,
 )
@@ -79,7 +81,7 @@ ENERGIES = (
     "impact_gain",
 )
 
-LACKS = ("forces on disks", "a periodic cell", "cohesion", "adhesion", "rolling resistance")
+LACKS = ("a periodic cell", "cohesion", "adhesion", "rolling resistance")
 """What scenes may ask for and contact dynamics lacks (`check_run`)."""
 
 
@@ -130,7 +132,7 @@ class CdSession:
         disks, n = scene.disks, len(scene.disks)
         self._laws = LawTable(scene, numerics, self.settings.contacts)
         self.dt, self.substeps = self._own_step()
-        self._bodies = bodies_of(scene)
+        self._bodies, self._loads = bodies_of(scene), loads_of(scene)
         self._solver = ContactSolver(numerics.solver, self.settings.solver_options, numerics.sliding)
         self._finder = PairFinder(disks.radius, len(scene.walls), disks.fixed)
         self._motion = compile_motion(scene.walls)
@@ -255,6 +257,7 @@ class CdSession:
         after = wall_poses(self._motion, step * dt)
         place = self._place(after)
         static = self.numerics.regime == "quasi-static"
+        place_loads(self._loads, (step - 1) * dt, step * dt, static, self._bodies.load)
         self._step = self._static_step(place) if static else self._dynamic_step(place)
         margin = NEAR * float(radius.min()) if static else 0.0
         start = None if self._batches is None else self._batches.start
@@ -322,7 +325,16 @@ class CdSession:
             return None
         radius, theta = self.scene.disks.radius, self.numerics.theta
         return StepBatches(
-            self._bodies, self._laws, self._motion, radius, self._finder, self._solver, self.dt, theta, self._gains
+            self._bodies,
+            self._loads,
+            self._laws,
+            self._motion,
+            radius,
+            self._finder,
+            self._solver,
+            self.dt,
+            theta,
+            self._gains,
         )
 
     def _static_step(self, place: Place) -> StaticStep:

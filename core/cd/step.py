@@ -18,6 +18,7 @@ from ninedisk.core.cd.contact_kernels import (
     NEARBY,
     Bodies,
     Frames,
+    Loads,
     Start,
     carry_shear,
     closing_gaps,
@@ -64,12 +65,24 @@ class Step(Protocol):
 
 
 def bodies_of(scene: Scene) -> Bodies:
-    """The constant data of a scene's disks."""
+    """The data of a scene's disks, with the load of gravity."""
     disks = scene.disks
     mass = np.column_stack([disks.mass, disks.mass, disks.inertia])
     free = np.column_stack([~disks.held, disks.rotating])
     load = np.column_stack([disks.mass * scene.gravity[0], disks.mass * scene.gravity[1], np.zeros(len(disks))])
     return Bodies(mass, free, load, scene.xi)
+
+
+def loads_of(scene: Scene) -> Loads:
+    """A scene's gravity and its forces on single disks."""
+    forces = scene.forces
+    return Loads(
+        steady=bodies_of(scene).load,
+        disk=np.array([force.disk for force in forces], dtype=np.int64),
+        force=np.array([(*force.force, force.torque) for force in forces]).reshape(len(forces), 3),
+        begin=np.array([force.begin for force in forces]),
+        end=np.array([force.end for force in forces]),
+    )
 
 
 def relative(frames: Frames, motion: FloatArray) -> FloatArray:
