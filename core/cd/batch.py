@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -112,7 +114,7 @@ class StepBatches:
         start = Start(force, kept, prescribed)
         self._scratch = Scratch(np.empty((m, 11)), start, v, dx, np.empty(SUMS), np.empty(6))
         self._counts, self._totals = np.zeros(6, dtype=np.int64), np.zeros(5)
-        self._pairs, self._forces, self._shear = np.empty((0, 2), dtype=np.int64), np.empty((0, 2)), np.empty(0)
+        self._make_room(0)
         self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), np.full(2, -np.inf))
         self._rest, self._resting = 1, 0
         self.iterations, self.worst = 0, (0.0, 0.0)
@@ -152,7 +154,7 @@ class StepBatches:
         listed_at = -1
         while True:
             target = min(last, done + max(1, PAIR_STEPS // (len(self._near.frames.pairs) + 1)))
-            state = State(x, v, wall, self._pairs, self._forces, self._shear, counts, totals, self._gains)
+            state = State(x, v, wall, self._pairs, self._forces, self._spring, self._shear, counts, totals, self._gains)
             laws, motion = self._laws.arrays, self._motion
             why = take_steps(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
             if why == MORE:
@@ -173,8 +175,8 @@ class StepBatches:
         self.iterations += int(counts[ITERATIONS])
         self.worst = (float(totals[WORST_MAP]), float(totals[WORST_GAP]))
         held = int(counts[HELD])
-        forces, shear = self._forces[:held].copy(), self._shear[:held].copy()
-        found = memory.renewed(self._pairs[:held].copy(), forces, np.zeros((held, 2)), shear)
+        pairs, forces, spring, shear = (some[:held].copy() for some in self._kept())
+        found = memory.renewed(pairs, forces, np.zeros((held, 2)), shear, spring)
         return reached, found, float(totals[WORK])
 
     def _remember(self, memory: ContactMemory) -> None:
@@ -182,7 +184,8 @@ class StepBatches:
         held = len(memory.pairs)
         if held > len(self._pairs):
             self._make_room(held)
-        self._pairs[:held], self._forces[:held], self._shear[:held] = memory.pairs, memory.forces, memory.shear
+        for mine, other in zip(self._kept(), (memory.pairs, memory.forces, memory.spring, memory.shear), strict=True):
+            mine[:held] = other
         self._counts[HELD] = held
 
     def _list(self, x: FloatArray, wall: FloatArray, needed: FloatArray) -> None:
@@ -215,10 +218,15 @@ class StepBatches:
             r=np.empty((c, 2)),
         )
         if c > len(self._pairs):
-            held = len(self._pairs)
-            kept = (self._pairs, self._forces, self._shear)
+            held, kept = len(self._pairs), self._kept()
             self._make_room(c)
-            self._pairs[:held], self._forces[:held], self._shear[:held] = kept
+            for mine, other in zip(self._kept(), kept, strict=True):
+                mine[:held] = other
 
     def _make_room(self, c: int) -> None:
-        self._pairs, self._forces, self._shear = np.empty((c, 2), dtype=np.int64), np.empty((c, 2)), np.empty(c)
+        self._pairs, self._forces = np.empty((c, 2), dtype=np.int64), np.empty((c, 2))
+        self._spring, self._shear = np.empty(c), np.empty(c)
+
+    def _kept(self) -> tuple[NDArray[Any], ...]:
+        """What the next step needs of the last one, by pair."""
+        return self._pairs, self._forces, self._spring, self._shear

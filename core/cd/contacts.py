@@ -290,6 +290,8 @@ class ContactMemory:
         Places on both outlines, 0 on disks and walls.
     shear : ndarray, shape (c,), optional
         Shear forces with which the next step begins [N]; None: those of the last one.
+    spring : ndarray, shape (c,), optional
+        Forces of the normal springs, without dashpots [N]; None: the normal forces.
 
     Attributes
     ----------
@@ -298,11 +300,18 @@ class ContactMemory:
     """
 
     def __init__(
-        self, n_bodies: int, pairs: IntArray, forces: FloatArray, places: FloatArray, shear: FloatArray | None = None
+        self,
+        n_bodies: int,
+        pairs: IntArray,
+        forces: FloatArray,
+        places: FloatArray,
+        shear: FloatArray | None = None,
+        spring: FloatArray | None = None,
     ) -> None:
         self._n = n_bodies
         self.pairs, self.forces, self.places = pairs, forces, places
         self.shear = forces[:, 1] if shear is None else shear
+        self.spring = forces[:, 0] if spring is None else spring
         self.keys = self.keys_of(pairs)
 
     def keys_of(self, pairs: IntArray) -> IntArray:
@@ -330,10 +339,15 @@ class ContactMemory:
         return np.isin(self.keys_of(pairs), self.keys_of(others))
 
     def renewed(
-        self, pairs: IntArray, forces: FloatArray, places: FloatArray, shear: FloatArray | None = None
+        self,
+        pairs: IntArray,
+        forces: FloatArray,
+        places: FloatArray,
+        shear: FloatArray | None = None,
+        spring: FloatArray | None = None,
     ) -> ContactMemory:
         """Memory of the next step."""
-        return ContactMemory(self._n, pairs, forces, places, shear)
+        return ContactMemory(self._n, pairs, forces, places, shear, spring)
 
     def springs(self) -> ContactMemory:
         """The same with the shear forces with which the next step begins."""

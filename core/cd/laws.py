@@ -34,6 +34,8 @@ class LawTable:
         Stiffness [N/m].
     mu : ndarray, shape (l,)
         Friction coefficient; 0 where an elastic contact has no shear stiffness and thus carries no shear force.
+    beta : ndarray, shape (l,)
+        Damping ratio of the dashpots; 0 where the contact is rigid.
     elastic, used : ndarray of bool, shape (l,)
         Which are elastic; which are those of `Scene.laws_in_use`.
     restitution : ndarray, shape (l,)
@@ -50,8 +52,8 @@ class LawTable:
     Raises
     ------
     InvalidSceneError
-        If a rigid contact is to obey Newton's law but its restitution is not given, or an elastic one has a dashpot or another
-        lever arm for the torque than for the slip; or if a law is that of the common area.
+        If a rigid contact is to obey Newton's law but its restitution is not given, or an elastic one has another lever
+        arm for the torque than for the slip; or if a law is that of the common area.
     """
 
     def __init__(self, scene: Scene, numerics: Numerics, contacts: ContactKind) -> None:
@@ -64,6 +66,7 @@ class LawTable:
         self.kn = np.array([law.kn for law in laws])
         self.ks = np.array([law.ks for law in laws])
         self.mu = np.array([law.mu for law in laws])
+        self.beta = np.where(self.elastic, [law.beta for law in laws], 0.0)
         self.mu[self.elastic & (self.ks == 0.0)] = 0.0
         self.arm_overlap = np.array([float(law.lever_arm == "overlap") for law in laws])
         self.wall_mid = np.array([float(law.wall_velocity_at == "mid-overlap") for law in laws])
@@ -74,11 +77,6 @@ class LawTable:
                 raise InvalidSceneError(
                     f"the law of {names[k]} has contact = 'area', which contact dynamics does not have: use 'chord', or the DEM "
                     "(method = 'dem')"
-                )
-            if self.elastic[k] and law.beta > 0.0 and used[k]:
-                raise InvalidSceneError(
-                    f"the law of {names[k]} has a dashpot (beta = {law.beta:g}), which contact dynamics does not have: use "
-                    "beta = 0, or make the contact rigid with a restitution (cd.contacts = rigid)"
                 )
             if law.lever_arm == "torque-overlap" and self.elastic[k] and self.mu[k] > 0.0 and used[k]:
                 raise InvalidSceneError(
@@ -94,7 +92,15 @@ class LawTable:
                 self.restitution[k] = law.restitution
         self.newton = bool(np.isfinite(self.restitution).any())
         self.arrays = Laws(
-            self.kn, self.ks, self.mu, self.elastic, self.restitution, self.arm_overlap, self.wall_mid, self.slip_middle
+            self.kn,
+            self.ks,
+            self.mu,
+            self.beta,
+            self.elastic,
+            self.restitution,
+            self.arm_overlap,
+            self.wall_mid,
+            self.slip_middle,
         )
 
     def rows(self, pairs: IntArray) -> IntArray:

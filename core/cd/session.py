@@ -40,7 +40,7 @@ from ninedisk.core.cd.step import (
     StaticStep,
     Step,
     bodies_of,
-    carried_shear,
+    carried_springs,
     initial_forces,
     loads_of,
     solve_with_contacts,
@@ -148,7 +148,9 @@ class CdSession:
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
         self._grains = self._grain_frames()
-        self._memory = initial_forces(scene, self._laws, self._finder, self._place(self._wall), self._grains)
+        seen = 0.0 if numerics.regime == "quasi-static" else self._bodies.inverse
+        place = self._place(self._wall)
+        self._memory = initial_forces(scene, self._laws, self._finder, place, self._grains, seen * np.ones(n))
         self._batches = self._batches_if_dynamic()
         self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen, self._grains)
         self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0, 0.0)
@@ -281,10 +283,11 @@ class CdSession:
             )
         self._check_walls(self._x + solved.dx, after, step)
         self._wall_work += self._work_of_walls(frames, solved)
-        shear = carried_shear(frames, place, solved, self._laws)
+        rate = np.inf if static else dt  # the static limit has no rates
+        spring, shear = carried_springs(frames, place, solved, self._laws, self._bodies, rate)
         self._x = self._x + solved.dx
         self._v = solved.dx / dt if static else solved.v
-        self._memory = self._memory.renewed(frames.pairs, solved.r, frames.place, shear)
+        self._memory = self._memory.renewed(frames.pairs, solved.r, frames.place, shear, spring)
         self._wall = after
         self._frames = frames
 
@@ -527,7 +530,7 @@ class Recorder:
         disks, laws, energy = self._scene.disks, self._laws, self.history.energy
         of = laws.rows(memory.pairs)
         soft = laws.elastic[of]
-        p, q = memory.forces[soft].T
+        p, q = memory.spring[soft], memory.forces[soft, 1]
         kn, ks = laws.kn[of[soft]], laws.ks[of[soft]]
         shear = np.divide(q * q, ks, out=np.zeros_like(q), where=ks > 0.0)
         values = {
