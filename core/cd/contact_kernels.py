@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem_kernels import contact_velocity
 from ninedisk.core.compile import inline_kernel, kernel
+from ninedisk.core.dem.force_kernels import dashpot
 
 Floats = NDArray[np.float64]
 
@@ -36,11 +37,12 @@ FED = 100.0
 
 
 class Laws(NamedTuple):
-    """Columns of `ninedisk.core.cd.laws.LawTable`, shape (1 + m,) each."""
+    """Columns of `ninedisk.core.cd.laws.LawTable`, shape (l,) each."""
 
     kn: Floats
     ks: Floats
     mu: Floats
+    beta: Floats
     elastic: NDArray[np.bool_]
     restitution: Floats
     arm_overlap: Floats
@@ -49,24 +51,39 @@ class Laws(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """What does not change from step to step; b disks.
+    """Data of b disks, of which nothing but the load changes from step to step.
 
     Attributes
     ----------
     mass : ndarray, shape (b, 3)
         Mass [kg], mass [kg], moment of inertia [kg m^2].
+    inverse : ndarray, shape (b,)
+        Inverse of the mass that dashpots see [1/kg]: 0 where neither component of the velocity is free.
     free : ndarray of bool, shape (b, 3)
         False for unknowns whose motion is prescribed.
     load : ndarray, shape (b, 3)
-        External force [N], force [N], torque [N m].
+        External force [N], force [N], torque [N m], means over the step at hand (`place_loads`).
     xi : float
         Global damping [1/s].
     """
 
     mass: Floats
+    inverse: Floats
     free: NDArray[np.bool_]
     load: Floats
     xi: float
+
+
+class Loads(NamedTuple):
+    """External loads of b disks: ``steady`` (b, 3) beside k forces, each ``force`` (k, 3) on a ``disk`` (k,) from ``begin`` to ``end``
+    (k,), in [N], [N], [N m] and [s].
+    """
+
+    steady: Floats
+    disk: NDArray[np.int64]
+    force: Floats
+    begin: Floats
+    end: Floats
 
 
 class Start(NamedTuple):
@@ -255,6 +272,34 @@ def contact_compliances(row: NDArray[np.int64], laws: Laws, scale: float, out: F
                 out[k, 1] = 1.0 / laws.ks[row[k]] / scale
 
 
+@inline_kernel
+def damping_of_step(k: int, frames: Frames, laws: Laws, inverse: Floats, dt: float) -> float:
+    """Stiffness ``c/dt`` [N/m] that the dashpot of contact ``k`` adds in a step of length ``dt``; ``inverse`` as in `Bodies`."""
+    law, i, j = frames.row[k], frames.bodies[k, 0], frames.bodies[k, 1]
+    other = inverse[j] if j >= 0 else 0.0
+    return dashpot(laws.kn[law], laws.beta[law], inverse[i] + other) / dt
+
+
+@kernel
+def place_loads(loads: Loads, begin: float, end: float, static: bool, load: Floats) -> None:
+    """Fill ``load``, shape (b, 3), with the mean loads of the step from ``begin`` to ``end`` [s], or for ``static`` with those of its end.
+
+    The mean makes the impulse exact wherever in the step a force begins or ends. A load that begins or ends with a step, but for the
+    rounding of times, does so there: the static step up to the end of a load still has it.
+    """
+    instant = end - 1e-6 * (end - begin)
+    for k in range(loads.disk.shape[0]):
+        i = loads.disk[k]
+        for d in range(3):
+            load[i, d] = loads.steady[i, d]
+    for k in range(loads.disk.shape[0]):
+        share = max(0.0, min(end, loads.end[k]) - max(begin, loads.begin[k])) / (end - begin)
+        if static:
+            share = 1.0 if loads.begin[k] < instant < loads.end[k] else 0.0
+        for d in range(3):
+            load[loads.disk[k], d] += share * loads.force[k, d]
+
+
 @kernel
 def start_step(bodies: Bodies, v: Floats, dt: float, theta: float, start: Start) -> None:
     """Fill ``start`` from the velocities ``v``, shape (b, 3), at the start of the step."""
@@ -295,6 +340,7 @@ def newton_offset(e: float, before: float) -> float:
 def dynamic_terms(
     frames: Frames,
     laws: Laws,
+    inverse: Floats,
     start: Start,
     dt: float,
     theta: float,
@@ -306,6 +352,11 @@ def dynamic_terms(
 
     A gap of rigid bodies within `MISSED` times the rounding of gaps is none: bodies at rest have more contacts than freedom, gaps that
     are round-off contradict each other, and divided by a small step they would be velocities that no force at rest allows.
+
+    A dashpot ``c`` acts in parallel with the spring by the mean rate of the step: with the overlaps ``d_0`` and ``d_1`` at its ends
+    ``p = kn d_1 + c (d_1 - d_0)/dt``, which is a spring of stiffness ``kn + c/dt`` whose overlap is less by ``d_0 (c/dt)/(kn + c/dt)``;
+    ``inverse`` are the inverse masses of `Bodies`. It never pulls: ``p >= 0`` is a condition of the problem, so that bodies part
+    where spring and dashpot cancel, before the overlap is gone, as in the DEM.
 
     Under Newton's law (restitution not NaN) walls count by their displacement over the step,
     held disks by their speed.
@@ -320,6 +371,11 @@ def dynamic_terms(
         if np.isnan(e):
             touching = not laws.elastic[row[k]] and abs(gap[k]) <= MISSED * round_off
             room = 0.0 if touching else gap[k]
+            if laws.beta[row[k]] > 0.0 and laws.elastic[row[k]]:
+                viscous = damping_of_step(k, frames, laws, inverse, dt)
+                stiff = laws.kn[row[k]] + viscous
+                compliance[k, 0] = 1.0 / stiff / (theta * dt)
+                room -= viscous / stiff * min(0.0, gap_before[k])
             offset[k, 0] = room / (theta * dt) + (held_n / theta + (1.0 - theta) / theta * kept_n)
             offset[k, 1] = shift[k] / (theta * dt) + (held_t / theta + (1.0 - theta) / theta * kept_t)
         else:
@@ -379,17 +435,24 @@ def note_impact_work(
 
 
 @kernel
-def carry_shear(
+def carry_springs(
     frames: Frames,
     x: Floats,
     before: Floats,
     after: Floats,
     dx: Floats,
     laws: Laws,
+    inverse: Floats,
+    dt: float,
     forces: Floats,
+    spring: Floats,
     shear: Floats,
 ) -> None:
-    """Shear forces with which the next step begins, shape (c,), from those of the step that was solved, (c, 2); x and dx are its own.
+    """What of the forces of the step that was solved, (c, 2), is the normal springs', shape (c,), and the shear forces with which the
+    next step begins, (c,); x and dx are the step's own.
+
+    A normal force less its dashpot's share (`dynamic_terms`) is the spring's. Where none acts although bodies still overlap, the spring
+    has the force of the overlap.
 
     The program of a step has the slip ``s_0 = shift + H_t dx`` along the tangent of its start, which is of first order and drifts along
     closed paths. With ``dx`` known, the spring's own slip is that along the tangent of the middle of the step, ``s_m``: with a and b the
@@ -403,7 +466,17 @@ def carry_shear(
     normal, arms, gap_before, shift = frames.normal, frames.arms, frames.gap_before, frames.shift
     for k in range(pairs.shape[0]):
         law, i, j = row[k], pairs[k, 0], pairs[k, 1]
-        shear[k] = forces[k, 1]
+        spring[k], shear[k] = forces[k, 0], forces[k, 1]
+        if laws.beta[law] > 0.0 and laws.elastic[law]:
+            viscous, opening = (
+                damping_of_step(k, frames, laws, inverse, dt),
+                contact_velocity(k, bodies, normal, arms, dx)[0],
+            )
+            if forces[k, 0] > 0.0:
+                overlap = (forces[k, 0] + viscous * max(0.0, -gap_before[k])) / (laws.kn[law] + viscous)
+            else:
+                overlap = max(0.0, -frames.gap[k] - opening)
+            spring[k] = laws.kn[law] * overlap
         if not (laws.elastic[law] and laws.slip_middle[law]) or laws.ks[law] == 0.0 or laws.mu[law] == 0.0:
             continue
         nx, ny = normal[k, 0], normal[k, 1]

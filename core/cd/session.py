@@ -24,6 +24,7 @@ from ninedisk.core.cd.contact_kernels import (
     GAIN_TOTAL,
     MISSED,
     Frames,
+    place_loads,
     surface_displacement,
 )
 from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place
@@ -39,8 +40,9 @@ from ninedisk.core.cd.step import (
     StaticStep,
     Step,
     bodies_of,
-    carried_shear,
+    carried_springs,
     initial_forces,
+    loads_of,
     solve_with_contacts,
     zero_energy_modes,
 )
@@ -79,7 +81,7 @@ ENERGIES = (
     "impact_gain",
 )
 
-LACKS = ("materials", "forces on disks", "a periodic cell", "cohesion", "adhesion", "rolling resistance")
+LACKS = ("a periodic cell", "cohesion", "adhesion", "rolling resistance")
 """What scenes may ask for and contact dynamics lacks (`check_run`)."""
 
 
@@ -130,7 +132,7 @@ class CdSession:
         disks, n = scene.disks, len(scene.disks)
         self._laws = LawTable(scene, numerics, self.settings.contacts)
         self.dt, self.substeps = self._own_step()
-        self._bodies = bodies_of(scene)
+        self._bodies, self._loads = bodies_of(scene), loads_of(scene)
         self._solver = ContactSolver(numerics.solver, self.settings.solver_options, numerics.sliding)
         self._finder = PairFinder(disks.radius, len(scene.walls), disks.fixed)
         self._motion = compile_motion(scene.walls)
@@ -146,7 +148,9 @@ class CdSession:
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
         self._grains = self._grain_frames()
-        self._memory = initial_forces(scene, self._laws, self._finder, self._place(self._wall), self._grains)
+        seen = 0.0 if numerics.regime == "quasi-static" else self._bodies.inverse
+        place = self._place(self._wall)
+        self._memory = initial_forces(scene, self._laws, self._finder, place, self._grains, seen * np.ones(n))
         self._batches = self._batches_if_dynamic()
         self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen, self._grains)
         self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0, 0.0)
@@ -255,6 +259,7 @@ class CdSession:
         after = wall_poses(self._motion, step * dt)
         place = self._place(after)
         static = self.numerics.regime == "quasi-static"
+        place_loads(self._loads, (step - 1) * dt, step * dt, static, self._bodies.load)
         self._step = self._static_step(place) if static else self._dynamic_step(place)
         margin = NEAR * float(radius.min()) if static else 0.0
         start = None if self._batches is None else self._batches.start
@@ -278,10 +283,11 @@ class CdSession:
             )
         self._check_walls(self._x + solved.dx, after, step)
         self._wall_work += self._work_of_walls(frames, solved)
-        shear = carried_shear(frames, place, solved, self._laws)
+        rate = np.inf if static else dt  # the static limit has no rates
+        spring, shear = carried_springs(frames, place, solved, self._laws, self._bodies, rate)
         self._x = self._x + solved.dx
         self._v = solved.dx / dt if static else solved.v
-        self._memory = self._memory.renewed(frames.pairs, solved.r, frames.place, shear)
+        self._memory = self._memory.renewed(frames.pairs, solved.r, frames.place, shear, spring)
         self._wall = after
         self._frames = frames
 
@@ -322,7 +328,16 @@ class CdSession:
             return None
         radius, theta = self.scene.disks.radius, self.numerics.theta
         return StepBatches(
-            self._bodies, self._laws, self._motion, radius, self._finder, self._solver, self.dt, theta, self._gains
+            self._bodies,
+            self._loads,
+            self._laws,
+            self._motion,
+            radius,
+            self._finder,
+            self._solver,
+            self.dt,
+            theta,
+            self._gains,
         )
 
     def _static_step(self, place: Place) -> StaticStep:
@@ -341,8 +356,7 @@ class CdSession:
 
     def _own_step(self) -> tuple[float, int]:
         numerics = self.numerics
-        used = self._laws.elastic[0 if len(self.scene.disks) > 1 else 1 :]
-        if numerics.contact_dt is None or not used.all():
+        if numerics.contact_dt is None or not self._laws.elastic[self._laws.used].all():
             return numerics.dt, 1
         return numerics.contact_dt, numerics.substeps(numerics.contact_dt)
 
@@ -428,8 +442,7 @@ class Recorder:
         self._scene, self._laws, self._chosen, self._grains = scene, laws, chosen, grains
         steps = numerics.sampled_steps()
         self._at = {int(step): row for row, step in enumerate(steps)}
-        used = laws.elastic if len(scene.disks) > 1 else laws.elastic[1:]
-        self.elastic = bool(used.all())
+        self.elastic = bool(laws.elastic[laws.used].all())
         history = History.empty(
             steps,
             np.multiply(steps, numerics.dt, dtype=np.float64),
@@ -515,9 +528,9 @@ class Recorder:
         self, row: int, x: FloatArray, v: FloatArray, memory: ContactMemory, wall_work: float, impact_gain: float
     ) -> None:
         disks, laws, energy = self._scene.disks, self._laws, self.history.energy
-        of = np.where(memory.pairs[:, 1] >= len(x), memory.pairs[:, 1] - len(x) + 1, 0)
+        of = laws.rows(memory.pairs)
         soft = laws.elastic[of]
-        p, q = memory.forces[soft].T
+        p, q = memory.spring[soft], memory.forces[soft, 1]
         kn, ks = laws.kn[of[soft]], laws.ks[of[soft]]
         shear = np.divide(q * q, ks, out=np.zeros_like(q), where=ks > 0.0)
         values = {

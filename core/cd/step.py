@@ -18,8 +18,9 @@ from ninedisk.core.cd.contact_kernels import (
     NEARBY,
     Bodies,
     Frames,
+    Loads,
     Start,
-    carry_shear,
+    carry_springs,
     closing_gaps,
     contact_compliances,
     dynamic_terms,
@@ -36,6 +37,7 @@ from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
+from ninedisk.core.motion_kernels import PIVOT_VX, PIVOT_VY, PIVOT_X, PIVOT_Y, TURN_RATE
 from ninedisk.core.scene import Scene
 
 TOUCHING = 1e-9
@@ -64,12 +66,25 @@ class Step(Protocol):
 
 
 def bodies_of(scene: Scene) -> Bodies:
-    """The constant data of a scene's disks."""
+    """The data of a scene's disks, with the load of gravity."""
     disks = scene.disks
     mass = np.column_stack([disks.mass, disks.mass, disks.inertia])
+    inverse = np.where(disks.held.all(axis=1), 0.0, 1.0 / disks.mass)
     free = np.column_stack([~disks.held, disks.rotating])
     load = np.column_stack([disks.mass * scene.gravity[0], disks.mass * scene.gravity[1], np.zeros(len(disks))])
-    return Bodies(mass, free, load, scene.xi)
+    return Bodies(mass, inverse, free, load, scene.xi)
+
+
+def loads_of(scene: Scene) -> Loads:
+    """A scene's gravity and its forces on single disks."""
+    forces = scene.forces
+    return Loads(
+        steady=bodies_of(scene).load,
+        disk=np.array([force.disk for force in forces], dtype=np.int64),
+        force=np.array([(*force.force, force.torque) for force in forces]).reshape(len(forces), 3),
+        begin=np.array([force.begin for force in forces]),
+        end=np.array([force.end for force in forces]),
+    )
 
 
 def relative(frames: Frames, motion: FloatArray) -> FloatArray:
@@ -167,8 +182,9 @@ class DynamicStep:
     def problem(self, frames: Frames, forces: FloatArray) -> ContactProblem:
         """The contact problem of the step, in velocities [m/s] and forces [N]."""
         offset, compliance = np.empty((frames.size, 2)), np.empty((frames.size, 2))
+        inverse, begin = self._bodies.inverse, self._start
         dynamic_terms(
-            frames, self._laws.arrays, self._start, self._dt, self._theta, self._round_off, offset, compliance
+            frames, self._laws.arrays, inverse, begin, self._dt, self._theta, self._round_off, offset, compliance
         )
         return ContactProblem(
             mass=self._mass,
@@ -202,11 +218,14 @@ class DynamicStep:
         return dx
 
 
-def carried_shear(frames: Frames, place: Place, solved: Solved, laws: LawTable) -> FloatArray:
-    """Shear forces with which the next step begins, shape (c,) [N]: see `carry_shear`."""
-    shear = np.empty(frames.size)
-    carry_shear(frames, place.x, place.before, place.after, solved.dx, laws.arrays, solved.r, shear)
-    return shear
+def carried_springs(
+    frames: Frames, place: Place, solved: Solved, laws: LawTable, bodies: Bodies, dt: float
+) -> tuple[FloatArray, FloatArray]:
+    """Forces of the normal springs and shear forces with which the next step begins, shape (c,) each [N]: see `carry_springs`."""
+    spring, shear, inverse = np.empty(frames.size), np.empty(frames.size), bodies.inverse
+    before, after, dx = place.before, place.after, solved.dx
+    carry_springs(frames, place.x, before, after, dx, laws.arrays, inverse, dt, solved.r, spring, shear)
+    return spring, shear
 
 
 def solve_with_contacts(
@@ -313,9 +332,11 @@ def _among(frames: Frames, others: Frames) -> NDArray[np.bool_]:
 
 
 def initial_forces(
-    scene: Scene, laws: LawTable, finder: PairFinder, place: Place, grains: GrainFrames | None
+    scene: Scene, laws: LawTable, finder: PairFinder, place: Place, grains: GrainFrames | None, inverse: FloatArray
 ) -> ContactMemory:
-    """Forces at time 0: elastic contacts by their overlap and the scene's shear forces, rigid ones by nothing.
+    """Forces at time 0: elastic contacts by their overlap, its rate and the scene's shear forces, rigid ones by nothing.
+
+    ``inverse``, shape (n,), are the inverse masses that dashpots see (`Bodies`), 0 where there are no rates.
 
     A shear force of a pair that touches at several places belongs to the deepest contact. More than ``mu`` times the normal force
     is cut off to that, as the DEM does it: a contact cannot hold it.
@@ -341,7 +362,10 @@ def initial_forces(
             f"{names} overlap by {depth[k]:g} m and their contact is rigid: move them apart, or make it elastic "
             "(cd.contacts = elastic)"
         )
-    forces = np.column_stack([np.where(elastic, laws.kn[frames.row] * depth, 0.0), np.zeros(len(pairs))])
+    spring = np.where(elastic, laws.kn[frames.row] * depth, 0.0)
+    dashpots = initial_dashpots(scene, laws, place, frames, inverse)
+    push = np.where(spring > 0.0, np.maximum(spring + dashpots, 0.0), spring)
+    forces = np.column_stack([push, np.zeros(len(pairs))])
     at = {(int(pairs[k, 0]), int(pairs[k, 1])): int(k) for k in np.argsort(depth, kind="stable")}
     for pair, shear in scene.initial_shear.items():
         if shear == 0.0:
@@ -355,7 +379,22 @@ def initial_forces(
             )
         most = laws.mu[frames.row[k]] * forces[k, 0]
         forces[k, 1] = min(max(shear, -most), most)
-    return ContactMemory(scene.n_bodies, pairs, forces, frames.place)
+    return ContactMemory(scene.n_bodies, pairs, forces, frames.place, spring=spring)
+
+
+def initial_dashpots(scene: Scene, laws: LawTable, place: Place, frames: Frames, inverse: FloatArray) -> FloatArray:
+    """Forces of the dashpots at time 0, shape (c,) [N], positive where contacts close."""
+    disks, i, j = scene.disks, *frames.pairs.T
+    of_wall = j >= len(disks)
+    inverse = inverse[i] + np.where(of_wall, 0.0, inverse[np.where(of_wall, 0, j)])
+    beta, kn = np.where(inverse > 0.0, laws.beta[frames.row], 0.0), laws.kn[frames.row]
+    opening = relative(frames, np.column_stack([disks.v, disks.omega]))[:, 0]
+    for k in np.flatnonzero(of_wall):
+        wall, inward = place.before[j[k] - len(disks)], -frames.normal[k]
+        foot = place.x[i[k]] - ((place.x[i[k]] - wall[:2]) @ inward) * inward
+        lever = foot - wall[[PIVOT_X, PIVOT_Y]]
+        opening[k] -= (wall[[PIVOT_VX, PIVOT_VY]] + wall[TURN_RATE] * np.array([-lever[1], lever[0]])) @ inward
+    return -2.0 * beta * np.sqrt(kn / np.where(inverse > 0.0, inverse, 1.0)) * opening
 
 
 WEIGHT = 1e-3

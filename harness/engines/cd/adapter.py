@@ -22,10 +22,9 @@ from ninedisk.harness.api.support import (
 
 CAPABILITIES = (
     frozenset(Capability)
-    - EXTRAS
+    - (EXTRAS - {Capability.MATERIALS, Capability.BODY_FORCES})
     - {
         Capability.AREA_CONTACT,
-        Capability.CONTACT_DAMPING,
         Capability.GLOBAL_DAMPING_LAGGED,
         Capability.LEVER_ARM_TORQUE,
         Capability.SLIP_END,
@@ -60,7 +59,7 @@ class CdEngine:
         )
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
-        """EXACT but for dashpots of contact springs, the lagged form of global damping, and a restitution that theta misses."""
+        """EXACT but for the lagged form of global damping and a restitution that theta misses."""
         notes: list[str] = []
         level = SupportLevel.EXACT
         if has_spring_preload(scene):
