@@ -127,14 +127,16 @@ class Forces:
         spun = SPIN0 + 2.0 * TORQUE * float(t[-1]) / (0.5 * MASS * RADIUS**2)
         of_spin = 1e-12 * spun + single(engine, spun, setup.numerics.n_steps)
         length = fastest * float(t[-1]) + SHIFT
-        lag = (
-            1.5 * FORCE[0] / MASS * float(t[-1]) * dt
-            + rough * float(t[-1])
-            + single(engine, length, setup.numerics.n_steps)
-        )
+        central = engine.scheme == "central-difference"
+        lag = 1.5 * FORCE[0] / MASS * (0.125 * dt * len(ends) if central else float(t[-1])) * dt
+        lag += rough * float(t[-1]) + single(engine, length, setup.numerics.n_steps)
         common: dict[str, Any] = {"truth": "analytic", "source": self.source}
         exact = "impulses are exact: round-off" + single_precision(engine)
-        late = "positions by the speed of either end of a step: first order in dt"
+        late = (
+            "positions by the speed of mid-step: F dt^2/(8 m) for each end of a segment"
+            if central
+            else "positions by the speed of either end of a step: first order in dt"
+        )
         curves = {f"{axis}": _along(params, t, k) for k, axis in enumerate("xy")}
         angular = under_segments(
             t,
