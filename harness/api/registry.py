@@ -51,6 +51,10 @@ BUILTIN_CASES: dict[str, str] = {
     "contact/driven-wall": "ninedisk.harness.cases.contact.driven_wall:CASE",
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
+    "rolling/resistance": "ninedisk.harness.cases.rolling.resistance:CASE",
+    "impact/cohesion": "ninedisk.harness.cases.impact.cohesion:CASE",
+    "contact/materials": "ninedisk.harness.cases.contact.materials:CASE",
+    "motion/forces": "ninedisk.harness.cases.motion.forces:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.invariance.rotating_box:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {

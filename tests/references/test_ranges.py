@@ -39,7 +39,8 @@ RIGHT_VALUES: dict[str, Any] = {
     "place": (-1.0, 0.05), "pull": 1.0, "rate": 1.0, "reach": 0.2,
     "radius": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "speed": 1.0, "spin": 1.0, "start": 0.4,
     "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
-    "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,
+    "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "cohesion": 5e3, "kr": 1e2, "mu_r": 0.5,
+    "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,
 }  # fmt: skip
 """By the names of arguments, which mean the same thing everywhere."""
 
@@ -241,6 +242,10 @@ IDENTITIES: dict[str, Identity] = {
     ),
     "sliding.critical_dt": lambda given, found: (given["mu"] * given["speed"] * found, given["g0"]),
     "slip_to_roll.stop_time": lambda given, found: (given["mu"] * given["g"] * found, given["speed"]),
+    "rolling_resistance.no_slip_mu": lambda given, found: (
+        found * (1.0 + given["inertia_ratio"]),
+        given["inertia_ratio"] * math.tan(given["angle"]) + given["mu_r"],
+    ),
     "stack.column_forces": lambda given, found: (found.max(), given["n"] * given["weight"]),
     "stack.pyramid_forces": lambda given, found: (2.0 * found.side * math.cos(found.angle), given["weight"]),
 }

@@ -12,7 +12,7 @@ from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabiliti
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
 from ninedisk.harness.engines.process import package_version
-from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, rough, turns
+from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, disk_laws, rough, turns, wall_laws
 
 PACKAGES = ("KratosDEMApplication", "KratosMultiphysics")
 CAPABILITIES = frozenset(
@@ -30,6 +30,8 @@ CAPABILITIES = frozenset(
         Capability.DISK_INERTIA,
         Capability.LEVER_ARM_OVERLAP,
         Capability.SLIP_END,
+        Capability.MATERIALS,
+        Capability.BODY_FORCES,
     }
 )
 
@@ -56,6 +58,7 @@ NOTE_NO_DASHPOT = (
     "Kratos' dashpots act along the shear spring too, and its forces on walls cannot be taken apart where a dashpot acts: contact "
     "damping is expressed between smooth disks only"
 )
+NOTE_ONE_DASHPOT = "one damping ratio for all pairs of disks"
 
 
 FACTS = EngineInfo(
@@ -99,8 +102,8 @@ class Kratos(SpringEngine):
 
         APPROXIMATE where a lever arm differs or rough walls turn.
         """
-        between = [scene.disk_disk] if len(scene.disks) > 1 else []
-        rough_walls = [wall for wall in scene.walls if rough(wall.law)]
+        between, at_walls = disk_laws(scene), [(wall, law) for wall in scene.walls for law in wall_laws(scene, wall)]
+        rough_walls = [(wall, law) for wall, law in at_walls if rough(law)]
         fit.missing -= ARMS
         if capabilities_needed(scene, numerics) & ARMS:
             if no_disk_can_turn(scene):
@@ -108,13 +111,15 @@ class Kratos(SpringEngine):
             else:
                 fit.notes += [NOTE_ARMS, NOTE_ROTATION]
                 arms = {LEVER_ARMS[law.lever_arm] for law in between if rough(law)} - {Capability.LEVER_ARM_OVERLAP}
-                fit.near |= arms | {LEVER_ARMS[wall.law.lever_arm] for wall in rough_walls}
-        if any(turns(wall.motion) for wall in rough_walls):
+                fit.near |= arms | {LEVER_ARMS[law.lever_arm] for _, law in rough_walls}
+        if any(turns(wall.motion) for wall, _ in rough_walls):
             fit.notes += [NOTE_WALL_VELOCITY, NOTE_TURNING]
             fit.approximate = True
         damped = [law for law in scene.laws_in_use if law.beta > 0.0]
-        if any(wall.law.beta > 0.0 for wall in scene.walls) or any(rough(law) for law in damped):
+        if any(law.beta > 0.0 for _, law in at_walls) or any(rough(law) for law in damped):
             fit.lacks(Capability.CONTACT_DAMPING, NOTE_NO_DASHPOT)
+        if damped and len(between) > 1:
+            fit.lacks(Capability.MATERIALS, NOTE_ONE_DASHPOT)
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Also the length of walls."""

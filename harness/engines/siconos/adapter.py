@@ -40,6 +40,8 @@ CAPABILITIES = frozenset(
         Capability.GRAVITY,
         Capability.BLOCKED_ROTATION,
         Capability.DISK_INERTIA,
+        Capability.MATERIALS,
+        Capability.BODY_FORCES,
     }
 )
 OPTIONS: Mapping[str, Option] = {
