@@ -107,7 +107,7 @@ def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
     )
 
 
-def team_arrays(stripes: int, threads: int) -> Team:
+def team_arrays(stripes: int, threads: int, scratch: int = SCRATCH) -> Team:
     """Shared arrays of the threads; the stripes are set by the first rebuild."""
     return Team(
         stripe=np.zeros(stripes + 1, dtype=np.int64),
@@ -115,7 +115,7 @@ def team_arrays(stripes: int, threads: int) -> Team:
         flags=np.zeros(threads * PAD, dtype=np.int64),
         far=np.zeros(threads * PAD),
         code=np.zeros(1, dtype=np.int64),
-        scratch=np.zeros((threads, SCRATCH + 2 * PAD)),
+        scratch=np.zeros((threads, scratch + 2 * PAD)),
     )
 
 
@@ -127,7 +127,9 @@ def first_lists(n: int, m: int) -> Lists:
     )
 
 
-def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArray[np.int64], n_walls: int) -> Samples:
+def sample_arrays(
+    at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArray[np.int64], n_walls: int, periodic: bool = False
+) -> Samples:
     """Room for the samples at the contact steps ``at``."""
     s, k, c, m = len(at), len(chosen), len(pairs), n_walls
     return Samples(
@@ -146,6 +148,8 @@ def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArr
         wall_force=np.empty((s, m, 2)),
         energy=np.empty((s, len(ENERGIES))),
         wall_work=np.empty(s),
+        stress=np.empty((s if periodic else 0, 2, 2, 2)),
+        cell_work=np.empty(s if periodic else 0),
     )
 
 

@@ -28,6 +28,7 @@ import numpy as np
 from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.dem.critical_kernels import lanczos
 from ninedisk.core.dem.grains import equal_radii, needs_outlines, outline_arrays
+from ninedisk.core.dem.images import close_images
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.motion import compile_motion, wall_poses
@@ -164,7 +165,10 @@ def _packed_rate(scene: Scene, form: DampingForm) -> float:
     room = np.floor(np.pi / np.arcsin(smallest / (radius + smallest)) * (1.0 + 1e-9))
     stiffness, damping = np.zeros(n), np.zeros(n)
     heaviest = float(inverse.min())
-    for law, count, other in [(scene.disk_disk, np.minimum(room, n - 1.0), heaviest)] + [
+    most = (
+        room if scene.cell is not None else np.minimum(room, n - 1.0)
+    )  # in a cell all neighbours may be images of one disk
+    for law, count, other in [(scene.disk_disk, most, heaviest)] + [
         (wall.law, np.ones(n), 0.0) for wall in scene.walls
     ]:
         kn, ks = law.kn * stiffening(scene, law), law.shear_stiffness
@@ -250,8 +254,11 @@ def _close_pairs(scene: Scene, reach: float) -> tuple[IntArray, FloatArray, Floa
         If two centres coincide.
     """
     x, radius = scene.disks.x, scene.disks.radius
-    listed = PairFinder(radius, 0).within(x, np.empty((0, POSE)), reach)
-    d = x[listed[:, 1]] - x[listed[:, 0]]
+    if scene.cell is not None:
+        listed, d = close_images(scene, scene.cell, reach)
+    else:
+        listed = PairFinder(radius, 0).within(x, np.empty((0, POSE)), reach)
+        d = x[listed[:, 1]] - x[listed[:, 0]]
     distance = np.hypot(d[:, 0], d[:, 1])
     if len(distance) and distance.min() == 0.0:
         i, j = listed[np.argmin(distance)]

@@ -11,7 +11,11 @@ from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import EXTRAS, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, timings_of
 
-LACKS = EXTRAS | {Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC}
+LACKS = (EXTRAS - {Capability.PERIODIC_CELL}) | {
+    Capability.RESTITUTION,
+    Capability.HELD_MOTION,
+    Capability.QUASI_STATIC,
+}
 
 
 class DemEngine:
