@@ -12,17 +12,10 @@ from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import ROLLING, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, timings_of
 
-LACKS = frozenset(
-    {
-        Capability.RESTITUTION,
-        Capability.HELD_MOTION,
-        Capability.QUASI_STATIC,
-        Capability.ADHESION,
-        Capability.PERIODIC_CELL,
-    }
-)
+LACKS = frozenset({Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC, Capability.ADHESION})
 
-OUTLINES_LACK = LACKS | {Capability.MATERIALS, Capability.COHESION, *ROLLING.values()}
+DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, *ROLLING.values()}
+"""What is lacking where contacts are those of outlines, and in a periodic cell."""
 
 
 class DemEngine:
@@ -50,7 +43,9 @@ class DemEngine:
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
-        missing = capabilities_needed(scene, numerics) & (OUTLINES_LACK if needs_outlines(scene) else LACKS)
+        missing = capabilities_needed(scene, numerics) & (
+            DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
+        )
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
         if any(law.regularised for law in scene.laws_in_use):
