@@ -143,6 +143,7 @@ def share_of_kick(loads: Loads, k: int, n: int, dt: float) -> float:
     return max(min(loads.time[k, 1], last) - max(loads.time[k, 0], first), 0.0) / (last - first)
 
 
+@inline_kernel
 def farthest_allowed(walls: WallArrays, images: Images | None, skin: float, widest: float) -> float:
     """Displacement of a disk since the last rebuild up to which the lists are complete [m]."""
     if images is not None:
