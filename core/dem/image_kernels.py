@@ -390,11 +390,11 @@ def image_forces(
         if extrapolated:
             gather_dashpots(views, pairs, low, high, scratch)
             gather_image_dashpots(low, high, scratch)
-            pair_forces_extrapolated(pairs, views.damping, law, slip_dt, low, high, scratch)
+            pair_forces_extrapolated(pairs, views.damping, law, None, None, slip_dt, 0.0, low, high, scratch)
         else:
-            pair_forces_lagged(pairs, views.damping, law, slip_dt, low, high, scratch)
+            pair_forces_lagged(pairs, views.damping, law, None, None, slip_dt, 0.0, low, high, scratch)
         add_shares(images.share[stripe], low, high, scratch)
-        scatter(disks, views, pairs, low, high, scratch)
+        scatter(disks, views, pairs, None, None, stripe, low, high, scratch)
 
 
 @inline_kernel
@@ -503,6 +503,6 @@ def record_images(system: System, images: Images, samples: Samples, row: int, n:
             vx = dashpot_v[i, 0] - dashpot_v[j, 0] - (now[RATE_XX] * along + now[RATE_XY] * across)
             vy = dashpot_v[i, 1] - dashpot_v[j, 1] - now[RATE_YY] * across
             rate = (vx * dx + vy * dy) / d
-            fn = normal_force(-gap, rate, law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j])
+            fn = normal_force(-gap, rate, law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j], 0.0)
             fs = carried(pairs, images.shift, i, j, along, across)
         samples.gap[row, c], samples.fn[row, c], samples.fs[row, c] = gap, fn, fs
