@@ -70,12 +70,12 @@ def write_audit(record: Mapping[str, Any], out: Path) -> Path:
 
 
 def _over_time(check: Mapping[str, Any]) -> PointChart | None:
-    """Value and allowance of the worst of each instant; zeros stand on the floor of the logarithmic axis."""
+    """Value and allowance of the worst of each instant; what is below a part in 10,000 of any allowance stands there."""
     rows = [row for row in check["series"] if all(math.isfinite(each) for each in row)]
     positive = [each for _, value, allowed in rows for each in (value, allowed) if each > 0.0]
     if len(rows) < 3 or not positive or not any(value > 0.0 for _, value, _ in rows):
         return None
-    floor = min(positive) / 3.0
+    floor = max(min(positive) / 3.0, 1e-4 * min((allowed for _, _, allowed in rows if allowed > 0.0), default=0.0))
     t = tuple(row[0] for row in rows)
     curves = (("value", 1), ("allowance", 2))
     dots = [

@@ -179,6 +179,7 @@ class Auditor:
         self._least: dict[str, Any] | None = None
         self._cache: dict[int, Any] = {}
         self._ways = np.zeros(2)
+        self._clear: NDArray[np.bool_] | None = None
         self.frames = 0
         self.intervals: list[float] = []
 
@@ -380,6 +381,7 @@ class Auditor:
         self._ways += [(said * (c.x - b.x)[use]).sum(), (said * said).sum()]
         if not self.has_velocity:
             tally.skip(1, "velocities are differences of the positions: add vx, vy")
+            self._second_differences(a, b, c, use & ~met, h)
         else:
             at = np.flatnonzero(use)
             parts = {
@@ -416,6 +418,24 @@ class Auditor:
         else:
             self.tallies["turning"].skip(1, "the file has no angles with spins: add angle, omega")
 
+    def _second_differences(self, a: State | None, b: State, c: State, clear: NDArray[np.bool_], h: float) -> None:
+        """Without velocities: in free flight the second differences of the positions are those of gravity, and of damping."""
+        before, self._clear = self._clear, clear
+        if a is None or before is None or not b.t > a.t:
+            return
+        scene = self.scene
+        at = np.flatnonzero(before & clear)
+        back = b.t - a.t
+        change = (c.x - b.x) / h - (b.x - a.x) / back
+        drag = scene.damping * (c.x - a.x) / 2.0
+        parts = {
+            "digits of x and t": ((a.ex + b.ex) / back + (b.ex + c.ex) / h + 2.0 * EPS * _norm(b.x) / min(h, back)
+                                  + self._clock_error(b, c, h) * 2.0 * _norm(b.v) / h)[at],
+            "damping": (scene.damping * h * _norm(change))[at],
+        }  # fmt: skip
+        value = _norm(change - 0.5 * (h + back) * scene.gravity + drag)[at]
+        self.tallies["free"].judge(c, value, parts, lambda k: self._name(at[k]), lambda k: at[k : k + 1])
+
     @staticmethod
     def _spin_steps(a: State | None, b: State, c: State, d: State | None, h: float) -> list[FloatArray]:
         found = []
@@ -443,9 +463,10 @@ class Auditor:
         alone = np.flatnonzero(clear & (size == 1))
         who, members = self._group_words(touch, alone, use)
         mass = np.maximum(_groups(touch, m, use), 1e-300)
-        self.tallies["free"].judge(
-            c, _norm(got[alone]) / mass[alone], {"digits of v and t": allowed[alone] / mass[alone]}, who, members
-        )
+        if self.has_velocity:
+            self.tallies["free"].judge(
+                c, _norm(got[alone]) / mass[alone], {"digits of v and t": allowed[alone] / mass[alone]}, who, members
+            )
         self.tallies["free"].skip(int((size > 0).sum() - len(alone)), "the disk may have touched something")
         tally = self.tallies["momentum"]
         several = np.flatnonzero(clear & (size > 1))

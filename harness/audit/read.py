@@ -152,7 +152,7 @@ def _roundings(tokens: Mapping[str, _Tokens]) -> dict[str, Rounding]:
     return {name: each.rounding(most) for name, each in tokens.items()}
 
 
-def read_trajectory(path: Path, columns: Mapping[str, str]) -> Trajectory:
+def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str] = ("x", "y")) -> Trajectory:
     """Open a trajectory.
 
     Parameters
@@ -160,6 +160,8 @@ def read_trajectory(path: Path, columns: Mapping[str, str]) -> Trajectory:
     path : Path
     columns : mapping
         Name here -> name in the file.
+    needed : sequence of str
+        Columns that it must have.
 
     Raises
     ------
@@ -171,7 +173,7 @@ def read_trajectory(path: Path, columns: Mapping[str, str]) -> Trajectory:
     if path.is_dir() or path.suffix == ".pvd":
         return _series(path, columns)
     if path.suffix in (".parquet", ".pq"):
-        return _parquet(path, columns)
+        return _parquet(path, columns, needed)
     if path.suffix == ".npz":
         return _stacked(path)
     if path.suffix in (".vtk", ".vtp", ".vtu"):
@@ -181,7 +183,7 @@ def read_trajectory(path: Path, columns: Mapping[str, str]) -> Trajectory:
             head = stream.readline(1 << 16)
         except (OSError, UnicodeDecodeError, EOFError, zlib.error) as error:
             raise UsageError(f"{path} is no text that can be read ({error}): give {FORMS}") from error
-    return _lammps(path, columns) if head.startswith("ITEM:") else _csv(path, columns)
+    return _lammps(path, columns, needed) if head.startswith("ITEM:") else _csv(path, columns, needed)
 
 
 def _opened(path: Path) -> IO[str]:
@@ -231,7 +233,7 @@ def _numbers(
     try:
         table = pd.read_csv(
             io.StringIO("".join(lines)), sep=sep or r"\s+", header=None, names=list(names), engine="c", index_col=False,
-            float_precision="round_trip", skip_blank_lines=False, usecols=range(len(names)),
+            skip_blank_lines=False, usecols=range(len(names)),
         )  # fmt: skip
         if len(table) == len(lines) and all(kind.kind in "if" for kind in table.dtypes):
             values = {name: table[name].to_numpy(dtype=float) for name in names}
@@ -290,7 +292,7 @@ def _sampled(path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[
     return _roundings(tokens)
 
 
-def _lammps(path: Path, columns: Mapping[str, str]) -> Trajectory:
+def _lammps(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
     with _opened(path) as stream:
         head = next((line for line in islice(stream, 200) if line.startswith(("ITEM: ATOMS", "ITEM: ENTRIES"))), None)
     if head is None:
@@ -299,8 +301,7 @@ def _lammps(path: Path, columns: Mapping[str, str]) -> Trajectory:
         )
     names = head.split()[2:]
     found = _renamed(names, columns, path)
-    if head.startswith("ITEM: ATOMS"):
-        _need(found, names, path)
+    _need(found, names, path, needed)
     timed = False
     with _opened(path) as stream:
         timed = any(line.startswith("ITEM: TIME\n") for line in islice(stream, 12))
@@ -360,7 +361,7 @@ def _lammps(path: Path, columns: Mapping[str, str]) -> Trajectory:
     return Trajectory(path, "LAMMPS dump", frames, _sampled(path, names, None, found), "t" if timed else "step")
 
 
-def _csv(path: Path, columns: Mapping[str, str]) -> Trajectory:
+def _csv(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
     with _opened(path) as stream:
         head = stream.readline()
     sep = next((mark for mark in (",", ";", "\t") if mark in head), None)
@@ -370,6 +371,7 @@ def _csv(path: Path, columns: Mapping[str, str]) -> Trajectory:
             f"{path}, line 1: {head.strip()[:60]!r} is no line of column names: a table begins with one, e.g. t,id,x,y,vx,vy,omega"
         )
     found = _renamed(names, columns, path)
+    _need(found, names, path, needed)
     if not {"t", "step"} & set(found.values()):
         raise UsageError(
             f'{path}, line 1: neither a column t nor step among {", ".join(names)}: name it in the TOML, [columns] t = "NAME"'
@@ -392,7 +394,7 @@ def _csv(path: Path, columns: Mapping[str, str]) -> Trajectory:
     return Trajectory(path, "table", _by_frame(blocks, clock, path), _sampled(path, names, sep, found), clock)
 
 
-def _parquet(path: Path, columns: Mapping[str, str]) -> Trajectory:
+def _parquet(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -402,6 +404,7 @@ def _parquet(path: Path, columns: Mapping[str, str]) -> Trajectory:
         raise UsageError(f"{path} is no Parquet file that can be read ({error}): give {FORMS}") from error
     names = list(file.schema_arrow.names)
     found = _renamed(names, columns, path)
+    _need(found, names, path, needed)
     clock = "t" if "t" in found.values() else "step"
     if clock not in found.values():
         raise UsageError(f"{path}: neither a column t nor step among {', '.join(names)}")

@@ -278,14 +278,10 @@ def _cone(scene: AuditScene, progress: Callable[[int, int, str], None]) -> Tally
     if scene.contacts is None:
         tally.skip(1, 'no contact forces are told: [contacts] file = "..." with columns i, j, fn, fs')
         return tally
-    file = read_trajectory(scene.contacts, scene.contact_columns)
+    file = read_trajectory(scene.contacts, scene.contact_columns, ("fn", "fs"))
     n_walls = len(scene.walls)
     for frame in file.frames(progress):
         columns = frame.columns
-        if lacking := [name for name in ("fn", "fs") if name not in columns]:
-            raise UsageError(
-                f'{file.path}, line 1: there is no column {lacking[0]}: [contacts.columns] {lacking[0]} = "NAME" names it'
-            )
         fn, fs = columns["fn"], columns["fs"]
         j = columns.get("j", np.zeros(len(fn)))
         mu = np.full(len(fn), np.nan if scene.mu is None else scene.mu)
