@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ninedisk.harness.cli import (
+    audit,
     bench,
     compare,
     converge,
@@ -57,6 +58,7 @@ for command in (
     run,
     report,
     findings,
+    audit,
     bench,
     converge,
     docs,
