@@ -20,7 +20,7 @@ def shade(row: Row) -> str:
 
 
 def by_engine(panel: Panel) -> list[tuple[str, dict[str, Row]]]:
-    """Rows of each engine by kind; first who keeps least, by the number of repetitions that are not what they must be."""
+    """Rows of each engine by kind; first those with most that is different, then with most that is not what it must be."""
     found: dict[str, dict[str, Row]] = {}
     for row in panel.stored.determinism:
         found.setdefault(row["engine"], {})[row["kind"]] = row
@@ -28,7 +28,7 @@ def by_engine(panel: Panel) -> list[tuple[str, dict[str, Row]]]:
     def order(item: tuple[str, dict[str, Row]]) -> tuple[Any, ...]:
         rows = item[1].values()
         counts = [-sum(row["verdict"] == verdict for row in rows) for verdict in DETERMINISM_VERDICTS[:3]]
-        return -sum(map(worse_than_promised, rows)), *counts, item[0]
+        return counts[0] + counts[1], -sum(map(worse_than_promised, rows)), counts[2], item[0]
 
     return sorted(found.items(), key=order)
 
