@@ -21,6 +21,7 @@ from ninedisk.harness.results.schema import Comparison, EvaluatedFinding
 from ninedisk.reports import pages
 from ninedisk.reports.charts import Chart, Image, on_page
 from ninedisk.reports.citation import caption_facts
+from ninedisk.reports.determinism import determinism_page
 from ninedisk.reports.draw import (
     Configuration,
     HistoryPanel,
@@ -156,6 +157,8 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
     if stored.findings:
         (folder / "findings.html").write_text(findings_page(env, panel), encoding="utf-8")
+    if stored.determinism:
+        (folder / "determinism.html").write_text(determinism_page(env, panel), encoding="utf-8")
     if stored.changes:
         write_comparison(stored.changes, folder / "changes.html")
     (folder / "index.html").write_text(pages.index_page(env, panel, uses=uses(stored, panel.engines)), encoding="utf-8")

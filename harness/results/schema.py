@@ -404,6 +404,49 @@ CHANGE_VERDICTS = ("worse", "suspect", "lost", "not-comparable", "better", "new"
 """How something changed between two runs, what wants attention first."""
 
 
+DETERMINISM_KINDS: dict[str, tuple[str, str]] = {
+    "twice": ("the same run again in one process", "bitwise"),
+    "process": ("in another process", "bitwise"),
+    "error": ("after a run that failed in the same process", "bitwise"),
+    "scene": ("after another scene in the same process", "bitwise"),
+    "threads": ("on two threads", "bitwise"),
+    "restart": ("saved half way and restarted in another process", "bitwise"),
+    "watched": ("no contact watched", "bitwise"),
+    "sampled": ("sampled at every seventh step only", "bitwise"),
+    "bodies": ("bodies told in another order", "round-off"),
+    "walls": ("walls told in another order", "round-off"),
+}
+"""Repetitions of a run, and what each should be at least: sums over contacts may be rounded otherwise where these come in another order."""
+
+DETERMINISM_VERDICTS = ("different", "broken", "round-off", "bitwise", "not applicable")
+"""Worst first."""
+
+DETERMINISM_COLUMNS: dict[str, str] = {
+    "engine": "string",
+    "engine_name": "string",
+    "engine_version": "string",
+    "kind": "string",  # a key of DETERMINISM_KINDS
+    "scene": "string",
+    "scene_why": "string",  # why no scene that tells more
+    "verdict": "string",  # one of DETERMINISM_VERDICTS
+    # Largest difference of the state, where it exceeds its allowance most: of centres over the mean radius, of velocities over that of a
+    # fall through the scene. Where the state is the same to the last bit, of forces and energies, over the largest. NaN: no number.
+    "difference": "float64",
+    "allowance": "float64",  # what round-off, or the solver's tolerance, may have become by then
+    "growth": "float64",  # of a difference at the start, to the end of the run
+    "first_step": "int64",  # sample of the first different bit; -1: none
+    "beyond_step": "int64",  # of the first difference beyond the allowance; -1: none
+    "reason": "string",
+}
+"""One row per engine and kind, in ``determinism/<engine>.json`` of a store: the newest measurement alone."""
+
+
+def worse_than_promised(row: Mapping[str, Any]) -> bool:
+    """Whether a repetition is less than `DETERMINISM_KINDS` asks of any engine."""
+    promised = DETERMINISM_KINDS[row["kind"]][1]
+    return row["verdict"] in ("different", "broken") or (row["verdict"] == "round-off" and promised == "bitwise")
+
+
 FINDING_VERDICTS = ("larger", "gone", "there", "not-measured")
 """What a store says of a finding, what wants attention first."""
 

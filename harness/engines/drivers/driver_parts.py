@@ -137,9 +137,10 @@ class Run:
         point, normal = pose[:, :, 0:2], pose[:, :, 2:4]
         # A blocked spin is prescribed: it exchanges no energy with the scene and is not counted, as in the in-house DEM.
         inertia = np.where(self.rotating, self.inertia, 0.0)
+        # Sums over the disks of each sample alone: BLAS rounds those of a sample by how many samples there are.
         energy = {
-            "kinetic": (0.5 * (v**2).sum(axis=2) @ self.mass + 0.5 * omega**2 @ inertia).tolist(),
-            "gravity": (-(x @ self.gravity) @ self.mass).tolist(),
+            "kinetic": (0.5 * ((v**2).sum(axis=2) * self.mass + omega**2 * inertia).sum(axis=1)).tolist(),
+            "gravity": (-((x * self.gravity).sum(axis=2) * self.mass).sum(axis=1)).tolist(),
         }
         if elastic[0] is not None:
             energy["elastic"] = known(np.array(elastic, dtype=float))
