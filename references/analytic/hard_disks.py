@@ -22,7 +22,9 @@ class Flight(NamedTuple):
     collisions: NDArray[np.int64]
 
 
-def hard_disks(*, x: ArrayLike, v: ArrayLike, radius: float, side: float, restitution: float, times: ArrayLike) -> Flight:
+def hard_disks(
+    *, x: ArrayLike, v: ArrayLike, radius: float, side: float, restitution: float, times: ArrayLike
+) -> Flight:
     """Equal disks in the square ``0 <= x, y <= side``; walls are elastic, disks lose ``1 + e`` of their approach.
 
     Parameters
@@ -53,9 +55,11 @@ def hard_disks(*, x: ArrayLike, v: ArrayLike, radius: float, side: float, restit
     if place.ndim != 2 or place.shape[1] != 2 or speed.shape != place.shape:
         raise ValueError(f"x and v of shapes {place.shape} and {speed.shape} are not allowed: both must be (n, 2)")
     if restitution == 0.0:
-        raise ValueError("restitution = 0 is not allowed: disks that stay together collide without end; use one above 0")
-    if len(samples) and (samples[0] < 0.0 or np.any(np.diff(samples) < 0.0)):
-        raise ValueError("times are not allowed to descend or to be < 0")
+        raise ValueError(
+            "restitution = 0 is not allowed: disks that stay together collide without end; use one above 0"
+        )
+    if samples.ndim != 1 or np.any(np.diff(samples, prepend=0.0) < 0.0):
+        raise ValueError(f"times of shape {samples.shape} are not allowed to descend, to be < 0 or to be no row of numbers")
     apart = np.hypot(*(place[:, None] - place[None]).transpose(2, 0, 1))[np.triu_indices(len(place), 1)]
     inside = np.all((place >= radius * (1.0 - 1e-12)) & (place <= side - radius * (1.0 - 1e-12)))
     if not inside or apart.min(initial=math.inf) < 2.0 * radius * (1.0 - 1e-12):
@@ -64,7 +68,9 @@ def hard_disks(*, x: ArrayLike, v: ArrayLike, radius: float, side: float, restit
 
 
 class _Box:
-    def __init__(self, x: FloatArray, v: FloatArray, radius: float, side: float, restitution: float, end: float) -> None:
+    def __init__(
+        self, x: FloatArray, v: FloatArray, radius: float, side: float, restitution: float, end: float
+    ) -> None:
         self.x, self.v, self.radius, self.side, self.e, self.end = x, v, radius, side, restitution, end
         self.n, self.t, self.pairs = len(x), 0.0, 0
         self.count = [0] * self.n  # collisions of each disk: what was foreseen before is void
