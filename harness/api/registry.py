@@ -34,6 +34,7 @@ BUILTIN_CASES: dict[str, str] = {
     "impact/bouncing-disk": "ninedisk.harness.cases.impact.bouncing:CASE",
     "impact/oblique": "ninedisk.harness.cases.impact.oblique:CASE",
     "gas/elastic": "ninedisk.harness.cases.impact.gas:CASE",
+    "gas/cooling": "ninedisk.harness.cases.impact.cooling:CASE",
     "spinning-disk": "ninedisk.harness.cases.rolling.spinning_disk:CASE",
     "rolling/incline-disk": "ninedisk.harness.cases.rolling.incline_disk:CASE",
     "static/stack": "ninedisk.harness.cases.static.stack:CASE",

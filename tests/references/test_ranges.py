@@ -29,6 +29,7 @@ LEFT, RIGHT = MovingEllipse(**MOVING, x=(0.0, 0.0), v=(1.0, 0.0)), MovingEllipse
 ONE, TWO = Ellipse(1.0, 0.5, (0.0, 0.0), 0.1), Ellipse(1.0, 0.5, (1.8, 0.1), 0.3)
 
 RIGHT_VALUES: dict[str, Any] = {
+    "elapsed": 1.0, "side": 1.0,
     "ahead": 0.2, "amplitude": 1e-3, "angle": 0.3, "area": 100.0, "aside": -0.55, "beta": 0.1, "bounces": 3, "c_disk_disk": 1.0,
     "c_wall": 1.0, "chord": 1.0, "cycles": 3, "d": np.array([[0.2, -0.55], [0.19, -0.55], [0.2, -0.55]]), "damping": np.eye(2),
     "damping_ratio": 0.1, "dilates": False, "dt": 1e-3, "end": 0.6, "form": "central", "frequency": 3.0, "g": 9.81, "g0": 0.1, "gap": 0.1,
@@ -49,6 +50,7 @@ OWN: dict[str, dict[str, Any]] = {
     "critical_step.lagged_limit": {"mass": np.eye(2)},
     "ellipse_collision.gap_and_way": {"t": 0.0},
     "ellipse_contact.ellipse_overlap": {"one": ONE, "two": TWO},
+    "hard_disks.hard_disks": {"x": [(0.2, 0.2), (0.6, 0.2)], "v": [(1.0, 0.0), (0.0, 0.0)], "times": [0.1, 0.3]},
     "normal_contact.normal_contact_central": {"planes": [Plane(1, np.zeros(11), np.zeros(11), 1e4)]},
     "normal_contact.normal_contact_theta": {"planes": [Plane(1, np.zeros(11), np.zeros(11), 1e4)]},
     "rolling_grain.kinetic_of": {"spin": np.array([1.0, 2.0])},

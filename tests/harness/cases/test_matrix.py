@@ -31,8 +31,9 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "contact/moving-wall": (CD, DEM),
     "contact/driven-wall": ALL,
     "impact/held-disk": ALL,
+    "friction/hold": ALL,
 }
-LEAST = {"row/pushed": 7, "contact/moving-wall": 7, "contact/driven-wall": 7, "impact/held-disk": 9}
+LEAST = {"row/pushed": 7, "contact/moving-wall": 7, "contact/driven-wall": 7, "impact/held-disk": 9, "friction/hold": 8}
 """Checks that bind every engine on a variant, where more than one must."""
 
 OTHERS: tuple[tuple[str, Engine, Mapping[str, Any]], ...] = (
@@ -40,6 +41,7 @@ OTHERS: tuple[tuple[str, Engine, Mapping[str, Any]], ...] = (
     ("gas/elastic", DEM, {}),
     ("gas/elastic", DEM, {"phase": 0.05}),
     ("gas/elastic", CD, {"duration": 1.0}),
+    *(("gas/cooling", engine, {"rows": 5}) for engine in ALL),
     ("slip-to-roll", PYMUNK, {"start": "dilated"}),
     *(("row/pushed", CD, {"xi": xi, "g": g}) for xi, g in ((0.0, 0.0), (300.0, 10.0))),
 )
