@@ -8,7 +8,7 @@ from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
+from ninedisk.harness.api.capabilities import LEVER_ARMS, ROLLING, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
 from ninedisk.harness.engines.process import package_version
@@ -31,6 +31,8 @@ CAPABILITIES = frozenset(
         Capability.LEVER_ARM_OVERLAP,
         Capability.SLIP_END,
         Capability.MATERIALS,
+        Capability.ROLLING_CONSTANT,
+        Capability.ROLLING_VISCOUS,
         Capability.BODY_FORCES,
     }
 )
@@ -57,6 +59,13 @@ NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; never tension"
 NOTE_NO_DASHPOT = (
     "Kratos' dashpots act along the shear spring too, and its forces on walls cannot be taken apart where a dashpot acts: contact "
     "damping is expressed between smooth disks only"
+)
+NOTE_ROLLING = (
+    "rolling resistance by DEMRollingFrictionModelConstantTorque and ...ViscousTorque, with R less the overlap at walls"
+)
+NOTE_ROLLING_PAIRS = (
+    "between two disks Kratos gives each a torque of rolling resistance with its own radius and not with the reduced one of both: they are "
+    "not opposite, and with equal disks twice as large"
 )
 NOTE_ONE_DASHPOT = "one damping ratio for all pairs of disks"
 
@@ -115,6 +124,15 @@ class Kratos(SpringEngine):
         if any(turns(wall.motion) for wall, _ in rough_walls):
             fit.notes += [NOTE_WALL_VELOCITY, NOTE_TURNING]
             fit.approximate = True
+        resisted = (
+            {law.rolling.model for law in scene.laws_in_use if law.rolling} if scene.disks.rotating.any() else set()
+        )
+        if resisted:
+            fit.notes.append(NOTE_ROLLING)
+            fit.approximate = True
+            between_disks = {law.rolling.model for law in between if law.rolling}
+            for model in sorted(between_disks):
+                fit.lacks(ROLLING[model], NOTE_ROLLING_PAIRS)
         damped = [law for law in scene.laws_in_use if law.beta > 0.0]
         if any(law.beta > 0.0 for _, law in at_walls) or any(rough(law) for law in damped):
             fit.lacks(Capability.CONTACT_DAMPING, NOTE_NO_DASHPOT)

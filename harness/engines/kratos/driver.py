@@ -31,6 +31,12 @@ from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStag
 LAW = "DEM_D_Linear_Custom_Constants"
 """Linear springs and dashpot without tension, Coulomb friction; stiffnesses given pair by pair, whatever Young's modulus."""
 
+ROLLING = {
+    "": "DEMRollingFrictionModelBounded",
+    "constant": "DEMRollingFrictionModelConstantTorque",
+    "viscous": "DEMRollingFrictionModelViscousTorque",
+}
+
 NAME = "scene"
 HEAD = "Begin ModelPartData\nEnd ModelPartData\n\nBegin Properties 0\nEnd Properties\n\n"
 
@@ -74,7 +80,12 @@ class Run(SpringRun):
             with open(name, "w", encoding="ascii") as file:
                 file.write(text)
         Kratos.Logger.GetDefaultOutput().SetSeverity(Kratos.Logger.Severity.WARNING)
-        text = parameters(self.dt, self.gravity.tolist(), SEARCH * float(self.radius.min()))
+        text = parameters(
+            self.dt,
+            self.gravity.tolist(),
+            SEARCH * float(self.radius.min()),
+            any(law["rolling"] for law in self.all_laws),
+        )
         self.stage = DEMAnalysisStage(Kratos.Model(), Kratos.Parameters(text))
         self.stage.Initialize()
         self.solver, self.part = self.stage._GetSolver(), self.stage.spheres_model_part
@@ -324,13 +335,13 @@ def contact(law):
         "STATIC_FRICTION": mu,
         "DYNAMIC_FRICTION": mu,
         "FRICTION_DECAY": 500.0,
-        "ROLLING_FRICTION": 0.0,
-        "ROLLING_FRICTION_WITH_WALLS": 0.0,
-        "DEM_ROLLING_FRICTION_MODEL_NAME": "DEMRollingFrictionModelBounded",
+        "ROLLING_FRICTION": law["rolling"]["mu"] if law["rolling"] else 0.0,
+        "ROLLING_FRICTION_WITH_WALLS": law["rolling"]["mu"] if law["rolling"] else 0.0,
+        "DEM_ROLLING_FRICTION_MODEL_NAME": ROLLING[law["rolling"]["model"] if law["rolling"] else ""],
     }
 
 
-def parameters(dt, gravity, tolerance):
+def parameters(dt, gravity, tolerance, rolls):
     """Parameters of the analysis."""
     return json.dumps(
         {
@@ -349,7 +360,7 @@ def parameters(dt, gravity, tolerance):
                 "material_import_settings": {"materials_filename": "MaterialsDEM.json"},
             },
             "RotationOption": True,
-            "RollingFrictionOption": False,
+            "RollingFrictionOption": rolls,
             "GlobalDamping": 0.0,
             "CleanIndentationsOption": False,
             "DeltaOption": "Absolute",
