@@ -19,7 +19,9 @@ from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.harness.audit.scene import AuditScene
 
 EPS = 2.0**-52
-"""Rounding of an engine's own step, relative."""
+"""Rounding of an engine's own step, relative; in single precision 2^29 times that."""
+ROUNDS = 5
+"""How often groups of coarse frames are widened: each hit may throw a disk at another that none seemed to touch."""
 TITLES = {
     "finite": ("Every number is finite", ""),
     "particles": ("No disk is lost, doubled or new", ""),
@@ -172,6 +174,7 @@ class Auditor:
         self.scene, self.bodies, self.digits, self.has_velocity = scene, bodies, digits, has_velocity
         self.tallies = {name: Tally(name) for name in TITLES}
         self.motion = compile_motion(scene.walls)
+        self.eps = EPS * 2.0**29 if scene.single else EPS
         self.totals: list[dict[str, float]] = []
         self._held: list[State] = []
         self._start: dict[str, Any] | None = None
@@ -224,7 +227,7 @@ class Auditor:
         self.intervals.append(h)
         use = b.here & c.here & ~bodies.fixed
         dt = min(scene.dt or h, h)
-        hidden = EPS * max(1.0, h / dt)
+        hidden = self.eps * max(1.0, h / dt)
         g = scene.gravity
         eh = self._clock_error(b, c, h) + 2.0 * EPS * abs(c.t)
         mean = 0.5 * (b.v + c.v)
@@ -236,8 +239,15 @@ class Auditor:
         dv = c.v - b.v - g * h + drag * mean
         lag = drag * _norm(c.v - b.v)
         r = c.x - b.x - h * mean
-        touch = self._touching(b, c, use, 0.25 * h * _norm(dv) + _norm(r) + ex)
-        self._motion(a, b, c, d, use, touch, r, ex, squeeze, h, dt)
+        bulge = 0.25 * h * _norm(dv) + _norm(r) + ex + 0.5 * dt * speed
+        for _ in range(ROUNDS):
+            touch = self._touching(b, c, use, bulge)
+            resolved, reach = self._reach(b, c, use, touch, h, dt)
+            wider = np.maximum(bulge, np.where(touch.degree > 1, reach, 0.0))
+            if (wider <= bulge).all():
+                break
+            bulge = wider
+        self._motion(a, b, c, d, use, touch, r, ex, squeeze, resolved, reach, h, dt)
         self._momentum(b, c, use, touch, dv, ev + lag)
         if c.omega is not None and b.omega is not None:
             self._spin(b, c, use, touch, dv, ev, hidden)
@@ -274,6 +284,35 @@ class Auditor:
             disks = j < n
             found = np.maximum(found, total + np.bincount(j[disks], force[disks], n))
         return found
+
+    def _reach(
+        self, b: State, c: State, use: NDArray[np.bool_], touch: _Contacts, h: float, dt: float
+    ) -> tuple[NDArray[np.bool_], FloatArray]:
+        """Disks whose contacts the sampling resolves or whose one contact is a single event, and how far others may get [m].
+
+        A contact is resolved where its group's fastest oscillation has two frames a period, or where every step is a frame. Else a
+        disk goes no faster between two frames than if all the energy of its group were spent on it alone.
+        """
+        scene, bodies, n = self.scene, self.bodies, len(use)
+        if dt >= h * (1.0 - 1e-9):
+            return np.ones(n, dtype=bool), np.zeros(n)
+        busy = (touch.degree > 1) | _of_walls(touch, n)
+        if scene.kn is not None:
+            busy &= np.sqrt(4.0 * scene.kn * touch.degree / bodies.mass) * h > np.pi
+        coarse = (np.bincount(touch.label, busy & use, touch.groups) > 0)[touch.label] & (touch.degree > 0) & use
+        if not coarse.any():
+            return ~coarse, np.zeros(n)
+        m = bodies.mass
+        V = _groups(touch, m[:, None] * b.v, use) / np.maximum(_groups(touch, m, use), 1e-300)[:, None]
+        energy = np.zeros(touch.groups)
+        mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
+        for state in (b, c):
+            u = state.v - V[touch.label]
+            store = self._stored(state, mu)
+            energy += _groups(touch, 0.5 * m * (u * u).sum(axis=1) + store["normal"] + store["shear"], use)
+        fall = _norm(scene.gravity) * h
+        most = energy[touch.label] + m * fall**2
+        return ~coarse, np.where(coarse, h * (np.sqrt(2.0 * most / m) + fall), 0.0)
 
     def _touching(self, b: State, c: State, use: NDArray[np.bool_], bulge: FloatArray) -> _Contacts:
         """What may have touched between two frames.
@@ -338,8 +377,7 @@ class Auditor:
     def _motion(
         self, a: State | None, b: State, c: State, d: State | None, use: NDArray[np.bool_], touch: _Contacts,
         r: FloatArray, ex: FloatArray,
-        squeeze: FloatArray,
-        h: float, dt: float,
+        squeeze: FloatArray, resolved: NDArray[np.bool_], reach: FloatArray, h: float, dt: float,
     ) -> None:  # fmt: skip
         """Trapezoid of the velocities against the way; the same of spins and angles."""
         scene, bodies = self.scene, self.bodies
@@ -350,32 +388,18 @@ class Auditor:
         if a is None or d is None:
             bend = np.maximum(bend, 2.0 * _norm(jump - scene.gravity * h))
         met = (touch.degree > 0) & use
+        # A contact shorter than the sampling may begin in one interval and end in the next: differences cancel, the change itself counts.
+        if scene.kn is None:
+            bend = np.where(met, np.maximum(bend, 2.0 * _norm(jump - scene.gravity * h)), bend)
         each_step = dt >= h * (1.0 - 1e-9)
         if each_step:
             bend = np.where(met, np.maximum(bend, 2.0 * _norm(jump)), bend)
-        frequency = (
-            np.sqrt(4.0 * (scene.kn or 0.0) * touch.degree / bodies.mass) if scene.kn else np.full(len(met), np.inf)
-        )
-        resolved = (touch.degree == 1) & ~_of_walls(touch, len(met)) | (frequency * h <= np.pi) | each_step
         # A spring whose force comes and goes within the interval bends the way by at most h^2/4 of its acceleration, unseen by differences.
         pulse = np.where(
-            met & resolved & np.isfinite(frequency),
+            met & resolved & (scene.kn is not None),
             0.25 * h * h * squeeze * np.hypot(1.0, scene.mu or 0.0) / bodies.mass,
             0.0,
         )
-        reach = np.zeros(len(met))
-        if (coarse := met & ~resolved).any():
-            # Between two frames a disk moves no faster than all the energy of its group, spent on it alone, would have it.
-            V = (
-                _groups(touch, bodies.mass[:, None] * b.v, use)
-                / np.maximum(_groups(touch, bodies.mass, use), 1e-300)[:, None]
-            )
-            energy = np.zeros(touch.groups)
-            for state in (b, c):
-                u = state.v - V[touch.label]
-                energy = energy + _groups(touch, 0.5 * bodies.mass * (u * u).sum(axis=1), use)
-            most = energy[touch.label] + bodies.mass * (_norm(scene.gravity) * h) ** 2
-            reach = np.where(coarse, h * np.sqrt(2.0 * most / bodies.mass) + h * _norm(scene.gravity) * h, 0.0)
         tally = self.tallies["motion"]
         said = h * 0.5 * (b.v + c.v)[use]
         self._ways += [(said * (c.x - b.x)[use]).sum(), (said * said).sum()]
@@ -400,11 +424,12 @@ class Auditor:
             second = sum(
                 (np.abs(np.nan_to_num(one - other)) for other in self._spin_steps(a, b, c, d, h)), np.zeros(len(one))
             )
-            second = np.maximum(second, 2.0 * np.abs(one)) if a is None or d is None or each_step else second
+            whole = a is None or d is None or each_step or scene.kn is None
+            second = np.maximum(second, 2.0 * np.abs(one)) if whole else second
             judged = np.flatnonzero(use & (~met | resolved))
             parts = {
                 "digits of angle and omega": (
-                    b.ea + c.ea + 0.5 * h * (b.eo + c.eo) + EPS * max(1.0, h / dt) * np.abs(c.angle)
+                    b.ea + c.ea + 0.5 * h * (b.eo + c.eo) + self.eps * max(1.0, h / dt) * np.abs(c.angle)
                 )[judged],
                 "half a step's change of spin": 0.5 * dt * np.abs(one)[judged],
                 "one contact at an unknown instant": np.where(met, 0.25 * h * second, 0.0)[judged],
@@ -429,7 +454,7 @@ class Auditor:
         change = (c.x - b.x) / h - (b.x - a.x) / back
         drag = scene.damping * (c.x - a.x) / 2.0
         parts = {
-            "digits of x and t": ((a.ex + b.ex) / back + (b.ex + c.ex) / h + 2.0 * EPS * _norm(b.x) / min(h, back)
+            "digits of x and t": ((a.ex + b.ex) / back + (b.ex + c.ex) / h + 2.0 * self.eps * _norm(b.x) / min(h, back)
                                   + self._clock_error(b, c, h) * 2.0 * _norm(b.v) / h)[at],
             "damping": (scene.damping * h * _norm(change))[at],
         }  # fmt: skip
@@ -516,7 +541,7 @@ class Auditor:
         mass = self.bodies.mass
         speed = np.nan_to_num(_norm(c.v))
         parts = {"digits of v at both ends": np.array([max(start["first"], float(allowed.sum()))]),
-                 "round-off of the sum": np.array([EPS * steps * float((mass * speed)[use].sum())])}  # fmt: skip
+                 "round-off of the sum": np.array([self.eps * steps * float((mass * speed)[use].sum())])}  # fmt: skip
         at = np.flatnonzero(use)
         self.tallies["momentum"].judge(c, value, parts, lambda _: "all disks since the start", lambda _: at)
 
@@ -570,7 +595,10 @@ class Auditor:
             change += sign * _groups(touch, m * _cross(xi, u), use)
             noise += _groups(
                 touch,
-                m * (_norm(xi) * (state.ev + hidden * _norm(state.v)) + _norm(u) * (state.ex + EPS * _norm(state.x))),
+                m
+                * (
+                    _norm(xi) * (state.ev + hidden * _norm(state.v)) + _norm(u) * (state.ex + self.eps * _norm(state.x))
+                ),
                 use,
             )
             arms = np.maximum(arms, _norm(xi))
@@ -612,9 +640,11 @@ class Auditor:
         for state in (b, c):
             height = _heights(state.x[disk], wall_poses(self.motion, state.t))[np.arange(len(disk)), wall]
             depth = np.maximum(depth, self.bodies.radius[disk] - height)
+        speed = np.maximum(_norm(b.v[disk]), _norm(c.v[disk]))
         if self.scene.kn:
-            speed = np.maximum(_norm(b.v[disk]), _norm(c.v[disk]))
             depth = np.maximum(depth, speed * np.sqrt(self.bodies.mass[disk] / self.scene.kn))
+        elif not self.scene.rigid:
+            depth = np.maximum(depth, speed * (c.t - b.t))
         return depth
 
     def _overlaps(self, state: State) -> tuple[Any, ...]:

@@ -15,6 +15,7 @@ gravity = [0.0, -9.81]             # [m/s^2]
 # damping = 0.0                    # global damping [1/s]: m a + damping m v = F
 # reverse = "back.csv"             # a run from the end with all velocities turned round
 # open = true                      # disks may leave
+# single = true                    # the engine computes in single precision, whatever the file shows
 
 [time]
 dt = 1e-5                          # the engine's own step [s]; t = step x dt where the file has steps only

@@ -132,7 +132,10 @@ class _States:
 
         def rounding(name: str, values: FloatArray | None) -> FloatArray:
             rule = self.trajectory.rounding.get(name, Rounding())
-            return np.zeros(len(bodies.id)) if values is None else rule.error(np.nan_to_num(values))
+            if values is None:
+                return np.zeros(len(bodies.id))
+            found = rule.error(np.nan_to_num(values))
+            return np.maximum(found, np.ldexp(np.abs(np.nan_to_num(values)), -24)) if self.scene.single else found
 
         x, y, vx, vy, omega, angle = (column(name) for name in ("x", "y", "vx", "vy", "omega", "angle"))
         assert x is not None

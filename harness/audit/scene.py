@@ -23,7 +23,7 @@ CONTACT_COLUMNS = ("step", "t", "i", "j", "fn", "fs")
 """What a file of contacts holds: bodies by the ids of the trajectory, a wall by its name or by 0 where there is one alone."""
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("gravity", "damping", "time", "disks", "contact", "walls", "columns", "contacts", "reverse", "open"),
+    "": ("gravity", "damping", "time", "disks", "contact", "walls", "columns", "contacts", "reverse", "open", "single"),
     "time": ("dt", "interval"),
     "disks": ("radius", "mass", "density", "inertia", "fixed"),
     "contact": ("mu", "kn", "ks", "restitution", "rigid", "slop", "cohesive", "rolling"),
@@ -69,6 +69,8 @@ class AuditScene:
         File of contact forces; trajectory that starts at this one's end with all velocities turned round.
     open : bool
         Disks may leave.
+    single : bool
+        The engine computes in single precision, whatever its file shows.
     """
 
     gravity: FloatArray
@@ -97,6 +99,7 @@ class AuditScene:
     contacts: Path | None = None
     reverse: Path | None = None
     open: bool = False
+    single: bool = False
 
     @property
     def conservative(self) -> bool:
@@ -276,6 +279,7 @@ def read_scene(path: Path) -> AuditScene:
         contacts=_beside(reader, forces, "contacts", "file"),
         reverse=_beside(reader, data, "", "reverse"),
         open=reader.flag(data, "", "open"),
+        single=reader.flag(data, "", "single"),
     )
 
 
