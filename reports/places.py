@@ -59,7 +59,7 @@ def _rows(case: CaseData, plan: Figure) -> dict[Cell, dict[str, Row]]:
     wanted = {name for plotted in plan.quantities for name in (plotted.name, plotted.at)}
     found: dict[Cell, dict[str, Row]] = {}
     for row in case.measurements:
-        if row["norm"] == "scalar" and row["quantity"] in wanted and plan.matches(case.variants[row["variant"]]):
+        if row["norm"] == "scalar" and row["quantity"] in wanted and plan.matches(case.variants.get(row["variant"], {})):
             found.setdefault((row["engine"], row["variant"]), {}).setdefault(row["quantity"], row)
     return found
 
