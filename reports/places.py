@@ -59,7 +59,11 @@ def _rows(case: CaseData, plan: Figure) -> dict[Cell, dict[str, Row]]:
     wanted = {name for plotted in plan.quantities for name in (plotted.name, plotted.at)}
     found: dict[Cell, dict[str, Row]] = {}
     for row in case.measurements:
-        if row["norm"] == "scalar" and row["quantity"] in wanted and plan.matches(case.variants[row["variant"]]):
+        if (
+            row["norm"] == "scalar"
+            and row["quantity"] in wanted
+            and plan.matches(case.variants.get(row["variant"], {}))
+        ):
             found.setdefault((row["engine"], row["variant"]), {}).setdefault(row["quantity"], row)
     return found
 
@@ -128,13 +132,13 @@ def _truths(points: list[_Point]) -> tuple[Guide, ...]:
         whole = {x: y for curve in variants.values() for x, y in curve.items()}
         for curve in [whole] if alike else variants.values():
             if len(curve) > 1:
-                x, y = zip(*sorted(curve.items()), strict=True)
-                found.setdefault((x, y), source.partition(":")[0])
+                places = tuple(sorted(curve))
+                found.setdefault((places, tuple(curve[place] for place in places)), source.partition(":")[0])
     ends: dict[str, list[str]] = {}
-    for (x, y), name in found.items():
-        ends.setdefault(f"{x[-1]:.3g} {y[-1]:.3g}", []).append(name)
+    for (xs, ys), name in found.items():
+        ends.setdefault(f"{xs[-1]:.3g} {ys[-1]:.3g}", []).append(name)
     named = {names[0]: f"truth: {', '.join(dict.fromkeys(names))}" for names in ends.values()}
-    return tuple((named.pop(name, ""), x, y) for (x, y), name in found.items())
+    return tuple((named.pop(name, ""), xs, ys) for (xs, ys), name in found.items())
 
 
 def _together(

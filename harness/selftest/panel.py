@@ -17,7 +17,13 @@ HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
 STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
 LENSES, OVALS, GRAINS, REST = "nurbs/overlap", "nurbs/collision", "nurbs/rolling", "nurbs/settle"
 GAS, REOPEN, WALL, STACK = "gas/elastic", "contact/reopening", "contact/moving-wall", "static/stack"
-RETRACE, RESIST, COHESION = "contact/retraced-loop", "rolling/resistance", "impact/cohesion"
+RETRACE, HOLD, COOL, RESIST, COHESION = (
+    "contact/retraced-loop",
+    "friction/hold",
+    "gas/cooling",
+    "rolling/resistance",
+    "impact/cohesion",
+)
 MATERIALS, FORCES = "contact/materials", "motion/forces"
 
 ENGINES = ("dem", "cd", *DECLARED)
@@ -71,6 +77,7 @@ DEM_PANEL: dict[str, Probe] = {
     "cohesive-damped": Probe(COHESION, {"beta": 0.2}),
     "materials": Probe(MATERIALS, {"kn": 1e7}),
     "forces": Probe(FORCES, {}),
+    "hold": Probe(HOLD, {"kn": 1e4, "duration": 0.2}),
     "stack": Probe(STACK, {"start": "equilibrium", "n": 12, "duration": 0.02}),
     "press-outlines": Probe(PRESS, {"shape": "nurbs", "cycles": 10, "settle_cycles": 5, "wall_mu": "mu"}),
     "lenses": Probe(LENSES, {"shape": "ellipse", "pairs": 3}),
@@ -96,6 +103,8 @@ CD_PANEL: dict[str, Probe] = {
     "hit-between": Probe(HIT, {"gap": 0.5025}),
     "hit-newton": Probe(HIT, {"restitution": 0.5, "impact": "newton"}),
     "gas-newton": Probe(GAS, {"impact": "newton", "rows": 4, "spacing": 2.3, "duration": 0.5}),
+    "cool": Probe(COOL, {"rows": 5, "duration": 2.0}),
+    "hold": Probe(HOLD, {}),
     "slide": Probe(INCLINE, {"mu": 0.36}),
     "slide-coulomb": Probe(INCLINE, {"mu": 0.36, "sliding": "coulomb"}),
     "stick": Probe(INCLINE, {"mu": 0.4}),

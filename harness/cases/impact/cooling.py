@@ -225,7 +225,7 @@ class CoolingGas:
         found = [
             Check(quantity="ln_temperature", norm="scalar", truth="analytic", expected=law.expected, source=self.source, atol=atol,
                   scale=1.0, why=why),
-            Check(quantity="cooling", norm="max", truth="analytic", expected=times / law.time, source=self.source,
+            Check(quantity="cooling", norm="max", truth="analytic", expected=np.asarray(times / law.time), source=self.source,
                   atol=grown * math.expm1(0.5 * atol), why=f"ln T may be off by {atol:.3g} at the end: {why}"),
             *_motion_checks(params, setup, observed, engine, lag),
         ]  # fmt: skip

@@ -146,16 +146,17 @@ class ObliqueImpact:
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
         """Sliding and sticking elastic, sticking dissipative, sliding plastic, no rotation; Newton's law with Coulomb's; to 88 degrees."""
+        coulomb: dict[str, Value] = {"impact": "newton", "sliding": "coulomb"}
         return (
-            *({"vt": vt, "restitution": 1.0} for vt in ANGLES),
-            {"vt": 11.43, "restitution": 0.5},
-            *({"vt": vt, "restitution": 1.0, "impact": "newton", "sliding": "coulomb"} for vt in (1.0, *ANGLES[2:])),
             {"vt": 3.0, "restitution": 1.0},
             {"vt": 0.3, "restitution": 1.0},
             {"vt": 0.5, "restitution": 0.5},
             {"vt": 3.0, "restitution": 0.0},
             {"vt": 0.3, "restitution": 1.0, "rotating": False},
-            {"vt": 3.0, "restitution": 0.5, "impact": "newton", "sliding": "coulomb"},
+            {"vt": 3.0, "restitution": 0.5, **coulomb},
+            *({"vt": vt, "restitution": 1.0} for vt in ANGLES),
+            {"vt": 11.43, "restitution": 0.5},
+            *({"vt": vt, "restitution": 1.0, **coulomb} for vt in (1.0, *ANGLES[2:])),
         )
 
     def build(self, params: Mapping[str, Any]) -> Setup:
