@@ -9,14 +9,40 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.dem.critical import critical_time_step, packed_time_step
-from ninedisk.core.dem.force_kernels import SCRATCH, note_pairs
+from ninedisk.core.dem.force_kernels import CHUNK, PAIR_KN, SCRATCH, note_pairs
 from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, empty_cells, empty_list
-from ninedisk.core.dem.state import DiskArrays, Kick, Lists, Samples, StepConstants, Team, Views, WallArrays
+from ninedisk.core.dem.state import (
+    COHESION,
+    CONSTANT,
+    KN,
+    KR,
+    KS,
+    LAW_COLUMNS,
+    MODEL,
+    MU,
+    SLIP_MIDDLE,
+    SLIP_OVERLAP,
+    SPRING,
+    TORQUE_OVERLAP,
+    VISCOUS,
+    DiskArrays,
+    Kick,
+    Laws,
+    Lists,
+    Loads,
+    Losses,
+    Samples,
+    StepConstants,
+    Team,
+    Views,
+    WallArrays,
+)
 from ninedisk.core.errors import BehindWallError, NonFiniteStateError, UnstableTimeStepError
+from ninedisk.core.law import RollingModel
 from ninedisk.core.motion import wall_poses
 from ninedisk.core.motion_kernels import WallMotion
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.scene import ContactLaw, Rolling, Scene
 from ninedisk.core.thread_kernels import PAD
 
 SORT_FROM = 2_000
@@ -35,7 +61,22 @@ SAFETY = 0.1
 FIRST_SKIN, LEAST_SKIN, MOST_SKIN = 0.05, 0.02, 0.4
 """Skin of the first lists and limits of later ones as fractions of the mean radius."""
 
-ENERGIES = ("translation", "rotation", "elastic_normal", "elastic_shear", "gravity")
+ENERGIES = (
+    *(
+        "translation",
+        "rotation",
+        "elastic_normal",
+        "elastic_shear",
+        "gravity",
+        "elastic_rolling",
+        "wall_work",
+        "force_work",
+    ),
+    *("friction_loss", "dashpot_loss", "rolling_loss", "damping_loss"),
+)
+"""Columns of `Samples.energy`; the last four only where the energy budget is asked for."""
+
+MODELS: dict[RollingModel, int] = {"constant": CONSTANT, "viscous": VISCOUS, "elastic-plastic": SPRING}
 
 
 def aligned(values: NDArray[Any]) -> NDArray[Any]:
@@ -47,10 +88,16 @@ def aligned(values: NDArray[Any]) -> NDArray[Any]:
     return found
 
 
-def disk_arrays(scene: Scene, lagged: bool) -> DiskArrays:
-    """State of the disks at time 0, in the scene's order; ``lagged``: dashpots see the velocity of half a step before."""
+def disk_arrays(scene: Scene, lagged: bool, budget: bool = False) -> DiskArrays:
+    """State of the disks at time 0, in the scene's order.
+
+    ``lagged``: dashpots see the velocity of half a step before; ``budget``: energies are asked for.
+    """
     disks, n = scene.disks, len(scene.disks)
-    damped = not lagged and any(law.beta > 0.0 for law in (scene.disk_disk, *(wall.law for wall in scene.walls)))
+    laws = (scene.disk_disk, *(wall.law for wall in scene.walls), *scene.laws.values())
+    rolls = [law.rolling for law in laws if law.rolling is not None]
+    drags = any(rolling.model == "viscous" or rolling.beta > 0.0 for rolling in rolls)
+    damped = not lagged and (drags or any(law.beta > 0.0 for law in laws))
     arrays = DiskArrays(
         x=disks.x,
         v=disks.v,
@@ -62,6 +109,8 @@ def disk_arrays(scene: Scene, lagged: bool) -> DiskArrays:
         force=np.zeros((n, 2)),
         torque=np.zeros(n),
         v_now=disks.v if damped else np.zeros((0, 2)),
+        omega_now=disks.omega if damped and has_laws(scene) else np.zeros(0),
+        braked=np.zeros(n if budget and scene.xi > 0.0 else 0),
         moved=np.zeros((n, 2), dtype=np.float32),
         name=np.arange(n, dtype=np.uint32),
         place=np.arange(n, dtype=np.uint32),
@@ -70,8 +119,69 @@ def disk_arrays(scene: Scene, lagged: bool) -> DiskArrays:
     return DiskArrays(*(aligned(array) for array in arrays))
 
 
-def disk_views(disks: DiskArrays, lists: Lists, law: FloatArray) -> Views:
-    """Views of the disks, and rows and dashpots of the listed pairs.
+def has_laws(scene: Scene) -> bool:
+    """Whether contacts need `Laws`: of materials, with cohesion or with rolling resistance."""
+    return bool(scene.laws) or any(law.cohesion > 0.0 or law.rolling is not None for law in scene.laws_in_use)
+
+
+def law_arrays(scene: Scene) -> Laws | None:
+    """Laws by pairs of materials; None where disks and each wall have one, without cohesion and rolling resistance."""
+    if not has_laws(scene):
+        return None
+    disks, walls = scene.disks, scene.walls
+    names = sorted({*disks.material, *(wall.material for wall in walls)})
+    number = {name: k for k, name in enumerate(names)}
+    laws = [scene.disk_disk, *(wall.law for wall in walls), *scene.laws.values()]
+    of_pair = np.zeros((len(names), len(names)), dtype=np.uint32)
+    of_wall = np.repeat(1 + np.arange(len(walls), dtype=np.uint32), len(names)).reshape(len(walls), len(names))
+    for k, (one, two) in enumerate(scene.laws):
+        row, a, b = 1 + len(walls) + k, number[one], number[two]
+        of_pair[a, b] = of_pair[b, a] = row
+        for w, wall in enumerate(walls):
+            if wall.material in (one, two):
+                of_wall[w, b if wall.material == one else a] = row
+    rows = np.array([law_row(law) for law in laws])
+    halves = [0.5 * rows[:, TORQUE_OVERLAP], 0.5 * rows[:, SLIP_OVERLAP]]
+    models = [rows[:, MODEL] == SPRING, rows[:, MODEL] == VISCOUS]
+    columns = np.array([*rows[:, [KN, COHESION, KS, MU]].T, *halves, rows[:, SLIP_MIDDLE], rows[:, KR], *models])
+    between = columns[:, np.unique(of_pair)]
+    return Laws(
+        rows=rows,
+        material=np.array([number[name] for name in disks.material], dtype=np.uint32),
+        of_pair=of_pair,
+        of_wall=of_wall,
+        columns=columns,
+        varies=(between != between[:, :1]).any(axis=1),
+        number=np.zeros(0, dtype=np.uint32),
+        reach=np.zeros(0),
+        drag=np.zeros(0),
+    )
+
+
+def with_room(laws: Laws | None, lists: Lists) -> Laws | None:
+    """The same with room to note the law of every listed pair."""
+    if laws is None:
+        return None
+    room = len(lists.pairs.other)
+    return laws._replace(number=np.zeros(room, dtype=np.uint32), reach=np.zeros(room), drag=np.zeros(room))
+
+
+def load_arrays(scene: Scene) -> Loads:
+    """Forces and torques on single disks."""
+    return Loads(
+        disk=np.array([force.disk for force in scene.forces], dtype=np.int64),
+        load=np.array([[*force.force, force.torque] for force in scene.forces]).reshape(-1, 3),
+        time=np.array([[force.begin, force.end] for force in scene.forces]).reshape(-1, 2),
+    )
+
+
+def loss_arrays(stripes: int) -> Losses:
+    """Sums of what contacts lose."""
+    return Losses(contacts=np.zeros((stripes, 4)), before=np.zeros(4))
+
+
+def disk_views(disks: DiskArrays, lists: Lists, law: FloatArray, laws: Laws | None = None) -> Views:
+    """Views of the disks, and rows, dashpots and laws of the listed pairs.
 
     These stay where a rebuild puts the new list until it copies it: it notes them anew afterwards.
     """
@@ -85,7 +195,7 @@ def disk_views(disks: DiskArrays, lists: Lists, law: FloatArray) -> Views:
         row=lists.spare.other,
         damping=lists.spare.shear,
     )
-    note_pairs(disks, views, lists.pairs, law)
+    note_pairs(disks, views, lists.pairs, law, laws)
     return views
 
 
@@ -98,7 +208,7 @@ def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
         built=poses.copy(),
         middle=poses.copy(),
         extent=np.zeros(m),
-        law=np.array([law_row(wall.law) for wall in scene.walls]).reshape(m, 8),
+        law=np.array([law_row(wall.law) for wall in scene.walls]).reshape(m, LAW_COLUMNS),
         load=np.zeros((m, 3)),
         load_before=np.zeros((m, 3)),
         share=np.zeros((stripes, m, 3)),
@@ -107,24 +217,31 @@ def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
     )
 
 
-def team_arrays(stripes: int, threads: int) -> Team:
-    """Shared arrays of the threads; the stripes are set by the first rebuild."""
+def team_arrays(stripes: int, threads: int, laws: Laws | None = None) -> Team:
+    """Shared arrays of the threads; the stripes are set by the first rebuild.
+
+    Columns that all ``laws`` between disks share are written to the scratch here, where they stay.
+    """
+    scratch = np.zeros((threads, SCRATCH + 2 * PAD))
+    if laws is not None:
+        shared = laws.columns[:, laws.of_pair[0, 0]]
+        scratch[:, int(PAIR_KN) : int(PAIR_KN) + len(shared) * CHUNK] = np.repeat(shared, CHUNK)
     return Team(
         stripe=np.zeros(stripes + 1, dtype=np.int64),
         border=np.zeros(stripes, dtype=np.int64),
         flags=np.zeros(threads * PAD, dtype=np.int64),
         far=np.zeros(threads * PAD),
         code=np.zeros(1, dtype=np.int64),
-        scratch=np.zeros((threads, SCRATCH + 2 * PAD)),
+        scratch=scratch,
     )
 
 
-def first_lists(n: int, m: int) -> Lists:
-    """Empty lists for n disks and m walls, and what their rebuild works with."""
+def first_lists(n: int, m: int, bends: bool = False) -> Lists:
+    """Empty lists for n disks and m walls, and what their rebuild works with; ``bends``: with torques of rolling resistance."""
     room, wall_room = int(PAIRS_PER_DISK * n) + 16, n // 64 + 16
-    return Lists(
-        empty_list(n, room), empty_list(m, wall_room), empty_list(n, room), empty_list(m, wall_room), empty_cells(n)
-    )
+    pairs, spare = (empty_list(n, room, bends) for _ in range(2))
+    wall_pairs, wall_spare = (empty_list(m, wall_room, bends) for _ in range(2))
+    return Lists(pairs, wall_pairs, spare, wall_spare, empty_cells(n))
 
 
 def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArray[np.int64], n_walls: int) -> Samples:
@@ -144,8 +261,7 @@ def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArr
         wall_point=np.empty((s, m, 2)),
         wall_angle=np.empty((s, m)),
         wall_force=np.empty((s, m, 2)),
-        energy=np.empty((s, len(ENERGIES))),
-        wall_work=np.empty(s),
+        energy=np.zeros((s, len(ENERGIES))),
     )
 
 
@@ -174,7 +290,11 @@ def law_row(law: ContactLaw) -> list[float]:
     """Law as the kernels read it (columns of `ninedisk.core.dem.state`)."""
     torque, slip = law.lever_arm != "radius", law.lever_arm == "overlap"
     wall_mid, middle = law.wall_velocity_at == "mid-overlap", law.slip_at == "middle"
-    return [law.kn, law.ks, law.mu, law.beta, float(torque), float(slip), float(wall_mid), float(middle)]
+    rolling = law.rolling or Rolling(model="constant", mu=0.0)
+    return [
+        *(law.kn, law.ks, law.mu, law.beta, float(torque), float(slip), float(wall_mid), float(middle), law.cohesion),
+        *(float(MODELS[rolling.model]), rolling.mu, rolling.kr, rolling.beta),
+    ]
 
 
 def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) -> StepConstants:
@@ -185,11 +305,14 @@ def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) 
     radius = float(scene.disks.radius.mean())
     return StepConstants(
         # Half the kick is still missing at t_n, or all of it after the half kick.
-        first=Kick(keep=1.0 - a, gain=0.5 * dt, ahead=1.0, **shared),
+        first=Kick(keep=1.0 - a, gain=0.5 * dt, ahead=1.0, drag=a, seen=0.0, mean=1.0, **shared),
         kick=Kick(
             keep=(1.0 - a) / (1.0 + a) if central else 1.0 - 2.0 * a,
             gain=dt / (1.0 + a) if central else dt,
             ahead=0.5,
+            drag=2.0 * a,
+            seen=0.5 if central else 0.0,
+            mean=0.5,
             **shared,
         ),
         radius=radius,

@@ -23,7 +23,10 @@ With K = B B', s = 1/dt and C' = C/2 + xi/2 or C, the limit has ``s^2 u = s C' u
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.dem.critical_kernels import lanczos
@@ -63,8 +66,10 @@ def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -
     to touch each wall alone, and the two lightest each other, so that free flight has a limit as well.
 
     Contacts that form later stiffen the network, up to `packed_time_step`: stay well below. A sliding contact has no shear spring,
-    which only lowers frequencies. Arms are the radii: exact for ``lever_arm="radius"``; with ``"overlap"``, and with ``"torque-overlap"``,
-    whose matrix is not symmetric, they are too long by the relative overlap.
+    which only lowers frequencies. Cohesion lowers the stiffness to ``kn - cohesion``. A rolling spring and its dashpot count in full though
+    they have a limit; the torque of viscous rolling resistance, which grows with the load, does not count. Of two unequal disks that touch
+    alone the step with a rolling spring is a bound. Arms are the radii: exact for ``lever_arm="radius"``; with ``"overlap"``, and with
+    ``"torque-overlap"``, whose matrix is not symmetric, they are too long by the relative overlap.
 
     Grains with outlines have the springs of their contacts at time 0, with the arms of the normal forces. A single contact is bounded by
     the largest arms that the outline allows, normal and shear spring together. The law of the common area is stiffer than ``kn`` where
@@ -127,28 +132,86 @@ def _dashpots(law: ContactLaw, inverse_m_eff: FloatArray) -> FloatArray:
     return 2.0 * law.beta * np.sqrt(law.kn / np.where(inverse_m_eff > 0.0, inverse_m_eff, np.inf))
 
 
-def _largest(values: FloatArray, count: int) -> float:
-    return float(np.sort(values)[::-1][:count].sum())
+class _Kind(NamedTuple):
+    """Contacts of one law: disks that can be the first body, and the second one; None where that is a wall."""
+
+    law: ContactLaw
+    first: NDArray[np.bool_]
+    second: NDArray[np.bool_] | None
+
+
+def _kinds(scene: Scene) -> list[_Kind]:
+    """All laws that a pair of the scene can have, each with the disks that can have it."""
+    disks, n = scene.disks, len(scene.disks)
+    names = np.array(disks.material)
+    masks = [names == name for name in np.unique(names)] if scene.laws else [np.ones(n, dtype=bool)] * bool(n)
+    found = []
+    for k, mask in enumerate(masks):
+        for other in masks[k:]:
+            i, j = int(np.argmax(mask)), n - 1 - int(np.argmax(other[::-1]))
+            if i != j:
+                found.append(_Kind(scene.law((min(i, j), max(i, j))), mask, other))
+        for w in range(len(scene.walls)):
+            found.append(_Kind(scene.law((int(np.argmax(mask)), n + w)), mask, None))
+    return found
+
+
+def _largest(values: FloatArray, kind: _Kind) -> float:
+    """Largest sum of the values of the disks of a contact."""
+    if kind.second is None:
+        return float(values[kind.first].max())
+    if (kind.first == kind.second).all():
+        return float(np.sort(values[kind.first])[::-1][:2].sum())
+    return float(values[kind.first].max() + values[kind.second].max())
+
+
+def _inverse_moments(scene: Scene) -> FloatArray:
+    """``1/(I + m R^2)`` [1/(kg m^2)] of each disk about a contact, shape (n,)."""
+    inverse, turn = _inverse_masses(scene)
+    about = inverse + scene.disks.radius**2 * turn
+    return inverse * turn / np.where(about > 0.0, about, np.inf)
+
+
+def _shear_and_rolling(scene: Scene, kind: _Kind, kr: float, shear: FloatArray) -> float:
+    """Largest eigenvalue [1/s^2] of shear and rolling spring of the worst contact, of unequal disks a bound; ``shear`` is each disk's part.
+
+    In coordinates over the roots of the masses the two springs are vectors, of which this is the eigenvalue of the products.
+    """
+    turn, ks = _inverse_masses(scene)[1], kind.law.shear_stiffness
+    rolling, both = kr * turn, np.sqrt(ks * kr) * scene.disks.radius * turn
+    if kind.second is None:
+        a, b, c = shear[kind.first], rolling[kind.first], both[kind.first]
+    else:
+        either = kind.first | kind.second
+        a, b, c = _largest(shear, kind), _largest(rolling, kind), np.ptp(both[either])
+    return float(np.max(0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + c**2)))
 
 
 def _single_contact_rate(scene: Scene, form: DampingForm) -> float:
     """1/dt [1/s] of the limit of the worst contact on its own, or of global damping alone."""
     inverse, turn = _inverse_masses(scene)
     share, drag = _shares(scene, form)
-    aside = normal_arms(scene)
+    aside, about = normal_arms(scene), _inverse_moments(scene)
     worst = drag
-    for law, count in [(scene.disk_disk, 2)] * (len(inverse) > 1) + [(wall.law, 1) for wall in scene.walls]:
+    for kind in _kinds(scene):
+        law = kind.law
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # an infinite one leaves no step
-            normal = law.kn * stiffening(scene, law) * (inverse + aside**2 * turn)
+            normal = (law.kn - law.cohesion) * stiffening(scene, law) * (inverse + aside**2 * turn)
             shear = law.shear_stiffness * (inverse + scene.disks.radius**2 * turn)
             # c/m_eff is largest for the lightest; with arms, m_eff <= m_i of either body.
-            damping = 2.0 * law.beta * np.sqrt(law.kn * _largest(inverse, count))
+            damping = 2.0 * law.beta * np.sqrt(law.kn * _largest(inverse, kind))
             leaning = np.where(aside > 0.0, 2.0 * law.beta * np.sqrt(law.kn / inverse) * aside**2 * turn, 0.0)
-            damping = share * (damping + _largest(leaning, count)) + drag
+            damping = share * (damping + _largest(leaning, kind)) + drag
         # On a disk the two springs move different coordinates; an arm of the normal force couples them.
         both = np.where(aside > 0.0, normal + shear, 0.0)
-        stiffness = np.array([_largest(normal, count), _largest(shear, count), _largest(both, count)])
+        stiffness = np.array([_largest(normal, kind), _largest(shear, kind), _largest(both, kind)])
         worst = max(worst, _rate(stiffness, np.array([damping, drag, damping])))
+        if law.rolling is not None and law.rolling.kr > 0.0:
+            # The dashpot's c (1/I_i + 1/I_j), c being of the moments about the contact, is exact for equal disks.
+            more = np.max(np.where(about > 0.0, turn / np.where(about > 0.0, about, 1.0), 0.0))
+            rolling = 2.0 * law.rolling.beta * np.sqrt(law.rolling.kr * _largest(about, kind)) * more
+            springs = _shear_and_rolling(scene, kind, law.rolling.kr, shear)
+            worst = max(worst, _rate(np.array([springs]), np.array([share * rolling + drag])))
     return worst
 
 
@@ -162,19 +225,35 @@ def _packed_rate(scene: Scene, form: DampingForm) -> float:
     smallest = float(radius.min())
     # Six equal disks fit around one exactly, which round-off must not make five.
     room = np.floor(np.pi / np.arcsin(smallest / (radius + smallest)) * (1.0 + 1e-9))
-    stiffness, damping = np.zeros(n), np.zeros(n)
-    heaviest = float(inverse.min())
-    for law, count, other in [(scene.disk_disk, np.minimum(room, n - 1.0), heaviest)] + [
-        (wall.law, np.ones(n), 0.0) for wall in scene.walls
-    ]:
-        kn, ks = law.kn * stiffening(scene, law), law.shear_stiffness
+    about = _inverse_moments(scene)
+    walls = len(scene.walls)
+    # Neighbours may all have the law that is worst for a disk.
+    between, at_walls = np.zeros((2, n)), np.zeros((walls, 2, n))
+    of_wall = 0
+    for kind in _kinds(scene):
+        law = kind.law
+        count = np.ones(n) if kind.second is None else np.minimum(room, n - 1.0)
+        concerned = kind.first if kind.second is None else kind.first | kind.second
+        others, lightest = (0.0, 0.0) if kind.second is None else (float(inverse.min()), float(about.min()))
+        kn, ks = (law.kn - law.cohesion) * stiffening(scene, law), law.shear_stiffness
         # Of contacts at angles that keep their distance the sum of cos^2 along any line is at most half their room and one more.
         along = np.minimum(count, 0.5 * room + 1.0)
         across = count * min(kn, ks) + along * abs(kn - ks)
         with np.errstate(over="ignore"):
-            stiffness += across * inverse + count * (ks * radius**2 + kn * aside**2) * turn
-            c = _dashpots(law, inverse + other)
-            damping += c * (along * inverse + count * aside**2 * turn)
+            stiffness = across * inverse + count * (ks * radius**2 + kn * aside**2) * turn
+            c = _dashpots(law, inverse + others)
+            damping = c * (along * inverse + count * aside**2 * turn)
+            if law.rolling is not None and law.rolling.kr > 0.0:
+                stiffness += count * law.rolling.kr * turn
+                inverse_moment = np.where(about + lightest > 0.0, about + lightest, np.inf)
+                damping += count * 2.0 * law.rolling.beta * np.sqrt(law.rolling.kr / inverse_moment) * turn
+        found = np.where(concerned, [stiffness, damping], 0.0)
+        if kind.second is None:
+            at_walls[of_wall % walls] += found
+            of_wall += 1
+        else:
+            between = np.maximum(between, found)
+    stiffness, damping = sum(at_walls, start=between)
     return _rate(2.0 * stiffness, 2.0 * share * damping + drag)
 
 
@@ -191,11 +270,16 @@ def _network_rate(scene: Scene, form: DampingForm) -> float:
     root[:, :2] = np.where(scene.disks.held, 0.0, 1.0 / np.sqrt(scene.disks.mass)[:, None])
     root[:, 2] = np.sqrt(turn)
     springs[:, 2:4] = 0.5 * np.sqrt(springs[:, 2:4])
+    rolls, rolling = rolling_network(scene, NEAR * float(scene.disks.radius.min()))
+    about = np.append(_inverse_moments(scene), 0.0)  # the last one stands for a wall, body -1
+    inverse_moment = about[rolling].sum(axis=1)
+    rolls[:, 0] = 0.5 * np.sqrt(rolls[:, 0])
+    rolls[:, 1] *= share * np.sqrt(1.0 / np.where(inverse_moment > 0.0, inverse_moment, np.inf))
     first, second = bodies.T
     inverse_m_eff = inverse[first] + np.where(second >= 0, inverse[second], 0.0)
     springs[:, 8] *= share * np.sqrt(1.0 / np.where(inverse_m_eff > 0.0, inverse_m_eff, np.inf))
     # A fixed irregular start vector: the result is the same on every call, and no mode is orthogonal to it by symmetry.
-    size = root.size + springs.shape[0] * 2
+    size = root.size + springs.shape[0] * 2 + rolls.shape[0]
     vector = np.cos(np.arange(1.0, size + 1.0) ** 2)
     vector[: root.size] *= root.ravel() > 0.0
     before, work = np.zeros(size), np.empty(size)
@@ -206,7 +290,8 @@ def _network_rate(scene: Scene, form: DampingForm) -> float:
         return 0.0
     vector /= norm
     while done < MOST:
-        grown = lanczos(springs, bodies, root, drag, vector, before, work, diagonal, beside, done, done + BATCH)
+        network = (springs, bodies, rolls, rolling)
+        grown = lanczos(*network, root, drag, vector, before, work, diagonal, beside, done, done + BATCH)
         matrix = np.diag(diagonal[:grown]) + np.diag(beside[: grown - 1], 1) + np.diag(beside[: grown - 1], -1)
         values, vectors = np.linalg.eigh(matrix)
         value, residual = float(values[-1]), float(beside[grown - 1] * abs(vectors[-1, -1]))
@@ -228,17 +313,62 @@ def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     """
     if needs_outlines(scene):
         return grain_network(scene, reach)
-    disks = scene.disks
+    pairs, normal = _touching(scene, reach)
+    n, (first, second) = len(scene.disks), pairs.T
+    radius = np.append(scene.disks.radius, np.zeros(len(scene.walls)))
+    springs = np.empty((len(pairs), 9))
+    for law, rows in _by_law(scene, pairs):
+        springs[rows] = disk_springs(normal[rows], law, 1.0, radius[first[rows]], radius[second[rows]])
+    return springs, np.column_stack([first, np.where(second < n, second, -1)])
+
+
+def rolling_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
+    """Rolling springs of all pairs with a gap up to ``reach`` [m] at time 0.
+
+    Returns
+    -------
+    rolls : ndarray, shape (c, 2)
+        As `critical_kernels.lanczos` reads them, but with kr [N m/rad] in the place of half its root, and ``2 beta sqrt(kr)`` in that of
+        the dashpot.
+    bodies : ndarray of int64, shape (c, 2)
+        The second one is -1 for a wall.
+    """
+    if not any(law.rolling is not None and law.rolling.kr > 0.0 for law in scene.laws_in_use):
+        return np.empty((0, 2)), np.empty((0, 2), dtype=np.int64)
+    pairs, _ = _touching(scene, reach)
+    rolls = np.zeros((len(pairs), 2))
+    for law, rows in _by_law(scene, pairs):
+        if law.rolling is not None:
+            rolls[rows] = law.rolling.kr, 2.0 * law.rolling.beta * np.sqrt(law.rolling.kr)
+    return rolls, np.where(pairs < len(scene.disks), pairs, -1)
+
+
+def _touching(scene: Scene, reach: float) -> tuple[IntArray, FloatArray]:
+    """Pairs of bodies, by their numbers, with a gap up to ``reach`` [m] at time 0, and their normals; of disks first."""
+    disks, n = scene.disks, len(scene.disks)
     listed, normal, _ = _close_pairs(scene, reach)
-    first, second = listed.T
-    springs = [disk_springs(normal, scene.disk_disk, 1.0, disks.radius[first], disks.radius[second])]
-    bodies = [listed]
-    for wall, pose in zip(scene.walls, wall_poses(compile_motion(scene.walls), 0.0), strict=True):
+    pairs, normals = [listed], [normal]
+    for w, pose in enumerate(wall_poses(compile_motion(scene.walls), 0.0)):
         height = (disks.x - pose[POINT_X:NORMAL_X]) @ pose[NORMAL_X:PIVOT_X]
         near = np.flatnonzero(height - disks.radius <= reach)
-        springs.append(_wall_springs(pose, wall.law, 1.0, disks.radius[near]))
-        bodies.append(np.column_stack([near, np.full(len(near), -1)]))
-    return np.vstack(springs), np.vstack(bodies).astype(np.int64)
+        pairs.append(np.column_stack([near, np.full(len(near), n + w)]))
+        normals.append(np.tile(-pose[NORMAL_X:PIVOT_X], (len(near), 1)))
+    return np.vstack(pairs).astype(np.int64), np.vstack(normals)
+
+
+def _by_law(scene: Scene, pairs: IntArray) -> list[tuple[ContactLaw, NDArray[np.bool_]]]:
+    """Laws of some pairs of bodies, each with the pairs that have it."""
+    n = len(scene.disks)
+    _, material = np.unique([*scene.disks.material, *(wall.material for wall in scene.walls)], return_inverse=True)
+    # Walls have a law of their own where there is none for the materials.
+    kind = np.where(np.arange(scene.n_bodies) < n, material, scene.n_bodies + np.arange(scene.n_bodies))
+    keys = kind[pairs].min(axis=1) * (3 * scene.n_bodies) + kind[pairs].max(axis=1)
+    found = []
+    for key in np.unique(keys):
+        rows = keys == key
+        i, j = pairs[np.argmax(rows)].tolist()
+        found.append((scene.law((i, j)), rows))
+    return found
 
 
 def _close_pairs(scene: Scene, reach: float) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -369,4 +499,6 @@ def _wall_springs(pose: FloatArray, law: ContactLaw, factor: float, radius: Floa
 def _rows(n: FloatArray, law: ContactLaw, factor: float, arms: list[FloatArray]) -> FloatArray:
     ones = np.ones(len(n))
     dashpot = 2.0 * law.beta * np.sqrt(law.kn)
-    return np.column_stack([n, factor * law.kn * ones, law.shear_stiffness * ones, *arms, dashpot * ones])
+    return np.column_stack(
+        [n, factor * (law.kn - law.cohesion) * ones, law.shear_stiffness * ones, *arms, dashpot * ones]
+    )

@@ -17,6 +17,8 @@ ROUND_OFF = 1e-14
 def apply(
     springs: NDArray[np.float64],
     bodies: NDArray[np.int64],
+    rolls: NDArray[np.float64],
+    rolling: NDArray[np.int64],
     root: NDArray[np.float64],
     drag: float,
     given: NDArray[np.float64],
@@ -54,12 +56,25 @@ def apply(
             out[3 * j] -= root[j, 0] * fx
             out[3 * j + 1] -= root[j, 1] * fy
             out[3 * j + 2] += root[j, 2] * (aj * shear + bj * normal)
+    first += 2 * springs.shape[0]
+    for c in range(rolls.shape[0]):
+        i, j, half, dashpot = rolling[c, 0], rolling[c, 1], rolls[c, 0], rolls[c, 1]
+        turn = given[3 * i + 2] * root[i, 2]
+        if j >= 0:
+            turn -= given[3 * j + 2] * root[j, 2]
+        moment = dashpot * turn + half * given[first + c]
+        out[first + c] = half * turn
+        out[3 * i + 2] += root[i, 2] * moment
+        if j >= 0:
+            out[3 * j + 2] -= root[j, 2] * moment
 
 
 @kernel
 def lanczos(
     springs: NDArray[np.float64],
     bodies: NDArray[np.int64],
+    rolls: NDArray[np.float64],
+    rolling: NDArray[np.int64],
     root: NDArray[np.float64],
     drag: float,
     vector: NDArray[np.float64],
@@ -81,11 +96,15 @@ def lanczos(
         both bodies, and of the normal force (0 on disks; signs as in `grain_kernels`), and the dashpot's part in C' [N s/m].
     bodies : ndarray of int64, shape (c, 2)
         Bodies of each contact; the second is -1 for a wall.
+    rolls : ndarray, shape (r, 2)
+        ``sqrt(kr)/2`` [sqrt(N m)] of rolling springs, and the dashpot's part in C' [N m s].
+    rolling : ndarray of int64, shape (r, 2)
+        Bodies of each; the second is -1 for a wall.
     root : ndarray, shape (n, 3)
         ``M^-1/2`` per degree of freedom x, y, rotation; 0 where blocked.
     drag : float
         What global damping adds to C' [1/s].
-    vector, before, work : ndarray, shape (3 n + 2 c,)
+    vector, before, work : ndarray, shape (3 n + 2 c + r,)
         Present vector, of length 1 and without blocked entries; the one before; scratch. In and out.
     diagonal, beside : ndarray, shape (at least end,)
         The matrix [1/s]: out. ``beside[k]`` couples rows k and k + 1.
@@ -101,7 +120,7 @@ def lanczos(
     for k in range(begin):
         largest = max(largest, abs(diagonal[k]), beside[k])
     for k in range(begin, end):
-        apply(springs, bodies, root, drag, vector, work)
+        apply(springs, bodies, rolls, rolling, root, drag, vector, work)
         along = 0.0
         for q in range(size):
             along += vector[q] * work[q]

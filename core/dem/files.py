@@ -21,7 +21,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.core.validate import one_of
 
-FORMAT = 3
+FORMAT = 4
 NEEDED = ("clock", "samples.pairs", "samples.chosen", "samples.at")
 """Arrays without which a session cannot even be made; the archive itself guards what is in them."""
 

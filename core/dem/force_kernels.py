@@ -26,15 +26,28 @@ from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel, kernel
 from ninedisk.core.dem.state import (
+    BEND,
+    BEND_BETA,
     BETA,
+    COHESION,
+    DASHPOT,
+    FRICTION,
     KN,
+    KR,
     KS,
+    MODEL,
     MU,
+    ROLLING,
+    ROLLING_DASHPOT,
     SLIP_MIDDLE,
     SLIP_OVERLAP,
+    SPRING,
     TORQUE_OVERLAP,
+    VISCOUS,
     WALL_MID,
     DiskArrays,
+    Laws,
+    Losses,
     NeighbourList,
     Views,
     WallArrays,
@@ -63,10 +76,36 @@ DX, DY, REACH, VX, VY, ROLL, SPIN, DASHPOT_X, DASHPOT_Y = (np.uint64(c * CHUNK) 
 """Where the scratch holds, for each pair: ``x_j - x_i``, sum of the radii, ``v_i - v_j``, ``R_i omega_i + R_j omega_j``, ``omega_i +
 omega_j``, and the difference of the velocities that dashpots see, if they see other ones."""
 
-GX, GY, SHEAR, ARM_LOSS = DX, DY, REACH, VX
-"""Where the results take their place: the force on ``i``, ``fs``, and what the overlap takes from each body's torque."""
+TURN, TURN_NOW, TORQUE_REACH, DRAG, BENT = (np.uint64(c * CHUNK) for c in range(9, 14))
+"""With `Laws` also: ``omega_i - omega_j``, that of the spins that rolling resistance sees, if it sees other ones, what `Laws` has noted of
+the pair, and the torque of the step before, which the present one replaces."""
 
-SCRATCH = 9 * CHUNK
+(
+    PAIR_KN,
+    PAIR_COHESION,
+    PAIR_KS,
+    PAIR_MU,
+    PAIR_HALF,
+    PAIR_HALF_SLIP,
+    PAIR_MIDDLE,
+    PAIR_KR,
+    PAIR_SPRING,
+    PAIR_VISCOUS,
+) = (np.uint64(c * CHUNK) for c in range(14, 24))
+"""And its law: columns of `Laws.columns`. Those that all laws share are written once, before the run."""
+
+GX, GY, SHEAR, ARM_LOSS, BENDING = DX, DY, REACH, VX, VY
+"""Where the results take their place: the force on ``i``, ``fs``, what the overlap takes from each body's torque, and the torque of
+rolling resistance on ``j``."""
+
+LOST = (ROLL, SPIN, TURN, TURN_NOW)
+"""Where the energy takes its place that the pair has lost in this step, by channels of `Losses`."""
+
+SCRATCH = 24 * CHUNK
+
+STEEP, LEAST = 1e300, 1e-300
+"""Stiffness that makes the rolling spring of an instant a constant torque: whatever turns is beyond its limit. And one in the place of
+0, below which nothing is divided by, where no spring is."""
 
 
 @inline_kernel
@@ -81,8 +120,8 @@ def dashpot(kn: float, beta: float, inv_m_eff: float) -> float:
 
 
 @inline_kernel
-def normal_force(overlap: float, rate: float, kn: float, beta: float, inv_m_eff: float) -> float:
-    """Normal force [N] ``max(kn overlap + c rate, 0)`` with the dashpot ``c``.
+def normal_force(overlap: float, rate: float, kn: float, beta: float, inv_m_eff: float, cohesion: float) -> float:
+    """Normal force [N] ``(kn - cohesion) overlap + c rate`` with the dashpot ``c``; without cohesion it does not pull.
 
     Parameters
     ----------
@@ -96,11 +135,48 @@ def normal_force(overlap: float, rate: float, kn: float, beta: float, inv_m_eff:
         Contact damping ratio [-].
     inv_m_eff : float
         ``1/m_i + 1/m_j`` [1/kg].
+    cohesion : float
+        [N/m].
     """
-    force = kn * overlap
+    force = (kn - cohesion) * overlap
     if beta > 0.0:
-        force = max(force + dashpot(kn, beta, inv_m_eff) * rate, 0.0)
+        force += dashpot(kn, beta, inv_m_eff) * rate
+        if cohesion == 0.0:
+            force = max(force, 0.0)
     return force
+
+
+@inline_kernel
+def rolling_dashpot(law: NDArray[np.float64], inv_moment: float) -> float:
+    """Coefficient of the dashpot of rolling resistance [N m s] ``2 beta sqrt(I kr)``, from ``1/I`` [1/(kg m^2)]."""
+    if inv_moment == 0.0:
+        return 0.0
+    return 2.0 * law[BEND_BETA] * sqrt(law[KR] / inv_moment)
+
+
+@inline_kernel
+def inverse_moment(radius: float, inv_mass: float, inv_inertia: float) -> float:
+    """``1/(I + m R^2)`` [1/(kg m^2)] of a body about its contact; 0 where it is fixed or does not turn."""
+    return inv_inertia * inv_mass / (inv_mass + radius * radius * inv_inertia) if inv_mass > 0.0 else 0.0
+
+
+@inline_kernel
+def torque_reach(law: NDArray[np.float64], reduced: float) -> float:
+    """Torque of rolling resistance over the repulsive force [m], over the spin as well if it is viscous; from the reduced radius [m]."""
+    reach = law[BEND] * reduced
+    return reach * reduced if law[MODEL] == VISCOUS else reach
+
+
+@inline_kernel
+def law_of_pair(laws: Laws, disks: DiskArrays, i: int, j: int) -> int:
+    """Number of the law of the disks in rows i and j."""
+    return int(laws.of_pair[laws.material[disks.name[i]], laws.material[disks.name[j]]])
+
+
+@inline_kernel
+def law_at_wall(laws: Laws, disks: DiskArrays, i: int, w: int) -> int:
+    """Number of the law of the disk in row i and a wall."""
+    return int(laws.of_wall[w, laws.material[disks.name[i]]])
 
 
 @fused_inline_kernel
@@ -137,9 +213,100 @@ def note_behind(disks: DiskArrays, walls: WallArrays, stripe: int, i: int, w: in
     walls.passed[0] = 1
 
 
+@inline_kernel
+def sliding_frame(walls: WallArrays, w: int, middle: float) -> tuple[float, float, float, float, float, float]:
+    """Point, tangent and the velocity of the point with which a wall's slip is measured: in the middle of the step (1) or at its end."""
+    sliding = walls.now
+    if middle > 0.0:
+        sliding = walls.middle
+    spin = walls.now[w, TURN_RATE]
+    sx, sy, tx, ty = sliding[w, POINT_X], sliding[w, POINT_Y], -sliding[w, NORMAL_Y], sliding[w, NORMAL_X]
+    vx = sliding[w, PIVOT_VX] + spin * (sliding[w, PIVOT_Y] - sy)
+    vy = sliding[w, PIVOT_VY] + spin * (sx - sliding[w, PIVOT_X])
+    return sx, sy, tx, ty, vx, vy
+
+
+@inline_kernel
+def friction_loss(before: float, after: float, slip: float, ks: float) -> float:
+    """Energy that sliding has taken from a shear spring in a step [J], or the limit from a rolling one.
+
+    The spring's force does the work ``(before + after)/2 slip``, as the scheme has it, of which its energy keeps
+    ``(after^2 - before^2)/(2 ks)``, the forces being those that resist.
+    """
+    kept = (after - before) / ks if ks > 0.0 else 0.0
+    return 0.5 * (before + after) * (slip - kept)
+
+
+@inline_kernel
+def wall_bending(
+    disks: DiskArrays,
+    pairs: NeighbourList,
+    law: NDArray[np.float64],
+    losses: Losses | None,
+    repulsive: float,
+    spin: float,
+    slip_dt: float,
+    loss_dt: float,
+    i: int,
+    k: int,
+    stripe: int,
+) -> float:
+    """Torque of rolling resistance [N m] on the wall that turns with ``spin`` [rad/s]; the disk i receives its opposite."""
+    turn = disks.omega[i] - spin
+    turn_now = disks.omega_now[i] - spin if disks.omega_now.shape[0] > 0 else turn
+    limit = torque_reach(law, disks.radius[i]) * repulsive
+    before = pairs.bending[k]
+    if law[MODEL] == VISCOUS:
+        held = limit * turn_now
+    elif law[MODEL] == SPRING:
+        held = min(max(before + law[KR] * (slip_dt * turn), -limit), limit)
+    else:
+        held = min(max(STEEP * turn, -limit), limit)
+    pairs.bending[k] = held
+    damped = 0.0
+    if abs(held) < limit and law[MODEL] == SPRING:
+        damped = (
+            rolling_dashpot(law, inverse_moment(disks.radius[i], disks.inv_mass[i], disks.inv_inertia[i])) * turn_now
+        )
+    if losses is not None:
+        losses.contacts[stripe, ROLLING] += friction_loss(before, held, slip_dt * turn, law[KR])
+        losses.contacts[stripe, ROLLING_DASHPOT] += loss_dt * damped * turn_now
+    return held + damped
+
+
+@inline_kernel
+def end_at_wall(
+    disks: DiskArrays,
+    walls: WallArrays,
+    pairs: NeighbourList,
+    laws: Laws | None,
+    losses: Losses,
+    i: int,
+    w: int,
+    k: int,
+    stripe: int,
+) -> None:
+    """Count the energy that the springs of a contact with a wall, which has opened, have left; what turned or slid since is O(dt^2)."""
+    law = walls.law[w]
+    if laws is not None:
+        law = laws.rows[law_at_wall(laws, disks, i, w)]
+    losses.contacts[stripe, FRICTION] += friction_loss(pairs.shear[k], 0.0, 0.0, law[KS])
+    if laws is not None:
+        losses.contacts[stripe, ROLLING] += friction_loss(pairs.bending[k], 0.0, 0.0, law[KR])
+
+
 @kernel
 def disk_wall_forces(
-    disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, slip_dt: float, begin: int, end: int, stripe: int
+    disks: DiskArrays,
+    walls: WallArrays,
+    pairs: NeighbourList,
+    laws: Laws | None,
+    losses: Losses | None,
+    slip_dt: float,
+    loss_dt: float,
+    begin: int,
+    end: int,
+    stripe: int,
 ) -> None:
     """Add the forces of the contacts between walls and some disks; update shear forces, add to this stripe's share of the loads.
 
@@ -151,21 +318,16 @@ def disk_wall_forces(
     """
     dashpot_v = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
     for w in range(walls.now.shape[0]):
-        kn, ks, mu, beta = walls.law[w, KN], walls.law[w, KS], walls.law[w, MU], walls.law[w, BETA]
-        half, depth = 0.5 * walls.law[w, TORQUE_OVERLAP], 0.5 * walls.law[w, WALL_MID]
-        half_slip = 0.5 * walls.law[w, SLIP_OVERLAP]
+        law = walls.law[w]
+        kn, ks, mu, beta, cohesion = law[KN], law[KS], law[MU], law[BETA], law[COHESION]
+        half, depth = 0.5 * law[TORQUE_OVERLAP], 0.5 * law[WALL_MID]
+        half_slip = 0.5 * law[SLIP_OVERLAP]
         rough = mu > 0.0 and ks > 0.0
         px, py, ux, uy = walls.now[w, POINT_X], walls.now[w, POINT_Y], walls.now[w, NORMAL_X], walls.now[w, NORMAL_Y]
         cx, cy, spin = walls.now[w, PIVOT_X], walls.now[w, PIVOT_Y], walls.now[w, TURN_RATE]
         rate_x, rate_y = walls.now[w, DASHPOT_VX], walls.now[w, DASHPOT_VY]
-        back, sliding = 0.5 * slip_dt * walls.law[w, SLIP_MIDDLE], walls.now
-        if walls.law[w, SLIP_MIDDLE] > 0.0:
-            sliding = walls.middle
-        sx, sy, tx, ty = sliding[w, POINT_X], sliding[w, POINT_Y], -sliding[w, NORMAL_Y], sliding[w, NORMAL_X]
-        vx, vy = (
-            sliding[w, PIVOT_VX] + spin * (sliding[w, PIVOT_Y] - sy),
-            sliding[w, PIVOT_VY] + spin * (sx - sliding[w, PIVOT_X]),
-        )
+        back = 0.5 * slip_dt * law[SLIP_MIDDLE]
+        sx, sy, tx, ty, vx, vy = sliding_frame(walls, w, law[SLIP_MIDDLE])
         load_x, load_y, load_t = walls.share[stripe, w, 0], walls.share[stripe, w, 1], walls.share[stripe, w, 2]
         last = pairs.start[w + 1]
         for k in range(first_from(pairs, pairs.start[w], last, begin), last):
@@ -175,15 +337,34 @@ def disk_wall_forces(
             height = (disks.x[i, 0] - px) * ux + (disks.x[i, 1] - py) * uy
             overlap = disks.radius[i] - height
             if overlap <= 0.0:
+                if losses is not None:
+                    end_at_wall(disks, walls, pairs, laws, losses, i, w, k, stripe)
                 pairs.shear[k] = 0.0
+                if laws is not None:
+                    pairs.bending[k] = 0.0
                 continue
             if height <= 0.0 and disks.inv_mass[i] > 0.0:
                 note_behind(disks, walls, stripe, i, w, height)
+            if laws is not None:
+                law = laws.rows[law_at_wall(laws, disks, i, w)]
+                kn, ks, mu, beta, cohesion = law[KN], law[KS], law[MU], law[BETA], law[COHESION]
+                half, depth, half_slip = 0.5 * law[TORQUE_OVERLAP], 0.5 * law[WALL_MID], 0.5 * law[SLIP_OVERLAP]
+                rough = mu > 0.0 and ks > 0.0
+                back = 0.5 * slip_dt * law[SLIP_MIDDLE]
+                sx, sy, tx, ty, vx, vy = sliding_frame(walls, w, law[SLIP_MIDDLE])
             foot_x, foot_y = disks.x[i, 0] - height * ux, disks.x[i, 1] - height * uy
             qx, qy = foot_x - depth * overlap * ux - cx, foot_y - depth * overlap * uy - cy
             rate = (rate_x - spin * qy - dashpot_v[i, 0]) * ux + (rate_y + spin * qx - dashpot_v[i, 1]) * uy
-            fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i])
+            fn = normal_force(overlap, rate, kn, beta, disks.inv_mass[i], cohesion)
             gx, gy = fn * ux, fn * uy
+            repulsive = fn
+            if laws is not None:
+                repulsive = max(fn + cohesion * overlap, 0.0)
+                bending = wall_bending(disks, pairs, law, losses, repulsive, spin, slip_dt, loss_dt, i, k, stripe)
+                disks.torque[i] -= bending
+                load_t += bending
+            if losses is not None:
+                losses.contacts[stripe, DASHPOT] += loss_dt * (fn - (kn - cohesion) * overlap) * rate
             if rough:
                 arm = disks.radius[i] - half * overlap
                 # Along itself a wall moves at all points of its surface as at its own, and deeper down so much less.
@@ -194,7 +375,9 @@ def disk_wall_forces(
                 sunk = disks.radius[i] - height
                 vt -= spin * depth * sunk
                 vt += (disks.radius[i] - half_slip * sunk) * disks.omega[i]
-                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)
+                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * repulsive)
+                if losses is not None and slip_dt > 0.0:
+                    losses.contacts[stripe, FRICTION] += friction_loss(-pairs.shear[k], -fs, vt * slip_dt, ks)
                 pairs.shear[k] = fs
                 gx += fs * uy
                 gy -= fs * ux
@@ -207,13 +390,30 @@ def disk_wall_forces(
         walls.share[stripe, w, 0], walls.share[stripe, w, 1], walls.share[stripe, w, 2] = load_x, load_y, load_t
 
 
+@inline_kernel
+def note_law(disks: DiskArrays, laws: Laws, law: NDArray[np.float64], i: int, j: int, k: int) -> None:
+    """Law of the listed pair k, of the disks in rows i and j, and what its rolling resistance takes from their radii and masses."""
+    laws.number[k] = law_of_pair(laws, disks, i, j)
+    ri, rj = disks.radius[i], disks.radius[j]
+    laws.reach[k] = torque_reach(law, ri * rj / (ri + rj))
+    inverse = inverse_moment(ri, disks.inv_mass[i], disks.inv_inertia[i])
+    laws.drag[k] = rolling_dashpot(law, inverse + inverse_moment(rj, disks.inv_mass[j], disks.inv_inertia[j]))
+
+
 @kernel
-def note_pairs(disks: DiskArrays, views: Views, pairs: NeighbourList, law: NDArray[np.float64]) -> None:
-    """Row and dashpot coefficient [N s/m] of each listed pair, into ``views``."""
+def note_pairs(
+    disks: DiskArrays, views: Views, pairs: NeighbourList, all_pairs: NDArray[np.float64], laws: Laws | None
+) -> None:
+    """Row and dashpot coefficient [N s/m] of each listed pair, into ``views``, and its law where pairs have ``laws`` of their own."""
     for i in range(disks.x.shape[0]):
         for k in range(pairs.start[i], pairs.start[i + 1]):
+            j = int(pairs.other[k])
+            law = all_pairs
+            if laws is not None:
+                law = laws.rows[law_of_pair(laws, disks, i, j)]
+                note_law(disks, laws, law, i, j, k)
             views.row[k] = i
-            views.damping[k] = dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[pairs.other[k]])
+            views.damping[k] = dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j])
 
 
 @fused_inline_kernel
@@ -248,8 +448,49 @@ def gather_dashpots(views: Views, pairs: NeighbourList, begin: Index, end: Index
         scratch[DASHPOT_Y + q] = dashpot_v[i + i + one] - dashpot_v[j + j + one]
 
 
-def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64) -> Callable[..., None]:
-    """Kernel of the forces where the scratch holds the velocities that dashpots see at ``dashpot_x`` and ``dashpot_y``.
+@fused_inline_kernel
+def gather_laws(
+    disks: DiskArrays,
+    views: Views,
+    pairs: NeighbourList,
+    laws: Laws,
+    begin: Index,
+    end: Index,
+    scratch: NDArray[np.float64],
+) -> None:
+    """Spins, laws and history of rolling resistance of the pairs ``begin .. end-1``, into the scratch."""
+    omega, omega_now, row, other = disks.omega, disks.omega_now, views.row, pairs.other
+    columns, number, reach, drag, bending = laws.columns, laws.number, laws.reach, laws.drag, pairs.bending
+    for k in range(begin, end):
+        scratch[TURN + (k - begin)] = omega[np.uint64(row[k])] - omega[np.uint64(other[k])]
+    if omega_now.shape[0] > 0:
+        for k in range(begin, end):
+            scratch[TURN_NOW + (k - begin)] = omega_now[np.uint64(row[k])] - omega_now[np.uint64(other[k])]
+    for k in range(begin, end):
+        scratch[TORQUE_REACH + (k - begin)] = reach[k]
+    for k in range(begin, end):
+        scratch[DRAG + (k - begin)] = drag[k]
+    for k in range(begin, end):
+        scratch[BENT + (k - begin)] = bending[k]
+    for c in range(columns.shape[0]):
+        if laws.varies[c]:
+            column = columns[c]
+            at = PAIR_KN + np.uint64(c * CHUNK)
+            for k in range(begin, end):
+                scratch[at + (k - begin)] = column[np.uint64(number[k])]
+
+
+@inline_kernel
+def keep_bending(pairs: NeighbourList, begin: Index, end: Index, scratch: NDArray[np.float64]) -> None:
+    """History of rolling resistance of the pairs ``begin .. end-1``, out of the scratch."""
+    bending = pairs.bending
+    for k in range(begin, end):
+        bending[k] = scratch[BENT + (k - begin)]
+
+
+def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64, seen: np.uint64) -> Callable[..., None]:
+    """Kernel of the forces where the scratch holds the velocities that dashpots see at ``dashpot_x`` and ``dashpot_y``, and the spins
+    that rolling resistance sees at ``seen``.
 
     The compiler has to know all distances in the scratch: only then it finds that no pair waits for another one.
     """
@@ -259,13 +500,17 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64) -> Callable[..., No
         pairs: NeighbourList,
         damping: NDArray[np.float64],
         law: NDArray[np.float64],
+        laws: Laws | None,
+        losses: Losses | None,
         slip_dt: float,
+        loss_dt: float,
         begin: Index,
         end: Index,
         scratch: NDArray[np.float64],
     ) -> None:
-        """Forces of the pairs ``begin .. end-1`` from their differences, which they replace; updates the shear forces."""
+        """Forces of the pairs ``begin .. end-1`` from their differences, which they replace; updates their history."""
         shear = pairs.shear
+        begun = 1.0 if slip_dt > 0.0 else 0.0
         kn, ks = law[KN], law[KS]
         mu = law[MU] if ks > 0.0 else 0.0
         half, half_slip = 0.5 * law[TORQUE_OVERLAP], 0.5 * law[SLIP_OVERLAP]
@@ -277,15 +522,50 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64) -> Callable[..., No
             overlap, inv_d = scratch[REACH + q] - d, 1.0 / d
             nx, ny = dx * inv_d, dy * inv_d
             rate = scratch[dashpot_x + q] * nx + scratch[dashpot_y + q] * ny
-            fn = max(kn * overlap + damping[k] * rate, 0.0)
+            if laws is None:
+                stiff = kn
+                fn = max(kn * overlap + damping[k] * rate, 0.0)
+                repulsive = fn
+            else:
+                ks, mu, cohesion = scratch[PAIR_KS + q], scratch[PAIR_MU + q], scratch[PAIR_COHESION + q]
+                stiff = scratch[PAIR_KN + q] - cohesion
+                fn = stiff * overlap + damping[k] * rate
+                fn = fn if cohesion > 0.0 else max(fn, 0.0)
+                repulsive = max(fn + cohesion * overlap, 0.0)
+                half, half_slip = scratch[PAIR_HALF + q], scratch[PAIR_HALF_SLIP + q]
+                back = 0.5 * slip_dt * scratch[PAIR_MIDDLE + q]
             vx, vy = scratch[VX + q], scratch[VY + q]
             mx, my = dx + back * vx, dy + back * vy
             inv_m = 1.0 / sqrt(mx * mx + my * my)
             vt = (vy * dx - vx * dy) * inv_m
             vt += scratch[ROLL + q] - half_slip * (scratch[REACH + q] - (mx * mx + my * my) * inv_m) * scratch[SPIN + q]
-            fs = shear_force(shear[k], vt * slip_dt, ks, mu * fn)
+            fs = shear_force(shear[k], vt * slip_dt, ks, mu * repulsive)
             if overlap <= 0.0:
                 fn, fs = 0.0, 0.0
+            if losses is not None:
+                pull = fn - stiff * overlap if overlap > 0.0 else 0.0
+                kept = (fs - shear[k]) / max(ks, LEAST)
+                scratch[LOST[FRICTION] + q] = -0.5 * begun * (shear[k] + fs) * (vt * slip_dt + kept)
+                scratch[LOST[DASHPOT] + q] = loss_dt * pull * rate
+            if laws is not None:
+                turn, turn_now, before, kr = (
+                    scratch[TURN + q],
+                    scratch[seen + q],
+                    scratch[BENT + q],
+                    scratch[PAIR_KR + q],
+                )
+                limit = scratch[TORQUE_REACH + q] * repulsive
+                trial = before + kr * (slip_dt * turn) if scratch[PAIR_SPRING + q] > 0.0 else STEEP * turn
+                held = min(max(trial, -limit), limit)
+                held = limit * turn_now if scratch[PAIR_VISCOUS + q] > 0.0 else held
+                damped = scratch[DRAG + q] * turn_now if abs(held) < limit else 0.0
+                if overlap <= 0.0:
+                    held, damped = 0.0, 0.0
+                if losses is not None:
+                    kept = (held - before) / kr if kr > 0.0 else 0.0
+                    scratch[LOST[ROLLING] + q] = 0.5 * (before + held) * (slip_dt * turn - kept)
+                    scratch[LOST[ROLLING_DASHPOT] + q] = loss_dt * damped * turn_now
+                scratch[BENT + q], scratch[BENDING + q] = held, held + damped
             shear[k] = fs
             scratch[GX + q], scratch[GY + q] = -fn * nx - fs * ny, fs * nx - fn * ny
             scratch[SHEAR + q], scratch[ARM_LOSS + q] = fs, half * overlap * fs
@@ -293,7 +573,8 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64) -> Callable[..., No
     return pair_forces
 
 
-pair_forces_lagged, pair_forces_extrapolated = _pair_forces(VX, VY), _pair_forces(DASHPOT_X, DASHPOT_Y)
+pair_forces_lagged = _pair_forces(VX, VY, TURN)
+pair_forces_extrapolated = _pair_forces(DASHPOT_X, DASHPOT_Y, TURN_NOW)
 
 
 @fused_inline_kernel
@@ -301,13 +582,17 @@ def scatter(
     disks: DiskArrays,
     views: Views,
     pairs: NeighbourList,
+    laws: Laws | None,
+    losses: Losses | None,
+    stripe: int,
     begin: Index,
     end: Index,
     scratch: NDArray[np.float64],
 ) -> None:
-    """Add the forces of the pairs ``begin .. end-1`` to their disks, pair by pair in the order of the list."""
+    """Add the forces of the pairs ``begin .. end-1`` to their disks, and what they lost to the stripe's, in the order of the list."""
     force, torque, radius, row, other = views.force, disks.torque, disks.radius, views.row, pairs.other
     one = np.uint64(1)
+    friction, dashpots, rolling, rolling_dashpots = 0.0, 0.0, 0.0, 0.0
     for k in range(begin, end):
         q, i, j = k - begin, np.uint64(row[k]), np.uint64(other[k])
         ix, iy, jx, jy = i + i, i + i + one, j + j, j + j + one
@@ -316,8 +601,23 @@ def scatter(
         force[iy] += gy
         force[jx] -= gx
         force[jy] -= gy
-        torque[i] += radius[i] * fs - loss
-        torque[j] += radius[j] * fs - loss
+        if laws is None:
+            torque[i] += radius[i] * fs - loss
+            torque[j] += radius[j] * fs - loss
+        else:
+            torque[i] += radius[i] * fs - loss - scratch[BENDING + q]
+            torque[j] += radius[j] * fs - loss + scratch[BENDING + q]
+        if losses is not None:
+            friction += scratch[LOST[FRICTION] + q]
+            dashpots += scratch[LOST[DASHPOT] + q]
+            if laws is not None:
+                rolling += scratch[LOST[ROLLING] + q]
+                rolling_dashpots += scratch[LOST[ROLLING_DASHPOT] + q]
+    if losses is not None:
+        losses.contacts[stripe, FRICTION] += friction
+        losses.contacts[stripe, DASHPOT] += dashpots
+        losses.contacts[stripe, ROLLING] += rolling
+        losses.contacts[stripe, ROLLING_DASHPOT] += rolling_dashpots
 
 
 @fused_kernel
@@ -326,12 +626,16 @@ def disk_disk_forces(
     views: Views,
     pairs: NeighbourList,
     law: NDArray[np.float64],
+    laws: Laws | None,
+    losses: Losses | None,
+    stripe: int,
     slip_dt: float,
+    loss_dt: float,
     begin: int,
     end: int,
     scratch: NDArray[np.float64],
 ) -> None:
-    """Add the forces of the disk-disk contacts in some rows to ``disks.force`` and ``disks.torque``; update shear forces.
+    """Add the forces of the disk-disk contacts in some rows to ``disks.force`` and ``disks.torque``; update their history.
 
     Parameters
     ----------
@@ -340,10 +644,18 @@ def disk_disk_forces(
         The same disks, and the list's rows and dashpots as `note_pairs` finds them.
     pairs : NeighbourList
         Rows are the disks with the smaller number.
-    law : ndarray, shape (8,)
+    law : ndarray, shape (LAW_COLUMNS,)
         Law row.
+    laws : Laws or None
+        None: all pairs have ``law``.
+    losses : Losses or None
+        None: nobody asks.
+    stripe : int
+        Whose losses they are.
     slip_dt : float
         Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0.
+    loss_dt : float
+        Time over which forces that depend on velocities act [s]: ``dt``, or ``dt/2`` at time 0.
     begin, end : int
         Rows of the list.
     scratch : ndarray, shape (SCRATCH,)
@@ -355,9 +667,13 @@ def disk_disk_forces(
     for low in range(np.uint64(pairs.start[begin]), last, chunk):
         high = min(low + chunk, last)
         gather(disks, views, pairs, low, high, scratch)
+        if laws is not None:
+            gather_laws(disks, views, pairs, laws, low, high, scratch)
         if extrapolated:
             gather_dashpots(views, pairs, low, high, scratch)
-            pair_forces_extrapolated(pairs, views.damping, law, slip_dt, low, high, scratch)
+            pair_forces_extrapolated(pairs, views.damping, law, laws, losses, slip_dt, loss_dt, low, high, scratch)
         else:
-            pair_forces_lagged(pairs, views.damping, law, slip_dt, low, high, scratch)
-        scatter(disks, views, pairs, low, high, scratch)
+            pair_forces_lagged(pairs, views.damping, law, laws, losses, slip_dt, loss_dt, low, high, scratch)
+        scatter(disks, views, pairs, laws, losses, stripe, low, high, scratch)
+        if laws is not None:
+            keep_bending(pairs, low, high, scratch)

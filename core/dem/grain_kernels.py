@@ -251,7 +251,7 @@ def pair_forces(
             rate = (dashpot_v[i, 0] - dashpot_v[j, 0]) * nx + (dashpot_v[i, 1] - dashpot_v[j, 1]) * ny
             rate += side_b * outlines.spin[b] - side_a * outlines.spin[a]
         stretch, energy = spring(outlines, m, a, b, kn, outlines.area[0])
-        fn = normal_force(stretch, rate, kn, beta, disks.inv_mass[i] + disks.inv_mass[j])
+        fn = normal_force(stretch, rate, kn, beta, disks.inv_mass[i] + disks.inv_mass[j], 0.0)
         fs = 0.0
         if mu > 0.0 and ks > 0.0:
             vx, vy = disks.v[i, 0] - disks.v[j, 0], disks.v[i, 1] - disks.v[j, 1]
@@ -315,7 +315,7 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
             rate = (walls.now[w, DASHPOT_VX] - spin * qy - dashpot_v[i, 0]) * ux
             rate += (walls.now[w, DASHPOT_VY] + spin * qx - dashpot_v[i, 1]) * uy - side * outlines.spin[a]
         stretch, energy = spring(outlines, m, a, -1, kn, outlines.area[1 + w])
-        fn = normal_force(stretch, rate, kn, beta, disks.inv_mass[i])
+        fn = normal_force(stretch, rate, kn, beta, disks.inv_mass[i], 0.0)
         fs = 0.0
         if mu > 0.0 and ks > 0.0:
             sx, sy, tx, ty = sliding[w, POINT_X], sliding[w, POINT_Y], -sliding[w, NORMAL_Y], sliding[w, NORMAL_X]

@@ -67,7 +67,7 @@ def shear_of_grains(outlines: Outlines) -> dict[Pair, float]:
 
 def needs_outlines(scene: Scene) -> bool:
     """Whether contacts are those of outlines: a body has one, or a law is that of the common area."""
-    laws = [scene.disk_disk, *(wall.law for wall in scene.walls)]
+    laws = [scene.disk_disk, *(wall.law for wall in scene.walls), *scene.laws.values()]
     return bool(np.any(scene.disks.outline >= 0)) or any(law.contact == "area" for law in laws)
 
 

@@ -46,6 +46,34 @@ def falls(inv_mass: float) -> float:
 
 
 @inline_kernel
+def brake(disks: DiskArrays, views: Views, step: Kick, begin: int, end: int) -> None:
+    """Energy that global damping takes from the disks ``begin .. end-1`` in the kick that follows [J], into ``disks.braked``."""
+    one = np.uint64(1)
+    v, force, omega, keep, gain, seen, mean = (
+        views.v,
+        views.force,
+        disks.omega,
+        step.keep,
+        step.gain,
+        step.seen,
+        step.mean,
+    )
+    for i in range(np.uint64(begin), np.uint64(end)):
+        ix, iy = i + i, i + i + one
+        inv_mass, inv_inertia = disks.inv_mass[i], disks.inv_inertia[i]
+        change_x = (keep - 1.0) * v[ix] + gain * (force[ix] * inv_mass + step.gravity_x)
+        change_y = (keep - 1.0) * v[iy] + gain * (force[iy] * inv_mass + step.gravity_y)
+        change = (keep - 1.0) * omega[i] + gain * (disks.torque[i] * inv_inertia)
+        way = (v[ix] + seen * change_x) * (v[ix] + mean * change_x) + (v[iy] + seen * change_y) * (
+            v[iy] + mean * change_y
+        )
+        turn = (omega[i] + seen * change) * (omega[i] + mean * change)
+        taken = way / inv_mass if inv_mass > 0.0 else 0.0
+        taken += turn / inv_inertia if inv_inertia > 0.0 else 0.0
+        disks.braked[i] += step.drag * taken
+
+
+@inline_kernel
 def kick(
     v: NDArray[np.float64], force: NDArray[np.float64], inv_mass: NDArray[np.float64], step: Kick, begin: int, end: int
 ) -> None:
@@ -92,6 +120,16 @@ def turn(
         torque[i] = 0.0
 
 
+@inline_kernel
+def foresee(disks: DiskArrays, step: Kick, begin: int, end: int) -> None:
+    """Spins that rolling resistance of the disks ``begin .. end-1`` sees at the end of the step that `turn` is about to do."""
+    omega, torque, inv_inertia = disks.omega, disks.torque, disks.inv_inertia
+    for i in range(np.uint64(begin), np.uint64(end)):
+        after = step.keep * omega[i] + step.gain * (torque[i] * inv_inertia[i])
+        change = after - omega[i] if inv_inertia[i] > 0.0 else 0.0
+        disks.omega_now[i] = omega[i] + change + step.ahead * change
+
+
 @kernel
 def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end: int) -> float:
     """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the disks ``begin .. end-1``; clears their forces.
@@ -104,6 +142,8 @@ def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end:
     x, v, dashpot_v = views.x, views.v, views.dashpot_v
     first, last = np.uint64(2 * begin), np.uint64(2 * end)
     extrapolated = disks.v_now.shape[0] > 0
+    if disks.braked.shape[0] > 0:
+        brake(disks, views, step, begin, end)
     if extrapolated:
         for q in range(first, last):
             dashpot_v[q] = v[q]
@@ -112,5 +152,7 @@ def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end:
         for q in range(first, last):
             dashpot_v[q] = v[q] + step.ahead * (v[q] - dashpot_v[q])
     drift(x, v, views.moved, step.dt, begin, end)
+    if disks.omega_now.shape[0] > 0:
+        foresee(disks, step, begin, end)
     turn(disks.omega, disks.angle, disks.torque, disks.inv_inertia, step, begin, end)
     return farthest(views.moved, begin, end)

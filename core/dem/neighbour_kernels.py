@@ -105,7 +105,7 @@ def build_pairs(
     old: NeighbourList,
     new: NeighbourList,
 ) -> int:
-    """Half neighbour list of all pairs with a gap below ``skin``; shear forces of the old list are carried over.
+    """Half neighbour list of all pairs with a gap below ``skin``; the history of the old list is carried over.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def build_pairs(
     in_order : bool
         Whether the disks already lie in the order of the cells; partners then come from the rest of their row and the next.
     listed : ndarray of uint32, shape (n,)
-        Row that each disk had in ``old``. A shear force is the same number from either disk.
+        Row that each disk had in ``old``. A shear force is the same number from either disk, a torque its opposite.
     old, new : NeighbourList
         ``old`` is read, ``new`` written.
 
@@ -132,6 +132,7 @@ def build_pairs(
     n = x.shape[0]
     nx, ny = int(cells.grid[3]), int(cells.grid[4])
     capacity, k = new.other.shape[0], 0
+    bends = new.bending.shape[0] > 0
     new.start[0] = 0
     for i in range(n):
         c = cells.cell[i]
@@ -150,10 +151,14 @@ def build_pairs(
                         return PAIRS_FULL
                     new.other[k] = j
                     new.shear[k] = 0.0
+                    if bends:
+                        new.bending[k] = 0.0
                     a, b = min(listed[i], listed[j]), max(listed[i], listed[j])
                     for o in range(old.start[a], old.start[a + 1]):
                         if old.other[o] == b:
                             new.shear[k] = old.shear[o]
+                            if bends:
+                                new.bending[k] = old.bending[o] if a == listed[i] else -old.bending[o]
                             break
                     k += 1
         new.start[i + 1] = k
@@ -171,7 +176,7 @@ def build_wall_pairs(
     old: NeighbourList,
     new: NeighbourList,
 ) -> int:
-    """Lists of the disks with a gap below ``skin`` to each wall; shear forces of the old lists are carried over.
+    """Lists of the disks with a gap below ``skin`` to each wall; the history of the old lists is carried over.
 
     Parameters
     ----------
@@ -190,8 +195,10 @@ def build_wall_pairs(
         OK, or WALL_PAIRS_FULL if the capacity of ``new`` is too small.
     """
     capacity, k = new.other.shape[0], 0
+    bends = new.bending.shape[0] > 0
     new.start[0] = 0
     for w in range(wall.shape[0]):
+        begun = k
         for o in range(old.start[w], old.start[w + 1]):
             scratch[old.other[o]] = old.shear[o]
         px, py, nx, ny = wall[w, POINT_X], wall[w, POINT_Y], wall[w, NORMAL_X], wall[w, NORMAL_Y]
@@ -205,6 +212,11 @@ def build_wall_pairs(
                 new.shear[k] = scratch[listed[i]]
                 k += 1
         new.start[w + 1] = k
+        if bends:
+            for o in range(old.start[w], old.start[w + 1]):
+                scratch[old.other[o]] = old.bending[o]
+            for m in range(begun, k):
+                new.bending[m] = scratch[listed[new.other[m]]]
         for o in range(old.start[w], old.start[w + 1]):
             scratch[old.other[o]] = 0.0
     return OK
@@ -251,6 +263,8 @@ def put_in_order(disks: DiskArrays, cells: Cells) -> None:
     permute(disks.angle, order, one)
     permute(disks.omega, order, one)
     permute(disks.radius, order, one)
+    permute(disks.omega_now, order, one)
+    permute(disks.braked, order, one)
     permute(disks.inv_mass, order, one)
     permute(disks.inv_inertia, order, one)
     permute_numbers(disks.name, order, one)
@@ -345,11 +359,14 @@ def copy_list(source: NeighbourList, target: NeighbourList) -> None:
     for k in range(source.start[rows - 1]):
         target.other[k] = source.other[k]
         target.shear[k] = source.shear[k]
+    if source.bending.shape[0] > 0:
+        for k in range(source.start[rows - 1]):
+            target.bending[k] = source.bending[k]
 
 
 @kernel
 def rebuild(disks: DiskArrays, walls: WallArrays, lists: Lists, team: Team, step: StepConstants, skin: float) -> int:
-    """Rebuild both lists with this skin [m], shear forces carried over; forces and torques are zero afterwards.
+    """Rebuild both lists with this skin [m], their history carried over; forces and torques are zero afterwards.
 
     Returns
     -------

@@ -96,23 +96,25 @@ def check_crowd(pairs: NeighbourList) -> None:
         )
 
 
-def empty_list(rows: int, capacity: int) -> NeighbourList:
-    """A neighbour list of ``rows`` empty rows and room for ``capacity`` pairs."""
+def empty_list(rows: int, capacity: int, bends: bool = False) -> NeighbourList:
+    """A neighbour list of ``rows`` empty rows and room for ``capacity`` pairs; ``bends``: with torques of rolling resistance."""
     return NeighbourList(
         start=np.zeros(rows + 1, dtype=np.int32),
         other=np.zeros(capacity, dtype=np.uint32),
         shear=np.zeros(capacity),
+        bending=np.zeros(capacity if bends else 0),
     )
 
 
 def grown(pairs: NeighbourList) -> NeighbourList:
     """Copy of a list with 1.2 times its room."""
     room = pairs.other.shape[0] + pairs.other.shape[0] // 5 + 16
-    larger = empty_list(pairs.start.shape[0] - 1, room)
+    larger = empty_list(pairs.start.shape[0] - 1, room, len(pairs.bending) > 0)
     used = int(pairs.start[-1])
     larger.start[:] = pairs.start
     larger.other[:used] = pairs.other[:used]
     larger.shear[:used] = pairs.shear[:used]
+    larger.bending[:used] = pairs.bending[:used]
     return larger
 
 

@@ -8,21 +8,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
-from ninedisk.core.dem.force_kernels import normal_force
+from ninedisk.core.dem.force_kernels import law_at_wall, law_of_pair, normal_force
 from ninedisk.core.dem.kick_kernels import falls
 from ninedisk.core.dem.state import (
     BETA,
+    COHESION,
     COUNT,
+    DASHPOT,
     ENERGY,
     FN,
+    FRICTION,
     FS,
     KN,
+    KR,
     KS,
+    MODEL,
     OVERLAP,
+    ROLLING,
+    ROLLING_DASHPOT,
     SIDE,
+    SPRING,
     DiskArrays,
+    Laws,
+    Losses,
     NeighbourList,
     Outlines,
+    Progress,
     Samples,
     StepConstants,
     System,
@@ -41,6 +52,9 @@ from ninedisk.core.motion_kernels import (
 )
 from ninedisk.core.nurbs.curve_kernels import Pose
 from ninedisk.core.nurbs.features_kernels import gap_of_shapes, reach_of_shape
+
+TINY = 1e-300
+"""Below every inverse mass, in the place of that of a fixed disk."""
 
 
 @inline_kernel
@@ -62,7 +76,7 @@ def listed_shear(pairs: NeighbourList, row: int, other: int) -> float:
 
 @inline_kernel
 def watched_disk_pair(
-    disks: DiskArrays, pairs: NeighbourList, law: NDArray[np.float64], i: int, j: int
+    disks: DiskArrays, pairs: NeighbourList, all_pairs: NDArray[np.float64], laws: Laws | None, i: int, j: int
 ) -> tuple[float, float, float]:
     """Gap [m], normal and shear force [N] of the disks in rows i and j; the same numbers from either one."""
     dx, dy = disks.x[j, 0] - disks.x[i, 0], disks.x[j, 1] - disks.x[i, 1]
@@ -70,15 +84,18 @@ def watched_disk_pair(
     gap = d - (disks.radius[i] + disks.radius[j])
     if gap >= 0.0:
         return gap, 0.0, 0.0
+    law = all_pairs
+    if laws is not None:
+        law = laws.rows[law_of_pair(laws, disks, i, j)]
     dashpot_v = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
     rate = ((dashpot_v[i, 0] - dashpot_v[j, 0]) * dx + (dashpot_v[i, 1] - dashpot_v[j, 1]) * dy) / d
-    fn = normal_force(-gap, rate, law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j])
+    fn = normal_force(-gap, rate, law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j], law[COHESION])
     return gap, fn, listed_shear(pairs, min(i, j), max(i, j))
 
 
 @inline_kernel
 def watched_wall_pair(
-    disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, i: int, w: int
+    disks: DiskArrays, walls: WallArrays, pairs: NeighbourList, laws: Laws | None, i: int, w: int
 ) -> tuple[float, float, float]:
     """Gap [m], normal and shear force [N] of a disk and a wall."""
     ux, uy = walls.now[w, NORMAL_X], walls.now[w, NORMAL_Y]
@@ -86,13 +103,16 @@ def watched_wall_pair(
     gap = height - disks.radius[i]
     if gap >= 0.0:
         return gap, 0.0, 0.0
+    law = walls.law[w]
+    if laws is not None:
+        law = laws.rows[law_at_wall(laws, disks, i, w)]
     # The wall's normal velocity at the foot: v_pivot.u + spin (u x q) with q from the pivot to the foot.
     qx = disks.x[i, 0] - height * ux - walls.now[w, PIVOT_X]
     qy = disks.x[i, 1] - height * uy - walls.now[w, PIVOT_Y]
     dashpot_v = disks.v_now if disks.v_now.shape[0] > 0 else disks.v
     rate = walls.now[w, DASHPOT_VX] * ux + walls.now[w, DASHPOT_VY] * uy + walls.now[w, TURN_RATE] * (qx * uy - qy * ux)
     rate -= dashpot_v[i, 0] * ux + dashpot_v[i, 1] * uy
-    fn = normal_force(-gap, rate, walls.law[w, KN], walls.law[w, BETA], disks.inv_mass[i])
+    fn = normal_force(-gap, rate, law[KN], law[BETA], disks.inv_mass[i], law[COHESION])
     return gap, fn, listed_shear(pairs, w, i)
 
 
@@ -126,8 +146,94 @@ def contact_energy(system: System) -> tuple[float, float]:
     return normal, shear
 
 
+@fused_kernel
+def energy_by_laws(system: System, laws: Laws) -> tuple[float, float, float]:
+    """Elastic energy of the normal, shear and rolling springs [J] where contacts have ``laws`` of their own."""
+    disks, walls, pairs, wall_pairs = system.disks, system.walls, system.lists.pairs, system.lists.wall_pairs
+    x, radius = disks.x, disks.radius
+    normal, shear, rolling = 0.0, 0.0, 0.0
+    for i in range(x.shape[0]):
+        for k in range(pairs.start[i], pairs.start[i + 1]):
+            j = int(pairs.other[k])
+            law = laws.rows[law_of_pair(laws, disks, i, j)]
+            dx, dy = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1]
+            overlap = max(radius[i] + radius[j] - sqrt(dx * dx + dy * dy), 0.0)
+            normal += 0.5 * (law[KN] - law[COHESION]) * overlap * overlap
+            if law[KS] > 0.0:
+                shear += 0.5 * pairs.shear[k] * pairs.shear[k] / law[KS]
+            if law[MODEL] == SPRING:
+                rolling += 0.5 * pairs.bending[k] * pairs.bending[k] / law[KR]
+    for w in range(walls.now.shape[0]):
+        px, py, ux, uy = walls.now[w, POINT_X], walls.now[w, POINT_Y], walls.now[w, NORMAL_X], walls.now[w, NORMAL_Y]
+        for k in range(wall_pairs.start[w], wall_pairs.start[w + 1]):
+            i = int(wall_pairs.other[k])
+            law = laws.rows[law_at_wall(laws, disks, i, w)]
+            overlap = max(radius[i] - ((x[i, 0] - px) * ux + (x[i, 1] - py) * uy), 0.0)
+            normal += 0.5 * (law[KN] - law[COHESION]) * overlap * overlap
+            if law[KS] > 0.0:
+                shear += 0.5 * wall_pairs.shear[k] * wall_pairs.shear[k] / law[KS]
+            if law[MODEL] == SPRING:
+                rolling += 0.5 * wall_pairs.bending[k] * wall_pairs.bending[k] / law[KR]
+    return normal, shear, rolling
+
+
+@inline_kernel
+def elastic_energy(system: System, laws: Laws | None) -> tuple[float, float, float]:
+    """Elastic energy of the normal, shear and rolling springs [J]."""
+    if laws is None:
+        normal, shear = contact_energy(system)
+        return normal, shear, 0.0
+    return energy_by_laws(system, laws)
+
+
+@inline_kernel
+def lost_so_far(losses: Losses, channel: int) -> float:
+    """Energy that contacts have lost in a channel since time 0 [J], in an order that does not depend on the number of threads."""
+    total = 0.0
+    for s in range(losses.contacts.shape[0]):
+        total += losses.contacts[s, channel]
+    return total
+
+
+@inline_kernel
+def lost_by_now(losses: Losses, channel: int) -> float:
+    """The same at the time of a sample, to which only half of the step of a force that depends on velocities belongs."""
+    return 0.5 * (losses.before[channel] + lost_so_far(losses, channel))
+
+
 @kernel
-def record(system: System, samples: Samples, row: int, start: bool, wall_work: float) -> None:
+def record_losses(system: System, losses: Losses | None, samples: Samples, row: int, start: bool) -> None:
+    """Write what was lost since time 0 to row ``row`` of ``samples``."""
+    if losses is None:
+        return
+    disks, kick = system.disks, system.step.kick
+    energy = samples.energy
+    energy[row, 8] = lost_so_far(losses, FRICTION)
+    energy[row, 9] = lost_by_now(losses, DASHPOT) if not start else 0.0
+    energy[row, 10] = lost_so_far(losses, ROLLING)
+    energy[row, 10] += lost_by_now(losses, ROLLING_DASHPOT) if not start else 0.0
+    taken = 0.0
+    for name in range(disks.braked.shape[0]):
+        i = disks.place[name]
+        taken += disks.braked[i]
+        if start:
+            continue
+        # What the damping does from t_{n-1/2} to t_n: its force is known once the velocity of t_{n+1/2} is.
+        weight = falls(disks.inv_mass[i])
+        for d in range(2):
+            gravity = kick.gravity_x if d == 0 else kick.gravity_y
+            before = disks.v[i, d]
+            change = (kick.keep - 1.0) * before + kick.gain * (disks.force[i, d] * disks.inv_mass[i] + gravity)
+            taken += weight * 0.5 * kick.drag * (before + kick.seen * change) * before / max(disks.inv_mass[i], TINY)
+        if disks.inv_inertia[i] > 0.0:
+            before = disks.omega[i]
+            change = (kick.keep - 1.0) * before + kick.gain * (disks.torque[i] * disks.inv_inertia[i])
+            taken += 0.5 * kick.drag * (before + kick.seen * change) * before / disks.inv_inertia[i]
+    energy[row, 11] = taken
+
+
+@kernel
+def record(system: System, samples: Samples, row: int, start: bool, progress: Progress) -> None:
     """Write row ``row`` of ``samples`` from the state at ``t_n`` with its forces; ``start`` is True at n = 0."""
     disks, walls, step = system.disks, system.walls, system.step
     translation, rotation, gravity = 0.0, 0.0, 0.0
@@ -161,18 +267,20 @@ def record(system: System, samples: Samples, row: int, start: bool, wall_work: f
     for c in range(samples.pairs.shape[0]):
         i, j = int(disks.place[samples.pairs[c, 0]]), samples.pairs[c, 1]
         if j < n:
-            gap, fn, fs = watched_disk_pair(disks, system.lists.pairs, system.law, i, int(disks.place[j]))
+            other = int(disks.place[j])
+            gap, fn, fs = watched_disk_pair(disks, system.lists.pairs, system.law, system.laws, i, other)
         else:
-            gap, fn, fs = watched_wall_pair(disks, walls, system.lists.wall_pairs, i, j - n)
+            gap, fn, fs = watched_wall_pair(disks, walls, system.lists.wall_pairs, system.laws, i, j - n)
         samples.gap[row, c], samples.fn[row, c], samples.fs[row, c] = gap, fn, fs
     for w in range(walls.now.shape[0]):
         samples.wall_point[row, w, 0], samples.wall_point[row, w, 1] = walls.now[w, POINT_X], walls.now[w, POINT_Y]
         samples.wall_angle[row, w] = atan2(walls.now[w, NORMAL_Y], walls.now[w, NORMAL_X])
         samples.wall_force[row, w, 0], samples.wall_force[row, w, 1] = walls.load[w, 0], walls.load[w, 1]
-    normal, shear = contact_energy(system)
+    normal, shear, rolling = elastic_energy(system, system.laws)
     samples.energy[row, 0], samples.energy[row, 1] = translation, rotation
     samples.energy[row, 2], samples.energy[row, 3], samples.energy[row, 4] = normal, shear, gravity
-    samples.wall_work[row] = wall_work
+    samples.energy[row, 5], samples.energy[row, 6], samples.energy[row, 7] = rolling, progress.work[0], progress.work[1]
+    record_losses(system, system.losses, samples, row, start)
 
 
 @inline_kernel

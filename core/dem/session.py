@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,15 +22,19 @@ from ninedisk.core.dem.arrays import (
     disk_arrays,
     disk_views,
     first_lists,
+    law_arrays,
     law_row,
+    load_arrays,
+    loss_arrays,
     not_finite,
     sample_arrays,
     step_constants,
     team_arrays,
     wall_arrays,
+    with_room,
 )
 from ninedisk.core.dem.files import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
-from ninedisk.core.dem.grains import first_outlines, restored, shear_of_grains, with_more_room
+from ninedisk.core.dem.grains import first_outlines, needs_outlines, restored, shear_of_grains, with_more_room
 from ninedisk.core.dem.neighbour_kernels import rebuild
 from ninedisk.core.dem.neighbours import check_crowd, grown
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
@@ -72,8 +76,11 @@ from ninedisk.core.validate import whole
 STEPS_TIMES_DISKS = 16_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
 
-LACKS = ("materials", "forces on disks", "a periodic cell", "cohesion", "adhesion", "rolling resistance")
+LACKS = ("a periodic cell", "adhesion")
 """What scenes may ask for and the DEM lacks (`check_run`)."""
+
+OUTLINES_LACK = ("materials", "cohesion", "rolling resistance")
+"""What it lacks as well where contacts are those of outlines."""
 
 
 class DemSession:
@@ -130,18 +137,19 @@ class DemSession:
         stripes = STRIPES if in_order else 1
         self._threads = threads if in_order else 1
         self._step = step_constants(scene, numerics, self.contact_dt, in_order)
-        self._disks = disk_arrays(scene, self._step.lagged)
+        self._disks = disk_arrays(scene, self._step.lagged, numerics.energy_budget)
         self._motion = compile_motion(scene.walls)
         self._walls = wall_arrays(scene, self._motion, stripes)
-        self._team = team_arrays(stripes, self._threads)
-        self._lists = first_lists(n, m)
-        self._law = np.array(law_row(scene.disk_disk))
+        self._law, self._laws, self._loads = np.array(law_row(scene.disk_disk)), law_arrays(scene), load_arrays(scene)
+        self._team = team_arrays(stripes, self._threads, self._laws)
+        self._losses = loss_arrays(stripes) if numerics.energy_budget else None
+        self._lists = first_lists(n, m, self._laws is not None)
         self._progress = Progress(
-            clock=np.array([0, 1, 0, 0, 0], dtype=np.int64), work=np.zeros(1), skin=np.array([self._step.first_skin])
+            clock=np.array([0, 1, 0, 0, 0], dtype=np.int64), work=np.zeros(2), skin=np.array([self._step.first_skin])
         )
         self._outlines = first_outlines(scene)
         self._first_lists()
-        self._views = disk_views(self._disks, self._lists, self._law)
+        self._note_lists()
         if self._outlines is None:
             enter_preload(scene, self._disks, self._lists.pairs, self._lists.wall_pairs)
         else:
@@ -156,7 +164,7 @@ class DemSession:
     def __setstate__(self, saved: dict[str, Any]) -> None:
         self.__dict__.update(saved)
         self._disks = DiskArrays(*(aligned(array) for array in self._disks))
-        self._views = disk_views(self._disks, self._lists, self._law)
+        self._note_lists()
 
     def __copy__(self) -> DemSession:
         return copy.deepcopy(self)
@@ -272,7 +280,7 @@ class DemSession:
         session._lists = Lists(pairs[0], wall_pairs[0], pairs[1], wall_pairs[1], session._lists.cells)
         session._outlines = restored(session._outlines, arrays)
         session._progress.clock[state.ROW] = restore(session._state(), arrays, int(arrays["clock"][state.ROW]))
-        session._views = disk_views(session._disks, session._lists, session._law)
+        session._note_lists()
         return session
 
     def _state(self) -> dict[str, NDArray[Any]]:
@@ -286,14 +294,17 @@ class DemSession:
         }
         if self._outlines is not None:
             groups["grains"] = self._outlines.memory
+        if self._losses is not None:
+            groups["losses"] = self._losses
         return state_arrays(single, groups)
 
     def _advance(self, target: int) -> None:
         if self._walls.passed[0]:
             self._make_good(state.BEHIND_WALL)
         while True:
-            system = System(self._disks, self._views, self._walls, self._lists, self._law, self._step, self._team)
-            shared = (system, self._motion, self._outlines, self._samples, self._progress, target)
+            arrays = (self._disks, self._views, self._walls, self._lists, self._law, self._step, self._team)
+            system = System(*arrays, self._laws, self._losses)
+            shared = (system, self._motion, self._loads, self._outlines, self._samples, self._progress, target)
             code = together(advance, self._threads, shared)
             if code == OK and not (np.isfinite(self._disks.x).all() and np.isfinite(self._disks.v).all()):
                 code = NOT_FINITE
@@ -307,7 +318,7 @@ class DemSession:
         if code == PAIRS_FULL:
             check_crowd(lists.pairs)
             self._lists = lists._replace(pairs=grown(lists.pairs), spare=grown(lists.spare))
-            self._views = disk_views(self._disks, self._lists, self._law)
+            self._note_lists()
         elif code == WALL_PAIRS_FULL:
             self._lists = lists._replace(wall_pairs=grown(lists.wall_pairs), wall_spare=grown(lists.wall_spare))
         elif code == state.GRAINS_STOPPED and self._outlines is not None:
@@ -316,6 +327,11 @@ class DemSession:
             raise behind_wall(self.scene, self._walls, step, self.contact_dt, self.critical_dt)
         else:
             raise not_finite(self._disks, step, self.contact_dt, self.critical_dt)
+
+    def _note_lists(self) -> None:
+        """Views of the present arrays, and what the kernels note of each listed pair."""
+        self._laws = with_room(self._laws, self._lists)
+        self._views = disk_views(self._disks, self._lists, self._law, self._laws)
 
     def _first_lists(self) -> None:
         while True:
@@ -328,7 +344,13 @@ class DemSession:
     def history(self) -> History:
         """What has been sampled so far."""
         rows = int(self._progress.clock[state.ROW])
-        return history_of(self._samples, rows, self.substeps, self.contact_dt, self.pairs)
+        numerics = self.numerics
+        left_out = set() if numerics.energy_budget else set(ENERGIES[8:])
+        if not (numerics.energy_budget or any(law.rolling is not None for law in self.scene.laws_in_use)):
+            left_out.add("elastic_rolling")
+        if not (numerics.energy_budget or self.scene.forces):
+            left_out.add("force_work")
+        return history_of(self._samples, rows, self.substeps, self.contact_dt, self.pairs, left_out)
 
 
 def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
@@ -342,6 +364,12 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
         If the numerics ask for the static limit or have options for the DEM, which has none, or the number of threads is not allowed.
     """
     check_run(scene, numerics, "the DEM", LACKS)
+    if needs_outlines(scene):
+        check_run(scene, numerics, "the DEM of outlines", OUTLINES_LACK)
+        if numerics.energy_budget:
+            raise InvalidNumericsError(
+                "energy_budget is not allowed for outlines: the DEM has it for disks alone; leave it out"
+            )
     moved = scene.disks.held.any(axis=1) & ~scene.disks.fixed
     if moved.any():
         raise InvalidSceneError(
@@ -354,13 +382,16 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     read_options("dem", {}, numerics)
 
 
-def history_of(samples: Samples, rows: int, substeps: int, contact_dt: float, pairs: tuple[Pair, ...]) -> History:
-    """The first ``rows`` samples, taken in steps of ``substeps`` contact steps [s]."""
+def history_of(
+    samples: Samples, rows: int, substeps: int, contact_dt: float, pairs: tuple[Pair, ...], left_out: Collection[str]
+) -> History:
+    """The first ``rows`` samples, taken in steps of ``substeps`` contact steps [s], without the energies ``left_out``."""
     data: dict[str, Any] = {name: array[:rows] for name, array in samples._asdict().items()}
-    energy = {name: data["energy"][:, k] for k, name in enumerate(ENERGIES)}
+    energy = {name: data["energy"][:, k] for k, name in enumerate(ENERGIES) if name not in left_out}
     energy["kinetic"] = energy["translation"] + energy["rotation"]
     energy["elastic"] = energy["elastic_normal"] + energy["elastic_shear"]
-    energy["wall_work"] = data["wall_work"]
+    if "elastic_rolling" in energy:
+        energy["elastic"] += energy["elastic_rolling"]
     # Times are products of the step number and the contact step, as the kernels form them.
     fields = ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force")
     return History(

@@ -11,9 +11,18 @@ from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
 from ninedisk.core.nurbs.state import ContactRows, Workspace
 
-KN, KS, MU, BETA, TORQUE_OVERLAP, SLIP_OVERLAP, WALL_MID, SLIP_MIDDLE = range(8)
+KN, KS, MU, BETA, TORQUE_OVERLAP, SLIP_OVERLAP, WALL_MID, SLIP_MIDDLE, COHESION, MODEL, BEND, KR, BEND_BETA = range(13)
 """Columns of a law row: kn [N/m], ks [N/m], mu, beta, lever arm R - overlap/2 (1) or R (0) of the torque and of the slip, wall
-velocity at mid-overlap (1) or on the surface (0), slip in the middle of the step (1) or at its end (0)."""
+velocity at mid-overlap (1) or on the surface (0), slip in the middle of the step (1) or at its end (0), cohesion [N/m], model of
+rolling resistance (below), its mu, kr [N m/rad] and beta."""
+
+LAW_COLUMNS = 13
+
+CONSTANT, VISCOUS, SPRING = range(3)
+"""Models of rolling resistance. A contact without any is one of CONSTANT with the coefficient 0."""
+
+FRICTION, DASHPOT, ROLLING, ROLLING_DASHPOT = range(4)
+"""Channels of `Losses`."""
 
 STEP, PENDING, ROW, REBUILDS, BUILT = range(5)
 """Entries of the clock: contact steps done; 1 if forces at this step are still to be found; next sample row; list
@@ -51,6 +60,8 @@ class DiskArrays(NamedTuple):
     force : shape (n, 2), contact forces at ``t_n`` [N]; scratch during a rebuild
     torque : shape (n,), contact torques at ``t_n`` [N m]; scratch during a rebuild
     v_now : shape (n, 2), velocity that contact dashpots see [m/s]; shape (0, 2) where there is none, or where it is ``v``
+    omega_now : shape (n,), spin that rolling resistance sees [rad/s]; shape (0,) where there is no `Laws`, or where it is ``omega``
+    braked : shape (n,), energy that global damping has taken from each disk [J]; shape (0,) where nobody asks for it
     moved : ndarray of float32, shape (n, 2), displacement since the last rebuild of the lists [m]
     name : ndarray of uint32, shape (n,), number that the scene gives to the disk in this row
     place : ndarray of uint32, shape (n,), row of the scene's disk
@@ -67,6 +78,8 @@ class DiskArrays(NamedTuple):
     force: FloatArray
     torque: FloatArray
     v_now: FloatArray
+    omega_now: FloatArray
+    braked: FloatArray
     moved: NDArray[np.float32]
     name: NDArray[np.uint32]
     place: NDArray[np.uint32]
@@ -111,11 +124,15 @@ class NeighbourList(NamedTuple):
         The other disk of each pair.
     shear : ndarray, shape (capacity,)
         Shear force ``fs`` [N] on the row's body (disk-disk list) or on the disk (wall list).
+    bending : ndarray, shape (capacity,) or (0,)
+        Torque [N m] of rolling resistance without its dashpot, counter-clockwise positive on the other body: that of the spring, or of
+        the step before. None where no contact has any.
     """
 
     start: NDArray[np.int32]
     other: NDArray[np.uint32]
     shear: NDArray[np.float64]
+    bending: NDArray[np.float64]
 
 
 class Cells(NamedTuple):
@@ -169,7 +186,7 @@ class WallArrays(NamedTuple):
         Pose and velocity at ``t_{n-1/2}`` (at n = 0: ``t_0``).
     extent : shape (m,)
         Largest distance of a disk's centre from the wall's point at the last rebuild [m].
-    law : shape (m, 8)
+    law : shape (m, LAW_COLUMNS)
         Law rows.
     load, load_before : shape (m, 3)
         Force of the disks on the wall [N] and its torque about the origin [N m], at ``t_n`` and ``t_{n-1}``.
@@ -233,6 +250,9 @@ class Kick(NamedTuple):
         [-] and [s].
     ahead : float
         ``v_n`` that dashpots see is extrapolated from ``v_{n-1/2}`` by this part of the last change of velocity.
+    drag, seen, mean : float
+        Global damping takes ``drag m v.w`` [J], with drag = xi times the kick's own time [-], and parts ``seen`` and ``mean`` of the
+        change of velocity added to ``v-``: v is what the damping sees, w the displacement over its time.
     dt : float
         Contact step [s].
     gravity_x, gravity_y : float
@@ -242,6 +262,9 @@ class Kick(NamedTuple):
     keep: float
     gain: float
     ahead: float
+    drag: float
+    seen: float
+    mean: float
     dt: float
     gravity_x: float
     gravity_y: float
@@ -277,8 +300,82 @@ class StepConstants(NamedTuple):
     sorted: bool
 
 
+class Laws(NamedTuple):
+    """Laws of scenes with materials, cohesion or rolling resistance; n disks, m walls, k laws, a materials.
+
+    Attributes
+    ----------
+    rows : shape (k, LAW_COLUMNS)
+        Law rows.
+    material : ndarray of uint32, shape (n,)
+        Number of each disk's material, by the scene's numbers.
+    of_pair : ndarray of uint32, shape (a, a)
+        Law between disks of two materials.
+    of_wall : ndarray of uint32, shape (m, a)
+        Law between a wall and disks of a material.
+    columns : shape (10, k)
+        What the force of disk-disk pairs reads of a law: kn, cohesion, ks, mu, half the columns of the arms of torque and slip, that of
+        the slip's place in the step, kr, 1 for the models SPRING and VISCOUS.
+    varies : ndarray of bool, shape (10,)
+        Columns that are not the same in all laws between disks.
+    number : ndarray of uint32, shape (capacity of the list,)
+        Number of the law of each listed disk-disk pair.
+    reach : shape (capacity of the list,)
+        ``mu R`` of the pair's rolling resistance [m], ``mu R^2/(1 m/s)`` [m s] of a viscous one.
+    drag : shape (capacity of the list,)
+        Coefficient of the pair's rolling dashpot [N m s].
+    """
+
+    rows: FloatArray
+    material: NDArray[np.uint32]
+    of_pair: NDArray[np.uint32]
+    of_wall: NDArray[np.uint32]
+    columns: FloatArray
+    varies: NDArray[np.bool_]
+    number: NDArray[np.uint32]
+    reach: FloatArray
+    drag: FloatArray
+
+
+class Loads(NamedTuple):
+    """Forces and torques on single disks (`Scene.forces`), k of them.
+
+    Attributes
+    ----------
+    disk : ndarray of int64, shape (k,)
+        By the scene's numbers.
+    load : shape (k, 3)
+        Force [N] and torque [N m].
+    time : shape (k, 2)
+        Begin and end [s].
+    """
+
+    disk: IntArray
+    load: FloatArray
+    time: FloatArray
+
+
+class Losses(NamedTuple):
+    """Energy that contacts have lost since time 0 [J]; s stripes.
+
+    Attributes
+    ----------
+    contacts : shape (s, 4)
+        Channels above.
+    before : shape (4,)
+        Sums of all before a step that is sampled.
+    """
+
+    contacts: FloatArray
+    before: FloatArray
+
+
 class System(NamedTuple):
-    """All that the forces of a step depend on; ``law`` is the law row of disks among each other, shape (8,)."""
+    """All that the forces of a step depend on.
+
+    ``law`` is the law row of disks among each other, shape (LAW_COLUMNS,). Where ``laws`` or ``losses`` are None the compiler leaves out
+    whatever concerns them.
+    """
 
     disks: DiskArrays
     views: Views
@@ -287,6 +384,8 @@ class System(NamedTuple):
     law: FloatArray
     step: StepConstants
     team: Team
+    laws: Laws | None = None
+    losses: Losses | None = None
 
 
 class Progress(NamedTuple):
@@ -296,8 +395,8 @@ class Progress(NamedTuple):
     ----------
     clock : ndarray of int64, shape (5,)
         Entries above.
-    work : ndarray, shape (1,)
-        Work of the walls on the disks so far [J].
+    work : ndarray, shape (2,)
+        Work of the walls on the disks so far, and of `Loads` [J].
     skin : ndarray, shape (1,)
         Skin of the lists in use [m].
     """
@@ -324,10 +423,8 @@ class Samples(NamedTuple):
     wall_point : shape (s, m, 2)
     wall_angle : shape (s, m)
     wall_force : shape (s, m, 2)
-    energy : shape (s, 5)
-        Translation, rotation, elastic normal, elastic shear, gravity [J].
-    wall_work : shape (s,)
-        Work of the walls on the disks since time 0 [J].
+    energy : shape (s, 12)
+        `ninedisk.core.dem.arrays.ENERGIES` [J].
     """
 
     at: NDArray[np.int64]
@@ -344,7 +441,6 @@ class Samples(NamedTuple):
     wall_angle: FloatArray
     wall_force: FloatArray
     energy: FloatArray
-    wall_work: FloatArray
 
 
 class Memory(NamedTuple):

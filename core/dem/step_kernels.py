@@ -12,7 +12,7 @@ from ninedisk.core.dem.force_kernels import disk_disk_forces, disk_wall_forces, 
 from ninedisk.core.dem.grain_kernels import grain_forces
 from ninedisk.core.dem.kick_kernels import farther, kick_and_drift
 from ninedisk.core.dem.neighbour_kernels import next_skin, rebuild
-from ninedisk.core.dem.sample_kernels import record, record_contacts
+from ninedisk.core.dem.sample_kernels import lost_so_far, record, record_contacts
 from ninedisk.core.dem.state import (
     BEHIND_WALL,
     BUILT,
@@ -23,9 +23,14 @@ from ninedisk.core.dem.state import (
     REBUILDS,
     ROW,
     STEP,
+    DiskArrays,
+    Laws,
+    Loads,
+    Losses,
     Outlines,
     Progress,
     Samples,
+    StepConstants,
     System,
     WallArrays,
 )
@@ -71,6 +76,13 @@ def wall_drift(walls: WallArrays, skin: float) -> float:
 
 
 @inline_kernel
+def clear_forces(disks: DiskArrays) -> None:
+    """Take back the forces of a step that is not finished."""
+    for i in range(disks.x.shape[0]):
+        disks.force[i, 0], disks.force[i, 1], disks.torque[i] = 0.0, 0.0, 0.0
+
+
+@inline_kernel
 def clear_share(walls: WallArrays, stripe: int) -> None:
     """Begin a new sum of the stripe's share of the loads."""
     for w in range(walls.now.shape[0]):
@@ -79,7 +91,57 @@ def clear_share(walls: WallArrays, stripe: int) -> None:
 
 
 @inline_kernel
-def stripe_forces(system: System, slip_dt: float, moves_on: bool, parity: int, thread: int, threads: int) -> float:
+def note_before(losses: Losses | None) -> None:
+    """Keep the sums of what was lost before a step."""
+    if losses is not None:
+        for c in range(losses.before.shape[0]):
+            losses.before[c] = lost_so_far(losses, c)
+
+
+@inline_kernel
+def push(disks: DiskArrays, loads: Loads, step: StepConstants, n: int) -> float:
+    """Add to the forces those of `Scene.forces`, as means over the time of the kick from ``t_n``.
+
+    Returns
+    -------
+    float
+        Their work during the step that ended at ``t_n`` [J], by the trapezoidal rule.
+    """
+    dt = step.kick.dt
+    work = 0.0
+    for k in range(loads.disk.shape[0]):
+        i = disks.place[loads.disk[k]]
+        now, before = share_of_kick(loads, k, n, dt), share_of_kick(loads, k, n - 1, dt)
+        fx, fy, torque = loads.load[k, 0], loads.load[k, 1], loads.load[k, 2]
+        if n > 0 and now + before > 0.0:
+            power = fx * disks.v[i, 0] + fy * disks.v[i, 1] + torque * disks.omega[i]
+            work += 0.5 * dt * (now + before) * power
+        disks.force[i, 0] += now * fx
+        disks.force[i, 1] += now * fy
+        disks.torque[i] += now * torque
+    return work
+
+
+@inline_kernel
+def share_of_kick(loads: Loads, k: int, n: int, dt: float) -> float:
+    """Part of the kick from ``t_n``, which lasts from ``t_n - dt/2`` to ``t_n + dt/2`` but not from before 0, for which a load acts."""
+    first, last = max((n - 0.5) * dt, 0.0), (n + 0.5) * dt
+    if loads.time[k, 0] <= first and loads.time[k, 1] >= last:
+        return 1.0
+    return max(min(loads.time[k, 1], last) - max(loads.time[k, 0], first), 0.0) / (last - first)
+
+
+@inline_kernel
+def stripe_forces(
+    system: System,
+    laws: Laws | None,
+    losses: Losses | None,
+    slip_dt: float,
+    moves_on: bool,
+    parity: int,
+    thread: int,
+    threads: int,
+) -> float:
     """Forces of every ``threads``-th even (parity 0) or odd (1) stripe, beginning with the first one of this thread.
 
     Disks that are in order and have been a row of the list have all their forces, and no later row reads them. So, if the step
@@ -94,15 +156,19 @@ def stripe_forces(system: System, slip_dt: float, moves_on: bool, parity: int, t
     disks, views, walls, lists, team = system.disks, system.views, system.walls, system.lists, system.team
     stripe = team.stripe
     far = 0.0
+    loss_dt = slip_dt if slip_dt > 0.0 else 0.5 * system.step.kick.dt
     for s in range(parity + 2 * thread, stripe.shape[0] - 1, 2 * threads):
         end = stripe[s + 1]
         kicked_from = team.border[s] if parity == 0 else stripe[s]
         clear_share(walls, s)
         for low in range(stripe[s], end, BLOCK):
             high = min(low + BLOCK, end)
-            disk_disk_forces(disks, views, lists.pairs, system.law, slip_dt, low, high, team.scratch[thread])
+            scratch = team.scratch[thread]
+            disk_disk_forces(
+                disks, views, lists.pairs, system.law, laws, losses, s, slip_dt, loss_dt, low, high, scratch
+            )
             # Disks at a wall are few and far between: the pairs have brought them into the caches.
-            disk_wall_forces(disks, walls, lists.wall_pairs, slip_dt, low, high, s)
+            disk_wall_forces(disks, walls, lists.wall_pairs, laws, losses, slip_dt, loss_dt, low, high, s)
             if moves_on:
                 far = farther(far, kick_and_drift(disks, views, system.step.kick, max(low, kicked_from), high))
     return far
@@ -150,6 +216,7 @@ def advance(
     threads: int,
     system: System,
     motion: WallMotion,
+    loads: Loads,
     outlines: Outlines | None,
     samples: Samples,
     progress: Progress,
@@ -164,7 +231,7 @@ def advance(
     ----------
     thread, threads : int
         This thread's number and the number of threads.
-    system, motion, samples, progress
+    system, motion, loads, samples, progress
         See their classes.
     outlines : Outlines or None
         None, for which the compiler leaves out whatever concerns outlines, if all bodies are disks with the disks' law.
@@ -182,7 +249,7 @@ def advance(
     pending = clock[PENDING] == 1
     stale = pending and clock[BUILT] < n
     moved_on = False
-    far = 0.0
+    far, fed = 0.0, 0.0
     wait_for_all(team.flags, thread, threads)
     while n < target or pending:
         if not pending:
@@ -208,7 +275,7 @@ def advance(
                 wider = next_skin(skin[0], n - clock[BUILT], step)
                 team.code[0] = rebuild(disks, walls, system.lists, team, step, wider)
                 if team.code[0] == OK:
-                    note_pairs(disks, views, system.lists.pairs, system.law)
+                    note_pairs(disks, views, system.lists.pairs, system.law, system.laws)
                     skin[0], clock[BUILT] = wider, n
                     clock[REBUILDS] += 1
             wait_for_all(team.flags, thread, threads)
@@ -218,12 +285,21 @@ def advance(
         slip_dt = step.kick.dt if n > 0 else 0.0
         sampled = row < samples.at.shape[0] and samples.at[row] == n
         moved_on = False
+        if loads.disk.shape[0] > 0:
+            if thread == 0:
+                fed = push(disks, loads, step, n)
+            wait_for_all(team.flags, thread, threads)
+        if sampled and system.losses is not None:
+            if thread == 0:
+                note_before(system.losses)
+            wait_for_all(team.flags, thread, threads)
         if outlines is None:
             # Samples and the end of the run need the forces at this step, which a kick clears.
             moved_on = 0 < n < target and not sampled
-            far = stripe_forces(system, slip_dt, moved_on, 0, thread, threads)
+            far = stripe_forces(system, system.laws, system.losses, slip_dt, moved_on, 0, thread, threads)
             wait_for_all(team.flags, thread, threads)
-            far = farther(far, stripe_forces(system, slip_dt, moved_on, 1, thread, threads))
+            odd = stripe_forces(system, system.laws, system.losses, slip_dt, moved_on, 1, thread, threads)
+            far = farther(far, odd)
             wait_for_all(team.flags, thread, threads)
             if moved_on and walls.passed[0] == 0:
                 far = farther(far, kick_borders(system, thread, threads))
@@ -232,15 +308,18 @@ def advance(
                 grain_forces(system, outlines, n, slip_dt)
             wait_for_all(team.flags, thread, threads)
             if outlines.memory.mark[CODE] != 0:
+                if thread == 0:
+                    clear_forces(disks)
                 return GRAINS_STOPPED
         if walls.passed[0] != 0:
             return BEHIND_WALL
         if thread == 0:
             gather_loads(walls)
             progress.work[0] += wall_work_of_step(walls, slip_dt)
+            progress.work[1] += fed
             clock[PENDING] = 0
             if sampled:
-                record(system, samples, row, n == 0, progress.work[0])
+                record(system, samples, row, n == 0, progress)
                 if outlines is not None:
                     record_contacts(system, outlines, samples, row)
                 clock[ROW] = row + 1

@@ -14,7 +14,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
+from ninedisk.core.scene import BodyForce, ContactLaw, Scene, Wall, WallSegment
 
 Vector = np.ndarray
 
@@ -98,7 +98,11 @@ class Oracle:
         self.x, self.v, self.omega = (np.array(getattr(scene.disks, name)) for name in ("x", "v", "omega"))
         self.v_before = self.v.copy()
         self.angle = np.zeros(self.n_disks)
+        self.omega_before = self.omega.copy()
         self.shear = dict(scene.initial_shear)
+        self.bending: dict[tuple[int, int], float] = {}
+        self.fed, self.rate_losses = 0.0, Counter[str]()
+        self.losses: Counter[str] = Counter()
         self.normal: dict[tuple[int, int], float] = {}
         self.gap: dict[tuple[int, int], float] = {}
         self.step, self.wall_work = 0, 0.0
@@ -126,6 +130,8 @@ class Oracle:
         self.place()
         self.force, self.torque = np.zeros((self.n_disks, 2)), np.zeros(self.n_disks)
         self.loads = [(np.zeros(2), 0.0) for _ in self.walls]
+        self.rate_losses = Counter()
+        self._push()
         for pair in self.pairs:
             if pair[1] < self.n_disks:
                 self._disk_disk(*pair)
@@ -137,12 +143,74 @@ class Oracle:
             self.wall_work -= self.dt * power
         self.loads_before = self.loads
 
+    def _push(self) -> None:
+        """Forces of the scene, as means over the time of the kick; their work as what they do while they are constant."""
+        for load in self.scene.forces:
+            i, way, turn = load.disk, self.dt * self.v[load.disk], self.dt * self.omega[load.disk]
+            shares = [self._share(load, self.step), self._share(load, self.step - 1)]
+            if self.step > 0:
+                self.fed += 0.5 * sum(shares) * (float(np.array(load.force) @ way) + load.torque * float(turn))
+            self.force[i] += shares[0] * np.array(load.force)
+            self.torque[i] += shares[0] * load.torque
+
+    def _share(self, load: BodyForce, step: int) -> float:
+        begin, end = max(step - 0.5, 0.0) * self.dt, (step + 0.5) * self.dt
+        if step < 0:
+            return 0.0
+        return max(min(end, load.end) - max(begin, load.begin), 0.0) / (end - begin)
+
     def seen(self, i: int) -> Vector:
         """Velocity of a disk that dashpots see: v_n extrapolated from the last two half steps, or v_{n-1/2}."""
         if self.step == 0 or self.numerics.damping_form == "lagged":
             return self.v[i]
         change = self.v[i] - self.v_before[i]
         return self.v[i] + (change if self.step == 1 else 0.5 * change)
+
+    def spin_seen(self, i: int) -> float:
+        """Spin of a disk that rolling resistance sees."""
+        if self.step == 0 or self.numerics.damping_form == "lagged":
+            return float(self.omega[i])
+        change = self.omega[i] - self.omega_before[i]
+        return float(self.omega[i] + (change if self.step == 1 else 0.5 * change))
+
+    def _bend(self, pair: tuple[int, int], law: ContactLaw, fn: float, overlap: float) -> float:
+        """Torque of rolling resistance on the second body of a pair."""
+        (i, j), disks, rolling = pair, self.scene.disks, law.rolling
+        before, self.bending[pair] = self.bending.get(pair, 0.0), 0.0
+        if rolling is None:
+            return 0.0
+        of_wall = j >= self.n_disks
+        spin = self.walls[j - self.n_disks].spin if of_wall else None
+        omega = self.omega[i] - (spin if of_wall else self.omega[j])
+        turned = omega * self.dt if self.step > 0 else 0.0
+        if overlap <= 0.0:
+            # What is lost at walls after the last step in contact is left out.
+            self.losses["rolling"] += 0.5 * before * (0.0 if of_wall else turned)
+            self.losses["rolling"] += 0.5 * before**2 / rolling.kr if rolling.kr > 0.0 else 0.0
+            return 0.0
+        seen = self.spin_seen(i) - (spin if of_wall else self.spin_seen(j))
+        reduced = disks.radius[i] if of_wall else 1.0 / (1.0 / disks.radius[i] + 1.0 / disks.radius[j])
+        most = rolling.mu * reduced * max(fn + law.cohesion * overlap, 0.0)
+        inverse = sum(
+            1.0 / (disks.inertia[k] + disks.mass[k] * disks.radius[k] ** 2)
+            for k in pair
+            if k < self.n_disks and disks.rotating[k]
+        )
+        damped = 0.0
+        if rolling.model == "constant":
+            spring = most * float(np.sign(omega))
+        elif rolling.model == "viscous":
+            spring = most * abs(seen) * reduced * float(np.sign(seen))
+        else:
+            spring = float(np.clip(before + rolling.kr * turned, -most, most))
+            if abs(spring) < most:
+                damped = 2.0 * rolling.beta * sqrt(rolling.kr / inverse) * seen if inverse > 0.0 else 0.0
+        self.events["bend" if abs(spring) < most else "roll"] += 1
+        stored = (spring**2 - before**2) / (2.0 * rolling.kr) if rolling.kr > 0.0 else 0.0
+        self.losses["rolling"] += 0.5 * (before + spring) * turned - stored
+        self.rate_losses["rolling"] += damped * seen
+        self.bending[pair] = spring
+        return spring + damped
 
     def x_for_slip(self, i: int, law: ContactLaw) -> Vector:
         """Centre of a disk where the slip of the step is measured."""
@@ -156,7 +224,7 @@ class Oracle:
         distance = hypot(*between)
         n = between / distance
         overlap = radius[i] + radius[j] - distance
-        law = self.scene.disk_disk
+        law = self.scene.law((i, j))
         shorter = 0.5 * overlap if law.lever_arm != "radius" else 0.0
         arm_i, arm_j = radius[i] - shorter, radius[j] - shorter
         apart = self.x_for_slip(j, law) - self.x_for_slip(i, law)
@@ -166,8 +234,12 @@ class Oracle:
         at_j = self.v[j] + self.omega[j] * (radius[j] - less_slip) * left(-n_slip)
         m_eff = 1.0 / (1.0 / mass[i] + 1.0 / mass[j])
         closing = (self.seen(i) - self.seen(j)) @ n
-        if not self._contact((i, j), law, overlap, closing, (at_i - at_j) @ left(n_slip), m_eff):
+        closed = self._contact((i, j), law, overlap, closing, (at_i - at_j) @ left(n_slip), m_eff)
+        bending = self._bend((i, j), law, self.normal[i, j], overlap)
+        if not closed:
             return
+        self.torque[i] -= bending
+        self.torque[j] += bending
         on_i = -self.normal[i, j] * n + self.shear[i, j] * left(n)
         self.force[i] += on_i
         self.force[j] -= on_i
@@ -175,7 +247,7 @@ class Oracle:
         self.torque[j] += arm_j * cross(-n, -on_i)
 
     def _disk_wall(self, i: int, body: int) -> None:
-        wall, law = self.walls[body - self.n_disks], self.scene.walls[body - self.n_disks].law
+        wall, law = self.walls[body - self.n_disks], self.scene.law((i, body))
         radius = self.scene.disks.radius[i]
         height = (self.x[i] - wall.point) @ wall.normal
         overlap = radius - height
@@ -185,13 +257,16 @@ class Oracle:
         arm = radius - (0.5 * overlap if law.lever_arm != "radius" else 0.0)
         closing = (self.seen(i) - wall.velocity_for_dashpots(q)) @ n
         slip = self._wall_slip(i, self.walls_midway[body - self.n_disks] if law.slip_at == "middle" else wall, law)
-        if not self._contact((i, body), law, overlap, closing, slip, float(self.scene.disks.mass[i])):
+        closed = self._contact((i, body), law, overlap, closing, slip, float(self.scene.disks.mass[i]))
+        bending = self._bend((i, body), law, self.normal[i, body], overlap)
+        if not closed:
             return
+        self.torque[i] -= bending
         on_i = -self.normal[i, body] * n + self.shear[i, body] * left(n)
         self.force[i] += on_i
         self.torque[i] += arm * cross(n, on_i)
         load, torque = self.loads[body - self.n_disks]
-        self.loads[body - self.n_disks] = (load - on_i, torque - cross(foot, on_i))
+        self.loads[body - self.n_disks] = (load - on_i, torque - cross(foot, on_i) + bending)
 
     def _wall_slip(self, i: int, wall: WallState, law: ContactLaw) -> float:
         """Slip velocity at a wall that is there where the slip of the step is measured."""
@@ -207,21 +282,32 @@ class Oracle:
     ) -> bool:
         """Update ``normal``, ``shear`` and ``gap`` of a pair; False if it is open."""
         was_closed = self.normal.get(pair, 0.0) > 0.0
+        before, slid = self.shear.get(pair, 0.0), slip * self.dt if self.step > 0 else 0.0
         self.gap[pair], self.normal[pair] = -overlap, 0.0
         if overlap <= 0.0:
             self.shear[pair] = 0.0
+            self._slide_loss(law, before, 0.0, slid if pair[1] < self.n_disks else 0.0)
             self.events["open"] += was_closed
             return False
         self.events["close"] += not was_closed and self.step > 0
-        fn = law.kn * overlap + 2.0 * law.beta * sqrt(m_eff * law.kn) * closing
-        self.events["no-tension"] += fn < 0.0
-        self.normal[pair] = fn = max(fn, 0.0)
-        trial = self.shear.get(pair, 0.0) - (law.ks * slip * self.dt if self.step > 0 else 0.0)
-        cap = law.mu * fn
+        spring = (law.kn - law.cohesion) * overlap
+        fn = spring + 2.0 * law.beta * sqrt(m_eff * law.kn) * closing
+        self.events["no-tension"] += fn < 0.0 and law.cohesion == 0.0
+        self.events["pull"] += fn < 0.0 and law.cohesion > 0.0
+        self.normal[pair] = fn = max(fn, 0.0) if law.cohesion == 0.0 else fn
+        self.rate_losses["dashpot"] += (fn - spring) * closing
+        trial = before - law.ks * slid
+        cap = law.mu * max(fn + law.cohesion * overlap, 0.0)
         self.shear[pair] = float(np.clip(trial, -cap, cap))
         if cap > 0.0 and law.ks > 0.0:
             self.events["slip" if abs(trial) > cap else "stick"] += 1
+        self._slide_loss(law, before, self.shear[pair], slid)
         return True
+
+    def _slide_loss(self, law: ContactLaw, before: float, after: float, slid: float) -> None:
+        """What friction takes: the work that the shear force resists with, less what its spring keeps."""
+        if self.step > 0 and law.shear_stiffness > 0.0:
+            self.losses["friction"] -= 0.5 * (before + after) * slid + 0.5 * (after**2 - before**2) / law.ks
 
     def kicked(self, old: Vector, acceleration: Vector) -> Vector:
         """Velocity half a step later than ``t_n`` from the one before (from ``v_0`` at the start)."""
@@ -241,15 +327,35 @@ class Oracle:
     def move(self) -> None:
         """To ``t_{n+1}``."""
         v, omega = self.new_velocities()
-        self.v_before, self.v, self.omega = self.v, v, omega
+        self._note_rates(0.5 if self.step == 0 else 1.0, v, omega)
+        self.v_before, self.v, self.omega_before, self.omega = self.v, v, self.omega, omega
         self.x, self.angle = self.x + self.dt * v, self.angle + self.dt * omega
         self.step += 1
+
+    def _note_rates(self, share: float, v: Vector, omega: Vector) -> None:
+        """Add a share of a step's losses by forces that depend on velocities; global damping acts along the way of the step's kick."""
+        for name, power in self.rate_losses.items():
+            self.losses[name] += share * self.dt * power
+        self.losses["damping"] += self._damping(v, omega, 1.0 if self.step == 0 else 0.5) * share
+
+    def _damping(self, v: Vector, omega: Vector, mean: float) -> float:
+        """Work against global damping in a step about ``t_n`` [J], its way being a mean of the velocities before and after."""
+        disks, central = self.scene.disks, self.numerics.damping_form == "central" and self.step > 0
+        total = 0.0
+        for weight, old, new in (
+            (disks.mass[:, None], self.v, v),
+            (np.where(disks.rotating, disks.inertia, 0.0), self.omega, omega),
+        ):
+            seen = 0.5 * (old + new) if central else old
+            total += float(np.sum(weight * seen * (old + mean * (new - old))))
+        return self.scene.xi * self.dt * total
 
     def run(self) -> History:
         """Run ``n_steps`` contact steps and record all of them."""
         count = self.numerics.n_steps
         steps = np.arange(count + 1)
-        names = ("kinetic", "elastic", "gravity", "wall_work")
+        names = ("kinetic", "elastic", "gravity", "wall_work", "elastic_rolling", "force_work")
+        names += ("friction_loss", "dashpot_loss", "rolling_loss", "damping_loss")
         history = History.empty(
             steps,
             steps * self.dt,
@@ -272,17 +378,26 @@ class Oracle:
             else (0.5 * (a + b) for a, b in zip((self.v, self.omega), self.new_velocities(), strict=True))
         )
         h.x[row], h.v[row], h.angle[row], h.omega[row] = self.x, v, self.angle, omega
-        elastic = 0.0
+        elastic, rolling = 0.0, 0.0
         for c, pair in enumerate(self.pairs):
             h.gap[row, c], h.fn[row, c], h.fs[row, c] = self.gap[pair], self.normal[pair], self.shear[pair]
             law = self.scene.law(pair)
-            elastic += 0.5 * law.kn * max(-self.gap[pair], 0.0) ** 2
+            elastic += 0.5 * (law.kn - law.cohesion) * max(-self.gap[pair], 0.0) ** 2
+            if law.rolling is not None and law.rolling.kr > 0.0:
+                rolling += 0.5 * self.bending.get(pair, 0.0) ** 2 / law.rolling.kr
             elastic += 0.5 * self.shear[pair] ** 2 / law.ks if law.ks > 0.0 else 0.0
         for w, (wall, (load, _)) in enumerate(zip(self.walls, self.loads, strict=True)):
             h.wall_point[row, w], h.wall_force[row, w] = wall.point, load
             h.wall_angle[row, w] = np.arctan2(wall.normal[1], wall.normal[0])
         h.energy["kinetic"][row] = 0.5 * np.sum(disks.mass * np.sum(v**2, axis=1))
         h.energy["kinetic"][row] += 0.5 * np.sum((disks.inertia * omega**2)[disks.rotating])
-        h.energy["elastic"][row] = elastic
+        h.energy["elastic"][row], h.energy["elastic_rolling"][row] = elastic + rolling, rolling
+        h.energy["force_work"][row] = self.fed
+        half = 0.0 if row == 0 else 0.5 * self.dt
+        for name in ("friction", "dashpot", "rolling"):
+            h.energy[f"{name}_loss"][row] = self.losses[name] + half * self.rate_losses[name]
+        h.energy["damping_loss"][row] = self.losses["damping"]
+        if row > 0:
+            h.energy["damping_loss"][row] += 0.5 * self._damping(*self.new_velocities(), 0.0)
         h.energy["gravity"][row] = -np.sum(disks.mass * (self.x @ np.array(self.scene.gravity)))
         h.energy["wall_work"][row] = self.wall_work

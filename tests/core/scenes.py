@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.core.scene import BodyForce, ContactLaw, Disks, Rolling, Scene, Wall, WallSegment
 
 KN = 1e4
 RNG = np.random.Generator
@@ -98,6 +99,40 @@ def random_scene(rng: RNG, dt: float, n_steps: int, **fixed: Any) -> Scene:
         initial_shear=shear,
     )
     return scene.replace(**fixed)
+
+
+def random_rolling(rng: RNG, span: float) -> Rolling | None:
+    """Any model of rolling resistance, or none; springs that bend to their limit in a part of the ``span`` [s]."""
+    model = rng.choice(["", "constant", "viscous", "elastic-plastic", "elastic-plastic"]).item()
+    if not model:
+        return None
+    mu = rng.choice([0.02, 0.3, 3.0]) * (span if model == "viscous" else 1.0)
+    spring = {"kr": KN * rng.choice([0.05, 0.5]), "beta": rng.choice([0.0, 0.1, 0.5])} if model[0] == "e" else {}
+    return Rolling(model=model, mu=mu, **spring)
+
+
+def with_options(rng: RNG, scene: Scene, span: float) -> Scene:
+    """The scene of three materials, with laws between most pairs of them, cohesion, rolling resistance, and forces on disks."""
+    names = np.array(["", "ash", "oak"])
+
+    def law() -> ContactLaw:
+        found = random_law(rng, rolling=random_rolling(rng, span))
+        return replace(found, cohesion=found.kn * rng.choice([0.0, 0.2, 0.7]))
+
+    walls = tuple(replace(wall, material=str(rng.choice(names)), law=law()) for wall in scene.walls)
+    disks = replace(scene.disks, material=[str(name) for name in rng.choice(names, len(scene.disks))])
+    used = sorted({*disks.material, *(wall.material for wall in walls)})
+    pairs = [(a, b) for k, a in enumerate(used) for b in used[k:] if rng.random() < 0.8]
+    forces = []
+    for _ in range(int(rng.integers(0, 5))):
+        begin = rng.choice([0.0, rng.uniform(0.0, 0.8)]) * span
+        i = int(rng.integers(len(disks)))
+        push = disks.mass[i] * rng.normal(0.0, 2.0, 2) / span**2
+        end = rng.choice([np.inf, begin + rng.uniform(0.0, 0.5) * span])
+        torque = disks.inertia[i] * rng.normal(0.0, 4.0) / span**2
+        forces.append(BodyForce(disk=i, force=tuple(push), torque=torque, begin=begin, end=end))
+    laws = {pair if rng.random() < 0.5 else pair[::-1]: law() for pair in pairs}
+    return scene.replace(disks=disks, walls=walls, disk_disk=law(), laws=laws, forces=tuple(forces), initial_shear={})
 
 
 def all_pairs(scene: Scene) -> list[tuple[int, int]]:

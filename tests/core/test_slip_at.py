@@ -57,13 +57,13 @@ def pair_shear(x: Array, dt: float, radius: float, law: ContactLaw, spins: Array
     disks, lists, row = disk_arrays(scene, lagged=True), first_lists(2, 0), np.array(law_row(law))
     lists = lists._replace(pairs=listed(1))
     views = disk_views(disks, lists, row)
-    note_pairs(disks, views, lists.pairs, row)
+    note_pairs(disks, views, lists.pairs, row, None)
     scratch, found = np.zeros(SCRATCH), np.empty(len(x))
     for n in range(len(x)):
         disks.x[:] = x[n]
         if n:
             disks.v[:], disks.omega[:] = (x[n] - x[n - 1]) / dt, spins[n]
-        disk_disk_forces(disks, views, lists.pairs, row, dt if n else 0.0, 0, 2, scratch)
+        disk_disk_forces(disks, views, lists.pairs, row, None, None, 0, dt if n else 0.0, dt, 0, 2, scratch)
         found[n] = lists.pairs.shear[0]
     return found
 
@@ -147,7 +147,7 @@ def wall_shear(s: Array, loop: dict[str, float], steps: int, law: ContactLaw, ou
         walls.now[0], walls.middle[0] = pose(n * dt), pose((n - 0.5) * dt)
         walls.now[0, 6:9] = walls.middle[0, 6:9]
         if arrays is None:
-            disk_wall_forces(disks, walls, pairs, dt if n else 0.0, 0, 1, 0)
+            disk_wall_forces(disks, walls, pairs, None, None, dt if n else 0.0, dt, 0, 1, 0)
             found[n] = pairs.shear[0]
         else:
             assert grain_forces(system, arrays, n, dt if n else 0.0)

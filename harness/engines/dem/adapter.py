@@ -5,13 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import ninedisk
+from ninedisk.core.dem.grains import needs_outlines
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import EXTRAS, Capability, capabilities_needed
+from ninedisk.harness.api.capabilities import ROLLING, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, timings_of
 
-LACKS = EXTRAS | {Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC}
+LACKS = frozenset(
+    {
+        Capability.RESTITUTION,
+        Capability.HELD_MOTION,
+        Capability.QUASI_STATIC,
+        Capability.ADHESION,
+        Capability.PERIODIC_CELL,
+    }
+)
+
+OUTLINES_LACK = LACKS | {Capability.MATERIALS, Capability.COHESION, *ROLLING.values()}
 
 
 class DemEngine:
@@ -39,7 +50,7 @@ class DemEngine:
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
-        missing = capabilities_needed(scene, numerics) & LACKS
+        missing = capabilities_needed(scene, numerics) & (OUTLINES_LACK if needs_outlines(scene) else LACKS)
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
         if any(law.regularised for law in scene.laws_in_use):

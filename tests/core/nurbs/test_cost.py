@@ -146,12 +146,12 @@ def test_contact_of_disks_against_disks(record_property: Callable[[str, object],
     one_by_one(disks, views, pairs, row, 1e-6, 0, 2 * n)
     alone = disks.force.copy()
     disks.force[:] = 0.0
-    disk_disk_forces(disks, views, pairs, row, 1e-6, 0, 2 * n, scratch)
+    disk_disk_forces(disks, views, pairs, row, None, None, 0, 1e-6, 1e-6, 0, 2 * n, scratch)
     assert np.all(np.any(alone != 0.0, axis=1))
     np.testing.assert_allclose(disks.force, alone, rtol=0.0, atol=1e-13 * np.abs(alone).max())  # rounding
     disk_time, many_time, nurbs_time = best(
         lambda: one_by_one(disks, views, pairs, row, 1e-6, 0, 2 * n),
-        lambda: disk_disk_forces(disks, views, pairs, row, 1e-6, 0, 2 * n, scratch),
+        lambda: disk_disk_forces(disks, views, pairs, row, None, None, 0, 1e-6, 1e-6, 0, 2 * n, scratch),
         run,
     )
     record_property(
