@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,6 +64,9 @@ class StepBatches:
         Step [s] and parameter of the scheme.
     gains : ndarray, shape (6,)
         Energy that impacts feed, see `ninedisk.core.cd.contact_kernels.note_impact_work`; updated.
+    losses : ndarray, shape (8,)
+        Energy lost, see `ninedisk.core.cd.contact_kernels.note_losses`; updated where ``notes``.
+    notes : bool
 
     Attributes
     ----------
@@ -89,9 +90,12 @@ class StepBatches:
         dt: float,
         theta: float,
         gains: FloatArray,
+        losses: FloatArray,
+        notes: bool,
     ) -> None:
         n, m = len(radius), len(motion.first) - 1
-        self._laws, self._motion, self._finder, self._n, self._gains = laws, motion, finder, n, gains
+        self._laws, self._motion, self._finder, self._n = laws, motion, finder, n
+        self._gains, self._losses = gains, losses
         self._scheme = Scheme(
             dt=dt,
             theta=theta,
@@ -102,6 +106,7 @@ class StepBatches:
             stretch=STRETCH if solver.options.tolerance >= LOOSE else 1.0,
             coulomb=solver.sliding == "coulomb",
             newton=laws.newton,
+            notes=notes,
             holds_rest=solver.holds_rest,
             smallest=float(radius.min()),
             radius=radius,
@@ -154,7 +159,7 @@ class StepBatches:
         listed_at = -1
         while True:
             target = min(last, done + max(1, PAIR_STEPS // (len(self._near.frames.pairs) + 1)))
-            state = State(x, v, wall, self._pairs, self._forces, self._spring, self._shear, counts, totals, self._gains)
+            state = State(x, v, wall, *self._kept(), counts, totals, self._gains, self._losses)
             laws, motion = self._laws.arrays, self._motion
             why = take_steps(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
             if why == MORE:
@@ -175,7 +180,8 @@ class StepBatches:
         self.iterations += int(counts[ITERATIONS])
         self.worst = (float(totals[WORST_MAP]), float(totals[WORST_GAP]))
         held = int(counts[HELD])
-        pairs, forces, spring, shear = (some[:held].copy() for some in self._kept())
+        pairs, forces = self._pairs[:held].copy(), self._forces[:held].copy()
+        spring, shear = self._spring[:held].copy(), self._shear[:held].copy()
         found = memory.renewed(pairs, forces, np.zeros((held, 2)), shear, spring)
         return reached, found, float(totals[WORK])
 
@@ -227,6 +233,6 @@ class StepBatches:
         self._pairs, self._forces = np.empty((c, 2), dtype=np.int64), np.empty((c, 2))
         self._spring, self._shear = np.empty(c), np.empty(c)
 
-    def _kept(self) -> tuple[NDArray[Any], ...]:
+    def _kept(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray]:
         """What the next step needs of the last one, by pair."""
         return self._pairs, self._forces, self._spring, self._shear

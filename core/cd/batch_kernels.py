@@ -30,6 +30,7 @@ from ninedisk.core.cd.contact_kernels import (
     gap_round_off,
     measure_frames,
     note_impact_work,
+    note_losses,
     place_loads,
     start_step,
     step_displacements,
@@ -87,7 +88,7 @@ disks and for those with walls [m]."""
 
 
 class Scheme(NamedTuple):
-    """Constants of a run. ``holds_rest``: where all bodies rest, the solver asks for equilibrium first."""
+    """Constants of a run. ``holds_rest``: where all bodies rest, the solver asks for equilibrium first; ``notes``: losses are noted."""
 
     dt: float
     theta: float
@@ -98,6 +99,7 @@ class Scheme(NamedTuple):
     stretch: float
     coulomb: bool
     newton: bool
+    notes: bool
     holds_rest: bool
     smallest: float
     radius: Floats
@@ -109,8 +111,8 @@ class Scheme(NamedTuple):
 
 class State(NamedTuple):
     """State of a run: centres and angles, velocities, walls, and by pair, in ascending order, the contact forces of the last step, those of
-    the normal springs among them, and the shear forces with which the next step begins; ``gains`` are those of
-    `ninedisk.core.cd.contact_kernels.note_impact_work`.
+    the normal springs among them, and the shear forces with which the next step begins; ``gains`` and ``losses`` are
+    those of `ninedisk.core.cd.contact_kernels.note_impact_work` and ``note_losses``.
     """
 
     x: Floats
@@ -123,6 +125,7 @@ class State(NamedTuple):
     counts: Ints
     totals: Floats
     gains: Floats
+    losses: Floats
 
 
 class Near(NamedTuple):
@@ -362,6 +365,11 @@ def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: 
         frames, state.x, state.wall, scratch.after, scratch.dx, laws, scheme.bodies.inverse, scheme.dt, chosen.r,
         state.spring, state.shear,
     )  # fmt: skip
+    if scheme.notes:
+        note_losses(
+            frames, laws, scheme.bodies, scheme.loads.steady, scratch.start, scratch.v, scratch.dx, chosen.r,
+            chosen.shear_0, state.spring, scheme.dt, scheme.theta, state.losses,
+        )  # fmt: skip
     for k in range(c):
         p, q = chosen.r[k, 0], chosen.r[k, 1]
         totals[WORK] -= p * (frames.gap[k] - frames.gap_before[k]) + q * frames.shift[k]

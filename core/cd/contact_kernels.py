@@ -32,6 +32,10 @@ GAIN_STEPS, GAIN_TOTAL, GAIN_LARGEST, GAIN_STEP, GAIN_I, GAIN_J = range(6)
 """Entries of ``gains``: steps in which impacts fed energy; that energy [J]; the largest of a step [J]; that step, and the bodies of the
 contact that fed most in it."""
 
+FRICTION, IMPACT, DASHPOT, DAMPING, SCHEME, FORCE_WORK, HELD_WORK, STORED = range(8)
+"""Entries of ``losses`` [J]: what was lost since time 0 by channel; what forces on single disks and what holds disks did; and the
+energy of the springs at the end of the last step."""
+
 FED = 100.0
 """Multiple of a solver's tolerance that the energy fed has to exceed: figures are norms over all contacts, relative to the forces."""
 
@@ -48,6 +52,7 @@ class Laws(NamedTuple):
     arm_overlap: Floats
     wall_mid: Floats
     slip_middle: NDArray[np.bool_]
+    viscous_pull: NDArray[np.bool_]
 
 
 class Bodies(NamedTuple):
@@ -356,7 +361,8 @@ def dynamic_terms(
     A dashpot ``c`` acts in parallel with the spring by the mean rate of the step: with the overlaps ``d_0`` and ``d_1`` at its ends
     ``p = kn d_1 + c (d_1 - d_0)/dt``, which is a spring of stiffness ``kn + c/dt`` whose overlap is less by ``d_0 (c/dt)/(kn + c/dt)``;
     ``inverse`` are the inverse masses of `Bodies`. It never pulls: ``p >= 0`` is a condition of the problem, so that bodies part
-    where spring and dashpot cancel, before the overlap is gone, as in the DEM.
+    where spring and dashpot cancel, before the overlap is gone, as in the DEM. Beside cohesion it may pull: then ``p + c d_0/dt``, which
+    is ``(kn + c/dt) d_1``, is the problem's force, and what is added to p a load (`pulls_of_step`).
 
     Under Newton's law (restitution not NaN) walls count by their displacement over the step,
     held disks by their speed.
@@ -375,13 +381,127 @@ def dynamic_terms(
                 viscous = damping_of_step(k, frames, laws, inverse, dt)
                 stiff = laws.kn[row[k]] + viscous
                 compliance[k, 0] = 1.0 / stiff / (theta * dt)
-                room -= viscous / stiff * min(0.0, gap_before[k])
+                if not laws.viscous_pull[row[k]]:
+                    room -= viscous / stiff * min(0.0, gap_before[k])
             offset[k, 0] = room / (theta * dt) + (held_n / theta + (1.0 - theta) / theta * kept_n)
             offset[k, 1] = shift[k] / (theta * dt) + (held_t / theta + (1.0 - theta) / theta * kept_t)
         else:
             un = (gap[k] - gap_before[k]) / dt + held_n
             offset[k, 0] = un + newton_offset(e, un + kept_n)
             offset[k, 1] = shift[k] / dt + held_t
+
+
+@kernel
+def pulls_of_step(
+    frames: Frames, laws: Laws, adhesion: Floats, inverse: Floats, dt: float, touching: float, out: Floats
+) -> None:
+    """Forces [N], shape (c,), by which contacts attract in a step beside the forces ``r`` of its problem: they act with ``p - out``.
+
+    A rigid contact that is closed at the step's start, its gap at most ``touching``, has its ``adhesion`` (of a law row): then
+    ``p >= 0`` of the problem is ``fn >= -adhesion`` and the cone is that of ``fn + adhesion``. A dashpot that may pull has ``c d_0/dt``.
+    """
+    for k in range(frames.row.shape[0]):
+        law = frames.row[k]
+        out[k] = adhesion[law] if frames.gap_before[k] <= touching else 0.0
+        if laws.viscous_pull[law]:
+            out[k] = damping_of_step(k, frames, laws, inverse, dt) * max(0.0, -frames.gap_before[k])
+
+
+@kernel
+def note_losses(
+    frames: Frames,
+    laws: Laws,
+    bodies: Bodies,
+    steady: Floats,
+    start: Start,
+    v: Floats,
+    dx: Floats,
+    r: Floats,
+    shear_0: Floats,
+    spring: Floats,
+    dt: float,
+    theta: float,
+    losses: Floats,
+) -> None:
+    """Add what a step lost and was fed to ``losses``, channel by channel.
+
+    With the mean velocity ``v_m``, ``dv = v_1 - v_0`` and ``dx/dt = v_m + (theta - 1/2) dv`` the momentum balance gives::
+
+        Delta T = dt v_m.(f - xi M dx/dt + H' r)
+
+    - Loads: ``dt v_m.f = f.dx - (theta - 1/2) dt dv.f``; ``f.dx`` is the work of gravity (`steady`) and of the other forces.
+    - Global damping: ``xi dt (dx/dt).M (dx/dt)`` is lost; the rest is ``(theta - 1/2) xi dt dv.M (dx/dt)``.
+    - Rigid contacts: impulses times mean contact velocities. Where the work is negative it is lost, of p in an impact, of q by friction.
+    - Elastic contacts: ``r.(H dx) - (theta - 1/2) dt r.(H dv)``. With the spring's overlaps ``a_0`` of the step's start and ``a_1`` of its
+      end, ``p = kn a_1 + p_d`` and ``d_n = Delta_n + a_1 - a_0``, 0 in a contact that stays closed under Coulomb's law,
+      ``p Delta_n = -Delta(kn a^2/2) - kn (a_1 - a_0)^2/2 - p_d (a_1 - a_0) + p d_n``: the spring's energy, the scheme's damping, the
+      dashpot's loss ``p_d (a_1 - a_0) >= 0``, and what a force that is the same all through the step does before the contact closes. In
+      the same way ``q Delta_t`` with ``s = q/ks``; ``-q d_t >= 0`` is lost by friction.
+
+    Everything with ``theta - 1/2``, the squares of the springs' increments, ``-p d_n``, positive work of rigid contacts (as a negative
+    loss) and the energy of springs that were stretched at the end of the last step and are not, or less, at the start of this one
+    (contacts turn, dilate, open) are the scheme's. What is prescribed has no balance: bodies that are held get the work of what holds
+    them, the walls' is counted elsewhere.
+
+    Parameters
+    ----------
+    frames, laws, bodies, start
+        Of the step.
+    steady : ndarray, shape (b, 3)
+        Loads of gravity.
+    v, dx : ndarray, shape (b, 3)
+        Velocities at the end of the step, 0 where prescribed, and displacements.
+    r : ndarray, shape (c, 2)
+        Forces that act [N].
+    shear_0, spring : ndarray, shape (c,)
+        Shear forces at the start of the step, and normal forces of the springs at its end [N].
+    dt, theta : float
+    losses : ndarray, shape (8,)
+        Updated.
+    """
+    ahead = theta - 0.5
+    for i in range(v.shape[0]):
+        for d in range(3):
+            load, way = bodies.load[i, d], dx[i, d]
+            losses[FORCE_WORK] += (load - steady[i, d]) * way
+            if bodies.free[i, d]:
+                rate, change = way / dt, v[i, d] - start.kept[i, d]
+                drag = bodies.xi * bodies.mass[i, d] * rate
+                losses[DAMPING] += drag * way
+                losses[SCHEME] += ahead * dt * change * (load - drag)
+            else:
+                losses[HELD_WORK] -= load * way
+    stored = 0.0
+    losses[SCHEME] += losses[STORED]
+    for k in range(frames.row.shape[0]):
+        law, p, q = frames.row[k], r[k, 0], r[k, 1]
+        held_n, held_t = contact_velocity(k, frames.bodies, frames.normal, frames.arms, start.prescribed)
+        n_0, t_0 = contact_velocity(k, frames.bodies, frames.normal, frames.arms, start.kept)
+        n_1, t_1 = contact_velocity(k, frames.bodies, frames.normal, frames.arms, v)
+        given_n = frames.gap[k] - frames.gap_before[k] + dt * held_n
+        given_t = frames.shift[k] + dt * held_t
+        losses[HELD_WORK] -= dt * (p * held_n + q * held_t)
+        if not laws.elastic[law]:
+            work_n = p * (given_n + 0.5 * dt * (n_0 + n_1))
+            work_t = q * (given_t + 0.5 * dt * (t_0 + t_1))
+            losses[IMPACT] += max(0.0, -work_n)
+            losses[FRICTION] += max(0.0, -work_t)
+            losses[SCHEME] -= max(0.0, work_n) + max(0.0, work_t)
+            continue
+        kn, ks = laws.kn[law], laws.ks[law]
+        losses[SCHEME] += ahead * dt * (p * (n_1 - n_0) + q * (t_1 - t_0))
+        opening = given_n + dt * (theta * n_1 + (1.0 - theta) * n_0)
+        slip = given_t + dt * (theta * t_1 + (1.0 - theta) * t_0)
+        a_0, a_1 = max(0.0, -frames.gap_before[k]), spring[k] / kn
+        losses[DASHPOT] += (p - spring[k]) * (a_1 - a_0)
+        losses[SCHEME] += 0.5 * kn * ((a_1 - a_0) ** 2 - a_0 * a_0) - p * (opening + a_1 - a_0)
+        stored += 0.5 * kn * a_1 * a_1
+        if ks > 0.0:
+            s_0, s_1 = shear_0[k] / ks, q / ks
+            losses[FRICTION] -= q * (slip + s_1 - s_0)
+            losses[SCHEME] += 0.5 * ks * ((s_1 - s_0) ** 2 - s_0 * s_0)
+            stored += 0.5 * ks * s_1 * s_1
+    losses[STORED] = stored
 
 
 @kernel
@@ -473,7 +593,8 @@ def carry_springs(
                 contact_velocity(k, bodies, normal, arms, dx)[0],
             )
             if forces[k, 0] > 0.0:
-                overlap = (forces[k, 0] + viscous * max(0.0, -gap_before[k])) / (laws.kn[law] + viscous)
+                kept = 0.0 if laws.viscous_pull[law] else viscous * max(0.0, -gap_before[k])
+                overlap = (forces[k, 0] + kept) / (laws.kn[law] + viscous)
             else:
                 overlap = max(0.0, -frames.gap[k] - opening)
             spring[k] = laws.kn[law] * overlap

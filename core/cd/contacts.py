@@ -292,11 +292,15 @@ class ContactMemory:
         Shear forces with which the next step begins [N]; None: those of the last one.
     spring : ndarray, shape (c,), optional
         Forces of the normal springs, without dashpots [N]; None: the normal forces.
+    pull : ndarray, shape (c,), optional
+        Attraction beside ``forces``, which are those of the step's problem [N]; None: none.
 
     Attributes
     ----------
     keys : ndarray of int64, shape (c,)
         One number for each pair, ascending.
+    acting : ndarray, shape (c, 2)
+        Forces that act on the bodies [N].
     """
 
     def __init__(
@@ -307,32 +311,34 @@ class ContactMemory:
         places: FloatArray,
         shear: FloatArray | None = None,
         spring: FloatArray | None = None,
+        pull: FloatArray | None = None,
     ) -> None:
         self._n = n_bodies
         self.pairs, self.forces, self.places = pairs, forces, places
         self.shear = forces[:, 1] if shear is None else shear
         self.spring = forces[:, 0] if spring is None else spring
+        self.acting = forces if pull is None else np.column_stack([forces[:, 0] - pull, forces[:, 1]])
         self.keys = self.keys_of(pairs)
 
     def keys_of(self, pairs: IntArray) -> IntArray:
         """One number for each pair, in the order of the pairs."""
         return np.asarray(pairs[:, 0] * self._n + pairs[:, 1])
 
-    def of(self, pairs: IntArray) -> FloatArray:
-        """Forces of these pairs of disks and walls, shape (c, 2); 0 where there was no contact."""
+    def of(self, pairs: IntArray, *, acting: bool = False) -> FloatArray:
+        """Forces of these pairs of disks and walls, of the problem or acting, shape (c, 2); 0 where there was no contact."""
         found = np.zeros((len(pairs), 2))
         if len(self.keys) and len(pairs):
             keys = self.keys_of(pairs)
             at = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
             known = self.keys[at] == keys
-            found[known] = self.forces[at[known]]
+            found[known] = (self.acting if acting else self.forces)[at[known]]
         return found
 
     def sums(self, pairs: IntArray) -> FloatArray:
-        """Sums of the forces of all contacts of each of these pairs, shape (c, 2)."""
+        """Sums of the acting forces of all contacts of each of these pairs, shape (c, 2)."""
         keys = self.keys_of(pairs)
         begin, end = (np.searchsorted(self.keys, keys, side) for side in ("left", "right"))
-        return np.array([self.forces[i:j].sum(axis=0) for i, j in zip(begin, end, strict=True)]).reshape(len(pairs), 2)
+        return np.array([self.acting[i:j].sum(axis=0) for i, j in zip(begin, end, strict=True)]).reshape(len(pairs), 2)
 
     def same(self, pairs: IntArray, others: IntArray) -> NDArray[np.bool_]:
         """Which of the pairs are among the others, shape (c,)."""
@@ -345,9 +351,10 @@ class ContactMemory:
         places: FloatArray,
         shear: FloatArray | None = None,
         spring: FloatArray | None = None,
+        pull: FloatArray | None = None,
     ) -> ContactMemory:
         """Memory of the next step."""
-        return ContactMemory(self._n, pairs, forces, places, shear, spring)
+        return ContactMemory(self._n, pairs, forces, places, shear, spring, pull)
 
     def springs(self) -> ContactMemory:
         """The same with the shear forces with which the next step begins."""

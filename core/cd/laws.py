@@ -31,11 +31,16 @@ class LawTable:
     Attributes
     ----------
     kn, ks : ndarray, shape (l,)
-        Stiffness [N/m].
+        Stiffness [N/m]: with cohesion that of spring and attraction together, ``kn - cohesion``.
     mu : ndarray, shape (l,)
-        Friction coefficient; 0 where an elastic contact has no shear stiffness and thus carries no shear force.
+        Friction coefficient; 0 where an elastic contact has no shear stiffness and thus carries no shear force. With cohesion it is
+        ``mu kn/(kn - cohesion)``: friction sees ``kn overlap``, and the problem's normal force is ``(kn - cohesion) overlap``.
     beta : ndarray, shape (l,)
-        Damping ratio of the dashpots; 0 where the contact is rigid.
+        Damping ratio of the dashpots, of the stiffness in ``kn``; 0 where the contact is rigid.
+    adhesion : ndarray, shape (l,)
+        Pull [N] that a rigid contact takes.
+    pulls : bool
+        Whether any contact can pull.
     elastic, used : ndarray of bool, shape (l,)
         Which are elastic; which are those of `Scene.laws_in_use`.
     restitution : ndarray, shape (l,)
@@ -46,14 +51,17 @@ class LawTable:
         1 where the lever arm is R - overlap/2, and where a wall's motion is taken in the middle of the overlap; else 0.
     slip_middle : ndarray of bool, shape (l,)
         Whether a shear spring's slip is that of the middle of the step; else it is that of the step's program, at its start.
+    viscous_pull : ndarray of bool, shape (l,)
+        Whether the dashpot may pull, as it does beside cohesion.
     arrays : Laws
         All of these, as the kernels read them.
 
     Raises
     ------
     InvalidSceneError
-        If a rigid contact is to obey Newton's law but its restitution is not given, or an elastic one has another lever
-        arm for the torque than for the slip; or if a law is that of the common area.
+        If a rigid contact is to obey Newton's law but its restitution is not given; if an elastic one has another lever arm for the
+        torque than for the slip, or adhesion, or cohesion with dashpot and friction; if a rigid one has cohesion; or if a law is that
+        of the common area.
     """
 
     def __init__(self, scene: Scene, numerics: Numerics, contacts: ContactKind) -> None:
@@ -63,10 +71,15 @@ class LawTable:
         self.used = used = np.array([len(scene.disks) > 1] + [True] * (len(laws) - 1))
         self._n, self._of_materials = len(scene.disks), rows_of_materials(scene)
         self.elastic = np.array([_is_elastic(law, contacts) for law in laws])
-        self.kn = np.array([law.kn for law in laws])
+        self.kn = np.array([law.kn - law.cohesion for law in laws])
+        stiffer = np.array([law.kn for law in laws]) / self.kn
         self.ks = np.array([law.ks for law in laws])
         self.mu = np.array([law.mu for law in laws])
-        self.beta = np.where(self.elastic, [law.beta for law in laws], 0.0)
+        self.mu = np.where(stiffer > 1.0, self.mu * stiffer, self.mu)
+        self.beta = np.where(self.elastic, [law.beta for law in laws], 0.0) * np.sqrt(stiffer)
+        self.adhesion = np.where(used, [law.adhesion for law in laws], 0.0)
+        self.viscous_pull = (stiffer > 1.0) & (self.beta > 0.0)
+        self.pulls = bool((self.adhesion > 0.0).any() or (self.viscous_pull & used).any())
         self.mu[self.elastic & (self.ks == 0.0)] = 0.0
         self.arm_overlap = np.array([float(law.lever_arm == "overlap") for law in laws])
         self.wall_mid = np.array([float(law.wall_velocity_at == "mid-overlap") for law in laws])
@@ -77,6 +90,11 @@ class LawTable:
                 raise InvalidSceneError(
                     f"the law of {names[k]} has contact = 'area', which contact dynamics does not have: use 'chord', or the DEM "
                     "(method = 'dem')"
+                )
+            wrong, way_out = sticking_wrongly(law, bool(self.elastic[k]), float(self.mu[k]))
+            if wrong and used[k]:
+                raise InvalidSceneError(
+                    f"the law of {names[k]} has {wrong}, which contact dynamics does not have: {way_out}"
                 )
             if law.lever_arm == "torque-overlap" and self.elastic[k] and self.mu[k] > 0.0 and used[k]:
                 raise InvalidSceneError(
@@ -101,6 +119,7 @@ class LawTable:
             self.arm_overlap,
             self.wall_mid,
             self.slip_middle,
+            self.viscous_pull,
         )
 
     def rows(self, pairs: IntArray) -> IntArray:
@@ -124,6 +143,26 @@ def rows_of_materials(scene: Scene) -> tuple[IntArray, IntArray] | None:
     for row, (one, other) in enumerate(scene.laws, 1 + len(scene.walls)):
         table[number[one], number[other]] = table[number[other], number[one]] = row
     return np.array([number[name] for name in materials]), table
+
+
+def sticking_wrongly(law: ContactLaw, elastic: bool, mu: float) -> tuple[str, str]:
+    """Which of a law's attractions contact dynamics does not have, and the way out; empty: it has them."""
+    if elastic and law.adhesion > 0.0:
+        return (
+            f"adhesion = {law.adhesion:g} and an elastic contact",
+            "leave the adhesion out, give a cohesion, or make the contact rigid (regularised, or cd.contacts = rigid)",
+        )
+    if not elastic and law.cohesion > 0.0:
+        return (
+            f"cohesion = {law.cohesion:g} and a rigid contact, which has no overlap",
+            "leave the cohesion out, give an adhesion, or make the contact elastic (cd.contacts = elastic)",
+        )
+    if law.cohesion > 0.0 and law.beta > 0.0 and mu > 0.0:
+        return (
+            f"cohesion = {law.cohesion:g}, friction and a dashpot (beta = {law.beta:g})",
+            "use beta = 0 or mu = 0, or the DEM (method = 'dem')",
+        )
+    return "", ""
 
 
 def _is_elastic(law: ContactLaw, contacts: ContactKind) -> bool:

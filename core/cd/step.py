@@ -25,6 +25,8 @@ from ninedisk.core.cd.contact_kernels import (
     contact_compliances,
     dynamic_terms,
     note_impact_work,
+    note_losses,
+    pulls_of_step,
     start_step,
     step_displacements,
     surface_displacement,
@@ -32,7 +34,7 @@ from ninedisk.core.cd.contact_kernels import (
 from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place, contact_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem, Sliding
-from ninedisk.core.cd.problem_kernels import contact_velocities
+from ninedisk.core.cd.problem_kernels import contact_forces_on_bodies, contact_velocities
 from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.dem.neighbours import PairFinder
@@ -58,6 +60,10 @@ class Step(Protocol):
 
     def guess(self) -> FloatArray:
         """Displacements without contacts, shape (b, 3) [m], [m], [rad]."""
+        ...
+
+    def pulls(self, frames: Frames) -> FloatArray:
+        """Attraction of each contact beside the forces of the problem, shape (c,) [N]: see `pulls_of_step`."""
         ...
 
     def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
@@ -92,6 +98,13 @@ def relative(frames: Frames, motion: FloatArray) -> FloatArray:
     u = np.empty((frames.size, 2))
     contact_velocities(frames.bodies, frames.normal, frames.arms, motion, u)
     return u
+
+
+def pull_on_bodies(bodies: Bodies, frames: Frames, pull: FloatArray) -> FloatArray:
+    """Load on the bodies, shape (b, 3) [N], [N], [N m], of contacts that attract by ``pull``, shape (c,) [N]."""
+    load, r = np.empty(bodies.mass.shape), np.column_stack([-pull, np.zeros(len(pull))])
+    contact_forces_on_bodies(frames.bodies, frames.normal, frames.arms, bodies.free.astype(np.float64), r, load)
+    return load
 
 
 def dynamic_mass(bodies: Bodies, dt: float, theta: float) -> FloatArray:
@@ -186,9 +199,12 @@ class DynamicStep:
         dynamic_terms(
             frames, self._laws.arrays, inverse, begin, self._dt, self._theta, self._round_off, offset, compliance
         )
+        force = self._start.force
+        if self._laws.pulls:
+            force = force + pull_on_bodies(self._bodies, frames, self.pulls(frames))
         return ContactProblem(
             mass=self._mass,
-            force=self._start.force,
+            force=force,
             bodies=frames.bodies,
             normal=frames.normal,
             arms=frames.arms,
@@ -203,6 +219,29 @@ class DynamicStep:
         """Solve the step with these contacts; raises as `ContactSolver.solve`."""
         result = self._solver.solve(self.problem(frames, forces), start, at_rest=self._at_rest)
         return Solved(self._displacement(result.v), result.v + self._start.prescribed, result.r, result)
+
+    def pulls(self, frames: Frames) -> FloatArray:
+        """Attraction of each contact beside the forces of the problem, shape (c,) [N]: see `pulls_of_step`."""
+        pull, laws = np.empty(frames.size), self._laws
+        touching = MISSED * self._round_off
+        pulls_of_step(frames, laws.arrays, laws.adhesion, self._bodies.inverse, self._dt, touching, pull)
+        return pull
+
+    def note_losses(
+        self,
+        frames: Frames,
+        solved: Solved,
+        steady: FloatArray,
+        shear_0: FloatArray,
+        spring: FloatArray,
+        losses: FloatArray,
+    ) -> None:
+        """Add to ``losses`` by the kernel of this name; ``solved`` has the forces that act."""
+        v = np.where(self._bodies.free, solved.v, 0.0)
+        laws, begin = self._laws.arrays, self._start
+        note_losses(
+            frames, laws, self._bodies, steady, begin, v, solved.dx, solved.r, shear_0, spring, self._dt, self._theta, losses
+        )  # fmt: skip
 
     def note_impacts(self, step: int, frames: Frames, solved: Solved, blocks: FloatArray, gains: FloatArray) -> None:
         """Add to ``gains`` the energy that impacts fed, by `note_impact_work`; ``blocks`` are the Delassus blocks, shape (c, 3)."""
@@ -292,6 +331,8 @@ def solve_with_contacts(
     start, springs, iterations = memory if start is None else start, memory.springs(), 0
     # Under Newton's law a contact is one only once its gap closes; one with a stretched shear spring would hold on by it (associated rule).
     stretched = laws.elastic[frames.row] & (_forces(springs, frames, grains)[:, 1] != 0.0)
+    if laws.pulls:
+        inside |= step.pulls(frames) > 0.0
     inside |= start.same(frames.pairs, start.pairs) & np.isnan(laws.restitution[frames.row]) & ~stretched
     while True:
         chosen = frames.pick(inside)
@@ -365,7 +406,9 @@ def initial_forces(
     spring = np.where(elastic, laws.kn[frames.row] * depth, 0.0)
     dashpots = initial_dashpots(scene, laws, place, frames, inverse)
     push = np.where(spring > 0.0, np.maximum(spring + dashpots, 0.0), spring)
-    forces = np.column_stack([push, np.zeros(len(pairs))])
+    forces, pull = np.column_stack([push, np.zeros(len(pairs))]), None
+    if laws.pulls:
+        pull = np.where((spring > 0.0) & laws.viscous_pull[frames.row], np.maximum(-spring - dashpots, 0.0), 0.0)
     at = {(int(pairs[k, 0]), int(pairs[k, 1])): int(k) for k in np.argsort(depth, kind="stable")}
     for pair, shear in scene.initial_shear.items():
         if shear == 0.0:
@@ -379,7 +422,7 @@ def initial_forces(
             )
         most = laws.mu[frames.row[k]] * forces[k, 0]
         forces[k, 1] = min(max(shear, -most), most)
-    return ContactMemory(scene.n_bodies, pairs, forces, frames.place, spring=spring)
+    return ContactMemory(scene.n_bodies, pairs, forces, frames.place, spring=spring, pull=pull)
 
 
 def initial_dashpots(scene: Scene, laws: LawTable, place: Place, frames: Frames, inverse: FloatArray) -> FloatArray:
@@ -454,13 +497,23 @@ class StaticStep:
         """Displacements that are prescribed; no disk moves by itself."""
         return self._prescribed
 
+    def pulls(self, frames: Frames) -> FloatArray:
+        """Attraction of each contact beside the forces of the problem, shape (c,) [N]: see `pulls_of_step`."""
+        pull, laws = np.empty(frames.size), self._laws
+        touching, still = MISSED * self._round_off, np.zeros(len(self._radius))
+        pulls_of_step(frames, laws.arrays, laws.adhesion, still, 1.0, touching, pull)
+        return pull
+
     def problem(self, frames: Frames, forces: FloatArray, mass: FloatArray, near: FloatArray) -> ContactProblem:
         """Proximal problem around the displacements ``near``, in displacements [m] and forces [N]."""
         free, compliance = self._bodies.free, np.empty((frames.size, 2))
         contact_compliances(frames.row, self._laws.arrays, 1.0, compliance)
+        force = np.where(free, self._bodies.load + mass * near, 0.0)
+        if self._laws.pulls:
+            force += pull_on_bodies(self._bodies, frames, self.pulls(frames))
         return ContactProblem(
             mass=np.where(free, mass, np.inf),
-            force=np.where(free, self._bodies.load + mass * near, 0.0),
+            force=force,
             bodies=frames.bodies,
             normal=frames.normal,
             arms=frames.arms,

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import ninedisk
-from ninedisk.core.cd.laws import wedging_corners
+from ninedisk.core.cd.laws import sticking_wrongly, wedging_corners
 from ninedisk.core.cd.settings import OPTIONS
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
@@ -25,7 +25,7 @@ from ninedisk.harness.api.support import (
 
 CAPABILITIES = (
     frozenset(Capability)
-    - (EXTRAS - {Capability.MATERIALS, Capability.BODY_FORCES})
+    - (EXTRAS - {Capability.MATERIALS, Capability.BODY_FORCES, Capability.COHESION, Capability.ADHESION})
     - {
         Capability.AREA_CONTACT,
         Capability.GLOBAL_DAMPING_LAGGED,
@@ -77,8 +77,10 @@ class CdEngine:
             missing -= OF_SLIP_AT
             level = SupportLevel.EQUIVALENT
             notes.append(NOTE_SLIP_AT)
-        if missing:
-            return Support(SupportLevel.NO, tuple(sorted(missing)), tuple(notes))
+        stuck = [sticking_wrongly(law, not law.regularised, law.shear_stiffness)[0] for law in scene.laws_in_use]
+        if missing or any(stuck):
+            refused = [f"a law with {wrong}" for wrong in stuck if wrong]
+            return Support(SupportLevel.NO, tuple(sorted(missing)), (*notes, *refused))
         if numerics.impact == "theta":
             scheme = (1.0 - numerics.theta) / numerics.theta
             asked = {law.restitution for law in scene.laws_in_use if law.regularised and law.restitution is not None}
