@@ -75,11 +75,12 @@ class Cohesion:
         """Along x; the springs are what the case is about."""
         law = ContactLaw(kn=KN, beta=params["beta"], cohesion=params["share"] * KN)
         wall = params["partner"] == "wall"
+        n = 1 if wall else 2
         disks = Disks(
-            x=[[RADIUS, 0.0]] if wall else [[RADIUS, 0.0], [-RADIUS, 0.0]],
-            v=[[-SPEED, 0.0]] if wall else [[-SPEED, 0.0], [0.0, 0.0]],
-            radius=RADIUS,
-            mass=MASS if wall else [MASS, HEAVY],
+            x=np.array([[RADIUS, 0.0], [-RADIUS, 0.0]][:n]),
+            v=np.array([[-SPEED, 0.0], [0.0, 0.0]][:n]),
+            radius=np.full(n, RADIUS),
+            mass=np.array([MASS, HEAVY][:n]),
         )
         walls = (Wall(name="wall", point=(0.0, 0.0), normal=(1.0, 0.0), law=law),) if wall else ()
         dt = params["phase"] / math.sqrt(KN / _mass(params))

@@ -94,6 +94,7 @@ def test_kratos_has_another_radius_between_disks() -> None:
     ("name", "law", "missing"),
     [
         ("lammps", {"cohesion": 0.5 * KN, "beta": 0.1, "mu": 0.5, "ks": KN}, Capability.COHESION),
+        ("lammps", {"rolling": Rolling(model="elastic-plastic", mu=0.1, kr=1.0, beta=0.1)}, Capability.ROLLING_SPRING),
         ("yade", {"cohesion": 0.5 * KN, "beta": 0.1}, Capability.COHESION),
         ("yade", {"rolling": Rolling(model="elastic-plastic", mu=0.1, kr=1.0, beta=0.1)}, Capability.ROLLING_SPRING),
     ],
