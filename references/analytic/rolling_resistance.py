@@ -38,6 +38,49 @@ class Oscillation(NamedTuple):
     limit: float
 
 
+class EquivalentDisk(NamedTuple):
+    """``mass`` [kg], ``radius`` [m], ``inertia_ratio`` [-], gravity ``g`` [m/s^2] and the factor ``damping`` of the damping ratio [-]."""
+
+    mass: float
+    radius: float
+    inertia_ratio: float
+    g: float
+    damping: float
+
+
+def equivalent_disk(
+    *, radius_1: float, radius_2: float, mass_1: float, mass_2: float, inertia_1: float, inertia_2: float, force: float
+) -> EquivalentDisk:
+    """The disk rolling on a level plane whose spin is the difference of those of two smooth disks pressed against each other.
+
+    With the torque M between them the difference obeys ``I u' = -M``, ``1/I = 1/I_1 + 1/I_2``; M is made of the reduced radius R and the
+    force. A rolling disk has ``(1 + k) m R^2 spin' = -M`` and the weight m g: with k = 1 it is the pair for ``m = I/(2 R^2)`` and
+    ``m g = force``. The dashpot of an elastic-plastic contact is made of the moments about the contact, ``1/J = sum 1/(I_i + m_i R_i^2)``,
+    so that its damping ratio of the pair's swing is ``sqrt(J/I)`` times beta.
+
+    Parameters
+    ----------
+    radius_1, radius_2, mass_1, mass_2, inertia_1, inertia_2 : float
+        [m], [kg], [kg m^2], > 0.
+    force : float
+        [N], > 0.
+    """
+    positive(
+        radius_1=radius_1,
+        radius_2=radius_2,
+        mass_1=mass_1,
+        mass_2=mass_2,
+        inertia_1=inertia_1,
+        inertia_2=inertia_2,
+        force=force,
+    )
+    radius = 1.0 / (1.0 / radius_1 + 1.0 / radius_2)
+    inertia = 1.0 / (1.0 / inertia_1 + 1.0 / inertia_2)
+    about = 1.0 / (1.0 / (inertia_1 + mass_1 * radius_1**2) + 1.0 / (inertia_2 + mass_2 * radius_2**2))
+    mass = inertia / radius**2 / 2.0
+    return EquivalentDisk(mass, radius, 1.0, force / mass, math.sqrt(about / inertia))
+
+
 def no_slip_mu(*, mu_r: float, angle: float, inertia_ratio: float = UNIFORM_DISK) -> float:
     """Friction coefficient [-] that rolling against the torque ``mu_r R fn`` needs: ``(k tan(angle) + mu_r)/(1 + k)``.
 

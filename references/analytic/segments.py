@@ -46,7 +46,7 @@ def under_segments(t: ArrayLike, *, inertia: float, start: float, segments: Sequ
     times = times_of(t)
     positive(inertia=inertia)
     finite(start=start)
-    rows = array("segments", segments, dimensions=(2,))  # type: ignore[arg-type]
+    rows = array("segments", segments, dimensions=(2,))
     if rows.shape[1] != 3 or not ((rows[:, 0] >= 0.0) & (rows[:, 0] < rows[:, 1])).all():
         raise ValueError(
             f"segments = {segments!r:.200} are not allowed: each must be (begin, end, force) with 0 <= begin < end"

@@ -41,11 +41,13 @@ RIGHT_VALUES: dict[str, Any] = {
     "radius": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "speed": 1.0, "spin": 1.0, "start": 0.4,
     "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
     "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "cohesion": 5e3, "kr": 1e2, "mu_r": 0.5,
+    "force": 3.0, "inertia": 0.3, "inertia_1": 0.3, "inertia_2": 0.4, "radius_1": 0.5, "radius_2": 0.2,
     "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,
 }  # fmt: skip
 """By the names of arguments, which mean the same thing everywhere."""
 
 OWN: dict[str, dict[str, Any]] = {
+    "segments.under_segments": {"segments": [(0.0, 1.0, 2.0), (0.5, 2.0, -1.0)]},
     "compression.ramp_response": {"t": np.array([0.0, 0.1])},
     "critical_step.lagged_limit": {"mass": np.eye(2)},
     "ellipse_collision.gap_and_way": {"t": 0.0},

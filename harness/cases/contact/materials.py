@@ -90,7 +90,14 @@ class Materials:
             v += [[SPEED, 0.0], [-SPEED, 0.0]]
             material += list(pair)
         scene = Scene(
-            disks=Disks(x=x, v=v, radius=RADIUS, mass=MASS, rotating=False, material=material),
+            disks=Disks(
+                x=np.array(x),
+                v=np.array(v),
+                radius=np.full(len(x), RADIUS),
+                mass=np.full(len(x), MASS),
+                rotating=np.full(len(x), False),
+                material=tuple(material),
+            ),
             disk_disk=ContactLaw(kn=kn, beta=beta_for(0.5), restitution=0.5, regularised=True),
             walls=(Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law, material="ground"),),
             gravity=(0.0, -GRAVITY),

@@ -77,11 +77,11 @@ class Forces:
             for begin, end, size in _spans(params)
         ]
         disks = Disks(
-            x=[[0.0, 0.0], [SHIFT, 0.0], [2.0 * SHIFT, 0.0]],
-            v=[V0, V0, V0],
-            omega=[0.0, SPIN0, SPIN0],
-            radius=RADIUS,
-            mass=MASS,
+            x=np.array([[0.0, 0.0], [SHIFT, 0.0], [2.0 * SHIFT, 0.0]]),
+            v=np.array([V0, V0, V0]),
+            omega=np.array([0.0, SPIN0, SPIN0]),
+            radius=np.full(3, RADIUS),
+            mass=np.full(3, MASS),
         )
         law = ContactLaw(kn=100.0, restitution=0.0, regularised=True)
         numerics = Numerics(dt=params["dt"], n_steps=math.ceil(0.6 / params["dt"]), contact_dt=params["dt"])

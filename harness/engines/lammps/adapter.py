@@ -140,8 +140,7 @@ class Lammps(SpringEngine):
         if resisted:
             fit.notes.append(NOTE_ROLLING)
             if any(rolling.beta > 0.0 for rolling in resisted):
-                fit.notes.append(NOTE_ROLLING_DAMPED)
-                fit.approximate = True
+                fit.lacks(Capability.ROLLING_SPRING, NOTE_ROLLING_DAMPED)
         if not _can_be_stretched(scene):
             fit.lacks(Capability.PRELOAD, NOTE_PRELOAD)
         if _asks_for_radius(scene) and not classic_pairs(scene):

@@ -257,17 +257,12 @@ def dashpot(law, mass, other=math.inf):
 
 
 def rolling_words(law, one, other, repulsive):
-    """LAMMPS' ``rolling sds``: spring and dashpot of the way ``R q``, with R the reduced radius, so that ``kr/R^2`` is its stiffness."""
+    """LAMMPS' ``rolling sds``: the spring of the way ``R q``, with R the reduced radius, has the stiffness ``kr/R^2``."""
     found = law["rolling"]
     if found is None:
         return ""
-    radius, inertia = 0.0, 0.0
-    for mass, moment, _, size, _ in (one, other) if other is not None else (one,):
-        radius += 1.0 / size
-        inertia += 1.0 / (moment + mass * size * size)
-    square = 1.0 / radius**2
-    damping = 2.0 * found["beta"] * math.sqrt(found["kr"] / inertia)
-    return f" rolling sds {number(found['kr'] / square)} {number(damping / square)} {number(found['mu'] * repulsive)}"
+    curvature = sum(1.0 / size for _, _, _, size, _ in ((one, other) if other is not None else (one,)))
+    return f" rolling sds {number(found['kr'] * curvature**2)} 0.0 {number(found['mu'] * repulsive)}"
 
 
 def granular(law, one, other=None):

@@ -78,6 +78,11 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("nine-disk/compression", {}, "settled force", 0.5 * 1.35e9 * 0.12 * 40 * 0.01525),
     ("nine-disk/compression", {"xi": 0.0}, "settled force", math.nan),
     ("nine-disk/compression", {"wall_mu": "mu", "regime": "quasi-static"}, "force in the centre row", math.nan),
+    ("rolling/resistance", {}, "way against rolling resistance", 0.75),
+    ("rolling/resistance", {"model": "viscous"}, "way against rolling resistance", 1.5 * (1.0 - math.exp(-4.0 / 3.0))),
+    ("impact/cohesion", {}, "speed after a cohesive impact", -2.0),
+    ("contact/materials", {}, "rebound of unlike materials", 0.3 * 4.0),
+    ("motion/forces", {"span": "constant"}, "way under a force", 0.4 * 0.6 + 0.5 * 1.5 * 0.36),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),
 )
 

@@ -32,8 +32,21 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "contact/driven-wall": ALL,
     "impact/held-disk": ALL,
     "friction/hold": ALL,
+    "rolling/resistance": (DEM,),
+    "impact/cohesion": (DEM,),
+    "contact/materials": (PYMUNK, DEM),
+    "motion/forces": (PYMUNK, DEM),
 }
-LEAST = {"row/pushed": 7, "contact/moving-wall": 7, "contact/driven-wall": 7, "impact/held-disk": 9, "friction/hold": 8}
+LEAST = {
+    "row/pushed": 7,
+    "contact/moving-wall": 7,
+    "contact/driven-wall": 7,
+    "impact/held-disk": 9,
+    "friction/hold": 8,
+    "rolling/resistance": 8,
+    "contact/materials": 21,
+    "motion/forces": 14,
+}
 """Checks that bind every engine on a variant, where more than one must."""
 
 OTHERS: tuple[tuple[str, Engine, Mapping[str, Any]], ...] = (

@@ -114,6 +114,21 @@ def test_accelerations_are_those_of_the_velocities_and_these_of_the_way(angle):
         assert (vx[2] - vx[0]) / (2.0 * h) == pytest.approx(ax[1], abs=1e-3)
 
 
+def test_two_disks_pressed_together_are_one_that_rolls():
+    """Numbers by hand: unlike disks under 50 N, a constant torque 0.3/6 of it, and a spring with a dashpot by equations of its own."""
+    pair = {"radius_1": 0.5, "radius_2": 0.25, "mass_1": 2.0, "mass_2": 0.5, "inertia_1": 0.25, "inertia_2": 1.0 / 64.0}
+    disk = rr.equivalent_disk(**pair, force=50.0)
+    given = {"mu_r": 0.3, "angle": 0.0, "g": disk.g, "speed": disk.radius * 1.5, "inertia_ratio": disk.inertia_ratio}
+    slowing = 0.3 * (1.0 / 6.0) * 50.0 * (4.0 + 64.0)
+    assert rr.against_constant_torque(5e-3, **given).vx / disk.radius == pytest.approx(1.5 - slowing * 5e-3, rel=1e-13)
+    found = rr.against_spring(0.3, **given, kr=2.0, beta=0.4 * disk.damping, mass=disk.mass, radius=disk.radius)
+    drag = 2.0 * 0.4 * math.sqrt(2.0 / (1.0 / (0.25 + 0.5) + 1.0 / (1.0 / 64.0 + 1.0 / 32.0)))
+    run = solve_ivp(
+        lambda _, y: [y[1], -68.0 * (2.0 * y[0] + drag * y[1])], (0.0, 0.3), [0.0, 1.5], method="DOP853", rtol=1e-12, atol=1e-14
+    )  # fmt: skip
+    assert (found.x / disk.radius, found.vx / disk.radius) == pytest.approx((run.y[0, -1], run.y[1, -1]), rel=1e-8)
+
+
 def test_bad_arguments():
     with pytest.raises(ValueError, match="beta"):
         rr.against_spring(0.0, mu_r=0.1, angle=0.1, speed=1.0, kr=50.0, beta=1.0, **BODY)
