@@ -19,6 +19,7 @@ from ninedisk.harness.cli import (
     run,
     selftest,
     site,
+    solve,
     store,
 )
 from ninedisk.harness.cli import list as listing
@@ -58,6 +59,7 @@ for command in (
     report,
     findings,
     bench,
+    solve,
     converge,
     docs,
     protocol,
