@@ -224,7 +224,7 @@ def planar_bodies(
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     every = sp.csr_array(entries, shape=(mass.size, 2 * c))
     finite = np.flatnonzero(np.isfinite(mass.ravel()))
-    soft = np.flatnonzero(compliance.ravel() > 0.0)
+    soft = np.flatnonzero(compliance.ravel() > np.finfo(np.float64).tiny)  # below, 1/C is no number
     springs = sp.csr_array((np.ones(len(soft)), (np.arange(len(soft)), soft)), shape=(len(soft), 2 * c))
     w = offset.copy()
     w[:, 1] -= compliance[:, 1] * shear_0

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ninedisk.core.archive import read_arrays, whole_file
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.delassus import DelassusProblem, bodies_of, friction, sparse
-from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.problem import TINY, ContactProblem
 from ninedisk.core.cd.problem_text import TextProblem, parse, reduced_text, text_of
 from ninedisk.core.errors import CoreError, InvalidSceneError
 from ninedisk.core.validate import finite, shown
@@ -401,7 +401,7 @@ def _read_matrix(group: Any, name: str) -> sp.csr_array:
 
 def _bodies(problem: ContactProblem) -> Bodies:
     """The matrices of a problem's free unknowns, and those of its compliances."""
-    free, soft = np.flatnonzero(problem.free.ravel()), np.flatnonzero(problem.compliance.ravel() > 0.0)
+    free, soft = np.flatnonzero(problem.free.ravel()), np.flatnonzero(problem.compliance.ravel() > TINY)
     c = problem.n_contacts
     springs = sp.csr_array((np.ones(len(soft)), (np.arange(len(soft)), soft)), shape=(len(soft), 2 * c))
     w = problem.offset - problem.compliance * np.column_stack([np.zeros(c), problem.shear_0])

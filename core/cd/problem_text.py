@@ -98,8 +98,9 @@ class _Lines:
         """``count`` numbers, over as many lines as they take; none takes no more than an empty line."""
         found: list[float] = []
         while not found or len(found) < count:
+            words = self.next(what).split()
             try:
-                found += [float(word) for word in self.next(what).split()]
+                found += [float(word) for word in words]
             except ValueError:
                 raise self.wrong(f"{what}, {count} numbers") from None
             if count == 0:
