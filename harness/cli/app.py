@@ -21,6 +21,7 @@ from ninedisk.harness.cli import (
     run,
     selftest,
     site,
+    solve,
     store,
 )
 from ninedisk.harness.cli import list as listing
@@ -61,6 +62,7 @@ for command in (
     findings,
     audit,
     bench,
+    solve,
     converge,
     determinism,
     docs,
