@@ -50,6 +50,7 @@ BUILTIN_CASES: dict[str, str] = {
     "contact/driven-wall": "ninedisk.harness.cases.contact.driven_wall:CASE",
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
+    "cell/lattice": "ninedisk.harness.cases.cell.lattice:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.invariance.rotating_box:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {

@@ -31,8 +31,9 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "contact/moving-wall": (CD, DEM),
     "contact/driven-wall": ALL,
     "impact/held-disk": ALL,
+    "cell/lattice": (DEM,),
 }
-LEAST = {"row/pushed": 7, "contact/moving-wall": 7, "contact/driven-wall": 7, "impact/held-disk": 9}
+LEAST = {"row/pushed": 7, "contact/moving-wall": 7, "contact/driven-wall": 7, "impact/held-disk": 9, "cell/lattice": 8}
 """Checks that bind every engine on a variant, where more than one must."""
 
 OTHERS: tuple[tuple[str, Engine, Mapping[str, Any]], ...] = (
