@@ -22,7 +22,7 @@ RADIUS, MASS, KN, KS = 0.5, 1.0, 1e4, 5e3
 OVERLAP, STRAIN = 4e-3, 1e-3
 """Of neighbours at time 0, of the radius; strain at the end, half of which opens no contact."""
 
-COLUMNS, ROWS = 4, 4
+COLUMNS, ROWS = 6, 6
 SPACING = (2.0 - OVERLAP) * RADIUS
 INERTIA = 0.5 * MASS * RADIUS**2
 DURATION, SAMPLES = 0.05, 25
@@ -161,7 +161,8 @@ class Lattice:
             straight = STRAIN / OVERLAP / (12.0 * steps**2)
             found.append(
                 Check(quantity="energy_fed", norm="max", truth="analytic", expected=fed, source="elastic energy of the contacts",
-                      atol=straight * float(energy[0]) + off * STRAIN * COLUMNS * ROWS, scale=float(np.ptp(energy)), why="trapezoidal rule; " + why)
+                      atol=straight * float(energy[0]) + off * STRAIN * COLUMNS * ROWS, scale=float(np.ptp(energy)),
+                      why="trapezoidal rule; " + why)
             )  # fmt: skip
         return found + [
             Check(quantity=f"stress_{name}", norm="max", truth=truth,

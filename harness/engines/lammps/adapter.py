@@ -24,7 +24,7 @@ MPI = "libmpi.so.12"
 CAPABILITIES = (
     frozenset(Capability)
     - GRAINS
-    - EXTRAS
+    - (EXTRAS - {Capability.PERIODIC_CELL})
     - {
         Capability.RESTITUTION,
         Capability.LEVER_ARM_OVERLAP,
@@ -49,6 +49,9 @@ NOTE_WALL_START = "dashpots see walls at rest at time 0, and their velocity from
 NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; never tension (limit_damping)"
 NOTE_KINDS = f"wall dashpots for at most {KINDS} kinds of disks: each needs a group, and LAMMPS has 32 groups"
 NOTE_PRELOAD = "preload comes from velocities that stretch all shear springs at once: contacts that form a loop cannot have any forces"
+NOTE_CELL_SMALL = "periodic cell: LAMMPS knows a contact by its two disks; edges of eight of the largest radii leave one image to touch"
+NOTE_CELL_FLIPS = "periodic cell: LAMMPS flips a box that leans, by its length of then; no shear while the first edge grows or shrinks"
+NOTE_CELL_PRELOAD = "periodic cell: no preload, for which the driver knows no images"
 NOTE_INERTIA = "fix nve/sphere disc knows uniform disks only, I = m R^2/2"
 
 
@@ -120,7 +123,16 @@ class Lammps(SpringEngine):
             fit.lacks(Capability.DISK_INERTIA, NOTE_INERTIA)
         if any(wall.law.beta > 0.0 for wall in scene.walls) and _kinds(scene) > KINDS:
             fit.lacks(Capability.CONTACT_DAMPING, NOTE_KINDS)
-        if not _can_be_stretched(scene):
+        if scene.cell is not None:
+            rate, end = scene.cell.rate, numerics.dt * numerics.n_steps
+            last = [size * (1.0 + rate[k][k] * end) for k, size in enumerate(scene.cell.size)]
+            if min(*scene.cell.size, *last) < 8.0 * disks.radius.max():
+                fit.lacks(Capability.PERIODIC_CELL, NOTE_CELL_SMALL)
+            if rate[0][0] and rate[0][1]:
+                fit.lacks(Capability.PERIODIC_CELL, NOTE_CELL_FLIPS)
+            if any(scene.initial_shear.values()):
+                fit.lacks(Capability.PRELOAD, NOTE_CELL_PRELOAD)
+        elif not _can_be_stretched(scene):
             fit.lacks(Capability.PRELOAD, NOTE_PRELOAD)
         if _asks_for_radius(scene) and not classic_pairs(scene):
             fit.near.add(Capability.LEVER_ARM_RADIUS)
