@@ -51,6 +51,7 @@ BUILTIN_CASES: dict[str, str] = {
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
     "cell/lattice": "ninedisk.harness.cases.cell.lattice:CASE",
+    "cell/shear": "ninedisk.harness.cases.cell.shear:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.invariance.rotating_box:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {

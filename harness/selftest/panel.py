@@ -17,7 +17,7 @@ HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
 STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
 LENSES, OVALS, GRAINS, REST = "nurbs/overlap", "nurbs/collision", "nurbs/rolling", "nurbs/settle"
 GAS, REOPEN, WALL, STACK = "gas/elastic", "contact/reopening", "contact/moving-wall", "static/stack"
-RETRACE = "contact/retraced-loop"
+RETRACE, LATTICE, SHEAR_CELL = "contact/retraced-loop", "cell/lattice", "cell/shear"
 
 ENGINES = ("dem", "cd", *DECLARED)
 
@@ -63,6 +63,11 @@ DEM_PANEL: dict[str, Probe] = {
     "retrace": Probe(RETRACE, {}),
     "retrace-wall": Probe(RETRACE, {"kind": "wall"}),
     "stack": Probe(STACK, {"start": "equilibrium", "n": 12, "duration": 0.02}),
+    "cell-press": Probe(LATTICE, {"mode": "compression"}),
+    "cell-shear": Probe(LATTICE, {"mode": "shear"}),
+    "cell-smooth": Probe(SHEAR_CELL, {"mu": 0.0}),
+    "cell-seen": Probe(LATTICE, {"mode": "shear", "frame": 3.0}),
+    "cell-flow": Probe(SHEAR_CELL, {"kind": "flow", "rows": 8}),
     "press-outlines": Probe(PRESS, {"shape": "nurbs", "cycles": 10, "settle_cycles": 5, "wall_mu": "mu"}),
     "lenses": Probe(LENSES, {"shape": "ellipse", "pairs": 3}),
     "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),

@@ -37,7 +37,7 @@ RIGHT_VALUES: dict[str, Any] = {
     "n_load": 5, "n_steps": 10, "normal_load": 1.0, "omega": 10.0, "omega_first": 10.0, "omega_second": 20.0, "one": LEFT,
     "overlap": 0.05, "part": np.array([0.0, 0.5, 1.0]), "period": 1.0, "phase": 0.1, "phi": np.array([0.5, 0.6]),
     "place": (-1.0, 0.05), "pull": 1.0, "rate": 1.0, "reach": 0.2,
-    "radius": 0.1, "inertia": 0.01, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "spacing": 0.19,
+    "radius": 0.1, "inertia": 0.01, "inertial_number": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "spacing": 0.19,
     "speed": 1.0, "spin": 1.0, "start": 0.4,
     "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
     "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,

@@ -131,6 +131,7 @@ class Run(SpringRun):
         self.do(f"change_box all {bounds} xy final {number(h[0, 1])} units box")
         self.set("x", x)  # of disks that were put on the other side, by the edges of another time
         self.set("v", v)
+        self.do("neigh_modify check no")  # `change_box` forgets the number of images: the first step finds them anew
 
     def images(self):
         """Whole edges by which each disk is out of the box that LAMMPS has it in, shape (n, 2).
@@ -254,6 +255,8 @@ class Run(SpringRun):
             begin = clock()
             self.do(f"run {self.substeps} pre no post no {self.run_words}")
             spent += clock() - begin
+            if step == 1:
+                self.do("neigh_modify check yes")
             mean = np.array(self.engine.numpy.extract_fix("spin", lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_VECTOR))[
                 self.order()
             ]

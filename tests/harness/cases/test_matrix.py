@@ -32,6 +32,7 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "contact/driven-wall": ALL,
     "impact/held-disk": ALL,
     "cell/lattice": (DEM,),
+    "cell/shear": (DEM,),
 }
 LEAST = {"row/pushed": 7, "contact/moving-wall": 7, "contact/driven-wall": 7, "impact/held-disk": 9, "cell/lattice": 8}
 """Checks that bind every engine on a variant, where more than one must."""
