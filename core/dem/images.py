@@ -69,9 +69,9 @@ def check_cell(scene: Scene, numerics: Numerics) -> None:
         if size * (1.0 + rate * end) < least:
             last = (least / size - 1.0) / rate
             raise InvalidNumericsError(
-                f"the cell's edge along {name}, {size:g} m long, shrinks at the rate {rate:g} /s below the largest radius, {least:g} m, "
-                f"after {last:g} s: end the run before (n_steps up to {int(last / numerics.dt)} with dt = {numerics.dt:g} s), or deform "
-                "it slower"
+                f"the cell's edge along {name}, {size:g} m long, shrinks at the rate {rate:g} /s below the largest radius, "
+                f"{least:g} m, after {last:g} s: end the run before (n_steps up to {int(last / numerics.dt)} with dt = {numerics.dt:g} s), "
+                "or deform it slower"
             )
 
 

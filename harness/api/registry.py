@@ -56,6 +56,8 @@ BUILTIN_CASES: dict[str, str] = {
     "impact/cohesion": "ninedisk.harness.cases.impact.cohesion:CASE",
     "contact/materials": "ninedisk.harness.cases.contact.materials:CASE",
     "motion/forces": "ninedisk.harness.cases.motion.forces:CASE",
+    "cell/lattice": "ninedisk.harness.cases.cell.lattice:CASE",
+    "cell/shear": "ninedisk.harness.cases.cell.shear:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.invariance.rotating_box:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {

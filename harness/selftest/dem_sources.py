@@ -8,7 +8,7 @@ from functools import partial
 from ninedisk.harness.selftest.defect import planted
 
 FORCES, KICK, STEP = "dem.force_kernels", "dem.kick_kernels", "dem.step_kernels"
-SEARCH, MOTION = "dem.neighbour_kernels", "motion_kernels"
+SEARCH, MOTION, IMAGES = "dem.neighbour_kernels", "motion_kernels", "dem.image_kernels"
 
 
 _kernel, _python = partial(planted, "dem", "kernel"), partial(planted, "dem", "python")
@@ -146,7 +146,7 @@ LISTS = (
     _kernel("skin-too-generous", "disks may move twenty times as far as the skin allows before the lists are rebuilt", "hit-near",
             (STEP, _LIMIT, _LIMIT.replace("min(", "20.0 * min("))),
     _kernel("wall-unnoticed", "the lists do not notice that a wall comes closer", "push-wall",
-            (STEP, _LIMIT, "limit = 0.5 * skin[0]")),
+            (STEP, _LIMIT, "return 0.5 * skin")),
 )  # fmt: skip
 
 SORT_ALL = (("dem.arrays", "SORT_FROM = 2_000", "SORT_FROM = 1"), ("dem.arrays", "STRIPES = 64", "STRIPES = 4"))
@@ -170,6 +170,24 @@ STRIPED = (
             *SORT_ALL, ("dem.neighbour_kernels", "    permute_numbers(disks.listed, order, one)\n", "")),
 )  # fmt: skip
 
+CELLS = (
+    _kernel("image-at-rest", "images do not move with the cell's edges", "cell-shear",
+            (IMAGES, "        scratch[VX + q] -= mx\n        scratch[VY + q] -= my\n", "")),
+    _kernel("half-branch", "the stress has half of each contact's branch", "cell-press",
+            (IMAGES, "bx, by, bx, by\n", "bx, by, 0.5 * bx, 0.5 * by\n")),
+    _kernel("wrong-image", "pairs across the upper edge forget how far the cell leans", "cell-flow",
+            (IMAGES, "along = aside + home[i, 0] - home[j, 0] - tilt * across", "along = aside + home[i, 0] - home[j, 0]")),
+    _kernel("history-of-another-image", "shear forces are lost when the lists of a cell are rebuilt", "cell-seen",
+            (IMAGES, "new.shear[k] = carried(old,", "new.shear[k] = 0.0 * carried(old,")),
+    _kernel("cell-late", "images are where the edges were a step before", "cell-press",
+            (STEP, "                    place_cell(images, n * step.kick.dt)\n",
+             "                    place_cell(images, (n - 1) * step.kick.dt)\n")),
+    _kernel("no-work-of-the-cell", "the work of the cell has the last step's power alone", "cell-smooth",
+            (IMAGES, "images.work[0] += 0.5 * dt", "images.work[0] = 0.5 * dt")),
+    _kernel("drift-beside-no-flow", "the lists do not notice that the cell deforms", "cell-flow",
+            (STEP, "return room_left(images, skin, widest)", "return 20.0 * skin")),
+)  # fmt: skip
+
 HOLES = tuple(
     replace(defect, hole=reason)
     for reason, defect in (
@@ -186,4 +204,4 @@ HOLES = tuple(
     )
 )  # fmt: skip
 
-DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *LISTS, *STRIPED, *HOLES)
+DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *LISTS, *STRIPED, *CELLS, *HOLES)

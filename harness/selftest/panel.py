@@ -25,6 +25,7 @@ RETRACE, HOLD, COOL, RESIST, COHESION = (
     "impact/cohesion",
 )
 MATERIALS, FORCES = "contact/materials", "motion/forces"
+LATTICE, SHEAR_CELL = "cell/lattice", "cell/shear"
 
 ENGINES = ("dem", "cd", *DECLARED)
 
@@ -79,6 +80,11 @@ DEM_PANEL: dict[str, Probe] = {
     "forces": Probe(FORCES, {}),
     "hold": Probe(HOLD, {"kn": 1e4, "duration": 0.2}),
     "stack": Probe(STACK, {"start": "equilibrium", "n": 12, "duration": 0.02}),
+    "cell-press": Probe(LATTICE, {"mode": "compression"}),
+    "cell-shear": Probe(LATTICE, {"mode": "shear"}),
+    "cell-smooth": Probe(SHEAR_CELL, {"mu": 0.0}),
+    "cell-seen": Probe(LATTICE, {"mode": "shear", "frame": 3.0}),
+    "cell-flow": Probe(SHEAR_CELL, {"kind": "flow", "rows": 8}),
     "press-outlines": Probe(PRESS, {"shape": "nurbs", "cycles": 10, "settle_cycles": 5, "wall_mu": "mu"}),
     "lenses": Probe(LENSES, {"shape": "ellipse", "pairs": 3}),
     "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),

@@ -38,10 +38,11 @@ RIGHT_VALUES: dict[str, Any] = {
     "n_load": 5, "n_steps": 10, "normal_load": 1.0, "omega": 10.0, "omega_first": 10.0, "omega_second": 20.0, "one": LEFT,
     "overlap": 0.05, "part": np.array([0.0, 0.5, 1.0]), "period": 1.0, "phase": 0.1, "phi": np.array([0.5, 0.6]),
     "place": (-1.0, 0.05), "pull": 1.0, "rate": 1.0, "reach": 0.2,
-    "radius": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "speed": 1.0, "spin": 1.0, "start": 0.4,
+    "radius": 0.1, "inertia": 0.01, "inertial_number": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "spacing": 0.19,
+    "speed": 1.0, "spin": 1.0, "start": 0.4,
     "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
     "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "cohesion": 5e3, "kr": 1e2, "mu_r": 0.5,
-    "force": 3.0, "inertia": 0.3, "inertia_1": 0.3, "inertia_2": 0.4, "radius_1": 0.5, "radius_2": 0.2,
+    "force": 3.0, "inertia_1": 0.3, "inertia_2": 0.4, "radius_1": 0.5, "radius_2": 0.2,
     "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,
 }  # fmt: skip
 """By the names of arguments, which mean the same thing everywhere."""
@@ -58,6 +59,7 @@ OWN: dict[str, dict[str, Any]] = {
     "rolling_grain.kinetic_of": {"spin": np.array([1.0, 2.0])},
     "rolling_incline.roll_down": {"rates": (1.0, 1.0, 1.0, 1.0, 1.0)},
     "prescribed_partner.struck_by_turning_wall": {"place": (0.5, 0.2)},
+    "lattice.stretched": {"rate": (-0.1, 0.1)},
     "pushed_row.static_force": {"way": 0.01},
     "wedge.wedge": {"speed": 0.01, "half_width": 0.7, "t": np.array([0.0, 0.1])},
 }
