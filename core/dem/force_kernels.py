@@ -226,15 +226,17 @@ def sliding_frame(walls: WallArrays, w: int, middle: float) -> tuple[float, floa
     return sx, sy, tx, ty, vx, vy
 
 
-@inline_kernel
+@fused_inline_kernel
 def friction_loss(before: float, after: float, slip: float, ks: float) -> float:
-    """Energy that sliding has taken from a shear spring in a step [J], or the limit from a rolling one.
+    """Energy that sliding has taken from a shear spring in a step [J], or its limit from a rolling one; never negative.
 
-    The spring's force does the work ``(before + after)/2 slip``, as the scheme has it, of which its energy keeps
-    ``(after^2 - before^2)/(2 ks)``, the forces being those that resist.
+    The forces are those that resist. In the scheme they do the work ``(before + after)/2 slip``, of which the spring keeps
+    ``(after^2 - before^2)/(2 ks)``: the rest is ``(before + after)/2`` times what slid, ``slip - (after - before)/ks``. Where a force
+    turns round within a step, which takes one of O(dt), it slides against ``after`` alone.
     """
-    kept = (after - before) / ks if ks > 0.0 else 0.0
-    return 0.5 * (before + after) * (slip - kept)
+    slid = slip - (after - before) / max(ks, LEAST) if ks > 0.0 else slip
+    mean = 0.5 * (before + after)
+    return mean * slid if mean * slid > 0.0 else max(after * slid, 0.0)
 
 
 @inline_kernel
@@ -538,10 +540,10 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64, seen: np.uint64) ->
             if overlap <= 0.0:
                 fn, fs = 0.0, 0.0
             if losses is not None:
-                pull = fn - stiff * overlap if overlap > 0.0 else 0.0
-                kept = (fs - shear[k]) / max(ks, LEAST)
-                scratch[LOST[FRICTION] + q] = -0.5 * begun * (shear[k] + fs) * (vt * slip_dt + kept)
+                # The overlap anew: a product with two uses would be rounded otherwise than where energies are not asked for.
+                pull = fn - stiff * (scratch[REACH + q] - (dx * nx + dy * ny)) if overlap > 0.0 else 0.0
                 scratch[LOST[DASHPOT] + q] = loss_dt * pull * rate
+                scratch[LOST[FRICTION] + q] = begun * friction_loss(-shear[k], -fs, vt * slip_dt, ks)
             if laws is not None:
                 turn, turn_now, before, kr = (
                     scratch[TURN + q],
@@ -557,8 +559,7 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64, seen: np.uint64) ->
                 if overlap <= 0.0:
                     held, damped = 0.0, 0.0
                 if losses is not None:
-                    kept = (held - before) / kr if kr > 0.0 else 0.0
-                    scratch[LOST[ROLLING] + q] = 0.5 * (before + held) * (slip_dt * turn - kept)
+                    scratch[LOST[ROLLING] + q] = friction_loss(before, held, slip_dt * turn, kr)
                     scratch[LOST[ROLLING_DASHPOT] + q] = loss_dt * damped * turn_now
                 scratch[BENT + q], scratch[BENDING + q] = held, held + damped
             shear[k] = fs
@@ -596,12 +597,12 @@ def scatter(
         force[iy] += gy
         force[jx] -= gx
         force[jy] -= gy
-        if laws is None:
-            torque[i] += radius[i] * fs - loss
-            torque[j] += radius[j] * fs - loss
-        else:
-            torque[i] += radius[i] * fs - loss - scratch[BENDING + q]
-            torque[j] += radius[j] * fs - loss + scratch[BENDING + q]
+        on_i, on_j = radius[i] * fs - loss, radius[j] * fs - loss
+        if laws is not None:
+            on_i -= scratch[BENDING + q]
+            on_j += scratch[BENDING + q]
+        torque[i] += on_i
+        torque[j] += on_j
         if losses is not None:
             friction += scratch[LOST[FRICTION] + q]
             dashpots += scratch[LOST[DASHPOT] + q]
