@@ -217,12 +217,12 @@ def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
     )
 
 
-def team_arrays(stripes: int, threads: int, laws: Laws | None = None) -> Team:
+def team_arrays(stripes: int, threads: int, laws: Laws | None = None, room: int = SCRATCH) -> Team:
     """Shared arrays of the threads; the stripes are set by the first rebuild.
 
     Columns that all ``laws`` between disks share are written to the scratch here, where they stay.
     """
-    scratch = np.zeros((threads, SCRATCH + 2 * PAD))
+    scratch = np.zeros((threads, room + 2 * PAD))
     if laws is not None:
         shared = laws.columns[:, laws.of_pair[0, 0]]
         scratch[:, int(PAIR_KN) : int(PAIR_KN) + len(shared) * CHUNK] = np.repeat(shared, CHUNK)
@@ -244,7 +244,9 @@ def first_lists(n: int, m: int, bends: bool = False) -> Lists:
     return Lists(pairs, wall_pairs, spare, wall_spare, empty_cells(n))
 
 
-def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArray[np.int64], n_walls: int) -> Samples:
+def sample_arrays(
+    at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArray[np.int64], n_walls: int, periodic: bool = False
+) -> Samples:
     """Room for the samples at the contact steps ``at``."""
     s, k, c, m = len(at), len(chosen), len(pairs), n_walls
     return Samples(
@@ -262,6 +264,8 @@ def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArr
         wall_angle=np.empty((s, m)),
         wall_force=np.empty((s, m, 2)),
         energy=np.zeros((s, len(ENERGIES))),
+        stress=np.empty((s if periodic else 0, 2, 2, 2)),
+        cell_work=np.empty(s if periodic else 0),
     )
 
 

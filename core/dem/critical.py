@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.dem.critical_kernels import lanczos
 from ninedisk.core.dem.grains import equal_radii, needs_outlines, outline_arrays
+from ninedisk.core.dem.images import close_images
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.motion import compile_motion, wall_poses
@@ -227,12 +228,15 @@ def _packed_rate(scene: Scene, form: DampingForm) -> float:
     room = np.floor(np.pi / np.arcsin(smallest / (radius + smallest)) * (1.0 + 1e-9))
     about = _inverse_moments(scene)
     walls = len(scene.walls)
+    most = (
+        room if scene.cell is not None else np.minimum(room, n - 1.0)
+    )  # in a cell all neighbours may be images of one disk
     # Neighbours may all have the law that is worst for a disk.
     between, at_walls = np.zeros((2, n)), np.zeros((walls, 2, n))
     of_wall = 0
     for kind in _kinds(scene):
         law = kind.law
-        count = np.ones(n) if kind.second is None else np.minimum(room, n - 1.0)
+        count = np.ones(n) if kind.second is None else most
         concerned = kind.first if kind.second is None else kind.first | kind.second
         others, lightest = (0.0, 0.0) if kind.second is None else (float(inverse.min()), float(about.min()))
         kn, ks = (law.kn - law.cohesion) * stiffening(scene, law), law.shear_stiffness
@@ -380,8 +384,11 @@ def _close_pairs(scene: Scene, reach: float) -> tuple[IntArray, FloatArray, Floa
         If two centres coincide.
     """
     x, radius = scene.disks.x, scene.disks.radius
-    listed = PairFinder(radius, 0).within(x, np.empty((0, POSE)), reach)
-    d = x[listed[:, 1]] - x[listed[:, 0]]
+    if scene.cell is not None:
+        listed, d = close_images(scene, scene.cell, reach)
+    else:
+        listed = PairFinder(radius, 0).within(x, np.empty((0, POSE)), reach)
+        d = x[listed[:, 1]] - x[listed[:, 0]]
     distance = np.hypot(d[:, 0], d[:, 1])
     if len(distance) and distance.min() == 0.0:
         i, j = listed[np.argmin(distance)]

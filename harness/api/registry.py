@@ -26,6 +26,7 @@ BUILTIN_CASES: dict[str, str] = {
     "nine-disk/distortion": "ninedisk.harness.cases.nine_disk.distortion:CASE",
     "binary-collision": "ninedisk.harness.cases.impact.binary:CASE",
     "incline-block": "ninedisk.harness.cases.incline.block:CASE",
+    "friction/hold": "ninedisk.harness.cases.incline.hold:CASE",
     "sliding/quasistatic": "ninedisk.harness.cases.sliding.quasistatic:CASE",
     "sliding/dynamic": "ninedisk.harness.cases.sliding.dynamic:CASE",
     "slip-to-roll": "ninedisk.harness.cases.rolling.slip_to_roll:CASE",
@@ -33,6 +34,7 @@ BUILTIN_CASES: dict[str, str] = {
     "impact/bouncing-disk": "ninedisk.harness.cases.impact.bouncing:CASE",
     "impact/oblique": "ninedisk.harness.cases.impact.oblique:CASE",
     "gas/elastic": "ninedisk.harness.cases.impact.gas:CASE",
+    "gas/cooling": "ninedisk.harness.cases.impact.cooling:CASE",
     "spinning-disk": "ninedisk.harness.cases.rolling.spinning_disk:CASE",
     "rolling/incline-disk": "ninedisk.harness.cases.rolling.incline_disk:CASE",
     "static/stack": "ninedisk.harness.cases.static.stack:CASE",
@@ -50,6 +52,10 @@ BUILTIN_CASES: dict[str, str] = {
     "contact/driven-wall": "ninedisk.harness.cases.contact.driven_wall:CASE",
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
+    "rolling/resistance": "ninedisk.harness.cases.rolling.resistance:CASE",
+    "impact/cohesion": "ninedisk.harness.cases.impact.cohesion:CASE",
+    "contact/materials": "ninedisk.harness.cases.contact.materials:CASE",
+    "motion/forces": "ninedisk.harness.cases.motion.forces:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.invariance.rotating_box:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {

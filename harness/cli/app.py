@@ -8,9 +8,11 @@ from typing import Annotated
 import typer
 
 from ninedisk.harness.cli import (
+    audit,
     bench,
     compare,
     converge,
+    determinism,
     docs,
     engines,
     findings,
@@ -19,6 +21,7 @@ from ninedisk.harness.cli import (
     run,
     selftest,
     site,
+    solve,
     store,
 )
 from ninedisk.harness.cli import list as listing
@@ -57,8 +60,11 @@ for command in (
     run,
     report,
     findings,
+    audit,
     bench,
+    solve,
     converge,
+    determinism,
     docs,
     protocol,
     engines,

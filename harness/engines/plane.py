@@ -113,9 +113,11 @@ def write_contacts(
             history.fs[row, c] = force @ np.array([-n[1], n[0]])
     if impulses is not None:
         history.wall_force[row] = 0.0
-        for (_, j), impulse in impulses.items():
+        for i, j in sorted(
+            impulses
+        ):  # engines list contacts by addresses: a sum in their order would differ from run to run
             if j >= len(scene.disks):
-                history.wall_force[row, j - len(scene.disks)] -= impulse / dt
+                history.wall_force[row, j - len(scene.disks)] -= impulses[i, j] / dt
 
 
 class WorldSession(ABC):
@@ -142,6 +144,10 @@ class WorldSession(ABC):
                 there, to_face = self.poses((self.done + 1) * self.dt)
                 for k in range(len(self.scene.walls)):
                     self.drive(k, here[k], there[k], facing[k], turn(facing[k], to_face[k]) / self.dt)
+            if self.scene.forces:
+                for i, load in enumerate(mean_loads(self.scene, self.done * self.dt, (self.done + 1) * self.dt)):
+                    if not self.fixed[i]:
+                        self.push(i, load)
             self.step(last=remaining == 1)
             self.done += 1
 
@@ -167,6 +173,19 @@ class WorldSession(ABC):
     @abstractmethod
     def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
         """Put wall ``k`` at ``here`` [m] with the normal ``facing``, on its way to ``there`` in one step, turning at ``rate`` [rad/s]."""
+
+    def push(self, i: int, load: FloatArray) -> None:
+        """Let a force [N] and a torque [N m], shape (3,), act on a disk in the coming step; of engines with `Capability.BODY_FORCES`."""
+        raise NotImplementedError(f"{self.engine} has no forces on disks: {load!r} on disk {i}")
+
+
+def mean_loads(scene: Scene, begin: float, end: float) -> FloatArray:
+    """Mean of `Scene.forces` between two times [s]: force [N] and torque [N m] on each disk, shape (n, 3)."""
+    mean = np.zeros((len(scene.disks), 3))
+    for each in scene.forces:
+        part = max(0.0, min(end, each.end) - max(begin, each.begin)) / (end - begin)
+        mean[each.disk] += part * np.array([*each.force, each.torque])
+    return mean
 
 
 def turn(one: FloatArray | tuple[float, float], two: FloatArray) -> float:

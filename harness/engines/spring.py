@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.scene import ContactLaw, Scene, Wall
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineRun, Support, SupportLevel
 from ninedisk.harness.api.support import NOTE_SLIP_END, OF_SLIP_AT, contact_steps
@@ -110,6 +110,26 @@ class SpringEngine(ProcessEngine):
             "threads": 1,
         }
         return EngineRun(history=done.history, timings=done.timings, settings={**settings, **done.settings})
+
+
+def disk_laws(scene: Scene) -> list[ContactLaw]:
+    """The laws that contacts between two disks of the scene have, each once."""
+    members: dict[str, list[int]] = {}
+    for i, name in enumerate(scene.disks.material):
+        members.setdefault(name, []).append(i)
+    pairs = [(a, b) for k, a in enumerate(members) for b in list(members)[k:]]
+    return _once(scene.law((members[a][0], members[b][-1])) for a, b in pairs if a != b or len(members[a]) > 1)
+
+
+def wall_laws(scene: Scene, wall: Wall) -> list[ContactLaw]:
+    """The laws that contacts of the scene's disks with a wall have, each once."""
+    number = len(scene.disks) + scene.walls.index(wall)
+    first = {name: i for i, name in reversed(list(enumerate(scene.disks.material)))}
+    return _once(scene.law((i, number)) for i in first.values())
+
+
+def _once(laws: Iterable[ContactLaw]) -> list[ContactLaw]:
+    return list(dict.fromkeys(laws))
 
 
 def rough(law: ContactLaw) -> bool:

@@ -16,7 +16,7 @@ _kernel, _python = partial(planted, "dem", "kernel"), partial(planted, "dem", "p
 _DISK_SLIP = (
     "vt += scratch[ROLL + q] - half_slip * (scratch[REACH + q] - (mx * mx + my * my) * inv_m) * scratch[SPIN + q]\n"
 )
-_LIMIT = "limit = min(0.5 * skin[0], skin[0] - wall_drift(walls, skin[0]))"
+_LIMIT = "return min(0.5 * skin, skin - wall_drift(walls, skin))"
 _WALL_SLIP = "vt += (disks.radius[i] - half_slip * sunk) * disks.omega[i]\n"
 _DISK_SHEAR = "            fs = shear_force(shear[k], vt * slip_dt, ks, mu * repulsive)"
 _WALL_SHEAR = "                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * repulsive)"
@@ -80,7 +80,7 @@ CONTACTS = (
             ("dem.neighbour_kernels", "code = build_pairs(disks.x, disks.radius, skin, cells",
              "code = build_pairs(disks.x, disks.radius, 0.0, cells")),
     _kernel("no-rebuild", "neighbour lists are never rebuilt", "hit",
-            (STEP, _LIMIT, "limit = 1e100")),
+            (STEP, _LIMIT, "return 1e100")),
 )  # fmt: skip
 
 STEPPING = (
@@ -153,10 +153,10 @@ SORT_ALL = (("dem.arrays", "SORT_FROM = 2_000", "SORT_FROM = 1"), ("dem.arrays",
 
 STRIPED = (
     _kernel("border-unmoved", "disks on the borders of stripes are not moved", "stack",
-            *SORT_ALL, (STEP, "far = farther(far, kick_borders(system, thread, threads))", "far += 0.0")),
+            *SORT_ALL, (STEP, "far = farther(far, kick_borders(system, images, n, thread, threads))", "far += 0.0")),
     _kernel("border-early", "disks on the borders of stripes move before the stripe below has acted on them", "stack",
             *SORT_ALL, (STEP, "kicked_from = team.border[s] if parity == 0 else stripe[s]", "kicked_from = stripe[s]"),
-            (STEP, "far = farther(far, kick_borders(system, thread, threads))", "far += 0.0")),
+            (STEP, "far = farther(far, kick_borders(system, images, n, thread, threads))", "far += 0.0")),
     _kernel("border-narrow", "the border of a stripe ends one disk too early", "stack",
             *SORT_ALL, ("dem.neighbour_kernels", "cells.start[(row + 1) * nx]", "cells.start[row * nx]")),
     _kernel("load-of-a-stripe", "the first stripe's load on the walls is lost", "stack",

@@ -17,7 +17,14 @@ HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
 STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
 LENSES, OVALS, GRAINS, REST = "nurbs/overlap", "nurbs/collision", "nurbs/rolling", "nurbs/settle"
 GAS, REOPEN, WALL, STACK = "gas/elastic", "contact/reopening", "contact/moving-wall", "static/stack"
-RETRACE = "contact/retraced-loop"
+RETRACE, HOLD, COOL, RESIST, COHESION = (
+    "contact/retraced-loop",
+    "friction/hold",
+    "gas/cooling",
+    "rolling/resistance",
+    "impact/cohesion",
+)
+MATERIALS, FORCES = "contact/materials", "motion/forces"
 
 ENGINES = ("dem", "cd", *DECLARED)
 
@@ -62,6 +69,15 @@ DEM_PANEL: dict[str, Probe] = {
     "shake": Probe(WALL, {"motion": "shake"}),
     "retrace": Probe(RETRACE, {}),
     "retrace-wall": Probe(RETRACE, {"kind": "wall"}),
+    "resist-constant": Probe(RESIST, {"kn": 1e6}),
+    "resist-viscous": Probe(RESIST, {"model": "viscous", "kn": 1e6}),
+    "resist-spring": Probe(RESIST, {"model": "elastic-plastic", "kn": 1e6}),
+    "hold-spring": Probe(RESIST, {"model": "elastic-plastic", "plane": "hold", "beta": 0.3, "kn": 1e6}),
+    "cohesive": Probe(COHESION, {}),
+    "cohesive-damped": Probe(COHESION, {"beta": 0.2}),
+    "materials": Probe(MATERIALS, {"kn": 1e7}),
+    "forces": Probe(FORCES, {}),
+    "hold": Probe(HOLD, {"kn": 1e4, "duration": 0.2}),
     "stack": Probe(STACK, {"start": "equilibrium", "n": 12, "duration": 0.02}),
     "press-outlines": Probe(PRESS, {"shape": "nurbs", "cycles": 10, "settle_cycles": 5, "wall_mu": "mu"}),
     "lenses": Probe(LENSES, {"shape": "ellipse", "pairs": 3}),
@@ -87,6 +103,8 @@ CD_PANEL: dict[str, Probe] = {
     "hit-between": Probe(HIT, {"gap": 0.5025}),
     "hit-newton": Probe(HIT, {"restitution": 0.5, "impact": "newton"}),
     "gas-newton": Probe(GAS, {"impact": "newton", "rows": 4, "spacing": 2.3, "duration": 0.5}),
+    "cool": Probe(COOL, {"rows": 5, "duration": 2.0}),
+    "hold": Probe(HOLD, {}),
     "slide": Probe(INCLINE, {"mu": 0.36}),
     "slide-coulomb": Probe(INCLINE, {"mu": 0.36, "sliding": "coulomb"}),
     "stick": Probe(INCLINE, {"mu": 0.4}),
@@ -120,6 +138,8 @@ RIGID_PANEL: dict[str, Probe] = {
     "turn": Probe("contact/driven-wall", {"motion": "turn"}),
     "fixed": Probe("impact/held-disk", {"partner": "fixed"}),
     "held": Probe("impact/held-disk", {"partner": "held"}),
+    "materials": Probe(MATERIALS, {}),
+    "forces": Probe(FORCES, {}),
 }
 """Of an engine with rigid contacts, whatever it declares them as."""
 

@@ -22,7 +22,8 @@ def with_disks(scene: Scene, **changes: Any) -> Scene:
 def with_laws(scene: Scene, change: Callable[[ContactLaw], ContactLaw]) -> Scene:
     """The scene with every contact law changed."""
     walls = tuple(replace(wall, law=change(wall.law)) for wall in scene.walls)
-    return scene.replace(disk_disk=change(scene.disk_disk), walls=walls)
+    laws = {pair: change(law) for pair, law in scene.laws.items()}
+    return scene.replace(disk_disk=change(scene.disk_disk), walls=walls, laws=laws)
 
 
 def with_motion(scene: Scene, change: Callable[[WallSegment], WallSegment]) -> Scene:
@@ -84,7 +85,57 @@ def _heavier_grains(scene: Scene) -> Scene:
     return with_disks(scene, inertia=more * scene.disks.inertia)
 
 
+def _rolling(**factors: float) -> Callable[[Scene], Scene]:
+    """Scenes with parameters of the rolling resistance multiplied."""
+
+    def change(law: ContactLaw) -> ContactLaw:
+        if law.rolling is None:
+            return law
+        changed = {name: factor * getattr(law.rolling, name) for name, factor in factors.items()}
+        return replace(law, rolling=replace(law.rolling, **changed))
+
+    return lambda scene: with_laws(scene, change)
+
+
+def _mixed(scene: Scene) -> Scene:
+    """The friction of two unlike materials is the geometric mean of the means that each of them has with all."""
+    names = sorted({name for pair in scene.laws for name in pair})
+    mean = {name: np.mean([law.mu for pair, law in scene.laws.items() if name in pair]) for name in names}
+    return scene.replace(
+        laws={(a, b): replace(law, mu=math.sqrt(mean[a] * mean[b])) for (a, b), law in scene.laws.items()}
+    )
+
+
+def _next_step(scene: Scene, numerics: Numerics) -> tuple[Scene, Numerics]:
+    """Forces begin and end with the step in which they should."""
+
+    def whole(time: float) -> float:
+        return time if math.isinf(time) else math.floor(time / numerics.dt) * numerics.dt
+
+    forces = tuple(replace(each, begin=whole(each.begin), end=whole(each.end)) for each in scene.forces)
+    return scene.replace(forces=forces), numerics
+
+
 DEM = (
+    _scene("dem", "rolling-radius", "rolling resistance has the radius for the reduced one of two equal disks, twice", "resist-constant",
+           _rolling(mu=2.0)),
+    _scene("dem", "rolling-viscous", "viscous rolling resistance is one part in a hundred too strong", "resist-viscous",
+           _rolling(mu=1.01)),
+    _scene("dem", "rolling-stiffness", "rolling springs are one part in a hundred too stiff", "resist-spring", _rolling(kr=1.01)),
+    _scene("dem", "rolling-cap", "rolling springs yield one part in a hundred too late", "resist-spring", _rolling(mu=1.01)),
+    _scene("dem", "rolling-dashpot", "the rolling dashpot is made of half the damping ratio", "hold-spring", _rolling(beta=0.5)),
+    _scene("dem", "rolling-spring-alone", "rolling springs have no dashpot", "hold-spring", _rolling(beta=0.0)),
+    _scene("dem", "no-cohesion", "cohesion is ignored", "cohesive",
+           lambda scene: with_laws(scene, lambda law: replace(law, cohesion=0.0))),
+    _scene("dem", "cohesion-weak", "cohesion is one part in a hundred too weak", "cohesive",
+           lambda scene: with_laws(scene, lambda law: replace(law, cohesion=0.99 * law.cohesion))),
+    _scene("dem", "materials-ignored", "materials are ignored: walls and disks have one law each", "materials",
+           lambda scene: scene.replace(laws={})),
+    _scene("dem", "materials-mixed", "the friction of two materials is a mean of theirs", "materials", _mixed),
+    Defect(name="forces-by-step", engine="dem", kind="scene", what="forces begin and end with a step", witness="forces",
+           before=_next_step),
+    _scene("dem", "no-torques", "torques on disks are ignored", "forces",
+           lambda scene: scene.replace(forces=tuple(replace(each, torque=0.0) for each in scene.forces))),
     _scene("dem", "grain-inertia", "grains have one part in a hundred too much inertia", "ovals", _heavier_grains),
     _scene("dem", "mass-of-a-sphere", "disks have the mass of spheres, 4/3 R times theirs", "press",
            lambda scene: with_disks(scene, mass=scene.disks.mass * 4.0 / 3.0 * scene.disks.radius)),
@@ -99,6 +150,8 @@ DEM = (
     _scene("dem", "mu-swapped", "disks have the walls' friction and walls the disks'", "press", _swapped_mu),
     _scene("dem", "mu-is-the-angle", "the friction angle in radians stands for its tangent", "slide",
            lambda scene: with_laws(scene, lambda law: replace(law, mu=math.atan(law.mu)))),
+    _scene("dem", "mu-small", "friction is two parts in a hundred too small", "hold",
+           lambda scene: with_laws(scene, lambda law: replace(law, mu=0.98 * law.mu))),
     _scene("dem", "no-preload", "shear forces at the start are ignored", "slide",
            lambda scene: scene.replace(initial_shear={})),
     _scene("dem", "gravity-twice", "gravity acts twice", "roll",
@@ -127,6 +180,10 @@ CD = (
     _scene("cd", "restitution-squared", "the coefficient of restitution is applied twice", "hit-newton",
            lambda scene: with_laws(scene, lambda law: replace(
                law, restitution=None if law.restitution is None else law.restitution**2))),
+    _scene("cd", "restitution", "disks give back a ten-thousandth too much", "cool",
+           lambda scene: scene.replace(disk_disk=replace(scene.disk_disk, restitution=1.0001 * (scene.disk_disk.restitution or 0.0)))),
+    _scene("cd", "mu-small", "friction is two parts in a hundred too small", "hold",
+           lambda scene: with_laws(scene, lambda law: replace(law, mu=0.98 * law.mu))),
     _scene("cd", "mu-swapped", "disks have the walls' friction and walls the disks'", "press", _swapped_mu),
     _scene("cd", "wall-speed", "walls move a millionth too fast", "press",
            lambda scene: with_motion(scene, lambda segment: replace(

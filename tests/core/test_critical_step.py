@@ -198,7 +198,13 @@ STILL_STABLE = 1.0 + 1e-6
 
 
 def limit_by_bisection(stiffness: np.ndarray, dashpot: np.ndarray, xi: float, form: str) -> float:
-    """Largest stable step by bisection on the spectral radius, from where no step below it is unstable."""
+    """Largest stable step by bisection on the spectral radius, from where no step below it is unstable.
+
+    Of coordinates that no contact moves, all alike, one is kept.
+    """
+    idle = ~(stiffness.any(axis=0) | dashpot.any(axis=0))
+    kept = np.flatnonzero(~idle | (np.cumsum(idle) == 1))
+    stiffness, dashpot = (matrix[np.ix_(kept, kept)] for matrix in (stiffness, dashpot))
     high = 4.0 / max(np.sqrt(np.linalg.eigvalsh(stiffness)[-1]), np.linalg.eigvalsh(dashpot)[-1])
     tried = high * np.geomspace(1e-3, 1.0, 60)
     bad = int(np.argmax([spectral_radius(stiffness, dashpot, xi, dt, form) > STILL_STABLE for dt in tried]))
@@ -235,11 +241,11 @@ def damped_scene(seed: int) -> Scene:
     return Scene(disks=disks, disk_disk=law(), walls=tuple(walls), xi=xi)
 
 
-@pytest.mark.parametrize("form", ["central", "lagged"])
-def test_limit_of_random_damped_scenes(form: str) -> None:
+@pytest.mark.parametrize(("form", "seeds"), [("central", range(0, 200, 2)), ("lagged", range(1, 200, 2))])
+def test_limit_of_random_damped_scenes(form: str, seeds: range) -> None:
     """Present contacts together, and each possible contact by itself: the smallest limit of all, by bisection."""
     found, decided, packed = [], 0, []
-    for seed in range(200):
+    for seed in seeds:
         scene = damped_scene(seed)
         disks, n = scene.disks, len(scene.disks)
         inverse = np.where(disks.fixed, 0.0, 1.0 / disks.mass)
@@ -256,7 +262,7 @@ def test_limit_of_random_damped_scenes(form: str) -> None:
         decided += limits[0] == min(limits)
         packed.append(packed_time_step(scene, damping_form=form) / min(limits))
     assert 0.999 <= min(found) <= max(found) <= 1.001  # bisection to 1e-4, the residual another 1e-4
-    assert decided > 100  # the network of present contacts, rather than one contact alone
+    assert decided > 50  # the network of present contacts, rather than one contact alone
     assert max(packed) <= 1.0
 
 

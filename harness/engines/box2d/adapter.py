@@ -21,6 +21,8 @@ CAPABILITIES = frozenset(
         Capability.BLOCKED_ROTATION,
         Capability.FIXED_DISKS,
         Capability.DISK_INERTIA,
+        Capability.MATERIALS,
+        Capability.BODY_FORCES,
     }
 )
 

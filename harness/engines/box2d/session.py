@@ -152,6 +152,13 @@ class Box2DSession(WorldSession):
         body.linearVelocity = _pair((there - here) / self.dt / self.units.velocity)
         body.angularVelocity = rate * self.units.time
 
+    def push(self, i: int, load: FloatArray) -> None:
+        """Box2D forgets forces after a step."""
+        units, body = self.units, self.disks[i]
+        of_force = units.mass * units.velocity / units.time
+        body.ApplyForce(_pair(load[:2] / of_force), body.worldCenter, True)
+        body.ApplyTorque(float(load[2]) / (of_force * units.length), True)
+
     def _check_speeds(self, step: float) -> None:
         """Raise where Box2D has cut a velocity off, which it does in silence."""
         fastest = 0.999 * Box2D.b2_maxTranslation / step

@@ -25,6 +25,7 @@ CAPABILITIES = frozenset(
         Capability.BLOCKED_ROTATION,
         Capability.FIXED_DISKS,
         Capability.DISK_INERTIA,
+        Capability.BODY_FORCES,
     }
 )
 

@@ -122,6 +122,14 @@ class BulletSession(WorldSession):
         self.world.resetBasePositionAndOrientation(body, place, [0.0, 0.0, math.sin(half), math.cos(half)])
         self.world.resetBaseVelocity(body, [*((there - here) * (self.unit / self.dt)), 0.0], [0.0, 0.0, rate])
 
+    def push(self, i: int, load: FloatArray) -> None:
+        """Bullet forgets forces after a step."""
+        body, unit = self.disks[i], self.unit
+        place, _ = self.world.getBasePositionAndOrientation(body)
+        force = [unit * float(load[0]), unit * float(load[1]), 0.0]
+        self.world.applyExternalForce(body, -1, force, place, pybullet.WORLD_FRAME)
+        self.world.applyExternalTorque(body, -1, [0.0, 0.0, unit**2 * float(load[2])], pybullet.WORLD_FRAME)
+
     def _disk(self, i: int, friction: float, restitution: float) -> int:
         disks = self.scene.disks
         radius = self.unit * (float(disks.radius[i]) + self.inflate)

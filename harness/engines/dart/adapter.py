@@ -27,6 +27,7 @@ CAPABILITIES = frozenset(
         Capability.GRAVITY,
         Capability.BLOCKED_ROTATION,
         Capability.DISK_INERTIA,
+        Capability.BODY_FORCES,
     }
 )
 

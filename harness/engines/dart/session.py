@@ -111,6 +111,12 @@ class DartSession(WorldSession):
         self.walls[k].setPositions([*here, turn(self.scene.walls[k].normal, facing)])
         self.walls[k].setVelocities([*((there - here) / self.dt), rate])
 
+    def push(self, i: int, load: FloatArray) -> None:
+        """DART forgets forces after a step; torques are in the body's frame, whose z axis is the scene's."""
+        body = self.disks[i].getBodyNode(0)
+        body.setExtForce([float(load[0]), float(load[1]), 0.0], [0.0, 0.0, 0.0], False)
+        body.setExtTorque([0.0, 0.0, float(load[2])])
+
     def _disk(self, i: int, friction: float, restitution: float) -> Any:
         disks = self.scene.disks
         skeleton = dartpy.dynamics.Skeleton(f"disk {i}")

@@ -76,11 +76,31 @@ class Run:
         )
         self.rotating = np.array(disks["rotating"], dtype=bool)
         self.gravity, self.xi = np.array(scene["gravity"]), scene["xi"]
-        self.law, self.walls = scene["disk_disk"], scene["walls"]
+        turning = bool(self.rotating.any())
+        self.law = completed(scene["disk_disk"], turning)
+        self.walls = [{**wall, "law": completed(wall["law"], turning)} for wall in scene["walls"]]
+        self.material = disks.get("material", [""] * self.n)
+        self.laws = {frozenset((one, two)): completed(law, turning) for one, two, law in scene.get("laws", [])}
+        self.forces_on = [{**force, "end": float(force["end"])} for force in scene.get("forces", [])]
         self.dt, self.substeps = dt, substeps
         self.path = np.load(request["extra"]["wall_path"]) if "wall_path" in request["extra"] else None
         self.pairs = [tuple(pair) for pair in request["watch"]]
         self.samples = []
+
+    def law_of(self, i, j):
+        """Law of the contact of two bodies, which the table of their materials has or their kinds."""
+        if j < self.n:
+            return self.laws.get(frozenset((self.material[i], self.material[j])), self.law)
+        wall = self.walls[j - self.n]
+        return self.laws.get(frozenset((self.material[i], wall.get("material", ""))), wall["law"])
+
+    def loads(self, begin, end):
+        """Mean force [N] on each disk and torque [N m] on it between two times [s], shape (n, 3)."""
+        mean = np.zeros((self.n, 3))
+        for force in self.forces_on:
+            part = max(0.0, min(end, force["end"]) - max(begin, force["begin"])) / (end - begin)
+            mean[force["disk"]] += part * np.array([*force["force"], force["torque"]])
+        return mean
 
     def pose(self, step):
         """Points and normals of the walls and more at a step, shape (m, columns)."""
@@ -117,9 +137,10 @@ class Run:
         point, normal = pose[:, :, 0:2], pose[:, :, 2:4]
         # A blocked spin is prescribed: it exchanges no energy with the scene and is not counted, as in the in-house DEM.
         inertia = np.where(self.rotating, self.inertia, 0.0)
+        # Sums over the disks of each sample alone: BLAS rounds those of a sample by how many samples there are.
         energy = {
-            "kinetic": (0.5 * (v**2).sum(axis=2) @ self.mass + 0.5 * omega**2 @ inertia).tolist(),
-            "gravity": (-(x @ self.gravity) @ self.mass).tolist(),
+            "kinetic": (0.5 * ((v**2).sum(axis=2) * self.mass + omega**2 * inertia).sum(axis=1)).tolist(),
+            "gravity": (-((x * self.gravity).sum(axis=2) * self.mass).sum(axis=1)).tolist(),
         }
         if elastic[0] is not None:
             energy["elastic"] = known(np.array(elastic, dtype=float))
@@ -180,18 +201,21 @@ class SpringRun(Run):
         self.inflate = 1.0 + self.a if self.central else 1.0
         self.decay = (1.0 - self.a) / (1.0 + self.a) if self.central else 1.0 - 2.0 * self.a
         self.preload = [tuple(entry) for entry in request["scene"]["initial_shear"] if entry[2]]
-        self.damped = any(law["beta"] > 0.0 for law in [self.law, *(wall["law"] for wall in self.walls)])
+        self.all_laws = [self.law, *(wall["law"] for wall in self.walls), *self.laws.values()]
+        self.damped = any(law["beta"] > 0.0 for law in self.all_laws)
 
-    def law_of(self, j):
-        """Law of the pairs whose second body is ``j``."""
-        return self.law if j < self.n else self.walls[j - self.n]["law"]
+    def loads_at(self, step):
+        """`loads` of a contact step: over the time between the half steps beside it, in the first from time 0."""
+        return self.loads(max(step - 0.5, 0.0) * self.dt, (step + 0.5) * self.dt)
 
     def sums(self, contacts, pose):
         """Force on each wall [N], shape (m, 2), and elastic energy [J] of contacts ``{(i, j): (fn, fs, overlap)}``."""
         loads, elastic = np.zeros((len(self.walls), 2)), 0.0
-        for (_, j), (fn, fs, overlap) in contacts.items():
-            law = self.law_of(j)
-            elastic += 0.5 * law["kn"] * overlap**2 + (0.5 * fs**2 / law["ks"] if fs and law["ks"] else 0.0)
+        for (i, j), (fn, fs, overlap) in contacts.items():
+            law = self.law_of(i, j)
+            elastic += 0.5 * (law["kn"] - law["cohesion"]) * overlap**2 + (
+                0.5 * fs**2 / law["ks"] if fs and law["ks"] else 0.0
+            )
             if j >= self.n:
                 normal = -pose[j - self.n, 2:4]
                 loads[j - self.n] += fn * normal - fs * np.array([-normal[1], normal[0]])
@@ -208,6 +232,11 @@ class SpringRun(Run):
                 f"disk {int(np.argmin(height))} is {-height.min():g} m behind wall {self.walls[w]['name']!r}, where {engine}: "
                 "a smaller contact_dt or a stiffer wall is the way out"
             )
+
+
+def completed(law, turning):
+    """A law with the fields that the wire leaves out where they are absent; without rolling resistance where no disk can turn."""
+    return {"cohesion": 0.0, **law, "rolling": law.get("rolling") if turning else None}
 
 
 def rough(law):

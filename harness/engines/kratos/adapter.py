@@ -8,11 +8,11 @@ from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
+from ninedisk.harness.api.capabilities import LEVER_ARMS, ROLLING, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
 from ninedisk.harness.engines.process import package_version
-from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, rough, turns
+from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, disk_laws, rough, turns, wall_laws
 
 PACKAGES = ("KratosDEMApplication", "KratosMultiphysics")
 CAPABILITIES = frozenset(
@@ -30,6 +30,10 @@ CAPABILITIES = frozenset(
         Capability.DISK_INERTIA,
         Capability.LEVER_ARM_OVERLAP,
         Capability.SLIP_END,
+        Capability.MATERIALS,
+        Capability.ROLLING_CONSTANT,
+        Capability.ROLLING_VISCOUS,
+        Capability.BODY_FORCES,
     }
 )
 
@@ -56,6 +60,14 @@ NOTE_NO_DASHPOT = (
     "Kratos' dashpots act along the shear spring too, and its forces on walls cannot be taken apart where a dashpot acts: contact "
     "damping is expressed between smooth disks only"
 )
+NOTE_ROLLING = (
+    "rolling resistance by DEMRollingFrictionModelConstantTorque and ...ViscousTorque, with R less the overlap at walls"
+)
+NOTE_ROLLING_PAIRS = (
+    "between two disks Kratos gives each a torque of rolling resistance with its own radius and not with the reduced one of both: they are "
+    "not opposite, and with equal disks twice as large"
+)
+NOTE_ONE_DASHPOT = "one damping ratio for all pairs of disks"
 
 
 FACTS = EngineInfo(
@@ -99,8 +111,8 @@ class Kratos(SpringEngine):
 
         APPROXIMATE where a lever arm differs or rough walls turn.
         """
-        between = [scene.disk_disk] if len(scene.disks) > 1 else []
-        rough_walls = [wall for wall in scene.walls if rough(wall.law)]
+        between, at_walls = disk_laws(scene), [(wall, law) for wall in scene.walls for law in wall_laws(scene, wall)]
+        rough_walls = [(wall, law) for wall, law in at_walls if rough(law)]
         fit.missing -= ARMS
         if capabilities_needed(scene, numerics) & ARMS:
             if no_disk_can_turn(scene):
@@ -108,13 +120,24 @@ class Kratos(SpringEngine):
             else:
                 fit.notes += [NOTE_ARMS, NOTE_ROTATION]
                 arms = {LEVER_ARMS[law.lever_arm] for law in between if rough(law)} - {Capability.LEVER_ARM_OVERLAP}
-                fit.near |= arms | {LEVER_ARMS[wall.law.lever_arm] for wall in rough_walls}
-        if any(turns(wall.motion) for wall in rough_walls):
+                fit.near |= arms | {LEVER_ARMS[law.lever_arm] for _, law in rough_walls}
+        if any(turns(wall.motion) for wall, _ in rough_walls):
             fit.notes += [NOTE_WALL_VELOCITY, NOTE_TURNING]
             fit.approximate = True
+        resisted = (
+            {law.rolling.model for law in scene.laws_in_use if law.rolling} if scene.disks.rotating.any() else set()
+        )
+        if resisted:
+            fit.notes.append(NOTE_ROLLING)
+            fit.approximate = True
+            between_disks = {law.rolling.model for law in between if law.rolling}
+            for model in sorted(between_disks):
+                fit.lacks(ROLLING[model], NOTE_ROLLING_PAIRS)
         damped = [law for law in scene.laws_in_use if law.beta > 0.0]
-        if any(wall.law.beta > 0.0 for wall in scene.walls) or any(rough(law) for law in damped):
+        if any(law.beta > 0.0 for _, law in at_walls) or any(rough(law) for law in damped):
             fit.lacks(Capability.CONTACT_DAMPING, NOTE_NO_DASHPOT)
+        if damped and len(between) > 1:
+            fit.lacks(Capability.MATERIALS, NOTE_ONE_DASHPOT)
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Also the length of walls."""

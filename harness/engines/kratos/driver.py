@@ -31,6 +31,12 @@ from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStag
 LAW = "DEM_D_Linear_Custom_Constants"
 """Linear springs and dashpot without tension, Coulomb friction; stiffnesses given pair by pair, whatever Young's modulus."""
 
+ROLLING = {
+    "": "DEMRollingFrictionModelBounded",
+    "constant": "DEMRollingFrictionModelConstantTorque",
+    "viscous": "DEMRollingFrictionModelViscousTorque",
+}
+
 NAME = "scene"
 HEAD = "Begin ModelPartData\nEnd ModelPartData\n\nBegin Properties 0\nEnd Properties\n\n"
 
@@ -62,24 +68,34 @@ class Run(SpringRun):
 
     def _build(self):
         density = self.mass / (np.pi * self.radius**2)
-        kinds, kind = np.unique(density, return_inverse=True)
+        material = np.unique(self.material, return_inverse=True)[1]
+        rows = np.column_stack([density, material])
+        kinds, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         files = {
             f"{NAME}DEM.mdpa": disks_file(self.x0, self.radius, kind.reshape(-1).tolist()),
             f"{NAME}DEM_FEM_boundary.mdpa": walls_file([self._ends(0, w) for w in range(len(self.walls))]),
-            "MaterialsDEM.json": materials(kinds.tolist(), self.law, [wall["law"] for wall in self.walls]),
+            "MaterialsDEM.json": materials(self, kinds[:, 0].tolist(), first.tolist()),
         }
         for name, text in files.items():
             with open(name, "w", encoding="ascii") as file:
                 file.write(text)
         Kratos.Logger.GetDefaultOutput().SetSeverity(Kratos.Logger.Severity.WARNING)
-        text = parameters(self.dt, self.gravity.tolist(), SEARCH * float(self.radius.min()))
+        text = parameters(
+            self.dt,
+            self.gravity.tolist(),
+            SEARCH * float(self.radius.min()),
+            any(law["rolling"] for law in self.all_laws),
+        )
         self.stage = DEMAnalysisStage(Kratos.Model(), Kratos.Parameters(text))
         self.stage.Initialize()
         self.solver, self.part = self.stage._GetSolver(), self.stage.spheres_model_part
         self.nodes = sorted(self.part.Nodes, key=lambda node: node.Id)
         for properties in self.part.Properties:  # the law itself has no dashpot against walls here: see the adapter
             for pair in properties.GetSubProperties():
-                pair[Dem.DAMPING_GAMMA] = self.law["beta"]
+                wall = (
+                    max(properties.Id, pair.Id) - len(kinds) - 1
+                )  # materials are numbered from 1, those of disks first
+                pair[Dem.DAMPING_GAMMA] = self.law["beta"] if wall < 0 else self.walls[wall]["law"]["beta"]
         for i, node in enumerate(self.nodes):
             node.SetSolutionStepValue(Kratos.NODAL_MASS, float(self.mass[i] * self.inflate))
             node.SetSolutionStepValue(Dem.PARTICLE_MOMENT_OF_INERTIA, float(self.inertia[i] * self.inflate))
@@ -138,12 +154,14 @@ class Run(SpringRun):
         self.time = self.solver.AdvanceInTime(self.time)
         self.part.ProcessInfo[Dem.IS_TIME_TO_PRINT] = sampling  # only then contact forces are kept
         self.solver.InitializeSolutionStep()
-        if self.xi and step:
+        if (self.xi and step) or self.forces_on:
+            load, xi = self.loads_at(step), self.xi if step else 0.0
             for i, node in enumerate(self.nodes):
                 v, w = (node.GetSolutionStepValue(name) for name in (Kratos.VELOCITY, Kratos.ANGULAR_VELOCITY))
-                drag, moment = -self.xi * self.mass[i], -self.xi * self.inertia[i]
-                node.SetSolutionStepValue(Kratos.EXTERNAL_APPLIED_FORCE, [drag * v[0], drag * v[1], 0.0])
-                node.SetSolutionStepValue(Kratos.EXTERNAL_APPLIED_MOMENT, [0.0, 0.0, moment * w[2]])
+                drag, moment = -xi * self.mass[i], -xi * self.inertia[i]
+                force = [drag * v[0] + float(load[i, 0]), drag * v[1] + float(load[i, 1]), 0.0]
+                node.SetSolutionStepValue(Kratos.EXTERNAL_APPLIED_FORCE, force)
+                node.SetSolutionStepValue(Kratos.EXTERNAL_APPLIED_MOMENT, [0.0, 0.0, moment * w[2] + float(load[i, 2])])
         self.solver.SolveSolutionStep()
         self.solver.FinalizeSolutionStep()
 
@@ -212,15 +230,15 @@ class Run(SpringRun):
                 normal = pose[w, 2:4]
                 overlap = float(self.radius[i] - (x[i] - pose[w, 0:2]) @ normal)
                 if overlap > 0.0:
-                    touching.append((w, self.walls[w]["law"]["kn"] * overlap, overlap, -normal))
+                    touching.append((w, self.law_of(i, self.n + w)["kn"] * overlap, overlap, -normal))
             if not touching:
                 continue
             left = total[i] + sum(fn * normal for _, fn, _, normal in touching)
-            shearing = [w for w, *_ in touching if rough(self.walls[w]["law"])]
+            shearing = [w for w, *_ in touching if rough(self.law_of(i, self.n + w))]
             tangents = np.array([(pose[w, 3], -pose[w, 2]) for w in shearing]).reshape(-1, 2).T
             solved, _, rank, _ = np.linalg.lstsq(tangents, left, rcond=1e-9)
             # An overlap is known to some units of round-off of the coordinates: disks that just touch have no force beyond it.
-            unsure = 16.0 * float(np.spacing(np.abs(x).max())) * max(wall["law"]["kn"] for wall in self.walls)
+            unsure = 16.0 * float(np.spacing(np.abs(x).max())) * max(law["kn"] for law in self.all_laws)
             if not np.abs(tangents @ solved - left).max() <= 1e-6 * max(fn for _, fn, _, _ in touching) + unsure:
                 raise RuntimeError(
                     f"the forces of walls on disk {i} are {total[i].tolist()} N in Kratos; those of its springs are "
@@ -270,24 +288,27 @@ def walls_file(edges):
     return text
 
 
-def materials(densities, law, walls):
-    """Materials: the kinds of disks by density, then the walls; relations of disks among themselves and with each wall."""
-    kinds = len(densities)
-    names = [f"kind{k}" for k in range(kinds)] + [f"wall{w}" for w in range(len(walls))]
+def materials(run, densities, first):
+    """Materials: the kinds of disks by density and material, then the walls; relations of disks among themselves and with each wall.
+
+    ``first`` holds a disk of each kind.
+    """
+    kinds, walls = len(densities), len(run.walls)
+    names = [f"kind{k}" for k in range(kinds)] + [f"wall{w}" for w in range(walls)]
     # Young's modulus only shares the overlap of two disks between them, and that equally where it is the same.
-    common = {"YOUNG_MODULUS": law["kn"], "POISSON_RATIO": 0.0}
+    common = {"YOUNG_MODULUS": run.law["kn"], "POISSON_RATIO": 0.0}
     found = [
         {"material_name": name, "material_id": k + 1, "Variables": {**common, **own}}
         for k, (name, own) in enumerate(
             zip(
                 names,
-                [{"PARTICLE_DENSITY": density} for density in densities] + [{"COMPUTE_WEAR": False}] * len(walls),
+                [{"PARTICLE_DENSITY": density} for density in densities] + [{"COMPUTE_WEAR": False}] * walls,
                 strict=True,
             )
         )
     ]
-    pairs = [(a, b, law) for a in range(kinds) for b in range(a, kinds)]
-    pairs += [(a, kinds + w, wall) for a in range(kinds) for w, wall in enumerate(walls)]
+    pairs = [(a, b, run.law_of(first[a], first[b])) for a in range(kinds) for b in range(a, kinds)]
+    pairs += [(a, kinds + w, run.law_of(first[a], run.n + w)) for a in range(kinds) for w in range(walls)]
     relations = [
         {
             "material_names_list": [names[a], names[b]],
@@ -297,7 +318,7 @@ def materials(densities, law, walls):
         for a, b, pair_law in pairs
     ]
     table = [[f"SpheresPart.kind{k}", f"kind{k}"] for k in range(kinds)]
-    table += [[f"RigidFacePart.wall{w}", f"wall{w}"] for w in range(len(walls))]
+    table += [[f"RigidFacePart.wall{w}", f"wall{w}"] for w in range(walls)]
     return json.dumps(
         {"materials": found, "material_relations": relations, "material_assignation_table": table}, allow_nan=False
     )
@@ -314,13 +335,13 @@ def contact(law):
         "STATIC_FRICTION": mu,
         "DYNAMIC_FRICTION": mu,
         "FRICTION_DECAY": 500.0,
-        "ROLLING_FRICTION": 0.0,
-        "ROLLING_FRICTION_WITH_WALLS": 0.0,
-        "DEM_ROLLING_FRICTION_MODEL_NAME": "DEMRollingFrictionModelBounded",
+        "ROLLING_FRICTION": law["rolling"]["mu"] if law["rolling"] else 0.0,
+        "ROLLING_FRICTION_WITH_WALLS": law["rolling"]["mu"] if law["rolling"] else 0.0,
+        "DEM_ROLLING_FRICTION_MODEL_NAME": ROLLING[law["rolling"]["model"] if law["rolling"] else ""],
     }
 
 
-def parameters(dt, gravity, tolerance):
+def parameters(dt, gravity, tolerance, rolls):
     """Parameters of the analysis."""
     return json.dumps(
         {
@@ -339,7 +360,7 @@ def parameters(dt, gravity, tolerance):
                 "material_import_settings": {"materials_filename": "MaterialsDEM.json"},
             },
             "RotationOption": True,
-            "RollingFrictionOption": False,
+            "RollingFrictionOption": rolls,
             "GlobalDamping": 0.0,
             "CleanIndentationsOption": False,
             "DeltaOption": "Absolute",

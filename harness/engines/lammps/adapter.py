@@ -17,14 +17,14 @@ from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.engines.plane import contact_frame
 from ninedisk.harness.engines.process import package_version
-from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, rough, turns
+from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, disk_laws, rough, turns, wall_laws
 
 DRIVER = Path(__file__).with_name("driver.py")
 MPI = "libmpi.so.12"
 CAPABILITIES = (
     frozenset(Capability)
     - GRAINS
-    - EXTRAS
+    - (EXTRAS - {Capability.MATERIALS, Capability.BODY_FORCES, Capability.ROLLING_SPRING, Capability.COHESION})
     - {
         Capability.RESTITUTION,
         Capability.LEVER_ARM_OVERLAP,
@@ -49,6 +49,12 @@ NOTE_WALL_START = "dashpots see walls at rest at time 0, and their velocity from
 NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; never tension (limit_damping)"
 NOTE_KINDS = f"wall dashpots for at most {KINDS} kinds of disks: each needs a group, and LAMMPS has 32 groups"
 NOTE_PRELOAD = "preload comes from velocities that stretch all shear springs at once: contacts that form a loop cannot have any forces"
+NOTE_COHESION = "linear cohesion is a spring of kn - cohesion, whose dashpot may pull; mu is raised to what its repulsive part bears"
+NOTE_COHESION_DAMPED = (
+    "beside a dashpot friction and rolling would see the sum of all normal forces, not its repulsive part"
+)
+NOTE_ROLLING = "rolling sds with the stiffness kr/R^2, R the reduced radius"
+NOTE_ROLLING_DAMPED = "rolling sds cuts off the sum of spring and dashpot, the scene its spring alone"
 NOTE_INERTIA = "fix nve/sphere disc knows uniform disks only, I = m R^2/2"
 
 
@@ -106,7 +112,8 @@ class Lammps(SpringEngine):
     def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """Lever arms by pair style, walls' velocities as means over the step, uniform disks, preloads that velocities can make."""
         disks, laws = scene.disks, scene.laws_in_use
-        pairs, walls = len(disks) > 1 and rough(scene.disk_disk), [wall for wall in scene.walls if rough(wall.law)]
+        pairs = any(map(rough, disk_laws(scene)))
+        walls = [wall for wall in scene.walls if any(map(rough, wall_laws(scene, wall)))]
         fit.near |= fit.missing & ARMS
         fit.missing -= ARMS
         if pairs:
@@ -118,16 +125,33 @@ class Lammps(SpringEngine):
         uniform = np.abs(disks.inertia - 0.5 * disks.mass * disks.radius**2) <= 1e-12 * disks.inertia
         if any(map(rough, laws)) and not uniform[disks.rotating].all():
             fit.lacks(Capability.DISK_INERTIA, NOTE_INERTIA)
-        if any(wall.law.beta > 0.0 for wall in scene.walls) and _kinds(scene) > KINDS:
-            fit.lacks(Capability.CONTACT_DAMPING, NOTE_KINDS)
+        told_apart = any(
+            scene.laws or law.beta > 0.0 or law.rolling is not None
+            for wall in scene.walls
+            for law in wall_laws(scene, wall)
+        )
+        if told_apart and _kinds(scene) > KINDS:
+            fit.lacks(Capability.MATERIALS if scene.laws else Capability.CONTACT_DAMPING, NOTE_KINDS)
+        if any(law.cohesion > 0.0 for law in laws):
+            fit.notes.append(NOTE_COHESION)
+            if any(law.cohesion > 0.0 and law.beta > 0.0 and (law.mu > 0.0 or law.rolling) for law in laws):
+                fit.lacks(Capability.COHESION, NOTE_COHESION_DAMPED)
+        resisted = [law.rolling for law in laws if law.rolling is not None]
+        if resisted:
+            fit.notes.append(NOTE_ROLLING)
+            if any(rolling.beta > 0.0 for rolling in resisted):
+                fit.lacks(Capability.ROLLING_SPRING, NOTE_ROLLING_DAMPED)
         if not _can_be_stretched(scene):
             fit.lacks(Capability.PRELOAD, NOTE_PRELOAD)
         if _asks_for_radius(scene) and not classic_pairs(scene):
             fit.near.add(Capability.LEVER_ARM_RADIUS)
-        if any(wall.law.lever_arm == "torque-overlap" for wall in walls):
+        if any(law.lever_arm == "torque-overlap" for wall in walls for law in wall_laws(scene, wall)):
             fit.near.add(Capability.LEVER_ARM_TORQUE)
-        fit.approximate = any(turns(wall.motion) and wall.law.wall_velocity_at != "surface" for wall in walls)
-        if any(_starts_damped(wall) for wall in scene.walls):
+        if any(
+            turns(wall.motion) and law.wall_velocity_at != "surface" for wall in walls for law in wall_laws(scene, wall)
+        ):
+            fit.approximate = True
+        if any(_starts_damped(scene, wall) for wall in scene.walls):
             fit.equivalent = True
             fit.notes.append(NOTE_WALL_START)
         if not (fit.missing or fit.near or fit.approximate) and _uneven_walls(scene, numerics):
@@ -147,13 +171,14 @@ class Lammps(SpringEngine):
 
 def classic_pairs(scene: Scene) -> bool:
     """Whether disk-disk contacts run by gran/hooke/history: the style with lever arm R, one dashpot rate for all pairs."""
-    masses = scene.disks.mass
-    return _asks_for_radius(scene) and (scene.disk_disk.beta == 0.0 or bool((masses == masses[0]).all()))
+    masses, laws = scene.disks.mass, disk_laws(scene)
+    if not _asks_for_radius(scene) or len(laws) > 1 or laws[0].rolling is not None or laws[0].cohesion > 0.0:
+        return False
+    return laws[0].beta == 0.0 or bool((masses == masses[0]).all())
 
 
 def _asks_for_radius(scene: Scene) -> bool:
-    law = scene.disk_disk
-    return len(scene.disks) > 1 and rough(law) and law.lever_arm == "radius"
+    return any(rough(law) and law.lever_arm == "radius" for law in disk_laws(scene))
 
 
 def _can_be_stretched(scene: Scene) -> bool:
@@ -183,12 +208,17 @@ def _can_be_stretched(scene: Scene) -> bool:
 
 def _kinds(scene: Scene) -> int:
     disks = scene.disks
-    return len(np.unique(np.column_stack([disks.mass, disks.inertia, disks.rotating]), axis=0))
+    material = np.unique(disks.material, return_inverse=True)[1]
+    return len(np.unique(np.column_stack([disks.mass, disks.inertia, disks.rotating, disks.radius, material]), axis=0))
 
 
 def _uneven_walls(scene: Scene, numerics: Numerics) -> bool:
     """Whether the velocity of a wall that is felt changes within a step."""
-    felt = [wall.motion for wall in scene.walls if wall.motion and (rough(wall.law) or wall.law.beta > 0.0)]
+    felt = [
+        wall.motion
+        for wall in scene.walls
+        if wall.motion and any(rough(law) or law.beta > 0.0 for law in wall_laws(scene, wall))
+    ]
     if not felt:
         return False
     _, contact_dt = contact_steps(scene, numerics.replace(allow_unstable=True))
@@ -206,8 +236,8 @@ def _even(motion: Sequence[WallSegment], contact_dt: float) -> bool:
     return sum(segment.angular_velocity != 0.0 for segment in motion) <= 1
 
 
-def _starts_damped(wall: Wall) -> bool:
-    if wall.law.beta == 0.0 or not wall.motion:
+def _starts_damped(scene: Scene, wall: Wall) -> bool:
+    if not wall.motion or all(law.beta == 0.0 for law in wall_laws(scene, wall)):
         return False
     first = wall.motion[0]
     return any(first.velocity) or bool(first.angular_velocity) or any(first.amplitude) or any(first.tan_lever)

@@ -64,9 +64,10 @@ class Run(SpringRun):
             self.engine.command(command)
 
     def _atoms(self):
-        """Atom types are the kinds of disks: equal mass, inertia and freedom to turn."""
-        rows = np.column_stack([self.mass, self.inertia, self.rotating])
-        self.kinds, kind = np.unique(rows, axis=0, return_inverse=True)
+        """Atom types are the kinds of disks: equal mass, inertia, freedom to turn, radius and material."""
+        material = np.unique(self.material, return_inverse=True)[1]
+        rows = np.column_stack([self.mass, self.inertia, self.rotating, self.radius, material])
+        self.kinds, self.first_of_kind, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         kind = kind.reshape(-1)
         largest = self.radius.max()
         low, high = self.x0.min(axis=0) - largest, self.x0.max(axis=0) + largest
@@ -92,8 +93,6 @@ class Run(SpringRun):
             raise RuntimeError(f"LAMMPS took {made} of {self.n} disks")
         self.set("radius", self.radius)
         self.set("rmass", self.mass * self.inflate)
-        if any(wall["law"]["beta"] for wall in self.walls):  # whose dashpots depend on the disk's mass
-            self.do(*(f"group kind{k + 1} type {k + 1}" for k in range(len(self.kinds))))
 
     def order(self):
         """Index of each disk among LAMMPS' atoms."""
@@ -114,7 +113,7 @@ class Run(SpringRun):
         return array[:, 2] if name in ("omega", "torque") else array[:, :2]
 
     def _contacts(self):
-        pairs = pair_commands(self.law, self.kinds[:, 0], self.inflate, classic=self.classic)
+        pairs = pair_commands(self)
         self.pair_style = pairs[0].split()[1]
         self.do(*pairs)
         self.do(
@@ -135,7 +134,7 @@ class Run(SpringRun):
                     moves += f" rotate v_a{k} {number(motion.pivot[0])} {number(motion.pivot[1])} 0 0 0 1"
             (px, py), (nx, ny) = ([number(value) for value in wall[key]] for key in ("point", "normal"))
             self.do(f"region wall{k} plane {px} {py} 0 {nx} {ny} 0 side in units box {moves}")
-            commands, fixes = wall_commands(f"wall{k}", wall["law"], self.kinds[:, 0])
+            commands, fixes = wall_commands(self, k)
             self.do(*commands)
             self.wall_fixes.append(fixes)
 
@@ -155,6 +154,9 @@ class Run(SpringRun):
             for name, style, column in (("drag", "viscous", 0), ("spin_drag", "viscous/sphere", 1)):
                 scale = " ".join(f"scale {k + 1} {number(row[column])}" for k, row in enumerate(self.kinds))
                 self.do(f"fix {name} all {style} {number(self.xi)} {scale}")
+        if self.forces_on:
+            self.do("fix loads all external pf/callback 1 1")
+            self.engine.set_fix_external_callback("loads", apply_loads, self)
         self.do(
             "compute spin all property/atom omegaz",
             f"fix spin all ave/atom 1 {self.substeps} {self.substeps} c_spin",
@@ -199,7 +201,7 @@ class Run(SpringRun):
 
     def _sample(self, step, v, omega):
         """Append one sample of the state at ``t_n``; what pairs report depends on the velocities that LAMMPS holds just then."""
-        late = self.law["beta"] > 0.0 and step > 0  # dashpots saw v_{n-1/2}
+        late = self.damped and step > 0  # dashpots saw v_{n-1/2}
         if late:
             self.set("v", v - 0.5 * self.dt * self.get("f") / (self.mass * self.inflate)[:, None])
         contacts, elastic, loads, poses = self.forces(self.pairs)
@@ -215,18 +217,18 @@ class Run(SpringRun):
         for (i, j), (distance, fn, shear) in disk_contacts(self.engine).items():
             d = x[j] - x[i]
             fs = float((d[0] * shear[1] - d[1] * shear[0]) / distance)
-            energy += stored(self.law, self.radius[i] + self.radius[j] - distance, fs)
+            energy += stored(self.law_of(i, j), self.radius[i] + self.radius[j] - distance, fs)
             if (i, j) in found:
                 found[i, j] = (fn, fs)
         loads, poses = [], []
-        for w, wall in enumerate(self.walls):
+        for w in range(len(self.walls)):
             point, normal = self._pose(w)
             force, touches = wall_contacts(self.engine, self.wall_fixes[w], order)
             height = (x - point) @ normal
             self.check_in_front(height, w, "LAMMPS' region no longer pushes it")
             for i in np.flatnonzero(touches):
                 fn, fs = force[i] @ normal, float(force[i, 0] * normal[1] - force[i, 1] * normal[0])
-                energy += stored(wall["law"], self.radius[i] - height[i], fs)
+                energy += stored(self.law_of(i, self.n + w), self.radius[i] - height[i], fs)
                 if (int(i), self.n + w) in found:
                     found[int(i), self.n + w] = (float(fn), fs)
             loads.append(-force[touches].sum(axis=0))
@@ -242,53 +244,88 @@ class Run(SpringRun):
         return np.array(motion.place(x, y, angle)), np.array(motion.turned_normal(angle))
 
 
+def apply_loads(run, step, _count, tags, _x, force):
+    """LAMMPS' callback in every step: forces in an array that it adds, torques added here."""
+    load = run.loads_at(step - run.origin)[np.asarray(tags) - 1]
+    force[:, :2] = load[:, :2]
+    run.engine.numpy.extract_atom("torque")[: len(load), 2] += load[:, 2]
+
+
 def dashpot(law, mass, other=math.inf):
     """``c = 2 beta sqrt(m_eff kn)`` [N s/m] of a disk and another one or a wall."""
     return 2.0 * law["beta"] * math.sqrt(law["kn"] / (1.0 / mass + 1.0 / other))
 
 
-def granular(law, c):
-    """Words of the ``granular`` model with dashpot ``c``, which with ``limit_damping`` never pulls."""
-    shear = f"linear_history {number(law['ks'])} 0.0 {number(law['mu'])}" if rough(law) else "linear_nohistory 0.0 0.0"
-    words = f"hooke {number(law['kn'])} {number(c)} tangential {shear} damping velocity"
-    return words + " limit_damping" if c else words
+def rolling_words(law, one, other, repulsive):
+    """LAMMPS' ``rolling sds``: the spring of the way ``R q``, with R the reduced radius, has the stiffness ``kr/R^2``."""
+    found = law["rolling"]
+    if found is None:
+        return ""
+    curvature = sum(1.0 / size for _, _, _, size, _ in ((one, other) if other is not None else (one,)))
+    return f" rolling sds {number(found['kr'] * curvature**2)} 0.0 {number(found['mu'] * repulsive)}"
 
 
-def pair_commands(law, kinds, inflate, *, classic):
-    """Commands of the contacts between disks; ``kinds`` holds the mass of every atom type."""
-    if classic:
-        mass = kinds[0]  # all equal where there is a dashpot; LAMMPS multiplies the rate by its own reduced mass
-        rate = dashpot(law, mass, mass) / (0.5 * mass * inflate)
+def granular(law, one, other=None):
+    """Words of the ``granular`` model of two kinds of disks, or of one and a wall.
+
+    With ``limit_damping`` the dashpot never pulls; with cohesion it may. Linear cohesion is a softer spring. Where there is no dashpot
+    beside it, the repulsive part that friction sees is kn/(kn - cohesion) times the spring's force.
+    """
+    c = dashpot(law, one[0], math.inf if other is None else other[0])
+    soft = law["kn"] - law["cohesion"]
+    repulsive = law["kn"] / soft
+    shear = (
+        f"linear_history {number(law['ks'])} 0.0 {number(law['mu'] * repulsive)}"
+        if rough(law)
+        else "linear_nohistory 0.0 0.0"
+    )
+    words = f"hooke {number(soft)} {number(c)} tangential {shear}{rolling_words(law, one, other, repulsive)} damping velocity"
+    return words + " limit_damping" if c and not law["cohesion"] else words
+
+
+def pair_commands(run):
+    """Commands of the contacts between disks."""
+    kinds, first = run.kinds, run.first_of_kind
+    if run.classic:
+        law, mass = (
+            run.law_of(0, 1),
+            kinds[0, 0],
+        )  # all equal where there is a dashpot; LAMMPS multiplies the rate by its own reduced mass
+        rate = dashpot(law, mass, mass) / (0.5 * mass * run.inflate)
         limit = " limit_damping" if rate else ""
         stiffness = f"{number(law['kn'])} {number(law['ks'])}"
         return [f"pair_style gran/hooke/history {stiffness} {number(rate)} 0.0 {number(law['mu'])} 0{limit}", "pair_coeff * *"]  # fmt: skip
-    if not law["beta"]:
-        return ["pair_style granular", f"pair_coeff * * {granular(law, 0.0)}"]
-    return ["pair_style granular"] + [
-        f"pair_coeff {a + 1} {b + 1} {granular(law, dashpot(law, kinds[a], kinds[b]))}"
+    words = {
+        (a, b): granular(run.law_of(first[a], first[b]), kinds[a], kinds[b])
         for a in range(len(kinds))
         for b in range(a, len(kinds))
-    ]
+    }
+    if len(set(words.values())) == 1:
+        return ["pair_style granular", f"pair_coeff * * {words[0, 0]}"]
+    return ["pair_style granular", *(f"pair_coeff {a + 1} {b + 1} {model}" for (a, b), model in words.items())]
 
 
-def wall_commands(name, law, kinds):
-    """Commands of the contacts of all disks with the region ``name``, and the names of their fixes."""
-    if not law["beta"]:
-        groups = {"all": granular(law, 0.0)}
-    else:
-        groups = {f"kind{k + 1}": granular(law, dashpot(law, mass)) for k, mass in enumerate(kinds)}
-    fixes = {f"{name}_{group}": (group, words) for group, words in groups.items()}
-    commands = [
-        f"fix {fix} {group} wall/gran/region granular {words} region {name} contacts"
-        for fix, (group, words) in fixes.items()
-    ]
-    return commands, list(fixes)
+def wall_commands(run, w):
+    """Commands of the contacts of all disks with region ``w``, and the names of their fixes: one for each law and dashpot."""
+    models = [granular(run.law_of(i, run.n + w), kind) for i, kind in zip(run.first_of_kind, run.kinds, strict=True)]
+    kinds_of = {model: [k + 1 for k, each in enumerate(models) if each == model] for model in models}
+    commands, fixes = [], []
+    for words, kinds in kinds_of.items():
+        fix, group = f"wall{w}_kind{kinds[0]}", "all"
+        if len(kinds_of) > 1:
+            group = f"kinds{'_'.join(map(str, kinds))}"
+            commands.append(f"group {group} type {' '.join(map(str, kinds))}")
+        commands.append(f"fix {fix} {group} wall/gran/region granular {words} region wall{w} contacts")
+        fixes.append(fix)
+    return commands, fixes
 
 
 def stored(law, overlap, fs):
-    """Elastic energy of a contact's springs [J]."""
+    """Elastic energy of a contact's springs [J]; NaN with a rolling spring, whose torque LAMMPS tells of no wall."""
+    if law["rolling"] is not None:
+        return math.nan
     shear = 0.5 * fs * fs / law["ks"] if rough(law) else 0.0
-    return float(0.5 * law["kn"] * overlap * overlap + shear)
+    return float(0.5 * (law["kn"] - law["cohesion"]) * overlap * overlap + shear)
 
 
 def disk_contacts(engine):
@@ -366,11 +403,11 @@ def _touching(run):
             d = run.x0[j] - run.x0[i]
             distance = float(np.hypot(*d))
             if distance < run.radius[i] + run.radius[j]:
-                yield (i, j), (run.law, d / distance)
+                yield (i, j), (run.law_of(i, j), d / distance)
         for w, wall in enumerate(run.walls):
             normal = np.array(wall["normal"])
             if (run.x0[i] - np.array(wall["point"])) @ normal < run.radius[i]:
-                yield (i, run.n + w), (wall["law"], -normal)
+                yield (i, run.n + w), (run.law_of(i, run.n + w), -normal)
 
 
 def term(value):

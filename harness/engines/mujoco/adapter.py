@@ -29,6 +29,8 @@ CAPABILITIES = frozenset(
         Capability.BLOCKED_ROTATION,
         Capability.FIXED_DISKS,
         Capability.DISK_INERTIA,
+        Capability.MATERIALS,
+        Capability.BODY_FORCES,
     }
 )
 """Walls do not move: a body whose pose is prescribed meets contacts as if it were at rest."""

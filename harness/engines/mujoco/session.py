@@ -34,7 +34,7 @@ from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.engines.mujoco.adapter import OPTIONS
-from ninedisk.harness.engines.plane import WallPoses, finite_state, write_contacts
+from ninedisk.harness.engines.plane import WallPoses, finite_state, mean_loads, write_contacts
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution
 
 ENGINE_VERSION = version("mujoco")
@@ -91,7 +91,12 @@ class MuJoCoSession:
 
     def advance(self, n_steps: int) -> None:
         """Step the model; impulses are summed over the substeps of the last step only."""
-        if n_steps > 1:
+        if self.scene.forces:
+            for ahead in range(n_steps - 1):
+                self._push(self.done + ahead)
+                mujoco.mj_step(self.model, self.data, nstep=self.substeps)
+            self._push(self.done + n_steps - 1)
+        elif n_steps > 1:
             mujoco.mj_step(self.model, self.data, nstep=(n_steps - 1) * self.substeps)
         self.impulses.clear()
         for _ in range(self.substeps):
@@ -114,6 +119,12 @@ class MuJoCoSession:
         self._check_warnings()
         impulses = self.impulses if self.done else None
         write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
+
+    def _push(self, step: int) -> None:
+        """Forces and torques of the step that begins at ``step``; they last until they are set anew."""
+        loads = mean_loads(self.scene, step * self.dt, (step + 1) * self.dt)
+        for i in self.free:
+            self.data.xfrc_applied[self.model.body(_name(i)).id, [0, 1, 5]] = loads[i]
 
     def _add_impulses(self) -> None:
         wrench = np.zeros(6)
@@ -225,4 +236,8 @@ def _name(body: int) -> str:
 
 
 def _laws(scene: Scene) -> list[tuple[str, ContactLaw]]:
-    return [("disk-disk", scene.disk_disk), *((f"wall {wall.name}", wall.law) for wall in scene.walls)]
+    return [
+        ("disk-disk", scene.disk_disk),
+        *((f"wall {wall.name}", wall.law) for wall in scene.walls),
+        *((f"{one} and {two}", law) for (one, two), law in scene.laws.items()),
+    ]

@@ -37,6 +37,8 @@ CAPABILITIES = frozenset(
         Capability.BLOCKED_ROTATION,
         Capability.FIXED_DISKS,
         Capability.DISK_INERTIA,
+        Capability.MATERIALS,
+        Capability.BODY_FORCES,
     }
 )
 

@@ -58,6 +58,8 @@ class PymunkSession(WorldSession):
         self.walls = [self._wall(k) for k in range(len(scene.walls))]
         self.disks = [self._disk(i) for i in range(len(scene.disks))]
         self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
+        if scene.laws:
+            self.space.on_collision(pre_solve=self._pair_law)
 
     def step(self, *, last: bool) -> None:  # noqa: ARG002
         """Step the space."""
@@ -93,6 +95,17 @@ class PymunkSession(WorldSession):
         body.velocity = tuple(((there - here) / self.dt).tolist())
         body.angular_velocity = rate
         self.space.reindex_shapes_for_body(body)
+
+    def push(self, i: int, load: FloatArray) -> None:
+        """Chipmunk forgets forces after a step."""
+        self.disks[i].force = (float(load[0]), float(load[1]))
+        self.disks[i].torque = float(load[2])
+
+    def _pair_law(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
+        """Friction and restitution of the pair's own law, in place of the products of the shapes' ones."""
+        one, two = sorted(self.number[shape.body] for shape in arbiter.shapes if shape.body is not None)
+        law = self.scene.law((one, two))
+        arbiter.friction, arbiter.restitution = law.mu, law.restitution or 0.0
 
     def _disk(self, i: int) -> pymunk.Body:
         disks, law, fixed = self.scene.disks, self.scene.disk_disk, self.fixed[i]

@@ -87,10 +87,10 @@ class SiconosRun(Run):
         for i in range(self.n):
             for j in range(i + 1, self.n):
                 relation = DiskDiskR(radius[i], radius[j])
-                self._link(i, j, self.law, relation, self.bodies[i], self.bodies[j])
-            for w, wall in enumerate(self.walls):
+                self._link(i, j, self.law_of(i, j), relation, self.bodies[i], self.bodies[j])
+            for w in range(len(self.walls)):
                 bodies = [self.bodies[i]] if self.wall_bodies[w] is None else [self.bodies[i], self.wall_bodies[w]]
-                self._link(i, self.n + w, wall["law"], self._half_plane(i, w), *bodies)
+                self._link(i, self.n + w, self.law_of(i, self.n + w), self._half_plane(i, w), *bodies)
 
     def _half_plane(self, i, w):
         """``y = (gap, slip)`` of a disk on a wall: gap = N (x - p) - R; the slip is that of the disk against the wall."""
@@ -136,6 +136,8 @@ class SiconosRun(Run):
         moving = [(w, body) for w, body in enumerate(self.wall_bodies) if body is not None]
         begin = clock()
         for step in range(1, max(wanted) + 1):
+            if self.forces_on:
+                self._push(step)
             self.simulation.computeOneStep()
             self._check_solver(step)
             if step in wanted:
@@ -148,6 +150,12 @@ class SiconosRun(Run):
                 body.velocity()[:] = self._chord(w, step)
             self.simulation.nextStep()
         return spent + clock() - begin
+
+    def _push(self, step):
+        """Gravity and the mean forces of the step that ends at ``step``."""
+        loads = self.loads((step - 1) * self.dt, step * self.dt)
+        for i, body in enumerate(self.bodies):
+            body.fExt()[:] = (loads[i] + self.mass[i] * np.array([*self.gravity, 0.0])) / self.unit
 
     def _check_solver(self, step):
         """Hold the step's reactions against Siconos' own error function: its solvers' word is not enough.

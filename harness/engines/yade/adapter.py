@@ -14,14 +14,25 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, Capability
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, turns
+from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, turns, wall_laws
 from ninedisk.harness.run.warden import owned
 
 _FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "DISPLAY", "OMPI_COMM_WORLD_RANK")
+YADE_HAS = frozenset(
+    {
+        Capability.MATERIALS,
+        Capability.BODY_FORCES,
+        Capability.ROLLING_VISCOUS,
+        Capability.ROLLING_SPRING,
+        Capability.COHESION,
+    }
+)
+"""Of what few engines have."""
+
 CAPABILITIES = (
     frozenset(Capability)
     - GRAINS
-    - EXTRAS
+    - (EXTRAS - YADE_HAS)
     - {
         Capability.RESTITUTION,
         Capability.LEVER_ARM_RADIUS,
@@ -42,6 +53,16 @@ NOTE_ROTATION = (
     "shear forces are turned with the contact normal to first order (ScGeom::rotate): they grow by half the square of the "
     "normal's rotation in each step"
 )
+NOTE_ROLLING = {
+    "viscous": (
+        "rolling resistance by ViscElPhys with mRtype 1, documented as a constant torque: YADE drops the unit vector of the relative spin, "
+        "so that it is the viscous torque mR fn omega"
+    ),
+    "elastic-plastic": "rolling resistance by Law2_ScGeom6D_CohFrictPhys_CohesionMoment with useIncrementalForm",
+}
+NOTE_ROLLING_ONE_LAW = "rolling springs are in a law without dashpots and without other rolling resistance"
+NOTE_COHESION = "linear cohesion is a spring of kn - cohesion; friction and rolling see kn/(kn - cohesion) of its force"
+NOTE_COHESION_DAMPED = "YADE's dashpot never pulls"
 NOTE_DASHPOT = "dashpot by Law2_ScGeom_ViscElPhys_Basic, with the velocity of t_{n-1/2}; never tension"
 
 
@@ -120,9 +141,19 @@ class Yade(SpringEngine):
         """One lever arm for all contacts, and a wall's velocity at the middle of the overlap."""
         fit.near |= fit.missing & ARMS
         fit.missing -= ARMS
-        turning = [wall.law for wall in scene.walls if wall.law.mu > 0.0 and turns(wall.motion)]
+        turning = [law for wall in scene.walls if turns(wall.motion) for law in wall_laws(scene, wall) if law.mu > 0.0]
         fit.approximate = any(law.wall_velocity_at != "mid-overlap" for law in turning)
-        if any(law.mu > 0.0 for law in scene.laws_in_use):
+        laws = scene.laws_in_use
+        models = sorted({law.rolling.model for law in laws if law.rolling}) if scene.disks.rotating.any() else []
+        fit.notes += [NOTE_ROLLING[model] for model in models if model in NOTE_ROLLING]
+        damped = any(law.beta > 0.0 or (law.rolling is not None and law.rolling.beta > 0.0) for law in laws)
+        if "elastic-plastic" in models and (len(models) > 1 or damped):
+            fit.lacks(Capability.ROLLING_SPRING, NOTE_ROLLING_ONE_LAW)
+        if any(law.cohesion > 0.0 for law in laws):
+            fit.notes.append(NOTE_COHESION)
+            if any(law.cohesion > 0.0 and law.beta > 0.0 for law in laws):
+                fit.lacks(Capability.COHESION, NOTE_COHESION_DAMPED)
+        if any(law.mu > 0.0 for law in laws):
             fit.notes += [NOTE_ARM, NOTE_ROTATION, *([NOTE_WALL] if turning else [])]
 
 

@@ -29,14 +29,20 @@ from driver_parts import SpringRun, clock, serve
 from yade import (
     Bo1_Box_Aabb,
     Bo1_Sphere_Aabb,
+    CohFrictMat,
+    CohFrictPhys,
     ForceResetter,
     FrictMat,
     Ig2_Box_Sphere_ScGeom,
+    Ig2_Box_Sphere_ScGeom6D,
     Ig2_Sphere_Sphere_ScGeom,
+    Ig2_Sphere_Sphere_ScGeom6D,
     InsertionSortCollider,
     InteractionLoop,
+    Ip2_CohFrictMat_CohFrictMat_CohFrictPhys,
     Ip2_FrictMat_FrictMat_FrictPhys,
     Ip2_ViscElMat_ViscElMat_ViscElPhys,
+    Law2_ScGeom6D_CohFrictPhys_CohesionMoment,
     Law2_ScGeom_FrictPhys_CundallStrack,
     Law2_ScGeom_ViscElPhys_Basic,
     MatchMaker,
@@ -60,12 +66,18 @@ class Run(SpringRun):
     needs_a_disk = False
 
     def __init__(self, request):
+        O.reset()  # what a run before has left in this process
         global RUN
         RUN = self  # for what YADE calls between its engines
         super().__init__(request)
         self.disks = request["scene"]["disks"]
         self.m = len(self.walls)
-        self.laws = [Law(self.law)] + [Law(wall["law"]) for wall in self.walls]
+        self.made = sorted(set(self.material)) or [""]  # materials of disks; walls have one of their own each
+        self.kinds = self._kinds_of_pairs()
+        models = {law["rolling"]["model"] for law in self.all_laws if law["rolling"]}
+        self.sprung = "elastic-plastic" in models
+        self.viscous = not self.sprung and (self.damped or bool(models))
+        self.now = 0  # step at which forces are computed
         self._bodies()
         self._engines()
 
@@ -78,15 +90,18 @@ class Run(SpringRun):
     def _bodies(self):
         """Walls come first: YADE wants a box before a sphere, and cannot swap a pair that already has its physics."""
         disks, n = self.disks, self.n
-        for law in self.laws:
-            kind = ViscElMat if self.damped else FrictMat
-            O.materials.append(kind(frictionAngle=math.atan(law.mu)))
+        for _ in range(len(self.made) + self.m):
+            O.materials.append((CohFrictMat if self.sprung else ViscElMat if self.viscous else FrictMat)())
         x, radius = self.x0, max(disks["radius"], default=1.0)
         middle = 0.5 * (x.min(axis=0) + x.max(axis=0)) if n else np.zeros(2)
         size = HALF_PLANE * (float(np.ptp(x, axis=0).max()) + radius if n else 1.0)
-        self.boxes = [WallBox(self.path[0, w], middle, radius, size, O.materials[1 + w]) for w in range(self.m)]
+        self.boxes = [
+            WallBox(self.path[0, w], middle, radius, size, O.materials[len(self.made) + w]) for w in range(self.m)
+        ]
         for i in range(n):
-            body = sphere((*disks["x"][i], 0.0), disks["radius"][i], material=O.materials[0])
+            body = sphere(
+                (*disks["x"][i], 0.0), disks["radius"][i], material=O.materials[self.made.index(self.material[i])]
+            )
             body.mask = DISK_MASK
             state = body.state
             state.mass = disks["mass"][i] * self.inflate
@@ -96,22 +111,37 @@ class Run(SpringRun):
         self.ids = [*range(self.m, self.m + n), *range(self.m)]  # YADE's number of each body of the scene
         self.states = [O.bodies[k].state for k in self.ids[:n]]
 
+    def _kinds_of_pairs(self):
+        """Laws by the numbers of two materials in YADE, those of disks before those of walls."""
+        first = [self.material.index(name) if name in self.material else None for name in self.made]
+        kinds = {}
+        for a, i in enumerate(first):
+            for b, j in enumerate(first[a:], start=a):
+                kinds[a, b] = Law(self.law_of(i, j) if self.n else self.law)
+            for w in range(self.m):
+                law = self.law_of(i, self.n + w) if self.n else self.walls[w]["law"]
+                kinds[a, len(self.made) + w] = Law(law)
+        return kinds
+
     def _engines(self):
-        spheres = Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False)
-        geometry = [spheres, Ig2_Box_Sphere_ScGeom()]
-        if self.damped:
+        six = self.sprung  # rolling springs need the geometry with six degrees of freedom
+        spheres = (Ig2_Sphere_Sphere_ScGeom6D if six else Ig2_Sphere_Sphere_ScGeom)(avoidGranularRatcheting=False)
+        geometry = [spheres, Ig2_Box_Sphere_ScGeom6D() if six else Ig2_Box_Sphere_ScGeom()]
+        if self.sprung:
+            self.contact_law = Law2_ScGeom6D_CohFrictPhys_CohesionMoment(
+                useIncrementalForm=True, always_use_moment_law=True
+            )
+            loop = InteractionLoop(geometry, [Ip2_CohFrictMat_CohFrictMat_CohFrictPhys()], [self.contact_law])
+        elif self.viscous:
             self.contact_law = Law2_ScGeom_ViscElPhys_Basic()
             loop = InteractionLoop(geometry, [Ip2_ViscElMat_ViscElMat_ViscElPhys()], [self.contact_law])
         else:
             self.contact_law = Law2_ScGeom_FrictPhys_CundallStrack()
-            materials = range(1 + self.m)
             angle, kn, ks = (
-                [(0, k, value(self.laws[k])) for k in materials]
+                MatchMaker(matches=[(*pair, value(law)) for pair, law in self.kinds.items()])
                 for value in (lambda law: math.atan(law.mu), lambda law: law.kn, lambda law: law.ks)
             )
-            physics = Ip2_FrictMat_FrictMat_FrictPhys(
-                frictAngle=MatchMaker(matches=angle), kn=MatchMaker(matches=kn), ks=MatchMaker(matches=ks)
-            )
+            physics = Ip2_FrictMat_FrictMat_FrictPhys(frictAngle=angle, kn=kn, ks=ks)
             loop = InteractionLoop(geometry, [physics], [self.contact_law])
         gravity = Vector3(*self.gravity, 0.0) / self.inflate
         self.newton = NewtonIntegrator(damping=0, gravity=gravity, mask=INTEGRATED, warnNoForceReset=False)
@@ -123,27 +153,52 @@ class Run(SpringRun):
             self.newton,
             ForceResetter(),
             collider,
-            *(physics_of_pairs if self.damped else []),
+            *(physics_of_pairs if self.sprung or self.viscous else []),
             loop,
+            *([PyRunner(command="RUN.apply_loads()", iterPeriod=1, initRun=True)] if self.forces_on else []),
         ]
         O.dt = self.dt
 
     def give_physics(self):
-        """Stiffness and dashpot of new pairs, before YADE derives them from materials (which it cannot do pair by pair)."""
+        """Stiffness, dashpot, rolling resistance of new pairs, before YADE derives them from materials (which it cannot pair by pair)."""
         for contact in O.interactions.all(onlyReal=False):
             if contact.phys is None:
                 first, second = sorted((contact.id1, contact.id2))
-                wall, mass = first < self.m, self.disks["mass"]
-                law, pair_mass = self.laws[1 + first if wall else 0], mass[second - self.m]
-                if not wall:
-                    pair_mass *= mass[first - self.m] / (pair_mass + mass[first - self.m])
-                contact.phys = ViscElPhys(
-                    kn=law.kn,
-                    cn=2.0 * law.beta * math.sqrt(pair_mass * law.kn),
-                    ks=law.ks,
-                    cs=0.0,
-                    tangensOfFrictionAngle=law.mu,
-                )
+                bodies = (second - self.m,) if first < self.m else (first - self.m, second - self.m)
+                i, j = bodies[0], bodies[1] if len(bodies) == 2 else self.n + first
+                law = Law(self.law_of(i, j))
+                mass = 1.0 / sum(1.0 / self.disks["mass"][k] for k in bodies)
+                radius = 1.0 / sum(1.0 / self.disks["radius"][k] for k in bodies)
+                contact.phys = self._rolling_spring(law, radius) if self.sprung else self._viscous(law, mass, radius)
+
+    def _viscous(self, law, mass, radius):
+        """Springs and dashpots; mRtype 1 is the viscous torque ``mR fn omega``, as YADE drops the unit vector that it computes."""
+        return ViscElPhys(
+            kn=law.kn,
+            cn=2.0 * law.beta * math.sqrt(mass * law.stiff),
+            ks=law.ks,
+            cs=0.0,
+            tangensOfFrictionAngle=law.mu,
+            mR=law.rolling["mu"] * law.repulsive * radius**2 if law.rolling else 0.0,
+            mRtype=1,
+        )
+
+    def _rolling_spring(self, law, radius):
+        return CohFrictPhys(
+            kn=law.kn,
+            ks=law.ks,
+            tangensOfFrictionAngle=law.mu,
+            kr=law.rolling["kr"] if law.rolling else 0.0,
+            maxRollPl=law.rolling["mu"] * law.repulsive * radius if law.rolling else 0.0,
+            momentRotationLaw=law.rolling is not None,
+            cohesionBroken=True,
+        )
+
+    def apply_loads(self):
+        """Forces and torques of the scene, in a step that has forgotten the last one's."""
+        for i, (fx, fy, torque) in enumerate(self.loads_at(self.now)):
+            O.forces.addF(self.ids[i], Vector3(fx, fy, 0.0))
+            O.forces.addT(self.ids[i], Vector3(0.0, 0.0, torque))
 
     def start(self):
         """Step 0: contacts of the initial overlaps, preload, first sample, and the velocities of the first step."""
@@ -212,6 +267,7 @@ class Run(SpringRun):
                 row = self.path[step]
                 for w, box in enumerate(self.boxes):
                     box.place(row[w])
+            self.now = step
             step_once()
             if step in wanted:
                 now = clock()
@@ -258,13 +314,15 @@ class Run(SpringRun):
         return physics.normalForce.dot(normal), -sign * (shear[0] * t[0] + shear[1] * t[1])
 
     def _elastic(self):
-        if not self.damped:
+        if not (self.viscous or self.sprung):
             return self.contact_law.elasticEnergy()
         energy = 0.0
         for contact in O.interactions:
             physics = contact.phys
             energy += 0.5 * physics.kn * max(contact.geom.penetrationDepth, 0.0) ** 2
             energy += 0.5 * physics.shearForce.squaredNorm() / physics.ks
+            if self.sprung and physics.kr > 0.0:
+                energy += 0.5 * physics.moment_bending.squaredNorm() / physics.kr
         return energy
 
 

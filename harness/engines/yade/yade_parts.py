@@ -12,12 +12,17 @@ DISK_MASK, WALL_MASK, WALLS_APART, INTEGRATED, NOBODY = 5, 3, 2, 4, 8
 
 
 class Law:
-    """Contact law of one kind of pair, with a shear spring only where it can carry a force."""
+    """Contact law of one kind of pair, with a shear spring only where it can carry a force.
+
+    Linear cohesion is a softer spring ``kn``; what friction and rolling see is ``repulsive`` times its force. ``stiff`` is the scene's kn.
+    """
 
     def __init__(self, law):
-        self.kn, self.beta = law["kn"], law["beta"]
+        self.stiff, self.beta, self.rolling = law["kn"], law["beta"], law["rolling"]
+        self.kn = law["kn"] - law["cohesion"]
+        self.repulsive = law["kn"] / self.kn
         # A contact without friction or without shear spring carries no shear force; ks > 0 keeps YADE's energy defined.
-        self.mu = law["mu"] if law["ks"] > 0.0 else 0.0
+        self.mu = law["mu"] * self.repulsive if law["ks"] > 0.0 else 0.0
         self.ks = law["ks"] if self.mu > 0.0 else law["kn"]
 
 

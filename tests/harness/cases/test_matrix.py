@@ -31,8 +31,22 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "contact/moving-wall": (CD, DEM),
     "contact/driven-wall": ALL,
     "impact/held-disk": ALL,
+    "friction/hold": ALL,
+    "rolling/resistance": (DEM,),
+    "impact/cohesion": (DEM,),
+    "contact/materials": (PYMUNK, DEM),
+    "motion/forces": (PYMUNK, DEM),
 }
-LEAST = {"row/pushed": 7, "contact/moving-wall": 7, "contact/driven-wall": 7, "impact/held-disk": 9}
+LEAST = {
+    "row/pushed": 7,
+    "contact/moving-wall": 7,
+    "contact/driven-wall": 7,
+    "impact/held-disk": 9,
+    "friction/hold": 8,
+    "rolling/resistance": 8,
+    "contact/materials": 21,
+    "motion/forces": 14,
+}
 """Checks that bind every engine on a variant, where more than one must."""
 
 OTHERS: tuple[tuple[str, Engine, Mapping[str, Any]], ...] = (
@@ -40,6 +54,7 @@ OTHERS: tuple[tuple[str, Engine, Mapping[str, Any]], ...] = (
     ("gas/elastic", DEM, {}),
     ("gas/elastic", DEM, {"phase": 0.05}),
     ("gas/elastic", CD, {"duration": 1.0}),
+    *(("gas/cooling", engine, {"rows": 5}) for engine in ALL),
     ("slip-to-roll", PYMUNK, {"start": "dilated"}),
     *(("row/pushed", CD, {"xi": xi, "g": g}) for xi, g in ((0.0, 0.0), (300.0, 10.0))),
 )
@@ -50,8 +65,6 @@ def runs(case_id: str, engine: Engine, params: Mapping[str, Any]) -> bool:
     """Whether the engine can run the variant, and is no other engine than the variant is for."""
     if case_id == "row/pushed":
         return engine is CD or not set(params) & {"theta", "regime"}
-    if case_id == "contact/moving-wall":
-        return engine is DEM or not params["beta"]
     if case_id == "impact/held-disk":
         return engine is CD or params["partner"] == "fixed"
     if case_id == "strength/hexagonal":

@@ -1,0 +1,1 @@
+"""Free motion under forces."""
