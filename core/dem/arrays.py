@@ -151,8 +151,8 @@ def law_arrays(scene: Scene) -> Laws | None:
         of_pair=of_pair,
         of_wall=of_wall,
         columns=columns,
-        varies=(between != between[:, :1]).any(axis=1),
-        number=np.zeros(0, dtype=np.uint32),
+        varying=np.flatnonzero((between != between[:, :1]).any(axis=1)),
+        noted=np.zeros((0, 0)),
         reach=np.zeros(0),
         drag=np.zeros(0),
     )
@@ -163,7 +163,7 @@ def with_room(laws: Laws | None, lists: Lists) -> Laws | None:
     if laws is None:
         return None
     room = len(lists.pairs.other)
-    return laws._replace(number=np.zeros(room, dtype=np.uint32), reach=np.zeros(room), drag=np.zeros(room))
+    return laws._replace(noted=np.zeros((len(laws.varying), room)), reach=np.zeros(room), drag=np.zeros(room))
 
 
 def load_arrays(scene: Scene) -> Loads:

@@ -350,10 +350,10 @@ class Laws(NamedTuple):
     columns : shape (10, k)
         What the force of disk-disk pairs reads of a law: kn, cohesion, ks, mu, half the columns of the arms of torque and slip, that of
         the slip's place in the step, kr, 1 for the models SPRING and VISCOUS.
-    varies : ndarray of bool, shape (10,)
+    varying : ndarray of int64, shape (v,)
         Columns that are not the same in all laws between disks.
-    number : ndarray of uint32, shape (capacity of the list,)
-        Number of the law of each listed disk-disk pair.
+    noted : shape (v, capacity of the list)
+        These columns of the law of each listed disk-disk pair.
     reach : shape (capacity of the list,)
         ``mu R`` of the pair's rolling resistance [m], ``mu R^2/(1 m/s)`` [m s] of a viscous one.
     drag : shape (capacity of the list,)
@@ -365,8 +365,8 @@ class Laws(NamedTuple):
     of_pair: NDArray[np.uint32]
     of_wall: NDArray[np.uint32]
     columns: FloatArray
-    varies: NDArray[np.bool_]
-    number: NDArray[np.uint32]
+    varying: IntArray
+    noted: FloatArray
     reach: FloatArray
     drag: FloatArray
 

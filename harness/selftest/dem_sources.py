@@ -18,8 +18,9 @@ _DISK_SLIP = (
 )
 _LIMIT = "return min(0.5 * skin, skin - wall_drift(walls, skin))"
 _WALL_SLIP = "vt += (disks.radius[i] - half_slip * sunk) * disks.omega[i]\n"
-_DISK_SHEAR = "            fs = shear_force(shear[k], vt * slip_dt, ks, mu * fn)"
-_WALL_SHEAR = "                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)"
+_DISK_SHEAR = "            fs = shear_force(shear[k], vt * slip_dt, ks, mu * repulsive)"
+_WALL_SHEAR = "                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * repulsive)"
+_NOTE = "note_pairs(disks, views, system.lists.pairs, system.law, system.laws)"
 _KICK = "    kick(v, views.force, disks.inv_mass, step, begin, end)\n"
 _DRIFT = "    drift(x, v, views.moved, step.dt, begin, end)\n"
 
@@ -27,14 +28,14 @@ CONTACTS = (
     _kernel("shear-sign", "shear grows with the slip instead of against it", "slide",
             (FORCES, "force = before - ks * slip", "force = before + ks * slip")),
     _kernel("torque-one-body", "the second disk of a contact receives no torque", "shear-caps",
-            (FORCES, "torque[j] += radius[j] * fs - loss", "torque[j] += 0.0 * fs")),
+            (FORCES, "torque[j] += on_j", "torque[j] += 0.0 * on_j")),
     _kernel("torque-both-bodies", "contacts between disks exert no torque", "shear-caps",
-            (FORCES, "torque[j] += radius[j] * fs - loss", "torque[j] += 0.0 * fs"),
-            (FORCES, "torque[i] += radius[i] * fs - loss", "torque[i] += 0.0 * fs")),
+            (FORCES, "torque[j] += on_j", "torque[j] += 0.0 * on_j"),
+            (FORCES, "torque[i] += on_i", "torque[i] += 0.0 * on_i")),
     _kernel("torque-at-walls", "walls exert no torque", "roll",
             (FORCES, "disks.torque[i] += arm * fs", "disks.torque[i] += 0.0 * arm * fs")),
     _kernel("torque-sign", "the torque on the first disk of a contact is turned round", "shear-caps",
-            (FORCES, "torque[i] += radius[i] * fs - loss", "torque[i] -= radius[i] * fs - loss")),
+            (FORCES, "torque[i] += on_i", "torque[i] -= on_i")),
     _kernel("slip-without-spin", "spins do not enter the slip between disks", "shear-caps",
             (FORCES, _DISK_SLIP, "vt += 0.0\n")),
     _kernel("slip-without-spin-at-walls", "spins do not enter the slip at walls", "roll",
@@ -50,7 +51,7 @@ CONTACTS = (
     _kernel("cone-one-side", "shear forces are clipped on the positive side only", "slide",
             (FORCES, "if force < -cap:", "if force < -1e300:")),
     _kernel("cone-without-dashpot", "the cone has the spring's force, without the dashpot's", "land",
-            (FORCES, _WALL_SLIP + _WALL_SHEAR, _WALL_SLIP + _WALL_SHEAR.replace("mu * fn", "mu * kn * overlap"))),
+            (FORCES, _WALL_SLIP + _WALL_SHEAR, _WALL_SLIP + _WALL_SHEAR.replace("mu * repulsive", "mu * kn * overlap"))),
     _kernel("history-lost", "shear forces between disks are lost when the neighbour lists are rebuilt", "shear-caps",
             (SEARCH, "new.shear[k] = old.shear[o]", "new.shear[k] = 0.0 * old.shear[o]")),
     _kernel("history-lost-at-walls", "shear forces at walls are lost when the neighbour lists are rebuilt", "slide",
@@ -58,7 +59,7 @@ CONTACTS = (
     _kernel("damping-half", "the dashpot has half its strength", "hit-damped",
             (FORCES, "return 2.0 * beta * sqrt(kn / inv_m_eff)", "return beta * sqrt(kn / inv_m_eff)")),
     _kernel("dashpot-mass", "the dashpot between disks has one disk's mass for the effective one", "hit-damped",
-            (FORCES, "dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[pairs.other[k]])",
+            (FORCES, "dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j])",
              "dashpot(law[KN], law[BETA], disks.inv_mass[i])")),
     _kernel("dashpot-pulls", "the dashpot may pull", "hit-damped",
             (FORCES, "fn = max(kn * overlap + damping[k] * rate, 0.0)", "fn = max(kn * overlap + damping[k] * rate, -1e300)")),
@@ -114,8 +115,7 @@ REOPENED = (
     _kernel("history-kept", "contacts between disks that opened keep their shear force", "reopen-disks",
             (FORCES, "            shear[k] = fs\n", "            shear[k] = fs if overlap > 0.0 else shear[k]\n")),
     _kernel("history-kept-at-walls", "contacts with walls that opened keep their shear force", "reopen-wall",
-            (FORCES, "            if overlap <= 0.0:\n                pairs.shear[k] = 0.0\n",
-             "            if overlap <= 0.0:\n                pairs.shear[k] *= 1.0\n")),
+            (FORCES, "                pairs.shear[k] = 0.0\n                if laws", "                pairs.shear[k] *= 1.0\n                if laws")),
     _kernel("dashpot-of-walls", "dashpots at walls do not see the wall's own motion", "push-wall",
             (FORCES, "rate = (rate_x - spin * qy - dashpot_v[i, 0]) * ux + (rate_y + spin * qx - dashpot_v[i, 1]) * uy",
              "rate = -dashpot_v[i, 0] * ux - dashpot_v[i, 1] * uy")),
@@ -128,8 +128,7 @@ REOPENED = (
     _python("dashpot-lagged", "dashpots see the velocity of half a step before", "push-wall",
             ("dem.arrays", "ahead=0.5", "ahead=0.0")),
     _kernel("dashpot-stale", "dashpots are not found anew when the neighbour lists are rebuilt", "hit-damped",
-            (STEP, "note_pairs(disks, views, system.lists.pairs, system.law)",
-             "noted = views.damping.copy(); note_pairs(disks, views, system.lists.pairs, system.law); views.damping[:] = noted")),
+            (STEP, _NOTE, f"noted = views.damping.copy(); {_NOTE}; views.damping[:] = noted")),
 )  # fmt: skip
 
 RETRACED = (
