@@ -78,6 +78,7 @@ ANY_SIGN = {
     "increment",
     "phase",
     "phi",
+    "rate",
     "speed",
     "spin",
     "start",
