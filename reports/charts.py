@@ -99,7 +99,7 @@ GUIDE = "reference guide"
 @dataclass(frozen=True)
 class Dots:
     """Points of one engine (``key`` is its legend key), joined by a line or not; ``names`` label single points, ``links`` are where
-    they lead to."""
+    they lead to, ``short`` is the name at the line's end where its look's is too long."""
 
     key: str
     look: Look
@@ -108,6 +108,7 @@ class Dots:
     joined: bool = True
     names: tuple[str, ...] = ()
     links: tuple[str, ...] = ()
+    short: str = ""
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,8 @@ class PointChart:
         ]  # fmt: skip
         data = [
             {"key": d.key, "name": d.look.label, "colour": d.look.colour, "dash": d.look.dash, "width": d.look.width,
-             "shape": d.look.shape, "line": d.joined, "guide": False, "x": d.x, "y": d.y, "names": d.names, "links": d.links}
+             "shape": d.look.shape, "line": d.joined, "guide": False, "x": d.x, "y": d.y,
+             "names": d.names, "links": d.links, "short": d.short}
             for d in self.dots
         ]  # fmt: skip
         return {

@@ -27,6 +27,8 @@ MOST_ERRORS = 180
 MARKS = 7
 FLAT = 2e-3
 """Relative span below which a quantity counts as constant."""
+MOST_TOLD = 12
+"""Moving bodies of a sketch whose speeds are told."""
 MOST_NUMBERED = 60
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
 MOTION, GRAVITY, MARK = PALETTE[0], PALETTE[2], "#d64545"
@@ -280,6 +282,10 @@ def draw_sketch(scene: SceneView) -> str:
                 axes.text(centre[0], centre[1] - 0.45 * radius, "no rotation", ha="center", va="center", fontsize=6.5)
             if scene.v[k].any():
                 along = scene.v[k] / np.hypot(*scene.v[k])
+                if np.count_nonzero(scene.v.any(axis=1)) > MOST_TOLD:  # a gas: arrows as long as speeds, and no numbers
+                    way = 2.0 * radius * scene.v[k] / np.hypot(*scene.v.T).mean()
+                    _arrow(axes, centre, centre + way, MOTION, "")
+                    continue
                 foot = centre + radius * np.array([0.0, 1.18])
                 label = f"{np.hypot(*scene.v[k]):.4g} m/s"
                 _arrow(axes, foot - 0.4 * size * along, foot + 0.4 * size * along, MOTION, label)

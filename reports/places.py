@@ -39,10 +39,7 @@ def place_figures(case: CaseData, looks: dict[str, Look]) -> list[PlaceFigure]:
         charts = []
         for label in dict.fromkeys(plotted.label for plotted in plan.quantities):
             quantities = [plotted for plotted in plan.quantities if plotted.label == label]
-            if plan.apart:
-                charts += _apart(plan, label, quantities, rows, looks, told)
-            else:
-                charts += _together(plan, label, quantities, rows, looks, told, case.variants)
+            charts += (_apart if plan.apart else _together)(plan, label, quantities, rows, looks, told, case.variants)
         if charts:
             legend = {key: looks.get(key, look) for chart in charts for key, look in chart.looks.items()}
             found.append(PlaceFigure(plan, legend, charts))
@@ -62,7 +59,8 @@ def _rows(case: CaseData, plan: Figure) -> dict[Cell, dict[str, Row]]:
         if (
             row["norm"] == "scalar"
             and row["quantity"] in wanted
-            and plan.matches(case.variants.get(row["variant"], {}))
+            and row["variant"] in case.variants
+            and plan.matches(case.variants[row["variant"]])
         ):
             found.setdefault((row["engine"], row["variant"]), {}).setdefault(row["quantity"], row)
     return found
@@ -79,12 +77,15 @@ class _Point:
     variant: str
 
 
-def _points(plan: Figure, quantities: list[Plotted], rows: dict[Cell, dict[str, Row]]) -> list[_Point]:
+def _points(
+    plan: Figure, quantities: list[Plotted], rows: dict[Cell, dict[str, Row]], variants: dict[str, dict[str, Any]]
+) -> list[_Point]:
     """Points in the order of their places; what a logarithmic axis cannot hold is at its lower end."""
     found = []
     for (engine, variant), held in rows.items():
         for plotted in quantities:
-            x = as_float(held[plotted.at]["value"]) if plotted.at in held else _number(plotted.at)
+            at = held[plotted.at]["value"] if plotted.at in held else variants[variant].get(plotted.at, plotted.at)
+            x = _number(at)
             row = held.get(plotted.name)
             if row is None or not (math.isfinite(x) and math.isfinite(as_float(row["value"]))):
                 continue
@@ -98,16 +99,18 @@ def _points(plan: Figure, quantities: list[Plotted], rows: dict[Cell, dict[str, 
     return sorted(found, key=lambda point: point.x)
 
 
-def _number(text: str) -> float:
+def _number(given: Any) -> float:
     try:
-        return float(text)
-    except ValueError:
+        return float(given)
+    except (TypeError, ValueError):
         return math.nan
 
 
-def _dots(key: str, look: Look, points: list[_Point], names: list[str]) -> Dots:
+def _dots(key: str, look: Look, points: list[_Point], names: list[str], short: str = "") -> Dots:
     links = tuple(f"#{quote(cell_anchor(point.engine, point.variant))}" for point in points)
-    return Dots(key, look, tuple(p.x for p in points), tuple(p.y for p in points), names=tuple(names), links=links)
+    return Dots(
+        key, look, tuple(p.x for p in points), tuple(p.y for p in points), names=tuple(names), links=links, short=short
+    )
 
 
 Guide = tuple[str, tuple[float, ...], tuple[float, ...]]
@@ -146,7 +149,7 @@ def _together(
     told: dict[str, str], variants: dict[str, dict[str, Any]],
 ) -> list[PointChart]:  # fmt: skip
     """One chart for all engines; one whose cells differ in the plan's ``compare`` has a line for each value."""
-    points = _points(plan, quantities, rows)
+    points = _points(plan, quantities, rows, variants)
     dots = []
     for engine in dict.fromkeys(point.engine for point in points):
         lines: dict[str, list[_Point]] = {}
@@ -156,17 +159,19 @@ def _together(
                     parameters(variants[point.variant], [plan.compare] if plan.compare else []), []
                 ).append(point)
         for value, mine in lines.items():
-            look = looks[engine] if len(lines) == 1 else replace(looks[engine], label=f"{looks[engine].label}, {value}")
-            dots.append(_dots(engine, look, mine, [told[point.variant] for point in mine]))
+            own, short = looks[engine], ""
+            if len(lines) > 1:
+                own, short = replace(own, label=f"{own.label}, {value}"), value.rpartition(" ")[2]
+            dots.append(_dots(engine, own, mine, [told[point.variant] for point in mine], short))
     return [_chart(plan, label, label, dots, _truths(points))] if dots else []
 
 
 def _apart(
     plan: Figure, label: str, quantities: list[Plotted], rows: dict[Cell, dict[str, Row]], looks: dict[str, Look],
-    told: dict[str, str],
+    told: dict[str, str], variants: dict[str, dict[str, Any]],
 ) -> list[PointChart]:  # fmt: skip
     """One chart an engine on the axes that hold them all, the one whose points are drawn farthest from their truths first."""
-    points = _points(plan, quantities, rows)
+    points = _points(plan, quantities, rows, variants)
     lines = {name: Look(words, *numbered_look(k)) for k, (name, words) in enumerate(told.items())}
     drawn = []
     for engine in dict.fromkeys(point.engine for point in points):

@@ -295,7 +295,8 @@ Allowed = float | str | bool | None
 class Plotted:
     """A quantity of a figure: its name in the records, axis label and the number of its figure in the source.
 
-    ``at`` is its place on the horizontal axis of ``places``: a number in digits, or the name of a quantity of the same cell.
+    ``at`` is its place on the horizontal axis of ``places``: a number in digits, or the name of a quantity of the same cell or of a
+    parameter.
     """
 
     name: str

@@ -71,7 +71,7 @@
       while (k >= 0 && (u.data[index + 1][k] === null || u.data[index + 1][k] === undefined || u.data[0][k] > u.scales.x.max)) k--;
       if (k < 0) return;
       const y = u.valToPos(u.data[index + 1][k], "y");
-      places.push({ name: s.name, colour: s.colour, truth: s.key.startsWith("reference "), y: Math.min(height, Math.max(0, y)) });
+      places.push({ name: s.short || s.name, colour: s.colour, truth: s.key.startsWith("reference "), y: Math.min(height, Math.max(0, y)) });
     });
     return endLabels(places, height).map(label => ({ ...label, y: label.y + top }));
   }
