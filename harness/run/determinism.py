@@ -30,7 +30,7 @@ from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, Support
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.results.schema import DETERMINISM_KINDS, Row
-from ninedisk.harness.run.isolation import run_isolated
+from ninedisk.harness.run.isolation import run_isolated, time_limit_from_environment
 from ninedisk.harness.wire.external import ExternalEngine
 from ninedisk.harness.wire.protocol import Request, decode_answer, encode_request
 
@@ -289,7 +289,7 @@ def repeated(trial: Trial, kind: str) -> Row:
         _need(
             any(isinstance(each, EngineError) for each in failed), "no run failed: it ends well whatever the velocities"
         )
-        _need(not isinstance(after, NoAnswerError), "a run that fails ends its process")
+        _need(not isinstance(after, NoAnswerError), f"a run that fails ends its process: {str(after).splitlines()[0]}")
         return held(trial, trial.first, _told(after))
     if kind == "scene":
         _need(trial.repeats, "each run is a process of its own")
@@ -508,7 +508,8 @@ def _requests(jobs: Sequence[Job], extras: Sequence[Mapping[str, Any]], files: S
 def _ended(command: Sequence[str], asked: Mapping[str, Any], env: Mapping[str, str], cwd: Path | None = None) -> str:
     """Run the process; how it ended, if not well: what it answered before that counts all the same."""
     try:
-        run_isolated(command, stdin=json.dumps(asked), env=env, cwd=cwd)
+        limit = len(asked["requests"]) * time_limit_from_environment()
+        run_isolated(command, stdin=json.dumps(asked), env=env, cwd=cwd, time_limit=limit)
     except EngineError as error:
         return str(error)
     return ""
