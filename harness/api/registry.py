@@ -49,6 +49,7 @@ BUILTIN_CASES: dict[str, str] = {
     "contact/moving-wall": "ninedisk.harness.cases.contact.moving_wall:CASE",
     "contact/driven-wall": "ninedisk.harness.cases.contact.driven_wall:CASE",
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
+    "energy/budget": "ninedisk.harness.cases.energy.budget:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.invariance.rotating_box:CASE",
 }

@@ -17,7 +17,7 @@ HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
 STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
 LENSES, OVALS, GRAINS, REST = "nurbs/overlap", "nurbs/collision", "nurbs/rolling", "nurbs/settle"
 GAS, REOPEN, WALL, STACK = "gas/elastic", "contact/reopening", "contact/moving-wall", "static/stack"
-RETRACE = "contact/retraced-loop"
+RETRACE, BUDGET = "contact/retraced-loop", "energy/budget"
 
 ENGINES = ("dem", "cd", *DECLARED)
 
@@ -63,6 +63,7 @@ DEM_PANEL: dict[str, Probe] = {
     "retrace": Probe(RETRACE, {}),
     "retrace-wall": Probe(RETRACE, {"kind": "wall"}),
     "stack": Probe(STACK, {"start": "equilibrium", "n": 12, "duration": 0.02}),
+    "budget": Probe(BUDGET, {"duration": 0.2}),
     "press-outlines": Probe(PRESS, {"shape": "nurbs", "cycles": 10, "settle_cycles": 5, "wall_mu": "mu"}),
     "lenses": Probe(LENSES, {"shape": "ellipse", "pairs": 3}),
     "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),
@@ -81,6 +82,9 @@ CD_PANEL: dict[str, Probe] = {
     "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),
     "stand": Probe(GRAINS, {"kn": 1e5, "steepness": 0.6, "duration": 0.1}),
     "oval-rolls": Probe(GRAINS, {"grain": "ellipse", "kn": 1e4, "duration": 0.2}),
+    "push-wall": Probe(WALL, {}),
+    "budget": Probe(BUDGET, {"duration": 0.2, "sliding": "coulomb"}),
+    "budget-rigid": Probe(BUDGET, {"duration": 0.2, "sliding": "coulomb", "contacts": "rigid"}),
     "hit": Probe(HIT, {}),
     "hit-damped": Probe(HIT, {"restitution": 0.5}),
     "hit-plastic": Probe(HIT, {"kind": "plastic"}),

@@ -31,8 +31,9 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "contact/moving-wall": (CD, DEM),
     "contact/driven-wall": ALL,
     "impact/held-disk": ALL,
+    "energy/budget": (CD, DEM),
 }
-LEAST = {"row/pushed": 7, "contact/moving-wall": 7, "contact/driven-wall": 7, "impact/held-disk": 9}
+LEAST = {"row/pushed": 7, "contact/moving-wall": 7, "contact/driven-wall": 7, "impact/held-disk": 9, "energy/budget": 4}
 """Checks that bind every engine on a variant, where more than one must."""
 
 OTHERS: tuple[tuple[str, Engine, Mapping[str, Any]], ...] = (
