@@ -51,6 +51,7 @@ BUILTIN_CASES: dict[str, str] = {
     "contact/moving-wall": "ninedisk.harness.cases.contact.moving_wall:CASE",
     "contact/driven-wall": "ninedisk.harness.cases.contact.driven_wall:CASE",
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
+    "energy/budget": "ninedisk.harness.cases.energy.budget:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
     "rolling/resistance": "ninedisk.harness.cases.rolling.resistance:CASE",
     "impact/cohesion": "ninedisk.harness.cases.impact.cohesion:CASE",

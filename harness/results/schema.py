@@ -313,9 +313,10 @@ class Figure:
     ----------
     number, title : str
         Figure number in the source ("" for a figure of our own) and heading.
-    kind : {"history", "configuration", "values", "places", "setup"}
-        Histories; the stored configurations; a number over the step size, held against ``levels``; numbers of all variants over
-        their places (`Plotted.at`); or the sketch of the set-up, of which only the number counts.
+    kind : {"history", "budget", "configuration", "values", "places", "setup"}
+        Histories; the quantities of each engine stacked, one picture an engine; the stored configurations; a number over the step
+        size, held against ``levels``; numbers of all variants over their places (`Plotted.at`); or the sketch of the set-up, of which
+        only the number counts.
     quantities : tuple of Plotted
         Panels; empty means every series quantity of the variants.
     where : mapping from parameter to allowed values
@@ -339,7 +340,7 @@ class Figure:
 
     number: str = ""
     title: str = ""
-    kind: Literal["history", "configuration", "values", "places", "setup"] = "history"
+    kind: Literal["history", "budget", "configuration", "values", "places", "setup"] = "history"
     quantities: tuple[Plotted, ...] = ()
     where: Mapping[str, tuple[Allowed, ...]] = field(default_factory=dict)
     compare: str = ""

@@ -26,6 +26,7 @@ RETRACE, HOLD, COOL, RESIST, COHESION = (
 )
 MATERIALS, FORCES = "contact/materials", "motion/forces"
 LATTICE, SHEAR_CELL = "cell/lattice", "cell/shear"
+BUDGET = "energy/budget"
 
 ENGINES = ("dem", "cd", *DECLARED)
 
@@ -85,6 +86,7 @@ DEM_PANEL: dict[str, Probe] = {
     "cell-smooth": Probe(SHEAR_CELL, {"mu": 0.0}),
     "cell-seen": Probe(LATTICE, {"mode": "shear", "frame": 3.0}),
     "cell-flow": Probe(SHEAR_CELL, {"kind": "flow", "rows": 8}),
+    "budget": Probe(BUDGET, {"duration": 0.2}),
     "press-outlines": Probe(PRESS, {"shape": "nurbs", "cycles": 10, "settle_cycles": 5, "wall_mu": "mu"}),
     "lenses": Probe(LENSES, {"shape": "ellipse", "pairs": 3}),
     "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),
@@ -103,6 +105,9 @@ CD_PANEL: dict[str, Probe] = {
     "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),
     "stand": Probe(GRAINS, {"kn": 1e5, "steepness": 0.6, "duration": 0.1}),
     "oval-rolls": Probe(GRAINS, {"grain": "ellipse", "kn": 1e4, "duration": 0.2}),
+    "push-wall": Probe(WALL, {}),
+    "budget": Probe(BUDGET, {"duration": 0.2, "sliding": "coulomb"}),
+    "budget-rigid": Probe(BUDGET, {"duration": 0.2, "sliding": "coulomb", "contacts": "rigid"}),
     "hit": Probe(HIT, {}),
     "hit-damped": Probe(HIT, {"restitution": 0.5}),
     "hit-plastic": Probe(HIT, {"kind": "plastic"}),
