@@ -68,9 +68,14 @@ class Lattice:
             [(i + 0.5 * (j % 2), 0.5 * np.sqrt(3.0) * j) for i in range(COLUMNS) for j in range(ROWS)]
         )
         rate, steps = _rate(params), max(1, params["steps"] // SAMPLES) * SAMPLES
-        cell = Cell(size=(COLUMNS * SPACING, 0.5 * np.sqrt(3.0) * ROWS * SPACING), rate=tuple(map(tuple, rate)))
+        cell = Cell(
+            size=(COLUMNS * SPACING, 0.5 * np.sqrt(3.0) * ROWS * SPACING),
+            rate=((rate[0, 0], rate[0, 1]), (0.0, rate[1, 1])),
+        )
         scene = Scene(
-            disks=Disks(x=x, v=x @ rate.T + params["frame"], radius=RADIUS, mass=MASS),
+            disks=Disks(
+                x=x, v=x @ rate.T + params["frame"], radius=np.full(len(x), RADIUS), mass=np.full(len(x), MASS)
+            ),
             disk_disk=ContactLaw(kn=KN, ks=KS, mu=2.0),
             cell=cell,
         )
@@ -94,9 +99,7 @@ class Lattice:
             **{f"stress_{name}": ("N/m", stress[:, 0, a, b]) for name, a, b in AXES},
             "stress_kinetic": ("N/m", np.abs(stress[:, 1]).max(axis=(1, 2))),
         }
-        energy = history.energy
-        if "cell_work" in energy:
-            series["energy_fed"] = ("J", energy["cell_work"])
+        series["energy_fed"] = ("J", history.energy.get("cell_work", np.full(len(t), np.nan)))
         return Observed(
             step=history.step, t=t, series=series, scalars={"modulus": ("N/m", _modulus(params, stress[:, 0]))}
         )
@@ -155,7 +158,7 @@ class Lattice:
                       scale=KN * OVERLAP * RADIUS, why="round-off of positions as a force")
                 for name in ("fn", "fn_across")
             ]  # fmt: skip
-        if "energy_fed" in observed.series and not spins:
+        if not spins:
             energy = COLUMNS * ROWS * _stretched(params, t).energy
             fed = where_observed(observed, engine, "energy_fed", energy - energy[0])
             straight = STRAIN / OVERLAP / (12.0 * steps**2)
