@@ -16,7 +16,8 @@ class BodyForce:
     """A force through the centre of a disk and a torque on it, constant between two times; several on one disk add up.
 
     The impulse of a step is exact wherever in it the force begins or ends: a step gets the mean over its own time, which is from
-    ``t_n - dt/2`` to ``t_n + dt/2`` where velocities are those of half steps (the first one: from 0 to ``dt/2``).
+    ``t_n - dt/2`` to ``t_n + dt/2`` where velocities are those of half steps (the first one: from 0 to ``dt/2``). A step of the
+    static limit has the load of its end.
 
     Parameters
     ----------

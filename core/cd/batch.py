@@ -26,7 +26,7 @@ from ninedisk.core.cd.batch_kernels import (
     State,
     take_steps,
 )
-from ninedisk.core.cd.contact_kernels import Bodies, Start
+from ninedisk.core.cd.contact_kernels import Bodies, Loads, Start
 from ninedisk.core.cd.contacts import ContactMemory, empty_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem_kernels import SUMS, Contacts
@@ -52,6 +52,7 @@ class StepBatches:
     Parameters
     ----------
     bodies : Bodies
+    loads : Loads
     laws : LawTable
     motion : WallMotion
     radius : ndarray, shape (n,)
@@ -63,6 +64,9 @@ class StepBatches:
         Step [s] and parameter of the scheme.
     gains : ndarray, shape (6,)
         Energy that impacts feed, see `ninedisk.core.cd.contact_kernels.note_impact_work`; updated.
+    losses : ndarray, shape (8,)
+        Energy lost, see `ninedisk.core.cd.contact_kernels.note_losses`; updated where ``notes``.
+    notes : bool
 
     Attributes
     ----------
@@ -77,6 +81,7 @@ class StepBatches:
     def __init__(
         self,
         bodies: Bodies,
+        loads: Loads,
         laws: LawTable,
         motion: WallMotion,
         radius: FloatArray,
@@ -85,9 +90,12 @@ class StepBatches:
         dt: float,
         theta: float,
         gains: FloatArray,
+        losses: FloatArray,
+        notes: bool,
     ) -> None:
-        n, m = len(radius), len(laws.kn) - 1
-        self._laws, self._motion, self._finder, self._n, self._gains = laws, motion, finder, n, gains
+        n, m = len(radius), len(motion.first) - 1
+        self._laws, self._motion, self._finder, self._n = laws, motion, finder, n
+        self._gains, self._losses = gains, losses
         self._scheme = Scheme(
             dt=dt,
             theta=theta,
@@ -98,10 +106,12 @@ class StepBatches:
             stretch=STRETCH if solver.options.tolerance >= LOOSE else 1.0,
             coulomb=solver.sliding == "coulomb",
             newton=laws.newton,
+            notes=notes,
             holds_rest=solver.holds_rest,
             smallest=float(radius.min()),
             radius=radius,
             bodies=bodies,
+            loads=loads,
             inverse_mass=1.0 / dynamic_mass(bodies, dt, theta),
             dilation=laws.mu if solver.sliding == "associated" else np.zeros_like(laws.mu),
         )
@@ -109,7 +119,7 @@ class StepBatches:
         start = Start(force, kept, prescribed)
         self._scratch = Scratch(np.empty((m, 11)), start, v, dx, np.empty(SUMS), np.empty(6))
         self._counts, self._totals = np.zeros(6, dtype=np.int64), np.zeros(5)
-        self._pairs, self._forces, self._shear = np.empty((0, 2), dtype=np.int64), np.empty((0, 2)), np.empty(0)
+        self._make_room(0)
         self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), np.full(2, -np.inf))
         self._rest, self._resting = 1, 0
         self.iterations, self.worst = 0, (0.0, 0.0)
@@ -149,7 +159,7 @@ class StepBatches:
         listed_at = -1
         while True:
             target = min(last, done + max(1, PAIR_STEPS // (len(self._near.frames.pairs) + 1)))
-            state = State(x, v, wall, self._pairs, self._forces, self._shear, counts, totals, self._gains)
+            state = State(x, v, wall, *self._kept(), counts, totals, self._gains, self._losses)
             laws, motion = self._laws.arrays, self._motion
             why = take_steps(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
             if why == MORE:
@@ -170,8 +180,9 @@ class StepBatches:
         self.iterations += int(counts[ITERATIONS])
         self.worst = (float(totals[WORST_MAP]), float(totals[WORST_GAP]))
         held = int(counts[HELD])
-        forces, shear = self._forces[:held].copy(), self._shear[:held].copy()
-        found = memory.renewed(self._pairs[:held].copy(), forces, np.zeros((held, 2)), shear)
+        pairs, forces = self._pairs[:held].copy(), self._forces[:held].copy()
+        spring, shear = self._spring[:held].copy(), self._shear[:held].copy()
+        found = memory.renewed(pairs, forces, np.zeros((held, 2)), shear, spring)
         return reached, found, float(totals[WORK])
 
     def _remember(self, memory: ContactMemory) -> None:
@@ -179,7 +190,8 @@ class StepBatches:
         held = len(memory.pairs)
         if held > len(self._pairs):
             self._make_room(held)
-        self._pairs[:held], self._forces[:held], self._shear[:held] = memory.pairs, memory.forces, memory.shear
+        for mine, other in zip(self._kept(), (memory.pairs, memory.forces, memory.spring, memory.shear), strict=True):
+            mine[:held] = other
         self._counts[HELD] = held
 
     def _list(self, x: FloatArray, wall: FloatArray, needed: FloatArray) -> None:
@@ -194,13 +206,13 @@ class StepBatches:
             x=x.copy(),
             wall=wall.copy(),
             reach=reach,
-            frames=empty_frames(pairs, self._n),
+            frames=empty_frames(pairs, self._n, self._laws),
             closing=np.empty(c),
             inside=np.zeros(c, dtype=np.bool_),
             shear=np.empty(c),
             force=np.empty((c, 2)),
         )
-        frames = empty_frames(pairs.copy(), self._n)
+        frames = empty_frames(pairs.copy(), self._n, self._laws)
         self._chosen = Chosen(
             frames=frames,
             contacts=Contacts(frames.bodies, frames.normal, frames.arms, mu=np.empty(c), compliance=np.empty((c, 2))),
@@ -212,10 +224,15 @@ class StepBatches:
             r=np.empty((c, 2)),
         )
         if c > len(self._pairs):
-            held = len(self._pairs)
-            kept = (self._pairs, self._forces, self._shear)
+            held, kept = len(self._pairs), self._kept()
             self._make_room(c)
-            self._pairs[:held], self._forces[:held], self._shear[:held] = kept
+            for mine, other in zip(self._kept(), kept, strict=True):
+                mine[:held] = other
 
     def _make_room(self, c: int) -> None:
-        self._pairs, self._forces, self._shear = np.empty((c, 2), dtype=np.int64), np.empty((c, 2)), np.empty(c)
+        self._pairs, self._forces = np.empty((c, 2), dtype=np.int64), np.empty((c, 2))
+        self._spring, self._shear = np.empty(c), np.empty(c)
+
+    def _kept(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray]:
+        """What the next step needs of the last one, by pair."""
+        return self._pairs, self._forces, self._spring, self._shear

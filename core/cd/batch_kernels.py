@@ -22,13 +22,16 @@ from ninedisk.core.cd.contact_kernels import (
     Bodies,
     Frames,
     Laws,
+    Loads,
     Start,
-    carry_shear,
+    carry_springs,
     closing_gaps,
     dynamic_terms,
     gap_round_off,
     measure_frames,
     note_impact_work,
+    note_losses,
+    place_loads,
     start_step,
     step_displacements,
     surface_displacement,
@@ -85,7 +88,7 @@ disks and for those with walls [m]."""
 
 
 class Scheme(NamedTuple):
-    """Constants of a run. ``holds_rest``: where all bodies rest, the solver asks for equilibrium first."""
+    """Constants of a run. ``holds_rest``: where all bodies rest, the solver asks for equilibrium first; ``notes``: losses are noted."""
 
     dt: float
     theta: float
@@ -96,17 +99,20 @@ class Scheme(NamedTuple):
     stretch: float
     coulomb: bool
     newton: bool
+    notes: bool
     holds_rest: bool
     smallest: float
     radius: Floats
     bodies: Bodies
+    loads: Loads
     inverse_mass: Floats
     dilation: Floats
 
 
 class State(NamedTuple):
-    """State of a run: centres and angles, velocities, walls, and by pair, in ascending order, the contact forces of the last step and the
-    shear forces with which the next one begins; ``gains`` are those of `ninedisk.core.cd.contact_kernels.note_impact_work`.
+    """State of a run: centres and angles, velocities, walls, and by pair, in ascending order, the contact forces of the last step, those of
+    the normal springs among them, and the shear forces with which the next step begins; ``gains`` and ``losses`` are
+    those of `ninedisk.core.cd.contact_kernels.note_impact_work` and ``note_losses``.
     """
 
     x: Floats
@@ -114,10 +120,12 @@ class State(NamedTuple):
     wall: Floats
     pairs: Ints
     forces: Floats
+    spring: Floats
     shear: Floats
     counts: Ints
     totals: Floats
     gains: Floats
+    losses: Floats
 
 
 class Near(NamedTuple):
@@ -178,6 +186,8 @@ def take_steps(
     while counts[STEP] < last:
         t = (counts[STEP] + 1) * scheme.dt
         place_walls(motion, t, t, t, scratch.after)
+        if scheme.loads.disk.shape[0] > 0:
+            place_loads(scheme.loads, counts[STEP] * scheme.dt, t, False, scheme.bodies.load)
         why = _step(scheme, laws, state, near, chosen, scratch)
         if why != DONE:
             return why
@@ -236,7 +246,8 @@ def _pose(c: int, round_off: float, scheme: Scheme, laws: Laws, chosen: Chosen, 
     frames, contacts = first_frames(chosen.frames, c), first_contacts(chosen.contacts, c)
     bodies, normal, arms, mu, compliance = contacts
     offset, blocks, b = chosen.offset[:c], chosen.blocks[:c], chosen.b[:c]
-    dynamic_terms(frames, laws, scratch.start, scheme.dt, scheme.theta, round_off, offset, compliance)
+    inverse = scheme.bodies.inverse
+    dynamic_terms(frames, laws, inverse, scratch.start, scheme.dt, scheme.theta, round_off, offset, compliance)
     delassus_blocks(bodies, normal, arms, scheme.inverse_mass, compliance, blocks)
     for k in range(c):
         if not blocks[k, 0] > 0.0:
@@ -350,7 +361,15 @@ def _accept(round_off: float, scheme: Scheme, laws: Laws, state: State, chosen: 
             counts[STEP] + 1, slack, resolution, frames, chosen.blocks, laws,
             scratch.start, scratch.v, chosen.r, scheme.dt, state.gains,
         )  # fmt: skip
-    carry_shear(frames, state.x, state.wall, scratch.after, scratch.dx, laws, chosen.r, state.shear)
+    carry_springs(
+        frames, state.x, state.wall, scratch.after, scratch.dx, laws, scheme.bodies.inverse, scheme.dt, chosen.r,
+        state.spring, state.shear,
+    )  # fmt: skip
+    if scheme.notes:
+        note_losses(
+            frames, laws, scheme.bodies, scheme.loads.steady, scratch.start, scratch.v, scratch.dx, chosen.r,
+            chosen.shear_0, state.spring, scheme.dt, scheme.theta, state.losses,
+        )  # fmt: skip
     for k in range(c):
         p, q = chosen.r[k, 0], chosen.r[k, 1]
         totals[WORK] -= p * (frames.gap[k] - frames.gap_before[k]) + q * frames.shift[k]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem_kernels import contact_velocity
 from ninedisk.core.compile import inline_kernel, kernel
+from ninedisk.core.dem.force_kernels import dashpot
 
 Floats = NDArray[np.float64]
 
@@ -31,42 +32,63 @@ GAIN_STEPS, GAIN_TOTAL, GAIN_LARGEST, GAIN_STEP, GAIN_I, GAIN_J = range(6)
 """Entries of ``gains``: steps in which impacts fed energy; that energy [J]; the largest of a step [J]; that step, and the bodies of the
 contact that fed most in it."""
 
+FRICTION, IMPACT, DASHPOT, DAMPING, SCHEME, FORCE_WORK, HELD_WORK, STORED = range(8)
+"""Entries of ``losses`` [J]: what was lost since time 0 by channel; what forces on single disks and what holds disks did; and the
+energy of the springs at the end of the last step."""
+
 FED = 100.0
 """Multiple of a solver's tolerance that the energy fed has to exceed: figures are norms over all contacts, relative to the forces."""
 
 
 class Laws(NamedTuple):
-    """Columns of `ninedisk.core.cd.laws.LawTable`, shape (1 + m,) each."""
+    """Columns of `ninedisk.core.cd.laws.LawTable`, shape (l,) each."""
 
     kn: Floats
     ks: Floats
     mu: Floats
+    beta: Floats
     elastic: NDArray[np.bool_]
     restitution: Floats
     arm_overlap: Floats
     wall_mid: Floats
     slip_middle: NDArray[np.bool_]
+    viscous_pull: NDArray[np.bool_]
 
 
 class Bodies(NamedTuple):
-    """What does not change from step to step; b disks.
+    """Data of b disks, of which nothing but the load changes from step to step.
 
     Attributes
     ----------
     mass : ndarray, shape (b, 3)
         Mass [kg], mass [kg], moment of inertia [kg m^2].
+    inverse : ndarray, shape (b,)
+        Inverse of the mass that dashpots see [1/kg]: 0 where neither component of the velocity is free.
     free : ndarray of bool, shape (b, 3)
         False for unknowns whose motion is prescribed.
     load : ndarray, shape (b, 3)
-        External force [N], force [N], torque [N m].
+        External force [N], force [N], torque [N m], means over the step at hand (`place_loads`).
     xi : float
         Global damping [1/s].
     """
 
     mass: Floats
+    inverse: Floats
     free: NDArray[np.bool_]
     load: Floats
     xi: float
+
+
+class Loads(NamedTuple):
+    """External loads of b disks: ``steady`` (b, 3) beside k forces, each ``force`` (k, 3) on a ``disk`` (k,) from ``begin`` to ``end``
+    (k,), in [N], [N], [N m] and [s].
+    """
+
+    steady: Floats
+    disk: NDArray[np.int64]
+    force: Floats
+    begin: Floats
+    end: Floats
 
 
 class Start(NamedTuple):
@@ -255,6 +277,34 @@ def contact_compliances(row: NDArray[np.int64], laws: Laws, scale: float, out: F
                 out[k, 1] = 1.0 / laws.ks[row[k]] / scale
 
 
+@inline_kernel
+def damping_of_step(k: int, frames: Frames, laws: Laws, inverse: Floats, dt: float) -> float:
+    """Stiffness ``c/dt`` [N/m] that the dashpot of contact ``k`` adds in a step of length ``dt``; ``inverse`` as in `Bodies`."""
+    law, i, j = frames.row[k], frames.bodies[k, 0], frames.bodies[k, 1]
+    other = inverse[j] if j >= 0 else 0.0
+    return dashpot(laws.kn[law], laws.beta[law], inverse[i] + other) / dt
+
+
+@kernel
+def place_loads(loads: Loads, begin: float, end: float, static: bool, load: Floats) -> None:
+    """Fill ``load``, shape (b, 3), with the mean loads of the step from ``begin`` to ``end`` [s], or for ``static`` with those of its end.
+
+    The mean makes the impulse exact wherever in the step a force begins or ends. A load that begins or ends with a step, but for the
+    rounding of times, does so there: the static step up to the end of a load still has it.
+    """
+    instant = end - 1e-6 * (end - begin)
+    for k in range(loads.disk.shape[0]):
+        i = loads.disk[k]
+        for d in range(3):
+            load[i, d] = loads.steady[i, d]
+    for k in range(loads.disk.shape[0]):
+        share = max(0.0, min(end, loads.end[k]) - max(begin, loads.begin[k])) / (end - begin)
+        if static:
+            share = 1.0 if loads.begin[k] < instant < loads.end[k] else 0.0
+        for d in range(3):
+            load[loads.disk[k], d] += share * loads.force[k, d]
+
+
 @kernel
 def start_step(bodies: Bodies, v: Floats, dt: float, theta: float, start: Start) -> None:
     """Fill ``start`` from the velocities ``v``, shape (b, 3), at the start of the step."""
@@ -295,6 +345,7 @@ def newton_offset(e: float, before: float) -> float:
 def dynamic_terms(
     frames: Frames,
     laws: Laws,
+    inverse: Floats,
     start: Start,
     dt: float,
     theta: float,
@@ -306,6 +357,12 @@ def dynamic_terms(
 
     A gap of rigid bodies within `MISSED` times the rounding of gaps is none: bodies at rest have more contacts than freedom, gaps that
     are round-off contradict each other, and divided by a small step they would be velocities that no force at rest allows.
+
+    A dashpot ``c`` acts in parallel with the spring by the mean rate of the step: with the overlaps ``d_0`` and ``d_1`` at its ends
+    ``p = kn d_1 + c (d_1 - d_0)/dt``, which is a spring of stiffness ``kn + c/dt`` whose overlap is less by ``d_0 (c/dt)/(kn + c/dt)``;
+    ``inverse`` are the inverse masses of `Bodies`. It never pulls: ``p >= 0`` is a condition of the problem, so that bodies part
+    where spring and dashpot cancel, before the overlap is gone, as in the DEM. Beside cohesion it may pull: then ``p + c d_0/dt``, which
+    is ``(kn + c/dt) d_1``, is the problem's force, and what is added to p a load (`pulls_of_step`).
 
     Under Newton's law (restitution not NaN) walls count by their displacement over the step,
     held disks by their speed.
@@ -320,12 +377,131 @@ def dynamic_terms(
         if np.isnan(e):
             touching = not laws.elastic[row[k]] and abs(gap[k]) <= MISSED * round_off
             room = 0.0 if touching else gap[k]
+            if laws.beta[row[k]] > 0.0 and laws.elastic[row[k]]:
+                viscous = damping_of_step(k, frames, laws, inverse, dt)
+                stiff = laws.kn[row[k]] + viscous
+                compliance[k, 0] = 1.0 / stiff / (theta * dt)
+                if not laws.viscous_pull[row[k]]:
+                    room -= viscous / stiff * min(0.0, gap_before[k])
             offset[k, 0] = room / (theta * dt) + (held_n / theta + (1.0 - theta) / theta * kept_n)
             offset[k, 1] = shift[k] / (theta * dt) + (held_t / theta + (1.0 - theta) / theta * kept_t)
         else:
             un = (gap[k] - gap_before[k]) / dt + held_n
             offset[k, 0] = un + newton_offset(e, un + kept_n)
             offset[k, 1] = shift[k] / dt + held_t
+
+
+@kernel
+def pulls_of_step(
+    frames: Frames, laws: Laws, adhesion: Floats, inverse: Floats, dt: float, touching: float, out: Floats
+) -> None:
+    """Forces [N], shape (c,), by which contacts attract in a step beside the forces ``r`` of its problem: they act with ``p - out``.
+
+    A rigid contact that is closed at the step's start, its gap at most ``touching``, has its ``adhesion`` (of a law row): then
+    ``p >= 0`` of the problem is ``fn >= -adhesion`` and the cone is that of ``fn + adhesion``. A dashpot that may pull has ``c d_0/dt``.
+    """
+    for k in range(frames.row.shape[0]):
+        law = frames.row[k]
+        out[k] = adhesion[law] if frames.gap_before[k] <= touching else 0.0
+        if laws.viscous_pull[law]:
+            out[k] = damping_of_step(k, frames, laws, inverse, dt) * max(0.0, -frames.gap_before[k])
+
+
+@kernel
+def note_losses(
+    frames: Frames,
+    laws: Laws,
+    bodies: Bodies,
+    steady: Floats,
+    start: Start,
+    v: Floats,
+    dx: Floats,
+    r: Floats,
+    shear_0: Floats,
+    spring: Floats,
+    dt: float,
+    theta: float,
+    losses: Floats,
+) -> None:
+    """Add what a step lost and was fed to ``losses``, channel by channel.
+
+    With the mean velocity ``v_m``, ``dv = v_1 - v_0`` and ``dx/dt = v_m + (theta - 1/2) dv`` the momentum balance gives::
+
+        Delta T = dt v_m.(f - xi M dx/dt + H' r)
+
+    - Loads: ``dt v_m.f = f.dx - (theta - 1/2) dt dv.f``; ``f.dx`` is the work of gravity (`steady`) and of the other forces.
+    - Global damping: ``xi dt (dx/dt).M (dx/dt)`` is lost; the rest is ``(theta - 1/2) xi dt dv.M (dx/dt)``.
+    - Rigid contacts: impulses times mean contact velocities. Where the work is negative it is lost, of p in an impact, of q by friction.
+    - Elastic contacts: ``r.(H dx) - (theta - 1/2) dt r.(H dv)``. With the spring's overlaps ``a_0`` of the step's start and ``a_1`` of its
+      end, ``p = kn a_1 + p_d`` and ``d_n = Delta_n + a_1 - a_0``, 0 in a contact that stays closed under Coulomb's law,
+      ``p Delta_n = -Delta(kn a^2/2) - kn (a_1 - a_0)^2/2 - p_d (a_1 - a_0) + p d_n``: the spring's energy, the scheme's damping, the
+      dashpot's loss ``p_d (a_1 - a_0) >= 0``, and what a force that is the same all through the step does before the contact closes. In
+      the same way ``q Delta_t`` with ``s = q/ks``; ``-q d_t >= 0`` is lost by friction.
+
+    Everything with ``theta - 1/2``, the squares of the springs' increments, ``-p d_n``, positive work of rigid contacts (as a negative
+    loss) and the energy of springs that were stretched at the end of the last step and are not, or less, at the start of this one
+    (contacts turn, dilate, open) are the scheme's. What is prescribed has no balance: bodies that are held get the work of what holds
+    them, the walls' is counted elsewhere.
+
+    Parameters
+    ----------
+    frames, laws, bodies, start
+        Of the step.
+    steady : ndarray, shape (b, 3)
+        Loads of gravity.
+    v, dx : ndarray, shape (b, 3)
+        Velocities at the end of the step, 0 where prescribed, and displacements.
+    r : ndarray, shape (c, 2)
+        Forces that act [N].
+    shear_0, spring : ndarray, shape (c,)
+        Shear forces at the start of the step, and normal forces of the springs at its end [N].
+    dt, theta : float
+    losses : ndarray, shape (8,)
+        Updated.
+    """
+    ahead = theta - 0.5
+    for i in range(v.shape[0]):
+        for d in range(3):
+            load, way = bodies.load[i, d], dx[i, d]
+            losses[FORCE_WORK] += (load - steady[i, d]) * way
+            if bodies.free[i, d]:
+                rate, change = way / dt, v[i, d] - start.kept[i, d]
+                drag = bodies.xi * bodies.mass[i, d] * rate
+                losses[DAMPING] += drag * way
+                losses[SCHEME] += ahead * dt * change * (load - drag)
+            else:
+                losses[HELD_WORK] -= load * way
+    stored = 0.0
+    losses[SCHEME] += losses[STORED]
+    for k in range(frames.row.shape[0]):
+        law, p, q = frames.row[k], r[k, 0], r[k, 1]
+        held_n, held_t = contact_velocity(k, frames.bodies, frames.normal, frames.arms, start.prescribed)
+        n_0, t_0 = contact_velocity(k, frames.bodies, frames.normal, frames.arms, start.kept)
+        n_1, t_1 = contact_velocity(k, frames.bodies, frames.normal, frames.arms, v)
+        given_n = frames.gap[k] - frames.gap_before[k] + dt * held_n
+        given_t = frames.shift[k] + dt * held_t
+        losses[HELD_WORK] -= dt * (p * held_n + q * held_t)
+        if not laws.elastic[law]:
+            work_n = p * (given_n + 0.5 * dt * (n_0 + n_1))
+            work_t = q * (given_t + 0.5 * dt * (t_0 + t_1))
+            losses[IMPACT] += max(0.0, -work_n)
+            losses[FRICTION] += max(0.0, -work_t)
+            losses[SCHEME] -= max(0.0, work_n) + max(0.0, work_t)
+            continue
+        kn, ks = laws.kn[law], laws.ks[law]
+        losses[SCHEME] += ahead * dt * (p * (n_1 - n_0) + q * (t_1 - t_0))
+        opening = given_n + dt * (theta * n_1 + (1.0 - theta) * n_0)
+        slip = given_t + dt * (theta * t_1 + (1.0 - theta) * t_0)
+        a_0, a_1 = max(0.0, -frames.gap_before[k]), spring[k] / kn
+        losses[DASHPOT] += (p - spring[k]) * (a_1 - a_0)
+        losses[SCHEME] += 0.5 * kn * ((a_1 - a_0) ** 2 - a_0 * a_0) - p * (opening + a_1 - a_0)
+        stored += 0.5 * kn * a_1 * a_1
+        if ks > 0.0:
+            s_0, s_1 = shear_0[k] / ks, q / ks
+            losses[FRICTION] -= q * (slip + s_1 - s_0)
+            losses[SCHEME] += 0.5 * ks * ((s_1 - s_0) ** 2 - s_0 * s_0)
+            stored += 0.5 * ks * s_1 * s_1
+    losses[STORED] = stored
 
 
 @kernel
@@ -379,17 +555,24 @@ def note_impact_work(
 
 
 @kernel
-def carry_shear(
+def carry_springs(
     frames: Frames,
     x: Floats,
     before: Floats,
     after: Floats,
     dx: Floats,
     laws: Laws,
+    inverse: Floats,
+    dt: float,
     forces: Floats,
+    spring: Floats,
     shear: Floats,
 ) -> None:
-    """Shear forces with which the next step begins, shape (c,), from those of the step that was solved, (c, 2); x and dx are its own.
+    """What of the forces of the step that was solved, (c, 2), is the normal springs', shape (c,), and the shear forces with which the
+    next step begins, (c,); x and dx are the step's own.
+
+    A normal force less its dashpot's share (`dynamic_terms`) is the spring's. Where none acts although bodies still overlap, the spring
+    has the force of the overlap.
 
     The program of a step has the slip ``s_0 = shift + H_t dx`` along the tangent of its start, which is of first order and drifts along
     closed paths. With ``dx`` known, the spring's own slip is that along the tangent of the middle of the step, ``s_m``: with a and b the
@@ -403,7 +586,18 @@ def carry_shear(
     normal, arms, gap_before, shift = frames.normal, frames.arms, frames.gap_before, frames.shift
     for k in range(pairs.shape[0]):
         law, i, j = row[k], pairs[k, 0], pairs[k, 1]
-        shear[k] = forces[k, 1]
+        spring[k], shear[k] = forces[k, 0], forces[k, 1]
+        if laws.beta[law] > 0.0 and laws.elastic[law]:
+            viscous, opening = (
+                damping_of_step(k, frames, laws, inverse, dt),
+                contact_velocity(k, bodies, normal, arms, dx)[0],
+            )
+            if forces[k, 0] > 0.0:
+                kept = 0.0 if laws.viscous_pull[law] else viscous * max(0.0, -gap_before[k])
+                overlap = (forces[k, 0] + kept) / (laws.kn[law] + viscous)
+            else:
+                overlap = max(0.0, -frames.gap[k] - opening)
+            spring[k] = laws.kn[law] * overlap
         if not (laws.elastic[law] and laws.slip_middle[law]) or laws.ks[law] == 0.0 or laws.mu[law] == 0.0:
             continue
         nx, ny = normal[k, 0], normal[k, 1]

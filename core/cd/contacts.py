@@ -61,13 +61,13 @@ class Place:
         return wall_displacement(self.x, self.before, self.after)
 
 
-def empty_frames(pairs: IntArray, n: int) -> Frames:
+def empty_frames(pairs: IntArray, n: int, laws: LawTable) -> Frames:
     """Frames of pairs of n disks and of walls, that are yet to be measured."""
     c, disk = len(pairs), pairs < n
     return Frames(
         pairs=pairs,
         bodies=np.where(disk, pairs, -1).astype(np.int32),
-        row=np.where(disk[:, 1], 0, pairs[:, 1] - n + 1),
+        row=laws.rows(pairs),
         normal=np.empty((c, 2)),
         gap=np.empty(c),
         gap_before=np.empty(c),
@@ -103,7 +103,7 @@ def contact_frames(
     NonFiniteStateError
         If the centres of two disks coincide: their contact has no normal.
     """
-    frames = empty_frames(pairs, len(x))
+    frames = empty_frames(pairs, len(x), laws)
     same = measure_frames(x, radius, before, after, laws.arrays, frames)
     if same >= 0:
         (i, j), (px, py) = pairs[same], x[pairs[same, 0], :2]
@@ -197,8 +197,9 @@ class GrainFrames:
 
     def _features_of(self, place: Place, at_walls: IntArray, between: IntArray, reach: float) -> Meetings:
         elastic = self._laws.elastic
-        of, rows = self._features.of_pairs(place.x, place.angle, between, reach, deep=bool(elastic[0]))
-        deep = elastic[at_walls[:, 1] - self._n + 1]
+        deep = elastic[self._laws.rows(between)]
+        of, rows = self._features.of_pairs(place.x, place.angle, between, reach, deep=deep)
+        deep = elastic[self._laws.rows(at_walls)]
         of_wall, more = self._features.of_walls(place.x, place.angle, at_walls, place.after, reach, deep=deep)
         first, second, normal, gap, at = _joined(rows, more)
         pairs = np.concatenate([between[of], at_walls[of_wall]])
@@ -228,14 +229,15 @@ class GrainFrames:
     def _chords(self, place: Place, at_walls: IntArray, between: IntArray) -> tuple[IntArray, ContactRows]:
         """Contacts across chords, and their pairs in ascending order."""
         x, angle, radius = place.x, place.angle, place.radius
-        close = between[:0]
-        if self._laws.elastic[0]:
-            apart = np.hypot(*(x[between[:, 1]] - x[between[:, 0]]).T)
-            close = between[apart < radius[between[:, 0]] + radius[between[:, 1]]]
+        close = between[self._laws.elastic[self._laws.rows(between)]]
+        if len(close):
+            apart = np.hypot(*(x[close[:, 1]] - x[close[:, 0]]).T)
+            close = close[apart < radius[close[:, 0]] + radius[close[:, 1]]]
         of, rows = self._grains.pair_contacts(x, angle, close)
         pairs = close[of]
-        for w in np.flatnonzero(self._laws.elastic[1:]):
-            wall, mine = place.after[w], at_walls[at_walls[:, 1] == self._n + w]
+        soft = at_walls[self._laws.elastic[self._laws.rows(at_walls)]]
+        for w in np.unique(soft[:, 1]) - self._n:
+            wall, mine = place.after[w], soft[soft[:, 1] == self._n + w]
             mine = mine[(x[mine[:, 0]] - wall[0:2]) @ wall[2:4] < radius[mine[:, 0]]]
             if len(mine):
                 some = self._grains.chosen(mine[:, 0])
@@ -247,7 +249,7 @@ class GrainFrames:
 
     def _complete(self, place: Place, at_walls: IntArray, reach: float, meetings: Meetings) -> Frames:
         pairs, first, second, tip, normal, gap, at = meetings
-        frames = empty_frames(pairs, self._n)._replace(normal=normal, gap=gap, place=at)
+        frames = empty_frames(pairs, self._n, self._laws)._replace(normal=normal, gap=gap, place=at)
         complete_frames(place.x, first, second, tip, place.before, place.after, self._laws.arrays, frames)
         turned = np.any(place.before[:, 2:4] != place.after[:, 2:4], axis=1)
         if turned.any():
@@ -288,50 +290,71 @@ class ContactMemory:
         Places on both outlines, 0 on disks and walls.
     shear : ndarray, shape (c,), optional
         Shear forces with which the next step begins [N]; None: those of the last one.
+    spring : ndarray, shape (c,), optional
+        Forces of the normal springs, without dashpots [N]; None: the normal forces.
+    pull : ndarray, shape (c,), optional
+        Attraction beside ``forces``, which are those of the step's problem [N]; None: none.
 
     Attributes
     ----------
     keys : ndarray of int64, shape (c,)
         One number for each pair, ascending.
+    acting : ndarray, shape (c, 2)
+        Forces that act on the bodies [N].
     """
 
     def __init__(
-        self, n_bodies: int, pairs: IntArray, forces: FloatArray, places: FloatArray, shear: FloatArray | None = None
+        self,
+        n_bodies: int,
+        pairs: IntArray,
+        forces: FloatArray,
+        places: FloatArray,
+        shear: FloatArray | None = None,
+        spring: FloatArray | None = None,
+        pull: FloatArray | None = None,
     ) -> None:
         self._n = n_bodies
         self.pairs, self.forces, self.places = pairs, forces, places
         self.shear = forces[:, 1] if shear is None else shear
+        self.spring = forces[:, 0] if spring is None else spring
+        self.acting = forces if pull is None else np.column_stack([forces[:, 0] - pull, forces[:, 1]])
         self.keys = self.keys_of(pairs)
 
     def keys_of(self, pairs: IntArray) -> IntArray:
         """One number for each pair, in the order of the pairs."""
         return np.asarray(pairs[:, 0] * self._n + pairs[:, 1])
 
-    def of(self, pairs: IntArray) -> FloatArray:
-        """Forces of these pairs of disks and walls, shape (c, 2); 0 where there was no contact."""
+    def of(self, pairs: IntArray, *, acting: bool = False) -> FloatArray:
+        """Forces of these pairs of disks and walls, of the problem or acting, shape (c, 2); 0 where there was no contact."""
         found = np.zeros((len(pairs), 2))
         if len(self.keys) and len(pairs):
             keys = self.keys_of(pairs)
             at = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
             known = self.keys[at] == keys
-            found[known] = self.forces[at[known]]
+            found[known] = (self.acting if acting else self.forces)[at[known]]
         return found
 
     def sums(self, pairs: IntArray) -> FloatArray:
-        """Sums of the forces of all contacts of each of these pairs, shape (c, 2)."""
+        """Sums of the acting forces of all contacts of each of these pairs, shape (c, 2)."""
         keys = self.keys_of(pairs)
         begin, end = (np.searchsorted(self.keys, keys, side) for side in ("left", "right"))
-        return np.array([self.forces[i:j].sum(axis=0) for i, j in zip(begin, end, strict=True)]).reshape(len(pairs), 2)
+        return np.array([self.acting[i:j].sum(axis=0) for i, j in zip(begin, end, strict=True)]).reshape(len(pairs), 2)
 
     def same(self, pairs: IntArray, others: IntArray) -> NDArray[np.bool_]:
         """Which of the pairs are among the others, shape (c,)."""
         return np.isin(self.keys_of(pairs), self.keys_of(others))
 
     def renewed(
-        self, pairs: IntArray, forces: FloatArray, places: FloatArray, shear: FloatArray | None = None
+        self,
+        pairs: IntArray,
+        forces: FloatArray,
+        places: FloatArray,
+        shear: FloatArray | None = None,
+        spring: FloatArray | None = None,
+        pull: FloatArray | None = None,
     ) -> ContactMemory:
         """Memory of the next step."""
-        return ContactMemory(self._n, pairs, forces, places, shear)
+        return ContactMemory(self._n, pairs, forces, places, shear, spring, pull)
 
     def springs(self) -> ContactMemory:
         """The same with the shear forces with which the next step begins."""

@@ -1,4 +1,4 @@
-"""Contact laws as columns, one row for disk-disk contacts and one a wall; and corners where Newton's law can have no solution."""
+"""Contact laws as columns, one row a law; and corners where Newton's law can have no solution."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from math import acos, atan, degrees, pi
 
 import numpy as np
 
+from ninedisk.core.array_types import IntArray
 from ninedisk.core.cd.contact_kernels import Laws
 from ninedisk.core.cd.settings import ContactKind
 from ninedisk.core.errors import InvalidSceneError
@@ -18,7 +19,7 @@ ADVICE = "use impact = 'theta', with which a solution always exists, or a restit
 
 
 class LawTable:
-    """Laws of a scene; row 0 is the disk-disk law, row ``1 + w`` that of wall w.
+    """Laws of a scene, in l rows: row 0 is the disk-disk law, row ``1 + w`` that of wall w, the others those of `Scene.laws`.
 
     Parameters
     ----------
@@ -29,37 +30,56 @@ class LawTable:
 
     Attributes
     ----------
-    kn, ks : ndarray, shape (1 + m,)
-        Stiffness [N/m].
-    mu : ndarray, shape (1 + m,)
-        Friction coefficient; 0 where an elastic contact has no shear stiffness and thus carries no shear force.
-    elastic : ndarray of bool, shape (1 + m,)
-    restitution : ndarray, shape (1 + m,)
+    kn, ks : ndarray, shape (l,)
+        Stiffness [N/m]: with cohesion that of spring and attraction together, ``kn - cohesion``.
+    mu : ndarray, shape (l,)
+        Friction coefficient; 0 where an elastic contact has no shear stiffness and thus carries no shear force. With cohesion it is
+        ``mu kn/(kn - cohesion)``: friction sees ``kn overlap``, and the problem's normal force is ``(kn - cohesion) overlap``.
+    beta : ndarray, shape (l,)
+        Damping ratio of the dashpots, of the stiffness in ``kn``; 0 where the contact is rigid.
+    adhesion : ndarray, shape (l,)
+        Pull [N] that a rigid contact takes.
+    pulls : bool
+        Whether any contact can pull.
+    elastic, used : ndarray of bool, shape (l,)
+        Which are elastic; which are those of `Scene.laws_in_use`.
+    restitution : ndarray, shape (l,)
         Newton's coefficient; NaN where the theta scheme (or the contact's elasticity) decides.
     newton : bool
         Whether any contact obeys Newton's law.
-    arm_overlap, wall_mid : ndarray, shape (1 + m,)
+    arm_overlap, wall_mid : ndarray, shape (l,)
         1 where the lever arm is R - overlap/2, and where a wall's motion is taken in the middle of the overlap; else 0.
-    slip_middle : ndarray of bool, shape (1 + m,)
+    slip_middle : ndarray of bool, shape (l,)
         Whether a shear spring's slip is that of the middle of the step; else it is that of the step's program, at its start.
+    viscous_pull : ndarray of bool, shape (l,)
+        Whether the dashpot may pull, as it does beside cohesion.
     arrays : Laws
         All of these, as the kernels read them.
 
     Raises
     ------
     InvalidSceneError
-        If a rigid contact is to obey Newton's law but its restitution is not given, or an elastic one has a dashpot or another
-        lever arm for the torque than for the slip; or if a law is that of the common area.
+        If a rigid contact is to obey Newton's law but its restitution is not given; if an elastic one has another lever arm for the
+        torque than for the slip, or adhesion, or cohesion with dashpot and friction; if a rigid one has cohesion; or if a law is that
+        of the common area.
     """
 
     def __init__(self, scene: Scene, numerics: Numerics, contacts: ContactKind) -> None:
-        laws = [scene.disk_disk, *(wall.law for wall in scene.walls)]
+        laws = [scene.disk_disk, *(wall.law for wall in scene.walls), *scene.laws.values()]
         names = ["disks", *(f"wall {wall.name!r}" for wall in scene.walls)]
-        used = [len(scene.disks) > 1] + [True] * len(scene.walls)
+        names += [f"{one!r} and {other!r}" for one, other in scene.laws]
+        self.used = used = np.array([len(scene.disks) > 1] + [True] * (len(laws) - 1))
+        self._n, self._of_materials = len(scene.disks), rows_of_materials(scene)
         self.elastic = np.array([_is_elastic(law, contacts) for law in laws])
-        self.kn = np.array([law.kn for law in laws])
+        self.kn = np.array([law.kn - law.cohesion for law in laws])
+        stiffer = np.array([law.kn for law in laws]) / self.kn
         self.ks = np.array([law.ks for law in laws])
         self.mu = np.array([law.mu for law in laws])
+        self.mu = np.where(stiffer > 1.0, self.mu * stiffer, self.mu)
+        self.beta = np.where(self.elastic, [law.beta for law in laws], 0.0) * np.sqrt(stiffer)
+        self.adhesion = np.where(used, [law.adhesion for law in laws], 0.0)
+        self.viscous_pull = (stiffer > 1.0) & (self.beta > 0.0)
+        self.pulls = bool((self.adhesion > 0.0).any() or (self.viscous_pull & used).any())
         self.mu[self.elastic & (self.ks == 0.0)] = 0.0
         self.arm_overlap = np.array([float(law.lever_arm == "overlap") for law in laws])
         self.wall_mid = np.array([float(law.wall_velocity_at == "mid-overlap") for law in laws])
@@ -71,10 +91,10 @@ class LawTable:
                     f"the law of {names[k]} has contact = 'area', which contact dynamics does not have: use 'chord', or the DEM "
                     "(method = 'dem')"
                 )
-            if self.elastic[k] and law.beta > 0.0 and used[k]:
+            wrong, way_out = sticking_wrongly(law, bool(self.elastic[k]), float(self.mu[k]))
+            if wrong and used[k]:
                 raise InvalidSceneError(
-                    f"the law of {names[k]} has a dashpot (beta = {law.beta:g}), which contact dynamics does not have: use "
-                    "beta = 0, or make the contact rigid with a restitution (cd.contacts = rigid)"
+                    f"the law of {names[k]} has {wrong}, which contact dynamics does not have: {way_out}"
                 )
             if law.lever_arm == "torque-overlap" and self.elastic[k] and self.mu[k] > 0.0 and used[k]:
                 raise InvalidSceneError(
@@ -90,8 +110,59 @@ class LawTable:
                 self.restitution[k] = law.restitution
         self.newton = bool(np.isfinite(self.restitution).any())
         self.arrays = Laws(
-            self.kn, self.ks, self.mu, self.elastic, self.restitution, self.arm_overlap, self.wall_mid, self.slip_middle
+            self.kn,
+            self.ks,
+            self.mu,
+            self.beta,
+            self.elastic,
+            self.restitution,
+            self.arm_overlap,
+            self.wall_mid,
+            self.slip_middle,
+            self.viscous_pull,
         )
+
+    def rows(self, pairs: IntArray) -> IntArray:
+        """Row of the law of each pair, shape (c,), of body numbers, shape (c, 2)."""
+        i, j = pairs.T
+        rows = np.where(j < self._n, 0, j - self._n + 1)
+        if self._of_materials is None:
+            return rows
+        kind, table = self._of_materials
+        found = table[kind[i], kind[j]]
+        return np.where(found < 0, rows, found)
+
+
+def rows_of_materials(scene: Scene) -> tuple[IntArray, IntArray] | None:
+    """Number of each body's material, shape (n + m,), and row of the law of two materials, shape (k, k), -1 where they have none."""
+    if not scene.laws:
+        return None
+    materials = (*scene.disks.material, *(wall.material for wall in scene.walls))
+    number = {name: k for k, name in enumerate(dict.fromkeys(materials))}
+    table = np.full((len(number), len(number)), -1)
+    for row, (one, other) in enumerate(scene.laws, 1 + len(scene.walls)):
+        table[number[one], number[other]] = table[number[other], number[one]] = row
+    return np.array([number[name] for name in materials]), table
+
+
+def sticking_wrongly(law: ContactLaw, elastic: bool, mu: float) -> tuple[str, str]:
+    """Which of a law's attractions contact dynamics does not have, and the way out; empty: it has them."""
+    if elastic and law.adhesion > 0.0:
+        return (
+            f"adhesion = {law.adhesion:g} and an elastic contact",
+            "leave the adhesion out, give a cohesion, or make the contact rigid (regularised, or cd.contacts = rigid)",
+        )
+    if not elastic and law.cohesion > 0.0:
+        return (
+            f"cohesion = {law.cohesion:g} and a rigid contact, which has no overlap",
+            "leave the cohesion out, give an adhesion, or make the contact elastic (cd.contacts = elastic)",
+        )
+    if law.cohesion > 0.0 and law.beta > 0.0 and mu > 0.0:
+        return (
+            f"cohesion = {law.cohesion:g}, friction and a dashpot (beta = {law.beta:g})",
+            "use beta = 0 or mu = 0, or the DEM (method = 'dem')",
+        )
+    return "", ""
 
 
 def _is_elastic(law: ContactLaw, contacts: ContactKind) -> bool:
@@ -121,14 +192,19 @@ def wedging_corners(scene: Scene, numerics: Numerics) -> list[str]:
     if numerics.impact != "newton" or numerics.regime != "dynamic":
         return []
     sentences = []
-    for one, two in combinations(scene.walls, 2):
+    n, disks = len(scene.disks), {material: i for i, material in enumerate(scene.disks.material)}
+    for (a, one), (b, two) in combinations(enumerate(scene.walls), 2):
         inner = one.normal[0] * two.normal[0] + one.normal[1] * two.normal[1]
         alpha = pi - acos(min(1.0, max(-1.0, inner)))
-        friction = atan(one.law.mu) + atan(two.law.mu)
-        bounces = max(one.law.restitution or 0.0, two.law.restitution or 0.0) > 0.0
-        if bounces and 1e-9 < alpha <= friction and one.law.mu > 0.0 and two.law.mu > 0.0:
+        for disk in disks.values():
+            laws = scene.law((disk, n + a)), scene.law((disk, n + b))
+            friction = atan(laws[0].mu) + atan(laws[1].mu)
+            bounces = max(law.restitution or 0.0 for law in laws) > 0.0
+            if not (bounces and 1e-9 < alpha <= friction and min(law.mu for law in laws) > 0.0):
+                continue
             sentences.append(
                 f"walls {one.name!r} and {two.name!r} meet at {degrees(alpha):.3g} degrees, no more than their angles of friction "
                 f"together ({degrees(friction):.3g}): Newton's restitution can have no solution for a disk that is wedged there; {ADVICE}"
             )
+            break
     return sentences

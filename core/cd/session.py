@@ -6,7 +6,7 @@ import copy
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NoReturn
 
@@ -16,14 +16,23 @@ from numpy.typing import NDArray
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.batch import StepBatches
 from ninedisk.core.cd.contact_kernels import (
+    DAMPING,
+    DASHPOT,
+    FORCE_WORK,
+    FRICTION,
     GAIN_I,
     GAIN_J,
     GAIN_LARGEST,
     GAIN_STEP,
     GAIN_STEPS,
     GAIN_TOTAL,
+    HELD_WORK,
+    IMPACT,
     MISSED,
+    SCHEME,
+    STORED,
     Frames,
+    place_loads,
     surface_displacement,
 )
 from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place
@@ -39,8 +48,9 @@ from ninedisk.core.cd.step import (
     StaticStep,
     Step,
     bodies_of,
-    carried_shear,
+    carried_springs,
     initial_forces,
+    loads_of,
     solve_with_contacts,
     zero_energy_modes,
 )
@@ -48,6 +58,7 @@ from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import (
     CoreError,
     InterruptedRunError,
+    InvalidNumericsError,
     InvalidSceneError,
     NoEquilibriumError,
     NonFiniteStateError,
@@ -78,8 +89,21 @@ ENERGIES = (
     "wall_work",
     "impact_gain",
 )
+"""Energies that are always sampled."""
 
-LACKS = ("materials", "forces on disks", "a periodic cell", "cohesion", "adhesion", "rolling resistance")
+BUDGET = {
+    "friction_loss": FRICTION,
+    "impact_loss": IMPACT,
+    "dashpot_loss": DASHPOT,
+    "damping_loss": DAMPING,
+    "scheme_loss": SCHEME,
+    "force_work": FORCE_WORK,
+    "held_work": HELD_WORK,
+}
+"""Energies that are sampled with `Numerics.energy_budget`, and where they are in the losses of `note_losses`. Kinetic, elastic and
+gravity's energy and all losses together grow by the works, to round-off."""
+
+LACKS = ("a periodic cell", "rolling resistance")
 """What scenes may ask for and contact dynamics lacks (`check_run`)."""
 
 
@@ -125,12 +149,17 @@ class CdSession:
         check_run(scene, numerics, "contact dynamics", LACKS)
         pairs, chosen = watched_pairs(scene, watch), chosen_particles(scene, particles)
         check_room(numerics, len(chosen), len(scene.walls), len(pairs))
+        if numerics.energy_budget and numerics.regime == "quasi-static":
+            raise InvalidNumericsError(
+                "energy_budget = True is not allowed with regime = 'quasi-static': a series of equilibria has no balance of energy; "
+                "leave it out, or run with inertia (regime = 'dynamic')"
+            )
         self.scene, self.numerics = scene, numerics
         self.settings = read_settings(numerics)
         disks, n = scene.disks, len(scene.disks)
         self._laws = LawTable(scene, numerics, self.settings.contacts)
         self.dt, self.substeps = self._own_step()
-        self._bodies = bodies_of(scene)
+        self._bodies, self._loads = bodies_of(scene), loads_of(scene)
         self._solver = ContactSolver(numerics.solver, self.settings.solver_options, numerics.sliding)
         self._finder = PairFinder(disks.radius, len(scene.walls), disks.fixed)
         self._motion = compile_motion(scene.walls)
@@ -138,7 +167,8 @@ class CdSession:
         self._x = np.column_stack([disks.x, np.zeros(n)])
         self._v = np.column_stack([disks.v, disks.omega])
         self._wall_work = 0.0
-        self._gains = np.zeros(6)
+        self._gains, self._losses = np.zeros(6), np.zeros(8)
+        self._notes = numerics.energy_budget
         self._step: Step | None = None
         self._done, self._remarked = 0, False
         self._stopped: CoreError | None = None
@@ -146,10 +176,13 @@ class CdSession:
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
         self._grains = self._grain_frames()
-        self._memory = initial_forces(scene, self._laws, self._finder, self._place(self._wall), self._grains)
+        seen = 0.0 if numerics.regime == "quasi-static" else self._bodies.inverse
+        place = self._place(self._wall)
+        self._memory = initial_forces(scene, self._laws, self._finder, place, self._grains, seen * np.ones(n))
         self._batches = self._batches_if_dynamic()
         self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen, self._grains)
-        self._recorder.sample(0, self._x, self._v, self._wall, self._memory, 0.0, 0.0)
+        self._recorder.sample(0, self._x, self._v, self._wall, self._memory, self._totals())
+        self._losses[STORED] = self._recorder.history.energy["elastic"][0]
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> History:
         """Run to the last step: from time 0, or from where the last call stopped, because the callback raised something for instance.
@@ -189,14 +222,18 @@ class CdSession:
                     reported = time.monotonic()
                     progress(self._done // self.substeps, steps)
             if self._done == step * self.substeps:
-                fed = float(self._gains[GAIN_TOTAL])
-                self._recorder.sample(step, self._x, self._v, self._wall, self._memory, self._wall_work, fed)
+                self._recorder.sample(step, self._x, self._v, self._wall, self._memory, self._totals())
         if progress is not None:
             progress(steps, steps)
         if not self._remarked:
             self._remark()
             self._remarked = True
         return self._recorder.history
+
+    def _totals(self) -> dict[str, float]:
+        """Energies that were fed and lost since time 0 [J]."""
+        totals = {"wall_work": self._wall_work, "impact_gain": float(self._gains[GAIN_TOTAL])}
+        return totals | ({name: float(self._losses[k]) for name, k in BUDGET.items()} if self._notes else {})
 
     def __copy__(self) -> CdSession:
         return copy.deepcopy(self)
@@ -255,6 +292,7 @@ class CdSession:
         after = wall_poses(self._motion, step * dt)
         place = self._place(after)
         static = self.numerics.regime == "quasi-static"
+        place_loads(self._loads, (step - 1) * dt, step * dt, static, self._bodies.load)
         self._step = self._static_step(place) if static else self._dynamic_step(place)
         margin = NEAR * float(radius.min()) if static else 0.0
         start = None if self._batches is None else self._batches.start
@@ -270,6 +308,10 @@ class CdSession:
             self._grains,
         )
         self._note(solved.result)
+        pull = self._step.pulls(frames) if self._laws.pulls else None
+        multipliers = solved.r
+        if pull is not None:
+            solved = solved._replace(r=multipliers - np.column_stack([pull, np.zeros(len(pull))]))
         if isinstance(self._step, DynamicStep) and self._laws.newton and self._solver.problem is not None:
             self._step.note_impacts(step, frames, solved, self._solver.problem.blocks, self._gains)
         if not np.isfinite(solved.dx).all():
@@ -278,10 +320,14 @@ class CdSession:
             )
         self._check_walls(self._x + solved.dx, after, step)
         self._wall_work += self._work_of_walls(frames, solved)
-        shear = carried_shear(frames, place, solved, self._laws)
+        rate = np.inf if static else dt  # the static limit has no rates
+        spring, shear = carried_springs(frames, place, solved._replace(r=multipliers), self._laws, self._bodies, rate)
+        if self._notes and isinstance(self._step, DynamicStep) and self._solver.problem is not None:
+            shear_0 = self._solver.problem.shear_0
+            self._step.note_losses(frames, solved, self._loads.steady, shear_0, spring, self._losses)
         self._x = self._x + solved.dx
         self._v = solved.dx / dt if static else solved.v
-        self._memory = self._memory.renewed(frames.pairs, solved.r, frames.place, shear)
+        self._memory = self._memory.renewed(frames.pairs, multipliers, frames.place, shear, spring, pull)
         self._wall = after
         self._frames = frames
 
@@ -318,11 +364,23 @@ class CdSession:
 
     def _batches_if_dynamic(self) -> StepBatches | None:
         """Takes steps of disks together where they are dynamic and begin with Gauss-Seidel."""
-        if self.numerics.regime == "quasi-static" or self._solver.sweeps == 0 or self._grains is not None:
+        static = self.numerics.regime == "quasi-static"
+        if static or self._solver.sweeps == 0 or self._grains is not None or self._laws.pulls:
             return None
         radius, theta = self.scene.disks.radius, self.numerics.theta
         return StepBatches(
-            self._bodies, self._laws, self._motion, radius, self._finder, self._solver, self.dt, theta, self._gains
+            self._bodies,
+            self._loads,
+            self._laws,
+            self._motion,
+            radius,
+            self._finder,
+            self._solver,
+            self.dt,
+            theta,
+            self._gains,
+            self._losses,
+            self._notes,
         )
 
     def _static_step(self, place: Place) -> StaticStep:
@@ -341,8 +399,7 @@ class CdSession:
 
     def _own_step(self) -> tuple[float, int]:
         numerics = self.numerics
-        used = self._laws.elastic[0 if len(self.scene.disks) > 1 else 1 :]
-        if numerics.contact_dt is None or not used.all():
+        if numerics.contact_dt is None or not self._laws.elastic[self._laws.used].all():
             return numerics.dt, 1
         return numerics.contact_dt, numerics.substeps(numerics.contact_dt)
 
@@ -428,8 +485,7 @@ class Recorder:
         self._scene, self._laws, self._chosen, self._grains = scene, laws, chosen, grains
         steps = numerics.sampled_steps()
         self._at = {int(step): row for row, step in enumerate(steps)}
-        used = laws.elastic if len(scene.disks) > 1 else laws.elastic[1:]
-        self.elastic = bool(used.all())
+        self.elastic = bool(laws.elastic[laws.used].all())
         history = History.empty(
             steps,
             np.multiply(steps, numerics.dt, dtype=np.float64),
@@ -437,7 +493,7 @@ class Recorder:
             n_walls=len(scene.walls),
             pairs=pairs,
             force_meaning="instantaneous" if self.elastic else "step-mean",
-            energies=ENERGIES,
+            energies=(*ENERGIES, *BUDGET) if numerics.energy_budget else ENERGIES,
         )
         self.history = History(**{**vars(history), "particles": tuple(int(i) for i in chosen)})
         self._pairs = np.array(pairs, dtype=np.int64).reshape(len(pairs), 2)
@@ -453,8 +509,7 @@ class Recorder:
         v: FloatArray,
         wall: FloatArray,
         memory: ContactMemory,
-        wall_work: float,
-        impact_gain: float,
+        totals: Mapping[str, float],
     ) -> None:
         """Write the state after ``step`` if it is a sampled one.
 
@@ -467,10 +522,8 @@ class Recorder:
             Walls at this time.
         memory : ContactMemory
             Contact forces of the step that ends here.
-        wall_work : float
-            Work of the walls on the disks since time 0 [J].
-        impact_gain : float
-            Energy that impacts under Newton's law fed since time 0 [J]: none without friction.
+        totals : mapping from name to float
+            Energies that were fed and lost since time 0 [J].
         """
         row = self._at.get(step)
         if row is None:
@@ -481,9 +534,9 @@ class Recorder:
         history.wall_point[row] = wall[:, 0:2]
         history.wall_angle[row] = np.arctan2(wall[:, 3], wall[:, 2])
         history.gap[row] = self._gaps(x, wall)
-        self._energies(row, x, v, memory, wall_work, impact_gain)
+        self._energies(row, x, v, memory, totals)
         if step > 0 or self.elastic:
-            forces = memory.of(self._pairs) if self._grains is None else memory.sums(self._pairs)
+            forces = memory.of(self._pairs, acting=True) if self._grains is None else memory.sums(self._pairs)
             history.fn[row], history.fs[row] = forces[:, 0], forces[:, 1]
             history.wall_force[row] = self._wall_forces(x, wall, memory)
 
@@ -505,19 +558,19 @@ class Recorder:
         total = np.zeros((len(wall), 2))
         of_wall = memory.pairs[:, 1] >= len(x)
         w = memory.pairs[of_wall, 1] - len(x)
-        p, q = memory.forces[of_wall].T
+        p, q = memory.acting[of_wall].T
         normal = -wall[w, 2:4]
         force = p[:, None] * normal - q[:, None] * np.column_stack([-normal[:, 1], normal[:, 0]])
         np.add.at(total, w, force)
         return total
 
     def _energies(
-        self, row: int, x: FloatArray, v: FloatArray, memory: ContactMemory, wall_work: float, impact_gain: float
+        self, row: int, x: FloatArray, v: FloatArray, memory: ContactMemory, totals: Mapping[str, float]
     ) -> None:
         disks, laws, energy = self._scene.disks, self._laws, self.history.energy
-        of = np.where(memory.pairs[:, 1] >= len(x), memory.pairs[:, 1] - len(x) + 1, 0)
+        of = laws.rows(memory.pairs)
         soft = laws.elastic[of]
-        p, q = memory.forces[soft].T
+        p, q = memory.spring[soft], memory.forces[soft, 1]
         kn, ks = laws.kn[of[soft]], laws.ks[of[soft]]
         shear = np.divide(q * q, ks, out=np.zeros_like(q), where=ks > 0.0)
         values = {
@@ -526,8 +579,7 @@ class Recorder:
             "elastic_normal": 0.5 * float((p * p / kn).sum()),
             "elastic_shear": 0.5 * float(shear.sum()),
             "gravity": -float((disks.mass * (x[:, :2] @ np.array(self._scene.gravity))).sum()),
-            "wall_work": wall_work,
-            "impact_gain": impact_gain,
+            **totals,
         }
         values["kinetic"] = values["translation"] + values["rotation"]
         values["elastic"] = values["elastic_normal"] + values["elastic_shear"]

@@ -18,12 +18,15 @@ from ninedisk.core.cd.contact_kernels import (
     NEARBY,
     Bodies,
     Frames,
+    Loads,
     Start,
-    carry_shear,
+    carry_springs,
     closing_gaps,
     contact_compliances,
     dynamic_terms,
     note_impact_work,
+    note_losses,
+    pulls_of_step,
     start_step,
     step_displacements,
     surface_displacement,
@@ -31,11 +34,12 @@ from ninedisk.core.cd.contact_kernels import (
 from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place, contact_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem, Sliding
-from ninedisk.core.cd.problem_kernels import contact_velocities
+from ninedisk.core.cd.problem_kernels import contact_forces_on_bodies, contact_velocities
 from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
+from ninedisk.core.motion_kernels import PIVOT_VX, PIVOT_VY, PIVOT_X, PIVOT_Y, TURN_RATE
 from ninedisk.core.scene import Scene
 
 TOUCHING = 1e-9
@@ -58,18 +62,35 @@ class Step(Protocol):
         """Displacements without contacts, shape (b, 3) [m], [m], [rad]."""
         ...
 
+    def pulls(self, frames: Frames) -> FloatArray:
+        """Attraction of each contact beside the forces of the problem, shape (c,) [N]: see `pulls_of_step`."""
+        ...
+
     def solve(self, frames: Frames, forces: FloatArray, start: FloatArray) -> Solved:
         """Solve with these contacts; ``forces`` are those of the last step, ``start`` a guess of the new ones, shape (c, 2)."""
         ...
 
 
 def bodies_of(scene: Scene) -> Bodies:
-    """The constant data of a scene's disks."""
+    """The data of a scene's disks, with the load of gravity."""
     disks = scene.disks
     mass = np.column_stack([disks.mass, disks.mass, disks.inertia])
+    inverse = np.where(disks.held.all(axis=1), 0.0, 1.0 / disks.mass)
     free = np.column_stack([~disks.held, disks.rotating])
     load = np.column_stack([disks.mass * scene.gravity[0], disks.mass * scene.gravity[1], np.zeros(len(disks))])
-    return Bodies(mass, free, load, scene.xi)
+    return Bodies(mass, inverse, free, load, scene.xi)
+
+
+def loads_of(scene: Scene) -> Loads:
+    """A scene's gravity and its forces on single disks."""
+    forces = scene.forces
+    return Loads(
+        steady=bodies_of(scene).load,
+        disk=np.array([force.disk for force in forces], dtype=np.int64),
+        force=np.array([(*force.force, force.torque) for force in forces]).reshape(len(forces), 3),
+        begin=np.array([force.begin for force in forces]),
+        end=np.array([force.end for force in forces]),
+    )
 
 
 def relative(frames: Frames, motion: FloatArray) -> FloatArray:
@@ -77,6 +98,13 @@ def relative(frames: Frames, motion: FloatArray) -> FloatArray:
     u = np.empty((frames.size, 2))
     contact_velocities(frames.bodies, frames.normal, frames.arms, motion, u)
     return u
+
+
+def pull_on_bodies(bodies: Bodies, frames: Frames, pull: FloatArray) -> FloatArray:
+    """Load on the bodies, shape (b, 3) [N], [N], [N m], of contacts that attract by ``pull``, shape (c,) [N]."""
+    load, r = np.empty(bodies.mass.shape), np.column_stack([-pull, np.zeros(len(pull))])
+    contact_forces_on_bodies(frames.bodies, frames.normal, frames.arms, bodies.free.astype(np.float64), r, load)
+    return load
 
 
 def dynamic_mass(bodies: Bodies, dt: float, theta: float) -> FloatArray:
@@ -167,12 +195,16 @@ class DynamicStep:
     def problem(self, frames: Frames, forces: FloatArray) -> ContactProblem:
         """The contact problem of the step, in velocities [m/s] and forces [N]."""
         offset, compliance = np.empty((frames.size, 2)), np.empty((frames.size, 2))
+        inverse, begin = self._bodies.inverse, self._start
         dynamic_terms(
-            frames, self._laws.arrays, self._start, self._dt, self._theta, self._round_off, offset, compliance
+            frames, self._laws.arrays, inverse, begin, self._dt, self._theta, self._round_off, offset, compliance
         )
+        force = self._start.force
+        if self._laws.pulls:
+            force = force + pull_on_bodies(self._bodies, frames, self.pulls(frames))
         return ContactProblem(
             mass=self._mass,
-            force=self._start.force,
+            force=force,
             bodies=frames.bodies,
             normal=frames.normal,
             arms=frames.arms,
@@ -188,6 +220,29 @@ class DynamicStep:
         result = self._solver.solve(self.problem(frames, forces), start, at_rest=self._at_rest)
         return Solved(self._displacement(result.v), result.v + self._start.prescribed, result.r, result)
 
+    def pulls(self, frames: Frames) -> FloatArray:
+        """Attraction of each contact beside the forces of the problem, shape (c,) [N]: see `pulls_of_step`."""
+        pull, laws = np.empty(frames.size), self._laws
+        touching = MISSED * self._round_off
+        pulls_of_step(frames, laws.arrays, laws.adhesion, self._bodies.inverse, self._dt, touching, pull)
+        return pull
+
+    def note_losses(
+        self,
+        frames: Frames,
+        solved: Solved,
+        steady: FloatArray,
+        shear_0: FloatArray,
+        spring: FloatArray,
+        losses: FloatArray,
+    ) -> None:
+        """Add to ``losses`` by the kernel of this name; ``solved`` has the forces that act."""
+        v = np.where(self._bodies.free, solved.v, 0.0)
+        laws, begin = self._laws.arrays, self._start
+        note_losses(
+            frames, laws, self._bodies, steady, begin, v, solved.dx, solved.r, shear_0, spring, self._dt, self._theta, losses
+        )  # fmt: skip
+
     def note_impacts(self, step: int, frames: Frames, solved: Solved, blocks: FloatArray, gains: FloatArray) -> None:
         """Add to ``gains`` the energy that impacts fed, by `note_impact_work`; ``blocks`` are the Delassus blocks, shape (c, 3)."""
         v = np.where(self._bodies.free, solved.v, 0.0)
@@ -202,11 +257,14 @@ class DynamicStep:
         return dx
 
 
-def carried_shear(frames: Frames, place: Place, solved: Solved, laws: LawTable) -> FloatArray:
-    """Shear forces with which the next step begins, shape (c,) [N]: see `carry_shear`."""
-    shear = np.empty(frames.size)
-    carry_shear(frames, place.x, place.before, place.after, solved.dx, laws.arrays, solved.r, shear)
-    return shear
+def carried_springs(
+    frames: Frames, place: Place, solved: Solved, laws: LawTable, bodies: Bodies, dt: float
+) -> tuple[FloatArray, FloatArray]:
+    """Forces of the normal springs and shear forces with which the next step begins, shape (c,) each [N]: see `carry_springs`."""
+    spring, shear, inverse = np.empty(frames.size), np.empty(frames.size), bodies.inverse
+    before, after, dx = place.before, place.after, solved.dx
+    carry_springs(frames, place.x, before, after, dx, laws.arrays, inverse, dt, solved.r, spring, shear)
+    return spring, shear
 
 
 def solve_with_contacts(
@@ -273,6 +331,8 @@ def solve_with_contacts(
     start, springs, iterations = memory if start is None else start, memory.springs(), 0
     # Under Newton's law a contact is one only once its gap closes; one with a stretched shear spring would hold on by it (associated rule).
     stretched = laws.elastic[frames.row] & (_forces(springs, frames, grains)[:, 1] != 0.0)
+    if laws.pulls:
+        inside |= step.pulls(frames) > 0.0
     inside |= start.same(frames.pairs, start.pairs) & np.isnan(laws.restitution[frames.row]) & ~stretched
     while True:
         chosen = frames.pick(inside)
@@ -313,9 +373,11 @@ def _among(frames: Frames, others: Frames) -> NDArray[np.bool_]:
 
 
 def initial_forces(
-    scene: Scene, laws: LawTable, finder: PairFinder, place: Place, grains: GrainFrames | None
+    scene: Scene, laws: LawTable, finder: PairFinder, place: Place, grains: GrainFrames | None, inverse: FloatArray
 ) -> ContactMemory:
-    """Forces at time 0: elastic contacts by their overlap and the scene's shear forces, rigid ones by nothing.
+    """Forces at time 0: elastic contacts by their overlap, its rate and the scene's shear forces, rigid ones by nothing.
+
+    ``inverse``, shape (n,), are the inverse masses that dashpots see (`Bodies`), 0 where there are no rates.
 
     A shear force of a pair that touches at several places belongs to the deepest contact. More than ``mu`` times the normal force
     is cut off to that, as the DEM does it: a contact cannot hold it.
@@ -341,7 +403,12 @@ def initial_forces(
             f"{names} overlap by {depth[k]:g} m and their contact is rigid: move them apart, or make it elastic "
             "(cd.contacts = elastic)"
         )
-    forces = np.column_stack([np.where(elastic, laws.kn[frames.row] * depth, 0.0), np.zeros(len(pairs))])
+    spring = np.where(elastic, laws.kn[frames.row] * depth, 0.0)
+    dashpots = initial_dashpots(scene, laws, place, frames, inverse)
+    push = np.where(spring > 0.0, np.maximum(spring + dashpots, 0.0), spring)
+    forces, pull = np.column_stack([push, np.zeros(len(pairs))]), None
+    if laws.pulls:
+        pull = np.where((spring > 0.0) & laws.viscous_pull[frames.row], np.maximum(-spring - dashpots, 0.0), 0.0)
     at = {(int(pairs[k, 0]), int(pairs[k, 1])): int(k) for k in np.argsort(depth, kind="stable")}
     for pair, shear in scene.initial_shear.items():
         if shear == 0.0:
@@ -355,7 +422,22 @@ def initial_forces(
             )
         most = laws.mu[frames.row[k]] * forces[k, 0]
         forces[k, 1] = min(max(shear, -most), most)
-    return ContactMemory(scene.n_bodies, pairs, forces, frames.place)
+    return ContactMemory(scene.n_bodies, pairs, forces, frames.place, spring=spring, pull=pull)
+
+
+def initial_dashpots(scene: Scene, laws: LawTable, place: Place, frames: Frames, inverse: FloatArray) -> FloatArray:
+    """Forces of the dashpots at time 0, shape (c,) [N], positive where contacts close."""
+    disks, i, j = scene.disks, *frames.pairs.T
+    of_wall = j >= len(disks)
+    inverse = inverse[i] + np.where(of_wall, 0.0, inverse[np.where(of_wall, 0, j)])
+    beta, kn = np.where(inverse > 0.0, laws.beta[frames.row], 0.0), laws.kn[frames.row]
+    opening = relative(frames, np.column_stack([disks.v, disks.omega]))[:, 0]
+    for k in np.flatnonzero(of_wall):
+        wall, inward = place.before[j[k] - len(disks)], -frames.normal[k]
+        foot = place.x[i[k]] - ((place.x[i[k]] - wall[:2]) @ inward) * inward
+        lever = foot - wall[[PIVOT_X, PIVOT_Y]]
+        opening[k] -= (wall[[PIVOT_VX, PIVOT_VY]] + wall[TURN_RATE] * np.array([-lever[1], lever[0]])) @ inward
+    return -2.0 * beta * np.sqrt(kn / np.where(inverse > 0.0, inverse, 1.0)) * opening
 
 
 WEIGHT = 1e-3
@@ -415,13 +497,23 @@ class StaticStep:
         """Displacements that are prescribed; no disk moves by itself."""
         return self._prescribed
 
+    def pulls(self, frames: Frames) -> FloatArray:
+        """Attraction of each contact beside the forces of the problem, shape (c,) [N]: see `pulls_of_step`."""
+        pull, laws = np.empty(frames.size), self._laws
+        touching, still = MISSED * self._round_off, np.zeros(len(self._radius))
+        pulls_of_step(frames, laws.arrays, laws.adhesion, still, 1.0, touching, pull)
+        return pull
+
     def problem(self, frames: Frames, forces: FloatArray, mass: FloatArray, near: FloatArray) -> ContactProblem:
         """Proximal problem around the displacements ``near``, in displacements [m] and forces [N]."""
         free, compliance = self._bodies.free, np.empty((frames.size, 2))
         contact_compliances(frames.row, self._laws.arrays, 1.0, compliance)
+        force = np.where(free, self._bodies.load + mass * near, 0.0)
+        if self._laws.pulls:
+            force += pull_on_bodies(self._bodies, frames, self.pulls(frames))
         return ContactProblem(
             mass=np.where(free, mass, np.inf),
-            force=np.where(free, self._bodies.load + mass * near, 0.0),
+            force=force,
             bodies=frames.bodies,
             normal=frames.normal,
             arms=frames.arms,

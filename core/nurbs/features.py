@@ -35,7 +35,13 @@ class NurbsFeatures:
         self._rows = feature_rows(64)
 
     def of_pairs(
-        self, x: FloatArray, angle: FloatArray, pairs: IntArray, reach: float, *, deep: bool = False
+        self,
+        x: FloatArray,
+        angle: FloatArray,
+        pairs: IntArray,
+        reach: float,
+        *,
+        deep: bool | NDArray[np.bool_] = False,
     ) -> tuple[IntArray, FeatureRows]:
         """Features of pairs of grains.
 
@@ -49,8 +55,8 @@ class NurbsFeatures:
             Grains i, j; normals point from i to j.
         reach : float
             Largest gap [m].
-        deep : bool
-            Whether pairs may overlap by more than features are followed; they have none.
+        deep : bool, or ndarray of bool, shape (k,)
+            Whether pairs, all or each, may overlap by more than features are followed; they have none.
 
         Returns
         -------
@@ -67,8 +73,8 @@ class NurbsFeatures:
         count = np.zeros(len(pairs), dtype=np.int64)
         arrays = (self.table, self.vertices, self.shape, x, turn, pairs, reach, count)
         total = self._listed(lambda: features_of_pairs(*arrays, self._rows), count)
-        if not deep:
-            self._refuse_lost(x, angle, pairs, count)
+        rigid = ~np.broadcast_to(deep, len(pairs))
+        self._refuse_lost(x, angle, pairs[rigid], count[rigid])
         return np.repeat(np.arange(len(pairs)), count), self._first(total)
 
     def _refuse_lost(self, x: FloatArray, angle: FloatArray, pairs: IntArray, count: IntArray) -> None:

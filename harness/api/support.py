@@ -121,14 +121,12 @@ def without_spring_preload(scene: Scene) -> Scene:
     """
     x = np.array(scene.disks.x)
     moved = False
-    for wall in scene.walls:
-        if not wall.law.regularised:
-            continue
+    for w, wall in enumerate(scene.walls, len(x)):
         normal = np.array(wall.normal)
         gap = (x - np.array(wall.point)) @ normal - _reach(scene, normal)
-        inside = gap < 0.0
+        inside = [i for i in np.flatnonzero(gap < 0.0).tolist() if scene.law((i, w)).regularised]
         x[inside] -= gap[inside, None] * normal
-        moved = moved or bool(inside.any())
+        moved = moved or bool(inside)
     shear = {pair: force for pair, force in scene.initial_shear.items() if not scene.law(pair).regularised}
     if not moved and len(shear) == len(scene.initial_shear):
         return scene

@@ -52,6 +52,7 @@ OWN: dict[str, dict[str, Any]] = {
     "ellipse_collision.gap_and_way": {"t": 0.0},
     "ellipse_contact.ellipse_overlap": {"one": ONE, "two": TWO},
     "normal_contact.normal_contact_central": {"planes": [Plane(1, np.zeros(11), np.zeros(11), 1e4)]},
+    "normal_contact.normal_contact_theta": {"planes": [Plane(1, np.zeros(11), np.zeros(11), 1e4)]},
     "rolling_grain.kinetic_of": {"spin": np.array([1.0, 2.0])},
     "rolling_incline.roll_down": {"rates": (1.0, 1.0, 1.0, 1.0, 1.0)},
     "prescribed_partner.struck_by_turning_wall": {"place": (0.5, 0.2)},

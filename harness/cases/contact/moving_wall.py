@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,12 @@ from ninedisk.harness.cases.common import where_observed
 from ninedisk.harness.cases.nine_disk.scene import DAMPING_FORM, NINE_DISK_CD, cd_settings
 from ninedisk.references.analytic.driven_contact import shaken_contact
 from ninedisk.references.analytic.spring_dashpot import contact_duration, contact_history
-from ninedisk.references.exact_steps.normal_contact import Plane, normal_contact_central
+from ninedisk.references.exact_steps.normal_contact import (
+    NormalSteps,
+    Plane,
+    normal_contact_central,
+    normal_contact_theta,
+)
 
 RADIUS, MASS = 0.5, 1.0
 PUSH_GAP, PUSH_SPEED = 0.06, 6.0
@@ -137,7 +143,7 @@ class MovingWall:
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
-        """Exact steps of central differences whose dashpots see ``v_n`` to second order; closed forms for all with contact springs."""
+        """Exact steps of the theta scheme and of central differences whose dashpots see ``v_n`` to second order; closed forms for all."""
         if params["regime"] == "quasi-static":
             return []
         found: list[Check] = []
@@ -149,7 +155,10 @@ class MovingWall:
             found.append(Check(quantity=name, expected=expected, atol=1e-14, **common))  # type: ignore[arg-type]
         exact = engine.scheme == "central-difference" and params["damping_form"] == "central"
         if exact and (params["beta"] == 0.0 or engine.second_order_dashpots):
-            found += _compared(params, observed, engine, _stepped(params, t), "exact-step", 0.0)
+            found += _compared(params, observed, engine, _stepped(params, t, normal_contact_central), "exact-step", 0.0)
+        elif engine.scheme == "theta":
+            steps = partial(normal_contact_theta, theta=params["theta"])
+            found += _compared(params, observed, engine, _stepped(params, t, steps), "exact-step", 0.0)
         continuous, relative = _continuous(params, t), _relative(params, engine)
         found += _compared(params, observed, engine, continuous, "analytic", relative)
         final = float(continuous["vy"][-1])
@@ -184,9 +193,9 @@ def _swing(params: Mapping[str, Any]) -> float:
     return swing * (1.0 + 2.0 * float(params["beta"]))
 
 
-def _stepped(params: Mapping[str, Any], t: FloatArray) -> dict[str, FloatArray]:
+def _stepped(params: Mapping[str, Any], t: FloatArray, scheme: Callable[..., NormalSteps]) -> dict[str, FloatArray]:
     place, rate = _wall(params, t)
-    steps = normal_contact_central(
+    steps = scheme(
         (Plane(1, place, rate, params["kn"], params["beta"]),), mass=MASS,
         g=0.0 if params["motion"] == "push" else GRAVITY, y=_start(params), vy=0.0, dt=params["dt"], n_steps=len(t) - 1,
     )  # fmt: skip
@@ -268,7 +277,7 @@ def _compared(
         "energy_kinetic": MASS * (largest + speed) * speed,
         "energy_elastic": params["kn"] * max((deepest + off) * off, (tail + touching) * touching),
     }  # fmt: skip
-    why, source = "round-off of the coordinates, added up", "central differences of one disk at a moving plane"
+    why, source = "round-off of the coordinates, added up", "the scheme's own steps of one disk at a moving plane"
     if relative:
         why = f"the scheme's step changes an oscillation by {relative:.2g} of its amplitude at most"
         source = "impact seen from the wall" if params["motion"] == "push" else "driven oscillator"

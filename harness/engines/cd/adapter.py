@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import ninedisk
-from ninedisk.core.cd.laws import wedging_corners
+from ninedisk.core.cd.laws import sticking_wrongly, wedging_corners
 from ninedisk.core.cd.settings import OPTIONS
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
@@ -22,10 +22,9 @@ from ninedisk.harness.api.support import (
 
 CAPABILITIES = (
     frozenset(Capability)
-    - EXTRAS
+    - (EXTRAS - {Capability.MATERIALS, Capability.BODY_FORCES, Capability.COHESION, Capability.ADHESION})
     - {
         Capability.AREA_CONTACT,
-        Capability.CONTACT_DAMPING,
         Capability.GLOBAL_DAMPING_LAGGED,
         Capability.LEVER_ARM_TORQUE,
         Capability.SLIP_END,
@@ -60,7 +59,7 @@ class CdEngine:
         )
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
-        """EXACT but for dashpots of contact springs, the lagged form of global damping, and a restitution that theta misses."""
+        """EXACT but for the lagged form of global damping and a restitution that theta misses."""
         notes: list[str] = []
         level = SupportLevel.EXACT
         if has_spring_preload(scene):
@@ -75,8 +74,10 @@ class CdEngine:
             missing -= OF_SLIP_AT
             level = SupportLevel.EQUIVALENT
             notes.append(NOTE_SLIP_AT)
-        if missing:
-            return Support(SupportLevel.NO, tuple(sorted(missing)), tuple(notes))
+        stuck = [sticking_wrongly(law, not law.regularised, law.shear_stiffness)[0] for law in scene.laws_in_use]
+        if missing or any(stuck):
+            refused = [f"a law with {wrong}" for wrong in stuck if wrong]
+            return Support(SupportLevel.NO, tuple(sorted(missing)), (*notes, *refused))
         if numerics.impact == "theta":
             scheme = (1.0 - numerics.theta) / numerics.theta
             asked = {law.restitution for law in scene.laws_in_use if law.regularised and law.restitution is not None}

@@ -62,8 +62,6 @@ def runs(case_id: str, engine: Engine, params: Mapping[str, Any]) -> bool:
     """Whether the engine can run the variant, and is no other engine than the variant is for."""
     if case_id == "row/pushed":
         return engine is CD or not set(params) & {"theta", "regime"}
-    if case_id == "contact/moving-wall":
-        return engine is DEM or not params["beta"]
     if case_id == "impact/held-disk":
         return engine is CD or params["partner"] == "fixed"
     if case_id == "strength/hexagonal":
