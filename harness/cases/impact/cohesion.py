@@ -126,16 +126,19 @@ class Cohesion:
         params: Mapping[str, Any],
         setup: Setup,
         observed: Observed,
-        engine: EngineInfo,  # noqa: ARG002
+        engine: EngineInfo,
     ) -> Sequence[Check]:
         """The oscillator, less what a step's entry and exit are late.
 
         Central differences of an undamped oscillator are off by ``phase^2/8`` in velocity and by ``omega t phase^2/24`` in phase. A
-        dashpot's force begins a step late, or ends so, and sees the velocity of half a step before: `phase_error` for entry and exit.
+        dashpot's force begins a step late, or ends so, and sees the velocity of half a step before: `phase_error` for entry and exit. An
+        implicit scheme damps the swing by ``(theta - 1/2) omega h`` in a radian, omega h at most with what its first order adds.
         """
         step, share, t = setup.numerics.contact_dt or setup.numerics.dt, params["share"], observed.t
         omega, z = math.sqrt(KN * (1.0 - share) / _mass(params)), params["beta"] / math.sqrt(1.0 - share)
         part = phase_error(omega * step, z, 2.0) + omega * float(t[-1]) * (omega * step) ** 2 / 24.0
+        if engine.contact != "spring":
+            part += omega * float(t[-1]) * omega * step
         speed = (part + 1e-12) * SPEED
         truth = _truth(params, t)
         overlap = speed / omega
