@@ -149,6 +149,15 @@ LISTS = (
             (STEP, _LIMIT, "limit = 0.5 * skin[0]")),
 )  # fmt: skip
 
+ROLLING = (
+    _kernel("rolling-reduced", "rolling resistance between disks has the first one's radius for the reduced one", "resist-pair",
+            (FORCES, "laws.reach[k] = torque_reach(law, ri * rj / (ri + rj))", "laws.reach[k] = torque_reach(law, ri)")),
+    _kernel("rolling-at-walls-sign", "rolling resistance at walls drives the disk", "resist-viscous",
+            (FORCES, "disks.torque[i] -= bending", "disks.torque[i] += bending")),
+    _kernel("rolling-uncapped", "rolling springs at walls never yield", "resist-spring",
+            (FORCES, "held = min(max(before + law[KR] * (slip_dt * turn), -limit), limit)", "held = before + law[KR] * (slip_dt * turn)")),
+)  # fmt: skip
+
 SORT_ALL = (("dem.arrays", "SORT_FROM = 2_000", "SORT_FROM = 1"), ("dem.arrays", "STRIPES = 64", "STRIPES = 4"))
 """Have every scene's disks sorted and divided into a few stripes, as only scenes of thousands of disks are: right in themselves."""
 
@@ -186,4 +195,4 @@ HOLES = tuple(
     )
 )  # fmt: skip
 
-DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *LISTS, *STRIPED, *HOLES)
+DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *ROLLING, *LISTS, *STRIPED, *HOLES)
