@@ -32,9 +32,9 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "contact/driven-wall": ALL,
     "impact/held-disk": ALL,
     "rolling/resistance": (DEM,),
-    "impact/cohesion": (DEM,),
-    "contact/materials": (PYMUNK, DEM),
-    "motion/forces": (PYMUNK, DEM),
+    "impact/cohesion": (CD, DEM),
+    "contact/materials": ALL,
+    "motion/forces": ALL,
 }
 LEAST = {
     "row/pushed": 7,
