@@ -115,7 +115,8 @@ REOPENED = (
     _kernel("history-kept", "contacts between disks that opened keep their shear force", "reopen-disks",
             (FORCES, "            shear[k] = fs\n", "            shear[k] = fs if overlap > 0.0 else shear[k]\n")),
     _kernel("history-kept-at-walls", "contacts with walls that opened keep their shear force", "reopen-wall",
-            (FORCES, "                pairs.shear[k] = 0.0\n                if laws", "                pairs.shear[k] *= 1.0\n                if laws")),
+            (FORCES, "                pairs.shear[k] = 0.0\n                if laws",
+             "                pairs.shear[k] *= 1.0\n                if laws")),
     _kernel("dashpot-of-walls", "dashpots at walls do not see the wall's own motion", "push-wall",
             (FORCES, "rate = (rate_x - spin * qy - dashpot_v[i, 0]) * ux + (rate_y + spin * qx - dashpot_v[i, 1]) * uy",
              "rate = -dashpot_v[i, 0] * ux - dashpot_v[i, 1] * uy")),
@@ -146,6 +147,15 @@ LISTS = (
             (STEP, _LIMIT, _LIMIT.replace("min(", "20.0 * min("))),
     _kernel("wall-unnoticed", "the lists do not notice that a wall comes closer", "push-wall",
             (STEP, _LIMIT, "return 0.5 * skin")),
+)  # fmt: skip
+
+ROLLING = (
+    _kernel("rolling-reduced", "rolling resistance between disks has the first one's radius for the reduced one", "resist-pair",
+            (FORCES, "laws.reach[k] = torque_reach(law, ri * rj / (ri + rj))", "laws.reach[k] = torque_reach(law, ri)")),
+    _kernel("rolling-at-walls-sign", "rolling resistance at walls drives the disk", "resist-viscous",
+            (FORCES, "disks.torque[i] -= bending", "disks.torque[i] += bending")),
+    _kernel("rolling-uncapped", "rolling springs at walls never yield", "resist-spring",
+            (FORCES, "held = min(max(before + law[KR] * (slip_dt * turn), -limit), limit)", "held = before + law[KR] * (slip_dt * turn)")),
 )  # fmt: skip
 
 SORT_ALL = (("dem.arrays", "SORT_FROM = 2_000", "SORT_FROM = 1"), ("dem.arrays", "STRIPES = 64", "STRIPES = 4"))
@@ -203,4 +213,4 @@ HOLES = tuple(
     )
 )  # fmt: skip
 
-DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *LISTS, *STRIPED, *CELLS, *HOLES)
+DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *ROLLING, *LISTS, *STRIPED, *CELLS, *HOLES)

@@ -14,7 +14,7 @@ from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
 from ninedisk.harness.selftest.declared import DECLARED
 from ninedisk.harness.selftest.defect import After, Before, Defect
 from ninedisk.harness.selftest.histories import changed, late, minus
-from ninedisk.harness.selftest.setups import with_disks, with_laws, with_motion
+from ninedisk.harness.selftest.setups import mixed, next_step, with_disks, with_laws, with_motion
 
 SLOP = 2e-3
 """Overlap [m] that contacts leave alone, or gap at which they are reported: some thousandths of a radius."""
@@ -119,6 +119,8 @@ SCENES: tuple[tuple[str, str, str, Before], ...] = (
     ("step-twice", "steps are twice as long as they say", "slide", _twice_the_step),
     ("fixed-moves", "disks that are held at rest move", "fixed", _scene(lambda scene: _released(scene, moving=False))),
     ("held-moves", "disks that are held at a velocity change it", "held", _scene(lambda scene: _released(scene, moving=True))),
+    ("materials-mixed", "the friction of two materials is a mean of theirs", "materials", _scene(mixed)),
+    ("forces-by-step", "forces on disks begin and end with a step", "forces", next_step),
 )  # fmt: skip
 """Name, what is wrong, witness, and what the engine sees in place of scene and numerics."""
 

@@ -97,7 +97,7 @@ def _rolling(**factors: float) -> Callable[[Scene], Scene]:
     return lambda scene: with_laws(scene, change)
 
 
-def _mixed(scene: Scene) -> Scene:
+def mixed(scene: Scene) -> Scene:
     """The friction of two unlike materials is the geometric mean of the means that each of them has with all."""
     names = sorted({name for pair in scene.laws for name in pair})
     mean = {name: np.mean([law.mu for pair, law in scene.laws.items() if name in pair]) for name in names}
@@ -106,7 +106,7 @@ def _mixed(scene: Scene) -> Scene:
     )
 
 
-def _next_step(scene: Scene, numerics: Numerics) -> tuple[Scene, Numerics]:
+def next_step(scene: Scene, numerics: Numerics) -> tuple[Scene, Numerics]:
     """Forces begin and end with the step in which they should."""
 
     def whole(time: float) -> float:
@@ -131,9 +131,9 @@ DEM = (
            lambda scene: with_laws(scene, lambda law: replace(law, cohesion=0.99 * law.cohesion))),
     _scene("dem", "materials-ignored", "materials are ignored: walls and disks have one law each", "materials",
            lambda scene: scene.replace(laws={})),
-    _scene("dem", "materials-mixed", "the friction of two materials is a mean of theirs", "materials", _mixed),
+    _scene("dem", "materials-mixed", "the friction of two materials is a mean of theirs", "materials", mixed),
     Defect(name="forces-by-step", engine="dem", kind="scene", what="forces begin and end with a step", witness="forces",
-           before=_next_step),
+           before=next_step),
     _scene("dem", "no-torques", "torques on disks are ignored", "forces",
            lambda scene: scene.replace(forces=tuple(replace(each, torque=0.0) for each in scene.forces))),
     _scene("dem", "grain-inertia", "grains have one part in a hundred too much inertia", "ovals", _heavier_grains),

@@ -36,9 +36,9 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "cell/lattice": (DEM,),
     "cell/shear": (DEM,),
     "rolling/resistance": (DEM,),
-    "impact/cohesion": (DEM,),
-    "contact/materials": (PYMUNK, DEM),
-    "motion/forces": (PYMUNK, DEM),
+    "impact/cohesion": (CD, DEM),
+    "contact/materials": ALL,
+    "motion/forces": ALL,
 }
 LEAST = {
     "row/pushed": 7,
