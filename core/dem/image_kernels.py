@@ -385,10 +385,10 @@ def image_forces(
     last = np.uint64(pairs.start[end])
     for low in range(np.uint64(pairs.start[begin]), last, chunk):
         high = min(low + chunk, last)
-        gather(disks, views, pairs, low, high, scratch)
+        gather(disks, views, pairs, None, low, high, scratch)
         gather_images(images, low, high, scratch)
         if extrapolated:
-            gather_dashpots(views, pairs, low, high, scratch)
+            gather_dashpots(disks, views, pairs, None, low, high, scratch)
             gather_image_dashpots(low, high, scratch)
             pair_forces_extrapolated(pairs, views.damping, law, None, None, slip_dt, 0.0, low, high, scratch)
         else:
