@@ -72,6 +72,7 @@ DEM_PANEL: dict[str, Probe] = {
     "resist-constant": Probe(RESIST, {"kn": 1e6}),
     "resist-viscous": Probe(RESIST, {"model": "viscous", "kn": 1e6}),
     "resist-spring": Probe(RESIST, {"model": "elastic-plastic", "kn": 1e6}),
+    "resist-pair": Probe(RESIST, {"plane": "pair", "kn": 1e6}),
     "hold-spring": Probe(RESIST, {"model": "elastic-plastic", "plane": "hold", "beta": 0.3, "kn": 1e6}),
     "cohesive": Probe(COHESION, {}),
     "cohesive-damped": Probe(COHESION, {"beta": 0.2}),
