@@ -180,11 +180,11 @@ def _shear_and_rolling(scene: Scene, kind: _Kind, kr: float, shear: FloatArray) 
     """
     turn, ks = _inverse_masses(scene)[1], kind.law.shear_stiffness
     rolling, both = kr * turn, np.sqrt(ks * kr) * scene.disks.radius * turn
-    if kind.second is None:
-        a, b, c = shear[kind.first], rolling[kind.first], both[kind.first]
-    else:
-        either = kind.first | kind.second
-        a, b, c = _largest(shear, kind), _largest(rolling, kind), np.ptp(both[either])
+    parts = [values[kind.first] for values in (shear, rolling, both)]
+    if kind.second is not None:
+        spread = np.ptp(both[kind.first | kind.second])
+        parts = [np.array([part]) for part in (_largest(shear, kind), _largest(rolling, kind), spread)]
+    a, b, c = parts
     return float(np.max(0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + c**2)))
 
 

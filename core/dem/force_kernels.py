@@ -151,7 +151,7 @@ def rolling_dashpot(law: NDArray[np.float64], inv_moment: float) -> float:
     """Coefficient of the dashpot of rolling resistance [N m s] ``2 beta sqrt(I kr)``, from ``1/I`` [1/(kg m^2)]."""
     if inv_moment == 0.0:
         return 0.0
-    return 2.0 * law[BEND_BETA] * sqrt(law[KR] / inv_moment)
+    return float(2.0 * law[BEND_BETA] * sqrt(law[KR] / inv_moment))
 
 
 @inline_kernel
@@ -164,7 +164,7 @@ def inverse_moment(radius: float, inv_mass: float, inv_inertia: float) -> float:
 def torque_reach(law: NDArray[np.float64], reduced: float) -> float:
     """Torque of rolling resistance over the repulsive force [m], over the spin as well if it is viscous; from the reduced radius [m]."""
     reach = law[BEND] * reduced
-    return reach * reduced if law[MODEL] == VISCOUS else reach
+    return float(reach * reduced if law[MODEL] == VISCOUS else reach)
 
 
 @inline_kernel
@@ -273,7 +273,7 @@ def wall_bending(
     if losses is not None:
         losses.contacts[stripe, ROLLING] += friction_loss(before, held, slip_dt * turn, law[KR])
         losses.contacts[stripe, ROLLING_DASHPOT] += loss_dt * damped * turn_now
-    return held + damped
+    return float(held + damped)
 
 
 @inline_kernel

@@ -140,7 +140,7 @@ def share_of_kick(loads: Loads, k: int, n: int, dt: float) -> float:
     first, last = max((n - 0.5) * dt, 0.0), (n + 0.5) * dt
     if loads.time[k, 0] <= first and loads.time[k, 1] >= last:
         return 1.0
-    return max(min(loads.time[k, 1], last) - max(loads.time[k, 0], first), 0.0) / (last - first)
+    return float(max(min(loads.time[k, 1], last) - max(loads.time[k, 0], first), 0.0) / (last - first))
 
 
 @inline_kernel

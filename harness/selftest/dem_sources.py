@@ -142,20 +142,35 @@ RETRACED = (
              "place_walls(motion, t, t_half, t_half, walls.middle)")),
 )  # fmt: skip
 
+OPTIONS = (
+    _kernel("rolling-sign-at-walls", "walls turn disks on instead of holding them back", "resist-constant",
+            (FORCES, "disks.torque[i] -= bending", "disks.torque[i] += bending")),
+    _kernel("rolling-one-body", "rolling resistance acts on one disk of a pair", "resist-pair",
+            (FORCES, "on_j += scratch[BENDING + q]", "on_j += 0.0 * scratch[BENDING + q]")),
+    _kernel("rolling-first-radius", "rolling resistance between disks has the first one's radius for the reduced one", "resist-pair",
+            (FORCES, "torque_reach(law, ri * rj / (ri + rj))", "torque_reach(law, ri)")),
+    _kernel("rolling-history-lost", "rolling springs at walls are lost when the neighbour lists are rebuilt", "resist-spring",
+            (SEARCH, "new.bending[m] = scratch[listed[new.other[m]]]", "new.bending[m] = 0.0 * scratch[listed[new.other[m]]]")),
+    _kernel("rolling-limit", "rolling springs have half their limit", "resist-spring",
+            (FORCES, "limit = torque_reach(law, disks.radius[i]) * repulsive",
+             "limit = 0.5 * torque_reach(law, disks.radius[i]) * repulsive")),
+    _kernel("cohesion-clipped", "dashpots do not pull in spite of cohesion", "cohesive-damped",
+            (FORCES, "if cohesion == 0.0:\n            force = max(force, 0.0)",
+             "if cohesion >= 0.0:\n            force = max(force, 0.0)")),
+    _kernel("material-of-the-first", "all disks have the first material at walls", "materials",
+            (FORCES, "laws.of_wall[w, laws.material[disks.name[i]]]", "laws.of_wall[w, 0 * disks.name[i]]")),
+    _kernel("force-at-the-instant", "forces on disks are those at the step's time, not their mean over it", "forces",
+            (STEP, "return float(max(min(loads.time[k, 1], last) - max(loads.time[k, 0], first), 0.0) / (last - first))",
+             "return 1.0 if loads.time[k, 0] <= n * dt < loads.time[k, 1] else 0.0")),
+    _kernel("rolling-uncapped", "rolling springs at walls never yield", "resist-spring",
+            (FORCES, "held = min(max(before + law[KR] * (slip_dt * turn), -limit), limit)", "held = before + law[KR] * (slip_dt * turn)")),
+)  # fmt: skip
+
 LISTS = (
     _kernel("skin-too-generous", "disks may move twenty times as far as the skin allows before the lists are rebuilt", "hit-near",
             (STEP, _LIMIT, _LIMIT.replace("min(", "20.0 * min("))),
     _kernel("wall-unnoticed", "the lists do not notice that a wall comes closer", "push-wall",
             (STEP, _LIMIT, "return 0.5 * skin")),
-)  # fmt: skip
-
-ROLLING = (
-    _kernel("rolling-reduced", "rolling resistance between disks has the first one's radius for the reduced one", "resist-pair",
-            (FORCES, "laws.reach[k] = torque_reach(law, ri * rj / (ri + rj))", "laws.reach[k] = torque_reach(law, ri)")),
-    _kernel("rolling-at-walls-sign", "rolling resistance at walls drives the disk", "resist-viscous",
-            (FORCES, "disks.torque[i] -= bending", "disks.torque[i] += bending")),
-    _kernel("rolling-uncapped", "rolling springs at walls never yield", "resist-spring",
-            (FORCES, "held = min(max(before + law[KR] * (slip_dt * turn), -limit), limit)", "held = before + law[KR] * (slip_dt * turn)")),
 )  # fmt: skip
 
 SORT_ALL = (("dem.arrays", "SORT_FROM = 2_000", "SORT_FROM = 1"), ("dem.arrays", "STRIPES = 64", "STRIPES = 4"))
@@ -213,4 +228,4 @@ HOLES = tuple(
     )
 )  # fmt: skip
 
-DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *ROLLING, *LISTS, *STRIPED, *CELLS, *HOLES)
+DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *OPTIONS, *LISTS, *STRIPED, *CELLS, *HOLES)
