@@ -9,6 +9,7 @@ import typer
 
 from ninedisk.harness.cli import (
     bench,
+    cd_problems,
     compare,
     converge,
     docs,
@@ -60,6 +61,7 @@ for command in (
     findings,
     bench,
     solve,
+    cd_problems,
     converge,
     docs,
     protocol,
