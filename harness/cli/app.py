@@ -10,6 +10,7 @@ import typer
 from ninedisk.harness.cli import (
     audit,
     bench,
+    cd_problems,
     compare,
     converge,
     determinism,
@@ -63,6 +64,7 @@ for command in (
     audit,
     bench,
     solve,
+    cd_problems,
     converge,
     determinism,
     docs,
