@@ -59,7 +59,9 @@ def hard_disks(
             "restitution = 0 is not allowed: disks that stay together collide without end; use one above 0"
         )
     if samples.ndim != 1 or np.any(np.diff(samples, prepend=0.0) < 0.0):
-        raise ValueError(f"times of shape {samples.shape} are not allowed to descend, to be < 0 or to be no row of numbers")
+        raise ValueError(
+            f"times of shape {samples.shape} are not allowed to descend, to be < 0 or to be no row of numbers"
+        )
     apart = np.hypot(*(place[:, None] - place[None]).transpose(2, 0, 1))[np.triu_indices(len(place), 1)]
     inside = np.all((place >= radius * (1.0 - 1e-12)) & (place <= side - radius * (1.0 - 1e-12)))
     if not inside or apart.min(initial=math.inf) < 2.0 * radius * (1.0 - 1e-12):
