@@ -132,8 +132,8 @@ class CoolingGas:
     parameters: tuple[Parameter, ...] = (
         Parameter(name="seed", default=1, low=0, high=2**31, whole=True, in_id=True, help="of the random velocities"),
         Parameter(name="restitution", default=0.7, low=0.1, high=0.99, unit="-", help="of two disks; walls have 1"),
-        Parameter(name="rows", default=8, low=4, high=32, whole=True, unit="-", help="disks in a row and in a column"),
-        Parameter(name="spacing", default=5.6, low=3.0, unit="m", help="the box has that much for each disk of a row"),
+        Parameter(name="rows", default=8, low=4, high=12, whole=True, unit="-", help="disks in a row and in a column"),
+        Parameter(name="spacing", default=5.6, low=3.0, high=20.0, unit="m", help="the box has that much for each disk of a row"),
         Parameter(name="speed", default=5.0, low=0.0, low_open=True, unit="m/s", help="root mean square of the velocities"),
         Parameter(name="dt", default=0.01, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
         Parameter(name="duration", default=8.0, low=0.0, low_open=True, unit="s", help="length of the run"),
