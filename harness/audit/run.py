@@ -71,7 +71,8 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     tallies = auditor.tallies | states.tallies
     tallies["cone"] = _cone(scene, progress)
     tallies["reversal"] = _reversal(scene, auditor, kept, progress)
-    return _plain(_record(path, trajectory, scene, auditor, tallies))
+    found: dict[str, Any] = _plain(_record(path, trajectory, scene, auditor, tallies))
+    return found
 
 
 def _whole(path: Path, states: Iterator[State]) -> Iterator[State]:
