@@ -19,12 +19,7 @@ SYMBOL = {"violated": "✗", "holds": "✓", "not decidable": "?"}
 WIDTH, HEIGHT = 620.0, 360.0
 """Largest size of a picture [CSS pixels]."""
 CURVES = {
-    "Energy [J]": {
-        "translation": "kinetic, translation",
-        "rotation": "kinetic, rotation",
-        "potential": "gravity",
-        "springs": "normal springs",
-    },
+    "Energy [J]": {"kinetic": "kinetic", "potential": "gravity", "springs": "normal springs"},
     "Momentum [N s]": {"px": "x", "py": "y"},
     "Deepest overlap [m]": {"overlap": "overlap"},
 }

@@ -126,7 +126,8 @@ class Tally:
             return
         allowance = np.sum([np.broadcast_to(part, value.shape) for part in parts.values()], axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(value <= 0.0, 0.0, value / allowance)
+            ratio = np.nan_to_num(np.where(value <= 0.0, 0.0, value / allowance), posinf=np.inf)
+        value, allowance = np.nan_to_num(value), np.nan_to_num(allowance)
         k = int(np.argmax(ratio))
         self.judged += len(value)
         lost = int((ratio > 1.0).sum())
@@ -135,8 +136,8 @@ class Tally:
         if lost or self.worst is None or ratio[k] > self.worst["ratio"]:
             told = {
                 "step": state.step, "t": state.t, "place": state.place, "who": who(k), "value": float(value[k]),
-                "allowance": float(allowance[k]), "ratio": float(ratio[k]),
-                "parts": {name: float(np.broadcast_to(part, value.shape)[k]) for name, part in parts.items()},
+                "allowance": float(allowance[k]), "ratio": min(float(ratio[k]), 1e300),
+                "parts": {name: float(np.nan_to_num(np.broadcast_to(part, value.shape)[k])) for name, part in parts.items()},
                 "disks": members(k)[:50].tolist(),
             }  # fmt: skip
             if lost and self.first is None:
@@ -512,7 +513,7 @@ class Auditor:
 
             def impulse(k: int, who: Words = who, chosen: NDArray[np.int64] = chosen) -> str:
                 x, y = got[chosen[k]]
-                return f"{who(k)}, to whom walls gave ({x:.4g}, {y:.4g}) N s: outside of their cones, for walls that do not pull"
+                return f"{who(k)}, to whom walls gave ({x:.4g}, {y:.4g}) N s"
 
             tally.judge(c, _outside(got[chosen], cone), {"digits of v and t": allowed[chosen]}, impulse, members)
         self._total_momentum(c, got, allowed, use, anchored, cones)
@@ -596,13 +597,14 @@ class Auditor:
             noise += _groups(
                 touch,
                 m
-                * (
-                    _norm(xi) * (state.ev + hidden * _norm(state.v)) + _norm(u) * (state.ex + self.eps * _norm(state.x))
-                ),
+                * (_norm(xi) * (state.ev + hidden * _norm(state.v)) + _norm(u) * (state.ex + hidden * _norm(state.x))),
                 use,
             )
             arms = np.maximum(arms, _norm(xi))
         noise += _groups(touch, m * arms * np.maximum(ev - b.ev - c.ev, 0.0), use)
+        # An engine forms arms out of coordinates: their rounding times the impulses.
+        passed = m * _norm(dv) + self._squeeze(b, c) * (c.t - b.t)
+        noise += _groups(touch, 2.0 * self.eps * np.maximum(_norm(b.x), _norm(c.x)) * passed, use)
         clear = np.flatnonzero((walls == 0) & ~anchored & (size > 0))
         who, members = self._group_words(touch, clear, use)
         tally.judge(c, np.abs(change[clear]), {"digits of omega, x and v": noise[clear]}, who, members)
@@ -888,8 +890,7 @@ class Auditor:
         self.totals.append({
             "t": c.t, "px": float(P[0]), "py": float(P[1]),
             "L": float((m * _cross(flat["x"], flat["v"])).sum() + (np.where(use, bodies.inertia, 0.0) * spin).sum()),
-            "translation": float((0.5 * m * (flat["v"] ** 2).sum(axis=1)).sum()),
-            "rotation": float((0.5 * np.where(use, bodies.inertia, 0.0) * spin**2).sum()),
+            "kinetic": float((0.5 * m * (flat["v"] ** 2).sum(axis=1) + 0.5 * np.where(use, bodies.inertia, 0.0) * spin**2).sum()),
             "potential": float(-(m * (flat["x"] @ scene.gravity)).sum()), "springs": stored,
             "overlap": float(depth.max()) if len(depth) else 0.0, "disks": int(c.here.sum()),
         })  # fmt: skip

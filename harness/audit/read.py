@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError, close_matches
+from ninedisk.harness.api.text import printable
 
 Progress = Callable[[int, int, str], None]
 ALIASES = {
@@ -181,7 +182,7 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
     with _opened(path) as stream:
         try:
             head = stream.readline(1 << 16)
-        except (OSError, UnicodeDecodeError, EOFError, zlib.error) as error:
+        except (OSError, EOFError, zlib.error) as error:
             raise UsageError(f"{path} is no text that can be read ({error}): give {FORMS}") from error
     return _lammps(path, columns, needed) if head.startswith("ITEM:") else _csv(path, columns, needed)
 
@@ -189,8 +190,8 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
 def _opened(path: Path) -> IO[str]:
     try:
         if path.suffix == ".gz":
-            return gzip.open(path, "rt", encoding="utf-8")
-        return open(path, encoding="utf-8")
+            return gzip.open(path, "rt", encoding="utf-8", errors="replace")
+        return open(path, encoding="utf-8", errors="replace")
     except OSError as error:
         raise UsageError(f"{str(path)!r} cannot be read ({error.strerror or error})") from error
 
@@ -219,8 +220,8 @@ def _need(found: Mapping[str, str], names: Sequence[str], path: Path, needed: Se
     if lacking := [name for name in needed if name not in found.values()]:
         scaled = " (xs and ys are fractions of the box: dump x y or xu yu)" if "xs" in names else ""
         raise UsageError(
-            f"{path}, line 1: there is no column {' and no '.join(lacking)} among {', '.join(names)}{scaled}: name it in the "
-            f'TOML, [columns] {lacking[0]} = "NAME"'
+            f"{path}, line 1: there is no column {' and no '.join(lacking)} among {printable(', '.join(names))[:300]}{scaled}: "
+            f'name it in the TOML, [columns] {lacking[0]} = "NAME"'
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from ninedisk.core.motion import wall_poses
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.checks import TITLES, Auditor, Bodies, State, Tally
 from ninedisk.harness.audit.read import Frame, Rounding, Trajectory, read_trajectory
-from ninedisk.harness.audit.scene import AuditScene, Fact
+from ninedisk.harness.audit.scene import LARGEST, AuditScene, Fact
 
 FORMAT = 1
 VIOLATED, HOLDS, UNDECIDED = "violated", "holds", "not decidable"
@@ -50,27 +51,36 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     states = _States(trajectory, scene)
     auditor: Auditor | None = None
     kept: list[State] = []
-    for state in states.all(progress):
-        if auditor is None:
-            assert states.bodies is not None
-            auditor = Auditor(
-                scene,
-                states.bodies,
-                has_velocity=states.has_velocity,
-                digits={name: rule.told() for name, rule in trajectory.rounding.items()},
-            )
-        auditor.feed(state)
-        if scene.reverse is not None:
-            kept.append(state)
-    if auditor is None or auditor.frames < 2:
-        raise UsageError(
-            f"{path} has {0 if auditor is None else auditor.frames} frame(s): an audit compares frames, give two or more"
-        )
-    auditor.finish()
+    with np.errstate(over="ignore", invalid="ignore"):
+        for state in _whole(trajectory.path, states.all(progress)):
+            if auditor is None:
+                assert states.bodies is not None
+                auditor = Auditor(
+                    scene,
+                    states.bodies,
+                    has_velocity=states.has_velocity,
+                    digits={name: rule.told() for name, rule in trajectory.rounding.items()},
+                )
+            auditor.feed(state)
+            if scene.reverse is not None:
+                kept.append(state)
+        if auditor is None or auditor.frames < 2:
+            needed = "two or more" if states.has_velocity else "three or more where it has no vx, vy"
+            raise UsageError(f"{path} has too few frames: an audit compares frames, give {needed}")
+        auditor.finish()
     tallies = auditor.tallies | states.tallies
     tallies["cone"] = _cone(scene, progress)
     tallies["reversal"] = _reversal(scene, auditor, kept, progress)
-    return _record(path, trajectory, scene, auditor, tallies)
+    found: dict[str, Any] = _plain(_record(path, trajectory, scene, auditor, tallies))
+    return found
+
+
+def _whole(path: Path, states: Iterator[State]) -> Iterator[State]:
+    """The same states; a file that breaks off within is the user's to mend."""
+    try:
+        yield from states
+    except (EOFError, OSError, zlib.error) as error:
+        raise UsageError(f"{path} cannot be read to its end ({error}): copy or write it anew") from error
 
 
 class _States:
@@ -167,10 +177,10 @@ class _States:
         return frame.step * scene.dt, 0.0
 
     def _numbers(self, state: State, columns: Mapping[str, FloatArray], present: NDArray[np.bool_]) -> None:
-        bad = {name: int((~np.isfinite(column)).sum()) for name, column in columns.items()}
+        bad = {name: int((~(np.abs(column) < LARGEST)).sum()) for name, column in columns.items()}
         arrays = [state.x[:, 0], state.x[:, 1], state.v[:, 0], state.v[:, 1]]
         arrays += [each for each in (state.omega, state.angle) if each is not None]
-        wrong = present & ~np.isfinite(arrays).all(axis=0)
+        wrong = present & ~(np.abs(arrays) < LARGEST).all(axis=0)
         told = ", ".join(f"{count} in {name}" for name, count in bad.items() if count)
         self.tallies["finite"].judge(
             state,
@@ -271,7 +281,7 @@ def _differenced(before: State, after: State, at: State, gravity: FloatArray, *,
     else:
         change = 2.0 * (before.x - at.x) / (at.t - before.t) + 2.0 * (after.x - at.x) / (after.t - at.t)
         jump = 0.5 * np.sqrt(((0.5 * change - gravity * 0.5 * span) ** 2).sum(axis=1))
-    ev = np.where(at.here, np.nan_to_num(err + jump, posinf=1e150), 0.0)
+    ev = np.where(at.here, np.minimum(np.nan_to_num(err + jump), LARGEST), 0.0)
     return State(**(vars(at) | {"v": v, "ev": ev}))
 
 
@@ -347,7 +357,7 @@ def _reversal(
     ex = ev = 0.0
     number = 0
     growth = auditor._growth[::-1]
-    for state in back.all(progress):
+    for state in _whole(scene.reverse, back.all(progress)):
         if begin is None:
             begin = state.t
             if not back.has_velocity or back.bodies is None or not np.array_equal(back.bodies.id, auditor.bodies.id):
@@ -395,9 +405,9 @@ def _record(
     pictures = {}
     for check in checks:
         state = tallies[check["id"]].scene
-        if check["verdict"] == VIOLATED and state is not None and len(state.x):
+        if check["verdict"] == VIOLATED and state is not None and len(state.x) and state.here.any():
             pictures[check["id"]] = _picture(state, check["worst"]["disks"], bodies, auditor)
-    totals = _thinned([{**row} for row in auditor.totals])
+    totals = _thinned([{name: float(np.nan_to_num(value)) for name, value in row.items()} for row in auditor.totals])
     steps = auditor.intervals
     return {
         "format": FORMAT, "file": path.name, "form": trajectory.form, "frames": auditor.frames, "disks": len(bodies.id),
@@ -409,6 +419,15 @@ def _record(
         },
         "checks": checks, "totals": totals, "pictures": pictures,
     }  # fmt: skip
+
+
+def _plain(value: Any) -> Any:
+    """The same data with None for what is no finite number."""
+    if isinstance(value, dict):
+        return {name: _plain(each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_plain(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _thinned(rows: list[dict[str, float]]) -> list[dict[str, float]]:
@@ -426,6 +445,8 @@ def _check(tally: Tally, auditor: Auditor) -> dict[str, Any]:
     hint = ""
     if tally.name == "motion" and verdict == VIOLATED:
         hint = auditor.clock_hint()
+    if tally.name == "momentum" and verdict == VIOLATED and "walls gave" in worst["who"]:
+        hint = "; walls that only push give what lies in the cone of their normals and friction"
     return {
         "id": tally.name, "title": title, "unit": unit, "verdict": verdict, "judged": tally.judged, "undecided": tally.undecided,
         "beyond": tally.beyond, "why_not": why_not, "first": tally.first or {}, "worst": worst,
@@ -444,7 +465,7 @@ def _worst_of(series: list[tuple[float, float, float]]) -> list[list[float]]:
     for row in series:
         if row[0] not in by_time or ratio(row) > ratio(by_time[row[0]]):
             by_time[row[0]] = row
-    rows = list(by_time.values())
+    rows = [row for row in by_time.values() if all(map(math.isfinite, row))]
     every = max(1, -(-len(rows) // POINTS))
     found = [max(rows[k : k + every], key=ratio) for k in range(0, len(rows), every)]
     return [list(row) for row in found]

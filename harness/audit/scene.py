@@ -32,6 +32,8 @@ KEYS: dict[str, tuple[str, ...]] = {
 }
 """Every key by its table."""
 
+LARGEST = 1e75
+"""Numbers from here on count as no numbers: energies would overflow."""
 Fact = float | FloatArray | Mapping[int, float]
 """A property of disks: one number, one a disk in the order of ids, or one a type."""
 
@@ -179,7 +181,7 @@ class _Reader:
             array = np.array(value, dtype=float)
         except (TypeError, ValueError):
             array = np.empty(0)
-        if array.shape != (2,) or not np.isfinite(array).all():
+        if array.shape != (2,) or not (np.abs(array) < LARGEST).all():
             raise self.wrong(where, key, value, "it must be two numbers, e.g. [0.0, -9.81]")
         return array
 
@@ -238,7 +240,10 @@ def read_scene(path: Path) -> AuditScene:
         reader.known(each, where)
     shape = disks.get("inertia", "disk")
     shapes = {"disk": 0.5, "sphere": 0.4}
-    if shape not in shapes and reader.number(disks, "disks", "inertia", strict=True, most=1.0) is None:
+    if (
+        not (isinstance(shape, str) and shape in shapes)
+        and reader.number(disks, "disks", "inertia", strict=True, most=1.0) is None
+    ):
         raise reader.wrong("disks", "inertia", shape, 'it must be "disk", "sphere" or I/(m R^2) in (0, 1]')
     if "mass" in disks and "density" in disks:
         raise reader.wrong(

@@ -342,7 +342,7 @@ DUMP = (
         (TABLE + "0.2,1,0\n", TOLD, ["a.csv, line 4: 3 columns, expected 6"]),
         (TABLE.replace("t,id", "when,id"), TOLD, ["line 1", "neither a column t nor step", "[columns]"]),
         (TABLE.replace(",x,", ",pos,"), TOLD, ["no column x", "[columns] x"]),
-        (TABLE[:25], TOLD, ["1 frame(s)", "two or more"]),
+        (TABLE[:25], TOLD, ["too few frames", "two or more"]),
         ("1,2,3\n4,5,6\n", TOLD, ["line 1", "column names"]),
         (TABLE, TOLD.replace("1e-3", "0"), ["a.toml, line 1, column 9", "time.dt = 0", "> 0"]),
         (TABLE, TOLD + "grvity = [0, 1]\n", ["a.toml, line 3, column 1", "'gravity'"]),
@@ -356,6 +356,8 @@ DUMP = (
         (DUMP.replace("x y", "xs ys"), TOLD, ["xs and ys are fractions", "dump x y"]),
         (DUMP + "2 0 0\nrubbish\n", TOLD, ["line 12", "'ITEM: ...' should stand"]),
         ("\x00\xff", TOLD, ["a.csv"]),
+        (TABLE, TOLD.replace("mass = 1.0", "mass = 1.0, inertia = [2]"), ["disks.inertia", "> 0 and <= 1"]),
+        (TABLE.replace(",vx,vy", ",u,w"), TOLD, ["three or more where it has no vx, vy"]),
     ],
 )
 def test_bad_files_name_the_place_and_the_way_out(tmp_path: Path, text: str, told: str, said: list[str]) -> None:
@@ -371,7 +373,8 @@ def test_bad_files_name_the_place_and_the_way_out(tmp_path: Path, text: str, tol
 def test_the_page_holds_verdicts_and_the_place(sample: Path, tmp_path: Path) -> None:
     folder = shutil.copytree(sample, tmp_path / "there")
     edit = PLANTED["jump: a position, once"][1]
-    file = write(edit(pd.read_csv(sample / "trajectory.csv")), folder / "trajectory.csv")
+    lost = PLANTED["lost"][1]
+    file = write(lost(edit(pd.read_csv(sample / "trajectory.csv"))), folder / "trajectory.csv")
     assert ninedisk("audit", str(file), "--out", str(tmp_path / "page")).exit_code == 1
     page = (tmp_path / "page" / "index.html").read_text()
     record = json.loads((tmp_path / "page" / "audit.json").read_text())
