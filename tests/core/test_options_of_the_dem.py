@@ -254,7 +254,7 @@ def test_a_rolling_spring_holds_a_disk_up_to_its_limit(holds: bool) -> None:
     mu = 0.2
     slope = np.arctan(mu) * (0.99 if holds else 1.01)
     rng = np.random.default_rng(0)
-    rolling = Rolling(model="elastic-plastic", mu=mu, kr=200.0, beta=0.5)
+    rolling = Rolling(model="elastic-plastic", mu=mu, kr=2000.0, beta=0.5)
     scene = rolling_scene(rng, rolling, slope=slope, speed=0.0, deceleration=0.0)
     scene = scene.replace(walls=(replace(scene.walls[0], law=replace(scene.disk_disk, beta=0.3)),), initial_shear={})
     # Laid down by degrees: with its weight at once a spring swings to twice the torque that it holds.
