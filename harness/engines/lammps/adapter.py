@@ -49,7 +49,7 @@ NOTE_WALL_START = "dashpots see walls at rest at time 0, and their velocity from
 NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; never tension (limit_damping)"
 NOTE_KINDS = f"wall dashpots for at most {KINDS} kinds of disks: each needs a group, and LAMMPS has 32 groups"
 NOTE_PRELOAD = "preload comes from velocities that stretch all shear springs at once: contacts that form a loop cannot have any forces"
-NOTE_CELL_SMALL = "periodic cell: LAMMPS knows a contact by its two disks; edges of eight of the largest radii leave one image to touch"
+NOTE_CELL_SMALL = "periodic cell: LAMMPS knows a contact by its two disks; edges above four of the largest radii leave one image to touch"
 NOTE_CELL_FLIPS = "periodic cell: LAMMPS flips a box that leans, by its length of then; no shear while the first edge grows or shrinks"
 NOTE_CELL_PRELOAD = "periodic cell: no preload, for which the driver knows no images"
 NOTE_INERTIA = "fix nve/sphere disc knows uniform disks only, I = m R^2/2"
@@ -126,7 +126,7 @@ class Lammps(SpringEngine):
         if scene.cell is not None:
             rate, end = scene.cell.rate, numerics.dt * numerics.n_steps
             last = [size * (1.0 + rate[k][k] * end) for k, size in enumerate(scene.cell.size)]
-            if min(*scene.cell.size, *last) < 8.0 * disks.radius.max():
+            if min(*scene.cell.size, *last) <= 4.0 * disks.radius.max():
                 fit.lacks(Capability.PERIODIC_CELL, NOTE_CELL_SMALL)
             if rate[0][0] and rate[0][1]:
                 fit.lacks(Capability.PERIODIC_CELL, NOTE_CELL_FLIPS)
