@@ -64,7 +64,7 @@ NOTE_COHESION_DAMPED = (
 )
 NOTE_ROLLING = "rolling sds with the stiffness kr/R^2, R the reduced radius"
 NOTE_ROLLING_DAMPED = "rolling sds cuts off the sum of spring and dashpot, the scene its spring alone"
-NOTE_CELL_SMALL = "periodic cell: LAMMPS knows a contact by its two disks; edges of eight of the largest radii leave one image to touch"
+NOTE_CELL_SMALL = "periodic cell: LAMMPS knows a contact by its two disks; edges above four of the largest radii leave one image to touch"
 NOTE_CELL_FLIPS = "periodic cell: LAMMPS flips a box that leans, by its length of then; no shear while the first edge grows or shrinks"
 NOTE_CELL_PRELOAD = "periodic cell: no preload, for which the driver knows no images"
 NOTE_INERTIA = "fix nve/sphere disc knows uniform disks only, I = m R^2/2"
@@ -156,7 +156,7 @@ class Lammps(SpringEngine):
         if scene.cell is not None:
             rate, end = scene.cell.rate, numerics.dt * numerics.n_steps
             last = [size * (1.0 + rate[k][k] * end) for k, size in enumerate(scene.cell.size)]
-            if min(*scene.cell.size, *last) < 8.0 * disks.radius.max():
+            if min(*scene.cell.size, *last) <= 4.0 * disks.radius.max():
                 fit.lacks(Capability.PERIODIC_CELL, NOTE_CELL_SMALL)
             if rate[0][0] and rate[0][1]:
                 fit.lacks(Capability.PERIODIC_CELL, NOTE_CELL_FLIPS)

@@ -436,7 +436,7 @@ def test_a_deforming_cell_is_the_dems_step_by_step(rate: tuple[tuple[float, floa
 @pytest.mark.parametrize(
     ("cell", "note"),
     [
-        (Cell(size=(5.0, 40.0)), adapter.NOTE_CELL_SMALL),
+        (Cell(size=(4.0, 40.0)), adapter.NOTE_CELL_SMALL),
         (Cell(size=(40.0, 40.0), rate=((0.1, 1.0), (0.0, 0.0))), adapter.NOTE_CELL_FLIPS),
     ],
 )
