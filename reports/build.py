@@ -26,9 +26,11 @@ from ninedisk.reports.draw import (
     Configuration,
     HistoryPanel,
     SceneView,
+    StackPanel,
     draw_configuration,
     draw_history,
     draw_sketch,
+    draw_stack,
     numbers_of,
     numeral,
     read_scene,
@@ -36,6 +38,7 @@ from ninedisk.reports.draw import (
 from ninedisk.reports.figures import (
     LEAST,
     Shown,
+    case_budgets,
     case_figures,
     case_speed,
     convergences,
@@ -54,7 +57,7 @@ from ninedisk.reports.text import decoded
 from ninedisk.reports.uses import uses
 
 Progress = Callable[[str, int, int], None]
-Picture = HistoryPanel | SceneView | Configuration
+Picture = HistoryPanel | StackPanel | SceneView | Configuration
 MARKER = ".ninedisk-report"
 """File that says: this folder is a report and may be replaced."""
 BUNDLE = (
@@ -181,6 +184,10 @@ class CaseDrawing:
             for group in block.groups[:DRAWN_GROUPS]
             for shown in group.panels
         }
+        self.budgets = [
+            (plan, [(heading, [(p, self._file(p, "budget")) for p in panels]) for heading, panels in groups])
+            for plan, groups in case_budgets(panel, case)
+        ]
         self.plan, self.groups = case_configurations(case, self.looks.engines)
         self.frames = {id(picture): self._file(picture, "frame") for _, pictures in self.groups for picture in pictures}
         self.convergences = convergences(case, self.looks.engines)
@@ -196,7 +203,7 @@ class CaseDrawing:
     def _file(self, picture: Picture, kind: str) -> Path:
         path = self.folder / "figures" / f"{self.case.slug}-{kind}-{len(self.jobs) + 1}.svg"
         self.jobs.append(Job(picture, path))
-        if not isinstance(picture, HistoryPanel):  # those have their numbers in the page's data
+        if not isinstance(picture, HistoryPanel | StackPanel):  # those have their numbers in the page's data
             facts = caption_facts(self.panel, self.case)
             about = " ".join(f"# Case {facts['case']}, {facts['run']}. Cite: {facts['text']}".split())
             path.with_suffix(".csv").write_text(f"{about}\n{numbers_of(picture)}", encoding="utf-8")
@@ -237,6 +244,13 @@ class CaseDrawing:
             "sketches": [self._sketch(scene, variant, path) for scene, variant, path in self.sketches],
             "setup_figure": next((figure.number for figure in self.case.figures if figure.kind == "setup"), ""),
             "blocks": blocks,
+            "budgets": [
+                (
+                    plan,
+                    [(heading, [self._stacked(p, path, heading) for p, path in panels]) for heading, panels in groups],
+                )
+                for plan, groups in self.budgets
+            ],
             "configuration_plan": self.plan,
             "configuration_looks": {engine: look for engine, look in self.looks.engines.items() if id(look) in used},
             "configurations": [
@@ -271,6 +285,13 @@ class CaseDrawing:
         path = self.printed.get(id(shown))
         image = svg_image(path, shown.alt) if path else None
         return Chart(json.dumps(shown.spec, allow_nan=False), shown.alt, {}, image)
+
+    def _stacked(self, picture: StackPanel, path: Path, heading: str) -> Image:
+        where = f" ({heading})" if heading else ""
+        total = picture.base + sum((values for *_, values in picture.bands), start=0.0 * picture.base)
+        spread = float(total.max() - total.min())
+        told = f"The sum of {', '.join(name for name, *_ in picture.bands)} changes by {spread:.2g} J of {float(total[0]):.3g} J"
+        return svg_image(path, f"{picture.title}{where}: stacked energies. {told}.", f"{picture.title}. {told}.")
 
     def _alt(self, picture: Configuration, heading: str) -> str:
         engines = ", ".join(body[0].label for body in picture.bodies)
@@ -354,6 +375,7 @@ def _end_with(parent: int) -> None:
 
 _DRAW: dict[type, Callable[[Any], str]] = {
     HistoryPanel: draw_history,
+    StackPanel: draw_stack,
     SceneView: draw_sketch,
     Configuration: draw_configuration,
 }

@@ -636,6 +636,54 @@ class HistoryPanel:
     note: str = ""
 
 
+@dataclass(frozen=True)
+class StackPanel:
+    """Quantities of one engine on top of each other, from below: names, numbers of their colours, values of shape (s,).
+
+    ``base`` is where the lowest begins, ``base_name`` what is taken off there; empty: nothing.
+    """
+
+    title: str
+    y_label: str
+    t: FloatArray
+    base: FloatArray
+    base_name: str
+    bands: tuple[tuple[str, int, FloatArray], ...]
+
+
+def draw_stack(panel: StackPanel) -> str:
+    """SVG of stacked areas, with a line along their top: flat where they add up to the same at all times."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(rc_params()):
+        # Room for the names beneath, two in a row: the picture stays readable on a narrow page.
+        rows = (len(panel.bands) + 2) // 2
+        tall = 2.9 + 0.17 * rows
+        figure = Figure(figsize=(4.3, tall))
+        axes = figure.subplots()
+        figure.subplots_adjust(left=0.13, right=0.98, top=1.0 - 0.3 / tall, bottom=(0.5 + 0.17 * rows) / tall)
+        figure.text(0.02, 0.985, panel.title, fontsize=9.0, va="top")
+        low = panel.base
+        if panel.base_name:
+            axes.fill_between(
+                panel.t, np.minimum(0.0, low), np.maximum(0.0, low), label=panel.base_name, facecolor="none", edgecolor=SOFT,
+                hatch="////", linewidth=0.4,
+            )  # fmt: skip
+        for name, number, values in panel.bands:
+            colour = PALETTE[number % len(PALETTE)]
+            axes.fill_between(panel.t, low, low + values, color=colour, alpha=0.75, linewidth=0.0, label=name)
+            low = low + values
+        axes.plot(panel.t, low, color=INK, linewidth=1.4, label="sum")
+        axes.set_xlim(panel.t[0], panel.t[-1])
+        axes.set_xlabel("time [s]", labelpad=1.0)
+        axes.set_ylabel(panel.y_label)
+        figure.legend(
+            loc="lower left", ncols=2, fontsize=7.0, frameon=False, borderpad=0.1, handlelength=1.4, labelspacing=0.3
+        )
+        return svg_of(figure)
+
+
 def value_limits(truths: Sequence[FloatArray], values: Sequence[FloatArray]) -> tuple[float, float]:
     """Common limits of a quantity: all curves, but at most twice the truths' own span beyond them, so that one engine
     that runs away does not flatten the others."""

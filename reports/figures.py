@@ -26,7 +26,7 @@ from ninedisk.reports.charts import (
     slopes,
     spread,
 )
-from ninedisk.reports.draw import HistoryPanel, Line, error_label, error_limits, round_off, value_limits
+from ninedisk.reports.draw import HistoryPanel, Line, StackPanel, error_label, error_limits, round_off, value_limits
 from ninedisk.reports.load import Curve
 from ninedisk.reports.model import CaseData, Panel
 from ninedisk.reports.text import as_float, parameter, parameters
@@ -103,6 +103,39 @@ def case_figures(panel: Panel, case: CaseData) -> list[FigureBlock]:
         block.left_out = max(0, len(rest) - MOST_GENERIC)
         blocks.append(block)
     return [block for block in blocks if block.groups]
+
+
+def case_budgets(panel: Panel, case: CaseData) -> list[tuple[Figure, list[tuple[str, list[StackPanel]]]]]:
+    """Figures of stacked quantities: under the heading of each variant one panel for each engine that tells them all.
+
+    A quantity whose number in the plan is "-" is taken off beneath; one that is zero throughout is left out.
+    """
+    found = []
+    for plan in (figure for figure in case.figures if figure.kind == "budget"):
+        groups = []
+        chosen = {name: params for name, params in case.variants.items() if plan.matches(params)}
+        for variant, params in chosen.items():
+            panels = []
+            for engine in sorted(panel.engines):
+                curves = [(q, panel.stored.series.get((case.id, variant, engine, q.name))) for q in plan.quantities]
+                told = [(quantity, curve) for quantity, curve in curves if curve is not None]
+                if len(told) < len(curves) or not all(np.isfinite(curve.value).all() for _, curve in told):
+                    continue
+                size = max(_largest(curve.value) for _, curve in told)
+                shown = [(q, curve.value) for q, curve in told if _largest(curve.value) > ROUND_OFF * size]
+                base = -sum((value for q, value in shown if q.number == "-"), start=np.zeros_like(told[0][1].t))
+                bands = tuple((q.label, plan.quantities.index(q), value) for q, value in shown if q.number != "-")
+                name = "; ".join(q.label for q, _ in shown if q.number == "-")
+                panels.append(
+                    StackPanel(
+                        panel.engines[engine].name, f"energy [{told[0][1].unit}]", told[0][1].t, base, name, bands
+                    )
+                )
+            if panels:
+                groups.append((parameters(params, varying(chosen.values())), panels))
+        if groups:
+            found.append((plan, groups))
+    return found
 
 
 def varying(variants: Iterable[dict[str, Any]]) -> list[str]:

@@ -16,8 +16,8 @@ from ninedisk.harness.results.schema import figures_from_text, figures_to_text
 from ninedisk.reports import draw as draw_history
 from ninedisk.reports.build import CaseDrawing, Job, render
 from ninedisk.reports.draw import error_limits, read_scene, round_off, thin, value_limits
-from ninedisk.reports.figures import GENERIC, case_figures, looks_of
-from ninedisk.reports.load import load_store
+from ninedisk.reports.figures import GENERIC, case_budgets, case_figures, looks_of
+from ninedisk.reports.load import Curve, load_store
 from ninedisk.reports.model import build_panel
 from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes
 
@@ -244,3 +244,31 @@ def test_drawing_is_deterministic_in_any_number_of_processes(panel_store, tmp_pa
         assert b"<metadata>" not in text
         assert b"prefers-color-scheme: dark" in text
         assert not re.search(rb'(?:href|src)="(?!#)', text)
+
+
+def test_a_budget_stacks_what_an_engine_tells_whole():
+    """Three engines: one tells all, one lacks a loss, one has it as NaN; what is taken off makes the sum flat, zeros are left out."""
+    plan = next(figure for figure in get_case("energy/budget").figures if figure.kind == "budget")
+    t = np.linspace(0.0, 1.0, 5)
+    values = dict.fromkeys((quantity.name for quantity in plan.quantities), 0.0 * t)
+    values |= {"energy_kinetic": 3.0 - t, "energy_friction_loss": 3.0 * t, "energy_wall_work": 2.0 * t}
+    stored = {
+        ("energy/budget", "v", engine, name): Curve(t, t, 0.0 * t + curve, 0.0 * t, "J", "")
+        for engine in ("whole", "silent", "blank")
+        for name, curve in values.items()
+        if (engine, name) != ("silent", "energy_friction_loss")
+    }
+    stored[("energy/budget", "v", "blank", "energy_elastic")].value[:] = np.nan
+    panel = SimpleNamespace(
+        engines={name: SimpleNamespace(name=name.title()) for name in ("whole", "silent", "blank")},
+        stored=SimpleNamespace(series=stored),
+    )
+    case = SimpleNamespace(id="energy/budget", figures=(plan,), variants={"v": {"mu": 0.4}})
+    ((found, ((heading, (stack,)),)),) = case_budgets(panel, case)
+    assert (found, heading, stack.title) == (plan, "", "Whole")
+    assert [name for name, *_ in stack.bands] == ["kinetic energy", "lost by friction"]
+    assert stack.base_name == "work of the wall"
+    np.testing.assert_allclose(stack.base + sum(curve for *_, curve in stack.bands), 3.0)
+    svg = draw_history.draw_stack(stack)
+    assert all(name in svg for name in ("lost by friction", "work of the wall", "sum"))
+    assert "lost by the scheme" not in svg

@@ -14,7 +14,7 @@ from ninedisk.harness.cases.energy.budget import CASE, LOSSES
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 
-SHORT = {"duration": 0.25, "sliding": "coulomb"}
+SHORT = {"duration": 0.25}
 
 
 def run(engine: Any, **params: Any) -> History:
