@@ -58,6 +58,9 @@ quick: $(DEVELOPED) ## Pass the tests that take little: the loop while one works
 	  --ignore=tests/core/nurbs --ignore=tests/core/cd/test_outlines.py --ignore=tests/core/test_critical_step.py --ignore=tests/core/test_kernels.py \
 	  --ignore-glob="*/cases/test_nurbs*" --ignore-glob="*/cases/test_e*"
 
+# As many workers as cores, each with as many threads of BLAS, would be in each other's way.
+test quick slow: export OPENBLAS_NUM_THREADS := 1
+
 # Two runs, because a clock that is read while other tests keep the processors busy proves nothing. Cells that `make report`
 # has run with the very same code on this machine are judged as they are stored.
 test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time, one by one

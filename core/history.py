@@ -54,9 +54,9 @@ class History:
         ``held_work``, what was fed by what holds disks in their course, and ``scheme_loss``, what the implicit scheme itself takes
         (< 0: feeds): with these two the budget closes to round-off.
     stress : ndarray, shape (s, 2, 2, 2), or None
-        Of a periodic cell: stress [N/m], compression positive, by contact forces (first) and by velocities relative to the cell's
-        affine flow (second); row a, column b is the force along a on an edge whose normal is b. None: there is no cell, or it was not
-        observed.
+        Of a periodic cell: stress [N/m], compression positive, by contact forces (first) and by velocities beside the cell's affine
+        flow and the disks' mean one (second); row a, column b is the force along a on an edge whose normal is b. None: there is no
+        cell, or it was not observed.
     particles : tuple of int or None
         Disks that ``x``, ``v``, ``angle`` and ``omega`` hold, in this order; None: all n of them.
     """

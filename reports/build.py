@@ -21,6 +21,7 @@ from ninedisk.harness.results.schema import Comparison, EvaluatedFinding
 from ninedisk.reports import pages
 from ninedisk.reports.charts import Chart, Image, on_page
 from ninedisk.reports.citation import caption_facts
+from ninedisk.reports.determinism import determinism_page
 from ninedisk.reports.draw import (
     Configuration,
     HistoryPanel,
@@ -33,6 +34,7 @@ from ninedisk.reports.draw import (
     read_scene,
 )
 from ninedisk.reports.figures import (
+    LEAST,
     Shown,
     case_figures,
     case_speed,
@@ -45,6 +47,7 @@ from ninedisk.reports.findings import findings_page
 from ninedisk.reports.folder import fresh_folder
 from ninedisk.reports.load import Stored, load_store
 from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
+from ninedisk.reports.places import place_figures
 from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case
 from ninedisk.reports.studies import write_comparison
 from ninedisk.reports.text import decoded
@@ -154,6 +157,8 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
     if stored.findings:
         (folder / "findings.html").write_text(findings_page(env, panel), encoding="utf-8")
+    if stored.determinism:
+        (folder / "determinism.html").write_text(determinism_page(env, panel), encoding="utf-8")
     if stored.changes:
         write_comparison(stored.changes, folder / "changes.html")
     (folder / "index.html").write_text(pages.index_page(env, panel, uses=uses(stored, panel.engines)), encoding="utf-8")
@@ -180,6 +185,7 @@ class CaseDrawing:
         self.frames = {id(picture): self._file(picture, "frame") for _, pictures in self.groups for picture in pictures}
         self.convergences = convergences(case, self.looks.engines)
         self.value_charts = values_against_step(case, self.looks.engines)
+        self.places = place_figures(case, self.looks.engines)
         self.speed = case_speed(case, self.looks.engines)
         arrays = Arrays()
         self.moving = moving_scenes(case, arrays)
@@ -246,6 +252,10 @@ class CaseDrawing:
             ),
             "convergences": [(c, on_page(c.chart) if c.chart else None) for c in self.convergences],
             "value_charts": [(plan, [on_page(chart) for chart in charts]) for plan, charts in self.value_charts],
+            "least": LEAST,
+            "place_charts": [
+                (each.plan, each.legend, [on_page(chart) for chart in each.charts]) for each in self.places
+            ],
             "speed": on_page(self.speed) if self.speed else None,
             "engine_looks": {
                 engine: look

@@ -98,7 +98,8 @@ GUIDE = "reference guide"
 
 @dataclass(frozen=True)
 class Dots:
-    """Points of one engine (``key`` is its legend key), joined by a line or not; ``names`` label single points."""
+    """Points of one engine (``key`` is its legend key), joined by a line or not; ``names`` label single points, ``links`` are where
+    they lead to, ``short`` is the name at the line's end where its look's is too long."""
 
     key: str
     look: Look
@@ -106,6 +107,8 @@ class Dots:
     y: tuple[float, ...]
     joined: bool = True
     names: tuple[str, ...] = ()
+    links: tuple[str, ...] = ()
+    short: str = ""
 
 
 @dataclass(frozen=True)
@@ -113,7 +116,8 @@ class PointChart:
     """A chart of points; ``guides`` are lines to compare with, as (label, x, y), labelled at their ends.
 
     ``limits``, (low, high) of either axis, replaces those that the points suggest. Few points have their own marks on a
-    logarithmic horizontal axis, unless ``decades`` are asked for, as for what has been measured.
+    logarithmic horizontal axis, unless ``decades`` are asked for, as for what has been measured. A ``bare`` chart leaves the names
+    of its lines to the legend.
     """
 
     title: str
@@ -125,6 +129,7 @@ class PointChart:
     y_log: bool = True
     limits: tuple[tuple[float, float], tuple[float, float]] | None = None
     decades: bool = False
+    bare: bool = False
 
     @property
     def x_limits(self) -> tuple[float, float]:
@@ -164,13 +169,14 @@ class PointChart:
         ]  # fmt: skip
         data = [
             {"key": d.key, "name": d.look.label, "colour": d.look.colour, "dash": d.look.dash, "width": d.look.width,
-             "shape": d.look.shape, "line": d.joined, "guide": False, "x": d.x, "y": d.y, "names": d.names}
+             "shape": d.look.shape, "line": d.joined, "guide": False, "x": d.x, "y": d.y,
+             "names": d.names, "links": d.links, "short": d.short}
             for d in self.dots
         ]  # fmt: skip
         return {
             "kind": "points", "title": self.title, "x_label": self.x_label, "y_label": self.y_label, "unit": "",
             "points": guides + data, "xlog": self.x_log, "ylog": self.y_log, "limits": {"x": self.x_limits},
-            "y": self.y_limits, "error": None, "marks": self.marks,
+            "y": self.y_limits, "error": None, "marks": self.marks, "bare": self.bare,
         }  # fmt: skip
 
     def alt(self) -> str:

@@ -27,6 +27,8 @@ MOST_ERRORS = 180
 MARKS = 7
 FLAT = 2e-3
 """Relative span below which a quantity counts as constant."""
+MOST_TOLD = 12
+"""Moving bodies of a sketch whose speeds are told."""
 MOST_NUMBERED = 60
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
 MOTION, GRAVITY, MARK = PALETTE[0], PALETTE[2], "#d64545"
@@ -66,8 +68,49 @@ class WallView:
 
 
 @dataclass(frozen=True)
+class CellView:
+    """A periodic cell: edges at time 0 [m], and the rate of their columns [m/s]."""
+
+    size: FloatArray
+    motion: FloatArray
+
+    def edges(self, t: float) -> FloatArray:
+        """Edges at time ``t`` [s] as columns [m]: of the same lattice of images, the ones that lean least."""
+        h = np.diag(self.size) + t * self.motion
+        h[0, 1] -= np.round(h[0, 1] / h[0, 0]) * h[0, 0]
+        return np.asarray(h)
+
+    def outline(self, t: float) -> FloatArray:
+        """Corners at time ``t`` [s], shape (4, 2)."""
+        return np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]) @ self.edges(t).T
+
+    def placed(self, x: FloatArray, radius: FloatArray, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Centres put back into the cell, and those of images beside it with the number of their disk."""
+        h = self.edges(t)
+        part = x @ np.linalg.inv(h).T
+        part -= np.floor(part)
+        near = 2.0 * radius.max(initial=0.0) / np.diag(h)
+        images, of = [], []
+        for shift in [np.array([p, q]) for p in (-1, 0, 1) for q in (-1, 0, 1) if p or q]:
+            moved = part + shift
+            beside = np.flatnonzero(((moved > -near) & (moved < 1.0 + near)).all(axis=1))
+            images.append(moved[beside])
+            of.append(beside)
+        return part @ h.T, np.concatenate(images) @ h.T, np.concatenate(of)
+
+
+def read_cell(setup: Mapping[str, Any]) -> CellView | None:
+    """The periodic cell of a stored set-up; None where it has none."""
+    cell = setup["scene"].get("cell")
+    if cell is None:
+        return None
+    size = np.array(cell["size"], dtype=np.float64)
+    return CellView(size, np.array(cell["rate"], dtype=np.float64) @ np.diag(size))
+
+
+@dataclass(frozen=True)
 class SceneView:
-    """Disks and walls of a scene; ``marks`` are the watched contacts by label.
+    """Disks and walls of a scene, or its periodic cell; ``marks`` are the watched contacts by label.
 
     ``edges`` are the outlines of its grains about their centres [m], turned as at time 0; None for a disk. The only body of a scene
     with a plane is a ``block`` if it cannot turn: engines get a disk that may not rotate, which is the same contact, but it is drawn
@@ -83,6 +126,7 @@ class SceneView:
     marks: tuple[tuple[str, FloatArray], ...]
     edges: tuple[FloatArray | None, ...]
     block: bool = False
+    cell: CellView | None = None
 
     @property
     def signature(self) -> tuple[Any, ...]:
@@ -109,6 +153,7 @@ class SceneView:
             motion,
             moving,
             tuple(np.sign(self.gravity)),
+            None if self.cell is None else tuple(np.sign(self.cell.motion).ravel()),
         )
 
 
@@ -142,7 +187,10 @@ def _read(setup: Mapping[str, Any]) -> SceneView | None:
     if block:
         half = radius[0] * np.array([walls[0].tangent, walls[0].normal])
         edges = (np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]]) @ half,)
-    return SceneView(x, v, radius, rotating, walls, gravity, tuple(marks), edges, block)
+    cell = read_cell(setup)
+    if cell is not None:  # a watched pair may touch through an edge, where no mark can be
+        marks = []
+    return SceneView(x, v, radius, rotating, walls, gravity, tuple(marks), edges, block, cell)
 
 
 def upright(scene: SceneView) -> SceneView:
@@ -259,12 +307,16 @@ class Configuration:
     chains_of: str = ""
     chains: tuple[tuple[FloatArray, float], ...] = ()
     edges: tuple[FloatArray | None, ...] | None = None
+    cell: tuple[CellView, float] | None = None
+    """The periodic cell, and the time [s]."""
 
 
 def draw_sketch(scene: SceneView) -> str:
     """SVG of a scene's sketch, gravity pointing down."""
     from matplotlib import rc_context
 
+    if scene.cell is not None:
+        return _draw_cell(scene, scene.cell)
     scene = upright(scene)
     with rc_context(rc_params()):
         low, high, size = _box(scene.x, scene.radius, 0.3)
@@ -280,6 +332,10 @@ def draw_sketch(scene: SceneView) -> str:
                 axes.text(centre[0], centre[1] - 0.45 * radius, "no rotation", ha="center", va="center", fontsize=6.5)
             if scene.v[k].any():
                 along = scene.v[k] / np.hypot(*scene.v[k])
+                if np.count_nonzero(scene.v.any(axis=1)) > MOST_TOLD:  # a gas: arrows as long as speeds, and no numbers
+                    way = 2.0 * radius * scene.v[k] / np.hypot(*scene.v.T).mean()
+                    _arrow(axes, centre, centre + way, MOTION, "")
+                    continue
                 foot = centre + radius * np.array([0.0, 1.18])
                 label = f"{np.hypot(*scene.v[k]):.4g} m/s"
                 _arrow(axes, foot - 0.4 * size * along, foot + 0.4 * size * along, MOTION, label)
@@ -296,6 +352,39 @@ def draw_sketch(scene: SceneView) -> str:
         return svg_of(figure)
 
 
+def _draw_cell(scene: SceneView, cell: CellView) -> str:
+    """SVG of a periodic cell: its edges, disks and the images beside it, and where its corners go."""
+    from matplotlib import rc_context
+
+    with rc_context(rc_params()):
+        low, high, size = _box(cell.outline(0.0), np.zeros(4), 0.22)
+        figure, axes = _blank(low, high)
+        _cell(axes, cell, 0.0, INK)
+        x, images, of = cell.placed(scene.x, scene.radius, 0.0)
+        for centre, radius in zip(images, scene.radius[of], strict=True):
+            axes.add_patch(_body(centre, radius, None, facecolor="none", edgecolor=INK, linewidth=0.6, alpha=0.35))
+        for centre, radius in zip(x, scene.radius, strict=True):
+            axes.add_patch(_body(centre, radius, None, facecolor=SOFT, alpha=0.28, edgecolor="none"))
+            axes.add_patch(_body(centre, radius, None, facecolor="none", edgecolor=INK, linewidth=0.8))
+        rate = cell.motion / cell.size
+        length = 0.45 * size / max(float(np.abs(cell.motion).max()), np.finfo(float).tiny)
+        for k, middle in ((0, np.array([1.0, 0.5])), (1, np.array([0.5, 1.0]))):
+            move = length * cell.motion[:, k]
+            if move.any():
+                foot = cell.size * middle + (0.05 * size * np.eye(2)[k])
+                label = ", ".join(
+                    f"{name} {value:.3g} /s" for name, value in zip("xy", rate[:, k], strict=True) if value
+                )
+                _arrow(axes, foot, foot + move, MOTION, f"edge {k + 1}: {label}")
+        return svg_of(figure)
+
+
+def _cell(axes: Any, cell: CellView, t: float, colour: str) -> None:
+    from matplotlib.patches import Polygon
+
+    axes.add_patch(Polygon(cell.outline(t), closed=True, facecolor="none", edgecolor=colour, linewidth=1.6, zorder=3.0))
+
+
 def draw_configuration(configuration: Configuration) -> str:
     """SVG of the outlines of every engine's disks and walls; spokes show the rotations."""
     from matplotlib import rc_context
@@ -303,9 +392,14 @@ def draw_configuration(configuration: Configuration) -> str:
     with rc_context(rc_params()):
         every = np.concatenate([x for _, x, _, _ in configuration.bodies])
         radii = np.tile(configuration.radius, len(configuration.bodies))
+        if configuration.cell is not None:
+            outline = configuration.cell[0].outline(configuration.cell[1])
+            every, radii = outline, np.full(4, configuration.radius.max(initial=0.0))
         low, high, _ = _box(every, radii, 0.07)
         figure, axes = _blank(low, high)
         axes.set_title(configuration.title)
+        if configuration.cell is not None:
+            _cell(axes, *configuration.cell, INK)
         most = max((force for _, force in configuration.chains), default=0.0)
         for link, force in configuration.chains:
             if force > 0.0:
@@ -315,6 +409,13 @@ def draw_configuration(configuration: Configuration) -> str:
             for wall in walls:
                 _wall(axes, wall, walls, low, high, hatch=False, colour=look.colour, style=style)
             edges = configuration.edges or (None,) * len(x)
+            if configuration.cell is not None:
+                cell, t = configuration.cell
+                x, images, of = cell.placed(x, configuration.radius, t)
+                for centre, radius in zip(images, configuration.radius[of], strict=True):
+                    axes.add_patch(
+                        _body(centre, radius, None, facecolor="none", edgecolor=look.colour, linewidth=0.6, alpha=0.35)
+                    )
             for centre, radius, turn, edge in zip(x, configuration.radius, angle, edges, strict=True):
                 options = {"edgecolor": look.colour, "linestyle": style, "linewidth": 1.1}
                 if edge is not None and not np.isfinite(turn):

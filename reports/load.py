@@ -17,6 +17,7 @@ from ninedisk.harness.results.reader import (
     cell_key,
     moment,
     read_about,
+    read_determinism,
     read_rows,
     read_table,
     run_ids,
@@ -46,6 +47,8 @@ class Stored:
         What the store says of known findings, largest first; whoever builds the report evaluates them.
     changes : Comparison or None
         The newest run against the one before, where whoever builds the report compared them.
+    determinism : sequence of dict
+        Rows of `ninedisk.harness.results.schema.DETERMINISM_COLUMNS`.
     """
 
     runs: list[Row]
@@ -58,6 +61,7 @@ class Stored:
     outdated: list[str] = field(default_factory=list)
     findings: Sequence[EvaluatedFinding] = ()
     changes: Comparison | None = None
+    determinism: Sequence[Row] = ()
 
 
 def load_store(store: Path) -> Stored:
@@ -124,6 +128,7 @@ def load_store(store: Path) -> Stored:
         series=series,
         references=references,
         outdated=outdated,
+        determinism=read_determinism(store),
     )
 
 

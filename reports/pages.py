@@ -18,7 +18,14 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from ninedisk.harness.results.schema import CHANGE_VERDICTS, USES, Comparison, Row
+from ninedisk.harness.results.schema import (
+    CHANGE_VERDICTS,
+    DETERMINISM_KINDS,
+    USES,
+    Comparison,
+    Row,
+    worse_than_promised,
+)
 from ninedisk.reports import citation, ranking, text
 from ninedisk.reports.charts import Chart
 from ninedisk.reports.findings import of_engines
@@ -220,6 +227,7 @@ def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
         matrix=[(case, [(engine, filled.get((case.id, engine.id))) for engine in engines]) for case in cases],
         worst_headline=worst[0] if worst else None,
         findings=of_engines(panel.stored),
+        determinism=panel.stored.determinism,
         n_findings=len(panel.stored.findings),
         described={each.id for each in panel.stored.findings},
         uses=uses,
@@ -351,6 +359,9 @@ def engine_page(env: Environment, panel: Panel, engine: EngineFacts, speed: Char
         siblings=[other for other in panel.engines.values() if other != engine and other.program == engine.program],
         findings=[each for each in of_engines(panel.stored) if each.engine == engine.id],
         differences=[(reason, rows) for (reason,), rows in differences.items()],
+        determinism=[row for row in panel.stored.determinism if row["engine"] == engine.id],
+        kinds=DETERMINISM_KINDS,
+        worse=worse_than_promised,
         n_passed=sum(row["status"] == "pass" for row in mine),
         wide=sorted(filter(is_wide, mine), key=lambda row: -row["share"]),
         asked=never_asked(panel, engine),

@@ -85,6 +85,9 @@ def moving_scenes(case: CaseData, arrays: Arrays) -> dict[str, Any]:
         view = read_scene(setup)
         edges = [None if edge is None else arrays(edge) for edge in (view.edges if view else (None,) * n)]
         shown: dict[str, Any] = {"radius": arrays(radius), "edges": edges, "engines": {}}
+        periodic = view.cell if view else None
+        if periodic is not None:
+            shown["cell"] = {"size": periodic.size.tolist(), "motion": periodic.motion.tolist()}
         scene = scenes.setdefault(cell["variant"], shown)
         scene["engines"][cell["engine"]] = {
             "step": arrays(frames.step), "t": arrays(frames.t), "x": arrays(frames.x), "angle": arrays(frames.angle),
@@ -220,6 +223,7 @@ def _pictures(cells: list[dict[str, Any]], looks: dict[str, Look], last: int | N
     The force chains are those of the first engine whose contacts are plain springs.
     """
     scene = next((view for cell in cells if (view := read_scene(decoded(cell["setup"], dict)))), None)
+    times: dict[int, float] = {}
     if scene is None:
         return []
     bodies: dict[int, list[Any]] = {}
@@ -232,6 +236,7 @@ def _pictures(cells: list[dict[str, Any]], looks: dict[str, Look], last: int | N
         for k, step in enumerate(frames.step.astype(int).tolist()):
             walls = _walls(frames.wall_point[k], frames.wall_angle[k])
             bodies.setdefault(step, []).append((look, frames.x[k], frames.angle[k], walls))
+            times.setdefault(step, float(frames.t[k]))
         if held is not None and not chains and len(held.walls) == frames.wall_point.shape[1]:
             pairs, forces = contact_forces(held, frames.x, frames.wall_point, frames.wall_angle)
             for k, step in enumerate(frames.step.astype(int).tolist()):
@@ -243,7 +248,14 @@ def _pictures(cells: list[dict[str, Any]], looks: dict[str, Look], last: int | N
     final = max(bodies)
     begin = min(bodies, key=lambda step: (abs(step - (final - last if last else 0)), step))
     return [
-        Configuration(f"cycle {step}", scene.radius, tuple(bodies[step]), *chains.get(step, ("", ())), scene.edges)
+        Configuration(
+            f"cycle {step}",
+            scene.radius,
+            tuple(bodies[step]),
+            *chains.get(step, ("", ())),
+            scene.edges,
+            None if scene.cell is None else (scene.cell, times[step]),
+        )
         for step in sorted({begin, final})
     ]
 
@@ -268,7 +280,7 @@ class Springs:
 def springs(setup: Mapping[str, Any]) -> Springs | None:
     """Springs of a stored scene; None where the distance of disks alone does not give the force.
 
-    That is so with dashpots, a restitution, no stiffness, other outlines than disks, and the law of the common area.
+    That is so with dashpots, a restitution, no stiffness, other outlines than disks, the law of the common area, and a periodic cell.
     """
     try:
         scene = setup["scene"]
@@ -276,6 +288,8 @@ def springs(setup: Mapping[str, Any]) -> Springs | None:
         if any(law.get("beta") or law.get("restitution") is not None or not law["kn"] for law in laws):
             return None
         n = len(scene["disks"]["x"])
+        if scene.get("cell"):
+            return None
         if max(scene["disks"].get("outline", (-1,)), default=-1) >= 0 or any(
             law.get("contact") == "area" for law in laws
         ):

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -253,13 +253,16 @@ class ContactProblem:
         UnwritableFileError
             If it cannot be written.
         """
+        with whole_file(path) as stream:
+            np.savez_compressed(stream, **self.arrays())  # type: ignore[arg-type]
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """What `save` writes, by name."""
         w = self.delassus()
-        arrays = {name: getattr(self, name) for name in _FIELDS}
+        arrays: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in _FIELDS}
         arrays |= {"W_data": w.data, "W_indices": w.indices, "W_indptr": w.indptr, "q": self.b.ravel()}
         arrays["resolution"] = np.array(self.resolution)
-        arrays |= {f"note_{key}": np.array(text) for key, text in self.notes.items()}
-        with whole_file(path) as stream:
-            np.savez_compressed(stream, **arrays)
+        return arrays | {f"note_{key}": np.array(text) for key, text in self.notes.items()}
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ContactProblem:

@@ -151,8 +151,8 @@ def law_arrays(scene: Scene) -> Laws | None:
         of_pair=of_pair,
         of_wall=of_wall,
         columns=columns,
-        varies=(between != between[:, :1]).any(axis=1),
-        number=np.zeros(0, dtype=np.uint32),
+        varying=np.flatnonzero((between != between[:, :1]).any(axis=1)),
+        noted=np.zeros((0, 0)),
         reach=np.zeros(0),
         drag=np.zeros(0),
     )
@@ -163,7 +163,7 @@ def with_room(laws: Laws | None, lists: Lists) -> Laws | None:
     if laws is None:
         return None
     room = len(lists.pairs.other)
-    return laws._replace(number=np.zeros(room, dtype=np.uint32), reach=np.zeros(room), drag=np.zeros(room))
+    return laws._replace(noted=np.zeros((len(laws.varying), room)), reach=np.zeros(room), drag=np.zeros(room))
 
 
 def load_arrays(scene: Scene) -> Loads:
@@ -217,12 +217,12 @@ def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
     )
 
 
-def team_arrays(stripes: int, threads: int, laws: Laws | None = None) -> Team:
+def team_arrays(stripes: int, threads: int, laws: Laws | None = None, room: int = SCRATCH) -> Team:
     """Shared arrays of the threads; the stripes are set by the first rebuild.
 
     Columns that all ``laws`` between disks share are written to the scratch here, where they stay.
     """
-    scratch = np.zeros((threads, SCRATCH + 2 * PAD))
+    scratch = np.zeros((threads, room + 2 * PAD))
     if laws is not None:
         shared = laws.columns[:, laws.of_pair[0, 0]]
         scratch[:, int(PAIR_KN) : int(PAIR_KN) + len(shared) * CHUNK] = np.repeat(shared, CHUNK)
@@ -244,7 +244,9 @@ def first_lists(n: int, m: int, bends: bool = False) -> Lists:
     return Lists(pairs, wall_pairs, spare, wall_spare, empty_cells(n))
 
 
-def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArray[np.int64], n_walls: int) -> Samples:
+def sample_arrays(
+    at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArray[np.int64], n_walls: int, periodic: bool = False
+) -> Samples:
     """Room for the samples at the contact steps ``at``."""
     s, k, c, m = len(at), len(chosen), len(pairs), n_walls
     return Samples(
@@ -262,6 +264,8 @@ def sample_arrays(at: NDArray[np.int64], chosen: NDArray[np.int64], pairs: NDArr
         wall_angle=np.empty((s, m)),
         wall_force=np.empty((s, m, 2)),
         energy=np.zeros((s, len(ENERGIES))),
+        stress=np.empty((s if periodic else 0, 2, 2, 2)),
+        cell_work=np.empty(s if periodic else 0),
     )
 
 

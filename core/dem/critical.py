@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.dem.critical_kernels import lanczos
 from ninedisk.core.dem.grains import equal_radii, needs_outlines, outline_arrays
+from ninedisk.core.dem.images import close_images
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.motion import compile_motion, wall_poses
@@ -179,11 +180,11 @@ def _shear_and_rolling(scene: Scene, kind: _Kind, kr: float, shear: FloatArray) 
     """
     turn, ks = _inverse_masses(scene)[1], kind.law.shear_stiffness
     rolling, both = kr * turn, np.sqrt(ks * kr) * scene.disks.radius * turn
-    if kind.second is None:
-        a, b, c = shear[kind.first], rolling[kind.first], both[kind.first]
-    else:
-        either = kind.first | kind.second
-        a, b, c = _largest(shear, kind), _largest(rolling, kind), np.ptp(both[either])
+    parts = [values[kind.first] for values in (shear, rolling, both)]
+    if kind.second is not None:
+        spread = np.ptp(both[kind.first | kind.second])
+        parts = [np.array([part]) for part in (_largest(shear, kind), _largest(rolling, kind), spread)]
+    a, b, c = parts
     return float(np.max(0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + c**2)))
 
 
@@ -227,12 +228,15 @@ def _packed_rate(scene: Scene, form: DampingForm) -> float:
     room = np.floor(np.pi / np.arcsin(smallest / (radius + smallest)) * (1.0 + 1e-9))
     about = _inverse_moments(scene)
     walls = len(scene.walls)
+    most = (
+        room if scene.cell is not None else np.minimum(room, n - 1.0)
+    )  # in a cell all neighbours may be images of one disk
     # Neighbours may all have the law that is worst for a disk.
     between, at_walls = np.zeros((2, n)), np.zeros((walls, 2, n))
     of_wall = 0
     for kind in _kinds(scene):
         law = kind.law
-        count = np.ones(n) if kind.second is None else np.minimum(room, n - 1.0)
+        count = np.ones(n) if kind.second is None else most
         concerned = kind.first if kind.second is None else kind.first | kind.second
         others, lightest = (0.0, 0.0) if kind.second is None else (float(inverse.min()), float(about.min()))
         kn, ks = (law.kn - law.cohesion) * stiffening(scene, law), law.shear_stiffness
@@ -380,8 +384,11 @@ def _close_pairs(scene: Scene, reach: float) -> tuple[IntArray, FloatArray, Floa
         If two centres coincide.
     """
     x, radius = scene.disks.x, scene.disks.radius
-    listed = PairFinder(radius, 0).within(x, np.empty((0, POSE)), reach)
-    d = x[listed[:, 1]] - x[listed[:, 0]]
+    if scene.cell is not None:
+        listed, d = close_images(scene, scene.cell, reach)
+    else:
+        listed = PairFinder(radius, 0).within(x, np.empty((0, POSE)), reach)
+        d = x[listed[:, 1]] - x[listed[:, 0]]
     distance = np.hypot(d[:, 0], d[:, 1])
     if len(distance) and distance.min() == 0.0:
         i, j = listed[np.argmin(distance)]

@@ -109,7 +109,7 @@ def restore(mine: Mapping[str, NDArray[Any]], saved: Mapping[str, NDArray[Any]],
     kept = np.isin(saved["samples.at"], mine["samples.at"]) & (np.arange(len(saved["samples.at"])) < rows)
     for name, array in saved.items():
         if name.startswith("samples."):
-            if name not in ("samples.at", "samples.chosen", "samples.pairs"):
+            if name not in ("samples.at", "samples.chosen", "samples.pairs") and len(array) == len(kept):
                 mine[name][: kept.sum()] = array[kept]
         elif not name.startswith(("pairs.", "wall_pairs.")):
             mine[name][...] = array

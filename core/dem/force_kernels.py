@@ -76,9 +76,9 @@ DX, DY, REACH, VX, VY, ROLL, SPIN, DASHPOT_X, DASHPOT_Y = (np.uint64(c * CHUNK) 
 """Where the scratch holds, for each pair: ``x_j - x_i``, sum of the radii, ``v_i - v_j``, ``R_i omega_i + R_j omega_j``, ``omega_i +
 omega_j``, and the difference of the velocities that dashpots see, if they see other ones."""
 
-TURN, TURN_NOW, TORQUE_REACH, DRAG, BENT = (np.uint64(c * CHUNK) for c in range(9, 14))
-"""With `Laws` also: ``omega_i - omega_j``, that of the spins that rolling resistance sees, if it sees other ones, what `Laws` has noted of
-the pair, and the torque of the step before, which the present one replaces."""
+TURN, TURN_NOW, BENT = (np.uint64(c * CHUNK) for c in range(9, 12))
+"""With `Laws` also: ``omega_i - omega_j``, that of the spins that rolling resistance sees, if it sees other ones, and the torque of the
+step before, which the present one replaces."""
 
 (
     PAIR_KN,
@@ -91,7 +91,7 @@ the pair, and the torque of the step before, which the present one replaces."""
     PAIR_KR,
     PAIR_SPRING,
     PAIR_VISCOUS,
-) = (np.uint64(c * CHUNK) for c in range(14, 24))
+) = (np.uint64(c * CHUNK) for c in range(12, 22))
 """And its law: columns of `Laws.columns`. Those that all laws share are written once, before the run."""
 
 GX, GY, SHEAR, ARM_LOSS, BENDING = DX, DY, REACH, VX, VY
@@ -101,7 +101,7 @@ rolling resistance on ``j``."""
 LOST = (ROLL, SPIN, TURN, TURN_NOW)
 """Where the energy takes its place that the pair has lost in this step, by channels of `Losses`."""
 
-SCRATCH = 24 * CHUNK
+SCRATCH = 22 * CHUNK
 
 STEEP, LEAST = 1e300, 1e-300
 """Stiffness that makes the rolling spring of an instant a constant torque: whatever turns is beyond its limit. And one in the place of
@@ -151,7 +151,7 @@ def rolling_dashpot(law: NDArray[np.float64], inv_moment: float) -> float:
     """Coefficient of the dashpot of rolling resistance [N m s] ``2 beta sqrt(I kr)``, from ``1/I`` [1/(kg m^2)]."""
     if inv_moment == 0.0:
         return 0.0
-    return 2.0 * law[BEND_BETA] * sqrt(law[KR] / inv_moment)
+    return float(2.0 * law[BEND_BETA] * sqrt(law[KR] / inv_moment))
 
 
 @inline_kernel
@@ -164,7 +164,7 @@ def inverse_moment(radius: float, inv_mass: float, inv_inertia: float) -> float:
 def torque_reach(law: NDArray[np.float64], reduced: float) -> float:
     """Torque of rolling resistance over the repulsive force [m], over the spin as well if it is viscous; from the reduced radius [m]."""
     reach = law[BEND] * reduced
-    return reach * reduced if law[MODEL] == VISCOUS else reach
+    return float(reach * reduced if law[MODEL] == VISCOUS else reach)
 
 
 @inline_kernel
@@ -226,15 +226,17 @@ def sliding_frame(walls: WallArrays, w: int, middle: float) -> tuple[float, floa
     return sx, sy, tx, ty, vx, vy
 
 
-@inline_kernel
+@fused_inline_kernel
 def friction_loss(before: float, after: float, slip: float, ks: float) -> float:
-    """Energy that sliding has taken from a shear spring in a step [J], or the limit from a rolling one.
+    """Energy that sliding has taken from a shear spring in a step [J], or its limit from a rolling one; never negative.
 
-    The spring's force does the work ``(before + after)/2 slip``, as the scheme has it, of which its energy keeps
-    ``(after^2 - before^2)/(2 ks)``, the forces being those that resist.
+    The forces are those that resist. In the scheme they do the work ``(before + after)/2 slip``, of which the spring keeps
+    ``(after^2 - before^2)/(2 ks)``: the rest is ``(before + after)/2`` times what slid, ``slip - (after - before)/ks``. Where a force
+    turns round within a step, which takes one of O(dt), it slides against ``after`` alone.
     """
-    kept = (after - before) / ks if ks > 0.0 else 0.0
-    return 0.5 * (before + after) * (slip - kept)
+    slid = slip - (after - before) / max(ks, LEAST) if ks > 0.0 else slip
+    mean = 0.5 * (before + after)
+    return mean * slid if mean * slid > 0.0 else max(after * slid, 0.0)
 
 
 @inline_kernel
@@ -271,7 +273,7 @@ def wall_bending(
     if losses is not None:
         losses.contacts[stripe, ROLLING] += friction_loss(before, held, slip_dt * turn, law[KR])
         losses.contacts[stripe, ROLLING_DASHPOT] += loss_dt * damped * turn_now
-    return held + damped
+    return float(held + damped)
 
 
 @inline_kernel
@@ -393,7 +395,9 @@ def disk_wall_forces(
 @inline_kernel
 def note_law(disks: DiskArrays, laws: Laws, law: NDArray[np.float64], i: int, j: int, k: int) -> None:
     """Law of the listed pair k, of the disks in rows i and j, and what its rolling resistance takes from their radii and masses."""
-    laws.number[k] = law_of_pair(laws, disks, i, j)
+    number = law_of_pair(laws, disks, i, j)
+    for m in range(laws.varying.shape[0]):
+        laws.noted[m, k] = laws.columns[laws.varying[m], number]
     ri, rj = disks.radius[i], disks.radius[j]
     laws.reach[k] = torque_reach(law, ri * rj / (ri + rj))
     inverse = inverse_moment(ri, disks.inv_mass[i], disks.inv_inertia[i])
@@ -421,6 +425,7 @@ def gather(
     disks: DiskArrays,
     views: Views,
     pairs: NeighbourList,
+    laws: Laws | None,
     begin: Index,
     end: Index,
     scratch: NDArray[np.float64],
@@ -435,49 +440,41 @@ def gather(
         scratch[DX + q], scratch[DY + q], scratch[REACH + q] = x[jx] - x[ix], x[jy] - x[iy], ri + rj
         scratch[VX + q], scratch[VY + q] = v[ix] - v[jx], v[iy] - v[jy]
         scratch[ROLL + q], scratch[SPIN + q] = ri * wi + rj * wj, wi + wj
+        if laws is not None:
+            scratch[TURN + q] = wi - wj
 
 
 @fused_inline_kernel
-def gather_dashpots(views: Views, pairs: NeighbourList, begin: Index, end: Index, scratch: NDArray[np.float64]) -> None:
-    """Differences of the velocities that dashpots see, into the scratch."""
-    dashpot_v, row, other = views.dashpot_v, views.row, pairs.other
+def gather_dashpots(
+    disks: DiskArrays,
+    views: Views,
+    pairs: NeighbourList,
+    laws: Laws | None,
+    begin: Index,
+    end: Index,
+    scratch: NDArray[np.float64],
+) -> None:
+    """Differences of the velocities that dashpots see, and of the spins that rolling resistance does, into the scratch."""
+    dashpot_v, omega_now, row, other = views.dashpot_v, disks.omega_now, views.row, pairs.other
     one = np.uint64(1)
     for k in range(begin, end):
         q, i, j = k - begin, np.uint64(row[k]), np.uint64(other[k])
         scratch[DASHPOT_X + q] = dashpot_v[i + i] - dashpot_v[j + j]
         scratch[DASHPOT_Y + q] = dashpot_v[i + i + one] - dashpot_v[j + j + one]
+        if laws is not None:
+            scratch[TURN_NOW + q] = omega_now[i] - omega_now[j]
 
 
-@fused_inline_kernel
-def gather_laws(
-    disks: DiskArrays,
-    views: Views,
-    pairs: NeighbourList,
-    laws: Laws,
-    begin: Index,
-    end: Index,
-    scratch: NDArray[np.float64],
-) -> None:
-    """Spins, laws and history of rolling resistance of the pairs ``begin .. end-1``, into the scratch."""
-    omega, omega_now, row, other = disks.omega, disks.omega_now, views.row, pairs.other
-    columns, number, reach, drag, bending = laws.columns, laws.number, laws.reach, laws.drag, pairs.bending
-    for k in range(begin, end):
-        scratch[TURN + (k - begin)] = omega[np.uint64(row[k])] - omega[np.uint64(other[k])]
-    if omega_now.shape[0] > 0:
-        for k in range(begin, end):
-            scratch[TURN_NOW + (k - begin)] = omega_now[np.uint64(row[k])] - omega_now[np.uint64(other[k])]
-    for k in range(begin, end):
-        scratch[TORQUE_REACH + (k - begin)] = reach[k]
-    for k in range(begin, end):
-        scratch[DRAG + (k - begin)] = drag[k]
+@inline_kernel
+def gather_laws(pairs: NeighbourList, laws: Laws, begin: Index, end: Index, scratch: NDArray[np.float64]) -> None:
+    """Laws and history of rolling resistance of the pairs ``begin .. end-1``, into the scratch."""
+    noted, bending = laws.noted, pairs.bending
     for k in range(begin, end):
         scratch[BENT + (k - begin)] = bending[k]
-    for c in range(columns.shape[0]):
-        if laws.varies[c]:
-            column = columns[c]
-            at = PAIR_KN + np.uint64(c * CHUNK)
-            for k in range(begin, end):
-                scratch[at + (k - begin)] = column[np.uint64(number[k])]
+    for m in range(laws.varying.shape[0]):
+        at = PAIR_KN + np.uint64(laws.varying[m] * CHUNK)
+        for k in range(begin, end):
+            scratch[at + (k - begin)] = noted[m, k]
 
 
 @inline_kernel
@@ -543,10 +540,10 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64, seen: np.uint64) ->
             if overlap <= 0.0:
                 fn, fs = 0.0, 0.0
             if losses is not None:
-                pull = fn - stiff * overlap if overlap > 0.0 else 0.0
-                kept = (fs - shear[k]) / max(ks, LEAST)
-                scratch[LOST[FRICTION] + q] = -0.5 * begun * (shear[k] + fs) * (vt * slip_dt + kept)
+                # The overlap anew: a product with two uses would be rounded otherwise than where energies are not asked for.
+                pull = fn - stiff * (scratch[REACH + q] - (dx * nx + dy * ny)) if overlap > 0.0 else 0.0
                 scratch[LOST[DASHPOT] + q] = loss_dt * pull * rate
+                scratch[LOST[FRICTION] + q] = begun * friction_loss(-shear[k], -fs, vt * slip_dt, ks)
             if laws is not None:
                 turn, turn_now, before, kr = (
                     scratch[TURN + q],
@@ -554,16 +551,15 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64, seen: np.uint64) ->
                     scratch[BENT + q],
                     scratch[PAIR_KR + q],
                 )
-                limit = scratch[TORQUE_REACH + q] * repulsive
+                limit = laws.reach[k] * repulsive
                 trial = before + kr * (slip_dt * turn) if scratch[PAIR_SPRING + q] > 0.0 else STEEP * turn
                 held = min(max(trial, -limit), limit)
                 held = limit * turn_now if scratch[PAIR_VISCOUS + q] > 0.0 else held
-                damped = scratch[DRAG + q] * turn_now if abs(held) < limit else 0.0
+                damped = laws.drag[k] * turn_now if abs(held) < limit else 0.0
                 if overlap <= 0.0:
                     held, damped = 0.0, 0.0
                 if losses is not None:
-                    kept = (held - before) / kr if kr > 0.0 else 0.0
-                    scratch[LOST[ROLLING] + q] = 0.5 * (before + held) * (slip_dt * turn - kept)
+                    scratch[LOST[ROLLING] + q] = friction_loss(before, held, slip_dt * turn, kr)
                     scratch[LOST[ROLLING_DASHPOT] + q] = loss_dt * damped * turn_now
                 scratch[BENT + q], scratch[BENDING + q] = held, held + damped
             shear[k] = fs
@@ -601,12 +597,12 @@ def scatter(
         force[iy] += gy
         force[jx] -= gx
         force[jy] -= gy
-        if laws is None:
-            torque[i] += radius[i] * fs - loss
-            torque[j] += radius[j] * fs - loss
-        else:
-            torque[i] += radius[i] * fs - loss - scratch[BENDING + q]
-            torque[j] += radius[j] * fs - loss + scratch[BENDING + q]
+        on_i, on_j = radius[i] * fs - loss, radius[j] * fs - loss
+        if laws is not None:
+            on_i -= scratch[BENDING + q]
+            on_j += scratch[BENDING + q]
+        torque[i] += on_i
+        torque[j] += on_j
         if losses is not None:
             friction += scratch[LOST[FRICTION] + q]
             dashpots += scratch[LOST[DASHPOT] + q]
@@ -666,11 +662,11 @@ def disk_disk_forces(
     last = np.uint64(pairs.start[end])
     for low in range(np.uint64(pairs.start[begin]), last, chunk):
         high = min(low + chunk, last)
-        gather(disks, views, pairs, low, high, scratch)
+        gather(disks, views, pairs, laws, low, high, scratch)
         if laws is not None:
-            gather_laws(disks, views, pairs, laws, low, high, scratch)
+            gather_laws(pairs, laws, low, high, scratch)
         if extrapolated:
-            gather_dashpots(views, pairs, low, high, scratch)
+            gather_dashpots(disks, views, pairs, laws, low, high, scratch)
             pair_forces_extrapolated(pairs, views.damping, law, laws, losses, slip_dt, loss_dt, low, high, scratch)
         else:
             pair_forces_lagged(pairs, views.damping, law, laws, losses, slip_dt, loss_dt, low, high, scratch)

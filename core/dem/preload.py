@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.core.dem.state import COUNT, MIDDLE_A, DiskArrays, NeighbourList, Outlines
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.history import Pair
@@ -21,7 +22,7 @@ def enter_preload(scene: Scene, disks: DiskArrays, pairs: NeighbourList, wall_pa
     """
     n = len(scene.disks)
     for (i, j), force in scene.initial_shear.items():
-        check_preload(scene, i, j, force)
+        check_preload(scene, i, j, force, scene.disks.x[j] - scene.disks.x[i] if j < n else None)
         row, other = int(disks.place[i]), int(disks.place[j]) if j < n else 0
         if j < n:
             _enter(pairs, min(row, other), max(row, other), force)
@@ -70,11 +71,11 @@ def _arc(start: float, end: float, ring: int) -> tuple[float, float]:
     return (start + 0.5 * length) % ring, length
 
 
-def check_preload(scene: Scene, i: int, j: int, force: float) -> None:
-    """Raise `InvalidSceneError` unless disk i and body j touch and their contact is rough."""
+def check_preload(scene: Scene, i: int, j: int, force: float, apart: FloatArray | None) -> None:
+    """Raise `InvalidSceneError` unless disk i and body j, a disk ``apart`` [m] or a wall, touch and their contact is rough."""
     x, n = scene.disks.x, len(scene.disks)
-    if j < n:
-        gap = float(np.hypot(*(x[j] - x[i])) - scene.disks.radius[i] - scene.disks.radius[j])
+    if apart is not None:
+        gap = float(np.hypot(*apart) - scene.disks.radius[i] - scene.disks.radius[j])
     else:
         wall = scene.walls[j - n]
         gap = float((x[i] - np.array(wall.point)) @ np.array(wall.normal) - scene.disks.radius[i])
@@ -114,5 +115,10 @@ def shear_by_pair(disks: DiskArrays, pairs: NeighbourList, wall_pairs: Neighbour
         other = name[listed.other[used].astype(np.int64)]
         first, second = (other, n + row[used]) if of_walls else (name[row[used]], other)
         for i, j, force in zip(first.tolist(), second.tolist(), listed.shear[used].tolist(), strict=True):
+            if (min(i, j), max(i, j)) in found or i == j:
+                raise InvalidSceneError(
+                    f"disks {i} and {j} touch through two images of the periodic cell, so that their shear forces have no common name: "
+                    "save a checkpoint to go on from here, or use a larger cell"
+                )
             found[min(i, j), max(i, j)] = force
     return found

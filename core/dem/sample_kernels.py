@@ -198,7 +198,7 @@ def lost_so_far(losses: Losses, channel: int) -> float:
 @inline_kernel
 def lost_by_now(losses: Losses, channel: int) -> float:
     """The same at the time of a sample, to which only half of the step of a force that depends on velocities belongs."""
-    return 0.5 * (losses.before[channel] + lost_so_far(losses, channel))
+    return float(0.5 * (losses.before[channel] + lost_so_far(losses, channel)))
 
 
 @kernel

@@ -34,7 +34,10 @@ from ninedisk.core.dem.arrays import (
     with_room,
 )
 from ninedisk.core.dem.files import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
+from ninedisk.core.dem.force_kernels import SCRATCH
 from ninedisk.core.dem.grains import first_outlines, needs_outlines, restored, shear_of_grains, with_more_room
+from ninedisk.core.dem.image_kernels import CELL_SCRATCH, image_contacts, rebuild_images
+from ninedisk.core.dem.images import check_cell, enter_image_preload, first_images, with_more_pairs
 from ninedisk.core.dem.neighbour_kernels import rebuild
 from ninedisk.core.dem.neighbours import check_crowd, grown
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
@@ -46,6 +49,7 @@ from ninedisk.core.dem.state import (
     SIDE,
     WALL_PAIRS_FULL,
     DiskArrays,
+    Images,
     Lists,
     NeighbourList,
     Outlines,
@@ -76,11 +80,11 @@ from ninedisk.core.validate import whole
 STEPS_TIMES_DISKS = 16_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
 
-LACKS = ("a periodic cell", "adhesion")
+LACKS = ("adhesion",)
 """What scenes may ask for and the DEM lacks (`check_run`)."""
 
-OUTLINES_LACK = ("materials", "cohesion", "rolling resistance")
-"""What it lacks as well where contacts are those of outlines."""
+OUTLINES_LACK = CELL_LACKS = ("materials", "cohesion", "rolling resistance")
+"""What it lacks as well where contacts are those of outlines, and in a periodic cell."""
 
 
 class DemSession:
@@ -141,21 +145,27 @@ class DemSession:
         self._motion = compile_motion(scene.walls)
         self._walls = wall_arrays(scene, self._motion, stripes)
         self._law, self._laws, self._loads = np.array(law_row(scene.disk_disk)), law_arrays(scene), load_arrays(scene)
-        self._team = team_arrays(stripes, self._threads, self._laws)
+        periodic = scene.cell is not None
+        self._team = team_arrays(stripes, self._threads, self._laws, CELL_SCRATCH if periodic else SCRATCH)
         self._losses = loss_arrays(stripes) if numerics.energy_budget else None
         self._lists = first_lists(n, m, self._laws is not None)
         self._progress = Progress(
             clock=np.array([0, 1, 0, 0, 0], dtype=np.int64), work=np.zeros(2), skin=np.array([self._step.first_skin])
         )
         self._outlines = first_outlines(scene)
+        self._images: Images | None = None
+        if scene.cell is not None:
+            self._images = first_images(scene.cell, n, self._lists.pairs.other.shape[0], stripes)
         self._first_lists()
         self._note_lists()
-        if self._outlines is None:
+        if self._images is not None:
+            enter_image_preload(scene, self._disks, self._lists.pairs, self._images)
+        elif self._outlines is None:
             enter_preload(scene, self._disks, self._lists.pairs, self._lists.wall_pairs)
         else:
             enter_grain_preload(scene, self._outlines)
         pairs = np.array(self.pairs, dtype=np.int64).reshape(len(self.pairs), 2)
-        self._samples = sample_arrays(numerics.sampled_steps() * self.substeps, self.chosen, pairs, m)
+        self._samples = sample_arrays(numerics.sampled_steps() * self.substeps, self.chosen, pairs, m, periodic)
 
     def __getstate__(self) -> dict[str, Any]:
         # Views share the memory of other arrays, which a copy of theirs would not.
@@ -224,7 +234,9 @@ class DemSession:
     def counts(self) -> Counts:
         """Rebuilds so far, pairs that the present lists hold, contacts at the present positions."""
         rebuilds = int(self._progress.clock[state.REBUILDS])
-        return count(self._disks, self._walls, self._lists.pairs, self._lists.wall_pairs, self._outlines, rebuilds)
+        return count(
+            self._disks, self._walls, self._lists.pairs, self._lists.wall_pairs, self._outlines, self._images, rebuilds
+        )
 
     def warm_up(self) -> None:
         """Compile or load the kernels on a copy of the scene; this session's state stays as it is."""
@@ -279,6 +291,9 @@ class DemSession:
         pairs, wall_pairs = ([saved_list(arrays, name) for _ in range(2)] for name in ("pairs", "wall_pairs"))
         session._lists = Lists(pairs[0], wall_pairs[0], pairs[1], wall_pairs[1], session._lists.cells)
         session._outlines = restored(session._outlines, arrays)
+        if session._images is not None:
+            shift = np.array(arrays["pairs.shift"])
+            session._images = session._images._replace(shift=shift, spare=np.zeros(len(shift)))
         session._progress.clock[state.ROW] = restore(session._state(), arrays, int(arrays["clock"][state.ROW]))
         session._note_lists()
         return session
@@ -296,6 +311,9 @@ class DemSession:
             groups["grains"] = self._outlines.memory
         if self._losses is not None:
             groups["losses"] = self._losses
+        if self._images is not None:
+            single["pairs.shift"] = self._images.shift
+            single |= {f"cell.{name}": getattr(self._images, name) for name in ("now", "built", "load", "work")}
         return state_arrays(single, groups)
 
     def _advance(self, target: int) -> None:
@@ -304,7 +322,16 @@ class DemSession:
         while True:
             arrays = (self._disks, self._views, self._walls, self._lists, self._law, self._step, self._team)
             system = System(*arrays, self._laws, self._losses)
-            shared = (system, self._motion, self._loads, self._outlines, self._samples, self._progress, target)
+            shared = (
+                system,
+                self._motion,
+                self._loads,
+                self._outlines,
+                self._images,
+                self._samples,
+                self._progress,
+                target,
+            )
             code = together(advance, self._threads, shared)
             if code == OK and not (np.isfinite(self._disks.x).all() and np.isfinite(self._disks.v).all()):
                 code = NOT_FINITE
@@ -318,6 +345,9 @@ class DemSession:
         if code == PAIRS_FULL:
             check_crowd(lists.pairs)
             self._lists = lists._replace(pairs=grown(lists.pairs), spare=grown(lists.spare))
+            if self._images is not None:
+                room, used = self._lists.pairs.other.shape[0], int(self._lists.pairs.start[-1])
+                self._images = with_more_pairs(self._images, room, used)
             self._note_lists()
         elif code == WALL_PAIRS_FULL:
             self._lists = lists._replace(wall_pairs=grown(lists.wall_pairs), wall_spare=grown(lists.wall_spare))
@@ -336,7 +366,11 @@ class DemSession:
     def _first_lists(self) -> None:
         while True:
             skin = float(self._progress.skin[0])
-            code = rebuild(self._disks, self._walls, self._lists, self._team, self._step, skin)
+            lists, team, step = self._lists, self._team, self._step
+            if self._images is None:
+                code = rebuild(self._disks, self._walls, lists, team, step, skin)
+            else:
+                code = rebuild_images(self._disks, self._walls, lists, self._images, team, step, skin)
             if code == OK:
                 return
             self._make_good(code)
@@ -366,10 +400,14 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     check_run(scene, numerics, "the DEM", LACKS)
     if needs_outlines(scene):
         check_run(scene, numerics, "the DEM of outlines", OUTLINES_LACK)
-        if numerics.energy_budget:
-            raise InvalidNumericsError(
-                "energy_budget is not allowed for outlines: the DEM has it for disks alone; leave it out"
-            )
+    if scene.cell is not None:
+        check_run(scene, numerics, "the DEM in a periodic cell", CELL_LACKS)
+        check_cell(scene, numerics)
+    if numerics.energy_budget and (needs_outlines(scene) or scene.cell is not None):
+        where = "in a periodic cell" if scene.cell is not None else "for outlines"
+        raise InvalidNumericsError(
+            f"energy_budget is not allowed {where}: the DEM has it for disks between walls; leave it out"
+        )
     moved = scene.disks.held.any(axis=1) & ~scene.disks.fixed
     if moved.any():
         raise InvalidSceneError(
@@ -392,6 +430,9 @@ def history_of(
     energy["elastic"] = energy["elastic_normal"] + energy["elastic_shear"]
     if "elastic_rolling" in energy:
         energy["elastic"] += energy["elastic_rolling"]
+    periodic = len(samples.stress) > 0
+    if periodic:
+        energy["cell_work"] = data["cell_work"]
     # Times are products of the step number and the contact step, as the kernels form them.
     fields = ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force")
     return History(
@@ -401,6 +442,7 @@ def history_of(
         particles=tuple(int(i) for i in samples.chosen),
         force_meaning="instantaneous",
         energy=energy,
+        stress=data["stress"] if periodic else None,
         **{name: data[name] for name in fields},
     )
 
@@ -461,10 +503,13 @@ def count(
     pairs: NeighbourList,
     wall_pairs: NeighbourList,
     outlines: Outlines | None,
+    images: Images | None,
     rebuilds: int,
 ) -> Counts:
     """Counts of the present state; ``rebuilds`` is taken over."""
-    if outlines is None:
+    if images is not None:
+        contacts, wall_contacts = int(image_contacts(disks, pairs, images)[0]), 0
+    elif outlines is None:
         contacts, wall_contacts = int(touching(disks, pairs)), int(touching_walls(disks, walls, wall_pairs))
     else:
         contacts, wall_contacts = _of_outlines(outlines, len(disks.x))

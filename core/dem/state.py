@@ -210,6 +210,40 @@ class WallArrays(NamedTuple):
     passed: NDArray[np.int64]
 
 
+class Images(NamedTuple):
+    """Images of n disks in a periodic cell (`ninedisk.core.dem.image_kernels`); s stripes.
+
+    Attributes
+    ----------
+    size : shape (2,)
+        Edges at time 0 [m].
+    now, built : shape (6,), shape (3,)
+        Edges at ``t_n`` and their rate; edges at the last rebuild.
+    shift : shape (2 capacity of the list,)
+        Whole numbers ``s`` of edges along and across by which the image that is in contact lies away, for each listed pair.
+    spare : shape (2 capacity,)
+        Where a rebuild puts the new ones before it copies them.
+    home : shape (n, 2)
+        Scratch of a rebuild.
+    share : shape (s, 5)
+        What each stripe contributes to the loads.
+    load : shape (5,)
+        ``sum g (x) d`` over the contacts, row by row [N m], and the power of the images [W], at ``t_n``.
+    work : shape (1,)
+        Work of the images on the disks since time 0 [J].
+    """
+
+    size: FloatArray
+    now: FloatArray
+    built: FloatArray
+    shift: FloatArray
+    spare: FloatArray
+    home: FloatArray
+    share: FloatArray
+    load: FloatArray
+    work: FloatArray
+
+
 class Team(NamedTuple):
     """What the threads of a run share; s stripes, at most t threads.
 
@@ -229,7 +263,7 @@ class Team(NamedTuple):
         Largest squared displacement since the last rebuild among each thread's disks [m^2].
     code : ndarray of int64, shape (1,)
         Outcome of the last rebuild.
-    scratch : ndarray, shape (t, SCRATCH + 2 * PAD)
+    scratch : ndarray, shape (t, SCRATCH + 2 * PAD), or (t, CELL_SCRATCH + 2 * PAD) in a periodic cell
         Scratch of each thread's pairs; the rest keeps two threads' apart.
     """
 
@@ -316,10 +350,10 @@ class Laws(NamedTuple):
     columns : shape (10, k)
         What the force of disk-disk pairs reads of a law: kn, cohesion, ks, mu, half the columns of the arms of torque and slip, that of
         the slip's place in the step, kr, 1 for the models SPRING and VISCOUS.
-    varies : ndarray of bool, shape (10,)
+    varying : ndarray of int64, shape (v,)
         Columns that are not the same in all laws between disks.
-    number : ndarray of uint32, shape (capacity of the list,)
-        Number of the law of each listed disk-disk pair.
+    noted : shape (v, capacity of the list)
+        These columns of the law of each listed disk-disk pair.
     reach : shape (capacity of the list,)
         ``mu R`` of the pair's rolling resistance [m], ``mu R^2/(1 m/s)`` [m s] of a viscous one.
     drag : shape (capacity of the list,)
@@ -331,8 +365,8 @@ class Laws(NamedTuple):
     of_pair: NDArray[np.uint32]
     of_wall: NDArray[np.uint32]
     columns: FloatArray
-    varies: NDArray[np.bool_]
-    number: NDArray[np.uint32]
+    varying: IntArray
+    noted: FloatArray
     reach: FloatArray
     drag: FloatArray
 
@@ -425,6 +459,10 @@ class Samples(NamedTuple):
     wall_force : shape (s, m, 2)
     energy : shape (s, 12)
         `ninedisk.core.dem.arrays.ENERGIES` [J].
+    stress : shape (s, 2, 2, 2)
+        Stress of a periodic cell [N/m]: by contacts, by velocities; shape (0, 2, 2, 2) without a cell.
+    cell_work : shape (s,)
+        Work of the deforming cell since time 0 [J]; shape (0,) without one.
     """
 
     at: NDArray[np.int64]
@@ -441,6 +479,8 @@ class Samples(NamedTuple):
     wall_angle: FloatArray
     wall_force: FloatArray
     energy: FloatArray
+    stress: FloatArray
+    cell_work: FloatArray
 
 
 class Memory(NamedTuple):

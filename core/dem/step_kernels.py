@@ -10,6 +10,16 @@ from math import sqrt
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.force_kernels import disk_disk_forces, disk_wall_forces, note_pairs
 from ninedisk.core.dem.grain_kernels import grain_forces
+from ninedisk.core.dem.image_kernels import (
+    beside_flow,
+    clear_image_share,
+    gather_shares,
+    image_forces,
+    place_cell,
+    rebuild_images,
+    record_images,
+    room_left,
+)
 from ninedisk.core.dem.kick_kernels import farther, kick_and_drift
 from ninedisk.core.dem.neighbour_kernels import next_skin, rebuild
 from ninedisk.core.dem.sample_kernels import lost_so_far, record, record_contacts
@@ -24,6 +34,8 @@ from ninedisk.core.dem.state import (
     ROW,
     STEP,
     DiskArrays,
+    Images,
+    Kick,
     Laws,
     Loads,
     Losses,
@@ -128,7 +140,24 @@ def share_of_kick(loads: Loads, k: int, n: int, dt: float) -> float:
     first, last = max((n - 0.5) * dt, 0.0), (n + 0.5) * dt
     if loads.time[k, 0] <= first and loads.time[k, 1] >= last:
         return 1.0
-    return max(min(loads.time[k, 1], last) - max(loads.time[k, 0], first), 0.0) / (last - first)
+    return float(max(min(loads.time[k, 1], last) - max(loads.time[k, 0], first), 0.0) / (last - first))
+
+
+@inline_kernel
+def farthest_allowed(walls: WallArrays, images: Images | None, skin: float, widest: float) -> float:
+    """Displacement of a disk since the last rebuild up to which the lists are complete [m]."""
+    if images is not None:
+        return room_left(images, skin, widest)
+    return min(0.5 * skin, skin - wall_drift(walls, skin))
+
+
+@inline_kernel
+def kicked(system: System, images: Images | None, kick: Kick, n: int, begin: int, end: int) -> float:
+    """Kick of the disks ``begin .. end-1`` after step n; returns what `kick_and_drift` does, in a cell of displacements in its flow."""
+    far = kick_and_drift(system.disks, system.views, kick, begin, end)
+    if images is not None:
+        far = beside_flow(system.views, images, n * kick.dt, kick.dt, begin, end)
+    return far
 
 
 @inline_kernel
@@ -136,6 +165,8 @@ def stripe_forces(
     system: System,
     laws: Laws | None,
     losses: Losses | None,
+    images: Images | None,
+    n: int,
     slip_dt: float,
     moves_on: bool,
     parity: int,
@@ -161,26 +192,31 @@ def stripe_forces(
         end = stripe[s + 1]
         kicked_from = team.border[s] if parity == 0 else stripe[s]
         clear_share(walls, s)
+        if images is not None:
+            clear_image_share(images, s)
         for low in range(stripe[s], end, BLOCK):
             high = min(low + BLOCK, end)
             scratch = team.scratch[thread]
-            disk_disk_forces(
-                disks, views, lists.pairs, system.law, laws, losses, s, slip_dt, loss_dt, low, high, scratch
-            )
+            if images is None:
+                disk_disk_forces(
+                    disks, views, lists.pairs, system.law, laws, losses, s, slip_dt, loss_dt, low, high, scratch
+                )
+            else:
+                image_forces(disks, views, lists.pairs, images, system.law, slip_dt, low, high, scratch, s)
             # Disks at a wall are few and far between: the pairs have brought them into the caches.
             disk_wall_forces(disks, walls, lists.wall_pairs, laws, losses, slip_dt, loss_dt, low, high, s)
             if moves_on:
-                far = farther(far, kick_and_drift(disks, views, system.step.kick, max(low, kicked_from), high))
+                far = farther(far, kicked(system, images, system.step.kick, n, max(low, kicked_from), high))
     return far
 
 
 @inline_kernel
-def kick_borders(system: System, thread: int, threads: int) -> float:
+def kick_borders(system: System, images: Images | None, n: int, thread: int, threads: int) -> float:
     """Kick of the borders of the even stripes of a thread; returns what `kick_and_drift` does."""
     stripe, border = system.team.stripe, system.team.border
     far = 0.0
     for s in range(2 * thread, stripe.shape[0] - 1, 2 * threads):
-        far = farther(far, kick_and_drift(system.disks, system.views, system.step.kick, stripe[s], border[s]))
+        far = farther(far, kicked(system, images, system.step.kick, n, stripe[s], border[s]))
     return far
 
 
@@ -218,6 +254,7 @@ def advance(
     motion: WallMotion,
     loads: Loads,
     outlines: Outlines | None,
+    images: Images | None,
     samples: Samples,
     progress: Progress,
     target: int,
@@ -235,6 +272,8 @@ def advance(
         See their classes.
     outlines : Outlines or None
         None, for which the compiler leaves out whatever concerns outlines, if all bodies are disks with the disks' law.
+    images : Images or None
+        None, likewise, without a periodic cell.
     target : int
 
     Returns
@@ -250,13 +289,15 @@ def advance(
     stale = pending and clock[BUILT] < n
     moved_on = False
     far, fed = 0.0, 0.0
+    if images is not None and thread == 0:
+        place_cell(images, n * step.kick.dt)
     wait_for_all(team.flags, thread, threads)
     while n < target or pending:
         if not pending:
             if not moved_on:
                 count = disks.x.shape[0]
                 kick = step.first if n == 0 else step.kick
-                far = kick_and_drift(disks, views, kick, count * thread // threads, count * (thread + 1) // threads)
+                far = kicked(system, images, kick, n, count * thread // threads, count * (thread + 1) // threads)
             team.far[thread * PAD] = far
             n += 1
             if thread == 0:
@@ -264,16 +305,21 @@ def advance(
                 t, t_half = n * step.kick.dt, (n - 0.5) * step.kick.dt
                 place_walls(motion, t, t_half, t_half if step.lagged else t, walls.now)
                 place_walls(motion, t_half, t_half, t_half, walls.middle)
+                if images is not None:
+                    place_cell(images, n * step.kick.dt)
             wait_for_all(team.flags, thread, threads)
             for other in range(threads):
                 far = farther(far, team.far[other * PAD])
-            limit = min(0.5 * skin[0], skin[0] - wall_drift(walls, skin[0]))
+            limit = farthest_allowed(walls, images, skin[0], step.widest)
             stale = not (limit > 0.0 and SURE * far < limit * limit)
         if stale:
             wait_for_all(team.flags, thread, threads)
             if thread == 0:
                 wider = next_skin(skin[0], n - clock[BUILT], step)
-                team.code[0] = rebuild(disks, walls, system.lists, team, step, wider)
+                if images is None:
+                    team.code[0] = rebuild(disks, walls, system.lists, team, step, wider)
+                else:
+                    team.code[0] = rebuild_images(disks, walls, system.lists, images, team, step, wider)
                 if team.code[0] == OK:
                     note_pairs(disks, views, system.lists.pairs, system.law, system.laws)
                     skin[0], clock[BUILT] = wider, n
@@ -296,13 +342,13 @@ def advance(
         if outlines is None:
             # Samples and the end of the run need the forces at this step, which a kick clears.
             moved_on = 0 < n < target and not sampled
-            far = stripe_forces(system, system.laws, system.losses, slip_dt, moved_on, 0, thread, threads)
+            far = stripe_forces(system, system.laws, system.losses, images, n, slip_dt, moved_on, 0, thread, threads)
             wait_for_all(team.flags, thread, threads)
-            odd = stripe_forces(system, system.laws, system.losses, slip_dt, moved_on, 1, thread, threads)
+            odd = stripe_forces(system, system.laws, system.losses, images, n, slip_dt, moved_on, 1, thread, threads)
             far = farther(far, odd)
             wait_for_all(team.flags, thread, threads)
             if moved_on and walls.passed[0] == 0:
-                far = farther(far, kick_borders(system, thread, threads))
+                far = farther(far, kick_borders(system, images, n, thread, threads))
         else:
             if thread == 0:
                 grain_forces(system, outlines, n, slip_dt)
@@ -317,11 +363,15 @@ def advance(
             gather_loads(walls)
             progress.work[0] += wall_work_of_step(walls, slip_dt)
             progress.work[1] += fed
+            if images is not None:
+                gather_shares(images, slip_dt)
             clock[PENDING] = 0
             if sampled:
                 record(system, samples, row, n == 0, progress)
                 if outlines is not None:
                     record_contacts(system, outlines, samples, row)
+                if images is not None:
+                    record_images(system, images, samples, row, n)
                 clock[ROW] = row + 1
         if sampled:
             row += 1

@@ -30,13 +30,14 @@ class Size:
 
     Parameters
     ----------
-    table : {"measurements", "headlines", "cells"}
+    table : {"measurements", "headlines", "cells", "determinism"}
         Table of `ninedisk.harness.results.schema`.
     case, variant : str
-        Id of the case, and a glob of its variants' ids.
+        Id of the case, and a glob of its variants' ids; of determinism that word, and the kind of repetition.
     column : str
         Column that is read: ``rel_error``, ``abs_error`` or ``value`` of a measurement, ``rel_error`` of a headline,
-        ``penetration`` of a cell, or its ``broken``: 1 where it ended without an answer, 0 where it ran. The absolute value counts.
+        ``penetration`` of a cell, or its ``broken``: 1 where it ended without an answer, 0 where it ran; ``difference`` of a repetition.
+        The absolute value counts.
     quantity : str
         Quantity of the row, or the headline's name; empty for ``cells``.
     truth : str
@@ -52,7 +53,7 @@ class Size:
         Whether the check that measures it fails because of it: its tolerance then bounds nothing, and only growth makes it larger.
     """
 
-    table: Literal["measurements", "headlines", "cells"] = "measurements"
+    table: Literal["measurements", "headlines", "cells", "determinism"] = "measurements"
     case: str
     variant: str = "*"
     column: str = "rel_error"

@@ -128,6 +128,15 @@ def resting(scene: Scene) -> ContactProblem:
     scene : Scene
         Disks that touch or overlap; their own laws do not matter.
     """
+    return step_problem(scene, mu=MU)
+
+
+def step_problem(scene: Scene, *, mu: float, elastic: bool = False, moving: bool = False) -> ContactProblem:
+    """The contact problem of one step `DT` of disks that touch or overlap, all with the friction coefficient ``mu``.
+
+    Rigid contacts are just closed, whatever the overlap; elastic ones have that and the scene's own stiffness. ``moving``: from the
+    velocities of disks and walls, instead of from rest.
+    """
     from ninedisk.core.cd.contacts import Place, contact_frames
     from ninedisk.core.cd.laws import LawTable
     from ninedisk.core.cd.solvers.solver import ContactSolver
@@ -135,26 +144,31 @@ def resting(scene: Scene) -> ContactProblem:
     from ninedisk.core.dem.neighbours import PairFinder
     from ninedisk.core.motion import compile_motion, wall_poses
 
-    law = ContactLaw(kn=1.0, mu=MU, regularised=True)
-    rigid = scene.replace(
-        disk_disk=law,
-        walls=tuple(replace(wall, law=law) for wall in scene.walls),
+    def law(own: ContactLaw) -> ContactLaw:
+        return replace(own, mu=mu, beta=0.0) if elastic else ContactLaw(kn=1.0, mu=mu, regularised=True)
+
+    alike = scene.replace(
+        disk_disk=law(scene.disk_disk),
+        walls=tuple(replace(wall, law=law(wall.law)) for wall in scene.walls),
         initial_shear={},
     )
     radius, x = scene.disks.radius, scene.disks.x.copy()
-    poses = wall_poses(compile_motion(rigid.walls), 0.0)
+    motion = compile_motion(alike.walls)
+    poses = wall_poses(motion, 0.0)
+    later = wall_poses(motion, DT) if moving else poses
     numerics = Numerics(dt=DT, n_steps=1)
-    laws = LawTable(rigid, numerics, "rigid")
-    pairs = PairFinder(radius, len(rigid.walls)).within(x, poses, TOUCHING * float(radius.min()))
-    frames = contact_frames(pairs, x, radius, poses, poses, laws)
-    closed = frames._replace(gap=np.zeros(len(pairs)), gap_before=np.zeros(len(pairs)))
+    laws = LawTable(alike, numerics, "elastic" if elastic else "rigid")
+    pairs = PairFinder(radius, len(alike.walls), scene.disks.fixed).within(x, poses, TOUCHING * float(radius.min()))
+    frames = contact_frames(pairs, x, radius, poses, later, laws)
+    if not elastic:
+        frames = frames._replace(gap=np.zeros(len(pairs)), gap_before=np.zeros(len(pairs)))
     solver = ContactSolver("interior-point", SolverOptions(), "associated")
-    place = Place(x, np.zeros(len(x)), radius, poses, poses)
-    rest = np.zeros((len(x), 3))
-    step = DynamicStep(bodies_of(rigid), laws, solver, rest, DT, 1.0, place.round_off())
-    made = step.problem(closed, np.zeros((len(pairs), 2)))
+    place = Place(x, np.zeros(len(x)), radius, poses, later)
+    start = np.column_stack([scene.disks.v, scene.disks.omega]) if moving else np.zeros((len(x), 3))
+    step = DynamicStep(bodies_of(alike), laws, solver, start, DT, 1.0, place.round_off())
+    made = step.problem(frames, np.zeros((len(pairs), 2)))
     # Contacts are closed by definition here, not by coordinates: nothing about them is unresolved.
-    return replace(made, resolution=0.0)
+    return made if elastic else replace(made, resolution=0.0)
 
 
 def turned_gravity(problem: ContactProblem, angle: float = TURN) -> ContactProblem:

@@ -112,7 +112,7 @@ FINDING_WORDS: Mapping[Difference, str] = {
 """Words by which the finding of an engine with such a difference is called: its id is ``<engine>/<words>``. The others are models of a
 contact that choose the truth which binds the engine."""
 
-OPTIONAL = ("energy", "load", "wall")
+OPTIONAL = ("energy", "load", "stress", "wall")
 """Beginnings of the names of quantities that an engine need not tell."""
 
 
@@ -312,7 +312,7 @@ def follows_associated_rule(engine: EngineInfo, numerics: Numerics) -> bool:
 
 
 def where_observed(observed: Observed, engine: EngineInfo, name: str, expected: FloatArray) -> FloatArray:
-    """The truth of a quantity; NaN, no truth, for energies and loads of walls that an engine may leave out and does."""
+    """The truth of a quantity; NaN, no truth, for energies, loads of walls and stresses that an engine may leave out and does."""
     silent = not engine.reference and name.startswith(OPTIONAL) and not np.isfinite(observed.series[name][1]).any()
     return np.full_like(expected, np.nan) if silent else expected
 

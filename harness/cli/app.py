@@ -8,9 +8,12 @@ from typing import Annotated
 import typer
 
 from ninedisk.harness.cli import (
+    audit,
     bench,
+    cd_problems,
     compare,
     converge,
+    determinism,
     docs,
     engines,
     findings,
@@ -19,6 +22,7 @@ from ninedisk.harness.cli import (
     run,
     selftest,
     site,
+    solve,
     store,
 )
 from ninedisk.harness.cli import list as listing
@@ -57,8 +61,12 @@ for command in (
     run,
     report,
     findings,
+    audit,
     bench,
+    solve,
+    cd_problems,
     converge,
+    determinism,
     docs,
     protocol,
     engines,

@@ -113,9 +113,11 @@ def write_contacts(
             history.fs[row, c] = force @ np.array([-n[1], n[0]])
     if impulses is not None:
         history.wall_force[row] = 0.0
-        for (_, j), impulse in impulses.items():
+        for i, j in sorted(
+            impulses
+        ):  # engines list contacts by addresses: a sum in their order would differ from run to run
             if j >= len(scene.disks):
-                history.wall_force[row, j - len(scene.disks)] -= impulse / dt
+                history.wall_force[row, j - len(scene.disks)] -= impulses[i, j] / dt
 
 
 class WorldSession(ABC):

@@ -23,7 +23,7 @@ from typing import Any
 
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.finding import Finding, Size
-from ninedisk.harness.results.reader import CellKey, cell_key, moment, read_about, read_rows, run_ids
+from ninedisk.harness.results.reader import CellKey, cell_key, moment, read_about, read_determinism, read_rows, run_ids
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding, Row, row_tolerance
 
 Progress = Callable[[int, int, str], None]
@@ -130,6 +130,9 @@ def _cells(store: Path, findings: Sequence[Finding], progress: Progress | None) 
         for row in read_rows(store, about, "headlines", HEADLINES):
             if cell_key(row) in fresh and (row["case"], row["headline"]) in asked:
                 fresh[cell_key(row)].headlines.append(row)
+    for row in read_determinism(store):
+        status = {"not applicable": "unsupported", "broken": "error"}.get(row["verdict"], "pass")
+        kept["determinism", row["kind"], row["engine"]] = [Kept("", {**row, "variant": row["kind"], "status": status})]
     return kept
 
 
@@ -205,7 +208,7 @@ def _readings(size: Size, kept: Kept) -> list[Reading]:
     if size.column == "broken":
         status = str(kept.cell["status"])
         return [_nothing(kept, "") if status in _NOT_RUN else Reading(float(status in _BROKEN), kept.cell)]
-    if size.table == "cells":
+    if size.table in ("cells", "determinism"):
         value = _number(kept.cell, size.column)
         return [Reading(abs(value), kept.cell) if value == value else _nothing(kept, f"the cell has no {size.column}")]
     if size.table == "headlines":
@@ -243,7 +246,7 @@ def _reading(size: Size, row: Row, kept: Kept) -> Reading:
 
 def _relative_to(size: Size, row: Row, kept: Kept) -> dict[str, Any]:
     """What a reading is relative to, and what that is called; nothing where the number is relative as it is."""
-    if size.table == "cells" or size.per == "1":
+    if size.table in ("cells", "determinism") or size.per == "1":
         return {}
     name = size.per or size.quantity
     of = _number(row, "scale") if size.column == "rel_error" else _scale(kept, name)

@@ -13,7 +13,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ninedisk.harness.api.errors import NewerSchemaError, StoreError
-from ninedisk.harness.results.schema import EMPTY, OLDEST_SCHEMA, RUN_KEYS, SCHEMA_VERSION, SINCE, TABLES, Row, RunFacts
+from ninedisk.harness.results.schema import (
+    DETERMINISM_COLUMNS,
+    DETERMINISM_KINDS,
+    DETERMINISM_VERDICTS,
+    EMPTY,
+    OLDEST_SCHEMA,
+    RUN_KEYS,
+    SCHEMA_VERSION,
+    SINCE,
+    TABLES,
+    Row,
+    RunFacts,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -137,6 +149,32 @@ def _read(store: Path, about: Mapping[str, Any], name: str, columns: Sequence[st
         raise StoreError(
             f"run {run_id!r} is damaged: {name}.parquet cannot be read ({error}); copy the run again, or remove it"
         ) from error
+
+
+def read_determinism(store: Path) -> list[Row]:
+    """Rows of every engine whose determinism was measured, with the columns of `schema.DETERMINISM_COLUMNS`; an unknown number is NaN.
+
+    Raises
+    ------
+    StoreError
+        If a file is damaged.
+    """
+    found: list[Row] = []
+    for path in sorted((store / "determinism").glob("*.json")):
+        try:
+            rows = json.loads(path.read_text(encoding="utf-8"))
+            for row in rows:
+                kept = {
+                    name: EMPTY[kind] if row[name] is None else row[name] for name, kind in DETERMINISM_COLUMNS.items()
+                }
+                if kept["kind"] not in DETERMINISM_KINDS or kept["verdict"] not in DETERMINISM_VERDICTS:
+                    raise ValueError(f"{kept['kind']}: {kept['verdict']}")
+                found.append(kept)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise StoreError(
+                f"{str(path)!r} is damaged ({error}): measure again with `ninedisk determinism --engine {path.stem}`, or remove it"
+            ) from error
+    return found
 
 
 def cell_key(row: Mapping[str, Any]) -> CellKey:

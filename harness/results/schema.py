@@ -293,11 +293,16 @@ Allowed = float | str | bool | None
 
 @dataclass(frozen=True)
 class Plotted:
-    """A quantity of a figure: its name in the records, axis label and the number of its figure in the source."""
+    """A quantity of a figure: its name in the records, axis label and the number of its figure in the source.
+
+    ``at`` is its place on the horizontal axis of ``places``: a number in digits, or the name of a quantity of the same cell or of a
+    parameter.
+    """
 
     name: str
     label: str
     number: str = ""
+    at: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -308,9 +313,10 @@ class Figure:
     ----------
     number, title : str
         Figure number in the source ("" for a figure of our own) and heading.
-    kind : {"history", "configuration", "values", "setup"}
-        Histories; the stored configurations; a number over the step size, held against ``levels``; or the sketch of the
-        set-up, of which only the number counts.
+    kind : {"history", "budget", "configuration", "values", "places", "setup"}
+        Histories; the quantities of each engine stacked, one picture an engine; the stored configurations; a number over the step
+        size, held against ``levels``; numbers of all variants over their places (`Plotted.at`); or the sketch of the set-up, of which
+        only the number counts.
     quantities : tuple of Plotted
         Panels; empty means every series quantity of the variants.
     where : mapping from parameter to allowed values
@@ -324,19 +330,26 @@ class Figure:
         Show the last so many steps, counted from their beginning.
     levels : tuple of (str, float)
         Names and values of the horizontal lines of ``values``.
+    at_label, log : str
+        Of ``places``: label of the horizontal axis; which axes are logarithmic, ``"x"``, ``"y"`` or ``"xy"``.
+    apart : bool
+        Of ``places``: a picture an engine on common axes, worst first; otherwise one for all.
     shows, allows : str
         What is to be seen, and which conclusion it allows.
     """
 
     number: str = ""
     title: str = ""
-    kind: Literal["history", "configuration", "values", "setup"] = "history"
+    kind: Literal["history", "budget", "configuration", "values", "places", "setup"] = "history"
     quantities: tuple[Plotted, ...] = ()
     where: Mapping[str, tuple[Allowed, ...]] = field(default_factory=dict)
     compare: str = ""
     x: Literal["cycle", "time"] = "time"
     last: int | None = None
     levels: tuple[tuple[str, float], ...] = ()
+    at_label: str = ""
+    log: str = ""
+    apart: bool = False
     shows: str = ""
     allows: str = ""
 
@@ -368,8 +381,9 @@ def figures_from_text(text: str) -> tuple[Figure, ...]:
 def _figure(stored: Mapping[str, Any]) -> Figure:
     known = {each.name for each in fields(Figure)}
     plain = {name: value for name, value in stored.items() if name in known}
-    if not all(isinstance(plain[name], int | None if name == "last" else str) for name in plain.keys() - _COMPOSED):
-        raise TypeError("a text, or a number of steps, is none")
+    kinds = {"last": int | None, "apart": bool}
+    if not all(isinstance(plain[name], kinds.get(name, str)) for name in plain.keys() - _COMPOSED):
+        raise TypeError("a text, a number of steps, or a yes or no, is none")
     where = {name: tuple(allowed) for name, allowed in stored.get("where", {}).items()}
     if not all(isinstance(value, Allowed) for allowed in where.values() for value in allowed):
         raise TypeError("a value of a parameter is none")
@@ -390,6 +404,49 @@ _COMPOSED = {"quantities", "where", "levels"}
 
 CHANGE_VERDICTS = ("worse", "suspect", "lost", "not-comparable", "better", "new", "same")
 """How something changed between two runs, what wants attention first."""
+
+
+DETERMINISM_KINDS: dict[str, tuple[str, str]] = {
+    "twice": ("the same run again in one process", "bitwise"),
+    "process": ("in another process", "bitwise"),
+    "error": ("after a run that failed in the same process", "bitwise"),
+    "scene": ("after another scene in the same process", "bitwise"),
+    "threads": ("on two threads", "bitwise"),
+    "restart": ("saved half way and restarted in another process", "bitwise"),
+    "watched": ("no contact watched", "bitwise"),
+    "sampled": ("sampled at every seventh step only", "bitwise"),
+    "bodies": ("bodies told in another order", "round-off"),
+    "walls": ("walls told in another order", "round-off"),
+}
+"""Repetitions of a run, and what each should be at least: sums over contacts may be rounded otherwise where these come in another order."""
+
+DETERMINISM_VERDICTS = ("different", "broken", "round-off", "bitwise", "not applicable")
+"""Worst first."""
+
+DETERMINISM_COLUMNS: dict[str, str] = {
+    "engine": "string",
+    "engine_name": "string",
+    "engine_version": "string",
+    "kind": "string",  # a key of DETERMINISM_KINDS
+    "scene": "string",
+    "scene_why": "string",  # why no scene that tells more
+    "verdict": "string",  # one of DETERMINISM_VERDICTS
+    # Largest difference of the state, where it exceeds its allowance most: of centres over the mean radius, of velocities over that of a
+    # fall through the scene. Where the state is the same to the last bit, of forces and energies, over the largest. NaN: no number.
+    "difference": "float64",
+    "allowance": "float64",  # what round-off, or the solver's tolerance, may have become by then
+    "growth": "float64",  # of a difference at the start, to the end of the run
+    "first_step": "int64",  # sample of the first different bit; -1: none
+    "beyond_step": "int64",  # of the first difference beyond the allowance; -1: none
+    "reason": "string",
+}
+"""One row per engine and kind, in ``determinism/<engine>.json`` of a store: the newest measurement alone."""
+
+
+def worse_than_promised(row: Mapping[str, Any]) -> bool:
+    """Whether a repetition is less than `DETERMINISM_KINDS` asks of any engine."""
+    promised = DETERMINISM_KINDS[row["kind"]][1]
+    return row["verdict"] in ("different", "broken") or (row["verdict"] == "round-off" and promised == "bitwise")
 
 
 FINDING_VERDICTS = ("larger", "gone", "there", "not-measured")

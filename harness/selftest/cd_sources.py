@@ -87,6 +87,15 @@ STEPS = (
              "for_disks <= near.reach[0] and for_walls <= near.reach[1]")),
     _kernel("parting-dead", "contacts that part are stopped dead where other impulses close them", "gas-newton",
             (SHARED, "if before < 0.0 else before", "if before < 0.0 else 0.0")),
+    _kernel("dashpot-overlap", "dashpots forget the overlap at the start of the step", "push-wall",
+            (SHARED, "room -= viscous / stiff * min(0.0, gap_before[k])", "room -= 0.0 * viscous * min(0.0, gap_before[k])")),
+    _kernel("dashpot-of-one-mass", "dashpots see twice the reduced mass", "push-wall",
+            (SHARED, "dashpot(laws.kn[law], laws.beta[law], inverse[i] + other) / dt",
+             "dashpot(laws.kn[law], laws.beta[law], 0.5 * (inverse[i] + other)) / dt")),
+    _kernel("friction-loss-of-all-slip", "the slip that shear springs give back counts as lost by friction", "budget",
+            (SHARED, "losses[FRICTION] -= q * (slip + s_1 - s_0)", "losses[FRICTION] -= q * slip")),
+    _kernel("impact-loss-at-the-end", "impacts lose the work of the velocity at the end of the step", "budget-rigid",
+            (SHARED, "work_n = p * (given_n + 0.5 * dt * (n_0 + n_1))", "work_n = p * (given_n + dt * n_1)")),
 )  # fmt: skip
 
 HOLES = tuple(
@@ -107,6 +116,28 @@ HOLES = tuple(
             "every case at rest has one solution alone, or sweeps find that of rest",
             _python("rest-forgotten", "bodies at rest take any solution of Coulomb's law", "stick-coulomb",
                     ("cd.solvers.solver", "if at_rest:", "if at_rest and not at_rest:")),
+        ),
+        (
+            "no case gives walls and disks a law by their materials",
+            _python("materials-one-way", "a law of two materials holds in one order of the bodies alone", "press",
+                    ("cd.laws", "table[number[one], number[other]] = table[number[other], number[one]] = row",
+                     "table[number[one], number[other]] = row")),
+        ),
+        (
+            "no case has forces on single disks",
+            _kernel("force-all-step", "a force that acts in a part of a step acts in all of it", "press",
+                    (SHARED, "load[loads.disk[k], d] += share * loads.force[k, d]",
+                     "load[loads.disk[k], d] += (share > 0.0) * loads.force[k, d]")),
+        ),
+        (
+            "no case has contacts with adhesion",
+            _kernel("adhesion-of-open-contacts", "contacts attract that are not closed", "press",
+                    (SHARED, "out[k] = adhesion[law] if frames.gap_before[k] <= touching else 0.0", "out[k] = adhesion[law]")),
+        ),
+        (
+            "no case has cohesion",
+            _python("cohesion-cone", "friction sees the force of spring and cohesion together", "press",
+                    ("cd.laws", "self.mu = np.where(stiffer > 1.0, self.mu * stiffer, self.mu)", "self.mu = 1.0 * self.mu")),
         ),
         (
             "no case throws a disk through a wall",

@@ -8,7 +8,7 @@ from functools import partial
 from ninedisk.harness.selftest.defect import planted
 
 FORCES, KICK, STEP = "dem.force_kernels", "dem.kick_kernels", "dem.step_kernels"
-SEARCH, MOTION = "dem.neighbour_kernels", "motion_kernels"
+SEARCH, MOTION, IMAGES = "dem.neighbour_kernels", "motion_kernels", "dem.image_kernels"
 
 
 _kernel, _python = partial(planted, "dem", "kernel"), partial(planted, "dem", "python")
@@ -16,10 +16,11 @@ _kernel, _python = partial(planted, "dem", "kernel"), partial(planted, "dem", "p
 _DISK_SLIP = (
     "vt += scratch[ROLL + q] - half_slip * (scratch[REACH + q] - (mx * mx + my * my) * inv_m) * scratch[SPIN + q]\n"
 )
-_LIMIT = "limit = min(0.5 * skin[0], skin[0] - wall_drift(walls, skin[0]))"
+_LIMIT = "return min(0.5 * skin, skin - wall_drift(walls, skin))"
 _WALL_SLIP = "vt += (disks.radius[i] - half_slip * sunk) * disks.omega[i]\n"
-_DISK_SHEAR = "            fs = shear_force(shear[k], vt * slip_dt, ks, mu * fn)"
-_WALL_SHEAR = "                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * fn)"
+_DISK_SHEAR = "            fs = shear_force(shear[k], vt * slip_dt, ks, mu * repulsive)"
+_WALL_SHEAR = "                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * repulsive)"
+_NOTE = "note_pairs(disks, views, system.lists.pairs, system.law, system.laws)"
 _KICK = "    kick(v, views.force, disks.inv_mass, step, begin, end)\n"
 _DRIFT = "    drift(x, v, views.moved, step.dt, begin, end)\n"
 
@@ -27,14 +28,14 @@ CONTACTS = (
     _kernel("shear-sign", "shear grows with the slip instead of against it", "slide",
             (FORCES, "force = before - ks * slip", "force = before + ks * slip")),
     _kernel("torque-one-body", "the second disk of a contact receives no torque", "shear-caps",
-            (FORCES, "torque[j] += radius[j] * fs - loss", "torque[j] += 0.0 * fs")),
+            (FORCES, "torque[j] += on_j", "torque[j] += 0.0 * on_j")),
     _kernel("torque-both-bodies", "contacts between disks exert no torque", "shear-caps",
-            (FORCES, "torque[j] += radius[j] * fs - loss", "torque[j] += 0.0 * fs"),
-            (FORCES, "torque[i] += radius[i] * fs - loss", "torque[i] += 0.0 * fs")),
+            (FORCES, "torque[j] += on_j", "torque[j] += 0.0 * on_j"),
+            (FORCES, "torque[i] += on_i", "torque[i] += 0.0 * on_i")),
     _kernel("torque-at-walls", "walls exert no torque", "roll",
             (FORCES, "disks.torque[i] += arm * fs", "disks.torque[i] += 0.0 * arm * fs")),
     _kernel("torque-sign", "the torque on the first disk of a contact is turned round", "shear-caps",
-            (FORCES, "torque[i] += radius[i] * fs - loss", "torque[i] -= radius[i] * fs - loss")),
+            (FORCES, "torque[i] += on_i", "torque[i] -= on_i")),
     _kernel("slip-without-spin", "spins do not enter the slip between disks", "shear-caps",
             (FORCES, _DISK_SLIP, "vt += 0.0\n")),
     _kernel("slip-without-spin-at-walls", "spins do not enter the slip at walls", "roll",
@@ -50,7 +51,7 @@ CONTACTS = (
     _kernel("cone-one-side", "shear forces are clipped on the positive side only", "slide",
             (FORCES, "if force < -cap:", "if force < -1e300:")),
     _kernel("cone-without-dashpot", "the cone has the spring's force, without the dashpot's", "land",
-            (FORCES, _WALL_SLIP + _WALL_SHEAR, _WALL_SLIP + _WALL_SHEAR.replace("mu * fn", "mu * kn * overlap"))),
+            (FORCES, _WALL_SLIP + _WALL_SHEAR, _WALL_SLIP + _WALL_SHEAR.replace("mu * repulsive", "mu * kn * overlap"))),
     _kernel("history-lost", "shear forces between disks are lost when the neighbour lists are rebuilt", "shear-caps",
             (SEARCH, "new.shear[k] = old.shear[o]", "new.shear[k] = 0.0 * old.shear[o]")),
     _kernel("history-lost-at-walls", "shear forces at walls are lost when the neighbour lists are rebuilt", "slide",
@@ -58,7 +59,7 @@ CONTACTS = (
     _kernel("damping-half", "the dashpot has half its strength", "hit-damped",
             (FORCES, "return 2.0 * beta * sqrt(kn / inv_m_eff)", "return beta * sqrt(kn / inv_m_eff)")),
     _kernel("dashpot-mass", "the dashpot between disks has one disk's mass for the effective one", "hit-damped",
-            (FORCES, "dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[pairs.other[k]])",
+            (FORCES, "dashpot(law[KN], law[BETA], disks.inv_mass[i] + disks.inv_mass[j])",
              "dashpot(law[KN], law[BETA], disks.inv_mass[i])")),
     _kernel("dashpot-pulls", "the dashpot may pull", "hit-damped",
             (FORCES, "fn = max(kn * overlap + damping[k] * rate, 0.0)", "fn = max(kn * overlap + damping[k] * rate, -1e300)")),
@@ -79,7 +80,7 @@ CONTACTS = (
             ("dem.neighbour_kernels", "code = build_pairs(disks.x, disks.radius, skin, cells",
              "code = build_pairs(disks.x, disks.radius, 0.0, cells")),
     _kernel("no-rebuild", "neighbour lists are never rebuilt", "hit",
-            (STEP, _LIMIT, "limit = 1e100")),
+            (STEP, _LIMIT, "return 1e100")),
 )  # fmt: skip
 
 STEPPING = (
@@ -114,8 +115,8 @@ REOPENED = (
     _kernel("history-kept", "contacts between disks that opened keep their shear force", "reopen-disks",
             (FORCES, "            shear[k] = fs\n", "            shear[k] = fs if overlap > 0.0 else shear[k]\n")),
     _kernel("history-kept-at-walls", "contacts with walls that opened keep their shear force", "reopen-wall",
-            (FORCES, "            if overlap <= 0.0:\n                pairs.shear[k] = 0.0\n",
-             "            if overlap <= 0.0:\n                pairs.shear[k] *= 1.0\n")),
+            (FORCES, "                pairs.shear[k] = 0.0\n                if laws",
+             "                pairs.shear[k] *= 1.0\n                if laws")),
     _kernel("dashpot-of-walls", "dashpots at walls do not see the wall's own motion", "push-wall",
             (FORCES, "rate = (rate_x - spin * qy - dashpot_v[i, 0]) * ux + (rate_y + spin * qx - dashpot_v[i, 1]) * uy",
              "rate = -dashpot_v[i, 0] * ux - dashpot_v[i, 1] * uy")),
@@ -128,8 +129,7 @@ REOPENED = (
     _python("dashpot-lagged", "dashpots see the velocity of half a step before", "push-wall",
             ("dem.arrays", "ahead=0.5", "ahead=0.0")),
     _kernel("dashpot-stale", "dashpots are not found anew when the neighbour lists are rebuilt", "hit-damped",
-            (STEP, "note_pairs(disks, views, system.lists.pairs, system.law)",
-             "noted = views.damping.copy(); note_pairs(disks, views, system.lists.pairs, system.law); views.damping[:] = noted")),
+            (STEP, _NOTE, f"noted = views.damping.copy(); {_NOTE}; views.damping[:] = noted")),
 )  # fmt: skip
 
 RETRACED = (
@@ -142,20 +142,35 @@ RETRACED = (
              "place_walls(motion, t, t_half, t_half, walls.middle)")),
 )  # fmt: skip
 
+OPTIONS = (
+    _kernel("rolling-sign-at-walls", "walls turn disks on instead of holding them back", "resist-constant",
+            (FORCES, "disks.torque[i] -= bending", "disks.torque[i] += bending")),
+    _kernel("rolling-one-body", "rolling resistance acts on one disk of a pair", "resist-pair",
+            (FORCES, "on_j += scratch[BENDING + q]", "on_j += 0.0 * scratch[BENDING + q]")),
+    _kernel("rolling-first-radius", "rolling resistance between disks has the first one's radius for the reduced one", "resist-pair",
+            (FORCES, "torque_reach(law, ri * rj / (ri + rj))", "torque_reach(law, ri)")),
+    _kernel("rolling-history-lost", "rolling springs at walls are lost when the neighbour lists are rebuilt", "resist-spring",
+            (SEARCH, "new.bending[m] = scratch[listed[new.other[m]]]", "new.bending[m] = 0.0 * scratch[listed[new.other[m]]]")),
+    _kernel("rolling-limit", "rolling springs have half their limit", "resist-spring",
+            (FORCES, "limit = torque_reach(law, disks.radius[i]) * repulsive",
+             "limit = 0.5 * torque_reach(law, disks.radius[i]) * repulsive")),
+    _kernel("cohesion-clipped", "dashpots do not pull in spite of cohesion", "cohesive-damped",
+            (FORCES, "if cohesion == 0.0:\n            force = max(force, 0.0)",
+             "if cohesion >= 0.0:\n            force = max(force, 0.0)")),
+    _kernel("material-of-the-first", "all disks have the first material at walls", "materials",
+            (FORCES, "laws.of_wall[w, laws.material[disks.name[i]]]", "laws.of_wall[w, 0 * disks.name[i]]")),
+    _kernel("force-at-the-instant", "forces on disks are those at the step's time, not their mean over it", "forces",
+            (STEP, "return float(max(min(loads.time[k, 1], last) - max(loads.time[k, 0], first), 0.0) / (last - first))",
+             "return 1.0 if loads.time[k, 0] <= n * dt < loads.time[k, 1] else 0.0")),
+    _kernel("rolling-uncapped", "rolling springs at walls never yield", "resist-spring",
+            (FORCES, "held = min(max(before + law[KR] * (slip_dt * turn), -limit), limit)", "held = before + law[KR] * (slip_dt * turn)")),
+)  # fmt: skip
+
 LISTS = (
     _kernel("skin-too-generous", "disks may move twenty times as far as the skin allows before the lists are rebuilt", "hit-near",
             (STEP, _LIMIT, _LIMIT.replace("min(", "20.0 * min("))),
     _kernel("wall-unnoticed", "the lists do not notice that a wall comes closer", "push-wall",
-            (STEP, _LIMIT, "limit = 0.5 * skin[0]")),
-)  # fmt: skip
-
-ROLLING = (
-    _kernel("rolling-reduced", "rolling resistance between disks has the first one's radius for the reduced one", "resist-pair",
-            (FORCES, "laws.reach[k] = torque_reach(law, ri * rj / (ri + rj))", "laws.reach[k] = torque_reach(law, ri)")),
-    _kernel("rolling-at-walls-sign", "rolling resistance at walls drives the disk", "resist-viscous",
-            (FORCES, "disks.torque[i] -= bending", "disks.torque[i] += bending")),
-    _kernel("rolling-uncapped", "rolling springs at walls never yield", "resist-spring",
-            (FORCES, "held = min(max(before + law[KR] * (slip_dt * turn), -limit), limit)", "held = before + law[KR] * (slip_dt * turn)")),
+            (STEP, _LIMIT, "return 0.5 * skin")),
 )  # fmt: skip
 
 SORT_ALL = (("dem.arrays", "SORT_FROM = 2_000", "SORT_FROM = 1"), ("dem.arrays", "STRIPES = 64", "STRIPES = 4"))
@@ -163,10 +178,10 @@ SORT_ALL = (("dem.arrays", "SORT_FROM = 2_000", "SORT_FROM = 1"), ("dem.arrays",
 
 STRIPED = (
     _kernel("border-unmoved", "disks on the borders of stripes are not moved", "stack",
-            *SORT_ALL, (STEP, "far = farther(far, kick_borders(system, thread, threads))", "far += 0.0")),
+            *SORT_ALL, (STEP, "far = farther(far, kick_borders(system, images, n, thread, threads))", "far += 0.0")),
     _kernel("border-early", "disks on the borders of stripes move before the stripe below has acted on them", "stack",
             *SORT_ALL, (STEP, "kicked_from = team.border[s] if parity == 0 else stripe[s]", "kicked_from = stripe[s]"),
-            (STEP, "far = farther(far, kick_borders(system, thread, threads))", "far += 0.0")),
+            (STEP, "far = farther(far, kick_borders(system, images, n, thread, threads))", "far += 0.0")),
     _kernel("border-narrow", "the border of a stripe ends one disk too early", "stack",
             *SORT_ALL, ("dem.neighbour_kernels", "cells.start[(row + 1) * nx]", "cells.start[row * nx]")),
     _kernel("load-of-a-stripe", "the first stripe's load on the walls is lost", "stack",
@@ -177,6 +192,24 @@ STRIPED = (
             *SORT_ALL, ("dem.neighbour_kernels", "    permute(disks.omega, order, one)\n", "")),
     _kernel("order-of-history", "shear forces follow the rows of the lists instead of the disks", "shear-caps",
             *SORT_ALL, ("dem.neighbour_kernels", "    permute_numbers(disks.listed, order, one)\n", "")),
+)  # fmt: skip
+
+CELLS = (
+    _kernel("image-at-rest", "images do not move with the cell's edges", "cell-shear",
+            (IMAGES, "        scratch[VX + q] -= mx\n        scratch[VY + q] -= my\n", "")),
+    _kernel("half-branch", "the stress has half of each contact's branch", "cell-press",
+            (IMAGES, "bx, by, bx, by\n", "bx, by, 0.5 * bx, 0.5 * by\n")),
+    _kernel("wrong-image", "pairs across the upper edge forget how far the cell leans", "cell-flow",
+            (IMAGES, "along = aside + home[i, 0] - home[j, 0] - tilt * across", "along = aside + home[i, 0] - home[j, 0]")),
+    _kernel("history-of-another-image", "shear forces are lost when the lists of a cell are rebuilt", "cell-seen",
+            (IMAGES, "new.shear[k] = carried(old,", "new.shear[k] = 0.0 * carried(old,")),
+    _kernel("cell-late", "images are where the edges were a step before", "cell-press",
+            (STEP, "                    place_cell(images, n * step.kick.dt)\n",
+             "                    place_cell(images, (n - 1) * step.kick.dt)\n")),
+    _kernel("no-work-of-the-cell", "the work of the cell has the last step's power alone", "cell-smooth",
+            (IMAGES, "images.work[0] += 0.5 * dt", "images.work[0] = 0.5 * dt")),
+    _kernel("drift-beside-no-flow", "the lists do not notice that the cell deforms", "cell-flow",
+            (STEP, "return room_left(images, skin, widest)", "return 20.0 * skin")),
 )  # fmt: skip
 
 HOLES = tuple(
@@ -195,4 +228,4 @@ HOLES = tuple(
     )
 )  # fmt: skip
 
-DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *ROLLING, *LISTS, *STRIPED, *HOLES)
+DEFECTS = (*CONTACTS, *STEPPING, *REOPENED, *RETRACED, *OPTIONS, *LISTS, *STRIPED, *CELLS, *HOLES)

@@ -1,7 +1,8 @@
-"""Process of one wrong engine: plants the edits, then runs every scene that it is given.
+"""Process of one engine: plants the edits, none for a right one, then runs every scene that it is given.
 
 Standard input is a JSON object: ``engine`` (an id), ``edits`` (lists module, old, new) and ``requests`` (texts of the wire
-format). Each request is answered in its own file; an engine that fails answers with its error.
+format). Each request is answered in its own file; an engine that fails answers with its error. A request may ask for a run that stops
+and is saved (``extra.save``: step and file), or for one that goes on from such a file (``extra.resume``).
 """
 
 from __future__ import annotations
@@ -24,11 +25,17 @@ def main() -> None:
     from ninedisk.harness.api.registry import get_engine
     from ninedisk.harness.wire.protocol import WIRE_VERSION, Answer, decode_request, encode_answer
 
-    engine = get_engine(job["engine"])
+    engine: Any = get_engine(job["engine"])
     for text in job["requests"]:
         request = decode_request(text)
         try:
-            run = engine.run(request.scene, request.numerics, request.watch)
+            if "save" in request.extra:
+                engine.save(request.scene, request.numerics, request.watch, *request.extra["save"])
+                continue
+            if "resume" in request.extra:
+                run = engine.resume(request.extra["resume"])
+            else:
+                run = engine.run(request.scene, request.numerics, request.watch)
             answer = encode_answer(Answer(run=run, engine_version=engine.info().version or ""))
         except Exception as error:
             said = f"{type(error).__name__}: {error}"

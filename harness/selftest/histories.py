@@ -22,6 +22,9 @@ WALLS = ("wall_point", "wall_angle", "wall_force")
 
 SEED, NOISE = 1979, 1e-6
 
+CREEP = 1e-7
+"""Speed [m/s] of disks that should rest."""
+
 
 def changed(change: Callable[[FloatArray], FloatArray], *names: str) -> After:
     """A report in which the named arrays are changed."""
@@ -96,6 +99,16 @@ def _without_tension(array: FloatArray) -> FloatArray:
     return np.maximum(array, 0.0)
 
 
+def _creeping(history: History) -> History:
+    x = history.x.copy()
+    x[:, :, 0] += CREEP * history.t[:, None]
+    return replace(history, x=x)
+
+
+def _beyond(array: FloatArray) -> FloatArray:
+    return (1.0 + NOISE) * array
+
+
 def _double_energies(history: History) -> History:
     return replace(history, energy={name: 2.0 * series for name, series in history.energy.items()})
 
@@ -124,6 +137,9 @@ DEFECTS = (
     _report("dem", "angle-sign", "rotations, not spins, are counted clockwise", "reopen-disks",
             changed(minus, "angle")),
     _report("dem", "energies-twice", "all energies are twice what they are", "push-wall", _double_energies),
+    _report("dem", "creep", "everything creeps by a ten-millionth of a metre a second", "hold", _creeping),
+    _report("cd", "creep", "everything creeps by a ten-millionth of a metre a second", "hold", _creeping),
+    _report("cd", "beyond-the-cone", "shear forces are a millionth too large", "hold", changed(_beyond, "fs")),
     _report("cd", "single-precision", "the report is in single precision", "slide", changed(_single, *STATE)),
     _report("cd", "velocity-late", "velocities are those of the step before", "slide", changed(late, "v", "omega")),
     _report("cd", "half-step-positions", "positions belong to half a step later", "slide", _half_step_positions),

@@ -17,8 +17,16 @@ HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
 STATIC, THROW = "sliding/quasistatic", "sliding/dynamic"
 LENSES, OVALS, GRAINS, REST = "nurbs/overlap", "nurbs/collision", "nurbs/rolling", "nurbs/settle"
 GAS, REOPEN, WALL, STACK = "gas/elastic", "contact/reopening", "contact/moving-wall", "static/stack"
-RETRACE, RESIST, COHESION = "contact/retraced-loop", "rolling/resistance", "impact/cohesion"
+RETRACE, HOLD, COOL, RESIST, COHESION = (
+    "contact/retraced-loop",
+    "friction/hold",
+    "gas/cooling",
+    "rolling/resistance",
+    "impact/cohesion",
+)
 MATERIALS, FORCES = "contact/materials", "motion/forces"
+LATTICE, SHEAR_CELL = "cell/lattice", "cell/shear"
+BUDGET = "energy/budget"
 
 ENGINES = ("dem", "cd", *DECLARED)
 
@@ -72,7 +80,14 @@ DEM_PANEL: dict[str, Probe] = {
     "cohesive-damped": Probe(COHESION, {"beta": 0.2}),
     "materials": Probe(MATERIALS, {"kn": 1e7}),
     "forces": Probe(FORCES, {}),
+    "hold": Probe(HOLD, {"kn": 1e4, "duration": 0.2}),
     "stack": Probe(STACK, {"start": "equilibrium", "n": 12, "duration": 0.02}),
+    "cell-press": Probe(LATTICE, {"mode": "compression"}),
+    "cell-shear": Probe(LATTICE, {"mode": "shear"}),
+    "cell-smooth": Probe(SHEAR_CELL, {"mu": 0.0}),
+    "cell-seen": Probe(LATTICE, {"mode": "shear", "frame": 3.0}),
+    "cell-flow": Probe(SHEAR_CELL, {"kind": "flow", "rows": 8}),
+    "budget": Probe(BUDGET, {"duration": 0.2}),
     "press-outlines": Probe(PRESS, {"shape": "nurbs", "cycles": 10, "settle_cycles": 5, "wall_mu": "mu"}),
     "lenses": Probe(LENSES, {"shape": "ellipse", "pairs": 3}),
     "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),
@@ -91,12 +106,17 @@ CD_PANEL: dict[str, Probe] = {
     "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),
     "stand": Probe(GRAINS, {"kn": 1e5, "steepness": 0.6, "duration": 0.1}),
     "oval-rolls": Probe(GRAINS, {"grain": "ellipse", "kn": 1e4, "duration": 0.2}),
+    "push-wall": Probe(WALL, {}),
+    "budget": Probe(BUDGET, {"duration": 0.2, "sliding": "coulomb"}),
+    "budget-rigid": Probe(BUDGET, {"duration": 0.2, "sliding": "coulomb", "contacts": "rigid"}),
     "hit": Probe(HIT, {}),
     "hit-damped": Probe(HIT, {"restitution": 0.5}),
     "hit-plastic": Probe(HIT, {"kind": "plastic"}),
     "hit-between": Probe(HIT, {"gap": 0.5025}),
     "hit-newton": Probe(HIT, {"restitution": 0.5, "impact": "newton"}),
     "gas-newton": Probe(GAS, {"impact": "newton", "rows": 4, "spacing": 2.3, "duration": 0.5}),
+    "cool": Probe(COOL, {"rows": 5, "duration": 2.0}),
+    "hold": Probe(HOLD, {}),
     "slide": Probe(INCLINE, {"mu": 0.36}),
     "slide-coulomb": Probe(INCLINE, {"mu": 0.36, "sliding": "coulomb"}),
     "stick": Probe(INCLINE, {"mu": 0.4}),

@@ -150,6 +150,8 @@ DEM = (
     _scene("dem", "mu-swapped", "disks have the walls' friction and walls the disks'", "press", _swapped_mu),
     _scene("dem", "mu-is-the-angle", "the friction angle in radians stands for its tangent", "slide",
            lambda scene: with_laws(scene, lambda law: replace(law, mu=math.atan(law.mu)))),
+    _scene("dem", "mu-small", "friction is two parts in a hundred too small", "hold",
+           lambda scene: with_laws(scene, lambda law: replace(law, mu=0.98 * law.mu))),
     _scene("dem", "no-preload", "shear forces at the start are ignored", "slide",
            lambda scene: scene.replace(initial_shear={})),
     _scene("dem", "gravity-twice", "gravity acts twice", "roll",
@@ -178,6 +180,10 @@ CD = (
     _scene("cd", "restitution-squared", "the coefficient of restitution is applied twice", "hit-newton",
            lambda scene: with_laws(scene, lambda law: replace(
                law, restitution=None if law.restitution is None else law.restitution**2))),
+    _scene("cd", "restitution", "disks give back a ten-thousandth too much", "cool",
+           lambda scene: scene.replace(disk_disk=replace(scene.disk_disk, restitution=1.0001 * (scene.disk_disk.restitution or 0.0)))),
+    _scene("cd", "mu-small", "friction is two parts in a hundred too small", "hold",
+           lambda scene: with_laws(scene, lambda law: replace(law, mu=0.98 * law.mu))),
     _scene("cd", "mu-swapped", "disks have the walls' friction and walls the disks'", "press", _swapped_mu),
     _scene("cd", "wall-speed", "walls move a millionth too fast", "press",
            lambda scene: with_motion(scene, lambda segment: replace(

@@ -1,10 +1,10 @@
-"""Collision rates of a dilute gas of equal hard disks in equilibrium."""
+"""Collision rates of a gas of equal hard disks in equilibrium, and how fast one cools whose collisions lose energy."""
 
 from __future__ import annotations
 
 import math
 
-from ninedisk.references._validate import count, positive
+from ninedisk.references._validate import count, fraction, not_negative, positive
 
 
 def pair_rate(*, n: int, area: float, radius: float, thermal: float) -> float:
@@ -61,3 +61,72 @@ def wall_rate(*, n: int, area: float, length: float, thermal: float) -> float:
     count(n=n)
     positive(area=area, length=length, thermal=thermal)
     return n / area * length * thermal / math.sqrt(2.0 * math.pi)
+
+
+def haff_time(*, n: int, area: float, radius: float, thermal: float, restitution: float) -> float:
+    """Time t0 of Haff's law ``T = T0/(1 + t/t0)^2`` in a bulk [s]: ``1/t0 = (1 - e^2) Gamma/4`` with the rate Gamma of one disk.
+
+    A collision loses ``(1 - e^2)`` of the energy of approach, which is on average kT, a part 1/n of all.
+
+    Parameters
+    ----------
+    n, area, radius, thermal
+        As of `pair_rate`, with ``thermal`` at the time 0.
+    restitution : float
+        In [0, 1).
+
+    Notes
+    -----
+    Source: Haff (1983), J. Fluid Mech. 134, 401; in the plane van Noije & Ernst (1998), Granular Matter 1, 57, whose correction of the
+    Maxwellian velocities vanishes at ``e = 1/sqrt(2)``.
+    """
+    count(n=n)
+    fraction(restitution=restitution)
+    if restitution == 1.0:
+        raise ValueError("restitution = 1 is not allowed: elastic disks do not cool; use one below 1")
+    rate = 2.0 / n * pair_rate(n=n, area=area, radius=radius, thermal=thermal)
+    return 4.0 / ((1.0 - restitution**2) * rate)
+
+
+def rate_in_box(*, n: int, side: float, radius: float) -> float:
+    """Rate of collisions of pairs in a square box over that of a bulk of the same area.
+
+    It is ``(L/B)^2 (1 - 4 s/(pi B) + s^2/(pi B^2)) (1 - 1/n)``. Centres have room ``B = L - 2R``. Two of them touch, at the distance
+    s = 2R in the direction phi, in ``(B - s |cos phi|)(B - s |sin phi|)`` of all ``B^2`` places, which is integrated over phi; and each
+    disk has n - 1 partners.
+
+    Parameters
+    ----------
+    n : int
+        Number of disks.
+    side, radius : float
+        Of the box and of the disks [m], > 0; the box is wider than two disks.
+
+    Notes
+    -----
+    Exact for a dilute gas; the density near walls is taken to be that of the middle.
+    """
+    count(n=n)
+    positive(side=side, radius=radius)
+    room, reach = side - 2.0 * radius, 2.0 * radius
+    if room <= reach:
+        raise ValueError(f"side = {side!r} is not allowed: a box must be wider than two disks, {2.0 * reach:g}")
+    share = reach / room
+    return (side / room) ** 2 * (1.0 - 4.0 * share / math.pi + share**2 / math.pi) * (1.0 - 1.0 / n)
+
+
+def haff_spread(*, n: int, restitution: float, elapsed: float) -> float:
+    """Standard deviation of ln T among gases of n disks that begin with one energy, ``elapsed`` = t/t0 >= 0 after Haff's law began.
+
+    Each collision takes ``(1 - e^2) xi/n`` of the energy, xi exponentially distributed with mean 1, at random times: twice the variance
+    of a given number of collisions. A gas that is too warm collides more often: in ``s = ln(1 + t/t0)`` a deviation decays as exp(-s). So
+    the variance is ``2 (1 - e^2)/n (1 - exp(-2 s))``.
+
+    Notes
+    -----
+    Derived here; correlations between collisions are left out.
+    """
+    count(n=n)
+    fraction(restitution=restitution)
+    not_negative(elapsed=elapsed)
+    return math.sqrt(2.0 * (1.0 - restitution**2) / n * (1.0 - (1.0 + elapsed) ** -2))

@@ -71,7 +71,7 @@
       while (k >= 0 && (u.data[index + 1][k] === null || u.data[index + 1][k] === undefined || u.data[0][k] > u.scales.x.max)) k--;
       if (k < 0) return;
       const y = u.valToPos(u.data[index + 1][k], "y");
-      places.push({ name: s.name, colour: s.colour, truth: s.key.startsWith("reference "), y: Math.min(height, Math.max(0, y)) });
+      places.push({ name: s.short || s.name, colour: s.colour, truth: s.key.startsWith("reference "), y: Math.min(height, Math.max(0, y)) });
     });
     return endLabels(places, height).map(label => ({ ...label, y: label.y + top }));
   }
@@ -163,6 +163,30 @@
     return found;
   }
 
+  /* Where the point leads to that is nearest to the pointer, if any is near it. */
+  const NEAR = 16;
+  function nearest(u, event) {
+    const corner = u.over.getBoundingClientRect(), at = [event.clientX - corner.left, event.clientY - corner.top];
+    let link = null, least = NEAR;
+    u.shown.forEach((s, index) => {
+      if (s.guide || !u.series[index + 1].show) return;
+      (s.links || []).forEach((each, k) => {
+        const far = Math.hypot(u.valToPos(s.x[k], "x") - at[0], u.valToPos(s.heights[k], "y") - at[1]);
+        if (far < least) [least, link] = [far, each];
+      });
+    });
+    return link;
+  }
+
+  /* Go to a place of this page, also inside what is folded. */
+  function follow(link) {
+    if (!link) return;
+    const place = document.getElementById(decodeURIComponent(link.slice(1)));
+    for (let fold = place && place.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
+    if (location.hash === link) location.hash = "";
+    location.hash = link;
+  }
+
   const GUTTER = 88; // beside a chart, for the names of its curves
 
   class Chart {
@@ -221,7 +245,7 @@
         return [low - room, high + room];
       };
       const options = {
-        width: this.width(), height, legend: { show: false }, padding: [null, this.lines ? GUTTER : null, null, null],
+        width: this.width(), height, legend: { show: false }, padding: [null, this.lines && !this.spec.bare ? GUTTER : null, null, null],
         scales: { x: { time: false, distr: xlog ? 3 : 1, range: () => chart.window || chart.full }, y: { distr: log ? 3 : 1, range } },
         axes: [
           { stroke: ink, grid, ticks: grid, font, size: last ? 40 : 6, label: last ? this.spec.x_label : undefined, labelFont: font, labelSize: 14, ...(last ? {} : { values: (u, v) => v.map(() => "") }), ...(xlog ? { splits: (u, axis, low, high) => chart.spec.marks || decades(u, axis, low, high), values: apart, filter: (u, v) => v } : {}) },
@@ -238,7 +262,7 @@
           setSelect: [u => { if (u.select.width > 4) chart.zoom([u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")]); u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false); }],
           draw: [
             ...(this.spec.kind === "points" ? [u => chart.guides(u)] : log ? [u => chart.tolerances(u, shown)] : []),
-            ...(this.lines ? [u => chart.ends(u, shown)] : [u => chart.names(u, shown)]),
+            ...(this.spec.bare ? [] : this.lines ? [u => chart.ends(u, shown)] : [u => chart.names(u, shown)]),
           ],
         },
       };
@@ -247,6 +271,14 @@
       made.shown = shown;
       made.label = label;
       made.over.addEventListener("mouseleave", () => { this.readout.hidden = true; });
+      if (shown.some(s => s.links && s.links.length)) {
+        made.over.style.cursor = "pointer";
+        let from = null;
+        made.over.addEventListener("mousedown", event => { from = [event.clientX, event.clientY]; });
+        made.over.addEventListener("click", event => {
+          if (!from || Math.hypot(event.clientX - from[0], event.clientY - from[1]) < 4) follow(nearest(made, event));
+        });
+      }
       return made;
     }
 
@@ -344,6 +376,11 @@
       const x = this.held.x, [low, high] = this.window || this.full, middle = x[this.at ?? 0];
       const move = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       if (move) this.at = Math.min(x.length - 1, Math.max(0, (this.at ?? -move) + move * (event.shiftKey ? 10 : 1)));
+      else if (event.key === "Enter") {
+        const s = this.held.series.find(s => !s.guide && !ninedisk.hidden.has(s.key) && s.links && s.x.includes(x[this.at ?? 0]));
+        if (s) follow(s.links[s.x.indexOf(x[this.at ?? 0])]);
+        return;
+      }
       else if (event.key === "Home") this.at = 0;
       else if (event.key === "End") this.at = x.length - 1;
       else if (event.key === "+" || event.key === "-") {

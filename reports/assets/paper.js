@@ -63,8 +63,12 @@
         const size = history ? 0.9 : 1.25;
         for (const [a, b] of spots) parts.push(`<path d="${s.shape}" fill="${s.colour}" transform="translate(${short(a - 16 * size)} ${short(b - 5 * size)}) scale(${size})"/>`);
       });
+      if (chart.spec.kind === "history" && log) for (const [index, s] of u.shown.entries()) {
+        if (s.tolerance > 0 && u.series[index + 1].show) parts.push(`<path d="M${short(left + 0.94 * wide)} ${short(py(s.tolerance))}h${short(0.06 * wide)}" stroke="${s.colour}" stroke-width="2"/>`);
+      }
       parts.push("</g>");
-      if (chart.lines) for (const { y, text: words, colour } of endsOf(u, u.shown)) text(left + wide + 4, y - above + top + 3.5, words, colour ? `fill="${colour}"` : "");
+      if (chart.spec.bare) { /* the legend tells */ }
+      else if (chart.lines) for (const { y, text: words, colour } of endsOf(u, u.shown)) text(left + wide + 4, y - above + top + 3.5, words, colour ? `fill="${colour}"` : "");
       else for (const { text: words, x: at, y, left: before } of nameSpots(u, u.shown, words => 5.6 * words.length)) text(left + at, top + y + 3.5, words, before ? `text-anchor="end"` : "");
       const guides = u.shown.filter(s => s.guide && s.name), end = s => s.heights[s.heights.length - 1], least = Math.min(...guides.map(end));
       for (const s of guides) text(px(s.x[s.x.length - 1]), py(end(s)) + (end(s) === least ? 11 : -3), s.name, `text-anchor="end" fill="${SOFT}"`);
@@ -72,9 +76,26 @@
     });
     const last = chart.plots[chart.plots.length - 1];
     text((last.bbox.left + last.bbox.width / 2) / ratio, top + 14, chart.spec.x_label, `text-anchor="middle"`);
-    const tall = Math.ceil(top + 22), about = ninedisk.caption(chart.spec.title, visible(chart).map(s => s.key), chart.spec.note);
+    /* Who is who: names in rows below, each once. */
+    const people = new Map();
+    for (const u of chart.plots) u.shown.forEach((s, index) => { if (!s.guide && u.series[index + 1].show) people.set(`${s.key}|${s.name}`, s); });
+    let right = 4, row = top + 30;
+    for (const s of people.values()) {
+      const long = 26 + 5.6 * s.name.length;
+      if (right + long > width && right > 4) { right = 4; row += 14; }
+      const dash = s.dash.length ? ` stroke-dasharray="${s.dash.join(" ")}"` : "";
+      if (s.line) parts.push(`<path d="M${short(right)} ${short(row - 3.5)}h20" stroke="${s.colour}" stroke-width="${s.width}"${dash}/>`);
+      if (s.shape) parts.push(`<path d="${s.shape}" fill="${s.colour}" transform="translate(${short(right - 6)} ${short(row - 8.5)})"/>`);
+      text(right + 24, row, s.name);
+      right += long + 12;
+    }
+    if (chart.spec.kind === "history" && chart.spec.error) text(4, row += 14, "short bars at the right: tolerances", `fill="${SOFT}"`);
+    const tall = Math.ceil(row + 8), about = ninedisk.caption(chart.spec.title, visible(chart).map(s => s.key), chart.spec.note);
     return `<svg xmlns="http://www.w3.org/2000/svg" width="${width}" height="${tall}" viewBox="0 0 ${width} ${tall}" font-family="system-ui, sans-serif" font-size="${FONT}" fill="${INK}"><title>${escape(chart.spec.title)}</title><desc>${escape(about)}</desc>${parts.join("")}</svg>\n`;
   };
+
+  /* Names of columns, a number behind those that stand for several series. */
+  const apart = names => names.map((name, k) => names.indexOf(name) === names.lastIndexOf(name) ? name : `${name} (${names.slice(0, k + 1).filter(other => other === name).length})`);
 
   const cell = value => value === null || value === undefined ? "" : /[",\n]/.test(String(value)) ? `"${String(value).replaceAll('"', '""')}"` : String(value);
 
@@ -86,7 +107,7 @@
       lines.push(["series", "point", spec.x_label, spec.y_label].map(cell).join(","));
       for (const s of shown) s.x.forEach((x, k) => { if (x >= low && x <= high) lines.push([s.name, s.told[k], x, s.heights[k]].map(cell).join(",")); });
     } else {
-      lines.push([spec.x_label, ...shown.flatMap(s => s.error ? [`${s.name}: ${spec.y_label}`, `${s.name}: ${spec.error_label || "error"}`] : [`${s.name}: ${spec.y_label}`])].map(cell).join(","));
+      lines.push(apart([spec.x_label, ...shown.flatMap(s => s.error ? [`${s.name}: ${spec.y_label}`, `${s.name}: ${spec.error_label || "error"}`] : [`${s.name}: ${spec.y_label}`])]).map(cell).join(","));
       chart.held.x.forEach((x, k) => { if (x >= low && x <= high) lines.push([x, ...shown.flatMap(s => s.error ? [s.y[k], s.error[k]] : [s.y[k]])].map(cell).join(",")); });
     }
     return `${lines.join("\n")}\n`;
@@ -98,7 +119,12 @@
     link.click();
     setTimeout(() => URL.revokeObjectURL(address), 1000);
   };
-  const file = title => `${held()?.slug || "ninedisk"}-${title}`.toLowerCase().replaceAll(/[^a-z0-9.=]+/g, "-").slice(0, 90);
+  /* Figures of a page that share a title are told apart by their number. */
+  const file = chart => {
+    const alike = [...document.querySelectorAll("figure[data-chart]")].filter(figure => JSON.parse(figure.dataset.chart).title === chart.spec.title);
+    const which = alike.length > 1 ? `-${alike.indexOf(chart.figure) + 1}` : "";
+    return `${held()?.slug || "ninedisk"}-${chart.spec.title}`.toLowerCase().replaceAll(/[^a-z0-9.=]+/g, "-").slice(0, 90) + which;
+  };
 
   ninedisk.paper = (figure, chart) => {
     const bar = document.createElement("div"), about = document.createElement("p");
@@ -111,8 +137,8 @@
       button.addEventListener("click", () => call(button));
       bar.append(button);
     };
-    add("SVG", "Save the picture as SVG", () => save(`${file(chart.spec.title)}.svg`, "image/svg+xml", ninedisk.svg(chart)));
-    add("CSV", "Save the numbers shown as CSV", () => save(`${file(chart.spec.title)}.csv`, "text/csv", ninedisk.csv(chart)));
+    add("SVG", "Save the picture as SVG", () => save(`${file(chart)}.svg`, "image/svg+xml", ninedisk.svg(chart)));
+    add("CSV", "Save the numbers shown as CSV", () => save(`${file(chart)}.csv`, "text/csv", ninedisk.csv(chart)));
     add("caption", "Show a caption with versions", button => {
       about.hidden = !about.hidden;
       button.setAttribute("aria-expanded", String(!about.hidden));

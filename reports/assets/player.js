@@ -41,6 +41,7 @@
     open() {
       const scene = this.scenes[this.select.value], array = k => ninedisk.data.arrays[k];
       this.radius = array(scene.radius);
+      this.cell = scene.cell || null;
       this.edges = scene.edges.map(k => k === null ? null : array(k));
       this.engines = Object.entries(scene.engines).map(([id, held]) => ({
         id, look: ninedisk.data.head.engines.find(engine => engine.id === id), pairs: held.pairs,
@@ -57,6 +58,12 @@
         low[axis] = Math.min(low[axis], value - r);
         high[axis] = Math.max(high[axis], value + r);
       });
+      if (this.cell) { // the cell of the lattice that leans least, at any time
+        const end = first.t[this.count - 1], { size, motion } = this.cell;
+        const wide = Math.max(size[0], size[0] + end * motion[0][0]), sheared = motion[0][1] ? 0.5 * wide : 0;
+        Object.assign(low, [-sheared, 0]);
+        Object.assign(high, [wide + sheared, Math.max(size[1], size[1] + end * motion[1][1])]);
+      }
       const room = 0.06 * Math.max(high[0] - low[0], high[1] - low[1]);
       this.engines = clear;
       this.low = low.map(value => value - room);
@@ -104,7 +111,8 @@
       shown.forEach((engine, order) => {
         const mix = (values, stride, index) => values[k * stride + index] * (1 - part) + values[next * stride + index] * part;
         const n = this.radius.length, m = engine.wall_angle.length / this.count;
-        const centre = i => [mix(engine.x, 2 * n, 2 * i), mix(engine.x, 2 * n, 2 * i + 1)];
+        const place = i => [mix(engine.x, 2 * n, 2 * i), mix(engine.x, 2 * n, 2 * i + 1)];
+        const cell = this.cell && this.lattice(mix(engine.t, 1, 0)), centre = cell ? i => cell.back(place(i)) : place;
         const walls = Array.from({ length: m }, (_, w) => {
           const a = mix(engine.wall_angle, m, w);
           return { p: [mix(engine.wall_point, 2 * m, 2 * w), mix(engine.wall_point, 2 * m, 2 * w + 1)], n: [Math.cos(a), Math.sin(a)] };
@@ -127,6 +135,7 @@
         ctx.lineWidth = 1.4;
         ctx.setLineDash(engine.look.dash);
         for (const wall of walls) { const [a, b] = this.stretch(wall, walls); line(a, b); }
+        if (cell) this.images(ctx, cell, n, centre, px, py, size, order === 0);
         for (let i = 0; i < n; i++) {
           const c = centre(i), angle = mix(engine.angle, n, i), r = this.radius[i];
           const edge = this.edges[i], cos = Math.cos(angle), sin = Math.sin(angle);
@@ -143,6 +152,43 @@
       const first = this.engines[0], stored = part === 0;
       this.told.textContent = stored ? `step ${first.step[k]}, t = ${+first.t[k].toPrecision(6)} s` : `between steps ${first.step[k]} and ${first.step[next]}`;
       this.canvas.setAttribute("aria-label", `Configuration ${this.told.textContent}, ${shown.length} engines: ${shown.map(engine => engine.look.name).join(", ")}.`);
+    }
+
+    /* The periodic cell at a time: edges a (along x) and b, the one of the lattice that leans least; where a point lies in it. */
+    lattice(t) {
+      const { size, motion } = this.cell, wide = size[0] + t * motion[0][0], high = size[1] + t * motion[1][1];
+      const lean = t * motion[0][1] - Math.round(t * motion[0][1] / wide) * wide;
+      const at = (p, q) => [p * wide + q * lean, q * high];
+      const part = c => [(c[0] - lean * c[1] / high) / wide, c[1] / high];
+      const back = c => { const [p, q] = part(c); return at(p - Math.floor(p), q - Math.floor(q)); };
+      return { wide, high, at, part, back };
+    }
+
+    /* Images beside the cell, faint, and for the first engine the cell's edges. */
+    images(ctx, cell, n, centre, px, py, size, edges) {
+      ctx.save();
+      ctx.globalAlpha = 0.3;
+      for (let i = 0; i < n; i++) {
+        const r = this.radius[i], [p, q] = cell.part(centre(i)), dp = 2 * r / cell.wide, dq = 2 * r / cell.high;
+        for (const a of [-1, 0, 1]) for (const b of [-1, 0, 1]) {
+          if (!a && !b || p + a < -dp || p + a > 1 + dp || q + b < -dq || q + b > 1 + dq) continue;
+          const [x, y] = cell.at(p + a, q + b);
+          ctx.beginPath();
+          ctx.arc(px(x), py(y), r * size, 0, 2 * Math.PI);
+          ctx.stroke();
+        }
+      }
+      ctx.restore();
+      if (!edges) return;
+      ctx.save();
+      ctx.setLineDash([]);
+      ctx.lineWidth = 2;
+      ctx.strokeStyle = style("--ink");
+      ctx.beginPath();
+      for (const [p, q] of [[0, 0], [1, 0], [1, 1], [0, 1]]) { const [x, y] = cell.at(p, q); ctx[p || q ? "lineTo" : "moveTo"](px(x), py(y)); }
+      ctx.closePath();
+      ctx.stroke();
+      ctx.restore();
     }
 
     /* Ends of a wall's line: inside the picture and on the free side of the other walls. */

@@ -33,6 +33,14 @@ def left(n: Vector) -> Vector:
     return np.array([-n[1], n[0]])
 
 
+def slid_against(before: float, after: float, way: float, stiffness: float) -> float:
+    """What resisting forces take along a way: their mean work less what the spring keeps, or, if they turned, that of the last one."""
+    kept = (after**2 - before**2) / (2.0 * stiffness) if stiffness > 0.0 else 0.0
+    lost = 0.5 * (before + after) * way - kept
+    slid = way - ((after - before) / stiffness if stiffness > 0.0 else 0.0)
+    return lost if 0.5 * (before + after) * slid > 0.0 else max(after * slid, 0.0)
+
+
 @dataclass
 class WallState:
     """A wall at one time: a point of its surface, normal, pivot, velocity of the pivot, rotation rate."""
@@ -185,8 +193,7 @@ class Oracle:
         turned = omega * self.dt if self.step > 0 else 0.0
         if overlap <= 0.0:
             # What is lost at walls after the last step in contact is left out.
-            self.losses["rolling"] += 0.5 * before * (0.0 if of_wall else turned)
-            self.losses["rolling"] += 0.5 * before**2 / rolling.kr if rolling.kr > 0.0 else 0.0
+            self.losses["rolling"] += slid_against(before, 0.0, 0.0 if of_wall else turned, rolling.kr)
             return 0.0
         seen = self.spin_seen(i) - (spin if of_wall else self.spin_seen(j))
         reduced = disks.radius[i] if of_wall else 1.0 / (1.0 / disks.radius[i] + 1.0 / disks.radius[j])
@@ -206,8 +213,7 @@ class Oracle:
             if abs(spring) < most:
                 damped = 2.0 * rolling.beta * sqrt(rolling.kr / inverse) * seen if inverse > 0.0 else 0.0
         self.events["bend" if abs(spring) < most else "roll"] += 1
-        stored = (spring**2 - before**2) / (2.0 * rolling.kr) if rolling.kr > 0.0 else 0.0
-        self.losses["rolling"] += 0.5 * (before + spring) * turned - stored
+        self.losses["rolling"] += slid_against(before, spring, turned, rolling.kr)
         self.rate_losses["rolling"] += damped * seen
         self.bending[pair] = spring
         return spring + damped
@@ -305,9 +311,9 @@ class Oracle:
         return True
 
     def _slide_loss(self, law: ContactLaw, before: float, after: float, slid: float) -> None:
-        """What friction takes: the work that the shear force resists with, less what its spring keeps."""
+        """What friction takes from a shear spring."""
         if self.step > 0 and law.shear_stiffness > 0.0:
-            self.losses["friction"] -= 0.5 * (before + after) * slid + 0.5 * (after**2 - before**2) / law.ks
+            self.losses["friction"] += slid_against(-before, -after, slid, law.ks)
 
     def kicked(self, old: Vector, acceleration: Vector) -> Vector:
         """Velocity half a step later than ``t_n`` from the one before (from ``v_0`` at the start)."""

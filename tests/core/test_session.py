@@ -128,7 +128,7 @@ def test_a_run_leaves_its_scene_alone(whole: History) -> None:
     scene = tumbling()
     DemSession(scene, numerics(1e-3, 20)).run()
     np.testing.assert_array_equal(scene.disks.x, whole.x[0])
-    assert not any(value.flags.writeable for value in vars(scene.disks).values())
+    assert not any(value.flags.writeable for value in vars(scene.disks).values() if isinstance(value, np.ndarray))
 
 
 def buffers(session: DemSession) -> list[int]:

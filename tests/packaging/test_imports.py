@@ -17,6 +17,10 @@ import pytest
 THIRD_PARTIES = (
     (r"ninedisk\.core\.(thread_kernels|cd\.solvers\.factorise_kernels)", {"numpy", "numba", "llvmlite.ir"}),
     (r"ninedisk\.core\.cd\.solvers\.feasibility", {"numpy", "numba", "scipy.sparse", "scipy.optimize.linprog"}),
+    (
+        r"ninedisk\.core\.cd\.problem_files",
+        {"numpy", "scipy.sparse", "h5py"},
+    ),  # h5py where an HDF5 file is asked for only
     (r"ninedisk\.core\.cd(\..+)?", {"numpy", "numba", "scipy.sparse"}),
     (r"ninedisk\.core(\..+)?", {"numpy", "numba"}),
 )

@@ -29,6 +29,7 @@ LEFT, RIGHT = MovingEllipse(**MOVING, x=(0.0, 0.0), v=(1.0, 0.0)), MovingEllipse
 ONE, TWO = Ellipse(1.0, 0.5, (0.0, 0.0), 0.1), Ellipse(1.0, 0.5, (1.8, 0.1), 0.3)
 
 RIGHT_VALUES: dict[str, Any] = {
+    "elapsed": 1.0, "side": 1.0,
     "ahead": 0.2, "amplitude": 1e-3, "angle": 0.3, "area": 100.0, "aside": -0.55, "beta": 0.1, "bounces": 3, "c_disk_disk": 1.0,
     "c_wall": 1.0, "chord": 1.0, "cycles": 3, "d": np.array([[0.2, -0.55], [0.19, -0.55], [0.2, -0.55]]), "damping": np.eye(2),
     "damping_ratio": 0.1, "dilates": False, "dt": 1e-3, "end": 0.6, "form": "central", "frequency": 3.0, "g": 9.81, "g0": 0.1, "gap": 0.1,
@@ -37,10 +38,11 @@ RIGHT_VALUES: dict[str, Any] = {
     "n_load": 5, "n_steps": 10, "normal_load": 1.0, "omega": 10.0, "omega_first": 10.0, "omega_second": 20.0, "one": LEFT,
     "overlap": 0.05, "part": np.array([0.0, 0.5, 1.0]), "period": 1.0, "phase": 0.1, "phi": np.array([0.5, 0.6]),
     "place": (-1.0, 0.05), "pull": 1.0, "rate": 1.0, "reach": 0.2,
-    "radius": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "speed": 1.0, "spin": 1.0, "start": 0.4,
+    "radius": 0.1, "inertia": 0.01, "inertial_number": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "spacing": 0.19,
+    "speed": 1.0, "spin": 1.0, "start": 0.4,
     "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
     "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "cohesion": 5e3, "kr": 1e2, "mu_r": 0.5,
-    "force": 3.0, "inertia": 0.3, "inertia_1": 0.3, "inertia_2": 0.4, "radius_1": 0.5, "radius_2": 0.2,
+    "force": 3.0, "inertia_1": 0.3, "inertia_2": 0.4, "radius_1": 0.5, "radius_2": 0.2,
     "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,
 }  # fmt: skip
 """By the names of arguments, which mean the same thing everywhere."""
@@ -51,11 +53,13 @@ OWN: dict[str, dict[str, Any]] = {
     "critical_step.lagged_limit": {"mass": np.eye(2)},
     "ellipse_collision.gap_and_way": {"t": 0.0},
     "ellipse_contact.ellipse_overlap": {"one": ONE, "two": TWO},
+    "hard_disks.hard_disks": {"x": [(0.2, 0.2), (0.6, 0.2)], "v": [(1.0, 0.0), (0.0, 0.0)], "times": [0.1, 0.3]},
     "normal_contact.normal_contact_central": {"planes": [Plane(1, np.zeros(11), np.zeros(11), 1e4)]},
     "normal_contact.normal_contact_theta": {"planes": [Plane(1, np.zeros(11), np.zeros(11), 1e4)]},
     "rolling_grain.kinetic_of": {"spin": np.array([1.0, 2.0])},
     "rolling_incline.roll_down": {"rates": (1.0, 1.0, 1.0, 1.0, 1.0)},
     "prescribed_partner.struck_by_turning_wall": {"place": (0.5, 0.2)},
+    "lattice.stretched": {"rate": (-0.1, 0.1)},
     "pushed_row.static_force": {"way": 0.01},
     "wedge.wedge": {"speed": 0.01, "half_width": 0.7, "t": np.array([0.0, 0.1])},
 }
@@ -74,6 +78,7 @@ ANY_SIGN = {
     "increment",
     "phase",
     "phi",
+    "rate",
     "speed",
     "spin",
     "start",

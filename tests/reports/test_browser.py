@@ -270,7 +270,11 @@ def test_a_figure_for_a_paper(quiet, panel_report, panel_store):
     )
     assert drawn[:2] == ["svg", 0]
     assert drawn[2] >= 8  # four engines with numbers and the truth, and their errors
+    legend = svg[svg.index(f">{spec['x_label']}</text>") :]
+    assert legend.count("Box2D</text>") == 1
+    assert "tolerances</text>" in legend
     head, *lines = numbers.splitlines()[1:]
+    assert len(set(csv_cells(head))) == len(csv_cells(head))
     column = next(k for k, name in enumerate(csv_cells(head)) if name.startswith("Box2D: "))
     (run,) = (panel_store / "runs").iterdir()
     rows = [

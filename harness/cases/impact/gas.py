@@ -142,9 +142,9 @@ class ElasticGas:
         """
         x, v = history.x, history.v
         kinetic = 0.5 * MASS * (v**2).sum(axis=(1, 2))
-        room = _room(params, x)
+        room = room_at_walls(params, x)
         elastic = 0.5 * params["kn"] * (np.maximum(-room, 0.0) ** 2).sum(axis=1)
-        elastic += 0.5 * params["kn"] * _overlaps_squared(x)
+        elastic += 0.5 * params["kn"] * overlaps_squared(x)
         first = 0.5 * MASS * float((setup.scene.disks.v**2).sum())
         momentum = MASS * v.sum(axis=1)
         angular = MASS * (x[:, :, 0] * v[:, :, 1] - x[:, :, 1] * v[:, :, 0]).sum(axis=1)
@@ -153,7 +153,7 @@ class ElasticGas:
         turn = np.abs(np.diff(angular))
         series = {
             "kinetic": ("1", kinetic / first),
-            "kinetic_level": ("1", _level(kinetic / first)),
+            "kinetic_level": ("1", level(kinetic / first)),
             "energy": ("1", (kinetic + elastic) / first),
             "momentum_jump": ("kg m/s", _kept(far, change)),
             "angular_jump": ("kg m^2/s", _kept(far, turn)),
@@ -270,7 +270,7 @@ def _energy_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, 
     ]
 
 
-def _level(kinetic: FloatArray) -> FloatArray:
+def level(kinetic: FloatArray) -> FloatArray:
     """The largest of five samples around each: contacts that last less than a step hold energy at single samples only."""
     padded = np.pad(kinetic, 2, mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 5).max(axis=1))
@@ -281,14 +281,14 @@ def _rounding(engine: EngineInfo, size: float) -> float:
     return float(np.spacing(np.float32(size))) if engine.precision == "float32" else float(np.spacing(size))
 
 
-def _room(params: Mapping[str, Any], x: FloatArray) -> FloatArray:
+def room_at_walls(params: Mapping[str, Any], x: FloatArray) -> FloatArray:
     """Gap to each of the walls [m], shape (s, 4 n)."""
     side = params["rows"] * params["spacing"]
     flat = x.reshape(len(x), -1)
     return np.concatenate([flat - RADIUS, side - flat - RADIUS], axis=1)
 
 
-def _overlaps_squared(x: FloatArray) -> FloatArray:
+def overlaps_squared(x: FloatArray) -> FloatArray:
     """Sum over pairs of disks of their overlap squared [m^2], shape (s,)."""
     one, two = np.triu_indices(x.shape[1], 1)
     total = np.zeros(len(x))

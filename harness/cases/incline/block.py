@@ -195,7 +195,7 @@ class InclineBlock:
         free = 0.5 * params["g"] * math.sin(angle) * t_end**2
         scale, scale_is = (free, "way without friction") if sticks(params) else (way, "way of the sliding block")
         return (
-            Headline(name="way down the incline", use="rest" if sticks(params) else "sliding", quantity="x_final", expected=way,
+            Headline(name="distance down the incline", use="rest" if sticks(params) else "sliding", quantity="x_final", expected=way,
                      source="(A.7)", scale=scale, scale_is=scale_is),
             Headline(name="lift of the block", use="sliding", quantity="lift", expected=0.0, source="Coulomb's law: no dilation",
                      scale=scale, scale_is=scale_is),

@@ -107,7 +107,7 @@ class RotatingBox:
         return (
             Headline(name="shear force", use="invariance", quantity="shear", expected=params["fs"],
                      source="objectivity: forces turn with the box", scale=params["fn"], scale_is="normal force"),
-            Headline(name="way of the disk", use="invariance", quantity="way", expected=0.0,
+            Headline(name="drift of the resting disk", use="invariance", quantity="way", expected=0.0,
                      source="objectivity: equilibrium in the box", scale=RADIUS, scale_is="radius"),
         )  # fmt: skip
 

@@ -208,8 +208,8 @@ class RollingGrain:
         time = half_way(params, start) if above else math.nan
         rests = not above and params["grain"] == "polygon"
         return (
-            Headline(name="way of the disk", use="rolling", quantity="way_disk", expected=way, source="a uniform disk rolls with 2/3 g sin",
-                     scale=way, scale_is="way of the rigid disk"),
+            Headline(name="distance of the disk", use="rolling", quantity="way_disk", expected=way,
+                     source="a uniform disk rolls with 2/3 g sin", scale=way, scale_is="distance of the rigid disk"),
             Headline(name="time to roll over half a face", use="rolling", quantity="t_half", expected=time,
                      source="quadrature of the energy's equation", scale=time if above else t_end,
                      scale_is="time of the rigid grain" if above else "length of the run"),

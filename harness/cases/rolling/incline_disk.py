@@ -153,10 +153,10 @@ class InclineDisk:
         way = 0.5 * rates.along * t_end**2
         use, source = "rolling" if rolls(params) else "sliding", "Newton and Euler with Coulomb friction"
         return (
-            Headline(name="way down the incline", use=use, quantity="x_final", expected=way, source=source,
-                     scale=way, scale_is="way of the rigid disk"),
+            Headline(name="distance down the incline", use=use, quantity="x_final", expected=way, source=source,
+                     scale=way, scale_is="distance of the rigid disk"),
             Headline(name="lift of the disk", use=use, quantity="lift", expected=0.0, source="Coulomb's law: no dilation",
-                     scale=way, scale_is="way of the rigid disk"),
+                     scale=way, scale_is="distance of the rigid disk"),
             Headline(name="friction force", use=use, quantity="fs_mean", expected=rates.fs, source=source,
                      scale=MASS * params["g"], scale_is="weight"),
         )  # fmt: skip

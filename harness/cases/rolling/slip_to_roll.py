@@ -178,12 +178,12 @@ class SlipToRoll:
         falls, way = params["start"] == "dilated", float(truth_end["x"][0])
         source = "rigid disk with Coulomb friction"
         return (
-            Headline(name="way", use="rolling", quantity="x_final", expected=math.nan if falls else way, source=source,
-                     scale=way, scale_is="way of the rigid disk"),
+            Headline(name="distance", use="rolling", quantity="x_final", expected=math.nan if falls else way, source=source,
+                     scale=way, scale_is="distance of the rigid disk"),
             Headline(name="speed in the end", use="rolling", quantity="vx_final", expected=float(truth_end["vx"][0]),
                      source=source, scale=params["speed"], scale_is="first speed"),
             Headline(name="lift of the sliding disk", use="sliding", quantity="lift", expected=math.nan if falls else 0.0,
-                     source="Coulomb's law: no dilation", scale=way, scale_is="way of the rigid disk"),
+                     source="Coulomb's law: no dilation", scale=way, scale_is="distance of the rigid disk"),
         )  # fmt: skip
 
     def checks(

@@ -162,8 +162,8 @@ class SpinningDisk:
         energy = 0.5 * (history.vx[-1] ** 2 * MASS + history.spin[-1] ** 2 * float(setup.scene.disks.inertia[0]))
         source = "rigid disk with Coulomb friction"
         return (
-            Headline(name="way", use="rolling", quantity="x_final", expected=float(history.x[-1]), source=source,
-                     scale=float(history.x[-1]), scale_is="way of the rigid disk"),
+            Headline(name="distance", use="rolling", quantity="x_final", expected=float(history.x[-1]), source=source,
+                     scale=float(history.x[-1]), scale_is="distance of the rigid disk"),
             Headline(name="speed in the end", use="rolling", quantity="vx_final", expected=float(history.vx[-1]), source=source,
                      scale=rim, scale_is="first speed of the rim"),
             Headline(name="energy kept", use="rolling", quantity="energy_kept", expected=float(energy) / _first_energy(params, setup),

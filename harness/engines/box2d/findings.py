@@ -43,4 +43,19 @@ FINDINGS = (
         documented="the type float32 of its API",
         command="ninedisk run invariance/galilei --engine box2d --set scene=slide",
     ),
+    Finding(
+        id="box2d/order-of-bodies",
+        engine="box2d",
+        versions="2.3.10",
+        what="Told in another order, the disks of a pile move otherwise from the first step on in which several touch each other.",
+        size=Size(
+            table="determinism",
+            case="determinism",
+            variant="bodies",
+            column="difference",
+            over=1.6e-4,
+            over_why="what eight roundings of single precision in the step in which it begins can be, in radii",
+        ),
+        command="ninedisk determinism --engine box2d",
+    ),
 )

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
 
 import ninedisk
 from ninedisk.core.cd.laws import sticking_wrongly, wedging_corners
@@ -11,7 +14,7 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import EXTRAS, Capability
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, timings_of
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, Timings, timings_of
 from ninedisk.harness.api.support import (
     NOTE_SLIP_AT,
     OF_SLIP_AT,
@@ -112,6 +115,31 @@ class CdEngine:
             "remarks": "; ".join(session.remarks),
         }
         return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings)
+
+    def save(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str) -> None:
+        """Run ``steps`` steps at least, to the next sample, and write the session."""
+        from ninedisk.core.cd import session as module
+
+        class ReachedError(Exception):
+            pass
+
+        def stop(done: int, _: int) -> None:
+            if done >= steps:
+                raise ReachedError
+
+        session = module.CdSession(without_spring_preload(scene), numerics, watch)
+        usual, module.PROGRESS_EVERY = module.PROGRESS_EVERY, -1.0  # told of at every sample, whatever the clock says
+        try:
+            with suppress(ReachedError):
+                session.run(stop)
+        finally:
+            module.PROGRESS_EVERY = usual
+        Path(path).write_bytes(pickle.dumps(session))
+
+    def resume(self, path: str) -> EngineRun:
+        """Go on from a session that `save` wrote, a file to be trusted, to the last step; timings count nothing."""
+        session = pickle.loads(Path(path).read_bytes())
+        return EngineRun(history=session.run(), timings=Timings(setup=0.0, warm_up=0.0, advance=0.0))
 
 
 ENGINE = CdEngine()

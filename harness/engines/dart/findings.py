@@ -71,7 +71,7 @@ FINDINGS = (
             table="headlines",
             case="incline-block",
             variant="mu=0.4,dt=0.01",
-            quantity="way down the incline",
+            quantity="distance down the incline",
             over=1e-9,
             over_why="a stuck block rests; engines with rigid contacts or shear springs leave it where it is, to round-off",
         ),

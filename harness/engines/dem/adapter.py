@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import ninedisk
 from ninedisk.core.dem.grains import needs_outlines
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
+from ninedisk.core.threads import MOST_THREADS
 from ninedisk.harness.api.capabilities import ROLLING, Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, timings_of
+from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, Timings, timings_of
 
-LACKS = frozenset(
-    {
-        Capability.RESTITUTION,
-        Capability.HELD_MOTION,
-        Capability.QUASI_STATIC,
-        Capability.ADHESION,
-        Capability.PERIODIC_CELL,
-    }
-)
+OPTIONS: Mapping[str, Option] = {
+    "threads": Option(
+        default=1,
+        low=1,
+        high=MOST_THREADS,
+        whole=True,
+        why="threads of scenes of 2,000 disks and more; no result depends on them",
+    ),
+}
 
-OUTLINES_LACK = LACKS | {Capability.MATERIALS, Capability.COHESION, *ROLLING.values()}
+LACKS = frozenset({Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC, Capability.ADHESION})
+
+DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, *ROLLING.values()}
+"""What is lacking where contacts are those of outlines, and in a periodic cell."""
 
 
 class DemEngine:
@@ -46,11 +51,14 @@ class DemEngine:
             capabilities=frozenset(Capability) - LACKS,
             second_order_dashpots=True,
             reference=True,
+            options=OPTIONS,
         )
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
-        missing = capabilities_needed(scene, numerics) & (OUTLINES_LACK if needs_outlines(scene) else LACKS)
+        missing = capabilities_needed(scene, numerics) & (
+            DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
+        )
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
         if any(law.regularised for law in scene.laws_in_use):
@@ -65,8 +73,12 @@ class DemEngine:
         from ninedisk.core.dem.session import DemSession
 
         setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
+        options = read_options(self.id, OPTIONS, numerics)
+        plain = numerics.replace(
+            options={name: numerics.options[name] for name in numerics.options.keys() - options.keys()}
+        )
         with setup:
-            session = DemSession(scene, numerics, watch)
+            session = DemSession(scene, plain, watch, threads=options["dem.threads"])
         with warm_up:
             session.warm_up()
         with stepping:
@@ -78,7 +90,21 @@ class DemEngine:
             "lever_arm": scene.disk_disk.lever_arm,
             "skin / mean radius": f"{LEAST_SKIN:g} to {MOST_SKIN:g}, adapted at each rebuild, first {FIRST_SKIN:g}",
         }
-        return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings)
+        return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings | options)
+
+    def save(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str) -> None:
+        """Run ``steps`` steps and write a checkpoint."""
+        from ninedisk.core.dem.session import DemSession
+
+        session = DemSession(scene, numerics, watch)
+        session.advance(steps)
+        session.save(path)
+
+    def resume(self, path: str) -> EngineRun:
+        """Go on from a checkpoint to the last step; timings count nothing."""
+        from ninedisk.core.dem.session import DemSession
+
+        return EngineRun(history=DemSession.load(path).run(), timings=Timings(setup=0.0, warm_up=0.0, advance=0.0))
 
 
 ENGINE = DemEngine()

@@ -85,7 +85,8 @@ class Run:
         self.dt, self.substeps = dt, substeps
         self.path = np.load(request["extra"]["wall_path"]) if "wall_path" in request["extra"] else None
         self.pairs = [tuple(pair) for pair in request["watch"]]
-        self.samples = []
+        self.cell = Cell(scene["cell"]) if "cell" in scene else None
+        self.samples, self.static = [], []
 
     def law_of(self, i, j):
         """Law of the contact of two bodies, which the table of their materials has or their kinds."""
@@ -125,6 +126,10 @@ class Run:
         """
         self.samples.append((step, x, v, omega, angle, forces, np.array(pose)[..., :4], wall_force, elastic))
 
+    def observe_stress(self, moment):
+        """Keep the stress by contacts of a sample in a periodic cell, from the sum of forces on first disks times branches [N m]."""
+        self.static.append(moment)
+
     def history(self):
         """All samples as the arrays of the wire format."""
         steps, n, m, c = len(self.samples), self.n, len(self.walls), len(self.pairs)
@@ -137,20 +142,24 @@ class Run:
         point, normal = pose[:, :, 0:2], pose[:, :, 2:4]
         # A blocked spin is prescribed: it exchanges no energy with the scene and is not counted, as in the in-house DEM.
         inertia = np.where(self.rotating, self.inertia, 0.0)
+        # Sums over the disks of each sample alone: BLAS rounds those of a sample by how many samples there are.
         energy = {
-            "kinetic": (0.5 * (v**2).sum(axis=2) @ self.mass + 0.5 * omega**2 @ inertia).tolist(),
-            "gravity": (-(x @ self.gravity) @ self.mass).tolist(),
+            "kinetic": (0.5 * ((v**2).sum(axis=2) * self.mass + omega**2 * inertia).sum(axis=1)).tolist(),
+            "gravity": (-((x * self.gravity).sum(axis=2) * self.mass).sum(axis=1)).tolist(),
         }
         if elastic[0] is not None:
             energy["elastic"] = known(np.array(elastic, dtype=float))
+        t = np.array(step) * (self.substeps * self.dt)
+        stress = {"stress": self.cell.stress(t, x, v, self.mass, self.static).tolist()} if self.static else {}
         return {
+            **stress,
             "step": list(step),
-            "t": (np.array(step) * (self.substeps * self.dt)).tolist(),
+            "t": t.tolist(),
             "x": x.tolist(),
             "v": v.tolist(),
             "angle": angle.tolist(),
             "omega": omega.tolist(),
-            "gap": self._gaps(x, point, normal).tolist(),
+            "gap": self._gaps(t, x, point, normal).tolist(),
             "fn": known(forces[:, :, 0]),
             "fs": known(forces[:, :, 1]),
             "force_meaning": self.force_meaning,
@@ -160,16 +169,48 @@ class Run:
             "energy": energy,
         }
 
-    def _gaps(self, x, point, normal):
+    def _gaps(self, t, x, point, normal):
         """Gaps of the watched pairs, shape (samples, pairs)."""
         gaps = np.empty((len(x), len(self.pairs)))
         for c, (i, j) in enumerate(self.pairs):
             if j < self.n:
-                gaps[:, c] = np.linalg.norm(x[:, j] - x[:, i], axis=1) - self.radius[i] - self.radius[j]
+                d = x[:, j] - x[:, i]
+                if self.cell is not None:
+                    d = np.array([self.cell.nearest(*row) for row in zip(t, d)])  # noqa: B905
+                gaps[:, c] = np.linalg.norm(d, axis=1) - self.radius[i] - self.radius[j]
             else:
                 w = j - self.n
                 gaps[:, c] = ((x[:, i] - point[:, w]) * normal[:, w]).sum(axis=1) - self.radius[i]
         return gaps
+
+
+class Cell:
+    """A periodic cell: edges ``(I + t rate) diag(size)`` as columns [m], their rate ``motion`` [m/s]."""
+
+    def __init__(self, cell):
+        self.size, self.rate = np.array(cell["size"]), np.array(cell["rate"])
+        self.motion = self.rate @ np.diag(self.size)
+
+    def edges(self, t):
+        return np.diag(self.size) + t * self.motion
+
+    def nearest(self, t, d):
+        """The shortest of all images of a vector [m] at time ``t``."""
+        h = self.edges(t)
+        h[0, 1] -= np.round(h[0, 1] / h[0, 0]) * h[0, 0]  # the same images, edges that lean least
+        about = d - h @ np.round(np.linalg.solve(h, d))
+        images = [about + h @ (p, q) for p in (-1, 0, 1) for q in (-1, 0, 1)]
+        return min(images, key=lambda image: float(image @ image))
+
+    def stress(self, times, x, v, mass, moments):
+        """By contacts and by velocities beside the flow and their mean [N/m], compression positive, shape (s, 2, 2, 2)."""
+        found = np.empty((len(times), 2, 2, 2))
+        for k, t in enumerate(times):
+            h = self.edges(t)
+            beside = v[k] - x[k] @ (self.motion @ np.linalg.inv(h)).T
+            beside = beside - mass @ beside / mass.sum()
+            found[k] = np.array([-moments[k], (beside * mass[:, None]).T @ beside]) / np.linalg.det(h)
+        return found
 
 
 def known(values):

@@ -92,7 +92,10 @@ class Run(SpringRun):
         self.nodes = sorted(self.part.Nodes, key=lambda node: node.Id)
         for properties in self.part.Properties:  # the law itself has no dashpot against walls here: see the adapter
             for pair in properties.GetSubProperties():
-                pair[Dem.DAMPING_GAMMA] = self.law["beta"]
+                wall = (
+                    max(properties.Id, pair.Id) - len(kinds) - 1
+                )  # materials are numbered from 1, those of disks first
+                pair[Dem.DAMPING_GAMMA] = self.law["beta"] if wall < 0 else self.walls[wall]["law"]["beta"]
         for i, node in enumerate(self.nodes):
             node.SetSolutionStepValue(Kratos.NODAL_MASS, float(self.mass[i] * self.inflate))
             node.SetSolutionStepValue(Dem.PARTICLE_MOMENT_OF_INERTIA, float(self.inertia[i] * self.inflate))

@@ -24,7 +24,16 @@ MPI = "libmpi.so.12"
 CAPABILITIES = (
     frozenset(Capability)
     - GRAINS
-    - (EXTRAS - {Capability.MATERIALS, Capability.BODY_FORCES, Capability.ROLLING_SPRING, Capability.COHESION})
+    - (
+        EXTRAS
+        - {
+            Capability.MATERIALS,
+            Capability.BODY_FORCES,
+            Capability.ROLLING_SPRING,
+            Capability.COHESION,
+            Capability.PERIODIC_CELL,
+        }
+    )
     - {
         Capability.RESTITUTION,
         Capability.LEVER_ARM_OVERLAP,
@@ -55,6 +64,9 @@ NOTE_COHESION_DAMPED = (
 )
 NOTE_ROLLING = "rolling sds with the stiffness kr/R^2, R the reduced radius"
 NOTE_ROLLING_DAMPED = "rolling sds cuts off the sum of spring and dashpot, the scene its spring alone"
+NOTE_CELL_SMALL = "periodic cell: LAMMPS knows a contact by its two disks; edges of eight of the largest radii leave one image to touch"
+NOTE_CELL_FLIPS = "periodic cell: LAMMPS flips a box that leans, by its length of then; no shear while the first edge grows or shrinks"
+NOTE_CELL_PRELOAD = "periodic cell: no preload, for which the driver knows no images"
 NOTE_INERTIA = "fix nve/sphere disc knows uniform disks only, I = m R^2/2"
 
 
@@ -141,7 +153,16 @@ class Lammps(SpringEngine):
             fit.notes.append(NOTE_ROLLING)
             if any(rolling.beta > 0.0 for rolling in resisted):
                 fit.lacks(Capability.ROLLING_SPRING, NOTE_ROLLING_DAMPED)
-        if not _can_be_stretched(scene):
+        if scene.cell is not None:
+            rate, end = scene.cell.rate, numerics.dt * numerics.n_steps
+            last = [size * (1.0 + rate[k][k] * end) for k, size in enumerate(scene.cell.size)]
+            if min(*scene.cell.size, *last) < 8.0 * disks.radius.max():
+                fit.lacks(Capability.PERIODIC_CELL, NOTE_CELL_SMALL)
+            if rate[0][0] and rate[0][1]:
+                fit.lacks(Capability.PERIODIC_CELL, NOTE_CELL_FLIPS)
+            if any(scene.initial_shear.values()):
+                fit.lacks(Capability.PRELOAD, NOTE_CELL_PRELOAD)
+        elif not _can_be_stretched(scene):
             fit.lacks(Capability.PRELOAD, NOTE_PRELOAD)
         if _asks_for_radius(scene) and not classic_pairs(scene):
             fit.near.add(Capability.LEVER_ARM_RADIUS)

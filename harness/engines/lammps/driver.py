@@ -48,6 +48,9 @@ class Run(SpringRun):
         self.classic = request["extra"]["classic_pairs"]
         self.motions = [WallMotion(wall) for wall in self.walls]
         self.origin = self.substeps if self.preload else 0  # LAMMPS' number of the step at time 0
+        self.n_steps, self.run_words = request["numerics"]["n_steps"], ""
+        if self.cell is not None:
+            self.origin = 1
         self.angle = np.zeros(self.n)
         self.engine = lammps.lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
         self._atoms()
@@ -77,10 +80,11 @@ class Run(SpringRun):
             "atom_style sphere",
             "atom_modify map array sort 0 0.0",
             "dimension 2",
-            "boundary m m p",
+            "boundary p p p" if self.cell else "boundary m m p",
             "newton off",
             "comm_modify vel yes",
-            f"region box block {bounds} units box",  # as deep as the disks: a depth far below the cutoff is refused
+            # As deep as the disks: a depth far below the cutoff is refused.
+            f"region box {self._box(largest) if self.cell else f'block {bounds}'} units box",
             f"create_box {len(self.kinds)} box",
             f"neighbor {number(0.3 * self.radius.mean())} bin",
             "neigh_modify delay 0 every 1 check yes",
@@ -91,8 +95,66 @@ class Run(SpringRun):
         )
         if made != self.n:
             raise RuntimeError(f"LAMMPS took {made} of {self.n} disks")
+        if self.cell is not None:  # LAMMPS puts disks back into the box, and does not count how far
+            put = np.array(self.engine.numpy.extract_atom("x"))[self.order(), :2]
+            self.put_back = np.round((self.x0 - put) / self.cell.size)
         self.set("radius", self.radius)
         self.set("rmass", self.mass * self.inflate)
+
+    def _box(self, depth):
+        """The periodic cell at time 0, as deep as the disks, as LAMMPS' prism."""
+        width, height = (number(size) for size in self.cell.size)
+        return f"prism 0 {width} 0 {height} {number(-depth)} {number(depth)} 0 0 0"
+
+    def _deform(self):
+        """The deforming cell, and words that every ``run`` then needs.
+
+        LAMMPS deforms at the end of a step, to what its step number says: forces at ``t_n`` would see the cell of ``t_{n-1}``. So the
+        deformation is told to have begun a step before time 0, and its first step is made by hand, see `start`.
+        """
+        if self.cell is None:
+            return
+        (xx, xy), (_, yy) = self.cell.rate
+        parts = [f"{name} erate {number(rate)}" for name, rate in (("x", xx), ("y", yy), ("xy", xy)) if rate]
+        if parts:
+            self.do(f"fix deform all deform 1 {' '.join(parts)} remap v")
+            self.run_words = f"start {self.origin - 1} stop {self.origin + self.substeps * self.n_steps + 1}"
+
+    def _first_deformation(self):
+        """The cell of ``t_1``, in which LAMMPS keeps the box about its centre."""
+        if self.cell is None or not self.cell.rate.any():
+            return
+        x, v, h = self.get("x"), self.get("v"), self.cell.edges(self.dt)
+        low, high = 0.5 * (self.cell.size - np.diag(h)), 0.5 * (self.cell.size + np.diag(h))
+        bounds = " ".join(f"{name} final {number(a)} {number(b)}" for name, a, b in zip("xy", low, high, strict=True))
+        self.do(f"change_box all {bounds} xy final {number(h[0, 1])} units box")
+        self.set("x", x)  # of disks that were put on the other side, by the edges of another time
+        self.set("v", v)
+        self.do("neigh_modify check no")  # `change_box` forgets the number of images: the first step finds them anew
+
+    def images(self):
+        """Whole edges by which each disk is out of the box that LAMMPS has it in, shape (n, 2).
+
+        LAMMPS flips a box that leans far: its second edge is then the cell's and some of the first, ``k e_1``. The box is that of the
+        next step; a rate of the first edge together with a shear, for which k would not be whole, is refused.
+        """
+        packed = np.array(self.engine.numpy.extract_atom("image"))[self.order()]
+        if packed.ndim == 1:
+            packed = np.array([self.engine.decode_image_flags(int(flag)) for flag in packed])
+        images = packed[:, :2].astype(float)
+        low, high, lean = self.engine.extract_box()[:3]
+        step = self.engine.extract_global("ntimestep") - self.origin + 1
+        flips = (
+            round((lean - self.cell.edges(step * self.dt)[0, 1]) / (high[0] - low[0])) if self.cell.rate.any() else 0
+        )
+        images[:, 0] += flips * images[:, 1]
+        return images + self.put_back
+
+    def _per_edge(self, name):
+        """What an image is displaced by, or moves faster by, as columns."""
+        if name == "v":
+            return self.cell.motion
+        return self.cell.edges((self.engine.extract_global("ntimestep") - self.origin) * self.dt)
 
     def order(self):
         """Index of each disk among LAMMPS' atoms."""
@@ -100,6 +162,8 @@ class Run(SpringRun):
 
     def set(self, name, values):
         array, order = self.engine.numpy.extract_atom(name), self.order()
+        if name in ("x", "v") and self.cell is not None:
+            values = values - self.images() @ self._per_edge(name).T
         if values.ndim == 2:
             array[order, :2] = values
         elif array.ndim == 2:
@@ -110,6 +174,8 @@ class Run(SpringRun):
     def get(self, name):
         """Copy of x and y of a vector, or of z of a rotation, by disk."""
         array = np.array(self.engine.numpy.extract_atom(name))[self.order()]
+        if name in ("x", "v") and self.cell is not None:
+            array[:, :2] += self.images() @ self._per_edge(name).T
         return array[:, 2] if name in ("omega", "torque") else array[:, :2]
 
     def _contacts(self):
@@ -120,7 +186,7 @@ class Run(SpringRun):
             f"timestep {number(self.dt)}",
             f"compute force all pair/local dist force {SHEAR_COLUMNS} cutoff radius",
             "compute atoms all property/local patom1 patom2 cutoff radius",
-            f"reset_timestep {max(self.origin - 1, 0)}",
+            f"reset_timestep {self.origin if self.cell else max(self.origin - 1, 0)}",
             f"variable t equal ternary(step>{self.origin},(step-{self.origin})*{number(self.dt)},0.0)",
         )
         self.wall_fixes = []
@@ -167,15 +233,17 @@ class Run(SpringRun):
         if self.preload:
             load_shear(self)
         self._integrators()
+        self._deform()
         self.set("v", self.v0)
         self.set("omega", self.omega0)
-        self.do("run 0 post no")
+        self.do(f"run 0 post no {self.run_words}")
         self._sample(0, self.v0, self.omega0)
         kick = 0.5 * self.dt * (1.0 - 1.0 / self.inflate)
         self.set("v", self.v0 + kick * self.get("f") / self.mass[:, None])
         turned = self.omega0 + kick * self.get("torque") / self.inertia
         self.set("omega", np.where(self.rotating, turned, self.omega0))
         self.half_spin = self._spin_ahead()
+        self._first_deformation()
 
     def _spin_ahead(self):
         """``w_{n+1/2}`` from the state at ``t_n`` [rad/s]."""
@@ -187,8 +255,10 @@ class Run(SpringRun):
         wanted, spent = set(sampled), 0.0
         for step in range(1, max(wanted) + 1):
             begin = clock()
-            self.do(f"run {self.substeps} pre no post no")
+            self.do(f"run {self.substeps} pre no post no {self.run_words}")
             spent += clock() - begin
+            if step == 1:
+                self.do("neigh_modify check yes")
             mean = np.array(self.engine.numpy.extract_fix("spin", lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_VECTOR))[
                 self.order()
             ]
@@ -213,13 +283,18 @@ class Run(SpringRun):
     def forces(self, pairs):
         """(fn, fs) [N] of ``pairs``, elastic energy [J], force on each wall [N], its point [m] and normal as a row."""
         x, order = self.get("x"), self.order()
-        found, energy = dict.fromkeys(pairs, (0.0, 0.0)), 0.0
+        found, energy, moment = dict.fromkeys(pairs, (0.0, 0.0)), 0.0, np.zeros((2, 2))
         for (i, j), (distance, fn, shear) in disk_contacts(self.engine).items():
             d = x[j] - x[i]
+            if self.cell is not None:
+                d = self.cell.nearest((self.engine.extract_global("ntimestep") - self.origin) * self.dt, d)
             fs = float((d[0] * shear[1] - d[1] * shear[0]) / distance)
             energy += stored(self.law_of(i, j), self.radius[i] + self.radius[j] - distance, fs)
+            moment += np.outer(np.array(shear) - fn * d / distance, d)
             if (i, j) in found:
                 found[i, j] = (fn, fs)
+        if self.cell is not None:
+            self.observe_stress(moment)
         loads, poses = [], []
         for w in range(len(self.walls)):
             point, normal = self._pose(w)

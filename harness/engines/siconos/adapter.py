@@ -63,6 +63,13 @@ OPTIONS: Mapping[str, Option] = {
     ),
 }
 
+MOST_PAIRS = 1_000
+"""Of bodies that may touch."""
+
+NOTE_MANY = (
+    "every pair of bodies that may touch is an interaction of its own in Siconos, {pairs} here, and its cost in each step goes with "
+    "all of them: with more than 1000 a run takes minutes; use fewer disks"
+)
 NOTE_THETA = (
     "theta of Moreau-Jean is the option siconos.theta (1/2), not Numerics.theta: it weighs the positions' velocities and "
     "plays no part in the impact law"
@@ -123,7 +130,10 @@ class Siconos(ProcessEngine):
         has = set(CAPABILITIES)
         if read_options(self.id, OPTIONS, numerics)[f"{self.id}.theta"] != 0.5:
             has.discard(Capability.GLOBAL_DAMPING_CENTRAL)
-        return rigid_support(scene, numerics, has, remarks=(NOTE_THETA,))
+        n = len(scene.disks)
+        pairs = n * (n - 1) // 2 + n * len(scene.walls)
+        refused = (NOTE_MANY.format(pairs=pairs),) if pairs > MOST_PAIRS else ()
+        return rigid_support(scene, numerics, has, refused=refused, remarks=(NOTE_THETA,))
 
     def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Settings, the walls' path at every step (a file: it can be long), and the gap that is round-off."""

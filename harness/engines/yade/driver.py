@@ -66,6 +66,7 @@ class Run(SpringRun):
     needs_a_disk = False
 
     def __init__(self, request):
+        O.reset()  # what a run before has left in this process
         global RUN
         RUN = self  # for what YADE calls between its engines
         super().__init__(request)

@@ -187,7 +187,7 @@ def test_an_elastic_collision_tends_to_that_of_the_dem() -> None:
     scene, duration = ellipses(0.5), 0.2
     exact = simulate(scene, Numerics(dt=duration, n_steps=1, contact_dt=1e-5), method="dem")
     errors = []
-    for n in (400, 800, 1600):
+    for n in (200, 400, 800):
         found = steps(scene, n, duration / n)
         errors.append(
             max(
@@ -196,7 +196,7 @@ def test_an_elastic_collision_tends_to_that_of_the_dem() -> None:
             )
         )
     assert np.abs(exact.omega[-1]).min() > 0.03
-    assert errors[-1] < 0.02
+    assert errors[-1] < 0.04
     assert 1.6 < errors[0] / errors[1] < 2.6
     assert 1.6 < errors[1] / errors[2] < 2.6
 

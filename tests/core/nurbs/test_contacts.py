@@ -172,7 +172,7 @@ def test_differences_of_intersections_lose_half_of_the_digits(
 ) -> None:
     """Why the chord is not the difference of two points: the same places, differenced, miss the normal by 1e-11 and more."""
     index, rows = found
-    k = np.flatnonzero((pairs.kind[index] == 1) & (pairs.overlap[index] < 1e-10 * pairs.radius[index]))[:200]
+    k = np.flatnonzero((pairs.kind[index] == 1) & (pairs.overlap[index] < 1e-10 * pairs.radius[index]))[:40]
     worst = 0.0
     for row in k:
         i = pairs.pairs[index[row], 0]
@@ -464,7 +464,7 @@ def test_contacts_are_the_gradient_of_the_exact_area() -> None:
 
     An error of a corner is that of rounding, 1e-15, over the sine of the angle at which the sides meet, 1e-6 at least.
     """
-    n = 2000
+    n = 1000
     shape, x, angle = random_pairs(n, 5)
     count, out = contacts(POLYGONS, shape, x, angle)
     assert not np.any(count == UNDECIDED)
@@ -490,7 +490,7 @@ def test_contacts_are_the_gradient_of_the_exact_area() -> None:
             assert out.corners[row] == truth.crossings
             seen[truth.crossings] += 1
             row += 1
-    assert min(seen[0], seen[2], seen[4], seen[CROSSED]) > 20, seen
+    assert min(seen[0], seen[2], seen[4], seen[CROSSED]) > 10, seen
 
 
 def test_faces_that_coincide() -> None:

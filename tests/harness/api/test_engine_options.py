@@ -45,12 +45,12 @@ def test_the_default_said_aloud_is_the_same_variant() -> None:
         ({"iterations": "7"}, "names no engine: write ENGINE.NAME"),
         ({"pymunk.iteration": "7"}, "no option 'iteration'. Did you mean 'iterations'.*pymunk.collision_bias"),
         ({"siconos.theta": "1"}, "is not run: add --engine siconos"),
-        ({"dem.skin": "1"}, "no option 'skin'.* Its options: none"),
+        ({"lammps.skin": "1"}, "no option 'skin'.* Its options: none"),
     ],
 )
 def test_options_that_nobody_has_are_refused_with_the_way_out(options: dict[str, str], words: str) -> None:
     with pytest.raises(UsageError, match=words):
-        plan_matrix(["slip-to-roll"], ["pymunk", "dem"], {}, options)
+        plan_matrix(["slip-to-roll"], ["pymunk", "lammps"], {}, options)
 
 
 def test_an_unknown_engine_is_named() -> None:
@@ -169,10 +169,10 @@ def test_mistakes_in_options_of_contact_dynamics(option: str, words: str) -> Non
     assert words in " ".join(done.stderr.split())
 
 
-def test_the_dem_has_no_options_and_says_so() -> None:
-    setup = run_case("binary-collision", engine="dem").setup
+def test_the_dem_takes_threads_and_nothing_else() -> None:
+    setup = run_case("binary-collision", engine="dem", options={"dem.threads": "2"}).setup
     assert setup is not None
-    with pytest.raises(InvalidNumericsError, match=r"the option 'dem\.skin' is unknown: dem has no options, drop it"):
+    with pytest.raises(InvalidNumericsError, match=r"the option 'dem\.skin' is unknown: use one of dem\.threads"):
         get_engine("dem").run(setup.scene, setup.numerics.replace(options={"dem.skin": 0.1}), ())
 
 
@@ -197,7 +197,7 @@ def test_the_page_of_an_engine_teaches_its_options() -> None:
     assert "a number in [0.5, 1]" in shown
     assert "one of nsgs, lemke" in shown
     assert "--option siconos.theta=0.5" in shown
-    assert "It has no options" in ninedisk("list", "engines", "dem").stdout
+    assert "It has no options" in ninedisk("list", "engines", "yade").stdout
     scope = ninedisk("list", "engines", "mujoco").stdout
     assert "out of scope by its own documentation: https://mujoco" in " ".join(scope.split())
 

@@ -103,6 +103,32 @@ def test_exact_steps_see_a_part_in_1e9(run_cell):
     assert "vx" in run_cell(CASE, CD, {}, off).seen
 
 
+GRAZING = {"vt": 28.64}
+
+
+@pytest.mark.parametrize("engine", [PYMUNK, DEM, CD], ids=lambda engine: engine.id)
+def test_energy_that_grows_at_grazing_angles_is_seen(run_cell, engine):
+    def gain(history):
+        history.v[-3:, 0, 0] = 28.64 * (1.0 + 1e-4)
+
+    assert {"energy_gain", "tangential_restitution"} <= run_cell(CASE, engine, GRAZING, gain).seen
+    assert "rebound_spin" in run_cell(CASE, engine, GRAZING, lambda h: h.omega[-3:].__imul__(1.01)).seen
+
+
+def test_a_start_at_another_angle_is_seen(run_cell):
+    assert "incidence" in run_cell(CASE, PYMUNK, GRAZING, lambda h: h.v[0].__imul__((1.0 + 1e-9, 1.0))).seen
+
+
+def test_disks_that_slide_through_lie_on_thornton_s_curve(run_cell):
+    """1 - 2/x and twice: for spheres 1 - 2/x and 5/2, from 7 on in place of 6."""
+    for vt in (1.81, 11.43):
+        for engine in (PYMUNK, DEM):
+            told = {name: value for name, (_, value) in run_cell(CASE, engine, {"vt": vt}).observed.scalars.items()}
+            assert told["incidence"] == pytest.approx(vt / 0.3)
+            assert told["tangential_restitution"] == pytest.approx(1.0 - 2.0 / told["incidence"], abs=2e-3)
+            assert told["rebound_spin"] == pytest.approx(2.0, abs=1e-2)
+
+
 def test_impossible_variants_are_refused():
     with pytest.raises(ParameterError, match="kn = 2 N/m"):
         CASE.build(resolve(CASE, {"kn": 2}).params)

@@ -99,6 +99,26 @@ def test_distortion_is_a_plain_dem_that_keeps_wall_forces_along_fixed_axes() -> 
 
 
 @needs_kratos
+def test_walls_have_their_own_dashpots_not_that_of_the_disks() -> None:
+    """Disks that never meet go to and fro between two walls: elastic ones keep their speed, to the phase of a contact's step."""
+    damped, elastic = (
+        ContactLaw(kn=1e5, beta=beta, restitution=e, regularised=True) for beta, e in ((0.2, 0.5), (0.0, 1.0))
+    )
+    disks = Disks(
+        x=np.array([(1.2, 2.0), (1.2, 8.0)]), v=np.array([(2.0, 0.0), (-1.0, 0.0)]), radius=np.ones(2), mass=np.ones(2)
+    )
+    walls = tuple(
+        Wall(name=name, point=(at, 0.0), normal=(to, 0.0), law=elastic)
+        for name, at, to in (("left", 0.0, 1.0), ("right", 3.0, -1.0))
+    )
+    scene, steps = Scene(disks=disks, disk_disk=damped, walls=walls), Numerics(dt=1e-3, n_steps=2000, contact_dt=1e-4)
+    v = Kratos().run(scene, steps, []).history.v[:, :, 0]
+    assert np.count_nonzero(np.diff(np.sign(v[:, 0]))) >= 3
+    assert np.abs(v).max(axis=0) == pytest.approx([2.0, 1.0], rel=1e-3)
+    assert np.abs(v[-40:]).max(axis=0) == pytest.approx([2.0, 1.0], rel=1e-2)
+
+
+@needs_kratos
 @pytest.mark.parametrize("form", ["central", "lagged"])
 def test_rolling_disks_of_disk_inertia_under_gravity_and_damping(form: str) -> None:
     """Disks that overlap at first collide off-centre; the floor under one of them is smooth, so that arms are Kratos' own."""

@@ -17,6 +17,7 @@ import pytest
 from ninedisk_tests_comparison import assert_same, variant, worst
 
 from ninedisk.core.history import History, Pair
+from ninedisk.core.loads import Cell
 from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
@@ -402,3 +403,48 @@ def test_library_that_does_not_load_is_an_error(tmp_path: Path, monkeypatch: pyt
     setup = variant("nine-disk/compression")
     with pytest.raises(EngineError, match=r"gave up: OSError: .*libmpi"):
         Lammps().run(setup.scene, setup.numerics, [])
+
+
+@needs_lammps
+@pytest.mark.parametrize(
+    ("rate", "beta"), [(((0.0, 2.0), (0.0, 0.0)), 0.1), (((-0.1, 0.0), (0.0, 0.05)), 0.0)], ids=["shear", "stretch"]
+)
+def test_a_deforming_cell_is_the_dems_step_by_step(rate: tuple[tuple[float, float], ...], beta: float) -> None:
+    """210 disks for 1,000 steps, to a strain of 1, at which LAMMPS has flipped its box; some begin out of the cell."""
+    rng, columns, rows = np.random.default_rng(3), 14, 15
+    x = np.array([[1.7 * i + 0.85 * (j % 2), 1.5 * j] for i in range(columns) for j in range(rows)])
+    x += rng.uniform(-0.05, 0.05, x.shape)
+    disks = Disks(
+        x=x,
+        v=x @ np.array(rate).T + rng.normal(0.0, 0.3, x.shape),
+        omega=rng.normal(0.0, 1.0, len(x)),
+        radius=rng.uniform(0.7, 1.0, len(x)),
+        mass=rng.uniform(0.5, 2.0, len(x)),
+    )
+    law = ContactLaw(kn=1000.0, ks=500.0, mu=0.4, beta=beta, lever_arm="torque-overlap", slip_at="end")
+    scene = Scene(disks=disks, disk_disk=law, cell=Cell(size=(1.7 * columns, 1.5 * rows), rate=rate))  # type: ignore[arg-type]
+    how = Numerics(dt=5e-4, contact_dt=5e-4, n_steps=1000, sample_every=50, damping_form="lagged")
+    assert Lammps().supports(scene, how).level is SupportLevel.EXACT
+    one, two = both(scene, how, [(0, 1), (0, rows * (columns - 1)), (3, 40)])
+    assert_same(one, two, 1e-9)
+    assert one.stress is not None
+    assert two.stress is not None
+    assert worst(one.stress, two.stress) < 1e-9
+    assert np.abs(two.fs).max() > 1.0
+
+
+@pytest.mark.parametrize(
+    ("cell", "note"),
+    [
+        (Cell(size=(5.0, 40.0)), adapter.NOTE_CELL_SMALL),
+        (Cell(size=(40.0, 40.0), rate=((0.1, 1.0), (0.0, 0.0))), adapter.NOTE_CELL_FLIPS),
+    ],
+)
+def test_cells_that_lammps_does_not_have_are_told(cell: Cell, note: str) -> None:
+    scene = Scene(
+        disks=Disks(x=[[1.0, 1.0], [4.0, 1.0]], radius=1.0, mass=1.0), disk_disk=ContactLaw(kn=1e3), cell=cell
+    )
+    told = Lammps().supports(scene, Numerics(dt=1e-3, n_steps=10))
+    assert told.level is SupportLevel.NO
+    assert Capability.PERIODIC_CELL in told.missing
+    assert note in told.notes

@@ -297,3 +297,13 @@ def test_mute_siconos_is_not_installed(tmp_path: Path) -> None:
     program.write_text("#!/bin/sh\nexit 0\n")
     program.chmod(0o755)
     assert installed_siconos(str(program)) == (None, f"{program} cannot import it: it prints no version")
+
+
+def test_scenes_of_more_pairs_than_it_steps_in_reasonable_time_are_refused() -> None:
+    def many(n: int) -> Scene:
+        return Scene(disks=Disks(x=[(3.0 * k, 0.0) for k in range(n)], radius=1.0, mass=1.0), disk_disk=rigid())  # type: ignore[arg-type]
+
+    assert Siconos().supports(many(45), numerics(0.01, 1)).level is not SupportLevel.NO  # 990 pairs
+    refused = Siconos().supports(many(46), numerics(0.01, 1))
+    assert refused.level is SupportLevel.NO
+    assert "1035 here" in refused.notes[0]

@@ -24,6 +24,7 @@ from mutations import ODD_NUMBERS, ODD_TEXTS, damaged, damaged_bytes, damaged_te
 from typer.testing import CliRunner
 
 from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.problem_files import Form, read_problem, write_problem
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.errors import CoreError
 from ninedisk.core.numerics import Numerics
@@ -195,8 +196,11 @@ def checkpoint_file(rng: Random, folder: Path) -> None:
         DemSession.load(folder / "c.npz")
 
 
+FORMS: tuple[Form, ...] = ("npz", "fc2d", "fclib")
+
+
 @cache
-def problem() -> bytes:
+def problem(form: Form) -> bytes:
     """The contact problem of a disk on an incline, as the solver would keep it."""
     problem = ContactProblem(
         mass=np.ones((1, 3)),
@@ -208,14 +212,19 @@ def problem() -> bytes:
         mu=np.array([0.3]),
     )
     with tempfile.TemporaryDirectory() as folder:
-        problem.save(Path(folder) / "p.npz")
-        return (Path(folder) / "p.npz").read_bytes()
+        file = Path(folder) / "p"
+        write_problem(file, problem, form)
+        return file.read_bytes()
 
 
 def problem_file(rng: Random, folder: Path) -> None:
-    (folder / "p.npz").write_bytes(damaged_bytes(rng, problem()))
-    with clean("ContactProblem.load"):
-        ContactProblem.load(folder / "p.npz")
+    content = damaged_bytes(rng, problem(rng.choice(FORMS)))
+    (folder / "p").write_bytes(content)
+    with clean("read_problem"):
+        found = read_problem(folder / "p")
+        found.save(folder / "again")
+        if found.form != "fclib":  # whose bytes are kept
+            assert read_problem(folder / "again").problem.n_contacts == found.problem.n_contacts
 
 
 @cache

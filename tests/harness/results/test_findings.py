@@ -29,7 +29,7 @@ from ninedisk.harness.api.registry import engine_table, get_case
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.support import parse_settings
 from ninedisk.harness.results.findings import GROWN, evaluate
-from ninedisk.harness.results.schema import TABLES, EvaluatedFinding
+from ninedisk.harness.results.schema import DETERMINISM_KINDS, TABLES, EvaluatedFinding
 from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.run.plan import Cell, plan_matrix
 from ninedisk.harness.run.runner import dry_checks
@@ -64,6 +64,11 @@ def test_ids_are_unique_and_name_their_engine() -> None:
 @pytest.mark.parametrize("each", FINDINGS, ids=lambda each: each.id)
 def test_what_a_finding_says_exists(each: Finding) -> None:
     """Its case, column, quantity and command; the command runs cells of that engine that the size is read from."""
+    if each.size.table == "determinism":
+        assert each.command == f"ninedisk determinism --engine {each.engine}"
+        assert each.size.variant in DETERMINISM_KINDS
+        assert (each.size.case, each.size.column) == ("determinism", "difference")
+        return
     size, cells = each.size, planned(each.command)
     columns = {*TABLES[size.table], "broken"} if size.table == "cells" else set(TABLES[size.table])
     assert size.column in columns

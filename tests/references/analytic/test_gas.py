@@ -1,4 +1,4 @@
-"""Collision rates: against points counted one by one."""
+"""Collision rates: against points and collisions counted one by one; Haff's law against gases without a time step."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.gas import pair_rate, wall_rate
+from ninedisk.references.analytic.gas import haff_spread, haff_time, pair_rate, rate_in_box, wall_rate
+from ninedisk.references.analytic.hard_disks import hard_disks
 
 
 def test_hits_of_walls_are_those_of_points_that_fly_straight():
@@ -35,3 +36,48 @@ def test_dense_gases_collide_more_and_solids_are_refused():
         pair_rate(n=9, area=30.0, radius=1.0, thermal=1.0)
     with pytest.raises(ValueError, match="not allowed"):
         wall_rate(n=9, area=0.0, length=1.0, thermal=1.0)
+
+
+ROWS, SPACING, E = 10, 5.6, 0.7
+
+
+def gases(seeds, restitution, times):
+    """Event-driven gases of disks of radius 1, ten elastic collisions of each after a lattice."""
+    side, thermal = ROWS * SPACING, 1.0
+    rate = 2.0 / ROWS**2 * pair_rate(n=ROWS**2, area=side**2, radius=1.0, thermal=thermal)
+    place = SPACING * (np.arange(ROWS) + 0.5)
+    for seed in seeds:
+        v = np.random.default_rng(seed).standard_normal((ROWS**2, 2))
+        v *= math.sqrt(2.0 * ROWS**2 / (v**2).sum())
+        box = {"radius": 1.0, "side": side}
+        x = np.array([(a, b) for b in place for a in place])
+        mixed = hard_disks(x=x, v=v, restitution=1.0, times=[10.0 / rate], **box)
+        yield rate, hard_disks(x=mixed.x[0], v=mixed.v[0], restitution=restitution, times=times, **box)
+
+
+def test_a_box_has_more_room_outside_than_partners_inside():
+    """Counted in elastic gases: the mean of eight over 20 free times is known to 1 %."""
+    factor = rate_in_box(n=ROWS**2, side=ROWS * SPACING, radius=1.0)
+    counted = []
+    for rate, flight in gases(range(8), 1.0, [70.0]):
+        counted.append(flight.collisions[-1] / 70.0 / (0.5 * ROWS**2 * rate))
+    assert np.mean(counted) == pytest.approx(factor, abs=3.0 * np.std(counted) / math.sqrt(8) + 0.005)
+    assert 1.01 < factor < 1.02
+    with pytest.raises(ValueError, match="wider than two disks"):
+        rate_in_box(n=2, side=4.0, radius=1.0)
+
+
+def test_gases_cool_by_haffs_law_and_scatter_as_derived():
+    """Twenty-four gases: the mean within its confidence interval and the 3 % of the rate that the theory may be off."""
+    side = ROWS * SPACING
+    time = haff_time(n=ROWS**2, area=side**2, radius=1.0, thermal=1.0, restitution=E)
+    time /= rate_in_box(n=ROWS**2, side=side, radius=1.0)
+    ends = []
+    for _, flight in gases(range(100, 124), E, [0.0, time]):
+        energy = (flight.v**2).sum(axis=(1, 2))
+        ends.append(math.log(energy[1] / energy[0]))
+    sigma = haff_spread(n=ROWS**2, restitution=E, elapsed=1.0)
+    assert np.mean(ends) == pytest.approx(-2.0 * math.log(2.0), abs=3.0 * sigma / math.sqrt(24) + 0.03)
+    assert np.std(ends, ddof=1) == pytest.approx(sigma, rel=0.45)  # 3 standard deviations of that of 24
+    with pytest.raises(ValueError, match="do not cool"):
+        haff_time(n=9, area=100.0, radius=1.0, thermal=1.0, restitution=1.0)

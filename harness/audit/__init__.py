@@ -1,0 +1,1 @@
+"""Physics held against anybody's trajectory: formats, the scene beside it, verdicts with derived allowances."""

@@ -1,0 +1,332 @@
+"""The TOML beside a trajectory: what the file itself does not tell (masses, walls and their motion, friction, stiffness, the step)."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ninedisk.core.array_types import FloatArray
+from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.law import ContactLaw
+from ninedisk.core.walls import Wall, WallSegment
+from ninedisk.harness.api.errors import UsageError, close_matches
+
+COLUMNS = ("step", "t", "id", "type", "x", "y", "vx", "vy", "angle", "omega", "radius", "mass")
+"""What a trajectory may hold; ``x, y`` and one of ``step, t`` it must."""
+CONTACT_COLUMNS = ("step", "t", "i", "j", "fn", "fs")
+"""What a file of contacts holds: bodies by the ids of the trajectory, a wall by its name or by 0 where there is one alone."""
+
+KEYS: dict[str, tuple[str, ...]] = {
+    "": ("gravity", "damping", "time", "disks", "contact", "walls", "columns", "contacts", "reverse", "open", "single"),
+    "time": ("dt", "interval"),
+    "disks": ("radius", "mass", "density", "inertia", "fixed"),
+    "contact": ("mu", "kn", "ks", "restitution", "rigid", "slop", "cohesive", "rolling"),
+    "walls": ("name", "point", "normal", "mu", "kn", "ks", "motion"),
+    "contacts": ("file", "columns"),
+}
+"""Every key by its table."""
+
+Fact = float | FloatArray | Mapping[int, float]
+"""A property of disks: one number, one a disk in the order of ids, or one a type."""
+
+
+@dataclass(frozen=True)
+class AuditScene:
+    """What is told of a trajectory.
+
+    Attributes
+    ----------
+    gravity : ndarray, shape (2,)
+        Acceleration [m/s^2].
+    damping : float
+        Global damping [1/s], m a + damping m v = F.
+    dt, interval : float or None
+        The engine's own step and the time between two frames [s].
+    radius, mass, density : number, array, mapping or None
+        [m], [kg], [kg/m^2]; None: the file has it.
+    inertia : float
+        Moment of inertia over m R^2: 1/2 of disks, 2/5 of spheres.
+    fixed : tuple of int
+        Ids of disks that nothing moves, or that are moved by what is not told.
+    mu, kn, ks, restitution : float or None
+        Law of every contact that has none of its own; [N/m].
+    rigid : bool
+        Contacts store no energy and are meant not to overlap, but by ``slop`` [m].
+    cohesive, rolling : bool
+        Contacts pull; contacts resist rolling.
+    walls : tuple of Wall
+        Their laws hold mu, kn (1 where none is known) and ks.
+    wall_kn : tuple of float or None
+    columns, contact_columns : mapping
+        Name here -> name in the file.
+    contacts, reverse : Path or None
+        File of contact forces; trajectory that starts at this one's end with all velocities turned round.
+    open : bool
+        Disks may leave.
+    single : bool
+        The engine computes in single precision, whatever its file shows.
+    """
+
+    gravity: FloatArray
+    damping: float = 0.0
+    dt: float | None = None
+    interval: float | None = None
+    radius: Fact | None = None
+    mass: Fact | None = None
+    density: Fact | None = None
+    inertia: float = 0.5
+    fixed: tuple[int, ...] = ()
+    mu: float | None = None
+    kn: float | None = None
+    ks: float | None = None
+    restitution: float | None = None
+    rigid: bool = False
+    slop: float = 0.0
+    cohesive: bool = False
+    rolling: bool = False
+    walls: tuple[Wall, ...] = ()
+    wall_mu: tuple[float | None, ...] = ()
+    wall_kn: tuple[float | None, ...] = ()
+    wall_ks: tuple[float | None, ...] = ()
+    columns: Mapping[str, str] = field(default_factory=dict)
+    contact_columns: Mapping[str, str] = field(default_factory=dict)
+    contacts: Path | None = None
+    reverse: Path | None = None
+    open: bool = False
+    single: bool = False
+
+    @property
+    def conservative(self) -> bool:
+        """Whether what is told leaves nothing that takes energy."""
+        return self.restitution == 1.0 and not self.frictional and self.damping == 0.0 and not self.rolling
+
+    @property
+    def frictional(self) -> bool:
+        """Whether some contact may have friction: all that say nothing."""
+        return self.mu != 0.0 or any(mu != 0.0 for mu in self.wall_mu)
+
+
+class _Reader:
+    """Values of a TOML with the places where they stand, for messages."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self.text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise UsageError(
+                f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or 'it is no UTF-8 text'}): give a TOML by --scene "
+                "FILE; `ninedisk audit --example DIR` writes one to begin with"
+            ) from error
+        try:
+            self.data = tomllib.loads(self.text)
+        except tomllib.TOMLDecodeError as error:
+            raise UsageError(f"{path} is no TOML: {error}") from error
+
+    def wrong(self, where: str, key: str, value: Any, allowed: str) -> UsageError:
+        """The error of a value."""
+        return UsageError(f"{self.place(where, key)}: {_dotted(where, key)} = {value!r} is not allowed: {allowed}")
+
+    def place(self, where: str, key: str) -> str:
+        """File, line and column of a key, as well as they can be told."""
+        begin = 0
+        if where and (table := re.search(rf"^\s*\[+\s*{re.escape(where)}\b", self.text, re.M)):
+            begin = table.start()
+        found = re.compile(rf"(?:^|[{{,\[])\s*({re.escape(key)})\s*[=.\]]", re.M).search(self.text, begin)
+        at = found.start(1) if found else begin
+        line = self.text.count("\n", 0, at) + 1
+        return f"{self.path}, line {line}, column {at - (self.text.rfind(chr(10), 0, at) + 1) + 1}"
+
+    def table(self, data: Mapping[str, Any], where: str, key: str) -> Mapping[str, Any]:
+        """A table; empty where there is none."""
+        value = data.get(key, {})
+        if not isinstance(value, dict):
+            raise self.wrong(where, key, value, f"it must be a table, [{key}]")
+        return value
+
+    def known(self, data: Mapping[str, Any], where: str) -> None:
+        """Refuse keys that nobody reads."""
+        for key in data:
+            if key not in KEYS[where]:
+                raise UsageError(
+                    f"{self.place(where, key)}: {_dotted(where, key)} is no key of an audit: allowed are "
+                    f"{', '.join(KEYS[where])}.{close_matches(key, KEYS[where])}"
+                )
+
+    def number(
+        self, data: Mapping[str, Any], where: str, key: str, *, strict: bool = False, most: float = np.inf
+    ) -> float | None:
+        """A number >= 0 (> 0), or None."""
+        value = data.get(key)
+        if value is None:
+            return None
+        right = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
+        if not right or value < 0.0 or (strict and value == 0.0) or value > most:
+            bound = f" and <= {most:g}" if np.isfinite(most) else ""
+            raise self.wrong(where, key, value, f"it must be a number {'>' if strict else '>='} 0{bound}")
+        return float(value)
+
+    def pair(self, data: Mapping[str, Any], where: str, key: str) -> FloatArray:
+        """Two numbers; zeros where they are not told."""
+        value = data.get(key, (0.0, 0.0))
+        try:
+            array = np.array(value, dtype=float)
+        except (TypeError, ValueError):
+            array = np.empty(0)
+        if array.shape != (2,) or not np.isfinite(array).all():
+            raise self.wrong(where, key, value, "it must be two numbers, e.g. [0.0, -9.81]")
+        return array
+
+    def flag(self, data: Mapping[str, Any], where: str, key: str) -> bool:
+        """True or false; false where it is not told."""
+        value = data.get(key, False)
+        if not isinstance(value, bool):
+            raise self.wrong(where, key, value, "it must be true or false")
+        return value
+
+    def fact(self, data: Mapping[str, Any], where: str, key: str) -> Fact | None:
+        """A positive number, a list of them, or a table by type."""
+        value = data.get(key)
+        if value is None:
+            return None
+        told = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else [value]
+        right = told and all(isinstance(v, int | float) and not isinstance(v, bool) and 0.0 < v < np.inf for v in told)
+        if not right or (isinstance(value, dict) and not all(re.fullmatch(r"\d+", name) for name in value)):
+            raise self.wrong(
+                where,
+                key,
+                value,
+                "it must be a number > 0, a list with one a disk (ids in order), or a table by type {1 = 0.01}",
+            )
+        if isinstance(value, dict):
+            return {int(name): float(v) for name, v in value.items()}
+        return np.array(value, dtype=float) if isinstance(value, list) else float(value)
+
+    def names(self, data: Mapping[str, Any], where: str, allowed: tuple[str, ...]) -> dict[str, str]:
+        """Names of columns."""
+        for key, value in data.items():
+            if key not in allowed or not isinstance(value, str):
+                raise self.wrong(
+                    where, key, value, f'write NAME = "column of the file", NAME one of {", ".join(allowed)}'
+                )
+        return dict(data)
+
+
+def _dotted(where: str, key: str) -> str:
+    return f"{where}.{key}" if where else key
+
+
+def read_scene(path: Path) -> AuditScene:
+    """Read the TOML beside a trajectory.
+
+    Raises
+    ------
+    UsageError
+        Naming file, line, column, value, allowed form.
+    """
+    reader = _Reader(path)
+    data = reader.data
+    reader.known(data, "")
+    time, disks, contact, forces = (reader.table(data, "", key) for key in ("time", "disks", "contact", "contacts"))
+    for where, each in (("time", time), ("disks", disks), ("contact", contact), ("contacts", forces)):
+        reader.known(each, where)
+    shape = disks.get("inertia", "disk")
+    shapes = {"disk": 0.5, "sphere": 0.4}
+    if shape not in shapes and reader.number(disks, "disks", "inertia", strict=True, most=1.0) is None:
+        raise reader.wrong("disks", "inertia", shape, 'it must be "disk", "sphere" or I/(m R^2) in (0, 1]')
+    if "mass" in disks and "density" in disks:
+        raise reader.wrong(
+            "disks", "density", disks["density"], "masses are told already; give one of mass and density"
+        )
+    fixed = disks.get("fixed", [])
+    if not isinstance(fixed, list) or not all(isinstance(each, int) for each in fixed):
+        raise reader.wrong("disks", "fixed", fixed, "it must be a list of ids")
+    rigid, kn = reader.flag(contact, "contact", "rigid"), reader.number(contact, "contact", "kn", strict=True)
+    if rigid and kn is not None:
+        raise reader.wrong("contact", "rigid", rigid, "a contact with kn is not rigid; give one of the two")
+    law = {key: reader.number(contact, "contact", key) for key in ("mu", "ks")}
+    walls = _walls(reader, data.get("walls", []), {**law, "kn": kn})
+    return AuditScene(
+        gravity=reader.pair(data, "", "gravity"),
+        damping=reader.number(data, "", "damping") or 0.0,
+        dt=reader.number(time, "time", "dt", strict=True),
+        interval=reader.number(time, "time", "interval", strict=True),
+        radius=reader.fact(disks, "disks", "radius"),
+        mass=reader.fact(disks, "disks", "mass"),
+        density=reader.fact(disks, "disks", "density"),
+        inertia=shapes[shape] if isinstance(shape, str) else float(shape),
+        fixed=tuple(fixed),
+        mu=law["mu"],
+        kn=kn,
+        ks=law["ks"],
+        restitution=reader.number(contact, "contact", "restitution", most=1.0),
+        rigid=rigid,
+        slop=reader.number(contact, "contact", "slop") or 0.0,
+        cohesive=reader.flag(contact, "contact", "cohesive"),
+        rolling=reader.flag(contact, "contact", "rolling"),
+        walls=tuple(wall for wall, _ in walls),
+        wall_mu=tuple(told["mu"] for _, told in walls),
+        wall_kn=tuple(told["kn"] for _, told in walls),
+        wall_ks=tuple(told["ks"] for _, told in walls),
+        columns=reader.names(reader.table(data, "", "columns"), "columns", COLUMNS),
+        contact_columns=reader.names(reader.table(forces, "contacts", "columns"), "columns", CONTACT_COLUMNS),
+        contacts=_beside(reader, forces, "contacts", "file"),
+        reverse=_beside(reader, data, "", "reverse"),
+        open=reader.flag(data, "", "open"),
+        single=reader.flag(data, "", "single"),
+    )
+
+
+def _beside(reader: _Reader, data: Mapping[str, Any], where: str, key: str) -> Path | None:
+    value = data.get(key)
+    if value is None:
+        return None
+    path = reader.path.parent / str(value)
+    if not isinstance(value, str) or not path.exists():
+        raise reader.wrong(where, key, value, f"it must name a file that exists, beside {reader.path.name}")
+    return path
+
+
+def _walls(
+    reader: _Reader, told: Any, common: Mapping[str, float | None]
+) -> list[tuple[Wall, dict[str, float | None]]]:
+    if not isinstance(told, list) or not all(isinstance(wall, dict) for wall in told):
+        raise reader.wrong(
+            "", "walls", told, "write one [[walls]] table a wall: name, point, normal, and mu, motion if any"
+        )
+    made = []
+    for number, wall in enumerate(told):
+        reader.known(wall, "walls")
+        name = wall.get("name", f"wall {number}")
+        if lacking := [key for key in ("point", "normal") if key not in wall]:
+            raise UsageError(
+                f"{reader.place('walls', 'name')}: wall {name!r} lacks {' and '.join(lacking)}: two numbers each"
+            )
+        law = {
+            key: common[key] if key not in wall else reader.number(wall, "walls", key, strict=key == "kn")
+            for key in ("mu", "kn", "ks")
+        }
+        try:
+            segments = wall.get("motion", [])
+            motion = tuple(
+                WallSegment(**segment) for segment in (segments if isinstance(segments, list) else [segments])
+            )
+            contact = ContactLaw(kn=law["kn"] or 1.0, ks=law["ks"] or 0.0, mu=law["mu"] or 0.0)
+            made.append((Wall(name=name, point=wall["point"], normal=wall["normal"], law=contact, motion=motion), law))
+        except TypeError as error:
+            allowed = ", ".join(WallSegment.__dataclass_fields__)
+            raise UsageError(
+                f"{reader.place('walls', 'motion')}: the motion of wall {name!r} is not allowed ({error}): write tables of {allowed}"
+            ) from error
+        except InvalidSceneError as error:
+            raise UsageError(f"{reader.place('walls', 'name')}: {error}") from error
+    names = [wall.name for wall, _ in made]
+    if len(set(names)) < len(names):
+        raise UsageError(f"{reader.place('walls', 'name')}: wall names must be unique: {', '.join(names)}")
+    return made

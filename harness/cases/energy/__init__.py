@@ -1,0 +1,1 @@
+"""What one contact remembers: shear that opens, retraced paths, walls that move."""

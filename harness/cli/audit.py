@@ -1,0 +1,154 @@
+"""``ninedisk audit``: does anybody's trajectory obey mechanics?"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ninedisk.harness.cli.support import CellProgress, console, guarded, table
+
+WRONG = 1
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("audit", short_help="Hold mechanics against anybody's trajectory, without an adapter.")(audit)
+
+
+@guarded
+def audit(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="The trajectory; not needed with --example.")
+    ] = None,
+    scene: Annotated[
+        Path | None,
+        typer.Option(
+            "--scene", metavar="FILE", help="The TOML. None: FILE with the ending .toml, or audit.toml beside it."
+        ),
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every verdict with its numbers.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Also write a page with figures.")] = None,
+    example: Annotated[
+        Path | None,
+        typer.Option("--example", metavar="DIR", help="Write a trajectory and a TOML that pass, to begin with."),
+    ] = None,
+) -> None:
+    """Hold mechanics against a trajectory that any program wrote: momentum, angular momentum, energy, overlaps, the friction
+    cone, jumps, lost disks. Each gets a verdict: it holds, it is violated (where, by how much), or it cannot be decided, and why.
+
+    FILE is a LAMMPS dump in text (.gz as well), a table (.csv, .parquet) with a row a disk and frame, an .npz of whole arrays (t,
+    x, v, omega), a .pvd, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu. Columns: t or step, x, y, and as far as there are id, type,
+    vx, vy, omega, angle, radius, mass; other names are told in the TOML, as are masses, walls and their motion, mu, kn, gravity
+    and the step. Only the plane x, y is looked at.
+
+    No tolerance is made up. An allowance is what the printed digits leave open, what happens between two frames (one contact at an
+    unknown instant, by the data's own differences), and what the step of a sound scheme leaves open; each verdict says which. The
+    more is told (dt, kn, ks, mu) and the denser the frames, the more can be decided. What may have touched is grouped: a group away from
+    walls keeps momentum and angular momentum; what a wall gives lies in its cone of friction; a group gains no energy but by moving walls.
+
+    A --json file has checks (worst first: id, verdict, said, judged, undecided, first, worst with value, allowance, parts, step, t,
+    disks, and series of [t, value, allowance]), totals over time, digits, and what was told.
+
+    \b
+    Examples:
+      ninedisk audit --example sample
+      ninedisk audit sample/trajectory.csv
+      ninedisk audit dump.lammpstrj --scene run.toml --out audit
+      ninedisk audit frames/ --scene run.toml --json audit.json
+
+    \b
+    Exit codes:
+      0  nothing is violated; the table says what could not be decided
+      1  something is violated
+      2  wrong usage, or a file that cannot be read: file, line and column are named
+      130  interrupted; nothing was written
+    """
+    raise typer.Exit(execute(file, scene, json_file, out, example))
+
+
+def execute(
+    file: Path | None, scene: Path | None, json_file: Path | None, out: Path | None, example: Path | None
+) -> int:
+    """Check the request, audit, print, write; the exit code.
+
+    Raises
+    ------
+    UsageError, StoreError, ReportError
+        With the message to show.
+    """
+    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.audit.example import write_example
+    from ninedisk.harness.audit.run import VIOLATED
+    from ninedisk.harness.audit.run import audit as audited
+    from ninedisk.harness.audit.scene import read_scene
+    from ninedisk.harness.results.tables import plain_json
+    from ninedisk.harness.results.whole_file import check_folder, check_writable, write_whole
+    from ninedisk.reports.audit import write_audit
+
+    if (file is None) == (example is None):
+        raise UsageError("give a trajectory to audit, or --example DIR to write one: one of the two")
+    if example is not None:
+        check_folder("--example", example)
+        typer.echo(f"written: {', '.join(str(path) for path in write_example(example))}")
+        typer.echo(f"next: ninedisk audit {example / 'trajectory.csv'}")
+        return 0
+    assert file is not None
+    if json_file is not None:
+        check_writable("--json", json_file)
+    if out is not None:
+        check_folder("--out", out)
+    told = read_scene(scene or _beside(file))
+    with CellProgress() as progress:
+        record = audited(file, told, progress)
+    if json_file is not None:
+        write_whole("--json", json_file, plain_json(record) + "\n")
+    _show(record)
+    if out is not None:
+        typer.echo(f"page: {write_audit(record, out)}")
+    return WRONG if any(check["verdict"] == VIOLATED for check in record["checks"]) else 0
+
+
+def _beside(file: Path) -> Path:
+    from ninedisk.harness.api.errors import UsageError
+
+    tried = [file.with_suffix(".toml"), file.with_suffix("").with_suffix(".toml"), file.parent / "audit.toml"]
+    for path in [*tried, file / "audit.toml"] if file.is_dir() else tried:
+        if path.is_file():
+            return path
+    if not file.exists():
+        raise UsageError(f"there is no {str(file)!r}: give a trajectory; `ninedisk audit --example DIR` writes one")
+    raise UsageError(
+        f"there is no TOML beside {str(file)!r} that tells radii, masses, walls: name it {tried[0].name}, or give --scene FILE; "
+        "`ninedisk audit --example DIR` writes one to begin with"
+    )
+
+
+def _show(record: Mapping[str, Any]) -> None:
+    from ninedisk.harness.api.text import printable
+
+    out = console()
+    digits = ", ".join(f"{name} {told}" for name, told in record["digits"].items() if name in ("t", "x", "vx", "omega"))
+    begin, end = record["t"]
+    out.print(
+        printable(
+            f"{record['file']} ({record['form']}): {record['disks']:,} disks, {record['frames']:,} frames from t = {begin:g} to {end:g} s, "
+            f"{record['interval'][0]:.4g} s apart; {digits}"
+        )
+    )
+    if record["dt"] is None:
+        out.print("time.dt, the engine's own step, is not told: taken as the interval, which allows more")
+    shown = table("", "check", "verdict")
+    for check in record["checks"]:
+        sign = {"violated": "✗", "holds": "✓"}.get(check["verdict"], "?")
+        shown.add_row(sign, check["title"], printable(textwrap.shorten(check["said"], 900)))
+    out.print(shown)
+    verdicts = [check["verdict"] for check in record["checks"]]
+    out.print(
+        f"{verdicts.count('violated')} violated, {verdicts.count('holds')} hold, {verdicts.count('not decidable')} not decidable."
+    )

@@ -1,0 +1,327 @@
+"""How far given contact forces are from a solution of a contact problem in the plane, from the law alone.
+
+Bodies and contacts obey, with ``p >= 0`` pressing, ``u_n > 0`` opening and friction against the slip::
+
+    M v = f + H r,     u = H' v + w     or, the bodies eliminated,     u = W r + q
+    0 <= p  complementary to  u_n >= 0,     |r_t| <= mu p,     mu p |u_t| + r_t u_t = 0
+
+which is Coulomb's law; under the associated rule ``u_n - mu |u_t|`` stands in the place of u_n. (H as Siconos and FCLIB have it, a
+column for each contact force.) Nothing is solved here and nothing is taken from those who solve: a solution is judged by what it
+claims.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.linalg import splu
+
+FloatArray = NDArray[np.float64]
+Matrix = sp.csr_array | sp.csc_array | sp.coo_array | ArrayLike
+
+
+MOST_FLOOR = 1e-8
+"""Errors above this are never put down to rounding."""
+
+
+class Errors(NamedTuple):
+    """Errors of forces r and velocities u, all relative to the problem's own forces and works, so that no units matter; 0 is exact.
+
+    Forces are compared with F, the largest force, or the largest ``|P(-b/W_max)|`` where that is more: b are the velocities without
+    contact forces, W_max is the larger diagonal entry of a contact's block of W, P the projection on the cones. Works are compared with
+    E, the larger one of ``|r' W r|`` and ``|b' r|``, which are equal at a solution.
+
+    Attributes
+    ----------
+    natural_map : float
+        ``|r - P(r - u*/W_max)| / |r|`` over all contacts, ``u* = u``, with ``mu |u_t|`` added to u_n under Coulomb's law; relative to
+        ``|P(-b/W_max)|`` where that is larger. Zero at solutions only.
+    complementarity : float
+        ``sum |p u_n| / E``; under the associated rule ``sum |r . u| / E``.
+    cone : float
+        Largest tension ``-p`` or friction beyond ``mu p``, over F.
+    opening : float
+        Largest velocity into the contact, ``-u_n`` (``mu |u_t| - u_n`` under the associated rule), over ``F W_max``.
+    slip : float
+        ``sum |mu p |u_t| + r_t u_t| / E``: friction that does not oppose slip, or is too weak for it.
+    dynamics : float
+        ``|M v - f - H r|`` over the larger one of ``|f|`` and ``|H r|``, in the norm of the inverse masses, or ``|u - H' v - w|`` and
+        ``|u - W r - q|`` over the largest norm of their terms, whichever is worse.
+    duality_gap : float
+        Associated rule only, else NaN: bound on the relative error of ``1/2 r' W r + b' r``, if no normal force of the solution exceeds the
+        largest one found.
+    floor : float
+        What rounding of the terms of u alone explains of the natural map and of works, at most `MOST_FLOOR`.
+    """
+
+    natural_map: float
+    complementarity: float
+    cone: float
+    opening: float
+    slip: float
+    dynamics: float
+    duality_gap: float
+    floor: float
+
+    def solved(self, tolerance: float) -> bool:
+        """Whether no error exceeds the tolerance, or what rounding explains."""
+        return self.worst <= max(tolerance, self.floor)
+
+    @property
+    def worst(self) -> float:
+        """The largest error; NaN counts as infinite but for the gap."""
+        errors = [*self[:6], *([] if np.isnan(self.duality_gap) else [self.duality_gap])]
+        return float("inf") if np.isnan(errors).any() else max(errors)
+
+
+def errors_of_forces(
+    w: Matrix, q: ArrayLike, mu: ArrayLike, r: ArrayLike, u: ArrayLike | None = None, *, associated: bool = False
+) -> Errors:
+    """Errors of the forces ``r`` in ``u = W r + q``.
+
+    Parameters
+    ----------
+    w : sparse or dense matrix, shape (2 c, 2 c)
+    q, r : array_like, 2 c numbers
+        Normal and tangential in turn.
+    mu : array_like, shape (c,)
+    u : array_like, 2 c numbers, optional
+        Velocities that the solution claims; None: those of its forces.
+    associated : bool
+        The associated rule instead of Coulomb's law.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit.
+    """
+    matrix, b, forces, friction = _checked("W", w, q, mu, r)
+    if matrix.shape != (2 * len(friction),) * 2:
+        raise ValueError(f"W has shape {matrix.shape}; it must be {2 * len(friction)} square")
+    push = matrix @ forces.ravel()
+    noise = (abs(matrix) @ np.abs(forces.ravel())).reshape(-1, 2) + np.abs(b)
+    own = push.reshape(-1, 2) + b
+    claimed = own if u is None else _pairs("u", u, len(friction))
+    off = _ratio(np.linalg.norm(claimed - own), np.linalg.norm(push), np.linalg.norm(b), np.linalg.norm(claimed))
+    return _errors(b, push.reshape(-1, 2), matrix.diagonal(), friction, forces, claimed, off, noise, associated)
+
+
+def errors_of_motion(
+    m: Matrix,
+    h: Matrix,
+    f: ArrayLike,
+    w: ArrayLike,
+    mu: ArrayLike,
+    r: ArrayLike,
+    v: ArrayLike | None = None,
+    u: ArrayLike | None = None,
+    *,
+    associated: bool = False,
+) -> Errors:
+    """Errors of the forces ``r``, and the motion ``v`` if the solution tells of it, in ``M v = f + H r``, ``u = H' v + w``.
+
+    Parameters
+    ----------
+    m, h : sparse or dense matrix, shapes (n, n) and (n, 2 c)
+        M symmetric and positive definite.
+    f, v : array_like, n numbers
+        Loads; velocities that the solution claims, None: those of its forces.
+    w, r, u, mu, associated
+        As in `errors_of_forces`, w the part of u that no body has.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit, or M is singular.
+    """
+    turned, offset, forces, friction = _checked("H'", _sparse(h).T, w, mu, r)
+    mass, load = _sparse(m), np.asarray(f, dtype=np.float64).ravel()
+    n = len(load)
+    if mass.shape != (n, n) or turned.shape != (2 * len(friction), n):
+        raise ValueError(f"M has shape {mass.shape} and H {turned.shape[::-1]}; f tells of {n} unknowns")
+    pull = turned.T @ forces.ravel()
+    if (mass - sp.diags_array(mass.diagonal())).count_nonzero():
+        try:
+            factors = splu(sp.csc_matrix(mass))
+        except RuntimeError as error:
+            raise ValueError("M is singular") from error
+        free, moved = (np.asarray(factors.solve(each)) for each in (load, pull))
+        columns = np.asarray(factors.solve(turned.T.toarray()))
+        diagonal = np.einsum("ij,ji->i", turned.toarray(), columns)
+    else:
+        masses = mass.diagonal()
+        if n and not masses.min() > 0.0:
+            raise ValueError("M is singular")
+        free, moved, diagonal = load / masses, pull / masses, turned.multiply(turned) @ (1.0 / masses)
+    motion = free + moved if v is None else np.asarray(v, dtype=np.float64).ravel()
+    if motion.shape != (n,):
+        raise ValueError(f"v has {motion.size} numbers; it must have {n}")
+    rest = motion - free - moved
+    balance = _ratio(*(np.sqrt(abs(each @ (mass @ each))) for each in (rest, free, moved)))
+    b = (turned @ free).reshape(-1, 2) + offset
+    own = (turned @ motion).reshape(-1, 2) + offset
+    claimed = own if u is None else _pairs("u", u, len(friction))
+    off = _ratio(np.linalg.norm(claimed - own), np.linalg.norm(own - offset), np.linalg.norm(offset))
+    noise = (abs(turned) @ (np.abs(free) + np.abs(moved))).reshape(-1, 2) + np.abs(offset)
+    push = (turned @ moved).reshape(-1, 2)
+    return _errors(b, push, diagonal, friction, forces, claimed, max(off, balance), noise, associated)
+
+
+class Planar(NamedTuple):
+    """``m``, ``h`` and ``f``, ``w`` of `errors_of_motion`."""
+
+    m: sp.csr_array
+    h: sp.csr_array
+    f: FloatArray
+    w: FloatArray
+
+
+def planar_bodies(
+    *,
+    mass: FloatArray,
+    force: FloatArray,
+    bodies: NDArray[np.integer],
+    normal: FloatArray,
+    arms: FloatArray,
+    offset: FloatArray,
+    compliance: FloatArray,
+    shear_0: FloatArray,
+) -> Planar:
+    """Matrices of rigid bodies in the plane with elastic contacts, fields and signs as docs/notation.md has them.
+
+    A contact opens with ``(v_j - v_i) . n`` and slides with ``(v_i - v_j) . t``, t being n turned counter-clockwise. Unknowns with an
+    infinite mass are left out, at rest. A compliance is an unknown s of its own, with the mass 1/C: ``s/C = r`` adds ``C r`` to u.
+
+    Parameters
+    ----------
+    mass, force : ndarray, shape (b, 3)
+        For x, y and rotation.
+    bodies : ndarray, shape (c, 2)
+        Body i and j, -1 for none.
+    normal : ndarray, shape (c, 2)
+    arms : ndarray, shape (c, 4)
+        What the rotations of i and j add to u_n and to u_t.
+    offset, compliance : ndarray, shape (c, 2)
+    shear_0 : ndarray, shape (c,)
+        Shear force at which a tangential compliance is without strain.
+    """
+    c = len(bodies)
+    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+    rows, columns, values = [], [], []
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        k = np.flatnonzero(bodies[:, side] >= 0)
+        first = 3 * bodies[k, side].astype(np.int64)
+        for axis in range(2):
+            rows += [first + axis, first + axis]
+            columns += [2 * k, 2 * k + 1]
+            values += [-sign * normal[k, axis], sign * tangent[k, axis]]
+        rows += [first + 2, first + 2]
+        columns += [2 * k, 2 * k + 1]
+        values += [arms[k, side], arms[k, 2 + side]]
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    every = sp.csr_array(entries, shape=(mass.size, 2 * c))
+    finite = np.flatnonzero(np.isfinite(mass.ravel()))
+    soft = np.flatnonzero(compliance.ravel() > np.finfo(np.float64).tiny)  # below, 1/C is no number
+    springs = sp.csr_array((np.ones(len(soft)), (np.arange(len(soft)), soft)), shape=(len(soft), 2 * c))
+    w = offset.copy()
+    w[:, 1] -= compliance[:, 1] * shear_0
+    return Planar(
+        m=sp.csr_array(sp.diags_array(np.concatenate([mass.ravel()[finite], 1.0 / compliance.ravel()[soft]]))),
+        h=sp.csr_array(sp.vstack([every[finite], springs])),
+        f=np.concatenate([force.ravel()[finite], np.zeros(len(soft))]),
+        w=w,
+    )
+
+
+def _errors(
+    b: FloatArray,
+    push: FloatArray,
+    diagonal: FloatArray,
+    mu: FloatArray,
+    r: FloatArray,
+    u: FloatArray,
+    dynamics: float,
+    noise: FloatArray,
+    associated: bool,
+) -> Errors:
+    if not len(mu):
+        return Errors(0.0, 0.0, 0.0, 0.0, 0.0, dynamics, 0.0 if associated else np.nan, 0.0)
+    if not (np.isfinite(r).all() and np.isfinite(u).all()):
+        lost = np.inf if associated else np.nan
+        return Errors(np.inf, np.inf, np.inf, np.inf, np.inf, np.inf, lost, 0.0)
+    pair = diagonal.reshape(-1, 2)
+    stiff = np.where(mu > 0.0, pair.max(axis=1), pair[:, 0])
+    p, q, slip = r[:, 0], r[:, 1], np.abs(u[:, 1])
+    slip = np.where(mu > 0.0, slip, 0.0)  # a smooth contact has no tangential law
+    starred = u[:, 0] + (0.0 if associated else mu * slip)
+    target = _nearest(p - starred / stiff, np.where(mu > 0.0, q - u[:, 1] / stiff, q * 0.0), mu)
+    alone = _nearest(-b[:, 0] / stiff, np.where(mu > 0.0, -b[:, 1] / stiff, 0.0), mu)
+    size = max(float(np.linalg.norm(r)), float(np.linalg.norm(alone)))
+    force = max(float(np.abs(r).max()), float(np.hypot(*alone.T).max()))
+    work = max(abs(float((r * push).sum())), abs(float((b * r).sum())))
+    room = u[:, 0] - (mu * slip if associated else 0.0)
+    gained = (r * u).sum(axis=1)
+    product = gained if associated else p * u[:, 0]
+    unit = 32.0 * np.finfo(np.float64).eps
+    rounding = (unit * np.linalg.norm(noise / stiff[:, None]), size), (unit * (np.abs(r) * noise).sum(), work)
+    gap = np.nan
+    if associated:
+        lost = abs(float(gained.sum())) + max(float(p.max()), 0.0) * float(np.maximum(-room, 0.0).sum())
+        gap = _ratio(lost, work)
+    return Errors(
+        natural_map=_ratio(np.linalg.norm(r - target), size),
+        complementarity=_ratio(np.abs(product).sum(), work),
+        cone=_ratio(max(float((-p).max()), float((np.abs(q) - mu * np.maximum(p, 0.0)).max()), 0.0), force),
+        opening=_ratio(max(float((-room / stiff).max()), 0.0), force),
+        slip=0.0 if associated else _ratio(np.abs(mu * p * slip + np.where(mu > 0.0, q * u[:, 1], 0.0)).sum(), work),
+        dynamics=float(dynamics),
+        duality_gap=gap,
+        floor=min(max(_ratio(*each) for each in rounding), MOST_FLOOR),
+    )
+
+
+def _nearest(p: FloatArray, q: FloatArray, mu: FloatArray) -> FloatArray:
+    """The point of each cone nearest to (p, q): itself, or the best one of the two rays that bound it, or its tip."""
+    best, away = np.zeros((len(mu), 2)), p * p + q * q
+    for side in (mu, -mu):
+        along = np.maximum(p + side * q, 0.0) / (1.0 + side * side)
+        far = (p - along) ** 2 + (q - side * along) ** 2
+        closer = far < away
+        best[closer], away = np.column_stack([along, side * along])[closer], np.minimum(far, away)
+    inside = (p >= 0.0) & (np.abs(q) <= mu * p)
+    best[inside] = np.column_stack([p, q])[inside]
+    return best
+
+
+def _ratio(error: float | np.floating, *scales: float | np.floating) -> float:
+    """The error over the largest scale; 0 where there is none to speak of, infinite where there is no scale."""
+    size, scale = float(error), max(float(each) for each in scales)
+    if size == 0.0:
+        return 0.0
+    return size / scale if scale > 0.0 else np.inf
+
+
+def _sparse(value: Matrix) -> sp.csr_array:
+    return sp.csr_array(value if sp.issparse(value) else np.atleast_2d(np.asarray(value, dtype=np.float64)))
+
+
+def _pairs(name: str, value: ArrayLike, c: int) -> FloatArray:
+    array = np.asarray(value, dtype=np.float64)
+    if array.size != 2 * c:
+        raise ValueError(f"{name} has {array.size} numbers; it must have {2 * c}, two for each mu")
+    return array.reshape(c, 2)
+
+
+def _checked(
+    name: str, matrix: Matrix, b: ArrayLike, mu: ArrayLike, r: ArrayLike
+) -> tuple[sp.csr_array, FloatArray, FloatArray, FloatArray]:
+    friction = np.asarray(mu, dtype=np.float64).ravel()
+    if not (friction >= 0.0).all():
+        raise ValueError("mu must be >= 0")
+    found = _sparse(matrix)
+    if not np.isfinite(found.data).all():
+        raise ValueError(f"{name} must be finite")
+    return found, _pairs("w or q", b, len(friction)), _pairs("r", r, len(friction)), friction

@@ -1,0 +1,202 @@
+"""Numbers of all variants over the places that a case gives them: one chart for all engines, or one an engine on common axes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+from urllib.parse import quote
+
+from ninedisk.harness.results.schema import Figure, Plotted, Row
+from ninedisk.reports.charts import Dots, Look, PointChart, numbered_look
+from ninedisk.reports.figures import LEAST, varying
+from ninedisk.reports.model import CaseData
+from ninedisk.reports.text import as_float, parameters
+
+Cell = tuple[str, str]
+"""Engine and variant."""
+
+
+@dataclass(frozen=True)
+class PlaceFigure:
+    """Charts of one plan, with what their legend explains."""
+
+    plan: Figure
+    legend: dict[str, Look]
+    charts: list[PointChart]
+
+
+def place_figures(case: CaseData, looks: dict[str, Look]) -> list[PlaceFigure]:
+    """The figures of kind ``places`` that a case declares, where anything of them was measured."""
+    found = []
+    for plan in case.figures:
+        if plan.kind != "places":
+            continue
+        rows = _rows(case, plan)
+        variants = [name for name, params in case.variants.items() if any(cell[1] == name for cell in rows)]
+        apart = varying(case.variants[name] for name in variants)
+        told = {name: parameters(case.variants[name], apart) or name for name in variants}
+        charts = []
+        for label in dict.fromkeys(plotted.label for plotted in plan.quantities):
+            quantities = [plotted for plotted in plan.quantities if plotted.label == label]
+            charts += (_apart if plan.apart else _together)(plan, label, quantities, rows, looks, told, case.variants)
+        if charts:
+            legend = {key: looks.get(key, look) for chart in charts for key, look in chart.looks.items()}
+            found.append(PlaceFigure(plan, legend, charts))
+    return found
+
+
+def cell_anchor(engine: str, variant: str) -> str:
+    """Id of a cell on its case's page."""
+    return f"cell-{engine}-{variant}"
+
+
+def _rows(case: CaseData, plan: Figure) -> dict[Cell, dict[str, Row]]:
+    """Rows of the plan's quantities and of their places, by cell; of several truths the first, whose value is the same."""
+    wanted = {name for plotted in plan.quantities for name in (plotted.name, plotted.at)}
+    found: dict[Cell, dict[str, Row]] = {}
+    for row in case.measurements:
+        if (
+            row["norm"] == "scalar"
+            and row["quantity"] in wanted
+            and row["variant"] in case.variants
+            and plan.matches(case.variants[row["variant"]])
+        ):
+            found.setdefault((row["engine"], row["variant"]), {}).setdefault(row["quantity"], row)
+    return found
+
+
+@dataclass(frozen=True)
+class _Point:
+    x: float
+    y: float
+    expected: float
+    source: str
+    off: float
+    engine: str
+    variant: str
+
+
+def _points(
+    plan: Figure, quantities: list[Plotted], rows: dict[Cell, dict[str, Row]], variants: dict[str, dict[str, Any]]
+) -> list[_Point]:
+    """Points in the order of their places; what a logarithmic axis cannot hold is at its lower end."""
+    found = []
+    for (engine, variant), held in rows.items():
+        for plotted in quantities:
+            at = held[plotted.at]["value"] if plotted.at in held else variants[variant].get(plotted.at, plotted.at)
+            x = _number(at)
+            row = held.get(plotted.name)
+            if row is None or not (math.isfinite(x) and math.isfinite(as_float(row["value"]))):
+                continue
+            y, truth = as_float(row["value"]), as_float(row["expected"])
+            off = abs(y - truth)
+            if "y" in plan.log:
+                y, level = max(abs(y), LEAST), max(abs(truth), LEAST)
+                off, truth = abs(math.log(y / level)), level if truth else math.nan
+            if "x" not in plan.log or x > 0.0:
+                found.append(_Point(x, y, truth, str(row["source"]), off, engine, variant))
+    return sorted(found, key=lambda point: point.x)
+
+
+def _number(given: Any) -> float:
+    try:
+        return float(given)
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def _dots(key: str, look: Look, points: list[_Point], names: list[str], short: str = "") -> Dots:
+    links = tuple(f"#{quote(cell_anchor(point.engine, point.variant))}" for point in points)
+    return Dots(
+        key, look, tuple(p.x for p in points), tuple(p.y for p in points), names=tuple(names), links=links, short=short
+    )
+
+
+Guide = tuple[str, tuple[float, ...], tuple[float, ...]]
+
+
+def _truths(points: list[_Point]) -> tuple[Guide, ...]:
+    """Curves of the truths that the points were held against: one a source, or one a variant where these differ at one place.
+
+    A truth of one place alone is no curve; those that end together share their name.
+    """
+    held: dict[str, dict[str, dict[float, float]]] = {}
+    for point in points:
+        if math.isfinite(point.expected):
+            held.setdefault(point.source, {}).setdefault(point.variant, {})[point.x] = point.expected
+    found: dict[tuple[tuple[float, ...], tuple[float, ...]], str] = {}
+    for source, variants in held.items():
+        joined: dict[float, set[str]] = {}
+        for curve in variants.values():
+            for x, y in curve.items():
+                joined.setdefault(x, set()).add(f"{y:.6g}")
+        alike = all(len(values) == 1 for values in joined.values())
+        whole = {x: y for curve in variants.values() for x, y in curve.items()}
+        for curve in [whole] if alike else variants.values():
+            if len(curve) > 1:
+                places = tuple(sorted(curve))
+                found.setdefault((places, tuple(curve[place] for place in places)), source.partition(":")[0])
+    ends: dict[str, list[str]] = {}
+    for (xs, ys), name in found.items():
+        ends.setdefault(f"{xs[-1]:.3g} {ys[-1]:.3g}", []).append(name)
+    named = {names[0]: f"truth: {', '.join(dict.fromkeys(names))}" for names in ends.values()}
+    return tuple((named.pop(name, ""), xs, ys) for (xs, ys), name in found.items())
+
+
+def _together(
+    plan: Figure, label: str, quantities: list[Plotted], rows: dict[Cell, dict[str, Row]], looks: dict[str, Look],
+    told: dict[str, str], variants: dict[str, dict[str, Any]],
+) -> list[PointChart]:  # fmt: skip
+    """One chart for all engines; one whose cells differ in the plan's ``compare`` has a line for each value."""
+    points = _points(plan, quantities, rows, variants)
+    dots = []
+    for engine in dict.fromkeys(point.engine for point in points):
+        lines: dict[str, list[_Point]] = {}
+        for point in points:
+            if point.engine == engine:
+                lines.setdefault(
+                    parameters(variants[point.variant], [plan.compare] if plan.compare else []), []
+                ).append(point)
+        for value, mine in lines.items():
+            own, short = looks[engine], ""
+            if len(lines) > 1:
+                own, short = replace(own, label=f"{own.label}, {value}"), value.rpartition(" ")[2]
+            dots.append(_dots(engine, own, mine, [told[point.variant] for point in mine], short))
+    return [_chart(plan, label, label, dots, _truths(points))] if dots else []
+
+
+def _apart(
+    plan: Figure, label: str, quantities: list[Plotted], rows: dict[Cell, dict[str, Row]], looks: dict[str, Look],
+    told: dict[str, str], variants: dict[str, dict[str, Any]],
+) -> list[PointChart]:  # fmt: skip
+    """One chart an engine on the axes that hold them all, the one whose points are drawn farthest from their truths first."""
+    points = _points(plan, quantities, rows, variants)
+    lines = {name: Look(words, *numbered_look(k)) for k, (name, words) in enumerate(told.items())}
+    drawn = []
+    for engine in dict.fromkeys(point.engine for point in points):
+        mine = [point for point in points if point.engine == engine]
+        dots = [
+            _dots(f"variant {name}", lines[name], held, [told[name]] * len(held))
+            for name in told
+            if (held := [point for point in mine if point.variant == name])
+        ]
+        truths = tuple(("", x, y) for _, x, y in _truths(mine))  # lines of many engines hide them: no room for names
+        drawn.append((max(point.off for point in mine), engine, dots, truths))
+    whole = _chart(plan, label, "", [each for _, _, dots, _ in drawn for each in dots], ()) if drawn else None
+    drawn.sort(key=lambda each: (-each[0], each[1]))
+    return [
+        _chart(plan, label, looks[engine].label, dots, truths, (whole.x_limits, whole.y_limits))
+        for _, engine, dots, truths in drawn
+        if whole is not None
+    ]
+
+
+def _chart(
+    plan: Figure, label: str, title: str, dots: list[Dots], guides: tuple[Guide, ...],
+    limits: tuple[tuple[float, float], tuple[float, float]] | None = None,
+) -> PointChart:  # fmt: skip
+    return PointChart(
+        title, plan.at_label, label, tuple(dots), guides, x_log="x" in plan.log, y_log="y" in plan.log, limits=limits,
+        decades=True, bare=plan.apart,
+    )  # fmt: skip

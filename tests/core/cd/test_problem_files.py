@@ -1,0 +1,212 @@
+"""Files of other codes: the same bytes again, the same problem whatever the form, and names for all that is wrong."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import problems
+import pytest
+import scipy.sparse as sp
+
+from ninedisk.core.cd.delassus import DelassusProblem, bodies_of, solve_matrix
+from ninedisk.core.cd.problem import ContactProblem, measure
+from ninedisk.core.cd.problem_files import Answer, Bodies, MissingH5pyError, read_problem, write_problem
+from ninedisk.core.cd.problem_text import COLUMNS, DENSE, ROWS, SPARSE, TRIPLET, TextMatrix, TextProblem, parse, text_of
+from ninedisk.core.cd.settings import SolverOptions
+from ninedisk.core.cd.solvers.solver import ContactSolver
+from ninedisk.core.errors import InvalidSceneError
+
+FIELDS = ("mass", "force", "bodies", "normal", "arms", "offset", "mu", "compliance", "shear_0", "resolution", "notes")
+KINDS = {builder.__name__: problems.of_kind(builder, 5) for builder in problems.BUILDERS}
+VERSION = "CSparse Version 3.1.9, May 4, 2016.  Copyright (c) Timothy A. Davis, 2006-2016"
+
+
+@pytest.mark.parametrize("form", ["npz", "fc2d", "fclib"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_read_and_written_again_a_file_is_the_same_to_the_byte(kind, form, tmp_path):
+    problem = replace(KINDS[kind], notes={"scene": "ä"}, resolution=1e-12)
+    write_problem(tmp_path / "a", problem, form)
+    found = read_problem(tmp_path / "a")
+    found.save(tmp_path / "b")
+    assert (tmp_path / "b").read_bytes() == (tmp_path / "a").read_bytes()
+    if form != "fc2d":
+        assert all(np.array_equal(getattr(problem, name), getattr(found.problem, name)) for name in FIELDS)
+    else:
+        assert (found.problem.w != problem.delassus()).nnz == 0
+        np.testing.assert_array_equal(found.problem.b, problem.b)
+    # With a solution, too, and when that is replaced by itself.
+    answer = found.answer_of(np.ones((problem.n_contacts, 2)))
+    replace(found, answer=answer).save(tmp_path / "c")
+    again = read_problem(tmp_path / "c")
+    for mine, theirs in zip(again.answer, answer, strict=True):
+        assert form == "fc2d" or mine is not None or theirs is None
+        assert mine is None or np.array_equal(mine, theirs)
+    again.save(tmp_path / "d")
+    assert (tmp_path / "d").read_bytes() == (tmp_path / "c").read_bytes()
+
+
+def sparse_text(origin: int, dense: np.ndarray) -> TextMatrix:
+    """As CSparse prints it; numbers of at most six digits."""
+    matrix = sp.csr_array(dense)
+    entries = sp.coo_array(matrix)
+    i, j = (each.tolist() for each in entries.coords)
+    if origin == COLUMNS:
+        order = np.lexsort((i, j))
+        i, j, x = np.array(i)[order].tolist(), np.array(j)[order].tolist(), entries.data[order].tolist()
+    else:
+        x = entries.data.tolist()
+    if origin == ROWS:
+        i, j = j, i
+    norm = None if origin == TRIPLET else "7"
+    return TextMatrix(SPARSE, matrix, (origin, VERSION, dense.shape, str(len(x)), norm, i, j, x))
+
+
+W = np.array([[2.0, 0.5, 0.0, 0.25], [0.5, 3.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0], [0.25, 0.0, 0.0, 4.0]])
+
+
+@pytest.mark.parametrize("origin", [None, TRIPLET, COLUMNS, ROWS])
+def test_every_storage_of_siconos_is_the_same_matrix(origin):
+    w = TextMatrix(DENSE, sp.csr_array(W), (W,)) if origin is None else sparse_text(origin, W)
+    problem = TextProblem(w, None, np.arange(4.0), None, np.array([0.5, 0.25]))
+    text = text_of(problem)
+    found = parse(text)
+    np.testing.assert_array_equal(found.m.matrix.toarray(), W)
+    np.testing.assert_array_equal(found.q, np.arange(4.0))
+    assert text_of(found) == text
+    if origin is None:  # the file's own numbers, by columns, 24 digits
+        assert text.splitlines()[5:7] == ["4\t4", "".join(f"{x:32.24e} " for x in (2.0, 0.5, 0.0, 0.25))]
+
+
+def test_bodies_are_found_behind_rows_of_any_length_and_either_tangent():
+    """Rows rounded to length 1 - 1e-6, tangents turned the other way, as Siconos prints them; solved, they solve the file's matrices."""
+    problem = KINDS["hyperstatic"]
+    rng = np.random.default_rng(1)
+    length = 1.0 + 1e-6 * rng.uniform(-1.0, 1.0, problem.n_contacts)
+    turn = np.column_stack([length, -length]).ravel()
+    h = sp.csr_array(sp.diags_array(turn) @ problem.jacobian())
+    matrices = (sp.diags_array(problem.mass.ravel()).tocsr(), h, problem.force.ravel(), problem.offset, problem.mu)
+    found = bodies_of(*matrices)
+    np.testing.assert_allclose(found.problem.normal, problem.normal, atol=1e-15)
+    np.testing.assert_allclose(found.scale, 1.0 / turn.reshape(-1, 2), rtol=1e-15)
+    reduced = DelassusProblem.reduced(*matrices)
+    result = ContactSolver("auto", SolverOptions(tolerance=1e-12), "coulomb").solve(found.problem)
+    u = reduced.velocity(found.scale * result.r)
+    np.testing.assert_allclose(u, found.problem.contact_velocity(result.v, result.r) / found.scale, atol=1e-12)
+    # A row that is no rigid body's, or a mass matrix with blocks, leaves the reduced problem.
+    bent = h.tolil()
+    bent[1, h.indices[h.indptr[1]]] *= 1.5
+    with pytest.raises(InvalidSceneError, match="rows of contact 0 are not those of rigid bodies"):
+        bodies_of(matrices[0], bent.tocsr(), *matrices[2:])
+
+
+def test_blocks_of_mass_are_eliminated():
+    rng = np.random.default_rng(2)
+    factor, h = rng.normal(size=(5, 5)), rng.normal(size=(4, 5))
+    m, f, g = factor @ factor.T + np.eye(5), rng.normal(size=5), rng.normal(size=(2, 2))
+    found = DelassusProblem.reduced(m, h, f, g, [0.3, 0.4])
+    np.testing.assert_allclose(found.w.toarray(), h @ np.linalg.solve(m, h.T), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(found.b.ravel(), h @ np.linalg.solve(m, f) + g.ravel(), rtol=1e-10)
+
+
+@pytest.mark.parametrize("sliding", ["coulomb", "associated"])
+@pytest.mark.parametrize("kind", ["loose", "hyperstatic", "mixed", "blocked", "driven"])
+def test_a_matrix_alone_is_solved_as_its_bodies_are(kind, sliding):
+    problem = KINDS[kind]
+    matrix = DelassusProblem(w=problem.delassus(), b=problem.b, mu=problem.mu)
+    found = solve_matrix(matrix, SolverOptions(tolerance=1e-11), sliding=sliding)
+    assert measure(problem, problem.body_velocity(found.r), found.r, sliding=sliding).natural_map <= 2e-11
+    np.testing.assert_allclose(matrix.blocks, problem.blocks, rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(matrix.rho, problem.rho, rtol=1e-13)
+
+
+def hdf5(path, change):
+    import h5py
+
+    write_problem(path, DelassusProblem(w=sp.csr_array(W), b=np.arange(4.0), mu=[0.5, 0.25]), "fclib")
+    with h5py.File(path, "r+") as file:
+        change(file)
+
+
+def put(file, name, value):
+    del file[name]
+    file[name] = value
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda file: file.move("fclib_local", "else"), "neither fclib_global nor fclib_local is in it, but 'else'"),
+        (lambda file: put(file, "fclib_local/spacedim", np.array([3])), "spacedim = 3: only contacts in the plane"),
+        (lambda file: file.create_group("fclib_local/V"), "equality constraints"),
+        (lambda file: put(file, "fclib_local/W/i", np.full(9, 7)), "W has a triplet outside its shape"),
+        (lambda file: put(file, "fclib_local/W/nz", np.array([-2])), "W is no matrix in compressed rows"),
+        (lambda file: put(file, "fclib_local/vectors/mu", np.array([0.5, -1.0])), r"mu\[1\] = -1 is not allowed"),
+        (lambda file: put(file, "fclib_local/vectors/q", np.zeros(3)), "q has shape"),
+        (lambda file: put(file, "fclib_local/W/x", "text"), "x is missing, or no array of numbers"),
+        (lambda file: put(file, "fclib_local/W/m", np.array([], dtype=int)), "damaged"),
+    ],
+)
+def test_what_is_wrong_with_an_fclib_file_is_named(change, said, tmp_path):
+    hdf5(tmp_path / "p.hdf5", change)
+    with pytest.raises(InvalidSceneError, match=said):
+        read_problem(tmp_path / "p.hdf5")
+
+
+def test_what_our_own_group_says_is_what_the_matrices_say(tmp_path):
+    import h5py
+
+    path = tmp_path / "p.hdf5"
+    c = KINDS["loose"].n_contacts
+    write_problem(path, replace(KINDS["loose"], compliance=np.zeros((c, 2))), "fclib")
+    assert isinstance(read_problem(path).matrices, Bodies)
+    with h5py.File(path, "r+") as file:
+        file["fclib_global/vectors/f"][0] += 1e-12
+    with pytest.raises(InvalidSceneError, match="group ninedisk tells of another problem"):
+        read_problem(path)
+    with h5py.File(path, "r+") as file:
+        del file["ninedisk"]  # then the matrices alone are read
+    assert isinstance(read_problem(path).problem, ContactProblem)
+
+
+TEXT = text_of(TextProblem(TextMatrix(DENSE, sp.csr_array(W), (W,)), None, np.arange(4.0), None, np.array([0.5, 0.25])))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "it ends after line 0, where the dimension must be"),
+        ("3" + TEXT[1:], "three dimensions"),
+        (TEXT.replace("2\n2\n", "2\n3\n", 1), "a matrix of shape .4, 4. does not go with 3 contacts"),
+        (TEXT.replace("4\t4", "4\t5"), "line 6 must be the sizes of M again"),
+        (TEXT.replace("2.5", "2.x", 1), "line 7 must be M, 16 numbers"),
+        (TEXT[: TEXT.rindex("2.5")], "it ends after line 12, where mu must be"),
+        (TEXT + "1.0\n", "it ends after line 13, where r must be"),
+        (TEXT.replace("2.000000000000000000000000e+00", "0.000000000000000000000000e+00", 1), "contact 0 can neither open nor close"),
+        (TEXT.replace("3.000000000000000000000000e+00", "nan", 1), "W must be finite"),
+        ("\xff", "it is no text"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_text_is_named_with_its_line(text, said, tmp_path):
+    (tmp_path / "p.dat").write_bytes(text.encode("latin-1"))
+    with pytest.raises(InvalidSceneError, match=said):
+        read_problem(tmp_path / "p.dat")
+
+
+def test_without_h5py_the_message_says_how_to_get_it(tmp_path, monkeypatch):
+    write_problem(tmp_path / "p.hdf5", KINDS["loose"], "fclib")
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(MissingH5pyError, match="pip install 'ninedisk\\[fclib\\]'"):
+        read_problem(tmp_path / "p.hdf5")
+    write_problem(tmp_path / "p.npz", KINDS["loose"], "npz")
+    assert read_problem(tmp_path / "p.npz").answer is None
+
+
+def test_a_file_that_is_refused_leaves_the_old_one(tmp_path):
+    write_problem(tmp_path / "p", KINDS["loose"], "npz")
+    before = (tmp_path / "p").read_bytes()
+    found = read_problem(tmp_path / "p")
+    with pytest.raises(Exception, match=r"cannot be written|Is a directory"):
+        replace(found, answer=Answer(np.zeros(2), np.zeros(2))).save(tmp_path)
+    assert (tmp_path / "p").read_bytes() == before

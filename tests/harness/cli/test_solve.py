@@ -1,0 +1,107 @@
+"""``ninedisk solve``: 0 only for solutions, planted wrong answers refused in every form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from ninedisk.core.cd.problem import ContactProblem
+from ninedisk.core.cd.problem_files import Form, read_problem, write_problem
+from ninedisk.harness.cli.app import app
+
+# Three disks of radius 1 in a row on a floor, the first pushed along: contacts with the floor slide, stick or open.
+ROW = ContactProblem(
+    mass=[[2.0, 2.0, 1.0]] * 3,
+    force=[[9.0, -10.0, 0.0], [0.0, -10.0, 0.0], [0.0, 3.0, 0.0]],
+    bodies=[[0, -1], [1, -1], [2, -1], [0, 1], [1, 2]],
+    normal=[[0.0, -1.0], [0.0, -1.0], [0.0, -1.0], [1.0, 0.0], [1.0, 0.0]],
+    arms=[[0.0, 0.0, 1.0, 0.0]] * 3 + [[0.0, 0.0, 1.0, 1.0]] * 2,
+    offset=np.zeros((5, 2)),
+    mu=[0.2, 0.3, 0.4, 0.1, 0.0],
+)
+FORMS: tuple[Form, ...] = ("npz", "fc2d", "fclib")
+
+
+def ninedisk(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(each) for each in arguments], prog_name="ninedisk")
+
+
+@pytest.mark.parametrize("sliding", ["coulomb", "associated"])
+@pytest.mark.parametrize("form", FORMS)
+def test_solved_written_and_judged_again(form: Form, sliding: str, tmp_path: Path) -> None:
+    write_problem(tmp_path / "p", ROW, form)
+    done = ninedisk("solve", tmp_path / "p", "--sliding", sliding, "--tolerance", "1e-11", "--out", tmp_path / "s")
+    assert done.exit_code == 0, done.output
+    assert "solved to 1e-11" in done.stdout
+    assert ("duality gap" in done.stdout) == (sliding == "associated")
+    assert ninedisk("solve", tmp_path / "s", "--check", "--sliding", sliding).exit_code == 0
+    other = "associated" if sliding == "coulomb" else "coulomb"
+    assert ninedisk("solve", tmp_path / "s", "--check", "--sliding", other).exit_code == 1
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("planted", ["slip turned", "contact pulled", "force scaled", "velocity turned"])
+def test_planted_wrong_answers_are_refused(form: Form, planted: str, tmp_path: Path) -> None:
+    write_problem(tmp_path / "p", ROW, form)
+    ninedisk("solve", tmp_path / "p", "--tolerance", "1e-11", "--out", tmp_path / "s")
+    found = read_problem(tmp_path / "s")
+    assert found.answer is not None
+    r, u = found.answer.r.copy(), found.answer.u.copy()
+    slides = 2 * int(np.argmax(np.abs(u[1::2]) * r[::2]))
+    assert abs(u[slides + 1]) > 0.1
+    assert r[slides] > 0.1
+    if planted == "slip turned":
+        r[slides + 1] *= -1.0
+    elif planted == "contact pulled":
+        r[2 * int(np.argmin(r[::2]))] = -0.01
+    elif planted == "force scaled":
+        r[slides : slides + 2] *= 1.0 + 1e-6
+    else:
+        u[slides + 1] *= -1.0
+    replace(found, answer=found.answer._replace(r=r, u=u)).save(tmp_path / "wrong")
+    done = ninedisk("solve", tmp_path / "wrong", "--check")
+    assert done.exit_code == 1, done.output
+    assert "NOT solved" in done.stdout
+
+
+def test_what_no_forces_can_hold_apart_is_not_solved(tmp_path: Path) -> None:
+    """Two obstacles that close in on a disk."""
+    squeezed = ContactProblem(
+        mass=[[1.0, 1.0, 1.0]],
+        force=[[0.0, 0.0, 0.0]],
+        bodies=[[0, -1], [0, -1]],
+        normal=[[1.0, 0.0], [-1.0, 0.0]],
+        arms=np.zeros((2, 4)),
+        offset=[[-1.0, 0.0], [-1.0, 0.0]],
+        mu=[0.0, 0.0],
+    )
+    for form in FORMS:
+        write_problem(tmp_path / "p", squeezed, form)
+        done = ninedisk("solve", tmp_path / "p", "--time-limit", "1")
+        assert done.exit_code == 1, done.output
+        assert "NOT solved" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (("--solver", "best"), "--solver 'best' is unknown: use one of auto"),
+        (("--sliding", "free"), "use coulomb or associated"),
+        (("--tolerance", "0"), "tolerance = 0.0 is not allowed"),
+        (("--time-limit", "-1"), "time_limit = -1.0 is not allowed"),
+        (("--check",), "holds no solution to check"),
+        (("--check", "--out", "x"), "give one of them"),
+        (("--out", "no/folder/x"), "cannot be written"),
+        (("--solver", "interior-point"), "this file has a matrix alone"),
+    ],
+)
+def test_wrong_usage_is_named(flags: tuple[str, ...], said: str, tmp_path: Path) -> None:
+    write_problem(tmp_path / "p.dat", ROW, "fc2d")
+    done = ninedisk("solve", tmp_path / "p.dat", *flags)
+    assert done.exit_code == 2
+    assert said in done.output
+    assert ninedisk("solve", tmp_path / "absent").exit_code == 2

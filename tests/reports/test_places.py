@@ -1,0 +1,117 @@
+"""Numbers over their places: one chart for all or one an engine, worst first, with truths, and each point leads to its cell."""
+
+from __future__ import annotations
+
+import json
+import math
+from urllib.parse import unquote
+
+import pytest
+
+from ninedisk.harness.results.schema import Figure, Plotted, figures_to_text
+from ninedisk.reports.build import build_report
+from ninedisk.reports.charts import engine_looks
+from ninedisk.reports.figures import LEAST
+from ninedisk.reports.load import load_store
+from ninedisk.reports.model import build_panel
+from ninedisk.reports.places import place_figures
+
+ENGINES = {"dem": "DEM", "cd": "CD", "soft": "SOFT"}
+TOLD = {"title": "Places", "shows": "All.", "allows": "Nothing.", "kind": "places", "at_label": "where"}
+APART = Figure(quantities=(Plotted("a", "speed", at="0.5"), Plotted("b", "speed", at="2")), log="y", apart=True, **TOLD)
+TOGETHER = Figure(quantities=(Plotted("a", "speed", at="b"),), compare="rule", **TOLD)
+
+
+@pytest.fixture
+def store(tmp_path, write, small):
+    """Three engines on two variants: 'a' should be 0 and is, or creeps; 'b' should be k."""
+
+    def made(*figures):
+        for engine, creep in (("dem", 0.0), ("cd", 1e-3), ("soft", 1e-6)):
+            tables = {"cells": [], "measurements": []}
+            for k in (1, 2):
+                own = {"variant": f"k={k}", "params": json.dumps({"k": k, "rule": "x" if k == 1 else "y"})}
+                held = small(engine, **own)
+                tables["cells"].append({**held["cells"][0], "case_figures": figures_to_text(figures)})
+                for name, value, expected in (("a", k * creep, 0.0), ("b", float(k), float(k))):
+                    row = {
+                        "quantity": name,
+                        "norm": "scalar",
+                        "truth": "analytic",
+                        "source": "law: of a",
+                        "status": "pass",
+                    }
+                    row |= {"value": value, "expected": expected, "abs_error": abs(value - expected)}
+                    tables["measurements"].append({**held["measurements"][0], **own, **row})
+            write(tmp_path / "store", engine, tables)
+        return tmp_path / "store"
+
+    return made
+
+
+def charts_of(store):
+    case = build_panel(load_store(store)).cases["demo/one"]
+    return place_figures(case, engine_looks(ENGINES))
+
+
+def test_a_picture_an_engine_the_farthest_first_on_common_axes(store):
+    ((found),) = charts_of(store(APART))
+    assert [chart.title for chart in found.charts] == ["CD", "SOFT", "DEM"]
+    assert len({chart.y_limits for chart in found.charts} | {chart.x_limits for chart in found.charts}) == 2
+    cd, _, dem = found.charts
+    assert [dots.x for dots in cd.dots] == [(0.5, 2.0)] * 2
+    assert [dots.y for dots in cd.dots] == [(1e-3, 1.0), (2e-3, 2.0)]
+    assert dem.dots[0].y == (LEAST, 1.0)
+    assert [unquote(link) for link in cd.dots[1].links] == ["#cell-cd-k=2"] * 2
+    assert set(found.legend) == {"variant k=1", "variant k=2"}
+
+
+def test_one_chart_for_all_at_the_place_that_was_measured_with_a_line_for_each_rule(store):
+    ((found),) = charts_of(store(TOGETHER))
+    (chart,) = found.charts
+    assert [(dots.look.label, dots.x) for dots in chart.dots[:2]] == [
+        ("CD, rule = x", (1.0,)),
+        ("CD, rule = y", (2.0,)),
+    ]
+    assert chart.guides == (("truth: law", (1.0, 2.0), (0.0, 0.0)),)
+    assert [look.label for look in found.legend.values()] == ["CD", "DEM", "SOFT"]
+
+
+def test_what_was_not_measured_is_not_drawn(store):
+    unknown = Figure(quantities=(Plotted("c", "speed", at="1"), Plotted("a", "speed", at="nowhere")), **TOLD)
+    assert charts_of(store(unknown)) == []
+    assert math.isfinite(LEAST)
+
+
+def test_a_point_leads_to_its_cell(store, tab, tmp_path):
+    report = build_report(store(APART), tmp_path / "report").parent
+    tab.complaints.clear()
+    tab.open(next((report / "case").glob("*.html")))
+    tab.wait("document.querySelector('figure.chart.drawn canvas')")
+    tab.run("document.querySelector('#cells').scrollIntoView()")
+    hidden = "document.getElementById('cell-cd-k=2').closest('details').open"
+    assert tab.run(hidden) is False
+    place = (
+        "(f => { f.scrollIntoView({block: 'center'}); const r = f.querySelector('.u-over').getBoundingClientRect();"
+        " return [r.x, r.y, r.width, r.height]; })(document.querySelector('figure.chart'))"
+    )
+    x, y, width, height = tab.run(place)
+    links = set()
+    for across in range(0, int(width), 6):
+        for down in range(0, int(height), 6):
+            for kind in ("mousePressed", "mouseReleased"):
+                tab.mouse(x + across, y + down, kind)
+            link = tab.run("location.hash")
+            if link:
+                links.add(unquote(link))
+                tab.run("history.replaceState(null, '', location.pathname)")
+                x, y, *_ = tab.run(place)
+        if len(links) == 2:
+            break
+    assert links == {"#cell-cd-k=1", "#cell-cd-k=2"}
+    assert tab.run(hidden) is True
+    tab.run("document.querySelector('figure.chart').focus()")
+    tab.key("ArrowRight")
+    tab.key("Enter")
+    assert unquote(tab.run("location.hash")).startswith("#cell-cd-")
+    assert tab.complaints == []
