@@ -37,7 +37,10 @@ def test_read_and_written_again_a_file_is_the_same_to_the_byte(kind, form, tmp_p
         assert (found.problem.w != problem.delassus()).nnz == 0
         np.testing.assert_array_equal(found.problem.b, problem.b)
     # With a solution, too, and when that is replaced by itself.
-    answer = found.answer_of(np.ones((problem.n_contacts, 2)))
+    r = np.ones((problem.n_contacts, 2))
+    answer = found.answer_of(r)
+    u = problem.contact_velocity(problem.body_velocity(r), r).ravel()
+    np.testing.assert_allclose(answer.u, u, rtol=1e-9, atol=1e-12 * np.abs(u).max())
     replace(found, answer=answer).save(tmp_path / "c")
     again = read_problem(tmp_path / "c")
     for mine, theirs in zip(again.answer, answer, strict=True):
@@ -63,7 +66,7 @@ def sparse_text(origin: int, dense: np.ndarray) -> TextMatrix:
     return TextMatrix(SPARSE, matrix, (origin, VERSION, dense.shape, str(len(x)), norm, i, j, x))
 
 
-W = np.array([[2.0, 0.5, 0.0, 0.25], [0.5, 3.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0], [0.25, 0.0, 0.0, 4.0]])
+W = np.array([[2.0, 0.5, 0.0, 0.25], [0.75, 3.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0], [0.25, 0.0, 0.0, 4.0]])
 
 
 @pytest.mark.parametrize("origin", [None, TRIPLET, COLUMNS, ROWS])
@@ -76,7 +79,7 @@ def test_every_storage_of_siconos_is_the_same_matrix(origin):
     np.testing.assert_array_equal(found.q, np.arange(4.0))
     assert text_of(found) == text
     if origin is None:  # the file's own numbers, by columns, 24 digits
-        assert text.splitlines()[5:7] == ["4\t4", "".join(f"{x:32.24e} " for x in (2.0, 0.5, 0.0, 0.25))]
+        assert text.splitlines()[5:7] == ["4\t4", "".join(f"{x:32.24e} " for x in (2.0, 0.75, 0.0, 0.25))]
 
 
 def test_bodies_are_found_behind_rows_of_any_length_and_either_tangent():
@@ -119,6 +122,15 @@ def test_a_matrix_alone_is_solved_as_its_bodies_are(kind, sliding):
     assert measure(problem, problem.body_velocity(found.r), found.r, sliding=sliding).natural_map <= 2e-11
     np.testing.assert_allclose(matrix.blocks, problem.blocks, rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(matrix.rho, problem.rho, rtol=1e-13)
+
+
+@pytest.mark.parametrize("kind", ["column", "hyperstatic"])
+def test_statuses_finish_what_fifty_sweeps_begin(kind):
+    problem = KINDS[kind] if kind == "column" else problems.of_kind(problems.hyperstatic, 60)
+    matrix = DelassusProblem(w=problem.delassus(), b=problem.b, mu=problem.mu)
+    assert (
+        solve_matrix(matrix, SolverOptions(tolerance=1e-12, max_iterations=50), sliding="coulomb").natural_map <= 1e-12
+    )
 
 
 def hdf5(path, change):
