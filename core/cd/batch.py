@@ -190,8 +190,8 @@ class StepBatches:
         held = len(memory.pairs)
         if held > len(self._pairs):
             self._make_room(held)
-        for mine, other in zip(self._kept(), (memory.pairs, memory.forces, memory.spring, memory.shear), strict=True):
-            mine[:held] = other
+        self._pairs[:held], self._forces[:held] = memory.pairs, memory.forces
+        self._spring[:held], self._shear[:held] = memory.spring, memory.shear
         self._counts[HELD] = held
 
     def _list(self, x: FloatArray, wall: FloatArray, needed: FloatArray) -> None:

@@ -124,12 +124,12 @@ class LawTable:
 
     def rows(self, pairs: IntArray) -> IntArray:
         """Row of the law of each pair, shape (c,), of body numbers, shape (c, 2)."""
-        i, j = pairs.T
+        j = pairs[:, 1]
         rows = np.where(j < self._n, 0, j - self._n + 1)
         if self._of_materials is None:
             return rows
         kind, table = self._of_materials
-        found = table[kind[i], kind[j]]
+        found = table[kind[pairs[:, 0]], kind[j]]
         return np.where(found < 0, rows, found)
 
 

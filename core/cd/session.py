@@ -233,7 +233,9 @@ class CdSession:
     def _totals(self) -> dict[str, float]:
         """Energies that were fed and lost since time 0 [J]."""
         totals = {"wall_work": self._wall_work, "impact_gain": float(self._gains[GAIN_TOTAL])}
-        return totals | ({name: float(self._losses[k]) for name, k in BUDGET.items()} if self._notes else {})
+        if self._notes:
+            totals |= {name: float(self._losses[k]) for name, k in BUDGET.items()}
+        return totals
 
     def __copy__(self) -> CdSession:
         return copy.deepcopy(self)
