@@ -385,7 +385,9 @@ def disk_wall_forces(
                 vt += (disks.radius[i] - half_slip * sunk) * disks.omega[i]
                 fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * repulsive)
                 if losses is not None and slip_dt > 0.0:
-                    losses.contacts[stripe, FRICTION] += friction_loss(-pairs.shear[k], -fs, vt * slip_dt, compliance(ks))
+                    losses.contacts[stripe, FRICTION] += friction_loss(
+                        -pairs.shear[k], -fs, vt * slip_dt, compliance(ks)
+                    )
                 pairs.shear[k] = fs
                 gx += fs * uy
                 gy -= fs * ux
