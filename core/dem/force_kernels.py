@@ -226,15 +226,21 @@ def sliding_frame(walls: WallArrays, w: int, middle: float) -> tuple[float, floa
     return sx, sy, tx, ty, vx, vy
 
 
+@inline_kernel
+def compliance(stiffness: float) -> float:
+    """Its inverse, 0 for none."""
+    return 1.0 / max(stiffness, LEAST) if stiffness > 0.0 else 0.0
+
+
 @fused_inline_kernel
-def friction_loss(before: float, after: float, slip: float, ks: float) -> float:
-    """Energy that sliding has taken from a shear spring in a step [J], or its limit from a rolling one; never negative.
+def friction_loss(before: float, after: float, slip: float, inv_ks: float) -> float:
+    """Energy that sliding has taken from a shear spring of stiffness ``1/inv_ks`` in a step [J], or its limit from a rolling one; >= 0.
 
     The forces are those that resist. In the scheme they do the work ``(before + after)/2 slip``, of which the spring keeps
     ``(after^2 - before^2)/(2 ks)``: the rest is ``(before + after)/2`` times what slid, ``slip - (after - before)/ks``. Where a force
     turns round within a step, which takes one of O(dt), it slides against ``after`` alone.
     """
-    slid = slip - (after - before) / max(ks, LEAST) if ks > 0.0 else slip
+    slid = slip - (after - before) * inv_ks
     mean = 0.5 * (before + after)
     return mean * slid if mean * slid > 0.0 else max(after * slid, 0.0)
 
@@ -271,7 +277,7 @@ def wall_bending(
             rolling_dashpot(law, inverse_moment(disks.radius[i], disks.inv_mass[i], disks.inv_inertia[i])) * turn_now
         )
     if losses is not None:
-        losses.contacts[stripe, ROLLING] += friction_loss(before, held, slip_dt * turn, law[KR])
+        losses.contacts[stripe, ROLLING] += friction_loss(before, held, slip_dt * turn, compliance(law[KR]))
         losses.contacts[stripe, ROLLING_DASHPOT] += loss_dt * damped * turn_now
     return float(held + damped)
 
@@ -292,9 +298,9 @@ def end_at_wall(
     law = walls.law[w]
     if laws is not None:
         law = laws.rows[law_at_wall(laws, disks, i, w)]
-    losses.contacts[stripe, FRICTION] += friction_loss(pairs.shear[k], 0.0, 0.0, law[KS])
+    losses.contacts[stripe, FRICTION] += friction_loss(pairs.shear[k], 0.0, 0.0, compliance(law[KS]))
     if laws is not None:
-        losses.contacts[stripe, ROLLING] += friction_loss(pairs.bending[k], 0.0, 0.0, law[KR])
+        losses.contacts[stripe, ROLLING] += friction_loss(pairs.bending[k], 0.0, 0.0, compliance(law[KR]))
 
 
 @kernel
@@ -379,7 +385,9 @@ def disk_wall_forces(
                 vt += (disks.radius[i] - half_slip * sunk) * disks.omega[i]
                 fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * repulsive)
                 if losses is not None and slip_dt > 0.0:
-                    losses.contacts[stripe, FRICTION] += friction_loss(-pairs.shear[k], -fs, vt * slip_dt, ks)
+                    losses.contacts[stripe, FRICTION] += friction_loss(
+                        -pairs.shear[k], -fs, vt * slip_dt, compliance(ks)
+                    )
                 pairs.shear[k] = fs
                 gx += fs * uy
                 gy -= fs * ux
@@ -507,7 +515,7 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64, seen: np.uint64) ->
     ) -> None:
         """Forces of the pairs ``begin .. end-1`` from their differences, which they replace; updates their history."""
         shear = pairs.shear
-        begun = 1.0 if slip_dt > 0.0 else 0.0
+        begun, inv_ks = 1.0 if slip_dt > 0.0 else 0.0, compliance(law[KS])
         kn, ks = law[KN], law[KS]
         mu = law[MU] if ks > 0.0 else 0.0
         half, half_slip = 0.5 * law[TORQUE_OVERLAP], 0.5 * law[SLIP_OVERLAP]
@@ -540,10 +548,12 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64, seen: np.uint64) ->
             if overlap <= 0.0:
                 fn, fs = 0.0, 0.0
             if losses is not None:
+                if laws is not None:
+                    inv_ks = compliance(ks)
                 # The overlap anew: a product with two uses would be rounded otherwise than where energies are not asked for.
                 pull = fn - stiff * (scratch[REACH + q] - (dx * nx + dy * ny)) if overlap > 0.0 else 0.0
                 scratch[LOST[DASHPOT] + q] = loss_dt * pull * rate
-                scratch[LOST[FRICTION] + q] = begun * friction_loss(-shear[k], -fs, vt * slip_dt, ks)
+                scratch[LOST[FRICTION] + q] = begun * friction_loss(-shear[k], -fs, vt * slip_dt, inv_ks)
             if laws is not None:
                 turn, turn_now, before, kr = (
                     scratch[TURN + q],
@@ -559,7 +569,7 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64, seen: np.uint64) ->
                 if overlap <= 0.0:
                     held, damped = 0.0, 0.0
                 if losses is not None:
-                    scratch[LOST[ROLLING] + q] = friction_loss(before, held, slip_dt * turn, kr)
+                    scratch[LOST[ROLLING] + q] = friction_loss(before, held, slip_dt * turn, compliance(kr))
                     scratch[LOST[ROLLING_DASHPOT] + q] = loss_dt * damped * turn_now
                 scratch[BENT + q], scratch[BENDING + q] = held, held + damped
             shear[k] = fs

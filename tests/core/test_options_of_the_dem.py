@@ -12,6 +12,7 @@ import pytest
 from oracle import Oracle
 from scenes import KN, all_pairs, difference, numerics, orders, pair_scene, random_law, random_scene, run, with_options
 from test_laws_of_motion import ENERGIES, FIELDS, STEP, STEPS, TOLERANCE, steps_behind_walls
+from test_search import imploding
 from test_threads import assert_same_bits, pouring
 
 from ninedisk.core import (
@@ -121,6 +122,20 @@ def test_a_checkpoint_changes_no_bit(sort_from: int, tmp_path: Path, monkeypatch
     halted.advance(55)
     halted.save(tmp_path / "half.npz")
     assert_same_bits(whole.run(), DemSession.load(tmp_path / "half.npz").run())
+
+
+def test_lists_grow_with_the_history_of_rolling_springs() -> None:
+    rolling = Rolling(model="elastic-plastic", mu=0.5, kr=0.3, beta=0.1)
+    law = ContactLaw(kn=1.0, ks=0.5, mu=0.5, cohesion=0.2, rolling=rolling)
+    crowd = imploding(40)
+    spins = np.random.default_rng(1).normal(0.0, 3.0, 40)
+    scene = crowd.replace(disks=replace(crowd.disks, omega=spins), disk_disk=law)
+    session = DemSession(scene, numerics(1e-3, 20), all_pairs(scene))
+    room = len(session._lists.pairs.bending)
+    found, twin = session.run(), Oracle(scene, numerics(1e-3, 20)).run()
+    assert len(session._lists.pairs.bending) == len(session._laws.reach) > 1.5 * room
+    # Speeds of 570 m/s bring the round-off of positions into slips.
+    assert max(difference(found, twin, ("x", "v", "omega", "fn", "elastic_rolling")).values()) < 1e-10
 
 
 @pytest.mark.parametrize("seed", range(10))

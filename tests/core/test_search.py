@@ -141,7 +141,7 @@ def imploding(n: int, walls: tuple[Wall, ...] = ()) -> Scene:
 def with_room(scene: Scene, steps: int, monkeypatch: pytest.MonkeyPatch) -> History:
     """The same run with lists that never have to grow."""
     n = len(scene.disks)
-    monkeypatch.setattr(arrays_module, "empty_list", lambda rows, _: empty_list(rows, n * n))
+    monkeypatch.setattr(arrays_module, "empty_list", lambda rows, _, bends=False: empty_list(rows, n * n, bends))
     return run(scene, numerics(1e-3, steps))
 
 
