@@ -176,7 +176,7 @@ class WorldSession(ABC):
 
     def push(self, i: int, load: FloatArray) -> None:
         """Let a force [N] and a torque [N m], shape (3,), act on a disk in the coming step; of engines with `Capability.BODY_FORCES`."""
-        raise NotImplementedError(f"{self.engine} has no forces on disks: {load!r} on disk {i}")
+        raise EngineError(f"{self.engine} has no forces on disks: {load!r} on disk {i}")
 
 
 def mean_loads(scene: Scene, begin: float, end: float) -> FloatArray:

@@ -29,6 +29,7 @@ OUTSIDE = ("driver", "solver_driver", "yade_parts", "drivers", "template", "pyte
 PARTIAL = {
     "reports.site.BADGE_COLOURS": "a badge tells whether all passes",
     "harness.cases.common.FINDING_WORDS": "two differences choose the truth that binds, and are no findings",
+    "harness.engines.yade.adapter.NOTE_ROLLING": "YADE has no constant torque",
     "reports.selftest.KINDS": "unchanged engines (clean) are no defect that the page describes",
 }
 """Tables that speak of some members only, and why."""

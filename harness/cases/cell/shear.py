@@ -59,7 +59,7 @@ class Shear:
         Parameter(name="kind", default="balance", choices=("balance", "flow"), in_id=True, help="every step of a short run, or a long run"),
         Parameter(name="mu", default=0.4, low=0.0, high=1.0, in_id=True, help="friction; 0: neither friction nor dashpots"),
         Parameter(name="fraction", default=0.78, low=0.5, high=0.8, in_id=True, help="area of the disks over that of the cell"),
-        Parameter(name="rows", default=14, low=8, high=60, whole=True, help="as many disks in a row and in a column"),
+        Parameter(name="rows", default=14, low=8, high=30, whole=True, help="as many disks in a row and in a column"),
         Parameter(name="seed", default=1, low=0, high=2**31, whole=True, help="of sizes and places"),
     )  # fmt: skip
 

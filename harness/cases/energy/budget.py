@@ -12,7 +12,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import CONTACT_DYNAMICS, where_observed
 from ninedisk.harness.cases.impact.binary import beta_for
@@ -128,7 +128,15 @@ class Budget:
         series["energy_balance"] = ("J", total - total[0])
         for name in _losses(params):
             series[f"energy_{name}_fed"] = ("J", np.maximum.accumulate(energy[name]) - energy[name])
-        return Observed(step=history.step, t=history.t, series=series, scalars={})
+        missing = float(np.abs(series["energy_balance"][1]).max())
+        return Observed(step=history.step, t=history.t, series=series, scalars={"energy_missing": ("J", missing)})
+
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """What the channels together do not account for, at worst."""
+        return (
+            Headline(name="energy that no channel tells", use="energy", quantity="energy_missing", expected=0.0,
+                     source="balance of energy", scale=_exchanged(setup.scene), scale_is="energy that the disks exchange"),
+        )  # fmt: skip
 
     def checks(
         self,

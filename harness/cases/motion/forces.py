@@ -108,8 +108,8 @@ class Forces:
         end = _along(params, observed.t, 0)
         scale = float(np.abs(end.way - V0[0] * observed.t).max(initial=0.0))
         return (
-            Headline(name="way under a force", use="energy", quantity="x_final", expected=float(end.way[-1]), source=self.source,
-                     scale=scale, scale_is="what the force adds to the way"),
+            Headline(name="distance under a force", use="energy", quantity="x_final", expected=float(end.way[-1]), source=self.source,
+                     scale=scale, scale_is="distance that the force adds"),
         )  # fmt: skip
 
     def checks(

@@ -78,11 +78,17 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("nine-disk/compression", {}, "settled force", 0.5 * 1.35e9 * 0.12 * 40 * 0.01525),
     ("nine-disk/compression", {"xi": 0.0}, "settled force", math.nan),
     ("nine-disk/compression", {"wall_mu": "mu", "regime": "quasi-static"}, "force in the centre row", math.nan),
-    ("rolling/resistance", {}, "way against rolling resistance", 0.75),
-    ("rolling/resistance", {"model": "viscous"}, "way against rolling resistance", 1.5 * (1.0 - math.exp(-4.0 / 3.0))),
+    ("rolling/resistance", {}, "distance against rolling resistance", 0.75),
+    (
+        "rolling/resistance",
+        {"model": "viscous"},
+        "distance against rolling resistance",
+        1.5 * (1.0 - math.exp(-4.0 / 3.0)),
+    ),
     ("impact/cohesion", {}, "speed after a cohesive impact", -2.0),
     ("contact/materials", {}, "rebound of unlike materials", 0.3 * 4.0),
-    ("motion/forces", {"span": "constant"}, "way under a force", 0.4 * 0.6 + 0.5 * 1.5 * 0.36),
+    ("motion/forces", {"span": "constant"}, "distance under a force", 0.4 * 0.6 + 0.5 * 1.5 * 0.36),
+    ("energy/budget", {}, "energy that no channel tells", 0.0),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),
 )
 
@@ -111,6 +117,7 @@ ERRORS: tuple[tuple[str, Engine, Mapping[str, Any], str, float, float], ...] = (
     ("gas/elastic", CD, {"duration": 1.0}, "energy kept", 0.5, 1.0),
     ("gas/cooling", PYMUNK, {"rows": 5, "duration": 2.0}, "energy lost in a collision", 0.0, ROUND),
     ("gas/cooling", DEM, {"rows": 5, "duration": 2.0}, "energy lost in a collision", 1e-4, 0.02),
+    ("energy/budget", CD, {"duration": 0.2}, "energy that no channel tells", 0.0, 1e-10),
     ("friction/hold", DEM, {}, "creep rate on slopes that hold", 0.0, 1e-9),
     ("friction/hold", CD, {"sliding": "associated"}, "friction beyond the cone", 0.0, 1e-9),
     ("static/stack", CD, {"arrangement": "pyramid"}, "contact forces at rest", 0.0, 1e-10),
