@@ -177,8 +177,8 @@ class Resistance:
             2.0 * (1.0 + UNIFORM_DISK)
         )
         return (
-            Headline(name="distance against rolling resistance", use="rolling", quantity="x_final", expected=last(_truth(params, observed.t).x),
-                     source=self.source, scale=free, scale_is="distance without resistance"),
+            Headline(name="distance against rolling resistance", use="rolling", quantity="x_final",
+                     expected=last(_truth(params, observed.t).x), source=self.source, scale=free, scale_is="distance without resistance"),
         )  # fmt: skip
 
     def checks(
