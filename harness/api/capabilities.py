@@ -52,6 +52,7 @@ class Capability(StrEnum):
     COHESION = "linear cohesion beside the normal spring", "cohesion"
     ADHESION = "rigid contacts that take a pull of a given size", "adhesion"
     PERIODIC_CELL = "periodic cell, at rest or deforming affinely", "periodic cell"
+    ENERGY_BUDGET = "energies that were lost and fed since time 0, by channels", "energy budget"
     OUTLINES = "grains with NURBS outlines", "outlines"
     AREA_CONTACT = "normal contact with an energy of the common area", "common area"
 
@@ -79,6 +80,7 @@ EXTRAS = frozenset(ROLLING.values()) | {
     Capability.COHESION,
     Capability.ADHESION,
     Capability.PERIODIC_CELL,
+    Capability.ENERGY_BUDGET,
 }
 """What few engines have beside disks, walls and Coulomb's law."""
 
@@ -142,6 +144,8 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
         need.add(Capability.BODY_FORCES)
     if scene.cell is not None:
         need.add(Capability.PERIODIC_CELL)
+    if numerics.energy_budget:
+        need.add(Capability.ENERGY_BUDGET)
     if numerics.regime == "quasi-static":
         need.add(Capability.QUASI_STATIC)
     if any(scene.initial_shear.values()):

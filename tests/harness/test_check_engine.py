@@ -280,6 +280,11 @@ PLANTED = {
     "no cohesion": ("supports: COHESION", Planted(scene=laws(cohesion=0.0), support=EXACT), "overlap is"),
     "no adhesion": ("supports: ADHESION", Planted(scene=laws(adhesion=0.0), support=EXACT), "y is"),
     "no images": ("supports: PERIODIC_CELL", Planted(scene=lambda s: s.replace(cell=None), support=EXACT), "v is"),
+    "no losses told": (
+        "supports: ENERGY_BUDGET",
+        Planted(numerics=lambda n: n.replace(energy_budget=False), support=EXACT),
+        "friction_loss is",
+    ),
     "more than its facts": (
         "supports: HELD_MOTION",
         Planted(support=Support(SupportLevel.EXACT)),

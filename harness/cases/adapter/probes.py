@@ -822,6 +822,28 @@ def hung(info: EngineInfo) -> Probe:
     )
 
 
+def told_losses(info: EngineInfo, own: LeverArm) -> Probe:
+    """A disk thrown along a floor: friction takes mu m g times the slip, which shrinks by 3 mu g t."""
+    mu, speed = 0.1, 1.0
+    scene = on_floor(law(info, mu=mu, lever_arm=own), overlap=resting_overlap(info), v=[[speed, 0.0]])
+    numerics = Numerics(dt=0.002, n_steps=50, sample_from=50, sliding="coulomb", energy_budget=True)
+    end = numerics.dt * numerics.n_steps
+    lost = mu * M * G * (speed * end - 1.5 * mu * G * end**2)
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        found = history.energy.get("friction_loss", np.full(len(history.step), np.nan))
+        return [
+            ClosedForm(quantity="friction_loss", unit="J", value=found[-1], expected=lost,
+                       bound=2.0 * mu * M * G * speed * numerics.dt + contact_error(info) * lost,
+                       why="friction may act one step less, in the first",
+                       mend="History.energy holds the losses since time 0 where Numerics.energy_budget asks for them"),
+        ]  # fmt: skip
+
+    return Probe(
+        title="energy budget", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms
+    )
+
+
 def across_the_edge(info: EngineInfo) -> Probe:
     """Two disks that meet through an edge of a periodic cell only, exchange their velocities, and are back where they began."""
     speed, room = 0.5, 0.2
@@ -879,6 +901,7 @@ def probe_of(capability: Capability, info: EngineInfo) -> Probe:
         Capability.COHESION: lambda: stuck_deep(info),
         Capability.ADHESION: lambda: hung(info),
         Capability.PERIODIC_CELL: lambda: across_the_edge(info),
+        Capability.ENERGY_BUDGET: lambda: told_losses(info, own),
         Capability.OUTLINES: lambda: ellipse_at_rest(info),
         Capability.AREA_CONTACT: lambda: lens_on_floor(),
     }[capability]()

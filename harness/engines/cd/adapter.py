@@ -13,7 +13,7 @@ from ninedisk.core.cd.settings import OPTIONS
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import EXTRAS, Capability
+from ninedisk.harness.api.capabilities import ROLLING, Capability
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, Timings, timings_of
 from ninedisk.harness.api.support import (
     NOTE_SLIP_AT,
@@ -25,11 +25,12 @@ from ninedisk.harness.api.support import (
 
 CAPABILITIES = (
     frozenset(Capability)
-    - (EXTRAS - {Capability.MATERIALS, Capability.BODY_FORCES, Capability.COHESION, Capability.ADHESION})
+    - frozenset(ROLLING.values())
     - {
         Capability.AREA_CONTACT,
         Capability.GLOBAL_DAMPING_LAGGED,
         Capability.LEVER_ARM_TORQUE,
+        Capability.PERIODIC_CELL,
         Capability.SLIP_END,
     }
 )

@@ -26,7 +26,7 @@ OPTIONS: Mapping[str, Option] = {
 
 LACKS = frozenset({Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC, Capability.ADHESION})
 
-DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, *ROLLING.values()}
+DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENERGY_BUDGET, *ROLLING.values()}
 """What is lacking where contacts are those of outlines, and in a periodic cell."""
 
 
