@@ -113,7 +113,7 @@ def execute(engines: Sequence[str], commands: Sequence[str], store: Path, json_f
             get_engine(each) if isinstance(each, str) else each for each in engines_given(engines, commands)
         ]
     else:
-        chosen = [each for each in engines_that_load(lambda _: True).values() if each.info().installed]
+        chosen = [each for each in engines_that_load(lambda _: True).values() if _installed(each)]
     rows: list[Row] = []
     number = 0
 
@@ -132,6 +132,13 @@ def execute(engines: Sequence[str], commands: Sequence[str], store: Path, json_f
         write_rows(json_file, rows)
     _show(rows)
     return WORSE if any(worse_than_promised(row) for row in rows) else 0
+
+
+def _installed(engine: Engine) -> bool:
+    try:
+        return engine.info().installed
+    except Exception:  # an outsider's engine that cannot even tell what it is must not hide the others
+        return False
 
 
 def _show(rows: Sequence[Row]) -> None:

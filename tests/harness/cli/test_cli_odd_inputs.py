@@ -36,7 +36,7 @@ TAKEN: dict[tuple[str, str], tuple[str, ...]] = {
     ("run", "--write-known-gaps"): TOP,
     **{("compare", option): TOP for option in ("--markdown", "--junit", "--html")},
     **{(words, "--out"): MISSING for words in ("report", "dashboard", "site")},
-    ("schema", "--out"): ("", *MISSING),
+    **dict.fromkeys((("schema", "--out"), ("audit", "--example"), ("cd-problems make", "--out")), ("", *MISSING)),
     ("new-engine", "--out"): TOP,
     # A pattern, and whole numbers.
     ("show", "--case"): ("*",),
@@ -53,6 +53,8 @@ NEEDED = {
     "new-engine": ["acme"],
     "merge": ["before/results"],
     "check-engine": ["fake-good"],
+    "determinism": ["-e", "fake-good"],  # which runs none of its scenes
+    "cd-problems make": ["--family", "pyramid", "--disks", "10"],
 }
 """Arguments with which a command goes as far as an option takes it."""
 ALSO = {("export", "--store"): ["--csv", "rows.csv"]}

@@ -129,7 +129,7 @@ def test_a_request_that_is_no_list_of_pairs() -> None:
 
 
 def test_files_that_are_no_archive(tmp_path: Path) -> None:
-    for data in (b"", b"PK\x03\x04", targets.checkpoint()[:-100], targets.problem()):
+    for data in (b"", b"PK\x03\x04", targets.checkpoint()[:-100], targets.problem("npz")):
         (tmp_path / "c.npz").write_bytes(data)
         with pytest.raises(InvalidSceneError, match="checkpoint of a DEM run"):
             DemSession.load(tmp_path / "c.npz")
