@@ -101,8 +101,8 @@ def test_forces_that_are_no_numbers_are_no_solution() -> None:
     assert judge(problem, lost, "coulomb").worst == np.inf
 
 
-@pytest.mark.parametrize("name", [racer.name for racer in racers() if racer.name not in BASE.values()])
-def test_every_solver_beside_ours_solves_small_problems_or_is_not_there(name: str) -> None:
+@pytest.mark.parametrize("name", ["siconos nsgs", "siconos lemke", "siconos cpg", "clarabel"])
+def test_solvers_beside_ours_solve_small_problems_or_are_not_there(name: str) -> None:
     racer = by_name(name)
     repeats = 2 if name == "siconos nsgs" else 1
     rows = [row for row in rows_of([by_name(BASE[racer.sliding]), racer], repeats) if row["engine"] == name]
