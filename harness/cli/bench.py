@@ -55,7 +55,7 @@ def bench(
     ] = False,
     repeats: Annotated[
         int | None,
-        typer.Option("--repeats", metavar="N", min=1, help="Repeats of each measurement; None: 5, coulomb 3."),
+        typer.Option("--repeats", metavar="N", min=1, help="Repeats of each measurement; None: 5, coulomb 2."),
     ] = None,
     time_limit: Annotated[
         float | None,

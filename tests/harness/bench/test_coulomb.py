@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.settings import SolverOptions
@@ -17,6 +18,7 @@ from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.bench import coulomb, problem_set
 from ninedisk.harness.bench.coulomb import BASE, TOLERANCES, Attempt, Climb, Job, Racer, judge, racers, run_state
+from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.schema import Row
 
 FAMILY, DISKS = "collapse", 10
@@ -159,3 +161,27 @@ def test_problems_are_kept_and_made_again_where_a_file_is_another_one() -> None:
     assert [problem_set.content_hash(ContactProblem.load(file)) for file, _ in again] == [
         its["sha256"] for _, its in again
     ]
+
+
+def test_the_command_prints_shares_and_writes_record_and_page(tmp_path: Path) -> None:
+    arguments = [
+        "bench",
+        "coulomb",
+        "--size",
+        "10",
+        "--problem",
+        f"{FAMILY}-{DISKS}",
+        "--engine",
+        "none",
+        "--repeats",
+        "1",
+    ]
+    done = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path)], prog_name="ninedisk")
+    assert done.exit_code == 0, done.output
+    assert [line.split()[-1] for line in done.output.splitlines() if "ninedisk" in line and "%" in line] == ["6", "6"]
+    (page,) = tmp_path.glob("*.html")
+    assert "who solves what" in page.read_text()
+    (record,) = tmp_path.glob("*.json")
+    rows = json.loads(record.read_text())["rows"]
+    assert {(row["engine"], row["start"]) for row in rows} == {(name, rule) for rule, name in BASE.items()}
+    assert len(rows) == 2 * len(problem_set.FRICTION) * len(TOLERANCES)
