@@ -9,12 +9,14 @@ from typing import Any
 
 from ninedisk.reports import pages, text
 from ninedisk.reports.charts import Dots, Look, PointChart, engine_looks, on_page
+from ninedisk.reports.race import TARGET, races
 from ninedisk.reports.text import as_float
 
 Row = Mapping[str, Any]
 SUITES = {
     "dem": "Many disks, contact springs",
     "cd": "Contact solvers on packings at rest",
+    "coulomb": "The open set of contact problems: who solves what",
     "flow": "Rigid disks in motion: time per simulated second beside the penetration",
     "harness": "The whole verification run",
 }
@@ -36,6 +38,7 @@ def write_bench(record: Mapping[str, Any], path: Path) -> None:
         File to write.
     """
     rows: Sequence[Row] = record["rows"]
+    raced = races(rows)
     env = pages.environment()
     page = env.get_template("bench.html").render(
         record=record,
@@ -43,7 +46,11 @@ def write_bench(record: Mapping[str, Any], path: Path) -> None:
         suites={name: [row for row in rows if row["suite"] == name] for name in SUITES},
         titles=SUITES,
         checks={name: _checks(rows, name) for name in SUITES},
-        figures={name: [on_page(chart) for chart in charts(rows, name)] for name in SUITES},
+        figures={name: [on_page(chart) for chart in charts(rows, name)] for name in SUITES}
+        | {each.rule: [on_page(chart) for chart in each.charts] for each in raced},
+        races=raced,
+        sizes=max((row["disks"] for row in rows if row["suite"] == "coulomb"), default=0),
+        target=TARGET,
         **pages.single_file(),
     )
     path.write_text(page, encoding="utf-8")

@@ -181,7 +181,7 @@ def packing(n: int, *, aspect: float = 1.0, progress: Callable[[int, int], None]
 
 def kept(name: str, make: Callable[[], Scene]) -> Scene:
     """A scene that takes long to make: from the user's cache folder if the same packings have made it before."""
-    path = _folder() / f"{name}-{_recipe()}.json.gz"
+    path = packing_folder() / f"{name}-{_recipe()}.json.gz"
     try:
         with gzip.open(path, "rt", encoding="utf-8") as file:
             return Scene.from_dict(json.load(file))
@@ -203,7 +203,8 @@ def _keep(scene: Scene, path: Path) -> None:
         half.unlink(missing_ok=True)  # no room or no right to write: the next run settles it again
 
 
-def _folder() -> Path:
+def packing_folder() -> Path:
+    """Where settled packings are kept."""
     home = os.environ.get("XDG_CACHE_HOME")
     return (Path(home) if home else Path.home() / ".cache") / "ninedisk" / "packings"
 

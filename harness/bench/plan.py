@@ -10,6 +10,10 @@ from typing import Protocol
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.results.schema import Row
 
+TIME_LIMIT, USUAL_REPEATS = 120.0, 5
+"""Of one engine on one problem, where nothing else is asked for."""
+TIME_LIMITS, REPEATS = {"coulomb": 2.0}, {"coulomb": 2}
+"""Of suites with many small problems; here of one answer."""
 Wanted = Callable[[str], bool]
 
 
@@ -23,21 +27,24 @@ class Tell(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What is to be measured; ``sizes`` empty: the usual ones; ``brought`` are engines that no registry knows, for flows."""
+    """What is to be measured; ``sizes`` empty, ``repeats`` or ``time_limit`` None: the usual ones.
+
+    ``brought`` are engines that no registry knows, for flows.
+    """
 
     suites: tuple[str, ...]
     problem_wanted: Wanted
     engine_wanted: Wanted
     sizes: tuple[int, ...]
     large: bool
-    repeats: int
-    time_limit: float
+    repeats: int | None
+    time_limit: float | None
     brought: tuple[Engine, ...] = ()
 
 
 def run_suites(request: Request, tell: Tell) -> Iterator[list[Row]]:
     """Rows of all suites of the request, as soon as those measured together are complete."""
-    suites = {"dem": _dem, "cd": _cd, "flow": _flow, "harness": _harness}
+    suites = {"dem": _dem, "cd": _cd, "coulomb": _coulomb, "flow": _flow, "harness": _harness}
     for suite in request.suites:
         problems = suites[suite](request, partial(tell, "settling a packing"))
         for k, (name, measure) in enumerate(problems.items()):
@@ -45,7 +52,10 @@ def run_suites(request: Request, tell: Tell) -> Iterator[list[Row]]:
             def of_problem(what: str, name: str = name, done: int = k, total: int = len(problems)) -> None:
                 tell(f"{name}: {what}", done, total)
 
-            yield from measure(repeats=request.repeats, time_limit=request.time_limit, tell=of_problem)
+            limit = request.time_limit or TIME_LIMITS.get(suite, TIME_LIMIT)
+            yield from measure(
+                repeats=request.repeats or REPEATS.get(suite, USUAL_REPEATS), time_limit=limit, tell=of_problem
+            )
 
 
 Measure = Callable[..., Iterator[list[Row]]]
@@ -81,6 +91,24 @@ def _cd(request: Request, progress: Progress) -> dict[str, Measure]:
     bases = set(cd.BASE.values())
     chosen = [each for each in cd.solvers() if each.name in bases or request.engine_wanted(each.name)]
     return {name: partial(cd.run_problem, name, makers[name], chosen) for name in names}
+
+
+def _coulomb(request: Request, _: Progress) -> dict[str, Measure]:
+    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.bench import coulomb, problem_set
+
+    sizes = _sizes(request, coulomb.SIZES, coulomb.LARGE)
+    for n in sizes:
+        if n not in problem_set.SIZES:
+            allowed = ", ".join(str(each) for each in problem_set.SIZES)
+            raise UsageError(f"--size {n} is not one of the set's in the suite coulomb: use {allowed}")
+    states = {f"{family}-{n}": (family, n) for n in sizes for family in problem_set.FAMILIES}
+    wanted = {name: state for name, state in states.items() if request.problem_wanted(name)}
+    if not wanted:
+        return {}
+    bases = set(coulomb.BASE.values())
+    chosen = [each for each in coulomb.racers() if each.name in bases or request.engine_wanted(each.name)]
+    return {name: partial(coulomb.run_state, *state, chosen) for name, state in wanted.items()}
 
 
 def _flow(request: Request, progress: Progress) -> dict[str, Measure]:

@@ -17,15 +17,18 @@ from typing import Any
 
 import numpy as np
 
+from ninedisk import core
 from ninedisk.core import packings
 from ninedisk.core.archive import made_folder, whole_file
 from ninedisk.core.cd.problem import ContactProblem
-from ninedisk.core.cd.problem_files import Form, write_problem
+from ninedisk.core.cd.problem_files import Form, read_problem, write_problem
 from ninedisk.core.cd.session import CdSession
-from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.compile import source_hash
+from ninedisk.core.errors import CoreError, InvalidSceneError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.bench.cd import lattice, step_problem
+from ninedisk.harness.bench.dem import packing_folder
 from ninedisk.harness.bench.flow import OPEN, OUTLET, after
 
 SIZES = (10, 30, 100, 300, 1_000, 3_000)
@@ -150,20 +153,63 @@ def make_set(
     for k, (name, n) in enumerate(states):
         tell(k, len(states), f"{name} of {n} disks")
         try:
-            scene = FAMILIES[name].make(n, seed, None)
+            rows += _of_state(folder, name, n, seed=seed, form=form)
         except InvalidSceneError as error:  # a rattler, for instance, that does not come to rest
             left_out.append(f"{name} of {n} disks: {error}")
-            continue
-        for m, mu in enumerate(FRICTION):
-            elastic = (SIZES.index(n) + m) % 2 == 1  # from size to size the other way round
-            problem = step_problem(scene, mu=mu, elastic=elastic, moving=FAMILIES[name].moving)
-            if problem.n_contacts == 0:
-                continue
-            facts = {"family": name, "disks": n, "seed": seed, "mu": mu, "elastic": elastic}
-            named = f"{name}-{n}-{seed}-mu{mu:g}-{'elastic' if elastic else 'rigid'}"
-            rows.append(_keep(folder, named, problem, form, facts))
     _write_manifest(folder, rows)
     return len(rows), left_out
+
+
+def _of_state(folder: Path, name: str, n: int, *, seed: int, form: Form) -> list[dict[str, Any]]:
+    """Write the problems of a state; their rows of the manifest."""
+    scene = FAMILIES[name].make(n, seed, None)
+    rows = []
+    for m, mu in enumerate(FRICTION):
+        elastic = (SIZES.index(n) + m) % 2 == 1  # from size to size the other way round
+        problem = step_problem(scene, mu=mu, elastic=elastic, moving=FAMILIES[name].moving)
+        if problem.n_contacts == 0:
+            continue
+        facts = {"family": name, "disks": n, "seed": seed, "mu": mu, "elastic": elastic}
+        named = f"{name}-{n}-{seed}-mu{mu:g}-{'elastic' if elastic else 'rigid'}"
+        rows.append(_keep(folder, named, problem, form, facts))
+    return rows
+
+
+def kept_state(name: str, n: int, *, seed: int) -> list[tuple[Path, dict[str, Any]]]:
+    """Files of the problems of a state and what the manifest tells of them, from the user's cache folder.
+
+    They are made there unless the same sources have made them before and every file still holds the numbers of its hash.
+
+    Raises
+    ------
+    InvalidSceneError
+        If the state cannot be made.
+    """
+    folder = problem_folder() / f"{source_hash(Path(core.__file__).parent)}-{source_hash(Path(__file__).parent)}"
+    folder /= f"{name}-{n}-{seed}"
+    try:
+        rows = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        good = all(_holds(folder / row["file"], row["sha256"]) for row in rows)
+    except (OSError, ValueError, TypeError, KeyError):
+        good = False
+    if not good:
+        rows = _of_state(made_folder(folder), name, n, seed=seed, form="npz")
+        _write_manifest(folder, rows)
+    return [(folder / row["file"], row) for row in rows]
+
+
+def _holds(file: Path, sha256: str) -> bool:
+    """Whether a file holds the problem of a hash."""
+    try:
+        problem = read_problem(file).problem
+    except CoreError:
+        return False
+    return isinstance(problem, ContactProblem) and content_hash(problem) == sha256
+
+
+def problem_folder() -> Path:
+    """Where the problems of `kept_state` are."""
+    return packing_folder().parent / "problems"
 
 
 def collect(

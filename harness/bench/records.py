@@ -21,7 +21,7 @@ from ninedisk.harness.results.tables import complete
 BENCH_VERSION = 5
 
 COLUMNS: dict[str, str] = {
-    "suite": "string",  # dem | cd | flow | harness
+    "suite": "string",  # dem | cd | coulomb | flow | harness
     "problem": "string",
     "engine": "string",
     "engine_version": "string",
@@ -31,7 +31,7 @@ COLUMNS: dict[str, str] = {
     "listed_pairs": "int64",  # in the neighbour lists, mean over the run, walls included
     "rebuilds": "int64",  # of the neighbour lists in the whole run
     "steps": "int64",
-    "start": "string",  # cold | warm | ""
+    "start": "string",  # cold | warm; suite coulomb: the rule, coulomb | associated
     "tolerance": "float64",  # target of a solver, NaN elsewhere
     "status": "string",  # of STATUSES
     "reason": "string",
@@ -129,6 +129,10 @@ MAX_REASON = 200
 def show(rows: Sequence[Row], paths: Sequence[Path]) -> None:
     """Print a line for each row: median, spread, ratio to the base; then why others have no time, and the files."""
     out = console()
+    raced = [row for row in rows if row["suite"] == "coulomb"]
+    if raced:
+        _show_race(raced)
+    rows = [row for row in rows if row["suite"] != "coulomb"]
     suites = list(dict.fromkeys(row["suite"] for row in rows))
     for suite in suites:
         chosen = [row for row in rows if row["suite"] == suite]
@@ -154,6 +158,24 @@ def show(rows: Sequence[Row], paths: Sequence[Path]) -> None:
             out.print(printable(f"{row['status']}: {row['engine']} on {place}: {row['reason'][:MAX_REASON]}"))
     for path in paths:
         out.print(f"written: {path}")
+
+
+def _show_race(rows: Sequence[Row]) -> None:
+    """Print how many problems each solver solves to each tolerance; there are too many rows to print."""
+    out = console()
+    targets = sorted({row["tolerance"] for row in rows}, reverse=True)
+    names = [f"{target:g}" for target in targets]
+    shown = table("rule", "solver", *names, "problems", right=(*names, "problems"))
+    for rule, engine in dict.fromkeys((row["start"], row["engine"]) for row in rows):
+        own = [row for row in rows if (row["start"], row["engine"]) == (rule, engine)]
+        count = len({row["problem"] for row in own})
+        solved = [sum(row["status"] == "pass" for row in own if row["tolerance"] == target) for target in targets]
+        shown.add_row(rule, engine, *(f"{100.0 * each / count:.1f} %" for each in solved), str(count))
+    out.print("suite coulomb: share of the problems solved, by the largest error of an independent judge")
+    out.print(shown)
+    absent = dict.fromkeys(row["reason"] for row in rows if row["status"] == "not-installed")
+    for reason in absent:
+        out.print(printable(reason[:MAX_REASON]))
 
 
 def _legend(rows: Sequence[Row]) -> str:

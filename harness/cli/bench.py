@@ -15,7 +15,7 @@ from ninedisk.harness.cli.support import INTERRUPTED, CellProgress, Commands, fa
 
 if TYPE_CHECKING:
     from ninedisk.harness.results.schema import Row
-SUITES = ("dem", "cd", "flow", "harness")
+SUITES = ("dem", "cd", "coulomb", "flow", "harness")
 FAILED, BROKEN = 1, 3
 LONGEST = 1e9
 """Time limit [s]: thirty years are none."""
@@ -31,7 +31,7 @@ def register(app: typer.Typer) -> None:
 @guarded
 def bench(
     suites: Annotated[
-        list[str] | None, typer.Argument(metavar="SUITE", help="dem, cd, flow or harness. None: all.")
+        list[str] | None, typer.Argument(metavar="SUITE", help="dem, cd, coulomb, flow or harness. None: all.")
     ] = None,
     problem: Annotated[
         list[str] | None,
@@ -53,11 +53,18 @@ def bench(
     large: Annotated[
         bool, typer.Option("--large", help="Also 100,000 (dem: and 1,000,000) disks: hours, not minutes.")
     ] = False,
-    repeats: Annotated[int, typer.Option("--repeats", metavar="N", min=1, help="Repeats of each measurement.")] = 5,
+    repeats: Annotated[
+        int | None,
+        typer.Option("--repeats", metavar="N", min=1, help="Repeats of each measurement; None: 5, coulomb 2."),
+    ] = None,
     time_limit: Annotated[
-        float,
-        typer.Option("--time-limit", metavar="S", help="Seconds for one engine on one problem, all repeats."),
-    ] = 120.0,
+        float | None,
+        typer.Option(
+            "--time-limit",
+            metavar="S",
+            help="Seconds for one engine on one problem, all repeats; None: 120. Suite coulomb: for one answer; None: 2.",
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the records.")] = Path("bench"),
 ) -> None:
     """Measure our engines and others on the same problems: same scene, same contact parameters, same step count.
@@ -65,10 +72,13 @@ def bench(
     Suite dem: settled packings, a flowing one and the nine disks (ours with 1, 2, .. threads, LAMMPS, YADE and all
     engines with springs that know the variant), these also with finer steps, error beside time. Suite cd: contact
     problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10 (our solvers,
-    Clarabel, PIQP, Siconos), cold and warm. Suite flow: a drum, a hopper and a collapsing column stepped in time
+    Clarabel, PIQP, Siconos), cold and warm. Suite coulomb: the open set of `ninedisk cd-problems make`, some 160 problems
+    of 10, 30 and 100 disks (--size: 300, 1000 and 3000, too), by ours and Siconos' NSGS, Lemke and CPG, the associated
+    problems by ours, Clarabel and PIQP: shares solved to 1e-3 .. 1e-12 as an independent judge sees it, and performance
+    profiles. Suite flow: a drum, a hopper and a collapsing column stepped in time
     (contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations,
-    engines by their commands), time per simulated second beside the penetration. Suite harness: `ninedisk run` on dem, cd and pymunk, the
-    appendix's cases (kernels cached, and from an empty cache) and all cases.
+    engines by their commands), time per simulated second beside the penetration. Suite harness: `ninedisk run` on dem, cd
+    and pymunk, the appendix's cases (kernels cached, and from an empty cache) and all cases.
 
     Physics is checked first: an engine that computes something else gets no time. Repeats are interleaved (A B A B)
     on one core for one thread; the ratio to ours, repeat by repeat, is the result, absolute times stand beside it.
@@ -80,6 +90,7 @@ def bench(
       ninedisk bench dem --size 1000 --repeats 3 --problem 'settled-*'
       ninedisk bench cd --time-limit 60 --engine clarabel --engine piqp
       ninedisk bench dem cd --large --repeats 9 --out figures
+      ninedisk bench coulomb --size 300 --problem 'drum-*' --time-limit 10
       ninedisk bench harness
       ninedisk bench flow --problem 'collapse-*' --engine-cmd 'node my-engine.mjs'
 
@@ -113,8 +124,8 @@ def execute(
     commands: list[str],
     sizes: list[int],
     large: bool,
-    repeats: int,
-    time_limit: float,
+    repeats: int | None,
+    time_limit: float | None,
     out: Path,
 ) -> int:
     """Check the request, measure, write, print; the exit code.
@@ -135,7 +146,7 @@ def execute(
     for suite in suites:
         if suite not in SUITES:
             raise UsageError(f"there is no suite {suite!r}: use {', '.join(SUITES)}")
-    if not 0.0 < time_limit <= LONGEST:
+    if time_limit is not None and not 0.0 < time_limit <= LONGEST:
         raise UsageError(f"--time-limit {time_limit:g} is not allowed: it must be in (0, {LONGEST:g}] s")
     if commands and "flow" not in suites:
         raise UsageError("--engine-cmd is for the suite flow: add it, or leave the command out")

@@ -10,6 +10,7 @@ import pytest
 
 from ninedisk.harness.bench.records import new_row
 from ninedisk.reports.bench import charts, write_bench
+from ninedisk.reports.race import races
 
 
 def row(problem: str, engine: str = "dem", disks: int = 10_000, seconds: float = 0.5, **more: Any) -> dict[str, Any]:
@@ -119,3 +120,39 @@ def test_measured_times_are_marked_by_decades_where_there_are_some(longest: floa
     ]
     (chart,) = charts(rows, "dem")
     assert chart.spec()["marks"] == marks
+
+
+def raced() -> list[dict[str, Any]]:
+    """Three problems: ours solves all to 1e-8; the other one is five times faster on one, misses one, and lies about the third."""
+    made = []
+    for name, contacts, other in (("drum-10", 10, 0.2), ("drum-30", 30, None), ("lattice-10", 12, "lie")):
+        for target in (1e-3, 1e-8):
+            told = {"start": "coulomb", "tolerance": target, "contacts": contacts, "suite": "coulomb", "repeats": 2}
+            settings = '{"time limit [s]": 3.0, "claimed": %s}'
+            made.append(row(name, "ninedisk", contacts, 1.0, settings=settings % "false", **told))
+            lost = {} if other == 0.2 else {"status": "not-reached", "median_s": math.nan, "reason": "<b>off</b>"}
+            seconds = {"seconds": 0.2} if other == 0.2 else {}
+            text = settings % ("true" if other == "lie" else "false")
+            made.append({**row(name, "other", contacts, settings=text, **seconds, **told), **lost})
+    return made
+
+
+def test_the_race_counts_all_problems_and_shows_the_hardest_first(tmp_path: Path) -> None:
+    (race,) = races(raced())
+    assert [each.engine for each in race.standings] == ["ninedisk", "other"]
+    ours, other = race.standings
+    assert ours.shares == (1.0, 1.0)
+    assert other.shares == pytest.approx((1 / 3, 1 / 3))
+    assert (ours.fastest, other.fastest, ours.claimed, other.claimed) == (2, 1, 0, 1)
+    assert race.families == (("lattice", 1, (1.0, 0.0)), ("drum", 2, (1.0, 0.5)))
+    assert [name for name, _, _ in race.hardest] == ["drum-30", "lattice-10"]
+    profile = next(chart for chart in race.charts if "profile, 1e-08" in chart.title)
+    shares = {dots.key: dict(zip(dots.x, dots.y, strict=True)) for dots in profile.dots}
+    # A problem that nobody else solves is won; the factor of five costs the third.
+    assert shares["ninedisk"][3.0] == pytest.approx(200.0 / 3.0)
+    assert shares["ninedisk"][5.0] == 100.0
+    assert list(shares["other"].values()) == pytest.approx([100.0 / 3.0] * len(shares["other"]))
+    page = page_of(raced(), tmp_path)
+    assert "33.3 %" in page
+    assert "at most 3 s for one answer, 2 repeat(s)" in page
+    assert "<b>off</b>" not in page

@@ -15,7 +15,7 @@ from ninedisk.harness.bench.dem import DemProblem, makers
 def packing_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache of packings."""
     folder = tmp_path / "packings"
-    monkeypatch.setattr(dem, "_folder", lambda: folder)
+    monkeypatch.setattr(dem, "packing_folder", lambda: folder)
     return folder
 
 

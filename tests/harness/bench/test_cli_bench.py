@@ -41,13 +41,14 @@ def test_help_teaches() -> None:
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("speed",), "there is no suite 'speed': use dem, cd, flow, harness"),
+        (("speed",), "there is no suite 'speed': use dem, cd, coulomb, flow, harness"),
         (("dem", "--time-limit", "0"), "--time-limit 0"),
         (("dem", "--time-limit", "nan"), "--time-limit nan"),
         (("dem", "--out", "file"), "--out"),
         (("dem", "--problem", "nothing-like-this"), "no problem matches"),
         (("dem", "--repeats", "0"), "--repeats"),
         (("cd", "--size", "1"), "--size"),
+        (("coulomb", "--size", "11"), "--size 11 is not one of the set's in the suite coulomb: use 10, 30"),
         (("dem", "--size", "many"), "--size"),
     ],
 )
