@@ -62,13 +62,13 @@ quick: $(DEVELOPED) ## Pass the tests that take little: the loop while one works
 test quick slow: export OPENBLAS_NUM_THREADS := 1
 
 # Two runs, because a clock that is read while other tests keep the processors busy proves nothing. Cells that `make report`
-# has run with the very same code on this machine are judged as they are stored.
+# has run with the very same code on this machine are judged as they are stored; without them each case runs in its first variant.
 test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time, one by one
 	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not (timing or slow)" --ninedisk-store "$(STORE)"
-	$(PY) -m pytest -q -m "timing and not slow" --ignore=tests/verification
+	$(PY) -m pytest -q -m "timing and not slow" $$(grep -rl --include='*.py' 'mark.timing' tests)
 
-slow: $(DEVELOPED) ## Pass the tests that take long: 10,000 odd inputs, 50 kills, every planted defect, large problems
-	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m slow --ignore=tests/verification
+slow: $(DEVELOPED) ## Pass the tests that take long: 10,000 odd inputs, 50 kills, every planted defect, large problems, all cells
+	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m slow --ninedisk-store "$(STORE)"
 
 engines: $(INSTALLED) ## Install all external engines that this machine can have (about 1.5 GB; Debian's need root or sudo)
 	@bash tools/install_engines.sh "$(PY)" "$(DEBIAN_ENGINES)" "$(PYTHON_ENGINES)"

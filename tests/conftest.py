@@ -4,12 +4,53 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
+import typer.testing
 
 pytest_plugins = ["ninedisk.harness.suite.plugin", "pytester"]
+
+
+MADE_ONCE = ("panel_report", "built", "measured")
+"""Fixtures that take seconds to make: a report, the documentation, a store."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that share one of these run in one worker, so that it is made once; else all rows of one test function do.
+
+    What pytest-xdist does at the end of a test grows with the number of groups, and ungrouped tests are a group each: ten thousand of
+    them keep its own process as busy as a worker.
+    """
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:
+            function = getattr(item, "originalname", item.name)
+            shared = (name for name in MADE_ONCE if name in getattr(item, "fixturenames", ()))
+            item.add_marker(pytest.mark.xdist_group(next(shared, function)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_tree_of_commands() -> Iterator[None]:
+    """Command lines that tests call in this process share the tree of commands, which typer makes anew for each: most of their time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(typer.testing, "_get_command", cache(typer.testing._get_command))
+        yield
+
+
+@pytest.fixture
+def cells_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`ninedisk run` runs its cells in this process, which has its kernels, and not in a worker of its own, which has to load them."""
+    from ninedisk.harness.run import workers
+
+    def run_here(cells: Any, progress: Any = None, *, published: Any = None, **_: object) -> Any:
+        return workers.run_cells(cells, progress, published=published)
+
+    monkeypatch.setattr(workers, "run_in_workers", run_here)
 
 
 @pytest.fixture(scope="session")

@@ -45,19 +45,40 @@ TIERS = {
 
 @dataclass(frozen=True)
 class Plan:
-    """The cells of a session with the checks that were found for each, and what is shared by their tests."""
+    """The cells of a session, and what is shared by their tests."""
 
-    cells: Sequence[tuple[Cell, list[CheckName]]]
+    cells: Sequence[Cell]
     gaps: GapFile
     stored: StoredCells
+    collected: dict[CheckName, list[CheckName]] = field(default_factory=dict)
     results: dict[CheckName, CaseResult] = field(default_factory=dict)
     patience: Patience = field(default_factory=Patience)
 
     def idle_gaps(self) -> list[KnownGap]:
         """Gaps that explain no check of the session."""
         return self.gaps.idle(
-            (*place(cell), quantity, truth) for cell, names in self.cells for _, quantity, truth in names
+            (*place(cell), quantity, truth) for cell in self.cells for _, quantity, truth in self.names(cell)
         )
+
+    def names(self, cell: Cell) -> list[CheckName]:
+        """The checks of a cell, found once."""
+        key = place(cell)
+        if key not in self.collected:
+            self.collected[key] = _collect(cell)
+        return self.collected[key]
+
+    def checks(self, cell: Cell) -> list[CellCheck]:
+        """A cell's tests: one for each check, and one for the cell as a whole."""
+        collected = tuple(name for name, _, _ in self.names(cell))
+        return [CellCheck(cell, name, collected, self) for name in (*collected, CELL)]
+
+    def tiers(self) -> dict[CheckName, tuple[str, ...]]:
+        """Names of the tiers of each cell, by its place."""
+        variants: dict[str, list[Cell]] = {}
+        for cell in self.cells:
+            variants.setdefault(cell.case.id, []).append(cell)
+        levels = {case: tiers([cell.variant for cell in cells]) for case, cells in variants.items()}
+        return {place(cell): levels[cell.case.id][cell.variant.id] for cell in self.cells}
 
 
 def make_plan(
@@ -73,22 +94,17 @@ def make_plan(
     known = read_gaps(gaps) if gaps is not None else GapFile()
     planned = plan_matrix(match_cases(cases), engines_given(engines, commands), {})
     stored = open_store(store) if store is not None else StoredCells("")
-    return Plan([(cell, _collect(cell)) for cell in planned], known, stored)
+    return Plan(planned, known, stored)
 
 
 def parameters(plan: Plan) -> Iterator[object]:
     """A `pytest.param` for each check, and one for each cell as a whole."""
-    variants: dict[str, list[Cell]] = {}
-    for cell, _ in plan.cells:
-        variants.setdefault(cell.case.id, []).append(cell)
-    levels = {case: tiers([cell.variant for cell in cells]) for case, cells in variants.items()}
-    for cell, names in plan.cells:
+    levels = plan.tiers()
+    for cell in plan.cells:
         group = f"{cell.case.id}[{cell.variant.id}]-{cell.engine_id}"
-        collected = tuple(name for name, _, _ in names)
-        shared = [pytest.mark.xdist_group(group)]
-        shared += [getattr(pytest.mark, tier) for tier in levels[cell.case.id][cell.variant.id]]
-        for name in (*collected, CELL):
-            yield pytest.param(CellCheck(cell, name, collected, plan), id=f"{group}-{name}", marks=shared)
+        shared = [pytest.mark.xdist_group(group), *(getattr(pytest.mark, tier) for tier in levels[place(cell)])]
+        for check in plan.checks(cell):
+            yield pytest.param(check, id=f"{group}-{check.name}", marks=shared)
 
 
 def place(cell: Cell) -> CheckName:

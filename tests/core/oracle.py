@@ -224,12 +224,21 @@ class Oracle:
             return self.x[i]
         return self.x[i] - 0.5 * self.dt * self.v[i]
 
+    def _idle(self, pair: tuple[int, int], overlap: float) -> bool:
+        """Whether a pair is apart and remembers nothing: there is its gap to note and nothing else."""
+        if overlap > 0.0 or self.normal.get(pair) or self.shear.get(pair) or self.bending.get(pair):
+            return False
+        self.gap[pair], self.normal[pair], self.shear[pair] = -overlap, 0.0, 0.0
+        return True
+
     def _disk_disk(self, i: int, j: int) -> None:
         radius, mass = self.scene.disks.radius, self.scene.disks.mass
         between = self.x[j] - self.x[i]
         distance = hypot(*between)
-        n = between / distance
         overlap = radius[i] + radius[j] - distance
+        if self._idle((i, j), overlap):
+            return
+        n = between / distance
         law = self.scene.law((i, j))
         shorter = 0.5 * overlap if law.lever_arm != "radius" else 0.0
         arm_i, arm_j = radius[i] - shorter, radius[j] - shorter
@@ -253,11 +262,13 @@ class Oracle:
         self.torque[j] += arm_j * cross(-n, -on_i)
 
     def _disk_wall(self, i: int, body: int) -> None:
-        wall, law = self.walls[body - self.n_disks], self.scene.law((i, body))
+        wall = self.walls[body - self.n_disks]
         radius = self.scene.disks.radius[i]
         height = (self.x[i] - wall.point) @ wall.normal
         overlap = radius - height
-        n = -wall.normal
+        if self._idle((i, body), overlap):
+            return
+        law, n = self.scene.law((i, body)), -wall.normal
         foot = self.x[i] + height * n
         q = foot + 0.5 * overlap * n if law.wall_velocity_at == "mid-overlap" else foot
         arm = radius - (0.5 * overlap if law.lever_arm != "radius" else 0.0)
@@ -387,6 +398,8 @@ class Oracle:
         elastic, rolling = 0.0, 0.0
         for c, pair in enumerate(self.pairs):
             h.gap[row, c], h.fn[row, c], h.fs[row, c] = self.gap[pair], self.normal[pair], self.shear[pair]
+            if self.gap[pair] >= 0.0:
+                continue
             law = self.scene.law(pair)
             elastic += 0.5 * (law.kn - law.cohesion) * max(-self.gap[pair], 0.0) ** 2
             if law.rolling is not None and law.rolling.kr > 0.0:

@@ -265,7 +265,7 @@ def damped_scene(seed: int) -> Scene:
     return Scene(disks=disks, disk_disk=law(), walls=tuple(walls), xi=xi)
 
 
-@pytest.mark.parametrize(("form", "seeds"), [("central", range(0, 200, 2)), ("lagged", range(1, 200, 2))])
+@pytest.mark.parametrize(("form", "seeds"), [("central", range(0, 100, 2)), ("lagged", range(1, 100, 2))])
 def test_limit_of_random_damped_scenes(form: str, seeds: range) -> None:
     """Present contacts together, and each possible contact by itself: the smallest limit of all, by bisection."""
     found, decided, packed = [], 0, []
@@ -286,7 +286,7 @@ def test_limit_of_random_damped_scenes(form: str, seeds: range) -> None:
         decided += limits[0] == min(limits)
         packed.append(packed_time_step(scene, damping_form=form) / min(limits))
     assert 0.999 <= min(found) <= max(found) <= 1.001  # bisection to 1e-4, the residual another 1e-4
-    assert decided > 50  # the network of present contacts, rather than one contact alone
+    assert decided > 25  # the network of present contacts, rather than one contact alone
     assert max(packed) <= 1.0
 
 

@@ -56,13 +56,12 @@ def assert_twins(scene: Scene, steps: int = STEPS, **how: Any) -> Counter[str]:
 
 
 @pytest.mark.parametrize("form", ["central", "lagged"])
-@pytest.mark.parametrize("budget", [False, True])
-def test_random_scenes_with_options(form: str, budget: bool) -> None:
+def test_random_scenes_with_options(form: str) -> None:
     events: Counter[str] = Counter()
     for seed in range(60):
         rng = np.random.default_rng([seed, 18])
         scene = with_options(rng, random_scene(rng, STEP, STEPS), STEP * STEPS)
-        events += assert_twins(scene, damping_form=form, energy_budget=budget)
+        events += assert_twins(scene, damping_form=form, energy_budget=seed % 2 == 0)
     # The scenes reach every branch of the laws, many times over.
     assert (
         min(events[name] for name in ("close", "open", "stick", "slip", "no-tension", "pull", "bend", "roll")) >= 20

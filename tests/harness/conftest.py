@@ -56,7 +56,7 @@ def fakes(fake_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Module
     registry.engine_table.cache_clear()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def fake_environment(fake_folder: Path) -> dict[str, str]:
     """Environment in which a child process finds the fakes."""
     known = [path for path in (os.environ.get("PYTHONPATH"),) if path]

@@ -99,6 +99,7 @@ def test_a_page_tells_what_the_case_says(built: Path, case_id: str) -> None:
     assert all(command in page for command in record(case_id)["commands"])
 
 
+@pytest.mark.usefixtures("cells_here")
 @pytest.mark.parametrize("case_id", BUILTIN_CASES)
 def test_commands_of_the_case_pages_run(case_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -113,6 +114,7 @@ def test_commands_of_the_case_pages_run(case_id: str, tmp_path: Path, monkeypatc
         assert code == 0, (line, output[-2000:])
 
 
+@pytest.mark.usefixtures("cells_here")
 @pytest.mark.parametrize("line", console_lines())
 def test_commands_of_the_guides_run(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from typer.testing import CliRunner
+
+from ninedisk.harness.cli.app import app
 
 pytestmark = pytest.mark.tree
 
@@ -78,11 +80,12 @@ def test_engines_by_their_commands_join_all_others(job: ModuleType, monkeypatch:
     assert calls[0][:6] == ("run", "--all-engines", "--engine-cmd", "node a.mjs", "--engine-cmd", "./b c")
 
 
+@pytest.mark.usefixtures("cells_here")
 def test_news_are_what_moved_since_the_run_before(job: ModuleType, tmp_path: Path) -> None:
     def run(kind: str, *more: str) -> None:
         words = ["run", "binary-collision", "--engine", "pymunk", "--set", f"kind={kind}", "--store", str(tmp_path)]
-        done = subprocess.run([sys.executable, "-m", "ninedisk", *words, *more], capture_output=True, text=True)
-        assert done.returncode in (0, 1), done.stdout + done.stderr
+        done = CliRunner().invoke(app, [*words, *more])
+        assert done.exit_code in (0, 1), done.output
 
     run("plastic")
     assert "has 1 finished run" in job.news(str(tmp_path))

@@ -3,33 +3,40 @@
 `ninedisk.harness.suite` has a test for each check, some ten a cell: to collect, send and report them all takes longer than to judge
 them. Here a cell's test judges all of its checks and tells of each that fails. The suite's options hold here as well, but for
 ``--known-gaps``: what is known of our own engines is in their cases.
+
+A store that a run of this very code has left is judged, all of it. Without one every cell has to run, which takes as long as the main
+job: then those beyond the first variant of each case are slow.
 """
 
 from __future__ import annotations
 
-from itertools import groupby
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from ninedisk.harness.suite.items import CellCheck, make_plan, parameters, place
+from ninedisk.harness.run.plan import Cell
+from ninedisk.harness.suite.items import CellCheck, Plan, make_plan, place
 
 Verdicts = dict[str, list[str]]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    if "checks" not in metafunc.fixturenames:
+    if "planned" not in metafunc.fixturenames:
         return
     names = ("case", "engine", "engine_cmd", "store")
     cases, engines, commands, store = (metafunc.config.getoption(f"ninedisk_{name}") for name in names)
     plan = make_plan(cases, engines, commands, None, store)
-    cells = []
-    for (case, variant, engine), checks in groupby(parameters(plan), lambda check: place(check.values[0].cell)):
-        found = list(checks)
-        shared = [mark for mark in found[-1].marks if mark.name != "xdist_group"]
-        cells.append(pytest.param([check.values[0] for check in found], id=f"{case}[{variant}]-{engine}", marks=shared))
-    metafunc.parametrize("checks", cells)
+    levels, cells = plan.tiers(), []
+    for cell in plan.cells:
+        tiers = levels[place(cell)]
+        marks = [getattr(pytest.mark, tier) for tier in tiers]
+        marks.append(pytest.mark.xdist_group(f"{cell.case.id}-{cell.engine_id}"))
+        if not plan.stored.cells and "smoke" not in tiers:
+            marks.append(pytest.mark.slow)
+        name = f"{cell.case.id}[{cell.variant.id}]-{cell.engine_id}"
+        cells.append(pytest.param((plan, cell), id=name, marks=marks))
+    metafunc.parametrize("planned", cells)
 
 
 def verdicts(checks: list[CellCheck]) -> Verdicts:
@@ -49,8 +56,13 @@ def verdicts(checks: list[CellCheck]) -> Verdicts:
     return said
 
 
-def test_cell(checks: list[CellCheck]) -> None:
+def test_cell(planned: tuple[Plan, Cell]) -> None:
     """Every check passes, or has no truth or a known gap; the cell's own test passes as well."""
+    plan, cell = planned
+    judge_cell(plan.checks(cell))
+
+
+def judge_cell(checks: list[CellCheck]) -> None:
     said = verdicts(checks)
     if said["failed"]:
         pytest.fail("\n\n".join(said["failed"]), pytrace=False)
@@ -72,14 +84,14 @@ def says(name: str, outcome: Exception | None = None) -> Any:
 def test_a_cell_is_what_its_checks_say() -> None:
     passes, cell, skips = says("x"), says("cell"), says("y", pytest.skip.Exception("no truth"))
     known, fails = says("z", pytest.xfail.Exception("known")), says("w", pytest.fail.Exception("off", pytrace=False))
-    test_cell([passes, skips, cell])
+    judge_cell([passes, skips, cell])
     with pytest.raises(pytest.skip.Exception, match="no truth"):
-        test_cell([skips, cell])
+        judge_cell([skips, cell])
     with pytest.raises(pytest.xfail.Exception, match="known"):
-        test_cell([passes, known, cell])
+        judge_cell([passes, known, cell])
     with pytest.raises(pytest.fail.Exception, match="off"):
-        test_cell([fails, passes, known, skips, cell])
+        judge_cell([fails, passes, known, skips, cell])
     with pytest.raises(pytest.fail.Exception, match="other checks"):
-        test_cell([passes, says("cell", pytest.fail.Exception("other checks"))])
+        judge_cell([passes, says("cell", pytest.fail.Exception("other checks"))])
     with pytest.raises(RuntimeError, match="broken"):
-        test_cell([passes, says("cell", RuntimeError("broken"))])
+        judge_cell([passes, says("cell", RuntimeError("broken"))])

@@ -18,7 +18,7 @@ from ninedisk.core.nurbs.state import CROSSED, UNDECIDED, ContactRows, contact_r
 from ninedisk.core.nurbs.table import shape_table
 from ninedisk.core.validate import IntArray
 
-N = 1_000 if numba.config.DISABLE_JIT else 100_000
+N = 1_000 if numba.config.DISABLE_JIT else 30_000
 PRECISION = 1e-14
 KINDS = ("uniform", "grazing", "inside", "usual")
 

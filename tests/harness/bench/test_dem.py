@@ -59,8 +59,15 @@ def test_lammps_agrees_to_round_off_over_a_hundred_steps(settled: DemProblem) ->
     assert found.facts["kinetic"] == pytest.approx(ours.facts["kinetic"], rel=1e-9)
 
 
-@pytest.mark.parametrize("defect", ["mu", "kn", "beta"])
-@pytest.mark.parametrize("peer", EACH_PEER)
+@pytest.mark.parametrize(
+    ("peer", "defect"),
+    [
+        pytest.param(YADE, "mu", marks=needs("yade")),
+        pytest.param(LAMMPS, "kn", marks=needs("lammps")),
+        pytest.param(LAMMPS, "beta", marks=needs("lammps")),
+    ],
+    ids=["yade-mu", "lammps-kn", "lammps-beta"],
+)
 def test_other_contact_parameters_are_seen(
     peer: dem.Peer, defect: str, settled: DemProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -211,8 +211,7 @@ def test_siconos_meets_the_exact_steps_of_its_theta(case, theta):
 
 
 @needs(LAMMPS)
-@pytest.mark.parametrize("phi", [15.0, 30.0])
-@pytest.mark.parametrize("ratio", [1.0, 2.0 / 3.0])
+@pytest.mark.parametrize(("phi", "ratio"), [(15.0, 1.0), (30.0, 2.0 / 3.0)])
 def test_lammps_meets_the_core_with_its_own_lever_arm(run_cell, phi, ratio):
     params = {"phi_deg": phi, "ks_over_kn": ratio, "lever_arm": "torque-overlap-disks"}
     cell = run_cell(DISTORTION, LAMMPS, params)

@@ -26,6 +26,7 @@ def ninedisk(*arguments: str) -> Result:
     return CliRunner().invoke(app, list(arguments), prog_name="ninedisk")
 
 
+@pytest.mark.usefixtures("cells_here")
 @pytest.mark.parametrize(
     ("engines", "code"),
     [

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import resource
 import shutil
+import subprocess
+import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -134,15 +136,22 @@ def written(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.usefixtures("fakes")
+@pytest.fixture(scope="module")
+def begun(fake_environment: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a run in its store, and the same again in a folder of its own."""
+    folder = tmp_path_factory.mktemp("begun")
+    command = [sys.executable, "-m", "ninedisk", "run", *NEEDED["run"]]
+    subprocess.run(command, cwd=folder, env=fake_environment, capture_output=True, check=True)
+    shutil.copytree(folder / "results", folder / "before/results")
+    return folder
+
+
+@pytest.mark.usefixtures("fakes", "cells_here")
 @pytest.mark.parametrize(("words", "option"), options())
-def test_odd_values_of_every_option(words: str, option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    begun = tmp_path / "begun"
-    begun.mkdir()
-    monkeypatch.chdir(begun)
+def test_odd_values_of_every_option(
+    words: str, option: str, begun: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     invoke = partial(CliRunner().invoke, app, prog_name="ninedisk")
-    assert invoke(["run", *NEEDED["run"]]).exit_code == 0
-    shutil.copytree("results", "before/results")
     before = written(begun)
     taken = TAKEN.get((words, option), ())
     for k, value in enumerate(VALUES):
@@ -178,6 +187,7 @@ def test_refused_at_once_and_nothing_written(
     assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["file"]
 
 
+@pytest.mark.usefixtures("cells_here")
 @pytest.mark.parametrize(
     ("case_id", "setting"),
     [

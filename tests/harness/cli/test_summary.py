@@ -109,6 +109,7 @@ def ninedisk(*words: str) -> Any:
     return CliRunner().invoke(app, words)
 
 
+@pytest.mark.usefixtures("cells_here")
 def test_the_command_that_a_run_names_shows_the_stored_run(tmp_path: Path) -> None:
     store = tmp_path / "a store"
     ran = ninedisk("run", "binary-collision", "-e", "pymunk", "-e", "box2d", "--store", str(store))
@@ -123,6 +124,7 @@ def test_the_command_that_a_run_names_shows_the_stored_run(tmp_path: Path) -> No
     assert "box2d" not in one.stdout
 
 
+@pytest.mark.usefixtures("cells_here")
 @pytest.mark.parametrize(
     ("words", "said"),
     [

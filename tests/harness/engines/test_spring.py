@@ -104,8 +104,9 @@ def engines(wanted: Callable[[Expected], Any] = lambda _: True) -> Any:
 
 
 @engines()
-@pytest.mark.parametrize("load_case", LOAD_CASES)
-@pytest.mark.parametrize(("xi", "form"), [(3.0, "central"), (3.0, "lagged"), (0.0, "central")])
+@pytest.mark.parametrize(
+    ("load_case", "xi", "form"), [("a1", 3.0, "central"), ("a2", 3.0, "lagged"), ("b1", 0.0, "central"), ("b2", 3.0, "central")]
+)  # fmt: skip
 def test_smooth_compression_is_the_exact_recurrence(engine: Any, load_case: str, xi: float, form: str) -> None:
     setup = variant("nine-disk/compression", load_case=load_case, xi=xi, damping_form=form, settle_cycles=0)
     history: History = engine.run(setup.scene, setup.numerics, setup.watch).history
@@ -131,7 +132,7 @@ def test_smooth_compression_is_the_exact_recurrence(engine: Any, load_case: str,
 
 
 @engines(lambda each: each.rough)
-@pytest.mark.parametrize(("load_case", "form"), [*zip(LOAD_CASES, ("central", "lagged") * 2, strict=False)])
+@pytest.mark.parametrize(("load_case", "form"), [("a1", "central"), ("b2", "lagged")])
 def test_rough_compression_is_the_in_house_dem(engine: Any, load_case: str, form: str) -> None:
     """Corner disks rub on two walls at once: their shear forces are told apart."""
     setup = variant("nine-disk/compression", load_case=load_case, wall_mu="mu", damping_form=form, settle_cycles=0)
@@ -144,8 +145,7 @@ def test_rough_compression_is_the_in_house_dem(engine: Any, load_case: str, form
 
 
 @engines(lambda each: each.block)
-@pytest.mark.parametrize("tilted", [False, True])
-@pytest.mark.parametrize("mu", [0.36, 0.4])
+@pytest.mark.parametrize(("mu", "tilted"), [(0.36, True), (0.4, False)])
 def test_preloaded_block_is_the_closed_form(engine: Any, mu: float, tilted: bool) -> None:
     mass, g, angle, kn = 7.854, 10.0, np.radians(20.0), 1e7
     down, up = np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
@@ -170,7 +170,7 @@ def test_preloaded_block_is_the_closed_form(engine: Any, mu: float, tilted: bool
 
 
 @engines()
-@pytest.mark.parametrize("restitution", [1.0, 0.5, 0.0])
+@pytest.mark.parametrize("restitution", [1.0, 0.5])
 def test_collision_is_the_in_house_dem(engine: Any, restitution: float) -> None:
     """Dashpots see v_{n-1/2} everywhere: the lagged form is theirs."""
     setup = variant("binary-collision", restitution=restitution)
@@ -216,10 +216,10 @@ def test_two_runs_at_once_do_not_disturb_each_other(
 @engines()
 def test_run_stopped_half_way_is_a_timeout(engine: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    engine.time_limit, steps = 2.5, EXPECTED[engine.id].long
+    engine.time_limit, steps = 1.5, EXPECTED[engine.id].long
     setup = variant("nine-disk/compression")
     # No path of the walls to prepare: the time goes into the engine.
-    with pytest.raises(EngineTimeoutError, match=r"was stopped at its time limit of 2.5 s"):
+    with pytest.raises(EngineTimeoutError, match=r"was stopped at its time limit of 1.5 s"):
         engine.run(setup.scene.replace(walls=(), xi=0.0), setup.numerics.replace(n_steps=steps, sample_every=steps), [])
     assert list(tmp_path.iterdir()) == []
 

@@ -119,9 +119,9 @@ def test_the_suite_runs_only_what_it_must(store: Path, monkeypatch: pytest.Monke
     plan = make_plan([CASE], [ENGINE], [], None, store)
 
     def check(plan: Plan, number: int, collected: tuple[str, ...]) -> CellCheck:
-        return CellCheck(plan.cells[number][0], "cell", collected, plan)
+        return CellCheck(plan.cells[number], "cell", collected, plan)
 
-    collected = [tuple(name for name, _, _ in names) for _, names in plan.cells]
+    collected = [tuple(name for name, _, _ in plan.names(cell)) for cell in plan.cells]
     check(plan, 0, collected[0]).verify()
     assert ran == []
     check(plan, 2, collected[2]).result()
