@@ -14,6 +14,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
 
 
@@ -266,7 +267,12 @@ class Session(Protocol):
 
 
 def run_session(
-    make: Any, scene: Scene, numerics: Numerics, watch: Sequence[Pair], *, force_meaning: Any = "step-mean"
+    make: Any,
+    scene: Scene | SphereScene,
+    numerics: Numerics,
+    watch: Sequence[Pair],
+    *,
+    force_meaning: Any = "step-mean",
 ) -> EngineRun:
     """Drive a `Session` (``make(scene, numerics, pairs)``) over the sampled steps and time it."""
     pairs = tuple(scene.check_pair(pair) for pair in watch)
@@ -274,10 +280,11 @@ def run_session(
     history = History.empty(
         steps,
         np.multiply(steps, numerics.dt, dtype=np.float64),
-        n_disks=len(scene.disks),
+        n_disks=len(scene.bodies),
         n_walls=len(scene.walls),
         pairs=pairs,
         force_meaning=force_meaning,
+        dimension=scene.dimension,
     )
     setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
     with setup:

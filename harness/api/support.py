@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_needed
-from ninedisk.harness.api.engine import Support, SupportLevel
+from ninedisk.harness.api.engine import Engine, Support, SupportLevel
 
 OF_SLIP_AT = frozenset(SLIP_AT.values())
 """What an engine may lack whose runs are those of the same physics, discretised otherwise: of first order in the step."""
@@ -39,6 +40,13 @@ def contact_steps(scene: Scene, numerics: Numerics) -> tuple[int, float]:
 
     contact_dt, _ = contact_step(scene, numerics)
     return numerics.substeps(contact_dt), contact_dt
+
+
+def support_of(engine: Engine, scene: Scene | SphereScene, numerics: Numerics) -> Support:
+    """`Engine.supports`, which is only asked about scenes of a dimension that the engine has."""
+    if isinstance(scene, SphereScene) and Capability.SPHERES not in engine.info().capabilities:
+        return Support(SupportLevel.NO, missing=(Capability.SPHERES,))
+    return engine.supports(scene, numerics)  # type: ignore[arg-type]
 
 
 def rigid_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:

@@ -34,6 +34,7 @@ from ninedisk.harness.api.engine import (
     SupportLevel,
 )
 from ninedisk.harness.api.params import foreign_settings
+from ninedisk.harness.api.support import support_of
 from ninedisk.harness.results.schema import CELL_COLUMNS, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row, figures_to_text
 from ninedisk.harness.results.tables import CaseResult, complete, plain_json
 from ninedisk.harness.run.isolation import TIME_LIMIT_VARIABLE
@@ -162,7 +163,7 @@ def run_cell(
         if foreign:
             why = f"the variant sets {', '.join(foreign)}, which this engine does not have: its run is that of the default"
             return without_measurements(cell, head, "unsupported", why)
-        support = cell.engine.supports(setup.scene, setup.numerics)
+        support = support_of(cell.engine, setup.scene, setup.numerics)
         head |= support_columns(support)
         if support.level is SupportLevel.NO:
             return without_measurements(cell, head, "unsupported", why_not(info, support))
