@@ -97,7 +97,8 @@ def prescribed_spins(scene: Scene | SphereScene, engine: str) -> list[str]:
     bodies = scene.bodies
     spinning = np.flatnonzero(~bodies.rotating & bodies.omega.reshape(len(bodies), -1).any(axis=1))
     return [
-        f"{scene.noun} {i} spins at a prescribed rate: {engine}'s blocked bodies have no rotation at all" for i in spinning
+        f"{scene.noun} {i} spins at a prescribed rate: {engine}'s blocked bodies have no rotation at all"
+        for i in spinning
     ]
 
 

@@ -166,7 +166,9 @@ class SpaceSession(WorldSession):
             history.angle[row, i], history.omega[row, i] = t * spheres.omega[i], spheres.omega[i]
         write_contacts(self.scene, history, row, pose, impulses, self.dt)
 
-    def drive_wall(self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray) -> None:
+    def drive_wall(
+        self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray
+    ) -> None:
         """Put plane ``k`` at ``point`` [m], turned by ``rotation`` since time 0, with a velocity [m/s] and a spin [rad/s]."""
         raise NotImplementedError
 

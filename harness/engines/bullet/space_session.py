@@ -28,7 +28,9 @@ class BulletSpaceSession(SpaceSession, BulletSession):
         """Whether nothing moves a body: it is fixed, or its motion is prescribed."""
         return super().prescribed(i) or i in self.driven
 
-    def drive_wall(self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray) -> None:
+    def drive_wall(
+        self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray
+    ) -> None:
         """Set a plane's pose and its velocities over the coming step."""
         w, x, y, z = quaternion_of(rotation)
         body = self.walls[k]

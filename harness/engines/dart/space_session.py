@@ -35,7 +35,9 @@ class DartSpaceSession(SpaceSession, DartSession):
             history.x[row, i], history.v[row, i] = body.getTransform().translation(), body.getLinearVelocity()
             history.angle[row, i], history.omega[row, i] = self.angle[i], body.getAngularVelocity()
 
-    def drive_wall(self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray) -> None:
+    def drive_wall(
+        self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray
+    ) -> None:
         """Set a plane's pose and its velocities over the coming step; a free joint's are in the body's frame."""
         self.walls[k].setPositions([*vector_of(rotation), *point])
         self.walls[k].setVelocities([*(rotation.T @ rate), *(rotation.T @ velocity)])

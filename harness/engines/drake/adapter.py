@@ -179,7 +179,9 @@ class DrakeDiscreteEngine(RigidPackageEngine):
                 f"{scene.noun}s' own, {scene.law_of_bodies.mu:g}"
             )
         if between == 0.0 and any(wall.law.mu > 0.0 for wall in scene.walls):
-            found.append("Drake gives a pair the harmonic mean of its bodies' friction: 0 for smooth bodies on any wall")
+            found.append(
+                "Drake gives a pair the harmonic mean of its bodies' friction: 0 for smooth bodies on any wall"
+            )
         return found
 
     def approximations(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002

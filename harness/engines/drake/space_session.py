@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
-from ninedisk.harness.engines.drake.session import ENGINE_VERSION, LaggedSession, SapSession, copy_state
+from ninedisk.harness.engines.drake.session import ENGINE_VERSION, SapSession, copy_state
 from ninedisk.harness.engines.space import PlanePoses, write_contacts
 
 __all__ = ["ENGINE_VERSION", "LaggedSessionInSpace", "SapSessionInSpace"]

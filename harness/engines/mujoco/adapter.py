@@ -120,7 +120,10 @@ class MuJoCoEngine(RigidPackageEngine):
         refused = refused_in_space(scene) if isinstance(scene, SphereScene) else []
         if pairs <= MOST_PAIRS:
             return refused
-        return (*refused, f"each two bodies need a contact pair of their own: {pairs:.2g} of them, at most {MOST_PAIRS:.2g} fit",)
+        return (
+            *refused,
+            f"each two bodies need a contact pair of their own: {pairs:.2g} of them, at most {MOST_PAIRS:.2g} fit",
+        )
 
     def approximations(self, scene: Scene | SphereScene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """What soft contacts and the convex problem make of any scene with contacts."""

@@ -50,6 +50,9 @@ the line search of MuJoCo's solver loses the forces in the round-off of so large
 class MuJoCoSession:
     """The `Session` of one run."""
 
+    poses: Any
+    """What gives the walls' poses at a time."""
+
     def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
         self.options = read_options("mujoco", OPTIONS, numerics)
         self.scene, self.dt, self.done = scene, numerics.dt, 0

@@ -50,7 +50,9 @@ class MuJoCoSpaceSession(MuJoCoSession):
             self.data.qvel[dof : dof + 3] = spheres.v[i]
             if turns[i]:
                 self.data.qvel[dof + 3 : dof + 6] = spheres.omega[i]
-        self.quaternions = np.array([self.slides[i][0] + 3 + np.arange(4) for i in self.turning], dtype=int).reshape(-1, 4)
+        self.quaternions = np.array([self.slides[i][0] + 3 + np.arange(4) for i in self.turning], dtype=int).reshape(
+            -1, 4
+        )
         self.spins = np.array([self.slides[i][1] + 3 + np.arange(3) for i in self.turning], dtype=int).reshape(-1, 3)
 
     def _joint(self, body: int) -> tuple[int, int]:
@@ -147,9 +149,7 @@ class MuJoCoSpaceSession(MuJoCoSession):
         mass = _PRESCRIBED * float(self.scene.spheres.mass.max(initial=1e-300))
         body = _body(spec, name, wall.point, mass, mass * self.reach**2, turns=True, weightless=True)
         box, middle = mujoco.mjtGeom.mjGEOM_BOX, -self.reach * np.array(wall.normal)
-        body.add_geom(
-            name=name, type=box, pos=middle, quat=facing, size=[self.reach] * 3, contype=0, conaffinity=0
-        )
+        body.add_geom(name=name, type=box, pos=middle, quat=facing, size=[self.reach] * 3, contype=0, conaffinity=0)
 
 
 def _body(spec: Any, name: str, place: Any, mass: float, inertia: float, *, turns: bool, weightless: bool) -> Any:
