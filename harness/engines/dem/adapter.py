@@ -62,8 +62,8 @@ class DemEngine:
 
     def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
-        plane = isinstance(scene, Scene)
-        lacks = DISKS_ALONE if plane and (needs_outlines(scene) or scene.cell is not None) else LACKS
+        grains = isinstance(scene, Scene) and (needs_outlines(scene) or scene.cell is not None)
+        lacks = DISKS_ALONE if grains else LACKS
         missing = capabilities_needed(scene, numerics) & lacks
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
