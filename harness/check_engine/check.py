@@ -73,13 +73,13 @@ def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Finding]]]:
     for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
         yield name, _judged(bench, name, probe)
     for asked in Capability:
-        probe = probe_in_space(asked, info)
-        if probe is None and not info.plane:
+        in_space = probe_in_space(asked, info)
+        if in_space is None and not info.plane:
             continue
         if asked in SPACE - {Capability.SPHERES} and Capability.SPHERES not in info.capabilities:
             continue
-        chosen = probe or probe_of(asked, info)
-        yield f"supports: {asked.name}", lambda p=chosen, asked=asked: conduct.capability(bench, p, asked)  # type: ignore[misc]
+        own = in_space or probe_of(asked, info)
+        yield f"supports: {asked.name}", lambda own=own, asked=asked: conduct.capability(bench, own, asked)  # type: ignore[misc]
 
 
 def _simple(bench: Bench) -> Iterator[Probe]:

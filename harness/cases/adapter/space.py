@@ -72,7 +72,7 @@ def _three(vector: FloatArray) -> tuple[float, float, float]:
 
 
 def spheres(info: EngineInfo, **sampling: int) -> Probe:
-    """A sphere at rest on an oblique floor, and one that flies beside it, turning: vectors have the axes of the scene. ``sampling`` goes to `Numerics`."""
+    """A sphere at rest on an oblique floor, and one that flies beside it, turning; ``sampling`` goes to `Numerics`."""
     overlap = resting_overlap(info)
     v, omega, begin = np.array([0.3, -0.2, 1.5]), np.array([1.0, 2.0, -3.0]), 5.0 * ALONG + 3.0 * UP
     contact, both = law(info), np.stack([(R - overlap) * UP, begin])
