@@ -520,18 +520,21 @@ def round_off(setup: Setup, engine: EngineInfo, history: History, contact_dt: fl
     velocity ``omega u``. Rigid contacts find velocities, not positions.
     """
     share = RELATIVE.get(engine.precision, RELATIVE["float32"])
-    disks = setup.scene.disks
-    length = float(np.nanmax(np.abs(history.x), initial=0.0)) + float(disks.radius.max())
+    bodies = setup.scene.bodies
+    length = float(np.nanmax(np.abs(history.x), initial=0.0)) + float(bodies.radius.max())
     unit = float(np.spacing(length if engine.precision == "float64" else np.float32(length)))
-    stiff = max((law.kn for law in setup.scene.laws_in_use), default=0.0) if engine.contact == "spring" else 0.0
-    omega = min(math.sqrt(2.0 * stiff / float(disks.mass.min())), 2.0 / contact_dt)
+    # The tangent stiffness of Hertz, 2 E* sqrt(R overlap), at the deepest overlap that was watched.
+    root = math.sqrt(float(bodies.radius.max()) * -float(np.nanmin(history.gap, initial=0.0)))
+    laws: Sequence[Any] = setup.scene.laws_in_use if engine.contact == "spring" else ()
+    stiff = max((law.kn or 2.0 * law.e_star * root for law in laws), default=0.0)
+    omega = min(math.sqrt(2.0 * stiff / float(bodies.mass.min())), 2.0 / contact_dt)
     speed = float(np.nanmax(np.abs(history.v), initial=0.0))
     of_length, of_speed = share * length, share * speed + ROUNDINGS * unit * omega
-    mass = float(disks.mass.sum())
+    mass = float(bodies.mass.sum())
     absolute = {
         "m": of_length,
         "m/s": of_speed,
-        "rad/s": of_speed / float(disks.radius.min()),
+        "rad/s": of_speed / float(bodies.radius.min()),
         "N": ROUNDINGS * unit * stiff,
         "kg m/s": mass * of_speed,
         "J": mass * speed * of_speed,

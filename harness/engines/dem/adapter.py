@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import ninedisk
 from ninedisk.core.dem.grains import needs_outlines
@@ -10,9 +11,14 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.core.threads import MOST_THREADS
 from ninedisk.harness.api.capabilities import ROLLING, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, Timings, timings_of
+
+if TYPE_CHECKING:
+    from ninedisk.core.dem.session import DemSession
+    from ninedisk.core.spheres.session import SphereSession
 
 OPTIONS: Mapping[str, Option] = {
     "threads": Option(
@@ -31,7 +37,7 @@ DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENE
 
 
 class DemEngine:
-    """`ninedisk.core.dem`: central differences, linear contact springs."""
+    """`ninedisk.core.dem` and, in space, `ninedisk.core.spheres`: central differences, contact springs."""
 
     id = "dem"
 
@@ -54,11 +60,11 @@ class DemEngine:
             options=OPTIONS,
         )
 
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+    def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
-        missing = capabilities_needed(scene, numerics) & (
-            DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
-        )
+        grains = isinstance(scene, Scene) and (needs_outlines(scene) or scene.cell is not None)
+        lacks = DISKS_ALONE if grains else LACKS
+        missing = capabilities_needed(scene, numerics) & lacks
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
         if any(law.regularised for law in scene.laws_in_use):
@@ -67,10 +73,9 @@ class DemEngine:
             )
         return Support(SupportLevel.EXACT)
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run the scene on `ninedisk.core.dem.session.DemSession`."""
+    def run(self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene on `ninedisk.core.dem.session.DemSession` or `ninedisk.core.spheres.session.SphereSession`."""
         from ninedisk.core.dem.arrays import FIRST_SKIN, LEAST_SKIN, MOST_SKIN
-        from ninedisk.core.dem.session import DemSession
 
         setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
         options = read_options(self.id, OPTIONS, numerics)
@@ -78,7 +83,7 @@ class DemEngine:
             options={name: numerics.options[name] for name in numerics.options.keys() - options.keys()}
         )
         with setup:
-            session = DemSession(scene, plain, watch, threads=options["dem.threads"])
+            session = _session(scene, plain, watch, options["dem.threads"])
         with warm_up:
             session.warm_up()
         with stepping:
@@ -87,16 +92,16 @@ class DemEngine:
             "contact_dt [s]": session.contact_dt,
             "critical step of the initial state [s]": session.critical_dt,
             "damping_form": numerics.damping_form,
-            "lever_arm": scene.disk_disk.lever_arm,
+            "lever_arm": scene.law_of_bodies.lever_arm,
             "skin / mean radius": f"{LEAST_SKIN:g} to {MOST_SKIN:g}, adapted at each rebuild, first {FIRST_SKIN:g}",
         }
         return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings | options)
 
-    def save(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str) -> None:
+    def save(
+        self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str
+    ) -> None:
         """Run ``steps`` steps and write a checkpoint."""
-        from ninedisk.core.dem.session import DemSession
-
-        session = DemSession(scene, numerics, watch)
+        session = _session(scene, numerics, watch, 1)
         session.advance(steps)
         session.save(path)
 
@@ -105,6 +110,18 @@ class DemEngine:
         from ninedisk.core.dem.session import DemSession
 
         return EngineRun(history=DemSession.load(path).run(), timings=Timings(setup=0.0, warm_up=0.0, advance=0.0))
+
+
+def _session(
+    scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair], threads: int
+) -> DemSession | SphereSession:
+    if isinstance(scene, SphereScene):
+        from ninedisk.core.spheres.session import SphereSession
+
+        return SphereSession(scene, numerics, watch, threads=threads)
+    from ninedisk.core.dem.session import DemSession
+
+    return DemSession(scene, numerics, watch, threads=threads)
 
 
 ENGINE = DemEngine()
