@@ -172,7 +172,9 @@ class Siconos(ProcessEngine):
             **(
                 {"normal_of_two_spheres": "at the beginning of the step"}
                 if isinstance(scene, SphereScene)
-                else {"normal_of_two_disks": "at the predicted end of the step, x + dt v; for restitution, at its beginning"}
+                else {
+                    "normal_of_two_disks": "at the predicted end of the step, x + dt v; for restitution, at its beginning"
+                }
             ),
             "threads": 1,
         }

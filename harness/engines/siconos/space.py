@@ -8,7 +8,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.engines.space import PlanePoses, vector_of
+from ninedisk.harness.engines.space import PlanePoses, twists
 
 IN_SPACE = frozenset(
     {
@@ -37,8 +37,6 @@ def plane_path(scene: SphereScene, numerics: Numerics) -> FloatArray:
     poses, dt = PlanePoses(scene), numerics.dt
     found = []
     for step in range(numerics.n_steps + 1 if poses.moving else 1):
-        here, there = poses(step * dt), poses((step + 1) * dt)
-        rates = [vector_of(b @ a.T) / dt for a, b in zip(here.rotation, there.rotation, strict=True)]
-        spin = np.array(rates).reshape(-1, 3)
-        found.append(np.hstack([here.point, here.normal, (there.point - here.point) / dt, spin]))
+        here = poses(step * dt)
+        found.append(np.hstack([here.point, here.normal, *twists(here, poses((step + 1) * dt), dt)]))
     return np.array(found)

@@ -41,7 +41,7 @@ class SpaceRun:
         for i in range(self.n):
             for j in range(i + 1, self.n + len(self.walls)):
                 self._link(i, j)
-        self._simulation(options, extra["threshold"], request["numerics"]["n_steps"])
+        self._simulation(options, extra["threshold"])
 
     def _sphere(self, i):
         spheres = self.scene["spheres"]
@@ -119,16 +119,14 @@ class SpaceRun:
         relation.C()[:] = h
         relation.e()[:] = np.array([gap, 0.0, 0.0]) - h @ np.concatenate(q)
 
-    def _simulation(self, options, threshold, n_steps):
+    def _simulation(self, options, threshold):
         self.osi = sk.MoreauJeanOSI(options["siconos.theta"])
         self.osi.setConstraintActivationThreshold(threshold)
         self.problem = sk.FrictionContact(3, sn.SICONOS_FRICTION_3D_NSGS)
         solver = self.problem.numericsSolverOptions()
         solver.dparam[sn.SICONOS_DPARAM_TOL] = self.tolerance
         solver.iparam[sn.SICONOS_IPARAM_MAX_ITER] = options["siconos.max_iterations"]
-        self.simulation = sk.TimeStepping(
-            self.nsds, sk.TimeDiscretisation(0.0, self.dt), self.osi, self.problem
-        )
+        self.simulation = sk.TimeStepping(self.nsds, sk.TimeDiscretisation(0.0, self.dt), self.osi, self.problem)
         self.simulation.setNewtonOptions(sk.SICONOS_TS_LINEAR)
         self.simulation.setWarnOnNonConvergence(False)
 
@@ -139,7 +137,8 @@ class SpaceRun:
         return {"largest_solver_residual": self.worst}
 
     def start(self):
-        """The sample of time 0."""
+        """The sample of time 0; the rates of its contacts, which the first step's restitution is held against."""
+        self.simulation.initialize()
         self._sample(0)
 
     def advance(self, sampled):
@@ -193,7 +192,7 @@ class SpaceRun:
                 "siconos.tolerance or raise siconos.max_iterations"
             )
 
-    def _forces(self, step):
+    def _forces(self):
         """Normal force and shear force on the first body of each contact [N], means over the step, of the frames of its beginning."""
         return {
             pair: self.unit / self.dt * np.array(contact.lambda_(1)) @ relation.C()[:, :3]
@@ -202,7 +201,7 @@ class SpaceRun:
 
     def _sample(self, step):
         state = np.array([[body.q(), body.velocity()] for body in self.bodies]).reshape(self.n, 12)
-        forces, pose = self._forces(step), self._place(step)
+        forces, pose = self._forces(), self._place(step)
         watched, gaps = [], []
         for i, j in self.pairs:
             frame, gap = self._frame(i, j, step)
@@ -227,6 +226,8 @@ class SpaceRun:
             np.array(column, dtype=float).reshape((len(step), *shape))
             for column, shape in zip(columns, shapes, strict=True)
         )
+        held, v0 = (np.array(self.scene["spheres"][name]).reshape(n, 3) for name in ("held", "v"))
+        state[:, :, 6:9] = np.where(held, v0, state[:, :, 6:9])  # of what moves a sphere 2^-200 is left
         x, angle, v, omega = (state[:, :, k : k + 3] for k in (0, 3, 6, 9))
         inertia = np.where(self.rotating, self.inertia, 0.0)
         kinetic = 0.5 * ((v**2).sum(axis=2) * self.mass + (omega**2).sum(axis=2) * inertia).sum(axis=1)
