@@ -149,6 +149,8 @@ class Siconos(ProcessEngine):
         return {
             "options": read_options(self.id, OPTIONS, numerics),
             "wall_path": str(path),
+            "contact_dt": numerics.dt,
+            "substeps": 1,
             "threshold": activation_threshold(scene, numerics),
         }
 

@@ -13,27 +13,23 @@ import numpy as np
 import siconos
 import siconos.kernel as sk
 import siconos.numerics as sn
-from driver_parts import clock, known
+from driver_parts import clock
+from space_parts import SpaceRun
 
 PRESCRIBED = 2.0**200
 
 
-class SpaceRun:
+class SiconosSpaceRun(SpaceRun):
     """One simulation; forces are means over the step that ends at a sample."""
 
+    name = "Siconos"
+    force_meaning = "step-mean"
+
     def __init__(self, request):
-        scene, extra = request["scene"], request["extra"]
-        spheres, options = scene["spheres"], extra["options"]
-        self.scene, self.walls, self.n = scene, scene["walls"], len(spheres["radius"])
-        self.dt = request["numerics"]["dt"]
-        self.pairs = [tuple(pair) for pair in request["watch"]]
-        self.path = np.load(extra["wall_path"])
-        self.radius, self.mass = np.array(spheres["radius"]), np.array(spheres["mass"])
-        self.inertia = np.array(spheres["inertia"])
-        self.rotating = np.array(spheres["rotating"], dtype=bool)
-        self.unit = 2.0 ** round(math.log2(float(np.median(self.mass)))) if self.n else 1.0
+        super().__init__(request)
+        options = request["extra"]["options"]
+        self.unit = 2.0 ** round(math.log2(float(np.median(self.mass))))
         self.tolerance, self.worst = options["siconos.tolerance"], 0.0
-        self.samples = []
         self.nsds = sk.NonSmoothDynamicalSystem(0.0, self.dt * (request["numerics"]["n_steps"] + 2))
         self.bodies = [self._sphere(i) for i in range(self.n)]
         self.moving = {w: self._plane(w) for w, wall in enumerate(self.walls) if wall["motion"]}
@@ -41,43 +37,31 @@ class SpaceRun:
         for i in range(self.n):
             for j in range(i + 1, self.n + len(self.walls)):
                 self._link(i, j)
-        self._simulation(options, extra["threshold"])
+        self._simulation(options, request["extra"]["threshold"])
 
     def _sphere(self, i):
-        spheres = self.scene["spheres"]
-        held = np.array(spheres["held"][i], dtype=bool)
+        held = self.held[i]
         mass = np.where(held, PRESCRIBED, 1.0) * self.mass[i] / self.unit
         inertia = (1.0 if self.rotating[i] else PRESCRIBED) * self.inertia[i] / self.unit
-        q, v = [*spheres["x"][i], 0.0, 0.0, 0.0], [*spheres["v"][i], *spheres["omega"][i]]
+        q, v = [*self.x0[i], 0.0, 0.0, 0.0], [*self.v0[i], *self.omega0[i]]
         body = sk.LagrangianLinearTIDS(np.array(q), np.array(v), np.diag([*mass, inertia, inertia, inertia]))
-        weight = np.where(held, 0.0, self.mass[i] / self.unit * np.array(self.scene["gravity"]))
+        weight = np.where(held, 0.0, self.mass[i] / self.unit * self.gravity)
         body.setFExtPtr(np.array([*weight, 0.0, 0.0, 0.0]))
         self.nsds.insertDynamicalSystem(body)
         return body
 
-    def _place(self, step):
-        return self.path[min(step, len(self.path) - 1)]
-
     def _plane(self, w):
-        row = self._place(0)[w]
+        row = self.pose(0)[w]
         q = np.array([*row[0:3], 0.0, 0.0, 0.0])
         body = sk.LagrangianLinearTIDS(q, row[6:12].copy(), PRESCRIBED * np.eye(6))
         self.nsds.insertDynamicalSystem(body)
         return body
 
-    def _law(self, i, j):
-        material = self.scene["spheres"].get("material", [""] * self.n)
-        other = material[j] if j < self.n else self.walls[j - self.n].get("material", "")
-        for one, two, law in self.scene.get("laws", []):
-            if {one, two} == {material[i], other}:
-                return law
-        return self.scene["sphere_sphere"] if j < self.n else self.walls[j - self.n]["law"]
-
     def _link(self, i, j):
-        law, second = self._law(i, j), self.bodies[j] if j < self.n else self.moving.get(j - self.n)
+        law, second = self.law_of(i, j), self.bodies[j] if j < self.n else self.moving.get(j - self.n)
         bodies = [self.bodies[i]] if second is None else [self.bodies[i], second]
         relation = sk.LagrangianLinearTIR(np.zeros((3, 6 * len(bodies))), np.zeros(3))
-        impact = sk.NewtonImpactFrictionNSL(law.get("restitution") or 0.0, 0.0, law.get("mu", 0.0), 3)
+        impact = sk.NewtonImpactFrictionNSL(law.get("restitution") or 0.0, 0.0, law["mu"], 3)
         contact = sk.Interaction(impact, relation)
         self.nsds.link(contact, *bodies)
         self.contacts[i, j] = contact, relation, law
@@ -93,7 +77,7 @@ class SpaceRun:
             distance = float(np.linalg.norm(apart))
             normal, gap = apart / distance, distance - self.radius[i] - self.radius[j]
         else:
-            row = self._place(step)[j - self.n]
+            row = self.pose(step)[j - self.n]
             normal = row[3:6]
             gap = float((x - row[0:3]) @ normal - self.radius[i])
         first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
@@ -112,7 +96,7 @@ class SpaceRun:
             rows += [-frame, -np.cross(self.radius[j] * frame[0], frame)]
             q.append(np.array(self.bodies[j].q()))
         elif j - self.n in self.moving:
-            row = self._place(step)[j - self.n]
+            row = self.pose(step)[j - self.n]
             rows += [-frame, -np.cross(q[0][:3] + arm - row[0:3], frame)]
             q.append(np.array(self.moving[j - self.n].q()))
         h = np.hstack(rows)
@@ -155,7 +139,7 @@ class SpaceRun:
                 self._sample(step)
                 begin = clock()
             for w, body in self.moving.items():
-                row = self._place(step)[w]
+                row = self.pose(step)[w]
                 body.q()[:] = [*row[0:3], 0.0, 0.0, 0.0]
                 body.velocity()[:] = row[6:12]
             for pair in self.turning:
@@ -175,7 +159,7 @@ class SpaceRun:
             r = np.array(contact.lambda_(1))
             if not r.any():
                 continue
-            u, mu = np.array(contact.y(1)), law.get("mu", 0.0)
+            u, mu = np.array(contact.y(1)), law["mu"]
             u[0] += (law.get("restitution") or 0.0) * before[pair]
             u[0] += mu * math.hypot(u[1], u[2])
             if mu == 0.0:
@@ -192,62 +176,18 @@ class SpaceRun:
                 "siconos.tolerance or raise siconos.max_iterations"
             )
 
-    def _forces(self):
-        """Normal force and shear force on the first body of each contact [N], means over the step, of the frames of its beginning."""
-        return {
-            pair: self.unit / self.dt * np.array(contact.lambda_(1)) @ relation.C()[:, :3]
-            for pair, (contact, relation, _) in self.contacts.items()
-        }
-
     def _sample(self, step):
+        """Append one sample; forces are those of the step that ends here, in the frames of its beginning, none at step 0."""
         state = np.array([[body.q(), body.velocity()] for body in self.bodies]).reshape(self.n, 12)
-        forces, pose = self._forces(), self._place(step)
-        watched, gaps = [], []
-        for i, j in self.pairs:
-            frame, gap = self._frame(i, j, step)
-            force, normal = forces[i, j], frame[0]
-            watched.append([force @ normal, *(force - (force @ normal) * normal)])
-            gaps.append(gap)
-        on_walls = np.zeros((len(self.walls), 3))
-        for (_, j), force in forces.items():
+        v = np.where(self.held, self.v0, state[:, 6:9])  # of what moves a sphere 2^-200 is left
+        found, on_walls = {}, np.zeros((len(self.walls), 3))
+        for (i, j), (contact, relation, _) in self.contacts.items():
+            frame = relation.C()[:, :3]  # rows: from the second body to the first, two tangents
+            impulse = self.unit / self.dt * np.array(contact.lambda_(1)) if step else np.full(3, np.nan)
+            found[i, j] = impulse[0], impulse[1:] @ frame[1:]
             if j >= self.n:
-                on_walls[j - self.n] -= force
-        watched = np.array(watched).reshape(-1, 4)
-        if step == 0:
-            watched, on_walls = np.full_like(watched, np.nan), np.full_like(on_walls, np.nan)
-        self.samples.append((step, state, watched, gaps, pose, on_walls))
-
-    def history(self):
-        """All samples as the arrays of the wire format."""
-        n, m, c = self.n, len(self.walls), len(self.pairs)
-        step, *columns = zip(*self.samples)  # noqa: B905
-        shapes = ((n, 12), (c, 4), (c,), (m, 12), (m, 3))
-        state, watched, gap, pose, on_walls = (
-            np.array(column, dtype=float).reshape((len(step), *shape))
-            for column, shape in zip(columns, shapes, strict=True)
-        )
-        held, v0 = (np.array(self.scene["spheres"][name]).reshape(n, 3) for name in ("held", "v"))
-        state[:, :, 6:9] = np.where(held, v0, state[:, :, 6:9])  # of what moves a sphere 2^-200 is left
-        x, angle, v, omega = (state[:, :, k : k + 3] for k in (0, 3, 6, 9))
-        inertia = np.where(self.rotating, self.inertia, 0.0)
-        kinetic = 0.5 * ((v**2).sum(axis=2) * self.mass + (omega**2).sum(axis=2) * inertia).sum(axis=1)
-        gravity = -((x * np.array(self.scene["gravity"])).sum(axis=2) * self.mass).sum(axis=1)
-        return {
-            "step": list(step),
-            "t": (np.array(step) * self.dt).tolist(),
-            "x": x.tolist(),
-            "v": v.tolist(),
-            "angle": angle.tolist(),
-            "omega": omega.tolist(),
-            "gap": gap.tolist(),
-            "fn": known(watched[:, :, 0]),
-            "fs": known(watched[:, :, 1:]),
-            "force_meaning": "step-mean",
-            "wall_point": pose[:, :, 0:3].tolist(),
-            "wall_angle": pose[:, :, 3:6].tolist(),
-            "wall_force": known(on_walls),
-            "energy": {"kinetic": kinetic.tolist(), "gravity": gravity.tolist()},
-        }
+                on_walls[j - self.n] -= impulse @ frame
+        self.sample(step, state[:, 0:3], v, state[:, 9:12], state[:, 3:6], found, on_walls)
 
 
 def _on_cone(r, mu):
