@@ -511,11 +511,12 @@ def draw_projection(picture: Projection) -> str:
                 foot = centre + (radius * along if few else 0.0)
                 _arrow(axes, foot, foot + (0.6 * size if few else 1.6 * radius) * along, MOTION, label)
             if few and omega[k].any():
-                told = "(" + ", ".join(f"{each:.3g}" for each in omega[k]) + ") rad/s"
-                axes.annotate(told, tuple(centre - [0.0, radius]), (0, -3), textcoords="offset points", ha="center", va="top",
+                axes.annotate(_spin(omega[k]), tuple(centre - [0.0, radius]), (0, -3), textcoords="offset points", ha="center", va="top",
                               fontsize=7.5, color=SPIN, annotation_clip=False, zorder=6)  # fmt: skip
         for cut in lines:
             _motion(axes, cut, lines, low, high, size)
+        turning = [f"{wall.name} turns: {_spin(wall.spin)}" for wall in scene.walls if wall.spin.any()]
+        axes.text(high[0], low[1], "\n".join(turning), color=SPIN, fontsize=7.5, ha="right", va="bottom", zorder=6)
         strength = float(np.linalg.norm(scene.gravity))
         if scene.gravity[pair].any():
             way = 0.8 * size * scene.gravity[pair] / strength
@@ -528,6 +529,10 @@ def draw_projection(picture: Projection) -> str:
             _arrow(axes, corner, corner + 0.35 * size * along, INK, "")
             axes.text(*(corner + 0.42 * size * along), name, ha="center", va="center", fontsize=8)
         return svg_of(figure)
+
+
+def _spin(omega: FloatArray) -> str:
+    return "(" + ", ".join(f"{each:.3g}" for each in omega) + ") rad/s"
 
 
 def _draw_cell(scene: SceneView, cell: CellView) -> str:
