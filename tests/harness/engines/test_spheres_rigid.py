@@ -235,27 +235,37 @@ def test_what_springs_and_resistances_ask_is_missing_by_name(engine: str) -> Non
     sprung = SphereLaw(e_star=1e9, g_star=1e9, mu=MU, beta=0.1, rolling=Rolling(model="constant", mu=0.1))
     missing = support_of(get_engine(engine), scene.replace(sphere_sphere=sprung), Numerics(dt=DT, n_steps=1)).missing
     assert {Capability.HERTZ_MINDLIN, Capability.SHEAR_SPRING, Capability.CONTACT_DAMPING} <= set(missing)
-    assert (Capability.ROLLING_CONSTANT in missing) == (engine != "mujoco")
+    assert (Capability.ROLLING_CONSTANT in missing) == (engine not in {"bullet", "mujoco"})
 
 
-def test_mujoco_resists_rolling_and_twisting_by_a_torque_of_its_own_cone() -> None:
-    """A ball that spins about the vertical loses ``mu R fn t/I``; one that rolls loses less than that, as friction uses up the cone."""
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_resistances_to_rolling_and_twisting_are_torques_in_proportion_to_the_normal_force(engine: str) -> None:
+    """A ball that spins about the vertical loses ``mu R fn t/I``, one that rolls 5/7 of mu g t; MuJoCo has one cone for all."""
     mu_twist, mu_roll = 0.02, 0.05
     resistances = {"twisting": Rolling(model="constant", mu=mu_twist), "rolling": Rolling(model="constant", mu=mu_roll)}
     floor = PlaneWall(name="floor", point=(0, 0, 0), normal=(0, 0, 1), law=law(MU, **resistances))
     balls = Spheres(
-        x=[[0, 0, 0.5], [9, 0, 0.5]], v=[[0, 0, 0], [2, 0, 0]], omega=[[0, 0, 5], [0, 4, 0]], radius=0.5, mass=0.3
+        x=[[0, 0, 0.5], [9, 0, 0.5]],
+        v=[[0, 0, 0], [1.2, 1.6, 0]],
+        omega=[[0, 0, 5], [-3.2, 2.4, 0]],
+        radius=0.5,
+        mass=0.3,
     )
-    scene = SphereScene(spheres=balls, sphere_sphere=law(MU), walls=(floor,), gravity=(0, 0, -G))
-    history = run("mujoco", scene, 40, [(1, 2)])
-    t = 40 * DT
+    scene = SphereScene(spheres=balls, sphere_sphere=law(0.2), walls=(floor,), gravity=(0, 0, -G))
+    history = run(engine, scene, 40, [(1, 2)])
+    t, way = 40 * DT, np.array([0.6, 0.8, 0.0])
     assert history.omega[-1, 0, 2] == pytest.approx(5.0 - 2.5 * mu_twist * G * t / 0.5, rel=2e-5)
-    # Rolling on: m a = -F and I a/R = F R - M, so that F = 5 M/(7 R); one cone: (F/mu)^2 + (M/(mu_roll R))^2 = fn^2.
-    force = -history.fs[-1, 0, 0] / history.fn[-1, 0]
+    rim = 0.5 * np.linalg.norm(history.omega[-1, 1])
+    np.testing.assert_allclose(np.cross(history.v[-1, 1], way), 0.0, atol=1e-6)
+    force, slip = -history.fs[-1, 0] @ way / history.fn[-1, 0], history.v[-1, 1] @ way / rim - 1.0
+    # m a = -F and I a/R = F R - M: F = 5 M/(7 R).
+    if engine == "bullet":
+        assert force == pytest.approx(5 / 7 * mu_roll, rel=1e-9)
+        assert slip == pytest.approx(0.0, abs=1e-9)
+        return
+    # One cone: (F/mu)^2 + (M/(mu_roll R))^2 = fn^2, with forces as mu^2 slip to mu_roll^2 R^2 omega: the ball slips.
     assert force == pytest.approx(1.0 / math.hypot(1.0 / MU, 1.4 / mu_roll), rel=0.01)
-    # A cone's forces are as mu^2 slip to mu_roll^2 R^2 omega: the ball slips.
-    rim = 0.5 * history.omega[-1, 1, 1]
-    assert history.v[-1, 1, 0] / rim - 1.0 == pytest.approx(5 / 7 * (mu_roll / MU) ** 2, rel=0.02)
+    assert slip == pytest.approx(5 / 7 * (mu_roll / MU) ** 2, rel=0.02)
 
 
 def test_rotations_and_their_vectors_and_quaternions_agree_at_any_angle() -> None:
