@@ -15,11 +15,12 @@ from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.engines.plane import wall_reach
 from ninedisk.harness.engines.spring import IN_SPACE, NOTE_OVERDAMPED, NOTE_UNIFORM, Fit, InSpace, judge_arms, rough, uniform
 
-NOTE_ARM = "lever arm R - overlap/2 of the shear torque between spheres, R - overlap at walls, R of the slip"
+NOTE_ARM = "lever arm of shear torque and slip: R - overlap/2, for spheres and planes"
 NOTE_PROJECTION = (
     "shear displacements are projected on the new tangent plane: they shrink by half the square of the normal's rotation in each step"
 )
 NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; it may pull (limitForce off)"
+NOTE_PULLED = "where a dashpot pulls LIGGGHTS cuts off friction at mu times its pull, the scene at 0"
 NOTE_ONE_LAW = "one normal model for all contacts: linear and Hertz' beside each other are two"
 NOTE_MATERIALS = "E* and G* of a contact come of the E and nu (0 to 0.5) of each body: no such materials have those of this scene"
 NOTE_SEGMENTS = "walls change their velocity at contact steps only: a segment of motion ends within a step"
@@ -66,9 +67,9 @@ def materials(scene: SphereScene) -> list[tuple[float, float]] | None:
             return None
         rigid = normal[k] <= 10.0 * least
         ratio = shear[k] / normal[k] if asked and not rigid else 5.0
-        nu = (ratio - 4.0) / (ratio - 2.0)
-        if not -1e-12 <= nu <= 0.5 + 1e-12:
+        if not 4.0 - 1e-12 <= ratio <= 6.0 + 1e-12:
             return None
+        nu = (ratio - 4.0) / (ratio - 2.0)
         nu = min(max(nu, 0.0), 0.5)
         answer.append(((1.0 - nu**2) / max(float(normal[k]), least), float(nu)))
     return answer
@@ -76,10 +77,13 @@ def materials(scene: SphereScene) -> list[tuple[float, float]] | None:
 
 def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:
     """One normal model, materials that have the scene's moduli, walls on polygons in time."""
-    judge_arms(scene, fit, "torque-overlap", "whole")
+    judge_arms(scene, fit, "overlap", "overlap")
     laws = scene.laws_in_use
     if any(map(rough, laws)):
         fit.notes += [NOTE_ARM, NOTE_PROJECTION]
+    if any(law.beta > 0.0 and rough(law) for law in laws):
+        fit.approximate = True
+        fit.notes.append(NOTE_PULLED)
     if not uniform(scene):
         fit.lacks(Capability.DISK_INERTIA, NOTE_UNIFORM)
     if any(law.beta >= 1.0 and law.hertz for law in laws):
@@ -131,7 +135,7 @@ CHOSEN: dict[str, Any] = {
 }
 
 LIGGGHTS_IN_SPACE = InSpace(
-    capabilities=(IN_SPACE - {Capability.CURVED_WALL_MOTION}) | {Capability.LEVER_ARM_TORQUE, Capability.UNLOADING_NONE},
+    capabilities=(IN_SPACE - {Capability.CURVED_WALL_MOTION}) | {Capability.LEVER_ARM_OVERLAP, Capability.UNLOADING_NONE},
     judge=judge,
     chosen=CHOSEN,
     dashpot_note=NOTE_DASHPOT,

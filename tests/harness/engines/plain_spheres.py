@@ -61,7 +61,13 @@ def plain_dem(
     x, v, w = np.array(spheres.x), np.array(spheres.v), np.array(spheres.omega)
     substeps = numerics.substeps(dt)
     path = plane_path(scene, dt, substeps * numerics.n_steps)
-    pairs = [(i, j) for i in range(n) for j in range(i + 1, n + len(scene.walls))]
+    near = spheres.radius.max()  # further than any sphere moves in these runs
+    pairs = [
+        (i, j)
+        for i in range(n)
+        for j in range(i + 1, n + len(scene.walls))
+        if j >= n or np.linalg.norm(x[i] - x[j]) < spheres.radius[i] + spheres.radius[j] + near
+    ]
     memory: dict[tuple[int, int], tuple[np.ndarray, float, np.ndarray]] = {}
     inflow, rows = np.tile(scene.gravity, (n, 1)), []
     share = {"radius": 0.0, "overlap": 0.5, "whole": 1.0}
