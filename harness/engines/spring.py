@@ -21,7 +21,7 @@ from ninedisk.harness.api.engine import EngineRun, Support, SupportLevel
 from ninedisk.harness.api.support import NOTE_SLIP_END, OF_SLIP_AT, contact_steps
 from ninedisk.harness.api.wall_path import wall_path
 from ninedisk.harness.engines.process import ProcessEngine
-from ninedisk.harness.engines.space import PlanePoses, vector_of
+from ninedisk.harness.engines.space import PlanePoses
 
 AnyLaw = TypeVar("AnyLaw", ContactLaw, SphereLaw)
 ARMS = frozenset(LEVER_ARMS.values())
@@ -186,24 +186,31 @@ def plane_path(scene: SphereScene, dt: float, n_steps: int) -> FloatArray:
     Returns
     -------
     ndarray, shape (k + 1, m, 12)
-        Row ``n``: surface point [m] and normal at ``n dt``; means over the step that ends there (of row 0 over the one that begins
-        there) of the point's velocity [m/s] and of the plane's spin [rad/s].
+        Row ``n``: surface point [m] and normal at ``n dt``; that point's velocity [m/s] and the plane's spin [rad/s], which follow from
+        the pivot's velocity and the spin in the middle of the step that ends there (of row 0 at time 0), and the pivot's place at
+        ``n dt``. The last row has no velocity if the motion ends before the run does.
     """
     ends = [sum(segment.duration for segment in wall.motion) for wall in scene.walls]
-    steps = min(float(n_steps), np.ceil(max(ends, default=0.0) / dt) + 1.0)
+    last = int(min(float(n_steps), np.ceil(max(ends, default=0.0) / dt) + 1.0))
     poses = PlanePoses(scene)
-    if not poses.moving:
-        at_rest = poses(0.0)
-        return np.concatenate([at_rest.point, at_rest.normal, np.zeros((len(scene.walls), 6))], axis=1)[None]
-    path = np.empty((int(steps) + 1, len(scene.walls), 12))
-    before = poses(0.0)
-    for n in range(1, len(path)):
-        now = poses(n * dt)
-        turned = [vector_of(one @ two.T) for one, two in zip(now.rotation, before.rotation, strict=True)]
-        path[n] = np.concatenate([now.point, now.normal, (now.point - before.point) / dt, np.array(turned) / dt], axis=1)
-        before = now
-    first = poses(0.0)
-    path[0] = np.concatenate([first.point, first.normal, path[1, :, 6:9], path[1, :, 9:12]], axis=1)
+    path = np.zeros(((last if poses.moving else 0) + 1, len(scene.walls), 12))
+    for n, rows in enumerate(path):
+        now, middle = poses(n * dt), max(0.0, (n - 0.5) * dt)
+        rows[:, 0:3], rows[:, 3:6] = now.point, now.normal
+        for w, wall in enumerate(scene.walls):
+            begin = 0.0
+            for segment in wall.motion:
+                if middle < begin + segment.duration:
+                    pivot = poses(begin).point[w] if segment.pivot is None else np.array(segment.pivot)
+                    tau = n * dt - begin
+                    wave = np.sin(segment.frequency * tau + segment.phase) - np.sin(segment.phase)
+                    rate = segment.frequency * np.cos(segment.frequency * (middle - begin) + segment.phase)
+                    pivot = pivot + tau * np.array(segment.velocity) + wave * np.array(segment.amplitude)
+                    spin = np.array(segment.angular_velocity)
+                    velocity = np.array(segment.velocity) + rate * np.array(segment.amplitude)
+                    rows[w, 6:9], rows[w, 9:12] = velocity + np.cross(spin, now.point[w] - pivot), spin
+                    break
+                begin += segment.duration
     return path
 
 

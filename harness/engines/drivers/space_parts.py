@@ -123,10 +123,8 @@ class SpaceRun:
                 gap[:, k] = np.linalg.norm(x[:, j] - x[:, i], axis=1) - self.radius[i] - self.radius[j]
             else:
                 gap[:, k] = ((x[:, i] - point[:, j - n]) * normal[:, j - n]).sum(axis=1) - self.radius[i]
-        # Blocked spins and fixed spheres exchange no energy with the scene, as in the plane.
-        inertia = np.where(self.rotating, self.inertia, 0.0)
         translation = 0.5 * ((v**2).sum(axis=2) * self.mass).sum(axis=1)
-        rotation = 0.5 * ((omega**2).sum(axis=2) * inertia).sum(axis=1)
+        rotation = 0.5 * ((omega**2).sum(axis=2) * self.inertia).sum(axis=1)
         return {
             "step": list(step),
             "t": (np.array(step) * (self.substeps * self.dt)).tolist(),

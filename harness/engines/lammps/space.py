@@ -26,10 +26,13 @@ from ninedisk.harness.engines.spring import (
 )
 
 NOTE_ARMS = "pair_style granular: lever arm R - overlap/2 of the shear torque between spheres, R of their slip and at walls"
-NOTE_DASHPOT = "dashpot by coeff_restitution, with the velocity of t_{n-1/2}; where it pulls, friction is cut off at mu times its pull"
+NOTE_DASHPOT = "dashpot by coeff_restitution, with the velocity of t_{n-1/2}"
+NOTE_PULLED = "where a dashpot pulls LAMMPS cuts off friction at mu times its pull, the scene at 0"
 NOTE_ADHESION = "LAMMPS refuses the law's dashpot beside surface energy"
 NOTE_JKR = "JKR's contact radius enters LAMMPS' shear stiffness"
+NOTE_JKR_WALL = "a region of LAMMPS lets go at gap 0, where a neck of JKR's still holds"
 NOTE_RESISTANCE = "rolling and twisting sds: stiffnesses kr/R^2 and kr, R the reduced radius"
+NOTE_TWIST = "at its cap LAMMPS' twisting torque has the sign of the twist's rate, the scene's that of its spring"
 NOTE_RESISTANCE_DAMPED = "rolling and twisting sds cut off the sum of spring and dashpot, the scene its spring alone"
 NOTE_RESISTANCE_WALLS = "LAMMPS' rolling and twisting do not see the spin of a wall"
 NOTE_ONE_AXIS = "a region of LAMMPS turns about one axis"
@@ -45,14 +48,22 @@ def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: AR
         fit.lacks(Capability.DISK_INERTIA, NOTE_UNIFORM)
     if any(law.beta >= 1.0 for law in laws):
         fit.lacks(Capability.CONTACT_DAMPING, NOTE_OVERDAMPED)
+    if any(law.beta > 0.0 and rough(law) for law in laws):
+        fit.approximate = True
+        fit.notes.append(NOTE_PULLED)
     if any(law.surface_energy > 0.0 and law.beta > 0.0 for law in laws):
         fit.lacks(Capability.CONTACT_DAMPING, NOTE_ADHESION)
     if any(law.surface_energy > 0.0 and law.surface == "jkr" and rough(law) for law in laws):
         fit.approximate = True
         fit.notes.append(NOTE_JKR)
+    if any(law.surface_energy > 0.0 and law.surface == "jkr" for wall in scene.walls for law in plane_laws(scene, wall)):
+        fit.lacks(Capability.SURFACE_JKR, NOTE_JKR_WALL)
     resisted = [each for law in laws for each in (law.rolling, law.twisting) if each is not None]
     if resisted and scene.spheres.rotating.any():
         fit.notes.append(NOTE_RESISTANCE)
+        if any(law.twisting for law in laws):
+            fit.approximate = True
+            fit.notes.append(NOTE_TWIST)
         if any(each.beta > 0.0 for each in resisted):
             fit.lacks(Capability.ROLLING_SPRING, NOTE_RESISTANCE_DAMPED)
         if any(turns(w.motion) and any(law.rolling or law.twisting for law in plane_laws(scene, w)) for w in scene.walls):

@@ -92,10 +92,12 @@ class Run(SpaceRun):
         same = len(set(words.values())) == 1
         coefficients = {("*", "*"): words[0, 0]} if same else {(a + 1, b + 1): w for (a, b), w in words.items()}
         self.do("pair_style granular", *(f"pair_coeff {a} {b} {model}" for (a, b), model in coefficients.items()))
+        # A neck holds spheres that no longer overlap; elsewhere pairs that do are all that there is.
+        cutoff = "type" if any(law["surface_energy"] and law["surface"] == "jkr" for law in self.all_laws) else "radius"
         self.do(
             f"timestep {number(self.dt)}",
-            "compute force all pair/local dist force p1 p2 p3 cutoff radius",
-            "compute atoms all property/local patom1 patom2 cutoff radius",
+            f"compute force all pair/local dist force p1 p2 p3 cutoff {cutoff}",
+            f"compute atoms all property/local patom1 patom2 cutoff {cutoff}",
             f"variable t equal step*{number(self.dt)}",
         )
         self.wall_fixes = []
