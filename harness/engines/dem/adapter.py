@@ -30,10 +30,21 @@ OPTIONS: Mapping[str, Option] = {
     ),
 }
 
-LACKS = frozenset({Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC, Capability.ADHESION})
+LACKS = frozenset(
+    {
+        Capability.RESTITUTION,
+        Capability.HELD_MOTION,
+        Capability.QUASI_STATIC,
+        Capability.ADHESION,
+        Capability.SURFACE_JKR,
+    }
+)
 
 DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENERGY_BUDGET, *ROLLING.values()}
 """What is lacking where contacts are those of outlines, and in a periodic cell."""
+
+IN_SPACE = (LACKS - {Capability.HELD_MOTION}) | {Capability.ENERGY_BUDGET}
+"""What is lacking in space, where a sphere's velocity can be held."""
 
 
 class DemEngine:
@@ -62,8 +73,10 @@ class DemEngine:
 
     def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
-        grains = isinstance(scene, Scene) and (needs_outlines(scene) or scene.cell is not None)
-        lacks = DISKS_ALONE if grains else LACKS
+        if isinstance(scene, SphereScene):
+            lacks = IN_SPACE
+        else:
+            lacks = DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
         missing = capabilities_needed(scene, numerics) & lacks
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
@@ -84,8 +97,9 @@ class DemEngine:
         )
         with setup:
             session = _session(scene, plain, watch, options["dem.threads"])
-        with warm_up:
-            session.warm_up()
+        with warm_up:  # on a copy of the scene: the session's state stays as it is
+            once = plain.replace(n_steps=1, sample_every=1, sample_until=None)
+            _session(scene, once, watch, options["dem.threads"]).run()
         with stepping:
             history = session.run()
         settings = {
