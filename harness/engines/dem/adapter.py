@@ -73,11 +73,7 @@ class DemEngine:
 
     def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
-        if isinstance(scene, SphereScene):
-            lacks = IN_SPACE
-        else:
-            lacks = DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
-        missing = capabilities_needed(scene, numerics) & lacks
+        missing = capabilities_needed(scene, numerics) & _lacks(scene)
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
         if any(law.regularised for law in scene.laws_in_use):
@@ -111,11 +107,11 @@ class DemEngine:
         }
         return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings | options)
 
-    def save(
-        self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str
-    ) -> None:
-        """Run ``steps`` steps and write a checkpoint."""
-        session = _session(scene, numerics, watch, 1)
+    def save(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str) -> None:
+        """Run ``steps`` steps of a scene of the plane and write a checkpoint."""
+        from ninedisk.core.dem.session import DemSession
+
+        session = DemSession(scene, numerics, watch)
         session.advance(steps)
         session.save(path)
 
@@ -124,6 +120,12 @@ class DemEngine:
         from ninedisk.core.dem.session import DemSession
 
         return EngineRun(history=DemSession.load(path).run(), timings=Timings(setup=0.0, warm_up=0.0, advance=0.0))
+
+
+def _lacks(scene: Scene | SphereScene) -> frozenset[Capability]:
+    if isinstance(scene, SphereScene):
+        return IN_SPACE
+    return DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
 
 
 def _session(
