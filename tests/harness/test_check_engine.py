@@ -19,7 +19,7 @@ from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.registry import case_table, get_engine
-from ninedisk.harness.cases.adapter.probes import probe_of
+from ninedisk.harness.cases.adapter.space import probe_of
 from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED
 from ninedisk.harness.cli.app import app
