@@ -68,6 +68,8 @@ BUILTIN_CASES: dict[str, str] = {
     "spheres/chung-ooi/6": "ninedisk.harness.cases.spheres.chung_ooi:SIX",
     "spheres/chung-ooi/7": "ninedisk.harness.cases.spheres.chung_ooi:SEVEN",
     "spheres/chung-ooi/8": "ninedisk.harness.cases.spheres.chung_ooi:EIGHT",
+    "spheres/thornton": "ninedisk.harness.cases.spheres.thornton:CASE",
+    "spheres/hertz-chain": "ninedisk.harness.cases.spheres.chain:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem.adapter:ENGINE",

@@ -13,10 +13,19 @@ from ninedisk.core.spheres.law import Elastic, SphereLaw, damping_ratio, moduli
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, SphereSetup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import single
-from ninedisk.harness.cases.spheres.impact import ROUND_OFF, SUBSTEPS, observed_of, rebound_checks, setup_of
+from ninedisk.harness.cases.spheres.impact import ROUND_OFF, observed_of, rebound_checks, setup_of
 from ninedisk.harness.results.schema import Figure, Plotted
 from ninedisk.references.analytic.hertz import contact_moduli, hertz_shift
 from ninedisk.references.hertz_mindlin import UNLOADING, Contact, impact
+
+AHEAD = 3.3
+"""Samples before the touch, which so falls on none."""
+
+SAMPLES = 100
+"""In the time of the elastic impact."""
+
+AFTER = 8
+"""Samples after the impact."""
 
 PEAK = 1e-7
 """Of the top of a parabola through three samples a hundredth of the impact apart: ``F''''/24`` times their distance, 0.0294 overlaps over
@@ -64,7 +73,13 @@ def _angle(help_text: str) -> Parameter:
 
 
 def _spin(default: float) -> Parameter:
-    return Parameter(name="spin", default=default, unit="rad/s", in_id=True, help="of the first sphere, about the axis across its way")
+    return Parameter(
+        name="spin",
+        default=default,
+        unit="rad/s",
+        in_id=True,
+        help="of the first sphere, about the axis across its way",
+    )
 
 
 ELASTIC = (("force_max", "largest force [N]"), ("overlap_max", "largest overlap [m]"), ("duration", "duration [s]"))
@@ -137,7 +152,9 @@ class ChungOoi:
         names = tuple(self.test.materials)
         varied = () if self.test.varied is None else (self.test.varied,)
         friction = (
-            Parameter(name="unloading", default="force", choices=UNLOADING, help="shear spring while the contact shrinks"),
+            Parameter(
+                name="unloading", default="force", choices=UNLOADING, help="shear spring while the contact shrinks"
+            ),
         )
         self.parameters: tuple[Parameter, ...] = (
             Parameter(name="material", default=names[0], choices=names, in_id=len(names) > 1, help="of the sphere"),
@@ -145,7 +162,8 @@ class ChungOoi:
             *(friction if self.test.mu else ()),
             *((Parameter(name="partner", default="opposite", choices=("opposite", "same"),
                          help="spin of the second sphere: opposite leaves no slip"),) if number == 7 else ()),
-            SUBSTEPS,
+            Parameter(name="substeps", default=8, low=1, high=1000, whole=True, unit="-", only_for="spring",
+                      help="contact steps in a sample, of which the elastic impact takes 100"),
         )  # fmt: skip
         self.figures: tuple[Figure, ...] = (self._figure(),)
 
@@ -218,7 +236,11 @@ class ChungOoi:
             e_star=e_star, g_star=g_star if test.mu else 0.0, mu=test.mu, beta=damping_ratio(e), unloading=contact.unloading,
             restitution=e,
         )  # fmt: skip
-        return setup_of(contact, law, params, lasts=contact.elastic.duration, stretch=0.5 + 0.5 / e)
+        dt = contact.elastic.duration / SAMPLES
+        return setup_of(
+            contact, law, dt=dt, gap=AHEAD * dt * contact.speed, contact_dt=dt / params["substeps"],
+            n_steps=math.ceil(AHEAD + SAMPLES * (0.5 + 0.5 / e)) + AFTER,  # a dashpot makes it longer
+        )  # fmt: skip
 
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:
         """What `observed_of` sees, and the scaled quantities of the paper's figures."""

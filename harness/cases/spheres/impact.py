@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -12,28 +10,14 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
-from ninedisk.harness.api.case import Check, FloatArray, Observed, Parameter, SphereSetup, TruthKind
+from ninedisk.harness.api.case import Check, FloatArray, Observed, SphereSetup, TruthKind
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import single, single_precision
 from ninedisk.references.hertz_mindlin import Contact, Spun, impact, scheme_errors
 
-AHEAD = 3.3
-"""Samples before the touch, which so falls on none."""
-
-SAMPLES = 100
-"""In the time of the elastic impact."""
-
-AFTER = 8
-"""Samples after the impact."""
-
 PLANE = np.array([[0.0, 0.0, -1.0], [0.8, 0.6, 0.0]])
 SPHERES = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0]])
 """Normal from the first body to the second, and direction along the surface: along no axis alone, and exact unit vectors."""
-
-SUBSTEPS = Parameter(
-    name="substeps", default=8, low=1, high=1000, whole=True, unit="-", only_for="spring",
-    help="contact steps in a sample, of which the elastic impact takes 100",
-)  # fmt: skip
 
 ROUND_OFF = 1e-11
 """Of a thousand steps on places that are 10,000 overlaps from the origin."""
@@ -48,19 +32,11 @@ def frame_of(contact: Contact) -> FloatArray:
     return np.array([n, t, np.cross(n, t)])
 
 
-def setup_of(contact: Contact, law: SphereLaw, params: Mapping[str, Any], *, lasts: float, stretch: float = 1.0) -> SphereSetup:
-    """The bodies `AHEAD` samples before they touch.
-
-    Parameters
-    ----------
-    lasts : float
-        Duration of the elastic impact [s].
-    stretch : float
-        By how much a dashpot may lengthen it.
-    """
+def setup_of(
+    contact: Contact, law: SphereLaw, *, dt: float, gap: float, n_steps: int, contact_dt: float
+) -> SphereSetup:
+    """The bodies ``gap`` [m] before they touch."""
     n, t, b = frame_of(contact)
-    dt = lasts / SAMPLES
-    gap = AHEAD * dt * contact.speed
     first, second = contact.first, contact.second
     bodies = [(-n * (contact.radius + gap), contact.radius, contact.mass, first)]
     walls: tuple[PlaneWall, ...] = ()
@@ -80,12 +56,7 @@ def setup_of(contact: Contact, law: SphereLaw, params: Mapping[str, Any], *, las
         sphere_sphere=law,
         walls=walls,
     )
-    numerics = Numerics(
-        dt=dt,
-        n_steps=math.ceil(AHEAD + SAMPLES * stretch) + AFTER,
-        contact_dt=dt / params["substeps"],
-        damping_form="central",
-    )
+    numerics = Numerics(dt=dt, n_steps=n_steps, contact_dt=contact_dt)
     return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
 
 
@@ -97,7 +68,11 @@ def observed_of(contact: Contact, setup: SphereSetup, history: History) -> Obser
     n, t, b = frame_of(contact)
     x, v, omega = history.x, history.v, history.omega
     flat = math.isinf(contact.radius_2)
-    gap = x[:, 0, 2] - contact.radius if flat else np.linalg.norm(x[:, 1] - x[:, 0], axis=1) - contact.radius - contact.radius_2
+    gap = (
+        x[:, 0, 2] - contact.radius
+        if flat
+        else np.linalg.norm(x[:, 1] - x[:, 0], axis=1) - contact.radius - contact.radius_2
+    )
     approach = v[:, 0] @ n - (0.0 if flat else v[:, 1] @ n)
     slip = v[:, 0] @ t + contact.radius * (omega[:, 0] @ b)
     if not flat:
@@ -147,7 +122,7 @@ def rebound_checks(contact: Contact, setup: SphereSetup, engine: EngineInfo) -> 
     """Velocities and spins after an impact on springs, within what central differences of this step err by."""
     truth, off = impact(contact)
     dt = setup.numerics.contact_dt or setup.numerics.dt
-    errors = np.maximum(scheme_errors(contact, dt, lagged=True), scheme_errors(contact, dt, lagged=False))
+    errors = np.array(scheme_errors(contact, dt, lagged=not engine.second_order_dashpots))
     phase = contact.speed * dt / contact.elastic.overlap
     atol = MARGIN * errors + np.max([*off], axis=0)
     why = (
@@ -164,7 +139,9 @@ def rebound_within(
     source: str, why: str, uncertainty: FloatArray | None = None,
 ) -> list[Check]:  # fmt: skip
     """Checks of a rebound; ``atol`` is that of velocities along n and t, and of spins."""
-    fastest = contact.speed + abs(contact.first[1]) + contact.radius * max(abs(contact.first[2]), abs(contact.second[2]))
+    fastest = (
+        contact.speed + abs(contact.first[1]) + contact.radius * max(abs(contact.first[2]), abs(contact.second[2]))
+    )
     rough = ROUND_OFF * fastest + single(engine, fastest, setup.numerics.n_steps)
     room = np.asarray(atol) + rough * np.array([1.0, 1.0, 2.5 / contact.radius])
     unsure = np.zeros(3) if uncertainty is None else uncertainty
