@@ -517,7 +517,8 @@ def draw_projection(picture: Projection) -> str:
             if speed > 1e-9 * float(np.linalg.norm(v[k])):
                 along = v[k, pair] / np.linalg.norm(v[k])
                 label = f"{np.linalg.norm(v[k]):.4g} m/s" if few else ""
-                foot = centre + (radius * along if few else 0.0)
+                # Behind the sphere, where nothing is that it is about to touch; in a crowd from its middle on.
+                foot = centre - (radius * along + 0.6 * size * along if few else 0.0)
                 _arrow(axes, foot, foot + (0.6 * size if few else 1.6 * radius) * along, MOTION, label)
             if few and omega[k].any():
                 axes.annotate(_spin(omega[k]), tuple(centre - [0.0, radius]), (0, -3), textcoords="offset points", ha="center", va="top",
