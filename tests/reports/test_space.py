@@ -80,6 +80,13 @@ def test_a_drawing_has_every_sphere_what_moves_and_a_cut_of_oblique_planes():
     assert "9.81" not in draw_projection(Projection(view, True))
     sloped = read_space(stored(slope=(0.0, 0.6, 0.8), wall=(1.0, 0.0, 1.0)))
     assert draw_projection(Projection(sloped, False)).count("stroke-dasharray") > drawn.count("stroke-dasharray")
+    for seen in (Projection(sloped, False), Projection(sloped, True)):
+        (slope, _), (wall, edge_on) = seen.cuts()
+        assert edge_on is (not seen.above)
+        for cut, plane in zip((slope, wall), sloped.walls, strict=True):
+            place = np.full(3, seen.middle)
+            place[list(seen.axes)] = cut.point + 7.0 * cut.tangent
+            assert (place - plane.point) @ plane.normal == pytest.approx(0.0, abs=1e-12)
     lines = numbers_of(Projection(view, True)).splitlines()
     assert lines[1].startswith("sphere,0,1.0,0.0,0.0,1.0,2.0,0.0,0.0,0.0,3.0,0.0")
     assert lines[3].startswith('plane,"floor",,0.0,-4.0,0.0')

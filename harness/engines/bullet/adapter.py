@@ -29,6 +29,7 @@ CAPABILITIES = frozenset(
         Capability.DISK_INERTIA,
         Capability.BODY_FORCES,
         Capability.SPHERES,
+        Capability.TWISTING_CONSTANT,
     }
 )
 

@@ -34,6 +34,7 @@ CAPABILITIES = frozenset(
         Capability.MATERIALS,
         Capability.BODY_FORCES,
         Capability.SPHERES,
+        Capability.TWISTING_CONSTANT,
     }
 )
 """Walls do not move: a body whose pose is prescribed meets contacts as if it were at rest."""

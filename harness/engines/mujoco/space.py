@@ -28,8 +28,8 @@ it were at rest."""
 
 
 SHARED_CONE = (
-    "friction and resistances to rolling and twisting share one cone: a ball that rolls against a resistance slips by 5/7 (mu_r/mu)^2 of its "
-    "rolling speed"
+    "friction and resistances to rolling and twisting share one cone: a ball that rolls against a resistance slips by 5/7 (mu_r/mu)^2 "
+    "of its rolling speed"
 )
 
 
