@@ -153,7 +153,10 @@ class Thornton:
         def rigid(setup: Any, engine: EngineInfo) -> list[Check]:
             return _rigid_checks(contact, params, setup, engine)
 
-        return allowing(LIFTS, setup, engine, rigid)
+        def lifting(setup: Any, engine: EngineInfo) -> list[Check]:
+            return allowing(LIFTS, setup, engine, rigid)
+
+        return allowing(Difference.ARM_LESS_OVERLAP, setup, engine, lifting)
 
 
 def _rigid(contact: Contact, params: Mapping[str, Any], *, dilates: bool) -> Rebound:
@@ -205,6 +208,9 @@ def _rigid_checks(contact: Contact, params: Mapping[str, Any], setup: SphereSetu
     vt, vn = (along + MU * normal) * soft, normal * soft
     if Difference.IMPACT_AS_SPRINGS in engine.differences:
         vn += MU * soft * contact.first[1]
+    if Difference.ARM_LESS_OVERLAP in engine.differences:
+        # The impulse that ends a slip goes with 1/(1/m + a^2/I), which an arm a shorter by a share d changes by 2 d/(1 + I/(m R^2)).
+        vt += along * 2.0 / (1.0 + INERTIA_RATIO) * SPEED * setup.numerics.dt / RADIUS
     rule = "the associated sliding rule" if dilates else "Coulomb's law"
     why = f"impulses of one step at velocity level{soft_reason(engine)}"
     return _within(contact, found, vt, vn, engine, setup, f"Newton's restitution and {rule} for the impulses", why)

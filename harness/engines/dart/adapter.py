@@ -16,6 +16,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import Difference
 from ninedisk.harness.engines.dart.space import IN_SPACE
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.space import driven_spheres, partly_held
@@ -62,6 +63,7 @@ FACTS = package_facts(
     name="DART",
     scheme="semi-implicit Euler, regularised",
     contact="soft",
+    differences={Difference.ARM_LESS_OVERLAP: "the place of DART's contact of a sphere and a plane lies in the plane"},
     softness=FORCE_MIXING,
     softness_why="constraint force mixing: that part is added to the diagonal of the contacts' problem",
     options=OPTIONS,
