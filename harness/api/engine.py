@@ -49,7 +49,10 @@ class Difference(StrEnum):
         "contacts are soft, and an impact is a spring's motion over several of the engine's own steps: contacts that are hit at "
         "one time share it as springs do"
     )
-    ARM_LESS_OVERLAP = "shear impulses of a sphere on a plane act at the plane: their arm is the radius less the overlap that the step of an impact makes"
+    ARM_LESS_OVERLAP = (
+        "shear impulses of a sphere on a plane act at the plane: their arm is the radius less the overlap that the step of an "
+        "impact makes"
+    )
     NORMAL_TURNS_IN_IMPACT = (
         "restitution takes the approach along the line of centres at the begin of a step, the impulse acts along that at its "
         "end: e = 1 gains energy, first order in the step"
