@@ -401,6 +401,26 @@ class Projection:
         return 1.0 if (self.axes[0] + 1) % 3 == self.axes[1] else -1.0
 
     @property
+    def middle(self) -> float:
+        """Where planes are cut that are not seen edge-on, along `depth` [m]."""
+        return float(self.scene.x[:, self.depth].mean())
+
+    def cuts(self) -> list[tuple[WallView, bool]]:
+        """Lines of the planes, and whether they are seen edge-on; none of those that face the viewer."""
+        pair, found = list(self.axes), []
+        for wall in self.scene.walls:
+            seen = wall.normal[pair]
+            length = float(np.hypot(*seen))
+            if length < 0.05:
+                continue
+            # Points u of the cut have (u - p) . n + (middle - p_d) n_d = 0.
+            shift = (wall.point[self.depth] - self.middle) * wall.normal[self.depth] / length
+            moves = tuple(velocity[pair] for velocity in wall.moves if velocity[pair].any())
+            cut = WallView(wall.name, wall.point[pair] + shift * seen / length, seen / length, moves)
+            found.append((cut, length > 1.0 - 1e-9))
+        return found
+
+    @property
     def title(self) -> str:
         """What is seen, and its axes."""
         right, up = ("xyz"[axis] for axis in self.axes)
@@ -476,18 +496,7 @@ def draw_projection(picture: Projection) -> str:
     with rc_context(rc_params()):
         low, high, size = _box(x, scene.radius, 0.3)
         figure, axes = _blank(low, high)
-        middle = float(scene.x[:, picture.depth].mean())
-        cuts = []
-        for wall in scene.walls:
-            seen = wall.normal[pair]
-            length = float(np.hypot(*seen))
-            if length < 0.05:
-                continue
-            # The cut's points u have (u - p) . n + (middle - p_d) n_d = 0.
-            shift = (wall.point[picture.depth] - middle) * wall.normal[picture.depth] / length
-            moves = tuple(velocity[pair] for velocity in wall.moves if np.hypot(*velocity[pair]) > 0.0)
-            cut = WallView(wall.name, wall.point[pair] + shift * seen / length, seen / length, moves)
-            cuts.append((cut, length > 1.0 - 1e-9))
+        cuts = picture.cuts()
         lines = tuple(cut for cut, _ in cuts)
         for cut, edge_on in cuts:
             _wall(axes, cut, lines, low, high, hatch=edge_on, style="solid" if edge_on else (0, (5, 3)))
@@ -508,14 +517,16 @@ def draw_projection(picture: Projection) -> str:
             if speed > 1e-9 * float(np.linalg.norm(v[k])):
                 along = v[k, pair] / np.linalg.norm(v[k])
                 label = f"{np.linalg.norm(v[k]):.4g} m/s" if few else ""
-                foot = centre + (radius * along if few else 0.0)
+                # Behind the sphere, where nothing is that it is about to touch; in a crowd from its middle on.
+                foot = centre - (radius * along + 0.6 * size * along if few else 0.0)
                 _arrow(axes, foot, foot + (0.6 * size if few else 1.6 * radius) * along, MOTION, label)
             if few and omega[k].any():
-                told = "(" + ", ".join(f"{each:.3g}" for each in omega[k]) + ") rad/s"
-                axes.annotate(told, tuple(centre - [0.0, radius]), (0, -3), textcoords="offset points", ha="center", va="top",
+                axes.annotate(_spin(omega[k]), tuple(centre - [0.0, radius]), (0, -3), textcoords="offset points", ha="center", va="top",
                               fontsize=7.5, color=SPIN, annotation_clip=False, zorder=6)  # fmt: skip
         for cut in lines:
             _motion(axes, cut, lines, low, high, size)
+        turning = [f"{wall.name} turns: {_spin(wall.spin)}" for wall in scene.walls if wall.spin.any()]
+        axes.text(high[0], low[1], "\n".join(turning), color=SPIN, fontsize=7.5, ha="right", va="bottom", zorder=6)
         strength = float(np.linalg.norm(scene.gravity))
         if scene.gravity[pair].any():
             way = 0.8 * size * scene.gravity[pair] / strength
@@ -528,6 +539,10 @@ def draw_projection(picture: Projection) -> str:
             _arrow(axes, corner, corner + 0.35 * size * along, INK, "")
             axes.text(*(corner + 0.42 * size * along), name, ha="center", va="center", fontsize=8)
         return svg_of(figure)
+
+
+def _spin(omega: FloatArray) -> str:
+    return "(" + ", ".join(f"{each:.3g}" for each in omega) + ") rad/s"
 
 
 def _draw_cell(scene: SceneView, cell: CellView) -> str:

@@ -110,7 +110,7 @@ class CaseData:
     def in_space(self) -> bool:
         """Whether its scenes are of spheres in space; False where none is stored."""
         setups = (decoded(cell["setup"], dict) for cell in self.cells)
-        scene = next((setup["scene"] for setup in setups if isinstance(setup.get("scene"), dict)), {})
+        scene: dict[str, Any] = next((setup["scene"] for setup in setups if isinstance(setup.get("scene"), dict)), {})
         return bool(scene.get("dimension") == 3)
 
 

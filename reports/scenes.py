@@ -45,13 +45,11 @@ class Frames:
 
 
 def read_frames(cell: Row) -> Frames | None:
-    """Frames of a cell; None where it has none, or they are damaged."""
+    """Frames of a cell of disks; None where it has none, or they are damaged, or those of spheres (`spaces`)."""
     held = decoded(cell["frames"], dict)
     try:
         step = np.array(held["step"], dtype=np.float64)
         f = len(step)
-        if np.shape(held["x"])[2:] == (3,):  # spheres: see `spaces`
-            return None
         x = np.array(held["x"], dtype=np.float64).reshape(f, -1, 2)
         angle = np.array(held["angle"], dtype=np.float64).reshape(f, x.shape[1])
         points = np.array(held.get("wall_point") or np.empty((f, 0, 2)), dtype=np.float64).reshape(f, -1, 2)

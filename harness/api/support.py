@@ -40,12 +40,14 @@ def contact_steps(scene: Scene | SphereScene, numerics: Numerics) -> tuple[int, 
     UnstableTimeStepError
         If ``numerics.contact_dt`` exceeds the critical step and ``numerics.allow_unstable`` is False.
     """
-    from ninedisk.core.dem.arrays import contact_step
-
     if isinstance(scene, SphereScene):
-        return (numerics.substeps(numerics.contact_dt or numerics.dt), numerics.contact_dt or numerics.dt)
+        from ninedisk.core.spheres.session import contact_step as step_in_space
 
-    contact_dt, _ = contact_step(scene, numerics)
+        contact_dt, _ = step_in_space(scene, numerics)
+    else:
+        from ninedisk.core.dem.arrays import contact_step
+
+        contact_dt, _ = contact_step(scene, numerics)
     return numerics.substeps(contact_dt), contact_dt
 
 

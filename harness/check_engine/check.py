@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from ninedisk.harness.api.capabilities import SPACE, Capability
 from ninedisk.harness.api.engine import Engine, EngineError, EngineUnsupportedError, SupportLevel
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, probe_of, weights
-from ninedisk.harness.cases.adapter.space import probe_in_space, spheres
+from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
+from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres
 from ninedisk.harness.check_engine import conduct
 from ninedisk.harness.check_engine.findings import REFUSED, Bench, Finding, attempt
 
@@ -73,12 +73,11 @@ def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Finding]]]:
     for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
         yield name, _judged(bench, name, probe)
     for asked in Capability:
-        in_space = probe_in_space(asked, info)
-        if in_space is None and not info.plane:
+        if probe_in_space(asked, info) is None and not info.plane:
             continue
         if asked in SPACE - {Capability.SPHERES} and Capability.SPHERES not in info.capabilities:
             continue
-        own = in_space or probe_of(asked, info)
+        own = probe_of(asked, info)
         yield f"supports: {asked.name}", lambda own=own, asked=asked: conduct.capability(bench, own, asked)  # type: ignore[misc]
 
 

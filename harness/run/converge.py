@@ -469,12 +469,13 @@ def expected_order(case: Case, params: Mapping[str, Any], setup: Setup, engine: 
     if scheme == "runge-kutta-3":
         return None, "runge-kutta-3 in substeps of the engine's own: the step dt is none of the scheme's"
     if scheme == "central-difference":
-        if setup.scene.xi > 0.0 and setup.numerics.damping_form == "lagged":
+        laws: Sequence[Any] = setup.scene.laws_in_use
+        if getattr(setup.scene, "xi", 0.0) > 0.0 and setup.numerics.damping_form == "lagged":
             return 1.0, "central differences; global damping sees the velocity of half a step before"
-        if any(law.beta > 0.0 for law in setup.scene.laws_in_use):
+        if any(law.beta > 0.0 for law in laws):
             return 1.0, "central differences; a dashpot's force jumps at touch, anywhere within a step"
         slips = getattr(case, "slips", None)
-        rough = [law for law in setup.scene.laws_in_use if law.ks > 0.0 and law.mu > 0.0]
+        rough = [law for law in laws if law.mu > 0.0 and (law.ks > 0.0 or getattr(law, "g_star", 0.0) > 0.0)]
         if rough and (slips is None or slips(params)):
             if any(slip_of(law.slip_at, engine) == "end" for law in rough):
                 return (

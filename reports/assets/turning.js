@@ -189,7 +189,7 @@
       balls.sort((a, b) => a.depth - b.depth);
       for (const { i, x } of balls) {
         const [cx, cy] = flat(x), r = scale * this.radius[i];
-        draw("circle", this.picture, { cx: cx.toFixed(4), cy: cy.toFixed(4), r: r.toFixed(4), class: "ball" });
+        draw("circle", this.picture, { cx: cx.toFixed(4), cy: cy.toFixed(4), r: r.toFixed(4), class: "ball", fill: "url(#ball)" });
         if (!this.spins) continue;
         const onward = next > k ? this.step(k, i).map(each => each * part) : [0, 0, 0];
         for (const pole of this.poles[k][i]) {

@@ -28,6 +28,7 @@ from ninedisk.harness.cases.adapter.probes import (
     R,
     contact_error,
     has_springs,
+    probe_in_plane,
     resting_overlap,
     round_off,
 )
@@ -256,3 +257,8 @@ def probe_in_space(capability: Capability, info: EngineInfo) -> Probe | None:
         **({} if info.plane else {Capability.FRICTION: lambda: sliding(info)}),
     }.get(capability)
     return None if make is None else make()
+
+
+def probe_of(capability: Capability, info: EngineInfo) -> Probe:
+    """The probe of a capability, in the plane where it has a meaning there and the engine runs it."""
+    return probe_in_space(capability, info) or probe_in_plane(capability, info)

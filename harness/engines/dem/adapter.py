@@ -30,10 +30,21 @@ OPTIONS: Mapping[str, Option] = {
     ),
 }
 
-LACKS = frozenset({Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC, Capability.ADHESION})
+LACKS = frozenset(
+    {
+        Capability.RESTITUTION,
+        Capability.HELD_MOTION,
+        Capability.QUASI_STATIC,
+        Capability.ADHESION,
+        Capability.SURFACE_JKR,
+    }
+)
 
 DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENERGY_BUDGET, *ROLLING.values()}
 """What is lacking where contacts are those of outlines, and in a periodic cell."""
+
+IN_SPACE = (LACKS - {Capability.HELD_MOTION}) | {Capability.ENERGY_BUDGET}
+"""What is lacking in space, where a sphere's velocity can be held."""
 
 
 class DemEngine:
@@ -62,9 +73,7 @@ class DemEngine:
 
     def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
-        grains = isinstance(scene, Scene) and (needs_outlines(scene) or scene.cell is not None)
-        lacks = DISKS_ALONE if grains else LACKS
-        missing = capabilities_needed(scene, numerics) & lacks
+        missing = capabilities_needed(scene, numerics) & _lacks(scene)
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
         if any(law.regularised for law in scene.laws_in_use):
@@ -84,8 +93,9 @@ class DemEngine:
         )
         with setup:
             session = _session(scene, plain, watch, options["dem.threads"])
-        with warm_up:
-            session.warm_up()
+        with warm_up:  # on a copy of the scene: the session's state stays as it is
+            once = plain.replace(n_steps=1, sample_every=1, sample_until=None)
+            _session(scene, once, watch, options["dem.threads"]).run()
         with stepping:
             history = session.run()
         settings = {
@@ -97,11 +107,11 @@ class DemEngine:
         }
         return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings | options)
 
-    def save(
-        self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str
-    ) -> None:
-        """Run ``steps`` steps and write a checkpoint."""
-        session = _session(scene, numerics, watch, 1)
+    def save(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str) -> None:
+        """Run ``steps`` steps of a scene of the plane and write a checkpoint."""
+        from ninedisk.core.dem.session import DemSession
+
+        session = DemSession(scene, numerics, watch)
         session.advance(steps)
         session.save(path)
 
@@ -110,6 +120,12 @@ class DemEngine:
         from ninedisk.core.dem.session import DemSession
 
         return EngineRun(history=DemSession.load(path).run(), timings=Timings(setup=0.0, warm_up=0.0, advance=0.0))
+
+
+def _lacks(scene: Scene | SphereScene) -> frozenset[Capability]:
+    if isinstance(scene, SphereScene):
+        return IN_SPACE
+    return DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
 
 
 def _session(
