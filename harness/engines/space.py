@@ -72,6 +72,25 @@ def vector_of(rotation: FloatArray) -> FloatArray:
     return vector * (2.0 * math.atan2(sine, abs(w)) / sine) if sine > 0.0 else np.zeros(3)
 
 
+def twists(here: Pose, there: Pose, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Velocity [m/s] of each plane's point and its spin [rad/s], shape (m, 3), of the screw motion from one pose to the next.
+
+    That of a plane that turns about a fixed axis is exact at any point of it; the mean velocity of a point off the axis is not, and moves
+    the axis.
+    """
+    spin = (
+        np.array([vector_of(b @ a.T) for a, b in zip(here.rotation, there.rotation, strict=True)]).reshape(-1, 3) / dt
+    )
+    velocity = (there.point - here.point) / dt
+    for k, turned in enumerate(dt * spin):
+        half = 0.5 * float(np.linalg.norm(turned))
+        if half > 0.0:
+            across = np.cross(turned, velocity[k])
+            part = (1.0 - half / math.tan(half)) / (4.0 * half**2)
+            velocity[k] += -0.5 * across + part * np.cross(turned, across)
+    return velocity, spin
+
+
 def quaternion_of(rotation: FloatArray) -> list[float]:
     """Unit quaternion (w, x, y, z) of a rotation: of the four columns of 4 q q^T the longest, which no angle makes small."""
     m, trace = rotation, float(np.trace(rotation))
@@ -124,6 +143,14 @@ def driven_spheres(scene: SphereScene) -> list[int]:
     return np.flatnonzero(spheres.held.all(axis=1) & ~spheres.rotating & ~spheres.fixed).tolist()
 
 
+def write_driven(scene: SphereScene, history: History, row: int, t: float) -> None:
+    """Write the state of the spheres whose motion is prescribed."""
+    spheres, driven = scene.spheres, driven_spheres(scene)
+    history.x[row, driven] = spheres.x[driven] + t * spheres.v[driven]
+    history.v[row, driven], history.omega[row, driven] = spheres.v[driven], spheres.omega[driven]
+    history.angle[row, driven] = t * spheres.omega[driven]
+
+
 def partly_held(scene: SphereScene, engine: str) -> list[str]:
     """Reasons against spheres that keep some components of their motion and not others."""
     whole = {*driven_spheres(scene), *np.flatnonzero(scene.spheres.fixed)}
@@ -147,23 +174,19 @@ class SpaceSession(WorldSession):
         self.angle = np.zeros_like(self.scene.spheres.omega)
 
     def prescribe(self) -> None:
-        """Put moving planes and spheres where they are at the begin of the coming step, with its mean velocity."""
+        """Put moving planes and spheres where they are at the begin of the coming step, with its velocities."""
         t = self.done * self.dt
         if self.poses.moving:
-            here, there = self.poses(t), self.poses(t + self.dt)
+            here = self.poses(t)
+            velocity, rate = twists(here, self.poses(t + self.dt), self.dt)
             for k in range(len(self.scene.walls)):
-                rate = vector_of(there.rotation[k] @ here.rotation[k].T) / self.dt
-                velocity = (there.point[k] - here.point[k]) / self.dt
-                self.drive_wall(k, here.point[k], here.rotation[k], velocity, rate)
+                self.drive_wall(k, here.point[k], here.rotation[k], velocity[k], rate[k])
         for i in self.driven:
             self.drive_sphere(i, self.scene.spheres.x[i] + t * self.scene.spheres.v[i])
 
     def write(self, history: History, row: int, pose: Any, impulses: Mapping[Pair, FloatArray] | None) -> None:
         """Write what is prescribed, and what follows from positions, planes' poses and impulses."""
-        spheres, t = self.scene.spheres, self.done * self.dt
-        for i in self.driven:
-            history.x[row, i], history.v[row, i] = spheres.x[i] + t * spheres.v[i], spheres.v[i]
-            history.angle[row, i], history.omega[row, i] = t * spheres.omega[i], spheres.omega[i]
+        write_driven(self.scene, history, row, self.done * self.dt)
         write_contacts(self.scene, history, row, pose, impulses, self.dt)
 
     def drive_wall(

@@ -13,9 +13,8 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.engines.bullet.space import IN_SPACE
+from ninedisk.harness.engines.bullet.space import IN_SPACE, refused_in_space
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
-from ninedisk.harness.engines.space import partly_held
 
 CAPABILITIES = frozenset(
     {
@@ -30,6 +29,7 @@ CAPABILITIES = frozenset(
         Capability.DISK_INERTIA,
         Capability.BODY_FORCES,
         Capability.SPHERES,
+        Capability.TWISTING_CONSTANT,
     }
 )
 
@@ -83,8 +83,8 @@ class BulletEngine(RigidPackageEngine):
 
     def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """A friction that Bullet would cap in silence; bodies that are held in part."""
-        held = partly_held(scene, "Bullet") if isinstance(scene, SphereScene) else []
-        return held + [
+        refused = refused_in_space(scene) if isinstance(scene, SphereScene) else []
+        return refused + [
             f"Bullet caps the friction of a pair at {MAX_FRICTION:g}, the scene has {law.mu:g}"
             for law in scene.laws_in_use
             if law.mu > MAX_FRICTION

@@ -81,6 +81,7 @@ class BulletSession(WorldSession):
         alone = len(bodies) < 2
         friction = product_factors(None if alone else law.mu, [wall.mu for wall in walls])
         bounce = product_factors(None if alone else law.restitution or 0.0, [wall.restitution or 0.0 for wall in walls])
+        self.share = friction[0]
         self.disks = [self._disk(i, friction[0], bounce[0]) for i in range(len(bodies))]
         self.walls = [self._wall(k, friction[1][k], bounce[1][k]) for k in range(len(scene.walls))]
         self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
@@ -169,7 +170,9 @@ class BulletSession(WorldSession):
         wall = self.scene.walls[k]
         shape = self.world.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=three(wall.normal))
         body: int = self.world.createMultiBody(0.0, shape, basePosition=three([self.unit * c for c in wall.point]))
-        self.world.changeDynamics(
-            body, -1, lateralFriction=friction, restitution=restitution, rollingFriction=0.0, spinningFriction=0.0
-        )
+        self.world.changeDynamics(body, -1, lateralFriction=friction, restitution=restitution, **self.resistances(k))
         return body
+
+    def resistances(self, k: int) -> dict[str, float]:  # noqa: ARG002
+        """Resistance of a wall to rolling and to spinning on it; a pair has the product with the disk's friction."""
+        return {"rollingFriction": 0.0, "spinningFriction": 0.0}

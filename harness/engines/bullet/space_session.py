@@ -2,6 +2,8 @@
 
 A body without mass that moves with v and turns with omega meets contacts in a step with ``v + dt omega x v``: Bullet adds what the
 velocity changes by in the body's own frame. It is given the v for which that is the prescribed one.
+
+A pair's resistance to rolling [m], and to spinning, is the sum of each body's own times the other's friction: walls have all of it.
 """
 
 from __future__ import annotations
@@ -27,6 +29,12 @@ class BulletSpaceSession(SpaceSession, BulletSession):
     def prescribed(self, i: int) -> bool:
         """Whether nothing moves a body: it is fixed, or its motion is prescribed."""
         return super().prescribed(i) or i in self.driven
+
+    def resistances(self, k: int) -> dict[str, float]:
+        """Lengths that times fn are torques, in Bullet's unit, over the spheres' share of the friction."""
+        law, arm = self.scene.walls[k].law, self.unit * float(self.scene.spheres.radius.max(initial=0.0))
+        given = {"rollingFriction": law.rolling, "spinningFriction": law.twisting}
+        return {name: 0.0 if each is None else each.mu * arm / self.share for name, each in given.items()}
 
     def drive_wall(
         self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray

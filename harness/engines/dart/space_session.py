@@ -38,9 +38,9 @@ class DartSpaceSession(SpaceSession, DartSession):
     def drive_wall(
         self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray
     ) -> None:
-        """Set a plane's pose and its velocities over the coming step; a free joint's are in the body's frame."""
+        """Set a plane's pose and its velocities over the coming step."""
         self.walls[k].setPositions([*vector_of(rotation), *point])
-        self.walls[k].setVelocities([*(rotation.T @ rate), *(rotation.T @ velocity)])
+        self.walls[k].setVelocities([*rate, *velocity])
 
     def drive_sphere(self, i: int, place: FloatArray) -> None:
         """Set a sphere's pose and velocities."""

@@ -180,7 +180,8 @@ class DrakeDiscreteEngine(RigidPackageEngine):
             )
         if between == 0.0 and any(wall.law.mu > 0.0 for wall in scene.walls):
             found.append(
-                "Drake gives a pair the harmonic mean of its bodies' friction: 0 for smooth bodies on any wall"
+                "Drake gives a pair the harmonic mean of its bodies' friction: 0 for smooth "
+                + f"{scene.noun}s on any wall"
             )
         return found
 

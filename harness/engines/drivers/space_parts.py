@@ -38,6 +38,7 @@ class SpaceRun:
 
     name = ""
     """The engine's, for messages."""
+    force_meaning = "instantaneous"
 
     def __init__(self, request):
         scene, extra = request["scene"], request["extra"]
@@ -134,7 +135,7 @@ class SpaceRun:
             "gap": gap.tolist(),
             "fn": known(fn),
             "fs": known(fs),
-            "force_meaning": "instantaneous",
+            "force_meaning": self.force_meaning,
             "wall_point": point.tolist(),
             "wall_angle": normal.tolist(),
             "wall_force": known(wall_force),

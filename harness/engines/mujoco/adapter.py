@@ -20,7 +20,7 @@ from ninedisk.core.scene import Scene
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Difference
-from ninedisk.harness.engines.mujoco.space import IN_SPACE, refused_in_space
+from ninedisk.harness.engines.mujoco.space import IN_SPACE, SHARED_CONE, refused_in_space
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
 CAPABILITIES = frozenset(
@@ -34,6 +34,7 @@ CAPABILITIES = frozenset(
         Capability.MATERIALS,
         Capability.BODY_FORCES,
         Capability.SPHERES,
+        Capability.TWISTING_CONSTANT,
     }
 )
 """Walls do not move: a body whose pose is prescribed meets contacts as if it were at rest."""
@@ -127,7 +128,10 @@ class MuJoCoEngine(RigidPackageEngine):
 
     def approximations(self, scene: Scene | SphereScene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """What soft contacts and the convex problem make of any scene with contacts."""
+        laws = scene.laws_in_use if isinstance(scene, SphereScene) else ()
+        resisted = any(law.rolling is not None or law.twisting is not None for law in laws)
         return (
+            *((SHARED_CONE,) if resisted else ()),
             "contacts are soft in MuJoCo's own way: they last part of a step, and yield under load",
             "friction is that of a convex problem: settings are chosen so that sliding does not open the contact",
         )

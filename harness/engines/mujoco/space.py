@@ -27,6 +27,12 @@ IN_SPACE = frozenset(
 it were at rest."""
 
 
+SHARED_CONE = (
+    "friction and resistances to rolling and twisting share one cone: a ball that rolls against a resistance slips by 5/7 (mu_r/mu)^2 "
+    "of its rolling speed"
+)
+
+
 def refused_in_space(scene: SphereScene) -> list[str]:
-    """Spheres held in part, and resistances to rolling without any to twisting: MuJoCo's contacts have the first with the second only."""
+    """Spheres held in part."""
     return partly_held(scene, "MuJoCo")

@@ -16,9 +16,19 @@ import mujoco
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.validate import FloatArray
 from ninedisk.harness.engines.mujoco.session import _BLOCKED, ENGINE_VERSION, MuJoCoSession, _name
 from ninedisk.harness.engines.plane import finite_state, wall_reach
-from ninedisk.harness.engines.space import PlanePoses, driven_spheres, from_z, quaternion_of, vector_of, write_contacts
+from ninedisk.harness.engines.space import (
+    PlanePoses,
+    driven_spheres,
+    from_z,
+    quaternion_of,
+    rotation_of,
+    twists,
+    write_contacts,
+    write_driven,
+)
 
 __all__ = ["ENGINE_VERSION", "MuJoCoSpaceSession"]
 
@@ -45,6 +55,7 @@ class MuJoCoSpaceSession(MuJoCoSession):
         self.slides = {b: self._joint(b) for b in [*self.free, *(len(spheres) + k for k in self.boxes)]}
         self.turning = [i for i in self.free if turns[i]]
         self.angle = np.zeros_like(spheres.omega)
+        self.turned: list[tuple[slice, FloatArray]] = []
         for i in self.free:
             _, dof = self.slides[i]
             self.data.qvel[dof : dof + 3] = spheres.v[i]
@@ -67,6 +78,8 @@ class MuJoCoSpaceSession(MuJoCoSession):
             self.impulses.clear()
             for _ in range(self.substeps):
                 mujoco.mj_step(self.model, self.data)
+                for dofs, rotation in self.turned:  # the velocity of a point off the axis turns within the step
+                    self.data.qvel[dofs] = rotation @ self.data.qvel[dofs]
                 if self.turning:
                     self.angle[self.turning] += self.h * self.data.qvel[self.spins]
                     self.data.qpos[self.quaternions] = _UPRIGHT
@@ -83,15 +96,19 @@ class MuJoCoSpaceSession(MuJoCoSession):
             self.data.qvel[dof : dof + 3] = self.scene.spheres.v[i]
         if not self.boxes:
             return
-        here, there = self.poses(t), self.poses(t + self.dt)
+        here = self.poses(t)
+        velocity, rate = twists(here, self.poses(t + self.dt), self.dt)
+        self.turned.clear()
         for k in self.boxes:
             place, dof = self.slides[len(self.scene.spheres) + k]
-            rotation = here.rotation[k]
             self.data.qpos[place : place + 3] = here.point[k] - self.scene.walls[k].point
-            self.data.qpos[place + 3 : place + 7] = quaternion_of(rotation)
-            self.data.qvel[dof : dof + 3] = (there.point[k] - here.point[k]) / self.dt
-            # A ball joint's spin is in the body's frame.
-            self.data.qvel[dof + 3 : dof + 6] = rotation.T @ vector_of(there.rotation[k] @ rotation.T) / self.dt
+            self.data.qpos[place + 3 : place + 7] = quaternion_of(here.rotation[k])
+            self.data.qvel[dof : dof + 3] = velocity[k]
+            self.data.qvel[dof + 3 : dof + 6] = (
+                here.rotation[k].T @ rate[k]
+            )  # a ball joint's spin is in the body's frame
+            if rate[k].any() and velocity[k].any():
+                self.turned.append((slice(dof, dof + 3), rotation_of(self.h * rate[k])))
 
     def observe(self, history: History, row: int) -> None:
         """Copy the state, and the contact impulses of the last step as forces."""
@@ -105,6 +122,7 @@ class MuJoCoSpaceSession(MuJoCoSession):
         finite_state("MuJoCo", self.done, history.x[row], history.v[row], history.omega[row])
         self._check_warnings()
         pose = self.poses(self.done * self.dt)
+        write_driven(self.scene, history, row, self.done * self.dt)
         write_contacts(self.scene, history, row, pose, self.impulses if self.done else None, self.dt)
 
     def still(self) -> list[bool]:
