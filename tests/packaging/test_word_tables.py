@@ -23,7 +23,7 @@ from ninedisk.harness.results.schema import CHANGE_VERDICTS, STATUSES, WORST_FIR
 from ninedisk.harness.run.converge import VERDICTS
 from ninedisk.reports import text as words
 
-OUTSIDE = ("driver", "solver_driver", "yade_parts", "drivers", "template", "pytest_plugin", "__main__")
+OUTSIDE = ("driver", "space_driver", "solver_driver", "yade_parts", "drivers", "template", "pytest_plugin", "__main__")
 """Modules that run inside other programs."""
 
 PARTIAL = {
