@@ -159,9 +159,11 @@ class SpringEngine(ProcessEngine):
         part = self._part(scene)
         further = part.extra(scene, numerics) if part and part.extra and isinstance(scene, SphereScene) else {}
         count, contact_dt = contact_steps(scene, numerics)
-        path = folder / "wall_path.npy"
-        rows = plane_path if isinstance(scene, SphereScene) else wall_path
-        np.save(path, rows(scene, contact_dt, count * numerics.n_steps))  # type: ignore[operator]
+        path, steps = folder / "wall_path.npy", count * numerics.n_steps
+        if isinstance(scene, SphereScene):
+            np.save(path, plane_path(scene, contact_dt, steps))
+        else:
+            np.save(path, wall_path(scene, contact_dt, steps))
         return {"substeps": count, "contact_dt": contact_dt, "wall_path": str(path), **further}
 
     def run(self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:

@@ -25,7 +25,8 @@ import sys
 from importlib import metadata
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
-sys.path[:0] = [os.path.join(FOLDER, "..", "drivers"), FOLDER]  # -P keeps folders off the path
+sys.path.insert(0, FOLDER)  # -P keeps folders off the path
+sys.path.insert(1, os.path.join(FOLDER, "..", "drivers"))
 
 import numpy as np
 from driver_parts import SpringRun, clock, number, rough, serve

@@ -25,7 +25,9 @@ from ninedisk.harness.engines.spring import (
     uniform,
 )
 
-NOTE_ARMS = "pair_style granular: lever arm R - overlap/2 of the shear torque between spheres, R of their slip and at walls"
+NOTE_ARMS = (
+    "pair_style granular: lever arm R - overlap/2 of the shear torque between spheres, R of their slip and at walls"
+)
 NOTE_DASHPOT = "dashpot by coeff_restitution, with the velocity of t_{n-1/2}"
 NOTE_PULLED = "where a dashpot pulls LAMMPS cuts off friction at mu times its pull, the scene at 0"
 NOTE_ADHESION = "LAMMPS refuses the law's dashpot beside surface energy"
@@ -56,7 +58,9 @@ def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: AR
     if any(law.surface_energy > 0.0 and law.surface == "jkr" and rough(law) for law in laws):
         fit.approximate = True
         fit.notes.append(NOTE_JKR)
-    if any(law.surface_energy > 0.0 and law.surface == "jkr" for wall in scene.walls for law in plane_laws(scene, wall)):
+    if any(
+        law.surface_energy > 0.0 and law.surface == "jkr" for wall in scene.walls for law in plane_laws(scene, wall)
+    ):
         fit.lacks(Capability.SURFACE_JKR, NOTE_JKR_WALL)
     resisted = [each for law in laws for each in (law.rolling, law.twisting) if each is not None]
     if resisted and scene.spheres.rotating.any():
@@ -66,7 +70,9 @@ def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: AR
             fit.notes.append(NOTE_TWIST)
         if any(each.beta > 0.0 for each in resisted):
             fit.lacks(Capability.ROLLING_SPRING, NOTE_RESISTANCE_DAMPED)
-        if any(turns(w.motion) and any(law.rolling or law.twisting for law in plane_laws(scene, w)) for w in scene.walls):
+        if any(
+            turns(w.motion) and any(law.rolling or law.twisting for law in plane_laws(scene, w)) for w in scene.walls
+        ):
             fit.lacks(Capability.ROTATING_WALLS, NOTE_RESISTANCE_WALLS)
     for wall in scene.walls:
         spins = np.array([segment.angular_velocity for segment in wall.motion]).reshape(-1, 3)

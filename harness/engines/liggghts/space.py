@@ -13,16 +13,27 @@ from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.engines.plane import wall_reach
-from ninedisk.harness.engines.spring import IN_SPACE, NOTE_OVERDAMPED, NOTE_UNIFORM, Fit, InSpace, judge_arms, rough, uniform
+from ninedisk.harness.engines.spring import (
+    IN_SPACE,
+    NOTE_OVERDAMPED,
+    NOTE_UNIFORM,
+    Fit,
+    InSpace,
+    judge_arms,
+    rough,
+    sphere_laws,
+    uniform,
+)
 
 NOTE_ARM = "lever arm of shear torque and slip: R - overlap/2, for spheres and planes"
-NOTE_PROJECTION = (
-    "shear displacements are projected on the new tangent plane: they shrink by half the square of the normal's rotation in each step"
-)
+NOTE_PROJECTION = "shear displacements are projected on the new tangent plane: they shrink by half the square of the normal's rotation in each step"
 NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; it may pull (limitForce off)"
 NOTE_PULLED = "where a dashpot pulls LIGGGHTS cuts off friction at mu times its pull, the scene at 0"
+NOTE_KEPT = "two spheres that part and soon touch again go on from the shear displacement that they parted with"
 NOTE_ONE_LAW = "one normal model for all contacts: linear and Hertz' beside each other are two"
-NOTE_MATERIALS = "E* and G* of a contact come of the E and nu (0 to 0.5) of each body: no such materials have those of this scene"
+NOTE_MATERIALS = (
+    "E* and G* of a contact come of the E and nu (0 to 0.5) of each body: no such materials have those of this scene"
+)
 NOTE_SEGMENTS = "walls change their velocity at contact steps only: a segment of motion ends within a step"
 NOTE_KINDS = "constants are tables of atom types: at most 50 masses with dashpots of the linear law"
 KINDS = 50
@@ -42,7 +53,9 @@ def materials(scene: SphereScene) -> list[tuple[float, float]] | None:
     bodies = [(a, b, tuple(sorted((first[a], last[b])))) for a, b in pairs]
     found = [(a, b, scene.law((i, j))) for a, b, (i, j) in bodies if i != j]
     found += [
-        (a, len(names) + w, scene.law((i, len(scene.spheres) + w))) for a, i in enumerate(first) for w in range(len(scene.walls))
+        (a, len(names) + w, scene.law((i, len(scene.spheres) + w)))
+        for a, i in enumerate(first)
+        for w in range(len(scene.walls))
     ]
     size = len(names) + len(scene.walls)
 
@@ -81,6 +94,9 @@ def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:
     laws = scene.laws_in_use
     if any(map(rough, laws)):
         fit.notes += [NOTE_ARM, NOTE_PROJECTION]
+    if any(map(rough, sphere_laws(scene))):
+        fit.approximate = True
+        fit.notes.append(NOTE_KEPT)
     if any(law.beta > 0.0 and rough(law) for law in laws):
         fit.approximate = True
         fit.notes.append(NOTE_PULLED)
@@ -135,7 +151,8 @@ CHOSEN: dict[str, Any] = {
 }
 
 LIGGGHTS_IN_SPACE = InSpace(
-    capabilities=(IN_SPACE - {Capability.CURVED_WALL_MOTION}) | {Capability.LEVER_ARM_OVERLAP, Capability.UNLOADING_NONE},
+    capabilities=(IN_SPACE - {Capability.CURVED_WALL_MOTION})
+    | {Capability.LEVER_ARM_OVERLAP, Capability.UNLOADING_NONE},
     judge=judge,
     chosen=CHOSEN,
     dashpot_note=NOTE_DASHPOT,

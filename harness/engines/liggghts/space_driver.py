@@ -47,7 +47,9 @@ class Run(SpaceRun):
         self.material_of = [int(material[i]) for i in self.first]
         self.types = len(self.first) + len(self.walls)
         self.middle = 0.5 * (self.x0.min(axis=0) + self.x0.max(axis=0))
-        half = 3.0 * self.reach  # a triangle's corners are twice its inradius from its foot, which is within one of the middle
+        half = (
+            3.0 * self.reach
+        )  # a triangle's corners are twice its inradius from its foot, which is within one of the middle
         bounds = " ".join(f"{number(c - half)} {number(c + half)}" for c in self.middle)
         skin = 0.3 * float(self.radius.mean())
         width = max(0.5 * (2.0 * self.radius.max() + skin), 2.0 * half / BINS ** (1.0 / 3.0))
@@ -70,7 +72,12 @@ class Run(SpaceRun):
         do(*(f"set atom {i + 1} diameter {number(2.0 * radius)}" for i, radius in enumerate(self.radius)))
         self.engine.look(self.n)
         self.engine.set("rmass", self.mass)
-        for name, members in (("turning", self.rotating), ("still", ~self.rotating), ("fixed", self.fixed), ("free", ~self.fixed)):
+        for name, members in (
+            ("turning", self.rotating),
+            ("still", ~self.rotating),
+            ("fixed", self.fixed),
+            ("free", ~self.fixed),
+        ):
             if members.any():
                 do(f"group {name} id {' '.join(str(i + 1) for i in np.flatnonzero(members))}")
         if self.fixed.any():
@@ -153,9 +160,7 @@ class Run(SpaceRun):
             if not legs:
                 continue
             for axis, name in enumerate("xyz"):
-                terms = (
-                    f"(step>{first})*(step<={last})*({number(velocity[axis])})" for first, last, velocity in legs
-                )
+                terms = (f"(step>{first})*(step<={last})*({number(velocity[axis])})" for first, last, velocity in legs)
                 do(f"variable v{name}{w} equal {'+'.join(terms)}")
             do(f"fix move{w} all move/mesh mesh mesh{w} linear/variable v_vx{w} v_vy{w} v_vz{w}")
         for name, style, chosen in (("turning", "nve/sphere", self.rotating), ("still", "nve", ~self.rotating)):

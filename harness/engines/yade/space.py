@@ -9,11 +9,15 @@ from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.engines.spring import IN_SPACE, NOTE_MEAN, Fit, InSpace, judge_arms, rough, uneven_planes
 
-NOTE_ARM = "lever arm of shear torque and slip: R - overlap/2, for spheres and planes (ScGeom); slip on a plane at the middle of the overlap"
-NOTE_ROTATION = "shear forces are turned with the normal and about it by the mean spin, to first order each (ScGeom::rotate)"
-NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; never tension, where the scene's may pull at the end of a contact: it rebounds faster"
+NOTE_ARM = "lever arm of shear torque and slip: R - overlap/2, for spheres and planes (ScGeom), whose slip is that of mid-overlap"
+NOTE_ROTATION = (
+    "shear forces are turned with the normal and about it by the mean spin, to first order each (ScGeom::rotate)"
+)
+NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; never tension: rebounds are faster than with one that may pull"
 NOTE_ADHESION_DAMPED = "beside adhesion YADE's dashpot pulls with the pull-off force at most"
-NOTE_RESISTANCE = "rolling springs by Law2_ScGeom_MindlinPhys_Mindlin (includeMoment) and Law2_ScGeom6D_CohFrictPhys_CohesionMoment"
+NOTE_RESISTANCE = (
+    "rolling springs by Law2_ScGeom_MindlinPhys_Mindlin (includeMoment) and Law2_ScGeom6D_CohFrictPhys_CohesionMoment"
+)
 NOTE_RESISTANCE_DAMPED = "rolling and twisting springs of YADE have no dashpots, nor has a linear contact beside them"
 NOTE_TWISTING_HERTZ = "twisting springs of MindlinPhys have no cap"
 NOTE_NO_CAP = "a cap of 0 is none in MindlinPhys"
@@ -33,7 +37,9 @@ def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: AR
         fit.notes.append(NOTE_RESISTANCE)
         springs = [each for law in resisted for each in (law.rolling, law.twisting) if each is not None]
         linear = any(not law.hertz for law in resisted)
-        if any(each.beta > 0.0 for each in springs) or (linear and any(law.beta > 0.0 and not law.hertz for law in laws)):
+        if any(each.beta > 0.0 for each in springs) or (
+            linear and any(law.beta > 0.0 and not law.hertz for law in laws)
+        ):
             fit.lacks(Capability.ROLLING_SPRING, NOTE_RESISTANCE_DAMPED)
         if any(law.hertz and law.twisting for law in resisted):
             fit.lacks(Capability.TWISTING_SPRING, NOTE_TWISTING_HERTZ)

@@ -50,12 +50,14 @@ def plain_dem(
     arms: dict[str, str],
     turn: str,
     pulls: bool = True,
+    keeps: bool = False,
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """(x, v, omega) at the sampled steps; velocities of half steps, slip at the step's end, dashpots of v_{n-1/2}.
 
     ``arms`` are those of "torque", "slip" between spheres and of "wall", each "radius", "overlap" (R - overlap/2) or "whole" (R -
     overlap). ``turn`` is "project": a shear is projected on the new tangent plane with its size kept; "shrink": without that; or
     "rotate": it is turned with the normal, and about it by the mean spin, to first order.
+    ``keeps``: two spheres that part keep their shear for the next time they touch.
     """
     spheres, n, dt = scene.spheres, len(scene.spheres), numerics.contact_dt
     x, v, w = np.array(spheres.x), np.array(spheres.v), np.array(spheres.omega)
@@ -87,7 +89,8 @@ def plain_dem(
                 normal, gap = d / distance, distance - spheres.radius[i] - spheres.radius[j]
                 mass, radius = (1.0 / (1.0 / a[i] + 1.0 / a[j]) for a in (spheres.mass, spheres.radius))
             if gap >= 0.0:
-                memory.pop((i, j), None)
+                if wall or not keeps:
+                    memory.pop((i, j), None)
                 continue
             overlap = -gap
             torque_arm, slip_arm = (share[arms["wall" if wall else name]] * overlap for name in ("torque", "slip"))

@@ -20,7 +20,6 @@ from ninedisk.core.spheres.law import SphereLaw, damping_ratio
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import SupportLevel
-from ninedisk.harness.engines.kratos.adapter import Kratos
 from ninedisk.harness.engines.lammps.adapter import Lammps
 from ninedisk.harness.engines.liggghts.adapter import Liggghts
 from ninedisk.harness.engines.spring import SpringEngine
@@ -52,7 +51,6 @@ def off(one: np.ndarray, two: np.ndarray) -> float:
         (Lammps, replace(HERTZ, unloading="rescale"), GRANULAR, "project", True, False),
         (Yade, LINEAR, OVERLAP, "rotate", False, False),
         (Yade, replace(HERTZ, unloading="force"), OVERLAP, "rotate", False, True),
-        (Liggghts, LINEAR, OVERLAP, "shrink", True, False),
         (Liggghts, replace(HERTZ, unloading="none"), OVERLAP, "shrink", True, False),
     ],
 )
@@ -62,7 +60,9 @@ def test_an_engine_is_a_plain_dem_with_its_own_conventions(
     """Dashpots, caps, arms, turned shear, walls at an angle and turning ones: each row is off by 1e-7 or more with another's."""
     scene = pile(law, moving=moving)
     found = run(engine, scene, RUN)
-    x, v, omega = (np.array(rows) for rows in zip(*plain_dem(scene, RUN, arms=arms, turn=turn, pulls=pulls), strict=True))
+    x, v, omega = (
+        np.array(rows) for rows in zip(*plain_dem(scene, RUN, arms=arms, turn=turn, pulls=pulls), strict=True)
+    )
     assert off(found.x, x) <= ROUND_OFF
     assert off(found.v, v) <= ROUND_OFF
     assert off(found.omega, omega) <= ROUND_OFF
@@ -71,7 +71,9 @@ def test_an_engine_is_a_plain_dem_with_its_own_conventions(
 
 def own(law: SphereLaw, scene: SphereScene, at_walls: str) -> SphereScene:
     """The scene with this lever arm at its walls."""
-    return scene.replace(walls=tuple(replace(w, law=replace(law, lever_arm=at_walls, mu=w.law.mu)) for w in scene.walls))
+    return scene.replace(
+        walls=tuple(replace(w, law=replace(law, lever_arm=at_walls, mu=w.law.mu)) for w in scene.walls)
+    )
 
 
 def assert_core(engine: type[SpringEngine], scene: SphereScene, tolerance: float, numerics: Numerics = RUN) -> None:
@@ -115,7 +117,9 @@ def test_twisting_of_lammps_is_that_of_the_core_below_its_cap() -> None:
     law = replace(LINEAR, twisting=Rolling(model="elastic-plastic", mu=1.0, kr=0.2), **{**SAME, "lever_arm": "radius"})
     weight = Spheres(x=[(0, 0, 0.01)], radius=0.01, mass=0.01, v=[(0, 0, -0.01)], omega=[(0, 0, 1.0)])
     floor = PlaneWall(name="floor", point=(0, 0, 1e-5), normal=(0, 0, 1), law=law)
-    assert_core(Lammps, SphereScene(spheres=weight, sphere_sphere=law, walls=(floor,), gravity=(0, 0, -9.81)), ROUND_OFF)
+    assert_core(
+        Lammps, SphereScene(spheres=weight, sphere_sphere=law, walls=(floor,), gravity=(0, 0, -9.81)), ROUND_OFF
+    )
 
 
 @pytest.mark.parametrize(("surface", "most"), [("dmt", 4.0), ("jkr", 3.0)])
@@ -153,10 +157,37 @@ def test_materials_and_held_spheres() -> None:
         (Lammps, {"twisting": Rolling(model="constant", mu=0.1)}, Capability.TWISTING_CONSTANT),
     ],
 )
-def test_what_an_engine_cannot_express_is_said(engine: type[SpringEngine], change: dict[str, Any], missing: Capability) -> None:
+def test_what_an_engine_cannot_express_is_said(
+    engine: type[SpringEngine], change: dict[str, Any], missing: Capability
+) -> None:
     support = engine().supports(pile(replace(HERTZ, **change), moving=False), RUN)
     assert support.level is SupportLevel.NO
     assert missing in support.missing
+
+
+@pytest.mark.parametrize(
+    ("engine", "arms", "turn", "keeps"), [(Liggghts, OVERLAP, "shrink", True), (Lammps, GRANULAR, "project", False)]
+)
+def test_spheres_that_touch_again_begin_without_shear(
+    engine: type[SpringEngine], arms: dict[str, str], turn: str, keeps: bool
+) -> None:
+    """A sphere bounces on another with a sideways velocity; LIGGGHTS goes on from the shear of the first contact."""
+    law = replace(LINEAR, beta=0.0)
+    spheres = Spheres(
+        x=[(0, 0, 0), (0, 0, 0.02001)], radius=0.01, mass=[1.0, 0.01], v=[(0, 0, 0), (0.003, 0.001, -0.02)]
+    )
+    floor = PlaneWall(name="floor", point=(0, 0, -0.01), normal=(0, 0, 1), law=law)
+    scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,), gravity=(0.0, 0.0, -9.81))
+    numerics = Numerics(dt=1e-5, n_steps=1500, contact_dt=1e-5, sample_every=50, damping_form="lagged")
+    found = run(engine, scene, numerics, [(0, 1)])
+    touching = found.fn[:, 0] > 0.0
+    assert (np.diff(touching.astype(int)) == 1).sum() == 2
+    right, other = (
+        np.array([omega for _, _, omega in plain_dem(scene, numerics, arms=arms, turn=turn, keeps=each)])
+        for each in (keeps, not keeps)
+    )
+    assert off(found.omega, right) <= ROUND_OFF
+    assert off(found.omega, other) > 1e-3
 
 
 def test_planes_that_turn_about_two_axes_are_not_lammps() -> None:
@@ -181,10 +212,6 @@ def test_planes_of_lammps_are_where_the_scene_has_them() -> None:
     found, core = run(Lammps, scene, numerics, [(0, 1)]), simulate(scene, numerics, [(0, 1)])
     assert core.fn.min() > 0.0
     assert off(found.fn, core.fn) <= 1e-9
-    # A wave has its mean velocity in LAMMPS, that of mid-step in the core: (frequency dt)^2/24 apart.
-    assert off(found.fs[:71], core.fs[:71]) <= 1e-6
-    assert off(found.fs, core.fs) <= 1e-4
-
-
-def test_kratos_declares_no_more_than_it_shows() -> None:
-    assert Capability.SPHERES not in Kratos().info().capabilities
+    # LAMMPS takes differences of places for velocities: a chord of a turn is off by spin dt/2, a wave by (frequency dt)^2/24.
+    assert off(found.fs[:41], core.fs[:41]) <= ROUND_OFF
+    assert off(found.fs, core.fs) <= 2e-5
