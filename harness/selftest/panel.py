@@ -171,7 +171,12 @@ SPHERE_PANEL: dict[str, Probe] = {
     "chain": Probe("spheres/hertz-chain", {}),
 }
 
-PANELS: dict[str, dict[str, Probe]] = {"dem": DEM_PANEL, "spheres": SPHERE_PANEL, "cd": CD_PANEL, **dict.fromkeys(DECLARED, RIGID_PANEL)}
+PANELS: dict[str, dict[str, Probe]] = {
+    "dem": DEM_PANEL,
+    "spheres": SPHERE_PANEL,
+    "cd": CD_PANEL,
+    **dict.fromkeys(DECLARED, RIGID_PANEL),
+}
 
 
 def panel_cells(engine: str, names: Sequence[str] = ()) -> list[Cell]:
