@@ -291,8 +291,13 @@ class SphereSession:
         fixed = self.scene.spheres.fixed
         pairs = pairs_within(state.x, state.radius, self._skin)
         pairs = pairs[~fixed[pairs].all(axis=1)]
-        movable = np.flatnonzero(~fixed)
-        walls = np.column_stack([np.repeat(movable, m), np.tile(np.arange(n, n + m), len(movable))])
+        near = np.zeros((n, m), dtype=bool)
+        for w, wall in enumerate(self.scene.walls):
+            # Those at a plane that moves are all listed: nothing tells how far it gets until the next list.
+            near[:, w] = bool(wall.motion) | (
+                (state.x - np.array(wall.point)) @ np.array(wall.normal) < state.radius + self._skin
+            )
+        walls = np.argwhere(near & ~fixed[:, None]) + np.array([0, n])
         bodies = np.concatenate([pairs, walls]).astype(np.int64)
         key = bodies[:, 0] * (n + m) + bodies[:, 1]
         order = np.argsort(key)
