@@ -472,7 +472,14 @@ def expected_order(case: Case, params: Mapping[str, Any], setup: Setup, engine: 
         laws: Sequence[Any] = setup.scene.laws_in_use
         if getattr(setup.scene, "xi", 0.0) > 0.0 and setup.numerics.damping_form == "lagged":
             return 1.0, "central differences; global damping sees the velocity of half a step before"
-        if any(law.beta > 0.0 for law in laws):
+        damped = [law for law in laws if law.beta > 0.0]
+        if any(getattr(law, "hertz", False) for law in damped):
+            # c v with c as overlap^(1/4): order 5/4, by a factor that jumps with the place of the touch within its step.
+            return (
+                None,
+                "central differences; Tsuji's dashpot begins as the fourth root of the overlap, anywhere within a step",
+            )
+        if damped:
             return 1.0, "central differences; a dashpot's force jumps at touch, anywhere within a step"
         slips = getattr(case, "slips", None)
         rough = [law for law in laws if law.mu > 0.0 and (law.ks > 0.0 or getattr(law, "g_star", 0.0) > 0.0)]

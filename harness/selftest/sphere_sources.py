@@ -6,15 +6,17 @@ from functools import partial
 
 from ninedisk.harness.selftest.defect import planted
 
-KERNELS, LAW = "spheres.kernels", "spheres.law"
+KERNELS, SESSION = "spheres.kernels", "spheres.session"
 
 _kernel, _python = partial(planted, "spheres", "kernel"), partial(planted, "spheres", "python")
 
 DEFECTS = (
-    _python("shear-modulus-for-young", "E* is G*", "hit", (LAW, "return 1.0 / normal, 1.0 / shear", "return 1.0 / shear, 1.0 / shear")),
-    _python("poisson-once", "G* has 1 - nu for 2 - nu", "oblique", (LAW, "2.0 * (2.0 - body.nu)", "2.0 * (1.0 - body.nu)")),
-    _python("one-sphere-gives-way", "the second sphere of a contact is rigid", "hit",
-            (LAW, "both = (one,) if two is None else (one, two)", "both = (one,)")),
+    _python("shear-modulus-for-young", "the normal force has G* for E*", "oblique-damped",
+            (SESSION, "4.0 / 3.0 * law.e_star if law.hertz", "4.0 / 3.0 * law.g_star if law.hertz")),
+    _python("young-for-shear-modulus", "the shear stiffness has E* for G*", "oblique",
+            (SESSION, "        8.0 * law.g_star if law.hertz else law.ks,", "        8.0 * law.e_star if law.hertz else law.ks,")),
+    _python("hertz-without-third", "E* stands for 4/3 E*", "hit",
+            (SESSION, "4.0 / 3.0 * law.e_star if law.hertz", "law.e_star if law.hertz")),
     _kernel("half-the-reduced-radius", "two spheres have half their reduced radius", "hit",
             (KERNELS, "ri * state.radius[j] / reach", "0.5 * ri * state.radius[j] / reach")),
     _kernel("radius-of-the-first", "two spheres have the first one's radius", "hit",

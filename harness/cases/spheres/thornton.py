@@ -178,7 +178,8 @@ def _within(
 
 
 def _spring_checks(contact: Contact, setup: SphereSetup, engine: EngineInfo) -> list[Check]:
-    """As of `ninedisk.harness.cases.impact.oblique`: the shear spring's first step is a whole one, and the cap's share of it cut off."""
+    """As of `ninedisk.harness.cases.impact.oblique`: the shear spring's first step is a whole one, and
+    where in the overlap of a contact that is meant to be rigid friction acts is open."""
     law = setup.scene.walls[0].law
     e = math.exp(-math.pi * law.beta / math.sqrt(1.0 - law.beta**2))
     dt = setup.numerics.contact_dt or setup.numerics.dt
@@ -189,8 +190,9 @@ def _spring_checks(contact: Contact, setup: SphereSetup, engine: EngineInfo) -> 
     normal = (e * phase_error(phase, law.beta) + ROUND_OFF) * SPEED
     slip = contact.first[1]
     slides = slip * SHEAR_RATIO > MU * SPEED and law.beta == 0.0
-    along = MU * normal + ((0.0 if slides else swing) + swing**2) * slip / ease
-    why = f"omega dt = {phase:.3g}; {'slides' if slides else 'sticks'} at first, Omega dt = {swing:.3g}"
+    overlap, lost = SPEED * math.sqrt(MASS / KN) / RADIUS, abs(found.vx - slip)
+    along = MU * normal + ((0.0 if slides else swing) + swing**2) * slip / ease + 2.0 * overlap * lost
+    why = f"omega dt = {phase:.3g}; {'slides' if slides else 'sticks'} at first, Omega dt = {swing:.3g}; overlap/R = {overlap:.2g}"
     return _within(
         contact, found, along, normal, engine, setup, "linear springs with Coulomb's cap, phase by phase", why
     )
