@@ -24,9 +24,8 @@ import os
 import sys
 from importlib import metadata
 
-FOLDER = os.path.dirname(os.path.abspath(__file__))
-sys.path.insert(0, FOLDER)  # -P keeps folders off the path
-sys.path.insert(1, os.path.join(FOLDER, "..", "drivers"))
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # -P keeps folders off the path
+sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
 
 import numpy as np
 from driver_parts import SpringRun, clock, number, rough, serve

@@ -26,7 +26,9 @@ from ninedisk.harness.engines.spring import (
 )
 
 NOTE_ARM = "lever arm of shear torque and slip: R - overlap/2, for spheres and planes"
-NOTE_PROJECTION = "shear displacements are projected on the new tangent plane: they shrink by half the square of the normal's rotation in each step"
+NOTE_PROJECTION = (
+    "shear displacements are projected on the new tangent plane: each step takes half the square of its rotation off"
+)
 NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; it may pull (limitForce off)"
 NOTE_PULLED = "where a dashpot pulls LIGGGHTS cuts off friction at mu times its pull, the scene at 0"
 NOTE_KEPT = "two spheres that part and soon touch again go on from the shear displacement that they parted with"
