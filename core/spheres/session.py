@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ninedisk.core.dem.files import read_checkpoint, restore, state_arrays, write_checkpoint
 from ninedisk.core.errors import (
@@ -290,13 +289,15 @@ class SphereSession:
         state, n, m = self._state, len(self.scene.spheres), len(self.scene.walls)
         state.built[:] = state.x
         fixed = self.scene.spheres.fixed
-        reach = 2.0 * float(state.radius.max()) + self._skin
-        pairs = cKDTree(state.x).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
-        apart = np.linalg.norm(state.x[pairs[:, 0]] - state.x[pairs[:, 1]], axis=1)
-        near = apart < state.radius[pairs].sum(axis=1) + self._skin
-        pairs = pairs[near & ~fixed[pairs].all(axis=1)]
-        movable = np.flatnonzero(~fixed)
-        walls = np.column_stack([np.repeat(movable, m), np.tile(np.arange(n, n + m), len(movable))])
+        pairs = pairs_within(state.x, state.radius, self._skin)
+        pairs = pairs[~fixed[pairs].all(axis=1)]
+        near = np.zeros((n, m), dtype=bool)
+        for w, wall in enumerate(self.scene.walls):
+            # Those at a plane that moves are all listed: nothing tells how far it gets until the next list.
+            near[:, w] = bool(wall.motion) | (
+                (state.x - np.array(wall.point)) @ np.array(wall.normal) < state.radius + self._skin
+            )
+        walls = np.argwhere(near & ~fixed[:, None]) + np.array([0, n])
         bodies = np.concatenate([pairs, walls]).astype(np.int64)
         key = bodies[:, 0] * (n + m) + bodies[:, 1]
         order = np.argsort(key)
@@ -396,6 +397,41 @@ class SphereSession:
             moment = np.sum(memory[:, column : column + width] ** 2, axis=1)
             turned[sprung] += 0.5 * moment[sprung] / law[sprung, first + 2]
         return float(np.sum(normal)), float(np.sum(shear)), float(np.sum(turned))
+
+
+MOST_CELLS = 1_000_000
+"""Cells along an axis, so that the number of a cell is a whole number of 64 bits; a scene that is longer gets wider ones."""
+
+AHEAD = ((0, 1), (1, -1), (1, 0), (1, 1))
+"""Columns of cells, in x and y, that are beside a column and have not had it beside them."""
+
+
+def pairs_within(x: NDArray[np.float64], radius: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
+    """Pairs of spheres with a gap below ``reach`` [m], shape (k, 2), the lower number first.
+
+    Cells are numbered along z first, so that three neighbours above each other are one range of the sorted numbers.
+    """
+    low, extent = x.min(axis=0), np.ptp(x, axis=0)
+    width = np.maximum(2.0 * float(radius.max()) + reach, extent / MOST_CELLS)
+    cell = ((x - low) / width).astype(np.int64) + 1  # an empty layer around: no range runs on into the next column
+    size = cell.max(axis=0) + 2
+    number = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
+    order = np.argsort(number, kind="stable")
+    number, n = number[order], len(x)
+    ranges = [(np.arange(1, n + 1), np.searchsorted(number, number + 1, "right"))]
+    for along_x, along_y in AHEAD:
+        beside = number + (along_x * size[1] + along_y) * size[2]
+        ranges.append((np.searchsorted(number, beside - 1, "left"), np.searchsorted(number, beside + 1, "right")))
+    found = []
+    for first, end in ranges:
+        count = end - first
+        one = np.repeat(np.arange(n), count)
+        two = np.arange(len(one)) - np.repeat(np.cumsum(count) - count - first, count)
+        one, two = order[one], order[two]
+        apart = x[two] - x[one]
+        near = np.einsum("ij,ij->i", apart, apart) < (radius[one] + radius[two] + reach) ** 2
+        found.append(np.sort(np.column_stack([one[near], two[near]]), axis=1))
+    return np.concatenate(found)
 
 
 class LawTables(NamedTuple):

@@ -15,7 +15,7 @@ from ninedisk.core.dem.session import DemSession
 from ninedisk.core.law import Rolling
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
-from ninedisk.core.spheres.session import SphereSession
+from ninedisk.core.spheres.session import SphereSession, pairs_within
 
 R, M, E, V = 0.01, 0.01, 5e7, 0.5
 
@@ -140,3 +140,16 @@ def test_a_contact_that_stiffens_beyond_the_step_is_refused() -> None:
     with pytest.raises(UnstableTimeStepError, match="that the contacts have"):
         simulate(scene, numerics)
     simulate(scene, numerics.replace(dt=0.99 * critical, contact_dt=0.99 * critical))
+
+
+@pytest.mark.parametrize("spread", [(1.0, 1.0, 1.0), (40.0, 0.0, 0.2), (1e9, 1.0, 1.0)], ids=["cube", "strip", "far"])
+def test_the_search_finds_the_pairs_of_all_against_all(spread: tuple[float, float, float]) -> None:
+    rng = np.random.default_rng(1)
+    x, radius = rng.uniform(-1.0, 1.0, (400, 3)) * spread, rng.uniform(0.02, 0.1, 400)
+    x[200:] = x[:200] + 0.1 * rng.standard_normal((200, 3))
+    gap = np.linalg.norm(x[:, None] - x[None], axis=2) - radius[:, None] - radius[None]
+    expected = {(i, j) for i, j in np.argwhere(gap < 0.03).tolist() if i < j}
+    found = [(i, j) for i, j in pairs_within(x, radius, 0.03).tolist()]
+    assert len(expected) > 50
+    assert len(found) == len(set(found))
+    assert set(found) == expected
