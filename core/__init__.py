@@ -1,4 +1,4 @@
-"""The in-house engine, in two dimensions: DEM and contact dynamics of disks and NURBS grains between half-planes that move."""
+"""The in-house engine: DEM and contact dynamics of disks and NURBS grains in the plane, DEM of spheres in space, between moving walls."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import BodyForce, Cell, ContactLaw, Disks, Rolling, Scene, Wall, WallSegment
 from ninedisk.core.simulate import simulate
+from ninedisk.core.spheres.law import Elastic, SphereLaw, damping_ratio, moduli
+from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 
 __all__ = [
     "BehindWallError",
@@ -26,6 +28,7 @@ __all__ = [
     "ContactLaw",
     "CoreError",
     "Disks",
+    "Elastic",
     "History",
     "InterruptedRunError",
     "InvalidNumericsError",
@@ -33,12 +36,19 @@ __all__ = [
     "NoEquilibriumError",
     "NonFiniteStateError",
     "Numerics",
+    "PlaneSegment",
+    "PlaneWall",
     "Rolling",
     "Scene",
     "SolverNotConvergedError",
+    "SphereLaw",
+    "SphereScene",
+    "Spheres",
     "UnstableTimeStepError",
     "UnwritableFileError",
     "Wall",
     "WallSegment",
+    "damping_ratio",
+    "moduli",
     "simulate",
 ]

@@ -74,10 +74,8 @@ class Disks:
     material: tuple[str, ...] = ""  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        x = _pairs("disks.x", self.x)
-        if x.ndim != 2 or x.shape[1] != 2:
-            raise InvalidSceneError(f"disks.x has shape {x.shape}; it must have shape (n, 2)")
-        n = x.shape[0]
+        x = rows_of("disks.x", self.x, 2)
+        n = len(x)
 
         def column(name: str, value: ArrayLike | None, *, most: float = np.inf) -> FloatArray:
             array = numbers(f"disks.{name}", value)  # type: ignore[arg-type]
@@ -90,17 +88,17 @@ class Disks:
                 "(ninedisk.core.nurbs.mass.uniform_grain gives that of a uniform grain)"
             )
         radius, mass = column("radius", self.radius), column("mass", self.mass)
-        _in_range("radius", radius)
-        _in_range("mass", mass)
+        sizes_in_range("disks.radius", radius)
+        sizes_in_range("disks.mass", mass)
         with np.errstate(over="ignore"):  # an infinite one is refused by name below
             uniform = 0.5 * mass * radius**2
         inertia = column("inertia", uniform if self.inertia is None else self.inertia)
-        _in_range("inertia", inertia, SMALLEST**2, LARGEST**2)
-        rotating = _flags("rotating", self.rotating, (n,), "one for each")
-        held = _flags("held", self.held, (n, 2), "a pair (x, y) for each")
+        sizes_in_range("disks.inertia", inertia, SMALLEST**2, LARGEST**2)
+        rotating = flags_of("disks.rotating", self.rotating, (n,), "one for each disk")
+        held = flags_of("disks.held", self.held, (n, 2), "a pair (x, y) for each disk")
         object.__setattr__(self, "x", finite("disks.x", x, (n, 2), most=LARGEST))
         object.__setattr__(
-            self, "v", finite("disks.v", np.zeros((n, 2)) if self.v is None else _pairs("disks.v", self.v), (n, 2))
+            self, "v", finite("disks.v", np.zeros((n, 2)) if self.v is None else rows_of("disks.v", self.v, 2), (n, 2))
         )
         object.__setattr__(self, "omega", column("omega", 0.0 if self.omega is None else self.omega))
         object.__setattr__(self, "radius", radius)
@@ -109,7 +107,7 @@ class Disks:
         object.__setattr__(self, "rotating", rotating)
         object.__setattr__(self, "held", held)
         object.__setattr__(self, "outline", outline)
-        object.__setattr__(self, "material", _materials(self.material, n))
+        object.__setattr__(self, "material", materials_of("disks.material", self.material, n))
         angle = column("angle", self.angle, most=LARGEST) + 0.0  # -0.0 becomes 0.0, which the JSON form leaves out
         angle.setflags(write=False)
         object.__setattr__(self, "angle", angle)
@@ -137,14 +135,14 @@ class Disks:
         return fixed
 
 
-def _in_range(name: str, values: FloatArray, low: float = SMALLEST, high: float = LARGEST) -> None:
+def sizes_in_range(name: str, values: FloatArray, low: float = SMALLEST, high: float = LARGEST) -> None:
     """Raise `InvalidSceneError` unless all sizes are > 0 and in the range in which they can be computed with."""
     for i in (int(np.argmin(values)), int(np.argmax(values))) if len(values) else ():
         if values[i] <= 0.0:
-            raise InvalidSceneError(f"disks.{name}[{i}] = {values[i]:g} is not allowed: it must be > 0")
+            raise InvalidSceneError(f"{name}[{i}] = {values[i]:g} is not allowed: it must be > 0")
         if not low <= values[i] <= high:
             raise InvalidSceneError(
-                f"disks.{name}[{i}] = {values[i]:g} is not allowed: it must lie between {low:g} and {high:g}; change units"
+                f"{name}[{i}] = {values[i]:g} is not allowed: it must lie between {low:g} and {high:g}; change units"
             )
 
 
@@ -165,25 +163,29 @@ def _outline_numbers(value: object, n: int) -> NDArray[np.int64]:
     return whole
 
 
-def _materials(value: object, n: int) -> tuple[str, ...]:
+def materials_of(name: str, value: object, n: int) -> tuple[str, ...]:
     """Names of the materials of ``n`` bodies, from as many or from one for all; or `InvalidSceneError`."""
     if isinstance(value, str):
         return (value,) * n
-    names = items_of("disks.material", value, "a name, or one for each disk")
-    if len(names) != n or not all(isinstance(name, str) for name in names):
+    names = items_of(name, value, "a name, or one for each body")
+    if len(names) != n or not all(isinstance(each, str) for each in names):
         raise InvalidSceneError(
-            f"disks.material = {shown(value)} is not allowed: it must be a name, or one for each of the {n} disks"
+            f"{name} = {shown(value)} is not allowed: it must be a name, or one for each of the {n} bodies"
         )
     return names
 
 
-def _pairs(name: str, value: ArrayLike) -> FloatArray:
-    """Numbers in rows of two; an empty list, as JSON has it for no disk at all, has lost its second dimension."""
+def rows_of(name: str, value: ArrayLike, width: int) -> FloatArray:
+    """Numbers in rows of this width; an empty list, as JSON has it for no body at all, has lost its second dimension."""
     array = numbers(name, value)
-    return array.reshape(0, 2) if array.shape == (0,) else array
+    if array.shape == (0,):
+        return array.reshape(0, width)
+    if array.ndim != 2 or array.shape[1] != width:
+        raise InvalidSceneError(f"{name} has shape {array.shape}; it must have shape (n, {width})")
+    return array
 
 
-def _flags(name: str, value: ArrayLike, shape: tuple[int, ...], form: str) -> NDArray[np.bool_]:
+def flags_of(name: str, value: ArrayLike, shape: tuple[int, ...], form: str) -> NDArray[np.bool_]:
     """Read-only truth values of the given shape, from as many or from one for all."""
     try:
         flags = np.empty(()) if np.ma.is_masked(value) else np.asarray(value)
@@ -193,7 +195,7 @@ def _flags(name: str, value: ArrayLike, shape: tuple[int, ...], form: str) -> ND
         flags = np.empty(shape, dtype=bool)
     if flags.dtype != np.bool_ or flags.shape not in ((), shape):
         raise InvalidSceneError(
-            f"disks.{name} must be true or false, one for all or {form} of the {shape[0]} disks, not {shown(value)}"
+            f"{name} must be true or false, one for all or {form} of the {shape[0]}, not {shown(value)}"
         )
     full = np.array(np.broadcast_to(flags, shape))
     full.setflags(write=False)

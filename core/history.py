@@ -16,7 +16,10 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True, kw_only=True)
 class History:
-    """Observations at the sampled steps; s samples, n disks, m walls, c watched pairs.
+    """Observations at the sampled steps; s samples, n disks or spheres, m walls, c watched pairs.
+
+    Shapes are those of the plane. In space positions, velocities, points and forces of walls have three components; so have ``angle`` (the
+    integral of the spin) and ``omega``, ``fs`` (the shear force on the first body) and ``wall_angle`` (the wall's unit normal).
 
     A quantity that an engine cannot observe is filled with NaN, never with a guess.
 
@@ -97,9 +100,11 @@ class History:
         pairs: tuple[Pair, ...],
         force_meaning: Literal["instantaneous", "step-mean"] = "instantaneous",
         energies: tuple[str, ...] = (),
+        dimension: int = 2,
     ) -> History:
         """A history of the right shapes, filled with NaN, for an engine to write into."""
         s, c = len(step), len(pairs)
+        turn = () if dimension == 2 else (3,)
 
         def blank(*shape: int) -> FloatArray:
             return np.full((s, *shape), np.nan)
@@ -107,17 +112,17 @@ class History:
         return cls(
             step=step,
             t=t,
-            x=blank(n_disks, 2),
-            v=blank(n_disks, 2),
-            angle=blank(n_disks),
-            omega=blank(n_disks),
+            x=blank(n_disks, dimension),
+            v=blank(n_disks, dimension),
+            angle=blank(n_disks, *turn),
+            omega=blank(n_disks, *turn),
             pairs=pairs,
             gap=blank(c),
             fn=blank(c),
-            fs=blank(c),
+            fs=blank(c, *turn),
             force_meaning=force_meaning,
-            wall_point=blank(n_walls, 2),
-            wall_angle=blank(n_walls),
-            wall_force=blank(n_walls, 2),
+            wall_point=blank(n_walls, dimension),
+            wall_angle=blank(n_walls, *turn),
+            wall_force=blank(n_walls, dimension),
             energy={name: blank() for name in energies},
         )

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.bodies import BodiesAndWalls
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError
 from ninedisk.core.history import Pair
 from ninedisk.core.scene import Scene
@@ -220,7 +221,7 @@ def check_progress(progress: object) -> None:
         )
 
 
-def watched_pairs(scene: Scene, watch: Sequence[Pair]) -> tuple[Pair, ...]:
+def watched_pairs(scene: BodiesAndWalls[Any], watch: Sequence[Pair]) -> tuple[Pair, ...]:
     """The contacts to record, as body numbers.
 
     Raises
@@ -232,27 +233,29 @@ def watched_pairs(scene: Scene, watch: Sequence[Pair]) -> tuple[Pair, ...]:
     return tuple(scene.check_pair(pair) for pair in pairs)
 
 
-def chosen_particles(scene: Scene, particles: Sequence[int] | None) -> NDArray[np.int64]:
-    """Disk numbers, shape (k,); None means all.
+def chosen_particles(scene: BodiesAndWalls[Any], particles: Sequence[int] | None) -> NDArray[np.int64]:
+    """Body numbers, shape (k,); None means all.
 
     Raises
     ------
     InvalidSceneError
-        If a disk does not exist.
+        If a body does not exist.
     """
-    n = len(scene.disks)
+    n = len(scene.bodies)
     if particles is None:
         return np.arange(n, dtype=np.int64)
     chosen: list[int] = []
-    for particle in items_of("particles", particles, f"a sequence of disks' numbers 0..{n - 1}, or None for all"):
+    for particle in items_of(
+        "particles", particles, f"a sequence of {scene.noun}s' numbers 0..{n - 1}, or None for all"
+    ):
         try:
             chosen.append(*body_numbers("a particle is a whole number", (particle,)))
         except InvalidSceneError as error:
             raise InvalidSceneError(
-                f"particle {shown(particle)} is no whole number: disks are numbered 0..{n - 1}"
+                f"particle {shown(particle)} is no whole number: {scene.noun}s are numbered 0..{n - 1}"
             ) from error
         if not 0 <= chosen[-1] < n:
-            raise InvalidSceneError(f"particle {particle} does not exist: disks are numbered 0..{n - 1}")
+            raise InvalidSceneError(f"particle {particle} does not exist: {scene.noun}s are numbered 0..{n - 1}")
     return np.array(chosen, dtype=np.int64)
 
 

@@ -14,18 +14,19 @@ Conventions (see ``docs/notation.md``)
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ninedisk.core.array_types import FloatArray
+from ninedisk.core.bodies import BodiesAndWalls
 from ninedisk.core.disks import Disks, check_outlines, outlines_from, plain_outline
-from ninedisk.core.errors import BehindWallError, InvalidSceneError
+from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, Rolling, SlipAt, WallVelocityAt
 from ninedisk.core.loads import BodyForce, Cell
-from ninedisk.core.validate import all_of_kind, at_least, body_numbers, finite, items_of, kind_of, shown, whole
+from ninedisk.core.validate import all_of_kind, at_least, finite, kind_of, whole
 from ninedisk.core.walls import Wall, WallSegment
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene:
+class Scene(BodiesAndWalls[ContactLaw]):
     """Everything that physics needs to know.
 
     Two scenes are equal if all their values are; they hold arrays and a mapping, so that they cannot be keys of a dictionary.
@@ -92,6 +93,8 @@ class Scene:
     forces: tuple[BodyForce, ...] = ()
     cell: Cell | None = None
 
+    dimension: ClassVar[int] = 2
+    noun: ClassVar[str] = "disk"
     __hash__ = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -101,16 +104,14 @@ class Scene:
         gravity = finite("gravity", self.gravity, (2,))
         object.__setattr__(self, "gravity", (float(gravity[0]), float(gravity[1])))
         object.__setattr__(self, "xi", at_least("xi", self.xi, 0.0))
-        names = [wall.name for wall in self.walls]
-        if len(set(names)) != len(names):
-            raise InvalidSceneError(f"wall names must be unique: {', '.join(names)}")
+        self._check_names()
         self._check_walls()
         object.__setattr__(self, "outlines", check_outlines(self.outlines, self.disks))
         shear = {}
         for pair, force in kind_of("initial_shear", self.initial_shear, Mapping).items():  # type: ignore[type-abstract]
             shear[self.check_pair(pair)] = float(finite(f"initial shear of {pair}", force, ()))
         object.__setattr__(self, "initial_shear", shear)
-        self._check_materials()
+        object.__setattr__(self, "laws", self._checked_laws(ContactLaw))
         object.__setattr__(self, "forces", all_of_kind("forces", self.forces, BodyForce))
         for force in self.forces:
             whole("force on disk", force.disk, 0, len(self.disks) - 1, error=InvalidSceneError)
@@ -122,81 +123,14 @@ class Scene:
                 )
 
     @property
-    def n_bodies(self) -> int:
-        """Number of disks and walls together."""
-        return len(self.disks) + len(self.walls)
-
-    def body_name(self, body: int) -> str:
-        """Readable name of a body, for messages and figures."""
-        body = whole("body", body, 0, self.n_bodies - 1, error=InvalidSceneError)
-        n = len(self.disks)
-        return f"disk {body}" if body < n else f"wall {self.walls[body - n].name!r}"
-
-    def wall_index(self, name: str) -> int:
-        """Body number of the wall called ``name``."""
-        for k, wall in enumerate(self.walls):
-            if wall.name == name:
-                return len(self.disks) + k
-        known = ", ".join(wall.name for wall in self.walls) or "none"
-        raise InvalidSceneError(f"there is no wall {shown(name)}: the scene's walls are {known}")
-
-    def check_pair(self, pair: Sequence[int]) -> tuple[int, int]:
-        """Return ``pair`` as two body numbers in order, or raise `InvalidSceneError`."""
-        bodies = body_numbers("a pair is two body numbers", pair)
-        if len(bodies) != 2:
-            raise InvalidSceneError(f"a pair is two body numbers, not {shown(pair)}")
-        i, j = bodies
-        if not (0 <= i < len(self.disks) and i < j < self.n_bodies):
-            raise InvalidSceneError(
-                f"pair {(i, j)} is not allowed: the first body is a disk (0..{len(self.disks) - 1}), the second a "
-                f"later disk or a wall (up to {self.n_bodies - 1})"
-            )
-        return i, j
-
-    def law(self, pair: tuple[int, int]) -> ContactLaw:
-        """Contact law of a pair."""
-        i, j = self.check_pair(pair)
-        n, one = len(self.disks), self.disks.material[i]
-        if j < n:
-            return self.laws.get(_ordered(one, self.disks.material[j]), self.disk_disk)
-        return self.laws.get(_ordered(one, self.walls[j - n].material), self.walls[j - n].law)
+    def bodies(self) -> Disks:
+        """The disks."""
+        return self.disks
 
     @property
-    def laws_in_use(self) -> tuple[ContactLaw, ...]:
-        """All laws that a pair of the scene can have: between disks (of two or more), of each wall, of the materials."""
-        return (
-            *((self.disk_disk,) if len(self.disks) > 1 else ()),
-            *(wall.law for wall in self.walls),
-            *self.laws.values(),
-        )
-
-    def behind_wall(self, disk: int, wall: int, height: float, when: str, step: str) -> BehindWallError:
-        """The error of a disk whose centre is at this height <= 0 [m] above a wall during a run; ``step`` says which step to reduce."""
-        return BehindWallError(
-            f"the centre of disk {disk} is {-height:g} m behind wall {self.walls[wall].name!r} at {when}: it moves too far in a step, its "
-            f"contact is too soft, or walls close in on it; reduce {step}, raise kn, or mend the walls' motion"
-        )
-
-    def _check_materials(self) -> None:
-        """Laws of materials that somebody has, each pair of names in alphabetical order."""
-        used = {*self.disks.material, *(wall.material for wall in self.walls)}
-        laws: dict[tuple[str, str], ContactLaw] = {}
-        for pair, law in kind_of("laws", self.laws, Mapping).items():  # type: ignore[type-abstract]
-            names = items_of("the materials of a law", pair, "two names")
-            if len(names) != 2 or not all(isinstance(name, str) for name in names):
-                raise InvalidSceneError(
-                    f"the materials of a law = {shown(pair)} are not allowed: they must be two names"
-                )
-            for name in names:
-                if name not in used:
-                    known = ", ".join(map(repr, sorted(used)))
-                    raise InvalidSceneError(
-                        f"no disk and no wall is made of the material {name!r} of a law: there are {known}"
-                    )
-            if _ordered(*names) in laws:
-                raise InvalidSceneError(f"the materials {names[0]!r} and {names[1]!r} have two laws: give one")
-            laws[_ordered(*names)] = kind_of(f"law of {shown(pair)}", law, ContactLaw)
-        object.__setattr__(self, "laws", laws)
+    def law_of_bodies(self) -> ContactLaw:
+        """Law between disks that no materials decide."""
+        return self.disk_disk
 
     def _check_walls(self) -> None:
         for a, one in enumerate(self.walls):
@@ -305,14 +239,6 @@ class Scene:
         if unknown:
             raise InvalidSceneError(f"unknown key(s) in the scene: {', '.join(sorted(map(str, unknown)))}")
         return scene
-
-    def replace(self, **changes: Any) -> Scene:
-        """Copy with some fields changed."""
-        return replace(self, **changes)
-
-
-def _ordered(one: str, two: str) -> tuple[str, str]:
-    return (one, two) if one <= two else (two, one)
 
 
 def _plain(record: WallSegment | BodyForce) -> dict[str, Any]:

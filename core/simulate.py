@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics, check_run
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.core.threads import check_threads
 from ninedisk.core.validate import one_of
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    scene: Scene,
+    scene: Scene | SphereScene,
     numerics: Numerics,
     watch: Sequence[Pair] = (),
     *,
@@ -29,14 +30,14 @@ def simulate(
 
     Parameters
     ----------
-    scene : Scene
-        Disks, walls, contact laws, gravity, damping.
+    scene : Scene or SphereScene
+        Disks in the plane or spheres in space, walls, contact laws, gravity.
     numerics : Numerics
         Steps and sampling.
     watch : sequence of pairs
         Contacts to record, as body numbers (disks first, then walls; `Scene.wall_index` finds a wall's).
     method : {"dem", "cd"}
-        Discrete element method (contact springs, explicit) or contact dynamics (rigid or elastic, implicit).
+        Discrete element method (contact springs, explicit) or contact dynamics (rigid or elastic, implicit; of disks only).
     particles : sequence of int or None
         Disks whose motion is recorded; None: all.
     threads : int
@@ -63,6 +64,12 @@ def simulate(
         Contact dynamics: if a step is not solved to its tolerance, or a static one has no solution.
     """
     one_of("method", method, ("dem", "cd"), error=InvalidNumericsError)
+    if isinstance(scene, SphereScene):
+        if method != "dem":
+            raise InvalidNumericsError(f"method = {method!r} is not allowed for spheres: use 'dem'")
+        from ninedisk.core.spheres.session import SphereSession
+
+        return SphereSession(scene, numerics, watch, particles, threads=threads).run(progress)
     check_run(scene, numerics)
     if method == "dem":
         from ninedisk.core.dem.session import DemSession

@@ -10,6 +10,8 @@ from typing import Self
 from ninedisk.core.law import RollingModel
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, LeverArm, Scene, SlipAt
+from ninedisk.core.spheres.law import Unloading
+from ninedisk.core.spheres.scene import SphereScene
 
 
 class Capability(StrEnum):
@@ -55,6 +57,15 @@ class Capability(StrEnum):
     ENERGY_BUDGET = "energies that were lost and fed since time 0, by channels", "energy budget"
     OUTLINES = "grains with NURBS outlines", "outlines"
     AREA_CONTACT = "normal contact with an energy of the common area", "common area"
+    SPHERES = "spheres in space", "spheres"
+    HERTZ_MINDLIN = "Hertz-Mindlin contact of given moduli", "Hertz-Mindlin"
+    UNLOADING_NONE = "Mindlin's shear spring that keeps its displacement while the contact shrinks", "Mindlin, none"
+    UNLOADING_FORCE = "Mindlin's shear spring that keeps its force while the contact shrinks", "Mindlin, force"
+    UNLOADING_RESCALE = "Mindlin's shear spring that shrinks with the contact", "Mindlin, rescale"
+    TWISTING_CONSTANT = "resistance to twisting by a constant torque", "twisting A"
+    TWISTING_SPRING = "resistance to twisting by a spring with a cap", "twisting C"
+    SURFACE_DMT = "pull-off of Derjaguin, Muller and Toporov", "DMT"
+    SURFACE_JKR = "adhesive contact of Johnson, Kendall and Roberts", "JKR"
 
 
 LEVER_ARMS: Mapping[LeverArm, Capability] = {
@@ -88,12 +99,32 @@ GRAINS = frozenset({Capability.OUTLINES, Capability.AREA_CONTACT})
 """What only engines of grains have, not those of disks."""
 
 
-def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
+UNLOADING: Mapping[Unloading, Capability] = {
+    "none": Capability.UNLOADING_NONE,
+    "force": Capability.UNLOADING_FORCE,
+    "rescale": Capability.UNLOADING_RESCALE,
+}
+"""What the shear spring of Hertz-Mindlin asks of an engine."""
+
+SPACE = frozenset(UNLOADING.values()) | {
+    Capability.SPHERES,
+    Capability.HERTZ_MINDLIN,
+    Capability.TWISTING_CONSTANT,
+    Capability.TWISTING_SPRING,
+    Capability.SURFACE_DMT,
+    Capability.SURFACE_JKR,
+}
+"""What only engines of spheres have."""
+
+
+def capabilities_needed(scene: Scene | SphereScene, numerics: Numerics) -> frozenset[Capability]:
     """Capabilities that a scene and its numerics require of an engine.
 
     A contact whose stiffness only regularises a rigid one (``ContactLaw.regularised``) asks for either the linear
     contact or an impact law; it is therefore left to the engine's ``supports`` and not listed here.
     """
+    if isinstance(scene, SphereScene):
+        return _needed_in_space(scene, numerics)
     need: set[Capability] = set()
     laws = scene.laws_in_use
     for law in laws:
@@ -155,15 +186,77 @@ def capabilities_needed(scene: Scene, numerics: Numerics) -> frozenset[Capabilit
     return frozenset(need)
 
 
-def capabilities_asked(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
+def _needed_in_space(scene: SphereScene, numerics: Numerics) -> frozenset[Capability]:
+    need, spheres = {Capability.SPHERES}, scene.spheres
+    turning = bool(spheres.rotating.any())
+    for law in scene.laws_in_use:
+        for resistance, springs, constant in (
+            (law.rolling, Capability.ROLLING_SPRING, Capability.ROLLING_CONSTANT),
+            (law.twisting, Capability.TWISTING_SPRING, Capability.TWISTING_CONSTANT),
+        ):
+            if resistance is not None and turning:
+                need.add(springs if resistance.model == "elastic-plastic" else constant)
+        if law.surface_energy > 0.0:
+            need.add(Capability.SURFACE_DMT if law.surface == "dmt" else Capability.SURFACE_JKR)
+        if law.mu > 0.0:
+            need.add(Capability.FRICTION)
+        if law.regularised:
+            continue
+        need.add(Capability.HERTZ_MINDLIN if law.hertz else Capability.LINEAR_CONTACT)
+        if law.beta > 0.0:
+            need.add(Capability.CONTACT_DAMPING)
+        if law.mu > 0.0:
+            need.add(Capability.SHEAR_SPRING)
+            if law.g_star > 0.0:
+                need.add(UNLOADING[law.unloading])
+            if turning:
+                need.add(LEVER_ARMS[law.lever_arm])
+            if turning or len(spheres) > 1:
+                need.add(SLIP_AT[law.slip_at])
+    for wall in scene.walls:
+        for segment in wall.motion:
+            if any(segment.velocity):
+                need.add(Capability.MOVING_WALLS)
+            if any(segment.angular_velocity):
+                need.add(Capability.ROTATING_WALLS)
+            if any(segment.amplitude):
+                need.add(Capability.CURVED_WALL_MOTION)
+    if any(scene.gravity):
+        need.add(Capability.GRAVITY)
+    fixed = spheres.fixed
+    if fixed.any():
+        need.add(Capability.FIXED_DISKS)
+    if not spheres.rotating[~fixed].all():
+        need.add(Capability.BLOCKED_ROTATION)
+    if spheres.held[~fixed].any():
+        need.add(Capability.HELD_MOTION)
+    if scene.laws:
+        need.add(Capability.MATERIALS)
+    if numerics.energy_budget:
+        need.add(Capability.ENERGY_BUDGET)
+    if numerics.regime == "quasi-static":
+        need.add(Capability.QUASI_STATIC)
+    return frozenset(need)
+
+
+def capabilities_asked(scene: Scene | SphereScene, numerics: Numerics) -> frozenset[Capability]:
     """What a scene asks of whatever engine runs it: `capabilities_needed`, and of a contact whose stiffness only regularises a
     rigid one both the springs and the impact law, of which an engine uses one."""
-    sprung = replace(
-        scene,
-        disk_disk=replace(scene.disk_disk, regularised=False),
-        walls=tuple(replace(wall, law=replace(wall.law, regularised=False)) for wall in scene.walls),
-        laws={pair: replace(law, regularised=False) for pair, law in scene.laws.items()},
-    )
+    sprung: Scene | SphereScene
+    if isinstance(scene, SphereScene):
+        sprung = replace(
+            scene,
+            sphere_sphere=replace(scene.sphere_sphere, regularised=False),
+            walls=tuple(replace(wall, law=replace(wall.law, regularised=False)) for wall in scene.walls),
+            laws={pair: replace(law, regularised=False) for pair, law in scene.laws.items()},
+        )
+    else:
+        sprung = replace(
+            scene,
+            disk_disk=replace(scene.disk_disk, regularised=False),
+            walls=tuple(replace(wall, law=replace(wall.law, regularised=False)) for wall in scene.walls),
+            laws={pair: replace(law, regularised=False) for pair, law in scene.laws.items()},
+        )
     impact = any(law.restitution for law in scene.laws_in_use)
     return (
         capabilities_needed(scene, numerics)

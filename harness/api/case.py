@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.results.schema import Figure
 
@@ -70,6 +71,13 @@ class Setup:
     numerics: Numerics
     watch: tuple[Pair, ...]
     labels: Mapping[str, Pair] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphereSetup(Setup):
+    """What an engine needs of a case in space."""
+
+    scene: SphereScene  # type: ignore[assignment]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
 
 
@@ -48,6 +49,10 @@ class Difference(StrEnum):
         "contacts are soft, and an impact is a spring's motion over several of the engine's own steps: contacts that are hit at "
         "one time share it as springs do"
     )
+    ARM_LESS_OVERLAP = (
+        "shear impulses of a sphere on a plane act at the plane: their arm is the radius less the overlap that the step of an "
+        "impact makes"
+    )
     NORMAL_TURNS_IN_IMPACT = (
         "restitution takes the approach along the line of centres at the begin of a step, the impulse acts along that at its "
         "end: e = 1 gains energy, first order in the step"
@@ -79,6 +84,8 @@ class EngineInfo:
     contact : {"spring", "impulse", "cd", "soft"}
         Linear contact springs; rigid at velocity level; contact dynamics; or soft in a way of the engine's own.
     capabilities : frozenset of Capability
+    plane : bool
+        Whether it runs scenes of the plane; those in space are asked of engines with `Capability.SPHERES`.
     turns_shear : {"exactly", "to first order"}
         How a shear force follows the contact's rotation; to first order its size changes by half the square of the rotation in
         each step.
@@ -126,6 +133,7 @@ class EngineInfo:
     install: str
     capabilities: frozenset[Capability]
     not_installed_because: str = ""
+    plane: bool = True
     turns_shear: str = "exactly"
     turns_exactly_with: frozenset[Capability] = frozenset()
     arms_at_walls: frozenset[Capability] | None = None
@@ -266,7 +274,12 @@ class Session(Protocol):
 
 
 def run_session(
-    make: Any, scene: Scene, numerics: Numerics, watch: Sequence[Pair], *, force_meaning: Any = "step-mean"
+    make: Any,
+    scene: Scene | SphereScene,
+    numerics: Numerics,
+    watch: Sequence[Pair],
+    *,
+    force_meaning: Any = "step-mean",
 ) -> EngineRun:
     """Drive a `Session` (``make(scene, numerics, pairs)``) over the sampled steps and time it."""
     pairs = tuple(scene.check_pair(pair) for pair in watch)
@@ -274,10 +287,11 @@ def run_session(
     history = History.empty(
         steps,
         np.multiply(steps, numerics.dt, dtype=np.float64),
-        n_disks=len(scene.disks),
+        n_disks=len(scene.bodies),
         n_walls=len(scene.walls),
         pairs=pairs,
         force_meaning=force_meaning,
+        dimension=scene.dimension,
     )
     setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
     with setup:

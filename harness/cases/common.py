@@ -107,6 +107,7 @@ FINDING_WORDS: Mapping[Difference, str] = {
     Difference.FIXED_WALL_SHEAR: "wall-shear-along-fixed-axes",
     Difference.KEEPS_OPENED_SHEAR: "opened-contact-keeps-shear",
     Difference.FRICTION_LAGS: "slides-without-friction-at-first",
+    Difference.ARM_LESS_OVERLAP: "arm-less-the-overlap",
     Difference.NORMAL_TURNS_IN_IMPACT: "elastic-gas-gains-energy",
 }
 """Words by which the finding of an engine with such a difference is called: its id is ``<engine>/<words>``. The others are models of a

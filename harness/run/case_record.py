@@ -14,6 +14,7 @@ from ninedisk.harness.api.claims import claims_of
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.params import allowed, format_value
 from ninedisk.harness.api.registry import case_table, engine_table, get_case
+from ninedisk.harness.api.support import support_of
 from ninedisk.harness.results.schema import Row, tolerance
 from ninedisk.harness.results.tables import plain_json
 from ninedisk.harness.run.judge import largest
@@ -137,4 +138,4 @@ def _able(cell: Cell) -> bool:
     """Whether the cell's engine can express its scene, installed or not."""
     if isinstance(cell.setup, Exception) or isinstance(cell.engine, Exception):
         return False
-    return cell.engine.supports(cell.setup.scene, cell.setup.numerics).level is not SupportLevel.NO
+    return support_of(cell.engine, cell.setup.scene, cell.setup.numerics).level is not SupportLevel.NO

@@ -43,9 +43,10 @@ def blank_history(setup: Setup) -> History:
     return History.empty(
         steps,
         np.asarray(steps * setup.numerics.dt, dtype=np.float64),
-        n_disks=len(setup.scene.disks),
+        n_disks=len(setup.scene.bodies),
         n_walls=len(setup.scene.walls),
         pairs=tuple(setup.scene.check_pair(pair) for pair in setup.watch),
+        dimension=setup.scene.dimension,
     )
 
 

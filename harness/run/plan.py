@@ -222,7 +222,7 @@ def refuse_oversized(setup: Setup, variant: Variant) -> None:
         )
     last = numerics.n_steps if numerics.sample_until is None else min(numerics.sample_until, numerics.n_steps)
     samples = 2 + max(0, last - numerics.sample_from) // numerics.sample_every
-    numbers = samples * (7 * len(scene.disks) + 5 * len(scene.walls) + 3 * len(setup.watch))
+    numbers = samples * (7 * len(scene.bodies) + 5 * len(scene.walls) + 3 * len(setup.watch))
     if numbers > MOST_NUMBERS:
         raise ParameterError(
             f"the run would record {samples:.3g} samples, {numbers:.3g} numbers, at most {MOST_NUMBERS:.0e} are allowed; "

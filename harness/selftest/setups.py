@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene, WallSegment
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.selftest.defect import Defect
+
+AnyScene = TypeVar("AnyScene", Scene, SphereScene)
 
 
 def with_disks(scene: Scene, **changes: Any) -> Scene:
@@ -19,11 +22,12 @@ def with_disks(scene: Scene, **changes: Any) -> Scene:
     return scene.replace(disks=replace(scene.disks, **changes))
 
 
-def with_laws(scene: Scene, change: Callable[[ContactLaw], ContactLaw]) -> Scene:
-    """The scene with every contact law changed."""
+def with_laws(scene: AnyScene, change: Callable[[Any], Any]) -> AnyScene:
+    """The scene, of the plane or of space, with every contact law changed."""
     walls = tuple(replace(wall, law=change(wall.law)) for wall in scene.walls)
     laws = {pair: change(law) for pair, law in scene.laws.items()}
-    return scene.replace(disk_disk=change(scene.disk_disk), walls=walls, laws=laws)
+    of_bodies = {"disk_disk" if scene.dimension == 2 else "sphere_sphere": change(scene.law_of_bodies)}
+    return scene.replace(**of_bodies, walls=walls, laws=laws)
 
 
 def with_motion(scene: Scene, change: Callable[[WallSegment], WallSegment]) -> Scene:

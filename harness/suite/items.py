@@ -21,6 +21,7 @@ import pytest
 from ninedisk.harness.api.case import Variant
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import match_cases
+from ninedisk.harness.api.support import support_of
 from ninedisk.harness.results.schema import Row, row_tolerance
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.gaps import GapFile, KnownGap, read_gaps
@@ -120,7 +121,7 @@ def _collect(cell: Cell) -> list[CheckName]:
         info = cell.engine.info()
         if not info.installed:
             return []
-        if cell.engine.supports(cell.setup.scene, cell.setup.numerics).level is SupportLevel.NO:
+        if support_of(cell.engine, cell.setup.scene, cell.setup.numerics).level is SupportLevel.NO:
             return []
         pairs = [(check.quantity, check.truth) for check in dry_checks(cell, info)]
         return [(name, *pair) for name, pair in zip(check_ids(pairs), pairs, strict=True)]

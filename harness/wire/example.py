@@ -9,7 +9,7 @@ from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
-from ninedisk.harness.api.support import contact_steps
+from ninedisk.harness.api.support import contact_steps, support_of
 from ninedisk.harness.run.plan import plan_case
 from ninedisk.harness.run.runner import why_not
 from ninedisk.harness.wire.command import CommandEngine
@@ -40,7 +40,7 @@ def example_request(
         setup = plan_case(case_id, engine, params, options).setup
         if isinstance(setup, Exception):
             raise setup
-        support = engine.supports(setup.scene, setup.numerics)
+        support = support_of(engine, setup.scene, setup.numerics)
         if support.level is SupportLevel.NO:
             tell(f"a run does not ask {engine.id} for this: {why_not(engine.info(), support)}")
         scene, numerics = engine.asked(setup.scene, setup.numerics)

@@ -54,6 +54,7 @@ from numpy.typing import NDArray
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.engine import EngineError, EngineRun, EngineUnsupportedError, Timings
 from ninedisk.harness.api.text import printable
 
@@ -94,7 +95,7 @@ ENERGY = "energy."
 class Request:
     """What an engine is asked to do."""
 
-    scene: Scene
+    scene: Scene | SphereScene
     numerics: Numerics
     watch: tuple[Pair, ...]
     answer_file: str
@@ -139,7 +140,9 @@ def decode_request(text: str) -> Request:
     expect_keys(
         data, ("wire_version", "scene", "numerics", "watch", "sampled_steps", "answer_file", "extra"), "request"
     )
-    scene, numerics = Scene.from_dict(data["scene"]), Numerics.from_dict(data["numerics"])
+    in_space = isinstance(data["scene"], Mapping) and data["scene"].get("dimension") == 3
+    scene: Scene | SphereScene = (SphereScene if in_space else Scene).from_dict(data["scene"])
+    numerics = Numerics.from_dict(data["numerics"])
     if not isinstance(data["watch"], list) or not all(isinstance(pair, list) for pair in data["watch"]):
         raise WireError(f"watch must be a list of pairs of body numbers, not {data['watch']!r:.80}")
     if data["sampled_steps"] != numerics.sampled_steps().tolist():
@@ -159,7 +162,10 @@ def decode_request(text: str) -> Request:
 def encode_answer(answer: Answer) -> str:
     """Text of an answer, for engines written in Python."""
     run, history = answer.run, answer.run.history
-    fields = {name: _lists(getattr(history, name)) for name in _shapes(history.x.shape[1], *_sizes(history))}
+    fields = {
+        name: _lists(getattr(history, name))
+        for name in _shapes(history.x.shape[1], *_sizes(history), history.x.shape[2])
+    }
     return json.dumps(
         {
             "wire_version": WIRE_VERSION,
@@ -183,7 +189,7 @@ def encode_answer(answer: Answer) -> str:
 
 
 def decode_answer(
-    text: str, *, scene: Scene, numerics: Numerics, watch: Sequence[Pair], folder: Path | None = None
+    text: str, *, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair], folder: Path | None = None
 ) -> Answer:
     """Check an answer against its request and turn it into an `EngineRun`.
 
@@ -222,8 +228,10 @@ def decode_answer(
     return Answer(run=run, engine_version=text_field(data["engine_version"], "engine_version"))
 
 
-def _history(data: Any, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...], folder: Path | None) -> History:
-    shapes = _shapes(len(scene.disks), len(scene.walls), len(pairs))
+def _history(
+    data: Any, scene: Scene | SphereScene, numerics: Numerics, pairs: tuple[Pair, ...], folder: Path | None
+) -> History:
+    shapes = _shapes(len(scene.bodies), len(scene.walls), len(pairs), scene.dimension)
     if isinstance(data, Mapping) and "file" in data:
         expect_keys(data, HISTORY_FILE_KEYS, "history")
         found = read_history_file(data["file"], folder, (*shapes, "stress"))
@@ -269,20 +277,21 @@ def _check_state(arrays: Mapping[str, NDArray[np.float64]], steps: NDArray[np.in
         raise WireError(f"history.t[{row}] is {t[row]}; expected step * dt = {expected[row]} at step {steps[row]}")
 
 
-def _shapes(n: int, m: int, c: int) -> dict[str, tuple[int, ...]]:
-    """Shape of one sample of every array, for n disks, m walls and c watched pairs."""
+def _shapes(n: int, m: int, c: int, dimension: int) -> dict[str, tuple[int, ...]]:
+    """Shape of one sample of every array, for n bodies, m walls and c watched pairs."""
+    turn = () if dimension == 2 else (3,)
     return {
         "t": (),
-        "x": (n, 2),
-        "v": (n, 2),
-        "angle": (n,),
-        "omega": (n,),
+        "x": (n, dimension),
+        "v": (n, dimension),
+        "angle": (n, *turn),
+        "omega": (n, *turn),
         "gap": (c,),
         "fn": (c,),
-        "fs": (c,),
-        "wall_point": (m, 2),
-        "wall_angle": (m,),
-        "wall_force": (m, 2),
+        "fs": (c, *turn),
+        "wall_point": (m, dimension),
+        "wall_angle": (m, *turn),
+        "wall_force": (m, dimension),
     }
 
 

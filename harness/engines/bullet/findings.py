@@ -67,4 +67,23 @@ FINDINGS = (
             "ninedisk run binary-collision --engine bullet --set kind=elastic --set gap=0.5025 --option bullet.contact_erp=0.2"
         ),
     ),
+    Finding(
+        id="bullet/friction-pyramid",
+        engine="bullet",
+        versions="3.2.7",
+        what=(
+            "Without the implicit cone (enableConeFriction = 0) friction is a pyramid along the axes of space: across its edges it is 1.41 "
+            "times mu fn and up to 45 degrees off the slip."
+        ),
+        size=Size(
+            case="spheres/thornton",
+            variant="law=linear,incidence=9*bullet.friction=pyramid*",
+            quantity="vt_final",
+            truth="analytic",
+            over=1e-9,
+            over_why="Coulomb's cone is the same in all directions: with it Bullet is right to round-off",
+            fails=True,
+        ),
+        command="ninedisk run spheres/thornton --engine bullet --set law=linear --set incidence=9 --option bullet.friction=pyramid",
+    ),
 )

@@ -109,7 +109,7 @@ class EsysParticle(SpringEngine):
             fit.lacks(Capability.DISK_INERTIA, NOTE_SPIN)
         fit.notes += [] if fit.missing else [NOTE_FORCES]
 
-    def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
+    def extra(self, scene: Any, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Also the size of the domain."""
         return {**super().extra(scene, numerics, folder), "reach": wall_reach(scene, numerics, self.id)}
 

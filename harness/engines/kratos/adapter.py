@@ -139,7 +139,7 @@ class Kratos(SpringEngine):
         if damped and len(between) > 1:
             fit.lacks(Capability.MATERIALS, NOTE_ONE_DASHPOT)
 
-    def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
+    def extra(self, scene: Any, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Also the length of walls."""
         return {**super().extra(scene, numerics, folder), "reach": wall_reach(scene, numerics, self.id)}
 

@@ -1,0 +1,143 @@
+"""What scenes of the plane and of space share: bodies and walls by number and name, pairs, laws by materials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
+
+from ninedisk.core.errors import BehindWallError, InvalidSceneError
+from ninedisk.core.validate import body_numbers, items_of, kind_of, shown, whole
+
+Law = TypeVar("Law")
+
+
+class NamedWall(Protocol):
+    """What is asked of a wall here."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def material(self) -> str: ...
+    @property
+    def law(self) -> Any: ...
+
+
+class Bodies(Protocol):
+    """What is asked of disks or spheres here."""
+
+    material: tuple[str, ...]
+
+    def __len__(self) -> int: ...
+
+
+class BodiesAndWalls(Generic[Law]):
+    """A scene's bodies ``0 .. n-1`` and its walls ``n .. n+m-1``; a pair is ``(i, j)`` with ``i < j``, the first of which is no wall."""
+
+    dimension: ClassVar[int]
+    noun: ClassVar[str]
+    """What a body is called in messages."""
+    walls: tuple[Any, ...]
+    laws: Mapping[tuple[str, str], Law]
+
+    @property
+    def bodies(self) -> Any:
+        """The disks or spheres."""
+        raise NotImplementedError
+
+    @property
+    def law_of_bodies(self) -> Law:
+        """Law between two bodies that no materials decide."""
+        raise NotImplementedError
+
+    @property
+    def n_bodies(self) -> int:
+        """Number of bodies and walls together."""
+        return len(self.bodies) + len(self.walls)
+
+    def body_name(self, body: int) -> str:
+        """Readable name of a body, for messages and figures."""
+        body = whole("body", body, 0, self.n_bodies - 1, error=InvalidSceneError)
+        n = len(self.bodies)
+        return f"{self.noun} {body}" if body < n else f"wall {self.walls[body - n].name!r}"
+
+    def wall_index(self, name: str) -> int:
+        """Body number of the wall called ``name``."""
+        for k, wall in enumerate(self.walls):
+            if wall.name == name:
+                return len(self.bodies) + k
+        known = ", ".join(wall.name for wall in self.walls) or "none"
+        raise InvalidSceneError(f"there is no wall {shown(name)}: the scene's walls are {known}")
+
+    def check_pair(self, pair: Sequence[int]) -> tuple[int, int]:
+        """Return ``pair`` as two body numbers in order, or raise `InvalidSceneError`."""
+        bodies = body_numbers("a pair is two body numbers", pair)
+        if len(bodies) != 2:
+            raise InvalidSceneError(f"a pair is two body numbers, not {shown(pair)}")
+        i, j = bodies
+        if not (0 <= i < len(self.bodies) and i < j < self.n_bodies):
+            raise InvalidSceneError(
+                f"pair {(i, j)} is not allowed: the first body is a {self.noun} (0..{len(self.bodies) - 1}), the second a "
+                f"later {self.noun} or a wall (up to {self.n_bodies - 1})"
+            )
+        return i, j
+
+    def law(self, pair: tuple[int, int]) -> Law:
+        """Contact law of a pair."""
+        i, j = self.check_pair(pair)
+        n, one = len(self.bodies), self.bodies.material[i]
+        if j < n:
+            return self.laws.get(ordered(one, self.bodies.material[j]), self.law_of_bodies)
+        wall_law: Law = self.walls[j - n].law
+        return self.laws.get(ordered(one, self.walls[j - n].material), wall_law)
+
+    @property
+    def laws_in_use(self) -> tuple[Law, ...]:
+        """All laws that a pair of the scene can have: between bodies (of two or more), of each wall, of the materials."""
+        return (
+            *((self.law_of_bodies,) if len(self.bodies) > 1 else ()),
+            *(wall.law for wall in self.walls),
+            *self.laws.values(),
+        )
+
+    def behind_wall(self, body: int, wall: int, height: float, when: str, step: str) -> BehindWallError:
+        """The error of a body whose centre is at this height <= 0 [m] above a wall during a run; ``step`` says which step to reduce."""
+        return BehindWallError(
+            f"the centre of {self.noun} {body} is {-height:g} m behind wall {self.walls[wall].name!r} at {when}: it moves too far in a "
+            f"step, its contact is too soft, or walls close in on it; reduce {step}, raise kn, or mend the walls' motion"
+        )
+
+    def replace(self, **changes: Any) -> Self:
+        """Copy with some fields changed."""
+        return replace(self, **changes)  # type: ignore[type-var]
+
+    def _check_names(self) -> None:
+        names = [wall.name for wall in self.walls]
+        if len(set(names)) != len(names):
+            raise InvalidSceneError(f"wall names must be unique: {', '.join(names)}")
+
+    def _checked_laws(self, kind: type[Law]) -> dict[tuple[str, str], Law]:
+        """Laws of materials that somebody has, each pair of names in alphabetical order."""
+        used = {*self.bodies.material, *(wall.material for wall in self.walls)}
+        laws: dict[tuple[str, str], Law] = {}
+        for pair, law in kind_of("laws", self.laws, Mapping).items():  # type: ignore[type-abstract]
+            names = items_of("the materials of a law", pair, "two names")
+            if len(names) != 2 or not all(isinstance(name, str) for name in names):
+                raise InvalidSceneError(
+                    f"the materials of a law = {shown(pair)} are not allowed: they must be two names"
+                )
+            for name in names:
+                if name not in used:
+                    known = ", ".join(map(repr, sorted(used)))
+                    raise InvalidSceneError(
+                        f"no {self.noun} and no wall is made of the material {name!r} of a law: there are {known}"
+                    )
+            if ordered(*names) in laws:
+                raise InvalidSceneError(f"the materials {names[0]!r} and {names[1]!r} have two laws: give one")
+            laws[ordered(*names)] = kind_of(f"law of {shown(pair)}", law, kind)
+        return laws
+
+
+def ordered(one: str, two: str) -> tuple[str, str]:
+    """Names of two materials in alphabetical order."""
+    return (one, two) if one <= two else (two, one)

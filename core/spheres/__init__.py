@@ -1,0 +1,1 @@
+"""Spheres in space: scenes, laws, and a DEM of their own."""
