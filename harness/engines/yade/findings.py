@@ -64,4 +64,23 @@ FINDINGS = (
         ),
         command="ninedisk run nine-disk/distortion --engine yade --set lever_arm=radius",
     ),
+    Finding(
+        id="yade/dashpot-never-pulls",
+        engine="yade",
+        versions="2023.02a",
+        what=(
+            "Dashpots of spheres (MindlinPhys, ViscElPhys) are cut off where they would pull, though their damping ratio is derived for "
+            "dashpots that do: rebounds are faster than the restitution asked for."
+        ),
+        size=Size(
+            case="spheres/chung-ooi/3",
+            variant="*restitution=0.2*",
+            quantity="restitution_effective",
+            truth="converged",
+            over=0.01,
+            over_why="the step's own error is below 2e-3 of the restitution, and the damping ratio has it exactly where dashpots may pull",
+            fails=True,
+        ),
+        command="ninedisk run spheres/chung-ooi/3 --engine yade --set restitution=0.2",
+    ),
 )
