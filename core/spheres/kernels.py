@@ -173,6 +173,15 @@ def capped(q: Vector, limit: float) -> Vector:
     return q[0] * limit / size, q[1] * limit / size, q[2] * limit / size
 
 
+@inline_kernel
+def note_open(contacts: Contacts, k: int) -> None:
+    """Forget what a contact remembered; one that was open already costs no write."""
+    if contacts.memory[k, RADIUS] != 0.0:
+        contacts.memory[k, RADIUS] = 0.0
+        for c in range(4):
+            contacts.force[k, c] = 0.0
+
+
 @kernel
 def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: bool, slip_dt: float) -> bool:
     """Add the forces of contact k; False if its sphere's centre is behind its plane."""
@@ -193,18 +202,14 @@ def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: boo
         apart2 = dot(d, d)
         reach = ri + state.radius[j]
         if apart2 >= reach * reach:
-            memory[k, RADIUS] = 0.0
-            for c in range(4):
-                contacts.force[k, c] = 0.0
+            note_open(contacts, k)
             return True
         apart = sqrt(apart2)
         n = (d[0] / apart, d[1] / apart, d[2] / apart)
         overlap, reduced = reach - apart, ri * state.radius[j] / reach
         height = 0.0
     if overlap <= 0.0:
-        memory[k, RADIUS] = 0.0
-        for c in range(4):
-            contacts.force[k, c] = 0.0
+        note_open(contacts, k)
         return True
     middle = law[MIDDLE] > 0.0
     fresh = memory[k, RADIUS] == 0.0
@@ -253,6 +258,7 @@ def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: boo
         u = plus(plus(u, ri - cut, cross(wi, shown)), state.radius[j] - cut, cross(wj, shown))
     u = plus(u, -dot(u, shown), shown)
     # Memory turned into the present tangent plane; in the mid-step form also with the bodies' mean spin about the normal.
+    rolls = law[ROLL] > 0.0
     spring, rolled = row(memory, k, SHEAR), row(memory, k, ROLLING)
     twisted = memory[k, TWISTING]
     if fresh:
@@ -260,12 +266,15 @@ def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: boo
     if middle:
         spin = 0.5 * slip_dt * dot(plus(wi, 1.0, wj), shown)
         u = carried(u, shown, n)
-        spring, rolled = carried(spring, before, n), carried(rolled, before, n)
+        spring = carried(spring, before, n)
         if spin != 0.0:
-            axis = n
-            spring, rolled = turned(spring, axis, spin), turned(rolled, axis, spin)
+            spring = turned(spring, n, spin)
+        if rolls:
+            rolled = turned(carried(rolled, before, n), n, spin)
     else:
-        spring, rolled = projected(spring, n), projected(rolled, n)
+        spring = projected(spring, n)
+        if rolls:
+            rolled = projected(rolled, n)
     ks = law[KS] * radius if hertz else law[KS]
     rule = int(law[UNLOADING])
     in_force = not hertz or rule == FORCE
@@ -288,7 +297,7 @@ def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: boo
     about = dot(relative, n)
     across = plus(relative, -about, n)
     m = (0.0, 0.0, 0.0)
-    if law[ROLL] > 0.0:
+    if rolls:
         limit = law[ROLL + 1] * reduced * repulsive
         if law[ROLL] == CONSTANT:
             rolled = capped((across[0] * STEEP, across[1] * STEEP, across[2] * STEEP), limit)
@@ -333,7 +342,8 @@ def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: boo
             state.torque[j, c] += (state.radius[j] - arm) * twist[c] + m[c]
         memory[k, NORMAL + c] = n[c]
         memory[k, SHEAR + c] = spring[c]
-        memory[k, ROLLING + c] = rolled[c]
+        if rolls:
+            memory[k, ROLLING + c] = rolled[c]
         contacts.force[k, 1 + c] = fs[c]
     contacts.force[k, 0] = fn
     memory[k, RADIUS], memory[k, OVERLAP], memory[k, TWISTING] = radius, overlap, twisted

@@ -13,9 +13,10 @@ from twin import law_of
 from ninedisk.core import InvalidSceneError, Numerics, UnstableTimeStepError, damping_ratio, simulate
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.law import Rolling
+from ninedisk.core.spheres import session
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
-from ninedisk.core.spheres.session import SphereSession
+from ninedisk.core.spheres.session import SphereSession, pairs_within
 
 R, M, E, V = 0.01, 0.01, 5e7, 0.5
 
@@ -140,3 +141,33 @@ def test_a_contact_that_stiffens_beyond_the_step_is_refused() -> None:
     with pytest.raises(UnstableTimeStepError, match="that the contacts have"):
         simulate(scene, numerics)
     simulate(scene, numerics.replace(dt=0.99 * critical, contact_dt=0.99 * critical))
+
+
+@pytest.mark.parametrize("spread", [(1.0, 1.0, 1.0), (40.0, 0.0, 0.2), (1e9, 1.0, 1.0)], ids=["cube", "strip", "far"])
+def test_the_search_finds_the_pairs_of_all_against_all(spread: tuple[float, float, float]) -> None:
+    rng = np.random.default_rng(1)
+    x, radius = rng.uniform(-1.0, 1.0, (400, 3)) * spread, rng.uniform(0.02, 0.1, 400)
+    x[200:] = x[:200] + 0.1 * rng.standard_normal((200, 3))
+    gap = np.linalg.norm(x[:, None] - x[None], axis=2) - radius[:, None] - radius[None]
+    expected = {(i, j) for i, j in np.argwhere(gap < 0.03).tolist() if i < j}
+    found = [(i, j) for i, j in pairs_within(x, radius, 0.03).tolist()]
+    assert len(expected) > 50
+    assert len(found) == len(set(found))
+    assert set(found) == expected
+
+
+def test_a_run_that_numbers_spheres_by_place_is_told_in_the_scenes_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = box(**SPRING, **TWIST)
+    numerics = Numerics(dt=1e-5, n_steps=150, contact_dt=1e-5, sample_every=30)
+    watch = [(i, j) for i in range(12) for j in range(i + 1, 18)]
+    plain = simulate(scene, numerics, watch, particles=(11, 3, 0))
+    monkeypatch.setattr(session, "SORT_FROM", 1)
+    monkeypatch.setattr(session, "in_space", lambda spheres: np.random.default_rng(0).permutation(len(spheres)))
+    other = simulate(scene, numerics, watch, particles=(11, 3, 0))
+    assert np.abs(plain.fs).max() > 0.01
+    for name in ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_force"):
+        exact = getattr(plain, name)
+        # Sums in another order: the round-off that the twin is held to.
+        np.testing.assert_allclose(getattr(other, name), exact, rtol=0.0, atol=1e-12 * np.abs(exact).max())
+    for name, exact in plain.energy.items():
+        np.testing.assert_allclose(other.energy[name], exact, rtol=1e-11, atol=1e-15)
