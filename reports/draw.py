@@ -492,7 +492,7 @@ def draw_projection(picture: Projection) -> str:
 
     scene, pair = picture.scene, list(picture.axes)
     x, v, omega, size = scene.x[:, pair], scene.v, scene.omega, 0.0
-    few = len(scene.x) <= MOST_TOLD
+    few = np.count_nonzero(v.any(axis=1) | omega.any(axis=1)) <= MOST_TOLD
     with rc_context(rc_params()):
         low, high, size = _box(x, scene.radius, 0.3)
         figure, axes = _blank(low, high)
@@ -510,7 +510,7 @@ def draw_projection(picture: Projection) -> str:
             axes.add_patch(
                 Circle(tuple(shine), 0.45 * radius, facecolor="#ffffff", alpha=0.35, edgecolor="none", zorder=level)
             )
-            if len(x) <= MOST_NUMBERED:
+            if radius > 0.03 * float((high - low).max()):
                 axes.text(*centre, str(k), ha="center", va="center", fontsize=9, color=SPHERE[2], zorder=level)
         for k, (centre, radius) in enumerate(zip(x, scene.radius, strict=True)):
             speed = float(np.hypot(*v[k, pair]))
