@@ -24,7 +24,7 @@ from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_r
 from ninedisk.core.spheres import kernels
 from ninedisk.core.spheres.kernels import Contacts, Motion, State
 from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
+from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.core.threads import check_threads
 from ninedisk.core.validate import kind_of, whole
 
@@ -33,6 +33,9 @@ STEPS_TIMES_SPHERES = 4_000_000
 
 SKIN = 0.2
 """Distance over which neighbours are looked for, over the smallest radius."""
+
+SORT_FROM = 2_000
+"""Spheres from which a run numbers them by their place: neighbours in space are then neighbours in memory."""
 
 SAFETY = 0.1
 """Contact step over the critical one where the numerics leave it open."""
@@ -93,7 +96,10 @@ class SphereSession:
         self.contact_dt, self.critical_dt = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
         self._central = numerics.damping_form == "central"
-        spheres = scene.spheres
+        self._order = in_space(scene.spheres) if n >= SORT_FROM else np.arange(n)
+        self._place = np.argsort(self._order)
+        self._inside = renumbered(scene, self._order)
+        spheres = self._inside.spheres
         turning = spheres.rotating
         free = (~spheres.held).astype(np.float64)
         self._state = State(
@@ -115,7 +121,7 @@ class SphereSession:
             built=np.array(spheres.x),
         )
         self._motion = compile_motion(scene.walls)
-        self._tables = _law_tables(scene)
+        self._tables = _law_tables(self._inside)
         self._laws = self._tables.rows
         self._skin = SKIN * float(spheres.radius.min())
         self._contacts = Contacts(
@@ -187,7 +193,9 @@ class SphereSession:
 
     def history(self) -> History:
         """What has been sampled so far; rows to come are NaN."""
-        chosen = None if len(self.chosen) == len(self.scene.spheres) else tuple(self.chosen.tolist())
+        chosen = (
+            None if np.array_equal(self.chosen, np.arange(len(self.scene.spheres))) else tuple(self.chosen.tolist())
+        )
         fields = {**vars(self._history), "particles": chosen}
         return History(**fields)
 
@@ -248,9 +256,7 @@ class SphereSession:
             if status == kernels.FAR:
                 if not np.isfinite(self._state.x).all():
                     bad = int(np.argmin(np.isfinite(self._state.x).all(axis=1)))
-                    raise NonFiniteStateError(
-                        f"the state of sphere {bad} stopped being finite at t = {self._clock[0] * self.contact_dt:g} s: reduce contact_dt"
-                    )
+                    raise self._not_finite(bad)
                 self._rebuild()
                 self._forces(self.contact_dt)
 
@@ -271,12 +277,18 @@ class SphereSession:
             self._clock[1] = behind
             self._behind()
 
+    def _not_finite(self, sphere: int) -> NonFiniteStateError:
+        return NonFiniteStateError(
+            f"the state of sphere {self._order[sphere]} stopped being finite at t = {self._clock[0] * self.contact_dt:g} s: "
+            "reduce contact_dt"
+        )
+
     def _behind(self) -> None:
         i, j = self._contacts.bodies[self._clock[1]]
         pose = self._state.now[j - len(self.scene.spheres)]
         height = float((self._state.x[i] - pose[:3]) @ pose[3:6])
         raise self.scene.behind_wall(
-            int(i),
+            int(self._order[i]),
             int(j) - len(self.scene.spheres),
             height,
             f"t = {self._clock[0] * self.contact_dt:g} s",
@@ -288,7 +300,7 @@ class SphereSession:
         self._check_step()
         state, n, m = self._state, len(self.scene.spheres), len(self.scene.walls)
         state.built[:] = state.x
-        fixed = self.scene.spheres.fixed
+        fixed = self._inside.spheres.fixed
         pairs = pairs_within(state.x, state.radius, self._skin)
         pairs = pairs[~fixed[pairs].all(axis=1)]
         near = np.zeros((n, m), dtype=bool)
@@ -342,15 +354,13 @@ class SphereSession:
     def _sample(self, k: int) -> None:
         """Write the present state into row k: positions at t, velocities brought to t by half a kick."""
         self._check_step()
-        state, history, chosen = self._state, self._history, self.chosen
-        spheres, half = self.scene.spheres, 0.5 * self.contact_dt if self._clock[0] else 0.0
+        state, history, chosen = self._state, self._history, self._place[self.chosen]
+        spheres, half = self._inside.spheres, 0.5 * self.contact_dt if self._clock[0] else 0.0
         v = state.v + half * state.free * state.inv_mass[:, None] * state.force
         omega = state.omega + half * state.inv_inertia[:, None] * state.torque
         if not (np.isfinite(state.x).all() and np.isfinite(v).all()):
             bad = int(np.argmin(np.isfinite(v).all(axis=1)))
-            raise NonFiniteStateError(
-                f"the state of sphere {bad} stopped being finite at t = {self._clock[0] * self.contact_dt:g} s: reduce contact_dt"
-            )
+            raise self._not_finite(bad)
         history.x[k], history.v[k] = state.x[chosen], v[chosen]
         history.angle[k], history.omega[k] = state.angle[chosen], omega[chosen]
         history.wall_point[k], history.wall_angle[k], history.wall_force[k] = (
@@ -359,11 +369,13 @@ class SphereSession:
             state.load,
         )
         listed = {(int(i), int(j)): place for place, (i, j) in enumerate(self._contacts.bodies)} if self.pairs else {}
-        for column, (i, j) in enumerate(self.pairs):
+        for column, pair in enumerate(self.pairs):
+            first, second = (int(self._place[body]) if body < len(state.x) else body for body in pair)
+            i, j, side = (first, second, 1.0) if first < second else (second, first, -1.0)
             history.gap[k, column] = self._gap(i, j)
             place = listed.get((i, j))
             found = np.zeros(4) if place is None else self._contacts.force[place]
-            history.fn[k, column], history.fs[k, column] = found[0], found[1:]
+            history.fn[k, column], history.fs[k, column] = found[0], side * found[1:]
         energy = history.energy
         energy["translation"][k] = 0.5 * float(np.sum(spheres.mass * np.sum(v**2, axis=1)))
         energy["rotation"][k] = 0.5 * float(np.sum(spheres.inertia * np.sum(omega**2, axis=1)))
@@ -397,6 +409,19 @@ class SphereSession:
             moment = np.sum(memory[:, column : column + width] ** 2, axis=1)
             turned[sprung] += 0.5 * moment[sprung] / law[sprung, first + 2]
         return float(np.sum(normal)), float(np.sum(shear)), float(np.sum(turned))
+
+
+def in_space(spheres: Spheres) -> NDArray[np.int64]:
+    """Numbers of the spheres, column by column of cells as wide as two of the largest ones."""
+    cell = ((spheres.x - spheres.x.min(axis=0)) / (2.0 * float(spheres.radius.max()))).astype(np.int64)
+    return np.lexsort((np.arange(len(cell)), cell[:, 2], cell[:, 1], cell[:, 0]))
+
+
+def renumbered(scene: SphereScene, order: NDArray[np.int64]) -> SphereScene:
+    """The scene with its spheres in another order."""
+    spheres = {name: value[order] for name, value in vars(scene.spheres).items() if name != "material"}
+    material = tuple(scene.spheres.material[i] for i in order)
+    return scene.replace(spheres=Spheres(**spheres, material=material))
 
 
 MOST_CELLS = 1_000_000

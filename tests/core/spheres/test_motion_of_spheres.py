@@ -13,6 +13,7 @@ from twin import law_of
 from ninedisk.core import InvalidSceneError, Numerics, UnstableTimeStepError, damping_ratio, simulate
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.law import Rolling
+from ninedisk.core.spheres import session
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.core.spheres.session import SphereSession, pairs_within
@@ -153,3 +154,20 @@ def test_the_search_finds_the_pairs_of_all_against_all(spread: tuple[float, floa
     assert len(expected) > 50
     assert len(found) == len(set(found))
     assert set(found) == expected
+
+
+def test_a_run_that_numbers_spheres_by_place_is_told_in_the_scenes_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = box(**SPRING, **TWIST)
+    numerics = Numerics(dt=1e-5, n_steps=150, contact_dt=1e-5, sample_every=30)
+    watch = [(i, j) for i in range(12) for j in range(i + 1, 18)]
+    plain = simulate(scene, numerics, watch, particles=(11, 3, 0))
+    monkeypatch.setattr(session, "SORT_FROM", 1)
+    monkeypatch.setattr(session, "in_space", lambda spheres: np.random.default_rng(0).permutation(len(spheres)))
+    other = simulate(scene, numerics, watch, particles=(11, 3, 0))
+    assert np.abs(plain.fs).max() > 0.01
+    for name in ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_force"):
+        exact = getattr(plain, name)
+        # Sums in another order: the round-off that the twin is held to.
+        np.testing.assert_allclose(getattr(other, name), exact, rtol=0.0, atol=1e-12 * np.abs(exact).max())
+    for name, exact in plain.energy.items():
+        np.testing.assert_allclose(other.energy[name], exact, rtol=1e-11, atol=1e-15)

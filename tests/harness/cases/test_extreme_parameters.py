@@ -47,7 +47,7 @@ def fault(case_id: str, name: str, value: float) -> str:
             return f"{type(cell.setup).__name__}: {cell.setup}"
         numerics, scene = cell.setup.numerics, cell.setup.scene
         samples = len(numerics.sampled_steps()) if numerics.n_steps <= STEPS else math.inf
-        numbers = samples * (7 * len(scene.disks) + 5 * len(scene.walls) + 3 * len(cell.setup.watch))
+        numbers = samples * (7 * len(scene.bodies) + 5 * len(scene.walls) + 3 * len(cell.setup.watch))
         if numerics.n_steps > STEPS or contact_steps(numerics) > CONTACT_STEPS or numbers > NUMBERS:
             said = f"{numerics.n_steps:.3g} steps, {contact_steps(numerics):.3g} contact steps, {numbers:.3g} numbers"
     took = time.process_time() - begin

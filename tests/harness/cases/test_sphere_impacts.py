@@ -1,0 +1,40 @@
+"""Impacts of spheres: the DEM's order against closed forms and integrated laws, and values that no matrix has."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+
+
+@pytest.mark.parametrize(
+    ("case_id", "params", "quantity", "least"),
+    [
+        ("spheres/chung-ooi/1", {}, "overlap_max", 3.7),
+        ("spheres/chung-ooi/2", {"material": "magnesium"}, "duration", 3.7),
+        ("spheres/hertz-chain", {}, "v_14", 3.7),
+        # Where the touch falls in a step matters to a dashpot and to the first slip: 5/4 is what is left of the order.
+        ("spheres/chung-ooi/6", {"spin": 7.0}, "spin_final", 2.0**1.25),
+    ],
+)
+def test_the_error_falls_with_the_order_of_the_scheme(
+    run_cell: Any, case_id: str, params: dict[str, Any], quantity: str, least: float
+) -> None:
+    errors = []
+    for substeps in (2, 32):
+        cell = run_cell(get_case(case_id), DEM, {**params, "substeps": substeps})
+        assert cell.failures == []
+        check = next(check for check in cell.checks if check.quantity == quantity)
+        seen = cell.observed.series[quantity][1] if check.norm == "max" else cell.observed.scalars[quantity][1]
+        errors.append(float(abs(seen - check.expected).max()) if check.norm == "max" else abs(seen - check.expected))
+    # Sixteen times finer: four halvings.
+    assert errors[0] / errors[1] > least**4
+
+
+@pytest.mark.parametrize("change", [{"mu": 0.41}, {"beta": 0.2}, {"g_star": 3e10}, {"e_star": 1e11}])
+def test_a_wrong_law_is_seen(run_cell: Any, change: dict[str, float]) -> None:
+    """Of a spinning sphere: all that enters the law enters its rebound."""
+    assert run_cell(get_case("spheres/chung-ooi/6"), DEM, {"spin": 7.0}, law=change).failures
