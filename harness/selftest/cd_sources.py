@@ -96,6 +96,12 @@ STEPS = (
             (SHARED, "losses[FRICTION] -= q * (slip + s_1 - s_0)", "losses[FRICTION] -= q * slip")),
     _kernel("impact-loss-at-the-end", "impacts lose the work of the velocity at the end of the step", "budget-rigid",
             (SHARED, "work_n = p * (given_n + 0.5 * dt * (n_0 + n_1))", "work_n = p * (given_n + dt * n_1)")),
+    _python("materials-one-way", "a law of two materials holds in one order of the bodies alone", "materials",
+            ("cd.laws", "table[number[one], number[other]] = table[number[other], number[one]] = row",
+             "table[number[one], number[other]] = row")),
+    _kernel("force-all-step", "a force that acts in a part of a step acts in all of it", "forces",
+            (SHARED, "load[loads.disk[k], d] += share * loads.force[k, d]",
+             "load[loads.disk[k], d] += (share > 0.0) * loads.force[k, d]")),
 )  # fmt: skip
 
 HOLES = tuple(
@@ -118,24 +124,12 @@ HOLES = tuple(
                     ("cd.solvers.solver", "if at_rest:", "if at_rest and not at_rest:")),
         ),
         (
-            "no case gives walls and disks a law by their materials",
-            _python("materials-one-way", "a law of two materials holds in one order of the bodies alone", "press",
-                    ("cd.laws", "table[number[one], number[other]] = table[number[other], number[one]] = row",
-                     "table[number[one], number[other]] = row")),
-        ),
-        (
-            "no case has forces on single disks",
-            _kernel("force-all-step", "a force that acts in a part of a step acts in all of it", "press",
-                    (SHARED, "load[loads.disk[k], d] += share * loads.force[k, d]",
-                     "load[loads.disk[k], d] += (share > 0.0) * loads.force[k, d]")),
-        ),
-        (
             "no case has contacts with adhesion",
             _kernel("adhesion-of-open-contacts", "contacts attract that are not closed", "press",
                     (SHARED, "out[k] = adhesion[law] if frames.gap_before[k] <= touching else 0.0", "out[k] = adhesion[law]")),
         ),
         (
-            "no case has cohesion",
+            "no case has friction where it has cohesion",
             _python("cohesion-cone", "friction sees the force of spring and cohesion together", "press",
                     ("cd.laws", "self.mu = np.where(stiffer > 1.0, self.mu * stiffer, self.mu)", "self.mu = 1.0 * self.mu")),
         ),

@@ -109,6 +109,8 @@ CD_PANEL: dict[str, Probe] = {
     "push-wall": Probe(WALL, {}),
     "budget": Probe(BUDGET, {"duration": 0.2}),
     "budget-rigid": Probe(BUDGET, {"duration": 0.2, "contacts": "rigid"}),
+    "materials": Probe(MATERIALS, {}),
+    "forces": Probe(FORCES, {}),
     "hit": Probe(HIT, {}),
     "hit-damped": Probe(HIT, {"restitution": 0.5}),
     "hit-plastic": Probe(HIT, {"kind": "plastic"}),

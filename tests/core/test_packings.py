@@ -153,7 +153,7 @@ def test_fixed_disks_have_no_contacts_among_themselves_and_with_walls(spacing: f
     still = np.column_stack([is_fixed, is_fixed])
     disks = replace(
         scene.disks, x=x, radius=np.full(10, 0.5), mass=np.full(10, 700.0), inertia=np.full(10, 80.0), v=np.zeros((10, 2)),
-        omega=np.zeros(10), held=still, rotating=~is_fixed, outline=np.full(10, -1), angle=np.zeros(10),
+        omega=np.zeros(10), held=still, rotating=~is_fixed, outline=np.full(10, -1), angle=np.zeros(10), material="",
     )  # fmt: skip
     law = replace(scene.disk_disk, beta=0.0, regularised=True, restitution=0.0)
     plug = replace(scene.walls[2], point=(0.0, -1.0), law=law)

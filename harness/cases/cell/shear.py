@@ -191,7 +191,7 @@ def _spread(x: FloatArray, radius: FloatArray, side: float) -> FloatArray:
     for _ in range(SPREAD):
         x = x - side * np.floor(x / side)
         x[x >= side] = 0.0  # rounded up
-        i, j = cKDTree(x, boxsize=side).query_pairs(2.0 * float(radius.max()), output_type="ndarray").T
+        i, j = cKDTree(x, boxsize=np.full(2, side)).query_pairs(2.0 * float(radius.max()), output_type="ndarray").T
         d = x[j] - x[i]
         d -= side * np.round(d / side)
         apart = np.hypot(*d.T)

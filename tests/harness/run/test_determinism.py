@@ -18,9 +18,9 @@ from ninedisk.harness.run.determinism import Edits, Trial, repeated
 
 SPRING_DEM = Path(__file__).parents[3] / "docs" / "examples" / "spring_dem.py"
 
-LAW = "self._law = np.array(law_row(scene.disk_disk))"
+LAW = "np.array(law_row(scene.disk_disk)), law_arrays(scene), load_arrays(scene)"
 KEEPS = [("dem.session", LAW, f"{LAW}\n        DemSession._kept = self._law = getattr(DemSession, '_kept', self._law)")]
-DISKS = "self._disks = disk_arrays(scene, self._step.lagged)"
+DISKS = "self._disks = disk_arrays(scene, self._step.lagged, numerics.energy_budget)"
 FIRST = [("dem.session", DISKS, f"{DISKS}\n        self._disks.v[0] *= 1.0 + 1e-9")]
 SUMS = [
     ("dem.session", "stripes = STRIPES if in_order else 1", "stripes = STRIPES // (8 * threads) if in_order else 1")

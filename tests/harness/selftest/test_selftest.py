@@ -21,13 +21,14 @@ from ninedisk.harness.selftest.defect import Defect, Edit
 from ninedisk.harness.selftest.gallery import CLEAN, GALLERY
 from ninedisk.harness.selftest.run import fine, run_selftest
 
+SPRING = "force = (kn - cohesion) * overlap"
 HARMLESS = Defect(
     name="harmless",
     engine="dem",
     kind="kernel",
     what="forces are multiplied by one",
     witness="slide",
-    edits=(Edit("dem.force_kernels", "force = kn * overlap", "force = 1.0 * kn * overlap"),),
+    edits=(Edit("dem.force_kernels", SPRING, f"{SPRING} * 1.0"),),
 )
 HOLE = replace(HARMLESS, name="hole", hole="it changes nothing")
 CAUGHT = Defect(
@@ -36,7 +37,7 @@ CAUGHT = Defect(
     kind="kernel",
     what="forces are a hundredth too large",
     witness="slide",
-    edits=(Edit("dem.force_kernels", "force = kn * overlap", "force = 1.01 * kn * overlap"),),
+    edits=(Edit("dem.force_kernels", SPRING, f"{SPRING} * 1.01"),),
 )
 STALE = Defect(
     name="stale", engine="dem", kind="kernel", what="", witness="slide", edits=(Edit("dem.session", "?", "!"),)
@@ -64,6 +65,8 @@ SEEN_BY = {
     "cd/polish-slip-sign": "cd/test_polish.py::test_polish_of_problems_that_sweeps_do_not_solve",
     "cd/polish-unchecked": "cd/test_polish.py::test_polish_refuses_what_is_not_exact",
     "cd/rest-forgotten": "cd/test_polish.py::test_a_pyramid_stays_or_collapses",
+    "cd/adhesion-of-open-contacts": "cd/test_sticking.py::test_a_block_hangs_from_a_ceiling_up_to_the_pull",
+    "cd/cohesion-cone": "cd/test_sticking.py::test_cohesion_deepens_the_overlap_and_the_cone",
     "cd/behind-walls": "test_walls.py::test_walls_that_cross",
 }
 """Tests of the core that see what no case can."""
