@@ -238,7 +238,10 @@ def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: boo
     if at_wall:
         poses = state.middle if middle else state.now
         wj = row(poses, w, 12)
-        u = plus(row(state.v, i, 0), -1.0, plane_velocity(poses, w, foot))
+        touched = foot
+        if middle:
+            touched = plus(plus(xi, -0.5 * slip_dt, row(state.v, i, 0)), ri - mean_overlap, shown)
+        u = plus(row(state.v, i, 0), -1.0, plane_velocity(poses, w, touched))
         u = plus(u, ri - cut, cross(wi, shown))
     else:
         wj = row(state.omega, j, 0)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from core.spheres.twin import Twin, rotation
+from sphere_twin import Twin, rotation
 
 from ninedisk.core import (
     BehindWallError,
@@ -35,7 +35,7 @@ LINEAR = SphereLaw(kn=1e5, ks=6e4, mu=0.4, beta=0.1)
 HERTZ = SphereLaw(e_star=2e7, g_star=7e6, mu=0.4, beta=0.1)
 
 
-def head_on(material: Elastic, density: float, law: SphereLaw, dt: float, steps: int, speed: float = 10.0) -> History:
+def head_on(density: float, law: SphereLaw, dt: float, steps: int, speed: float = 10.0) -> History:
     radius = 0.01
     mass = 4.0 / 3.0 * np.pi * radius**3 * density
     spheres = Spheres(x=[[-radius, 0, 0], [radius, 0, 0]], radius=radius, mass=mass, v=[[speed, 0, 0], [-speed, 0, 0]])
@@ -59,7 +59,7 @@ def test_hertz_meets_its_closed_forms_in_second_order(
     assert (most, deep) == (pytest.approx(force, rel=1e-4), pytest.approx(depth, rel=1e-4))
     errors = []
     for steps in (100, 200, 400):
-        history = head_on(material, density, SphereLaw(e_star=e_star), duration / steps, steps + 3)
+        history = head_on(density, SphereLaw(e_star=e_star), duration / steps, steps + 3)
         assert history.gap[-1, 0] > 0.0
         # A parabola through the highest sample and its neighbours: the peak lies between samples.
         k = int(np.argmax(history.fn[:, 0]))
@@ -72,11 +72,10 @@ def test_hertz_meets_its_closed_forms_in_second_order(
 
 @pytest.mark.parametrize(("law", "e"), product((SphereLaw(kn=1e6), SphereLaw(e_star=5e9)), (0.9, 0.5)))
 def test_dashpots_rebound_with_the_wanted_restitution(law: SphereLaw, e: float) -> None:
-    """Where the dashpot may pull until the overlap is gone; first order, as entry and exit fall between steps."""
-    damped = replace(law, beta=damping_ratio(e))
-    errors = [abs(_rebound(damped, dt) - e) for dt in (4e-8, 1e-8)]
-    assert errors[1] < 2e-3
-    assert errors[0] > 2.0 * errors[1]
+    """Where the dashpot may pull until the overlap is gone. Entry and exit fall anywhere in a step: a share of omega dt, first order."""
+    damped, omega = replace(law, beta=damping_ratio(e)), 1.4e4
+    for dt in (4e-8, 1e-8):
+        assert _rebound(damped, dt) == pytest.approx(e, abs=0.3 * omega * dt)
 
 
 def _rebound(law: SphereLaw, dt: float) -> float:
@@ -91,12 +90,12 @@ def _rebound(law: SphereLaw, dt: float) -> float:
 def box(law: SphereLaw, *, motion: tuple[PlaneSegment, ...] = (), **changes: Any) -> SphereScene:
     """A dozen spheres of three sizes thrown into a corner of a floor that moves and two walls, two of them tied in some way."""
     rng = np.random.default_rng(7)
-    grid = np.array(list(product((0.06, 0.15, 0.24), (0.06, 0.15), (0.055, 0.14))))
+    grid = np.array(list(product((0.055, 0.14, 0.225), (0.055, 0.14), (0.05, 0.135))))
     n = len(grid)
     held = np.zeros((n, 3), dtype=bool)
     held[1], held[2, 0] = True, True
     rotating = np.arange(n) > 2
-    v = rng.normal(0.0, 0.5, (n, 3)) - [0.3, 0.2, 0.8]
+    v = rng.normal(0.0, 0.5, (n, 3)) - [0.5, 0.4, 1.0]
     v[1], omega = 0.0, rng.normal(0.0, 8.0, (n, 3))
     omega[1] = 0.0
     spheres = Spheres(
@@ -149,7 +148,7 @@ OPTIONS = {
 @pytest.mark.parametrize("damping_form", ["central", "lagged"])
 def test_plain_twin(name: str, damping_form: Any) -> None:
     """Two programs of one scheme: rounding, grown by some collisions, of places of 0.1 m and velocities of 1 m/s."""
-    scene, dt, steps = box(OPTIONS[name], motion=TURNS), 2e-5, 600
+    scene, dt, steps = box(OPTIONS[name], motion=TURNS), 2e-5, 1000
     n = len(scene.spheres)
     pairs = [(i, j) for i in range(n) for j in range(i + 1, n + 3)]
     numerics = Numerics(
@@ -221,33 +220,22 @@ def test_bits_do_not_depend_on_threads_and_on_how_the_run_is_cut() -> None:
 
 
 def test_a_closed_path_of_contacts_leaves_no_shear() -> None:
-    """A sphere held on a circle round another, there and back: mid-step slip leaves third order, that of the step's end first."""
-    left = {rule: [_ratchet(rule, dt) for dt in (2e-4, 1e-4)] for rule in ("middle", "end")}
-    assert left["middle"][0] < 1e-3 * left["end"][0]
-    assert left["middle"][0] / max(left["middle"][1], 1e-18) > 3.5
+    """The floor goes deeper while it tilts, and back: slip of mid-step leaves rounding, that of the step's end first order."""
+    end = [_ratchet("end", dt) for dt in (4e-4, 2e-4)]
+    assert _ratchet("middle", 4e-4) < 1e-14
+    assert end[0] / end[1] == pytest.approx(2.0, rel=1e-3)
 
 
 def _ratchet(rule: Any, dt: float) -> float:
-    """Shear force left after a small wave of a floor under a pressed sphere that is held, over kn times the overlap."""
+    """Shear force that is left after a floor has pressed deeper while it tilts, and come back on the same path, over the largest fn."""
     law = SphereLaw(kn=1e4, ks=8e3, mu=10.0, slip_at=rule)
-    tilt = PlaneSegment(angular_velocity=(0.0, 5.0, 0.0), pivot=(0.0, 0.0, 0.1), duration=0.02)
-    back = replace(tilt, angular_velocity=(0.0, -5.0, 0.0))
-    dip = PlaneSegment(velocity=(0.0, 0.0, 0.1), duration=0.02)
-    rise = replace(dip, velocity=(0.0, 0.0, -0.1))
-    floor = PlaneWall(
-        name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law, motion=(dip, tilt, rise, back)
-    )
-    spheres = Spheres(
-        x=[[0.03, 0.0, 0.09], [9.0, 9.0, 9.0]],
-        radius=0.1,
-        mass=[1.0, 1.0],
-        held=True,
-        rotating=False,
-        v=[[0, 0, 1e-300], [0, 0, 0]],
-    )
+    go = PlaneSegment(velocity=(0, 0, 0.1), angular_velocity=(0, 5, 0), pivot=(0, 0, 0.1), duration=0.02)
+    back = PlaneSegment(velocity=(0, 0, -0.1), angular_velocity=(0, -5, 0), pivot=(0, 0, 0.102), duration=0.02)
+    floor = PlaneWall(name="floor", point=(0, 0, 0), normal=(0, 0, 1), law=law, motion=(go, back))
+    spheres = Spheres(x=[[0.03, 0.0, 0.09]], radius=0.1, mass=1.0, held=True, rotating=False, v=[[0, 0, 1e-300]])
     scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,))
-    history = simulate(scene, Numerics(dt=dt, n_steps=round(0.08 / dt), contact_dt=dt, allow_unstable=True), [(0, 2)])
-    return float(np.linalg.norm(history.fs[-1, 0])) / 100.0
+    history = simulate(scene, Numerics(dt=dt, n_steps=round(0.04 / dt), contact_dt=dt, allow_unstable=True), [(0, 1)])
+    return float(np.linalg.norm(history.fs[-1, 0]) / history.fn.max())
 
 
 def test_scenes_and_laws_survive_json() -> None:

@@ -107,11 +107,11 @@ class Twin:
         foot = self.x[i] + (ri - overlap) * n
         seen = self.v_now if self.central else self.v
 
-        def wall_velocity(time: float) -> Vector:
+        def wall_velocity(time: float, place: Vector) -> Vector:
             _, _, pivot, velocity, spin = plane_at(wall, time)
-            return np.asarray(velocity + np.cross(spin, foot - pivot))
+            return np.asarray(velocity + np.cross(spin, place - pivot))
 
-        vj = wall_velocity(t) if at_wall else seen[j]
+        vj = wall_velocity(t, foot) if at_wall else seen[j]
         pull = 4.0 * pi * law.surface_energy * reduced
         fn = stiffness * overlap + c * float((seen[i] - vj) @ n) - pull
         repulsive = max(fn + pull, 0.0)
@@ -121,7 +121,12 @@ class Twin:
         cut = 0.5 * depth if law.lever_arm == "overlap" else 0.0
         when = max(t - 0.5 * self.dt, 0.0) if middle else t
         wj = plane_at(wall, when)[4] if at_wall else self.omega[j]
-        u = self.v[i] - (wall_velocity(when) if at_wall else self.v[j]) + (ri - cut) * np.cross(self.omega[i], m)
+        touched = self.x[i] - 0.5 * slip_dt * self.v[i] + (ri - depth) * m if middle else foot
+        u = (
+            self.v[i]
+            - (wall_velocity(when, touched) if at_wall else self.v[j])
+            + (ri - cut) * np.cross(self.omega[i], m)
+        )
         if not at_wall:
             u = u + (rj - cut) * np.cross(wj, m)
         u = u - (u @ m) * m
