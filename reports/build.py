@@ -17,6 +17,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ninedisk.harness.results.schema import Comparison, EvaluatedFinding
 from ninedisk.reports import pages
 from ninedisk.reports.charts import Chart, Image, on_page
@@ -25,15 +27,18 @@ from ninedisk.reports.determinism import determinism_page
 from ninedisk.reports.draw import (
     Configuration,
     HistoryPanel,
+    Projection,
     SceneView,
     StackPanel,
     draw_configuration,
     draw_history,
+    draw_projection,
     draw_sketch,
     draw_stack,
     numbers_of,
     numeral,
     read_scene,
+    read_space,
 )
 from ninedisk.reports.figures import (
     LEAST,
@@ -51,13 +56,13 @@ from ninedisk.reports.folder import fresh_folder
 from ninedisk.reports.load import Stored, load_store
 from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
 from ninedisk.reports.places import place_figures
-from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case
+from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case, spaces
 from ninedisk.reports.studies import write_comparison
 from ninedisk.reports.text import decoded
 from ninedisk.reports.uses import uses
 
 Progress = Callable[[str, int, int], None]
-Picture = HistoryPanel | StackPanel | SceneView | Configuration
+Picture = HistoryPanel | StackPanel | SceneView | Projection | Configuration
 MARKER = ".ninedisk-report"
 """File that says: this folder is a report and may be replaced."""
 BUNDLE = (
@@ -68,6 +73,7 @@ BUNDLE = (
     "paper.js",
     "charts.js",
     "player.js",
+    "turning.js",
     "tables.js",
     "overview.js",
 )
@@ -196,9 +202,12 @@ class CaseDrawing:
         self.speed = case_speed(case, self.looks.engines)
         arrays = Arrays()
         self.moving = moving_scenes(case, arrays)
+        self.spaces = spaces(case, arrays)
         self.tables = case_tables(case)
         folded = folded_rows(panel, self.tables)
-        self.numbers = pack_case(panel, case, self.looks, arrays, {"scenes": self.moving, "tables": folded})
+        self.numbers = pack_case(
+            panel, case, self.looks, arrays, {"scenes": self.moving, "spaces": self.spaces, "tables": folded}
+        )
 
     def _file(self, picture: Picture, kind: str) -> Path:
         path = self.folder / "figures" / f"{self.case.slug}-{kind}-{len(self.jobs) + 1}.svg"
@@ -209,14 +218,17 @@ class CaseDrawing:
             path.with_suffix(".csv").write_text(f"{about}\n{numbers_of(picture)}", encoding="utf-8")
         return path
 
-    def _scenes(self) -> list[tuple[str, SceneView]]:
-        """Set-ups that look different, by the first variant that has them."""
-        found: dict[Any, tuple[str, SceneView]] = {}
+    def _scenes(self) -> list[tuple[str, SceneView | Projection]]:
+        """Set-ups that look different, by the first variant that has them; those in space from the side and from above."""
+        found: dict[Any, list[tuple[str, SceneView | Projection]]] = {}
         for cell in self.case.cells:
-            scene = read_scene(decoded(cell["setup"], dict))
-            if scene is not None:
-                found.setdefault(scene.signature, (cell["variant"], scene))
-        return list(found.values())[:MOST_SKETCHES]
+            setup = decoded(cell["setup"], dict)
+            if (scene := read_scene(setup)) is not None:
+                found.setdefault(scene.signature, [(cell["variant"], scene)])
+            elif (space := read_space(setup)) is not None:
+                both = [(cell["variant"], Projection(space, above)) for above in (False, True)]
+                found.setdefault(space.signature, list(both))
+        return [one for sketches in found.values() for one in sketches][:MOST_SKETCHES]
 
     def values(self) -> dict[str, Any]:
         """Images, charts, legends and difference tables for the template."""
@@ -264,6 +276,7 @@ class CaseDrawing:
                 (name for name in self.moving if self.plan.matches(self.case.variants[name])),
                 next(iter(self.moving), None),
             ),
+            "turning": next((variant for _, variant, _ in self.sketches if variant in self.spaces), None),
             "convergences": [(c, on_page(c.chart) if c.chart else None) for c in self.convergences],
             "value_charts": [(plan, [on_page(chart) for chart in charts]) for plan, charts in self.value_charts],
             "least": LEAST,
@@ -298,15 +311,24 @@ class CaseDrawing:
         where = f" ({heading})" if heading else ""
         return f"Configuration at {picture.title}{where}: {bodies(len(picture.radius))} and walls, by {engines}."
 
-    def _sketch(self, scene: SceneView, variant: str, path: Path) -> Image:
-        moving = [f"{wall.name} {'turns' if wall.spin else 'moves'}" for wall in scene.walls if wall.spin or wall.moves]
+    def _sketch(self, picture: SceneView | Projection, variant: str, path: Path) -> Image:
+        scene: Any = picture.scene if isinstance(picture, Projection) else picture
+        turns = [np.any(wall.spin) for wall in scene.walls]
+        moving = [
+            f"{wall.name} {'turns' if turn else 'moves'}"
+            for wall, turn in zip(scene.walls, turns, strict=True)
+            if turn or wall.moves
+        ]
         walls = ", ".join(moving) or ("walls at rest" if scene.walls else "no walls")
         alt = f"Set-up {variant}: {bodies(len(scene.x))} and {len(scene.walls)} wall{'' if len(scene.walls) == 1 else 's'}; {walls}."
         marks = "; ".join(f"{numeral(k)} = {label.replace('_', ' ')}" for k, (label, _) in enumerate(scene.marks))
         caption = f"Set-up of {variant.replace(',', ', ') or 'the case'}." + (
             f" Watched contacts: {marks}." if marks else ""
         )
-        if scene.block:
+        if isinstance(picture, Projection):
+            caption = f"{picture.title[0].upper()}{picture.title[1:]}. {caption}"
+            alt = f"{alt[:-1]}; seen {picture.title}."
+        elif scene.block:
             caption += " The body cannot turn: a block, which engines get as a disk of that width that may not rotate."
         return svg_image(path, alt, caption)
 
@@ -377,6 +399,7 @@ _DRAW: dict[type, Callable[[Any], str]] = {
     HistoryPanel: draw_history,
     StackPanel: draw_stack,
     SceneView: draw_sketch,
+    Projection: draw_projection,
     Configuration: draw_configuration,
 }
 

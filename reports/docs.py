@@ -12,7 +12,7 @@ from typing import Any
 from markupsafe import Markup
 
 from ninedisk.reports import pages
-from ninedisk.reports.draw import draw_sketch, numeral, read_scene
+from ninedisk.reports.draw import Projection, draw_projection, draw_sketch, numeral, read_scene, read_space
 from ninedisk.reports.folder import ReportError, fresh_folder
 from ninedisk.reports.pages import HERE
 from ninedisk.reports.text import Slugs
@@ -69,9 +69,13 @@ def write_docs(
 def _sketch(case: Mapping[str, Any]) -> dict[str, Any] | None:
     """Sketch of the scene as inline SVG, with the labels of its marks."""
     view = read_scene(case["setup"])
-    if view is None:
+    if view is not None:
+        return {"svg": Markup(draw_sketch(view)), "marks": [label for label, _ in view.marks]}
+    space = read_space(case["setup"])
+    if space is None:
         return None
-    return {"svg": Markup(draw_sketch(view)), "marks": [label for label, _ in view.marks]}
+    both = "".join(draw_projection(Projection(space, above)) for above in (False, True))
+    return {"svg": Markup(both), "marks": [label for label, _ in space.marks]}
 
 
 def _heading(name: str, text: str) -> str:

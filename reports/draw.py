@@ -1,6 +1,7 @@
 """Pictures, as SVG: sketches of set-ups, configurations of a run, and the source's figures for print.
 
-A sketch shows what is read from a stored scene's JSON: disks or grains, walls as hatched half-planes, arrows of what moves. A figure of
+A sketch shows what is read from a stored scene's JSON: disks or grains, walls as hatched half-planes, arrows of what moves; a scene in
+space is seen from the side and from above. A figure of
 the source shows a quantity over time, and below it every engine's distance from the truth on a logarithmic axis.
 """
 
@@ -32,6 +33,9 @@ MOST_TOLD = 12
 MOST_NUMBERED = 60
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
 MOTION, GRAVITY, MARK = PALETTE[0], PALETTE[2], "#d64545"
+SPIN = PALETTE[4]
+SPHERE = ("#a9bdd3", "#42566b", "#14222f")
+"""Fill, rim and number of a sphere, the same on light and on dark pages: it covers what is behind it."""
 CHAIN = MARK
 CHAIN_WIDTH = 7.0
 """Width [pt] of the largest force of a picture; the others in proportion."""
@@ -278,7 +282,7 @@ def _wall_of(wall: Mapping[str, Any]) -> WallView:
 
 
 def _contact(
-    bodies: NDArray[np.int64], x: FloatArray, radius: FloatArray, walls: tuple[WallView, ...]
+    bodies: NDArray[np.int64], x: FloatArray, radius: FloatArray, walls: tuple[WallView, ...] | tuple[PlaneView, ...]
 ) -> FloatArray | None:
     """Contact point of a pair of bodies; a body's own centre for a single number."""
     n = len(x)
@@ -292,6 +296,135 @@ def _contact(
         return np.array(x[i] + gap_middle * (x[j] - x[i]))
     wall = walls[j - n]
     return np.array(x[i] - ((x[i] - wall.point) @ wall.normal) * wall.normal)
+
+
+@dataclass(frozen=True)
+class PlaneView:
+    """A plane wall: as `WallView`, all vectors with three components."""
+
+    name: str
+    point: FloatArray
+    normal: FloatArray
+    moves: tuple[FloatArray, ...]
+    spin: FloatArray
+
+
+@dataclass(frozen=True)
+class SpaceView:
+    """Spheres and planes of a scene; ``marks`` are the watched contacts by label, ``up`` the number of the axis that stands upright."""
+
+    x: FloatArray
+    v: FloatArray
+    omega: FloatArray
+    radius: FloatArray
+    walls: tuple[PlaneView, ...]
+    gravity: FloatArray
+    marks: tuple[tuple[str, FloatArray], ...]
+
+    @property
+    def up(self) -> int:
+        """That of the largest component of gravity; z without."""
+        return int(np.argmax(np.abs(self.gravity))) if self.gravity.any() else 2
+
+    @property
+    def signature(self) -> tuple[Any, ...]:
+        """Equal for scenes that look alike, whatever their speeds and stiffnesses."""
+        size = float(self.radius.max())
+        planes = tuple(
+            (*np.round(wall.normal, 1), *np.sign(wall.spin), *np.sign(np.array(wall.moves)).ravel())
+            for wall in self.walls
+        )
+        shape = np.round(np.concatenate([self.x, self.radius[:, None]], axis=1) / size, 1)
+        return (
+            tuple(shape.ravel()),
+            planes,
+            *(tuple(np.sign(each).ravel()) for each in (self.v, self.omega, self.gravity)),
+        )
+
+
+def read_space(setup: Mapping[str, Any]) -> SpaceView | None:
+    """View of a stored set-up in space; None where it holds none that can be drawn."""
+    try:
+        scene = setup["scene"]
+        if scene.get("dimension") != 3:
+            return None
+        spheres = scene["spheres"]
+        x, v, omega = (np.array(spheres[name], dtype=np.float64).reshape(-1, 3) for name in ("x", "v", "omega"))
+        radius = np.array(spheres["radius"], dtype=np.float64).reshape(len(x))
+        walls = tuple(_plane_of(wall) for wall in scene["walls"])
+        labels = setup.get("labels") or {f"{i}–{j}": (i, j) for i, j in setup.get("watch", ())}
+        told = (
+            (str(label), _contact(np.array(pair, dtype=np.int64), x, radius, walls)) for label, pair in labels.items()
+        )
+        marks = tuple((label, place) for label, place in told if place is not None)
+        gravity = np.array(scene["gravity"], dtype=np.float64).reshape(3)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError):
+        return None
+    return SpaceView(x, v, omega, radius, walls, gravity, marks) if len(x) and np.isfinite(x).all() else None
+
+
+def _plane_of(wall: Mapping[str, Any]) -> PlaneView:
+    point, normal = (np.array(wall[name], dtype=np.float64).reshape(3) for name in ("point", "normal"))
+    moves, spin = [], np.zeros(3)
+    for segment in wall["motion"]:
+        moved = np.array(segment["velocity"]) + np.array(segment["amplitude"]) * float(segment["frequency"])
+        if moved.any():
+            moves.append(moved)
+        if not spin.any():
+            spin = np.array(segment["angular_velocity"], dtype=np.float64)
+    return PlaneView(str(wall["name"]), point, normal / np.linalg.norm(normal), tuple(moves), spin)
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A scene in space as seen from the side, upright, or from above."""
+
+    scene: SpaceView
+    above: bool
+
+    @property
+    def axes(self) -> tuple[int, int]:
+        """Numbers of the axes that point to the right and up."""
+        across = {0: (1, 2), 1: (0, 2), 2: (0, 1)}[self.scene.up]
+        return across if self.above else (across[0], self.scene.up)
+
+    @property
+    def depth(self) -> int:
+        """Number of the axis along which one looks."""
+        return 3 - sum(self.axes)
+
+    @property
+    def nearer(self) -> float:
+        """1 where what has the larger coordinate along `depth` is nearer, else -1; from above it is, where gravity points down."""
+        if self.above:
+            return 1.0 if self.scene.gravity[self.scene.up] <= 0.0 else -1.0
+        return 1.0 if (self.axes[0] + 1) % 3 == self.axes[1] else -1.0
+
+    @property
+    def middle(self) -> float:
+        """Where planes are cut that are not seen edge-on, along `depth` [m]."""
+        return float(self.scene.x[:, self.depth].mean())
+
+    def cuts(self) -> list[tuple[WallView, bool]]:
+        """Lines of the planes, and whether they are seen edge-on; none of those that face the viewer."""
+        pair, found = list(self.axes), []
+        for wall in self.scene.walls:
+            seen = wall.normal[pair]
+            length = float(np.hypot(*seen))
+            if length < 0.05:
+                continue
+            # Points u of the cut have (u - p) . n + (middle - p_d) n_d = 0.
+            shift = (wall.point[self.depth] - self.middle) * wall.normal[self.depth] / length
+            moves = tuple(velocity[pair] for velocity in wall.moves if velocity[pair].any())
+            cut = WallView(wall.name, wall.point[pair] + shift * seen / length, seen / length, moves)
+            found.append((cut, length > 1.0 - 1e-9))
+        return found
+
+    @property
+    def title(self) -> str:
+        """What is seen, and its axes."""
+        right, up = ("xyz"[axis] for axis in self.axes)
+        return f"{'from above' if self.above else 'from the side'}: {right} to the right, {up} {'back' if self.above else 'up'}"
 
 
 @dataclass(frozen=True)
@@ -350,6 +483,66 @@ def draw_sketch(scene: SceneView) -> str:
         for k, (_, place) in enumerate(scene.marks):
             _mark(axes, place, numeral(k))
         return svg_of(figure)
+
+
+def draw_projection(picture: Projection) -> str:
+    """SVG of a scene in space seen along an axis; planes that are not seen edge-on are cut through the scene's middle, dashed."""
+    from matplotlib import rc_context
+    from matplotlib.patches import Circle
+
+    scene, pair = picture.scene, list(picture.axes)
+    x, v, omega, size = scene.x[:, pair], scene.v, scene.omega, 0.0
+    few = len(scene.x) <= MOST_TOLD
+    with rc_context(rc_params()):
+        low, high, size = _box(x, scene.radius, 0.3)
+        figure, axes = _blank(low, high)
+        cuts = picture.cuts()
+        lines = tuple(cut for cut, _ in cuts)
+        for cut, edge_on in cuts:
+            _wall(axes, cut, lines, low, high, hatch=edge_on, style="solid" if edge_on else (0, (5, 3)))
+        for k in np.argsort(picture.nearer * scene.x[:, picture.depth], kind="stable").tolist():
+            centre, radius = x[k], float(scene.radius[k])
+            level = 2.0 + 1e-3 * len(axes.patches)
+            axes.add_patch(
+                Circle(tuple(centre), radius, facecolor=SPHERE[0], edgecolor=SPHERE[1], linewidth=0.9, zorder=level)
+            )
+            shine = centre + radius * np.array([-0.28, 0.3])
+            axes.add_patch(
+                Circle(tuple(shine), 0.45 * radius, facecolor="#ffffff", alpha=0.35, edgecolor="none", zorder=level)
+            )
+            if len(x) <= MOST_NUMBERED:
+                axes.text(*centre, str(k), ha="center", va="center", fontsize=9, color=SPHERE[2], zorder=level)
+        for k, (centre, radius) in enumerate(zip(x, scene.radius, strict=True)):
+            speed = float(np.hypot(*v[k, pair]))
+            if speed > 1e-9 * float(np.linalg.norm(v[k])):
+                along = v[k, pair] / np.linalg.norm(v[k])
+                label = f"{np.linalg.norm(v[k]):.4g} m/s" if few else ""
+                # Behind the sphere, where nothing is that it is about to touch; in a crowd from its middle on.
+                foot = centre - (radius * along + 0.6 * size * along if few else 0.0)
+                _arrow(axes, foot, foot + (0.6 * size if few else 1.6 * radius) * along, MOTION, label)
+            if few and omega[k].any():
+                axes.annotate(_spin(omega[k]), tuple(centre - [0.0, radius]), (0, -3), textcoords="offset points", ha="center", va="top",
+                              fontsize=7.5, color=SPIN, annotation_clip=False, zorder=6)  # fmt: skip
+        for cut in lines:
+            _motion(axes, cut, lines, low, high, size)
+        turning = [f"{wall.name} turns: {_spin(wall.spin)}" for wall in scene.walls if wall.spin.any()]
+        axes.text(high[0], low[1], "\n".join(turning), color=SPIN, fontsize=7.5, ha="right", va="bottom", zorder=6)
+        strength = float(np.linalg.norm(scene.gravity))
+        if scene.gravity[pair].any():
+            way = 0.8 * size * scene.gravity[pair] / strength
+            head = np.array([high[0] - 1.1 * size, high[1] - 0.1 * size]) + way
+            _arrow(axes, head - way, head, GRAVITY, f"g = {strength:.4g} m/s²")
+        for k, (_, place) in enumerate(scene.marks):
+            _mark(axes, place[pair], numeral(k))
+        corner = low + 0.03 * (high - low)
+        for along, name in zip(np.eye(2), ("xyz"[axis] for axis in pair), strict=True):
+            _arrow(axes, corner, corner + 0.35 * size * along, INK, "")
+            axes.text(*(corner + 0.42 * size * along), name, ha="center", va="center", fontsize=8)
+        return svg_of(figure)
+
+
+def _spin(omega: FloatArray) -> str:
+    return "(" + ", ".join(f"{each:.3g}" for each in omega) + ") rad/s"
 
 
 def _draw_cell(scene: SceneView, cell: CellView) -> str:
@@ -428,8 +621,10 @@ def draw_configuration(configuration: Configuration) -> str:
         return svg_of(figure)
 
 
-def numbers_of(picture: SceneView | Configuration) -> str:
+def numbers_of(picture: SceneView | Configuration | Projection) -> str:
     """What a sketch or a configuration shows as CSV: a line a body, then a line a wall; a wall has a point and its unit normal."""
+    if isinstance(picture, Projection):
+        return _numbers_in_space(picture.scene)
     lines = ["engine,kind,number,x [m],y [m],radius [m],angle [rad],vx [m/s],vy [m/s],normal x,normal y"]
 
     def add(*cells: Any) -> None:
@@ -453,6 +648,24 @@ def numbers_of(picture: SceneView | Configuration) -> str:
     for name, walls in bodies:
         for k, wall in enumerate(walls):
             add(name, "wall", wall.name or str(k), *wall.point, None, None, None, None, *wall.normal)
+    return "\n".join(lines) + "\n"
+
+
+def _numbers_in_space(scene: SpaceView) -> str:
+    names = [
+        f"{name}{axis}{unit}"
+        for name, unit in (("", " [m]"), ("v", " [m/s]"), ("omega ", " [rad/s]"), ("normal ", ""))
+        for axis in "xyz"
+    ]
+    lines = [",".join(["kind", "number", "radius [m]", *names])]
+    for k, (x, v, omega, radius) in enumerate(zip(scene.x, scene.v, scene.omega, scene.radius, strict=True)):
+        lines.append(
+            ",".join(["sphere", str(k), *(repr(float(each)) for each in (radius, *x, *v, *omega)), "", "", ""])
+        )
+    for wall in scene.walls:
+        name = '"' + wall.name.replace('"', '""') + '"'
+        lines.append(",".join(["plane", name, "", *(repr(float(each)) for each in wall.point), *[""] * 6,
+                               *(repr(float(each)) for each in wall.normal)]))  # fmt: skip
     return "\n".join(lines) + "\n"
 
 

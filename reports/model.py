@@ -106,6 +106,13 @@ class CaseData:
     figures: tuple[Figure, ...] = ()
     variants: dict[str, dict[str, Any]] = field(default_factory=dict)
 
+    @property
+    def in_space(self) -> bool:
+        """Whether its scenes are of spheres in space; False where none is stored."""
+        setups = (decoded(cell["setup"], dict) for cell in self.cells)
+        scene: dict[str, Any] = next((setup["scene"] for setup in setups if isinstance(setup.get("scene"), dict)), {})
+        return bool(scene.get("dimension") == 3)
+
 
 @dataclass(frozen=True)
 class Summary:

@@ -147,6 +147,9 @@ MODES = {
 }
 """What the squares of the matrix can show; the first one that the store has is shown at the start."""
 
+PARTS = {"In the plane": False, "In space": True}
+"""Parts of the matrix, and whether a case's scenes are in space; told where there are both."""
+
 
 @dataclass(frozen=True)
 class Square:
@@ -224,7 +227,17 @@ def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
         cases=panel.cases,
         modes=MODES,
         mode="error" if worst else "ratio",
-        matrix=[(case, [(engine, filled.get((case.id, engine.id))) for engine in engines]) for case in cases],
+        parts=[
+            (words, lines)
+            for words, within in PARTS.items()
+            if (
+                lines := [
+                    (case, [(engine, filled.get((case.id, engine.id))) for engine in engines])
+                    for case in cases
+                    if case.in_space is within
+                ]
+            )
+        ],
         worst_headline=worst[0] if worst else None,
         findings=of_engines(panel.stored),
         determinism=panel.stored.determinism,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ninedisk.harness.results.schema import Figure, Row
 from ninedisk.reports.charts import Look
-from ninedisk.reports.draw import Configuration, WallView, read_scene
+from ninedisk.reports.draw import Configuration, SpaceView, WallView, read_scene, read_space
 from ninedisk.reports.figures import Looks, tolerances, varying
 from ninedisk.reports.load import Curve
 from ninedisk.reports.model import CaseData, Panel
@@ -45,7 +45,7 @@ class Frames:
 
 
 def read_frames(cell: Row) -> Frames | None:
-    """Frames of a cell; None where it has none, or they are damaged."""
+    """Frames of a cell of disks; None where it has none, or they are damaged, or those of spheres (`spaces`)."""
     held = decoded(cell["frames"], dict)
     try:
         step = np.array(held["step"], dtype=np.float64)
@@ -95,6 +95,44 @@ def moving_scenes(case: CaseData, arrays: Arrays) -> dict[str, Any]:
             "pairs": pairs, "forces": arrays(forces),
         }  # fmt: skip
     return scenes
+
+
+def spaces(case: CaseData, arrays: Arrays) -> dict[str, Any]:
+    """By variant in space: axis that stands upright, gravity, radii, and for each engine the numbers of its arrays; set-ups that no
+    engine ran have one configuration, the set-up's."""
+    found: dict[str, Any] = {}
+    for cell in case.cells:
+        view = read_space(decoded(cell["setup"], dict))
+        if view is None:
+            continue
+        given = {"up": view.up, "gravity": view.gravity.tolist(), "radius": arrays(view.radius), "engines": {}}
+        scene = found.setdefault(cell["variant"], given)
+        scene["setup"] = _configurations(arrays, {"t": [0.0], "x": [view.x], "angle": [0.0 * view.x]}, view)
+        held = decoded(cell["frames"], dict)
+        try:
+            f = len(held["t"])
+            shapes = {"t": (f,), "x": (f, *view.x.shape), "angle": (f, *view.x.shape)}
+            shapes |= {name: (f, len(view.walls), 3) for name in ("wall_point", "wall_angle")}
+            frames = {name: np.array(held[name], dtype=np.float64).reshape(shape) for name, shape in shapes.items()}
+        except (KeyError, TypeError, ValueError):
+            continue
+        if f and np.isfinite(frames["x"]).all():
+            scene["engines"][cell["engine"]] = _configurations(arrays, frames, view)
+    return found
+
+
+def _configurations(arrays: Arrays, frames: Mapping[str, Any], view: SpaceView) -> dict[str, int]:
+    count = len(frames["t"])
+    still = {"wall_point": [wall.point for wall in view.walls], "wall_angle": [wall.normal for wall in view.walls]}
+    walls = {}
+    for name, given in still.items():
+        start = np.tile(np.array(given, dtype=np.float64).reshape(1, -1, 3), (count, 1, 1))
+        told = np.asarray(frames.get(name, start), dtype=np.float64)
+        walls[name] = np.where(np.isfinite(told), told, start)
+    return {
+        **{name: arrays(np.nan_to_num(np.asarray(frames[name], dtype=np.float64))) for name in ("t", "x", "angle")},
+        **{name: arrays(value) for name, value in walls.items()},
+    }
 
 
 class Arrays:

@@ -139,9 +139,11 @@ def place_planes(motion: Motion, t: float, table: Floats) -> None:
 
 
 @inline_kernel
-def plane_velocity(table: Floats, w: int, place: Vector) -> Vector:
-    """Velocity [m/s] of the plane's material at a place [m]."""
-    return plus(row(table, w, 9), 1.0, cross(row(table, w, 12), plus(place, -1.0, row(table, w, 6))))
+def plane_velocity(table: Floats, w: int, place: Vector, ahead: float) -> Vector:
+    """Velocity [m/s] of the plane's material at a place [m], the pivot having moved on for a time [s] since the table's."""
+    velocity = row(table, w, 9)
+    arm = plus(plus(place, -1.0, row(table, w, 6)), -ahead, velocity)
+    return plus(velocity, 1.0, cross(row(table, w, 12), arm))
 
 
 @inline_kernel
@@ -220,7 +222,13 @@ def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: boo
         damping = 2.0 * law[BETA] * sqrt(tangent / inv_mass) * (sqrt(5.0 / 6.0) if hertz else 1.0)
     vi = row(state.v_now if central else state.v, i, 0)
     foot = plus(xi, ri - overlap, n)
-    vj = plane_velocity(state.now, w, foot) if at_wall else row(state.v_now if central else state.v, j, 0)
+    # Where spheres have velocities of the half step, planes have theirs of its middle, about the pivot of its end.
+    half = 0.5 * slip_dt
+    vj = (0.0, 0.0, 0.0)
+    if at_wall:
+        vj = plane_velocity(state.now, w, foot, 0.0) if central else plane_velocity(state.middle, w, foot, half)
+    else:
+        vj = row(state.v_now if central else state.v, j, 0)
     closing = dot(plus(vi, -1.0, vj), n)
     pull = law[PULL] * reduced
     fn = stiffness * overlap + damping * closing - pull
@@ -236,12 +244,13 @@ def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: boo
     cut = 0.5 * mean_overlap if law[SLIP_MID] > 0.0 else 0.0
     wi = row(state.omega, i, 0)
     if at_wall:
-        poses = state.middle if middle else state.now
-        wj = row(poses, w, 12)
-        touched = foot
+        wj = row(state.middle, w, 12)
         if middle:
-            touched = plus(plus(xi, -0.5 * slip_dt, row(state.v, i, 0)), ri - mean_overlap, shown)
-        u = plus(row(state.v, i, 0), -1.0, plane_velocity(poses, w, touched))
+            touched = plus(plus(xi, -half, row(state.v, i, 0)), ri - mean_overlap, shown)
+            vj = plane_velocity(state.middle, w, touched, 0.0)
+        else:
+            vj = plane_velocity(state.middle, w, foot, half)
+        u = plus(row(state.v, i, 0), -1.0, vj)
         u = plus(u, ri - cut, cross(wi, shown))
     else:
         wj = row(state.omega, j, 0)

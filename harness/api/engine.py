@@ -80,6 +80,8 @@ class EngineInfo:
     contact : {"spring", "impulse", "cd", "soft"}
         Linear contact springs; rigid at velocity level; contact dynamics; or soft in a way of the engine's own.
     capabilities : frozenset of Capability
+    plane : bool
+        Whether it runs scenes of the plane; those in space are asked of engines with `Capability.SPHERES`.
     turns_shear : {"exactly", "to first order"}
         How a shear force follows the contact's rotation; to first order its size changes by half the square of the rotation in
         each step.
@@ -127,6 +129,7 @@ class EngineInfo:
     install: str
     capabilities: frozenset[Capability]
     not_installed_because: str = ""
+    plane: bool = True
     turns_shear: str = "exactly"
     turns_exactly_with: frozenset[Capability] = frozenset()
     arms_at_walls: frozenset[Capability] | None = None

@@ -60,6 +60,16 @@ BUILTIN_CASES: dict[str, str] = {
     "cell/lattice": "ninedisk.harness.cases.cell.lattice:CASE",
     "cell/shear": "ninedisk.harness.cases.cell.shear:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.invariance.rotating_box:CASE",
+    "spheres/chung-ooi/1": "ninedisk.harness.cases.spheres.chung_ooi:ONE",
+    "spheres/chung-ooi/2": "ninedisk.harness.cases.spheres.chung_ooi:TWO",
+    "spheres/chung-ooi/3": "ninedisk.harness.cases.spheres.chung_ooi:THREE",
+    "spheres/chung-ooi/4": "ninedisk.harness.cases.spheres.chung_ooi:FOUR",
+    "spheres/chung-ooi/5": "ninedisk.harness.cases.spheres.chung_ooi:FIVE",
+    "spheres/chung-ooi/6": "ninedisk.harness.cases.spheres.chung_ooi:SIX",
+    "spheres/chung-ooi/7": "ninedisk.harness.cases.spheres.chung_ooi:SEVEN",
+    "spheres/chung-ooi/8": "ninedisk.harness.cases.spheres.chung_ooi:EIGHT",
+    "spheres/thornton": "ninedisk.harness.cases.spheres.thornton:CASE",
+    "spheres/hertz-chain": "ninedisk.harness.cases.spheres.chain:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem.adapter:ENGINE",

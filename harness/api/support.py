@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, Wall
+from ninedisk.core.spheres.scene import PlaneWall, SphereScene
 from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Engine, Support, SupportLevel
+
+AnyScene = TypeVar("AnyScene", bound=Scene | SphereScene)
 
 OF_SLIP_AT = frozenset(SLIP_AT.values())
 """What an engine may lack whose runs are those of the same physics, discretised otherwise: of first order in the step."""
@@ -25,10 +28,11 @@ NOTE_SLIP_END = (
 )
 NOTE_PRELOAD = "rigid contacts: the preload of the regularising springs is left out, disks start touching"
 NOTE_SOFT = "contacts are soft in a way of the engine's own"
+NOTE_SPACE_ONLY = "it runs scenes in space only"
 NOTE_RESTITUTION = "the scene prescribes no restitution: 0 is used"
 
 
-def contact_steps(scene: Scene, numerics: Numerics) -> tuple[int, float]:
+def contact_steps(scene: Scene | SphereScene, numerics: Numerics) -> tuple[int, float]:
     """Contact steps in one ``dt`` and their length [s]: those of the in-house DEM, whose scheme it is.
 
     Raises
@@ -36,9 +40,14 @@ def contact_steps(scene: Scene, numerics: Numerics) -> tuple[int, float]:
     UnstableTimeStepError
         If ``numerics.contact_dt`` exceeds the critical step and ``numerics.allow_unstable`` is False.
     """
-    from ninedisk.core.dem.arrays import contact_step
+    if isinstance(scene, SphereScene):
+        from ninedisk.core.spheres.session import contact_step as step_in_space
 
-    contact_dt, _ = contact_step(scene, numerics)
+        contact_dt, _ = step_in_space(scene, numerics)
+    else:
+        from ninedisk.core.dem.arrays import contact_step
+
+        contact_dt, _ = contact_step(scene, numerics)
     return numerics.substeps(contact_dt), contact_dt
 
 
@@ -46,10 +55,12 @@ def support_of(engine: Engine, scene: Scene | SphereScene, numerics: Numerics) -
     """`Engine.supports`, which is only asked about scenes of a dimension that the engine has."""
     if isinstance(scene, SphereScene) and Capability.SPHERES not in engine.info().capabilities:
         return Support(SupportLevel.NO, missing=(Capability.SPHERES,))
+    if isinstance(scene, Scene) and not engine.info().plane:
+        return Support(SupportLevel.NO, notes=(NOTE_SPACE_ONLY,))
     return engine.supports(scene, numerics)  # type: ignore[arg-type]
 
 
-def rigid_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
+def rigid_needs(scene: Scene | SphereScene, numerics: Numerics) -> frozenset[Capability]:
     """Capabilities that a rigid engine needs: a preload of regularising springs is none of its business.
 
     Shear forces that contacts carry from the start and the overlaps that go with them are the state of the springs; a
@@ -57,13 +68,13 @@ def rigid_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
     therefore dropped.
     """
     need = capabilities_needed(scene, numerics)
-    if all(scene.law(pair).regularised for pair, force in scene.initial_shear.items() if force):
+    if all(scene.law(pair).regularised for pair, force in _initial_shear(scene).items() if force):
         need -= {Capability.PRELOAD}
     return need
 
 
 def rigid_support(
-    scene: Scene,
+    scene: Scene | SphereScene,
     numerics: Numerics,
     capabilities: Set[Capability],
     *,
@@ -106,48 +117,55 @@ def rigid_support(
     return Support(SupportLevel.APPROXIMATE if approximations else level, notes=(*differs, *remarks, *approximations))
 
 
-def has_spring_preload(scene: Scene) -> bool:
+def has_spring_preload(scene: Scene | SphereScene) -> bool:
     """Whether `without_spring_preload` changes anything."""
     return without_spring_preload(scene) is not scene
 
 
-def without_spring_preload(scene: Scene) -> Scene:
+def without_spring_preload(scene: AnyScene) -> AnyScene:
     """The same scene with the initial state of the regularising springs undone.
 
     Each body that overlaps a wall is moved along the wall's normal until it touches, and initial shear forces of
-    regularised contacts are dropped. Overlaps between disks stay as they are: no single displacement undoes a chain of
+    regularised contacts are dropped. Overlaps between disks or spheres stay as they are: no single displacement undoes a chain of
     them.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or SphereScene
 
     Returns
     -------
-    Scene
+    Scene or SphereScene
         The very same object where there is nothing to undo.
     """
-    x = np.array(scene.disks.x)
+    x = np.array(scene.bodies.x)
     moved = False
-    for w, wall in enumerate(scene.walls, len(x)):
+    walls: Sequence[PlaneWall | Wall] = scene.walls
+    for w, wall in enumerate(walls, len(x)):
         normal = np.array(wall.normal)
         gap = (x - np.array(wall.point)) @ normal - _reach(scene, normal)
         inside = [i for i in np.flatnonzero(gap < 0.0).tolist() if scene.law((i, w)).regularised]
         x[inside] -= gap[inside, None] * normal
         moved = moved or bool(inside)
-    shear = {pair: force for pair, force in scene.initial_shear.items() if not scene.law(pair).regularised}
-    if not moved and len(shear) == len(scene.initial_shear):
+    before = _initial_shear(scene)
+    shear = {pair: force for pair, force in before.items() if not scene.law(pair).regularised}
+    if not moved and len(shear) == len(before):
         return scene
-    return scene.replace(
-        disks=replace(scene.disks, x=x),
-        initial_shear=shear,
-    )
+    placed = replace(scene.bodies, x=x)
+    changed = {"spheres": placed} if isinstance(scene, SphereScene) else {"disks": placed, "initial_shear": shear}
+    return scene.replace(**changed)  # type: ignore[return-value]
 
 
-def _reach(scene: Scene, normal: NDArray[np.float64]) -> NDArray[np.float64]:
+def _initial_shear(scene: Scene | SphereScene) -> Mapping[tuple[int, int], float]:
+    return scene.initial_shear if isinstance(scene, Scene) else {}
+
+
+def _reach(scene: Scene | SphereScene, normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """How far each body reaches towards a wall with this inward normal [m], shape (n,)."""
+    reach = np.array(scene.bodies.radius)
+    if isinstance(scene, SphereScene):
+        return reach
     disks = scene.disks
-    reach = np.array(disks.radius)
     for i in np.flatnonzero(disks.outline >= 0):
         from ninedisk.core.nurbs.mass import extent
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Callable, Iterator, Sequence
 
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import SPACE, Capability
 from ninedisk.harness.api.engine import Engine, EngineError, EngineUnsupportedError, SupportLevel
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, probe_of, weights
+from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
+from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres
 from ninedisk.harness.check_engine import conduct
 from ninedisk.harness.check_engine.findings import REFUSED, Bench, Finding, attempt
 
@@ -51,11 +52,13 @@ def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Finding]]]:
     info = bench.info()
     simplest = next((probe for probe in _simple(bench) if _taken(bench, probe)), None)
     if simplest is None:
-        why = "neither a disk in flight, nor one that falls, nor two at rest on a floor is supported"
+        why = (
+            "neither a disk in flight, nor one that falls, nor two at rest on a floor, nor a sphere on one is supported"
+        )
         yield "scenes", lambda: Finding(check="scenes", status="fail", found=why, mend="support at least one of them")
         return
     touching = next((probe for probe in (weights(info), simplest) if _taken(bench, probe)), simplest)
-    flight = free_flight(info, **UNEVEN)
+    flight = free_flight(info, **UNEVEN) if info.plane else spheres(info, **UNEVEN)
     for name, check, probe in (
         ("form", conduct.form, touching),
         ("sampling", conduct.sampling, flight),
@@ -70,13 +73,19 @@ def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Finding]]]:
     for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
         yield name, _judged(bench, name, probe)
     for asked in Capability:
-        yield f"supports: {asked.name}", lambda asked=asked: conduct.capability(bench, probe_of(asked, info), asked)  # type: ignore[misc]
+        if probe_in_space(asked, info) is None and not info.plane:
+            continue
+        if asked in SPACE - {Capability.SPHERES} and Capability.SPHERES not in info.capabilities:
+            continue
+        own = probe_of(asked, info)
+        yield f"supports: {asked.name}", lambda own=own, asked=asked: conduct.capability(bench, own, asked)  # type: ignore[misc]
 
 
 def _simple(bench: Bench) -> Iterator[Probe]:
     yield free_flight(bench.info())
     yield fall(bench.info())
     yield weights(bench.info())
+    yield spheres(bench.info())
 
 
 def _taken(bench: Bench, probe: Probe) -> bool:

@@ -48,7 +48,7 @@ def determinism(bench: Bench, probe: Probe) -> Finding:
 def input_unchanged(bench: Bench, probe: Probe) -> Finding:
     """A run, and the question whether it is supported, leave scene, numerics and watched pairs as they were."""
     setup = probe.setup
-    scene, numerics = Scene.from_dict(setup.scene.to_dict()), Numerics.from_dict(setup.numerics.to_dict())
+    scene, numerics = type(setup.scene).from_dict(setup.scene.to_dict()), Numerics.from_dict(setup.numerics.to_dict())
     watch = list(setup.watch)
     before = _text(scene, numerics, watch)
     bench.engine.supports(scene, numerics)
@@ -68,11 +68,11 @@ def _text(scene: Scene, numerics: Numerics, watch: list[tuple[int, int]]) -> str
 
 def start(bench: Bench, probe: Probe) -> Finding:
     """The first sample is the state that was given: neither the set-up nor the warm-up has moved it."""
-    history, disks = bench.run_of(probe).history, probe.setup.scene.disks
+    history, bodies = bench.run_of(probe).history, probe.setup.scene.bodies
     bound = round_off(bench.info())
     mend = "warm up on a copy of the state, or on a scene of its own; observe step 0 before the first step"
     faults = []
-    for name, wanted in (("x", disks.x), ("v", disks.v), ("omega", disks.omega), ("angle", 0.0 * disks.omega)):
+    for name, wanted in (("x", bodies.x), ("v", bodies.v), ("omega", bodies.omega), ("angle", 0.0 * bodies.omega)):
         apart = np.abs(getattr(history, name)[0] - wanted)
         if apart.max(initial=0.0) > bound:  # NaN is not observed, and no larger than anything
             faults.append((f"{name} at step 0 is off by {apart.max():.3g}", mend))
@@ -113,7 +113,7 @@ def _unstable(bench: Bench) -> list[tuple[str, str]]:
     speed = 0.1
     scene = on_floor(ContactLaw(kn=KN), gravity=(0.0, 0.0), v=[[0.0, -speed]])
     numerics = Numerics(dt=10.0 / OMEGA, contact_dt=10.0 / OMEGA, n_steps=20)
-    if bench.engine.supports(scene, numerics).level is SupportLevel.NO:
+    if bench.supports(scene, numerics).level is SupportLevel.NO:
         return []
     try:
         fastest = float(np.abs(bench.run_anew(scene, numerics, ()).history.v).max())
@@ -215,7 +215,7 @@ def copies(bench: Bench, probe: Probe) -> Finding:
                 faults.append((f"{one} and {two} share memory", mend))
         if len(arrays[one]) > 1 and arrays[one].strides[0] == 0:
             faults.append((f"every sample of {one} is the same memory", mend))
-        if np.shares_memory(arrays[one], probe.setup.scene.disks.x):
+        if np.shares_memory(arrays[one], probe.setup.scene.bodies.x):
             faults.append((f"{one} is the scene's own memory", mend))
     before = {name: array.copy() for name, array in arrays.items()}
     _again(bench, probe)
@@ -290,7 +290,7 @@ def judged(name: str, bench: Bench, probe: Probe, support: Support, *, claimed: 
     """The run of a probe against its closed form, coarsely where it is graded approximate."""
     # Softness is in the bounds of contacts already, and what never touches has none.
     scene = probe.setup.scene
-    touches = bool(scene.walls) or len(scene.disks) > 1
+    touches = bool(scene.walls) or len(scene.bodies) > 1
     coarse = support.level is SupportLevel.APPROXIMATE and touches and NOTE_SOFT not in support.notes
     faults = bench.faults(probe, coarse=coarse)
     if not claimed:

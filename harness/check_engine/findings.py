@@ -21,6 +21,7 @@ from ninedisk.harness.api.engine import (
     EngineUnsupportedError,
     Support,
 )
+from ninedisk.harness.api.support import support_of
 from ninedisk.harness.api.text import printable
 from ninedisk.harness.cases.adapter.probes import Probe
 from ninedisk.harness.cli.support import console, table
@@ -69,7 +70,7 @@ class Bench:
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
         """What the engine answers."""
-        return self.engine.supports(scene, numerics)
+        return support_of(self.engine, scene, numerics)
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """The engine's run of this scene, or its error, kept."""

@@ -17,6 +17,8 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
 from ninedisk.harness.api.support import NOTE_PRELOAD, rigid_support, without_spring_preload
 from ninedisk.harness.engines.process import ProcessEngine, package_version
@@ -31,6 +33,8 @@ class PackageEngine(ProcessEngine):
     driver = Path(__file__).with_name("package_driver.py")
     session: str
     """Where the session is, ``"module:Class"``; its module may import the engine."""
+    session_in_space = ""
+    """Where the session of scenes in space is, of engines with `Capability.SPHERES`."""
     distribution: str
     """The Python package."""
     keeps_overlaps = False
@@ -41,15 +45,15 @@ class PackageEngine(ProcessEngine):
         return package_version(self.distribution)
 
     def command(self) -> Sequence[str]:
-        """This Python with the driver and the session's place."""
-        return [*super().command(), self.session]
+        """This Python with the driver and the sessions' places."""
+        return [*super().command(), self.session, self.session_in_space]
 
     def environment(self, folder: Path) -> Mapping[str, str]:
         """One thread, and a home of its own for engines that write logs there."""
         home = str(folder)
         return {**super().environment(folder), "HOME": home, "MPLCONFIGDIR": home}
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+    def run(self, scene: Any, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the scene; raises `InvalidNumericsError` on an impossible setting, else as `ExternalEngine.run`."""
         read_options(self.id, self.facts.options, numerics)
         return super().run(scene if self.keeps_overlaps else without_spring_preload(scene), numerics, watch)
@@ -59,23 +63,25 @@ class RigidPackageEngine(PackageEngine):
     """Adapter of such an engine with rigid contacts."""
 
     preload_note = NOTE_PRELOAD
+    in_space: frozenset[Capability] = frozenset()
+    """Capabilities in space, where walls and bodies may do what they cannot in the plane, or the reverse."""
 
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+    def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """Rigid contacts only: a scene whose stiffness matters is refused."""
         return rigid_support(
             scene,
             numerics,
-            self.facts.capabilities,
+            self.in_space if isinstance(scene, SphereScene) else self.facts.capabilities,
             refused=self.refusals(scene, numerics),
             approximations=self.approximations(scene, numerics),
             preload_note=self.preload_note,
         )
 
-    def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+    def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """Reasons why this very scene cannot be expressed although no capability is missing."""
         return ()
 
-    def approximations(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+    def approximations(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """In what this engine only comes near to the scene."""
         return ()
 
@@ -86,10 +92,14 @@ def package_facts(distribution: str, **facts: Any) -> EngineInfo:
     return EngineInfo(how_it_runs=how, install=f"pip install {distribution}", **facts)
 
 
-def prescribed_spins(scene: Scene, engine: str) -> list[str]:
-    """Reasons against disks that cannot turn and yet spin, for engines that block rotation by leaving it out."""
-    spinning = np.flatnonzero(~scene.disks.rotating & (scene.disks.omega != 0.0))
-    return [f"disk {i} spins at a prescribed rate: {engine}'s blocked bodies have no rotation at all" for i in spinning]
+def prescribed_spins(scene: Scene | SphereScene, engine: str) -> list[str]:
+    """Reasons against bodies that cannot turn and yet spin, for engines that block rotation by leaving it out."""
+    bodies = scene.bodies
+    spinning = np.flatnonzero(~bodies.rotating & bodies.omega.reshape(len(bodies), -1).any(axis=1))
+    return [
+        f"{scene.noun} {i} spins at a prescribed rate: {engine}'s blocked bodies have no rotation at all"
+        for i in spinning
+    ]
 
 
 def product_factors(between_disks: float | None, with_walls: Sequence[float]) -> tuple[float, list[float]]:

@@ -1,4 +1,4 @@
-"""Driver of an engine that is a Python package: ``package_driver.py module:Session`` with the request on stdin.
+"""Driver of an engine that is a Python package: ``package_driver.py module:Session module:SessionInSpace``, request on stdin.
 
 It runs under the harness' own Python. The session's module may name an ``ENGINE_VERSION``; the session, its ``settings`` and,
 where its forces are no means over a step, their ``FORCE_MEANING``.
@@ -15,8 +15,8 @@ from ninedisk.harness.wire.protocol import WIRE_VERSION, Answer, decode_request,
 
 def main() -> None:
     """Read the request, drive the session, write the answer file."""
-    module, name = sys.argv[1].split(":")
     request = decode_request(sys.stdin.read())
+    module, name = sys.argv[request.scene.dimension - 1].split(":")
     home = importlib.import_module(module)
     try:
         session = getattr(home, name)

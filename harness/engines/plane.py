@@ -1,19 +1,23 @@
 """Geometry that adapters of rigid-body engines share: walls' poses, contact frames, lengths that walls must reach.
 
-Symmetry of scenes: where a mirror image alone keeps every disk from turning.
+Symmetry of scenes: where a mirror image alone keeps every disk from turning. What space has of its own is in
+`ninedisk.harness.engines.space`.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from functools import reduce
+from typing import Any
 
 import numpy as np
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineError
@@ -128,9 +132,17 @@ class WorldSession(ABC):
 
     engine = ""
 
-    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
+    poses: Any
+    """What gives the walls' poses at a time."""
+
+    def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
         self.scene, self.dt, self.pairs, self.done = scene, numerics.dt, pairs, 0
-        self.poses, self.fixed = WallPoses(scene), scene.disks.fixed.tolist()
+        self.fixed = scene.bodies.fixed.tolist()
+        self.begin()
+
+    def begin(self) -> None:
+        """Set ``poses``."""
+        self.poses = WallPoses(self.scene)
 
     def warm_up(self) -> None:
         """Compile the walls' motion where there is any; the engine itself is native code."""
@@ -139,24 +151,31 @@ class WorldSession(ABC):
     def advance(self, n_steps: int) -> None:
         """Step the world; before each step a moving wall gets its exact pose and the velocity that takes it to the next."""
         for remaining in range(n_steps, 0, -1):
-            if self.poses.moving:
-                here, facing = self.poses(self.done * self.dt)
-                there, to_face = self.poses((self.done + 1) * self.dt)
-                for k in range(len(self.scene.walls)):
-                    self.drive(k, here[k], there[k], facing[k], turn(facing[k], to_face[k]) / self.dt)
-            if self.scene.forces:
-                for i, load in enumerate(mean_loads(self.scene, self.done * self.dt, (self.done + 1) * self.dt)):
-                    if not self.fixed[i]:
-                        self.push(i, load)
+            self.prescribe()
             self.step(last=remaining == 1)
             self.done += 1
+
+    def prescribe(self) -> None:
+        """Set what is prescribed in the coming step: walls' motion, forces."""
+        if self.poses.moving:
+            here, facing = self.poses(self.done * self.dt)
+            there, to_face = self.poses((self.done + 1) * self.dt)
+            for k in range(len(self.scene.walls)):
+                self.drive(k, here[k], there[k], facing[k], turn(facing[k], to_face[k]) / self.dt)
+        if self.scene.forces:
+            for i, load in enumerate(mean_loads(self.scene, self.done * self.dt, (self.done + 1) * self.dt)):
+                if not self.fixed[i]:
+                    self.push(i, load)
 
     def observe(self, history: History, row: int) -> None:
         """Copy the state, and the contact impulses of the last step as forces."""
         self.copy(history, row)
         finite_state(self.engine, self.done, history.x[row], history.v[row], history.omega[row])
-        impulses = self.impulses() if self.done else None
-        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
+        self.write(history, row, self.poses(self.done * self.dt), self.impulses() if self.done else None)
+
+    def write(self, history: History, row: int, pose: Any, impulses: Mapping[Pair, FloatArray] | None) -> None:
+        """Write what follows from positions, walls' poses and impulses."""
+        write_contacts(self.scene, history, row, pose, impulses, self.dt)
 
     @abstractmethod
     def step(self, *, last: bool) -> None:
@@ -168,11 +187,11 @@ class WorldSession(ABC):
 
     @abstractmethod
     def impulses(self) -> Mapping[Pair, FloatArray]:
-        """Impulse [N s] of the last step on the first body of each touching pair, shape (2,)."""
+        """Impulse [N s] of the last step on the first body of each touching pair, shape (2,), in space (3,)."""
 
-    @abstractmethod
     def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
         """Put wall ``k`` at ``here`` [m] with the normal ``facing``, on its way to ``there`` in one step, turning at ``rate`` [rad/s]."""
+        raise NotImplementedError
 
     def push(self, i: int, load: FloatArray) -> None:
         """Let a force [N] and a torque [N m], shape (3,), act on a disk in the coming step; of engines with `Capability.BODY_FORCES`."""
@@ -188,12 +207,20 @@ def mean_loads(scene: Scene, begin: float, end: float) -> FloatArray:
     return mean
 
 
+def three(values: Iterable[float] | float) -> list[float]:
+    """A vector of the plane z = 0 or of space, or a spin about z, as three numbers."""
+    if np.ndim(values) == 0:  # type: ignore[arg-type]
+        return [0.0, 0.0, float(values)]  # type: ignore[arg-type]
+    flat = [float(value) for value in values]  # type: ignore[union-attr]
+    return [*flat, *[0.0] * (3 - len(flat))]
+
+
 def turn(one: FloatArray | tuple[float, float], two: FloatArray) -> float:
     """Signed angle from one direction to another [rad], in (-pi, pi]."""
     return math.atan2(one[0] * two[1] - one[1] * two[0], one[0] * two[0] + one[1] * two[1])
 
 
-def wall_reach(scene: Scene, numerics: Numerics, engine: str) -> float:
+def wall_reach(scene: Scene | SphereScene, numerics: Numerics, engine: str) -> float:
     """Half-length [m] of a wall that no disk can leave within the run: four times the scene's size and the way of its
     fastest body.
 
@@ -210,7 +237,7 @@ def wall_reach(scene: Scene, numerics: Numerics, engine: str) -> float:
     return reach
 
 
-def touch_length(scene: Scene, numerics: Numerics, engine: str) -> float:
+def touch_length(scene: Scene | SphereScene, numerics: Numerics, engine: str) -> float:
     """Length [m] of a few units of round-off of the scene's coordinates: bodies that are no further apart touch.
 
     Raises
@@ -221,22 +248,23 @@ def touch_length(scene: Scene, numerics: Numerics, engine: str) -> float:
     return TOUCH_ULPS * float(np.spacing(wall_reach(scene, numerics, engine)))
 
 
-def size(scene: Scene) -> float:
-    """Largest distance from the origin that disks and walls' points reach at time 0 [m]."""
-    far = [float(np.abs(scene.disks.x).max() + scene.disks.radius.max())] if len(scene.disks) else []
-    return max([*far, *(max(abs(wall.point[0]), abs(wall.point[1])) for wall in scene.walls)], default=1.0)
+def size(scene: Scene | SphereScene) -> float:
+    """Largest distance from the origin that bodies and walls' points reach at time 0 [m]."""
+    far = [float(np.abs(scene.bodies.x).max() + scene.bodies.radius.max())] if len(scene.bodies) else []
+    return max([*far, *(max(map(abs, wall.point)) for wall in scene.walls)], default=1.0)
 
 
-def path(scene: Scene, numerics: Numerics) -> float:
+def path(scene: Scene | SphereScene, numerics: Numerics) -> float:
     """Path [m] of the fastest body over the run, were it free: walls must be longer than that."""
     t = numerics.dt * numerics.n_steps
     return top_speed(scene) * t + 0.5 * math.hypot(*scene.gravity) * t * t
 
 
-def top_speed(scene: Scene) -> float:
+def top_speed(scene: Scene | SphereScene) -> float:
     """Bound of the speeds [m/s] with which bodies' surfaces begin; what walls drive may be twice as fast as they."""
-    speed = float(np.hypot(scene.disks.v[:, 0], scene.disks.v[:, 1]).max(initial=0.0))
-    spin = float(np.abs(scene.disks.omega * scene.disks.radius).max(initial=0.0))
+    bodies = scene.bodies
+    speed = float(reduce(np.hypot, bodies.v.T).max(initial=0.0))
+    spin = float(np.abs(bodies.omega.T * bodies.radius).max(initial=0.0))
     driven = max((abs(v) for wall in scene.walls for seg in wall.motion for v in seg.velocity), default=0.0)
     return speed + spin + 2.0 * driven
 

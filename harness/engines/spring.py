@@ -3,23 +3,58 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene, Wall
+from ninedisk.core.spheres.law import SphereLaw
+from ninedisk.core.spheres.scene import PlaneWall, SphereScene
+from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineRun, Support, SupportLevel
 from ninedisk.harness.api.support import NOTE_SLIP_END, OF_SLIP_AT, contact_steps
 from ninedisk.harness.api.wall_path import wall_path
 from ninedisk.harness.engines.process import ProcessEngine
+from ninedisk.harness.engines.space import PlanePoses
 
+AnyLaw = TypeVar("AnyLaw", ContactLaw, SphereLaw)
 ARMS = frozenset(LEVER_ARMS.values())
+
+IN_SPACE = frozenset(
+    {
+        Capability.SPHERES,
+        Capability.LINEAR_CONTACT,
+        Capability.HERTZ_MINDLIN,
+        Capability.SHEAR_SPRING,
+        Capability.FRICTION,
+        Capability.CONTACT_DAMPING,
+        Capability.MOVING_WALLS,
+        Capability.CURVED_WALL_MOTION,
+        Capability.GRAVITY,
+        Capability.BLOCKED_ROTATION,
+        Capability.FIXED_DISKS,
+        Capability.SLIP_END,
+        Capability.MATERIALS,
+    }
+)
+"""What all of these engines have in space."""
+
+NOTE_OVERDAMPED = "dashpots in space are given by the rebound e = exp(-pi beta/sqrt(1 - beta^2)): no beta of 1 and more"
+NOTE_UNIFORM = "in space the engine knows uniform spheres only, I = (2/5) m R^2"
+NOTE_MEAN = "friction and dashpots see a wall's mean velocity over the step (difference of its positions)"
+
+
+def uniform(scene: SphereScene) -> bool:
+    """Whether all spheres that can turn are uniform ones."""
+    spheres = scene.spheres
+    off = np.abs(spheres.inertia - 0.4 * spheres.mass * spheres.radius**2) > 1e-12 * spheres.inertia
+    return not (off & spheres.rotating).any()
 
 
 @dataclass
@@ -58,58 +93,162 @@ class Fit:
         return Support(SupportLevel.EQUIVALENT if self.equivalent else SupportLevel.EXACT, (), notes)
 
 
-class SpringEngine(ProcessEngine):
-    """Adapter of an engine that integrates linear contact springs by central differences, as the in-house DEM does.
+@dataclass(frozen=True)
+class InSpace:
+    """What an engine with springs makes of spheres in space.
 
-    A subclass gives what a `ProcessEngine` asks for, and `judge`.
+    Attributes
+    ----------
+    capabilities : frozenset of Capability
+    judge : callable
+        As `SpringEngine.judge`.
+    chosen : mapping
+        Settings of every run that are chosen on purpose, for the record.
+    dashpot_note : str
+    extra : callable or None
+        Further additions to the request, of a scene and its numerics.
+    """
+
+    capabilities: frozenset[Capability]
+    judge: Callable[[SphereScene, Numerics, Fit], None]
+    chosen: Mapping[str, Any]
+    dashpot_note: str
+    extra: Callable[[SphereScene, Numerics], Mapping[str, Any]] | None = None
+
+
+class SpringEngine(ProcessEngine):
+    """Adapter of an engine that integrates contact springs by central differences, as the in-house DEM does.
+
+    A subclass gives what a `ProcessEngine` asks for, `judge`, and `in_space` where it has spheres.
     """
 
     chosen: Mapping[str, Any]
     """Settings of every run that are chosen on purpose, for the record."""
     dashpot_note = "dashpot with the velocity of t_{n-1/2}; never tension"
+    in_space: InSpace | None = None
 
     @abstractmethod
     def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """Add to ``fit`` what the capabilities do not tell, and take out what this very scene does not ask for."""
 
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+    def _part(self, scene: Scene | SphereScene) -> InSpace | None:
+        return self.in_space if isinstance(scene, SphereScene) else None
+
+    def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """How far the engine's conventions are the scene's.
 
         EQUIVALENT also where dashpots see v_{n-1/2} though the numerics ask for the central form, and where slip is asked for
         elsewhere in the step: the same physics, first order in the step.
         """
-        own = self.facts.capabilities
+        part = self._part(scene)
+        own = part.capabilities if part else self.facts.capabilities
         fit = Fit(set(capabilities_needed(scene, numerics) - own))
         if own & OF_SLIP_AT and fit.missing & OF_SLIP_AT:
             fit.missing -= OF_SLIP_AT
             fit.equivalent = True
             fit.notes.append(NOTE_SLIP_END)
-        self.judge(scene, numerics, fit)
+        judge: Callable[[Any, Numerics, Fit], None] = part.judge if part else self.judge
+        judge(scene, numerics, fit)
         if any(law.beta > 0.0 for law in scene.laws_in_use) and Capability.CONTACT_DAMPING not in fit.missing:
-            fit.notes.append(self.dashpot_note)
+            fit.notes.append(part.dashpot_note if part else self.dashpot_note)
             fit.equivalent = fit.equivalent or numerics.damping_form == "central"
         return fit.support()
 
-    def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
+    def extra(self, scene: Scene | SphereScene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Contact step, and the walls' path at every contact step (a file: it can be long)."""
+        part = self._part(scene)
+        further = part.extra(scene, numerics) if part and part.extra and isinstance(scene, SphereScene) else {}
         count, contact_dt = contact_steps(scene, numerics)
         path = folder / "wall_path.npy"
-        np.save(path, wall_path(scene, contact_dt, count * numerics.n_steps))
-        return {"substeps": count, "contact_dt": contact_dt, "wall_path": str(path)}
+        rows = plane_path if isinstance(scene, SphereScene) else wall_path
+        np.save(path, rows(scene, contact_dt, count * numerics.n_steps))  # type: ignore[operator]
+        return {"substeps": count, "contact_dt": contact_dt, "wall_path": str(path), **further}
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+    def run(self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the engine; raises as `ExternalEngine.run`."""
         done = super().run(scene, numerics, watch)
         count, contact_dt = contact_steps(scene, numerics)
+        part = self._part(scene)
         settings = {
             "contact_dt": contact_dt,
             "contact_steps_per_dt": count,
             "damping_form": numerics.damping_form,
             "start": "half kick: v(1/2) = v0 + dt/2 (F0/m - xi v0), set by the driver",
-            **self.chosen,
+            **(part.chosen if part else self.chosen),
             "threads": 1,
         }
         return EngineRun(history=done.history, timings=done.timings, settings={**settings, **done.settings})
+
+
+def plane_path(scene: SphereScene, dt: float, n_steps: int) -> FloatArray:
+    """Tables of planes at the steps ``0 .. k``, after which none moves any more (``k <= n_steps``).
+
+    Returns
+    -------
+    ndarray, shape (k + 1, m, 12)
+        Row ``n``: surface point [m] and normal at ``n dt``; that point's velocity [m/s] and the plane's spin [rad/s], which follow from
+        the pivot's velocity and the spin in the middle of the step that ends there (of row 0 at time 0), and the pivot's place at
+        ``n dt``. The last row has no velocity if the motion ends before the run does.
+    """
+    ends = [sum(segment.duration for segment in wall.motion) for wall in scene.walls]
+    last = int(min(float(n_steps), np.ceil(max(ends, default=0.0) / dt) + 1.0))
+    poses = PlanePoses(scene)
+    path = np.zeros(((last if poses.moving else 0) + 1, len(scene.walls), 12))
+    for n, rows in enumerate(path):
+        now, middle = poses(n * dt), max(0.0, (n - 0.5) * dt)
+        rows[:, 0:3], rows[:, 3:6] = now.point, now.normal
+        for w, wall in enumerate(scene.walls):
+            begin = 0.0
+            for segment in wall.motion:
+                if middle < begin + segment.duration:
+                    pivot = poses(begin).point[w] if segment.pivot is None else np.array(segment.pivot)
+                    tau = n * dt - begin
+                    wave = np.sin(segment.frequency * tau + segment.phase) - np.sin(segment.phase)
+                    rate = segment.frequency * np.cos(segment.frequency * (middle - begin) + segment.phase)
+                    pivot = pivot + tau * np.array(segment.velocity) + wave * np.array(segment.amplitude)
+                    spin = np.array(segment.angular_velocity)
+                    velocity = np.array(segment.velocity) + rate * np.array(segment.amplitude)
+                    rows[w, 6:9], rows[w, 9:12] = velocity + np.cross(spin, now.point[w] - pivot), spin
+                    break
+                begin += segment.duration
+    return path
+
+
+def sphere_laws(scene: SphereScene) -> list[SphereLaw]:
+    """The laws that contacts between two spheres of the scene have, each once."""
+    names = scene.spheres.material
+    kinds = {name: names.count(name) for name in names}
+    pairs = [(a, b) for a in kinds for b in kinds if a < b or (a == b and kinds[a] > 1)]
+    place = {name: (names.index(name), len(names) - 1 - names[::-1].index(name)) for name in kinds}
+    return _once(scene.law(sorted_pair(place[a][0], place[b][1] if a == b else place[b][0])) for a, b in pairs)
+
+
+def sorted_pair(i: int, j: int) -> Pair:
+    """Two body numbers in order."""
+    return (i, j) if i < j else (j, i)
+
+
+def plane_laws(scene: SphereScene, wall: PlaneWall) -> list[SphereLaw]:
+    """The laws that contacts of the scene's spheres with a wall have, each once."""
+    number = len(scene.spheres) + scene.walls.index(wall)
+    names = scene.spheres.material
+    return _once(scene.law((names.index(name), number)) for name in dict.fromkeys(names))
+
+
+def judge_arms(scene: SphereScene, fit: Fit, between: str, at_walls: str) -> None:
+    """Note the lever arms that rough contacts ask for and the engine only comes near to: it has one of spheres, and one of walls."""
+    fit.missing -= ARMS
+    if not scene.spheres.rotating.any():
+        return
+    asked = [(law, between) for law in sphere_laws(scene)]
+    asked += [(law, at_walls) for wall in scene.walls for law in plane_laws(scene, wall)]
+    fit.near |= {LEVER_ARMS[law.lever_arm] for law, own in asked if rough(law) and law.lever_arm != own}
+
+
+def uneven_planes(scene: SphereScene) -> bool:
+    """Whether a plane that contacts feel moves otherwise than with one velocity and spin."""
+    felt = [wall for wall in scene.walls if any(rough(law) or law.beta > 0.0 for law in plane_laws(scene, wall))]
+    return any(any(segment.amplitude) for wall in felt for segment in wall.motion)
 
 
 def disk_laws(scene: Scene) -> list[ContactLaw]:
@@ -128,15 +267,15 @@ def wall_laws(scene: Scene, wall: Wall) -> list[ContactLaw]:
     return _once(scene.law((i, number)) for i in first.values())
 
 
-def _once(laws: Iterable[ContactLaw]) -> list[ContactLaw]:
+def _once(laws: Iterable[AnyLaw]) -> list[AnyLaw]:
     return list(dict.fromkeys(laws))
 
 
-def rough(law: ContactLaw) -> bool:
+def rough(law: ContactLaw | SphereLaw) -> bool:
     """Whether a contact can carry shear."""
-    return law.mu > 0.0 and law.ks > 0.0
+    return law.mu > 0.0 and (law.ks > 0.0 or (isinstance(law, SphereLaw) and law.g_star > 0.0))
 
 
 def turns(wall_motion: Sequence[Any]) -> bool:
     """Whether a wall with this motion turns."""
-    return any(segment.angular_velocity for segment in wall_motion)
+    return any(bool(np.any(segment.angular_velocity)) for segment in wall_motion)

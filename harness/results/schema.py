@@ -144,12 +144,12 @@ CELL_COLUMNS: dict[str, str] = {
     "reference_s": "float64",  # CPU seconds of the harness' reference computation, the least of those before, between and after
     "repeats": "int64",
     "n_steps": "int64",
-    "n_disks": "int64",
+    "n_disks": "int64",  # disks or spheres
     "setup": "string",  # JSON: scene, numerics, watch, labels
     # Deepest overlap of the samples beyond that with which the scene begins, over the smallest radius: of watched contacts, and of round
-    # disks and walls by their places. NaN where neither is known (outlines that nobody watches).
+    # disks, spheres and walls by their places. NaN where neither is known (outlines that nobody watches).
     "penetration": "float64",
-    "frames": "string",  # JSON: {"step": [...], "x": [[[x, y]]], "angle": [...], "wall_point":..., "wall_angle":...}
+    "frames": "string",  # JSON: {"step": [...], "x": [[[x, y]]], "angle": [...], "wall_point":..., "wall_angle":...} as in History
 }
 """One row per case variant and engine."""
 

@@ -469,12 +469,13 @@ def expected_order(case: Case, params: Mapping[str, Any], setup: Setup, engine: 
     if scheme == "runge-kutta-3":
         return None, "runge-kutta-3 in substeps of the engine's own: the step dt is none of the scheme's"
     if scheme == "central-difference":
-        if setup.scene.xi > 0.0 and setup.numerics.damping_form == "lagged":
+        laws: Sequence[Any] = setup.scene.laws_in_use
+        if getattr(setup.scene, "xi", 0.0) > 0.0 and setup.numerics.damping_form == "lagged":
             return 1.0, "central differences; global damping sees the velocity of half a step before"
-        if any(law.beta > 0.0 for law in setup.scene.laws_in_use):
+        if any(law.beta > 0.0 for law in laws):
             return 1.0, "central differences; a dashpot's force jumps at touch, anywhere within a step"
         slips = getattr(case, "slips", None)
-        rough = [law for law in setup.scene.laws_in_use if law.ks > 0.0 and law.mu > 0.0]
+        rough = [law for law in laws if law.mu > 0.0 and (law.ks > 0.0 or getattr(law, "g_star", 0.0) > 0.0)]
         if rough and (slips is None or slips(params)):
             if any(slip_of(law.slip_at, engine) == "end" for law in rough):
                 return (
@@ -520,18 +521,21 @@ def round_off(setup: Setup, engine: EngineInfo, history: History, contact_dt: fl
     velocity ``omega u``. Rigid contacts find velocities, not positions.
     """
     share = RELATIVE.get(engine.precision, RELATIVE["float32"])
-    disks = setup.scene.disks
-    length = float(np.nanmax(np.abs(history.x), initial=0.0)) + float(disks.radius.max())
+    bodies = setup.scene.bodies
+    length = float(np.nanmax(np.abs(history.x), initial=0.0)) + float(bodies.radius.max())
     unit = float(np.spacing(length if engine.precision == "float64" else np.float32(length)))
-    stiff = max((law.kn for law in setup.scene.laws_in_use), default=0.0) if engine.contact == "spring" else 0.0
-    omega = min(math.sqrt(2.0 * stiff / float(disks.mass.min())), 2.0 / contact_dt)
+    # The tangent stiffness of Hertz, 2 E* sqrt(R overlap), at the deepest overlap that was watched.
+    root = math.sqrt(float(bodies.radius.max()) * -float(np.nanmin(history.gap, initial=0.0)))
+    laws: Sequence[Any] = setup.scene.laws_in_use if engine.contact == "spring" else ()
+    stiff = max((law.kn or 2.0 * law.e_star * root for law in laws), default=0.0)
+    omega = min(math.sqrt(2.0 * stiff / float(bodies.mass.min())), 2.0 / contact_dt)
     speed = float(np.nanmax(np.abs(history.v), initial=0.0))
     of_length, of_speed = share * length, share * speed + ROUNDINGS * unit * omega
-    mass = float(disks.mass.sum())
+    mass = float(bodies.mass.sum())
     absolute = {
         "m": of_length,
         "m/s": of_speed,
-        "rad/s": of_speed / float(disks.radius.min()),
+        "rad/s": of_speed / float(bodies.radius.min()),
         "N": ROUNDINGS * unit * stiff,
         "kg m/s": mass * of_speed,
         "J": mass * speed * of_speed,

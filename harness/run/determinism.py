@@ -28,7 +28,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, SupportLevel
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.api.support import contact_steps
+from ninedisk.harness.api.support import contact_steps, support_of
 from ninedisk.harness.results.schema import DETERMINISM_KINDS, Row
 from ninedisk.harness.run.isolation import run_isolated, time_limit_from_environment
 from ninedisk.harness.wire.external import ExternalEngine
@@ -255,7 +255,7 @@ def _first(engine: Engine, edits: Edits) -> tuple[Trial, str]:
     notes = []
     for scene_id in SCENES:
         trial = Trial(engine, scene_id, edits)
-        support = engine.supports(trial.job.scene, trial.numerics)
+        support = support_of(engine, trial.job.scene, trial.numerics)
         if support.level is SupportLevel.NO:
             notes.append(f"{scene_id}: it lacks {', '.join(support.missing) or '; '.join(support.notes)}")
             continue

@@ -12,6 +12,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
 from ninedisk.core.history import History
+from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import capabilities_asked
 from ninedisk.harness.api.case import Case, Check, Setup, figures_of, headlines_of
 from ninedisk.harness.api.engine import (
@@ -273,28 +275,30 @@ PLACES = 2_000_000
 def penetration(setup: Setup, history: History) -> float:
     """Deepest overlap beyond that with which the scene begins, over the smallest radius; NaN where no gap is known.
 
-    Known are the gaps of watched contacts, at every sample, and those of round disks and walls by their places, at every sample or,
-    of many disks, at as many, evenly spread, as `PLACES` allows. Of each contact counts how much deeper it is than at time 0:
+    Known are the gaps of watched contacts, at every sample, and those of disks, spheres and walls by their places, at every sample or, of
+    many bodies, at as many, evenly spread, as `PLACES` allows. Of each contact counts how much deeper it is than at time 0:
     a scene that starts in equilibrium, or asks for overlaps, prescribes those.
     """
     deep = [_deeper(np.asarray(history.gap, dtype=np.float64))]
-    disks = setup.scene.disks
-    round_ones = np.flatnonzero(disks.outline < 0)
-    contacts = len(round_ones) * ((len(round_ones) - 1) // 2 + len(setup.scene.walls))
+    scene = setup.scene
+    bodies = scene.bodies
+    round_ones = np.flatnonzero(bodies.outline < 0) if isinstance(scene, Scene) else np.arange(len(bodies))
+    contacts = len(round_ones) * ((len(round_ones) - 1) // 2 + len(scene.walls))
     count = min(len(history.step), PLACES // contacts if contacts else 0)
     if count > 1:
         rows = np.linspace(0, len(history.step) - 1, count).round().astype(np.int64)
-        x, radius = history.x[rows][:, round_ones], disks.radius[round_ones]
+        x, radius = history.x[rows][:, round_ones], bodies.radius[round_ones]
         one, two = np.triu_indices(len(round_ones), 1)
-        apart = x[:, two] - x[:, one]
-        deep.append(_deeper(np.hypot(apart[..., 0], apart[..., 1]) - radius[one] - radius[two]))
-        for k in range(len(setup.scene.walls)):
-            angle, point = history.wall_angle[rows, k], history.wall_point[rows, k]
-            away = x - point[:, None]
-            height = away[..., 0] * np.cos(angle)[:, None] + away[..., 1] * np.sin(angle)[:, None]
-            deep.append(_deeper(height - radius))
+        apart = reduce(np.hypot, np.moveaxis(x[:, two] - x[:, one], -1, 0))
+        deep.append(_deeper(apart - radius[one] - radius[two]))
+        angle = history.wall_angle[rows]
+        normals = np.stack([np.cos(angle), np.sin(angle)], axis=2) if scene.dimension == 2 else angle
+        for k in range(len(scene.walls)):
+            away = x - history.wall_point[rows, k][:, None]
+            parts = np.moveaxis(away, -1, 0) * np.moveaxis(normals[:, k], -1, 0)[..., None]
+            deep.append(_deeper(reduce(np.add, parts) - radius))
     known = [each for each in deep if not np.isnan(each)]
-    return max(known) / float(disks.radius.min()) if known else float("nan")
+    return max(known) / float(bodies.radius.min()) if known else float("nan")
 
 
 def _deeper(gap: NDArray[np.float64]) -> float:
@@ -365,7 +369,7 @@ def _setup_columns(setup: Setup) -> Row:
     }
     return {
         "n_steps": setup.numerics.n_steps,
-        "n_disks": len(setup.scene.disks),
+        "n_disks": len(setup.scene.bodies),
         "setup": plain_json(stored),
         "asked": json.dumps(sorted(capabilities_asked(setup.scene, setup.numerics))),
     }

@@ -23,6 +23,7 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import (
     Difference,
@@ -38,6 +39,7 @@ from ninedisk.harness.api.support import (
     NOTE_SLIP_AT,
     NOTE_SOFT,
     OF_SLIP_AT,
+    AnyScene,
     contact_steps,
     rigid_support,
     without_spring_preload,
@@ -103,7 +105,7 @@ class CommandEngine(ExternalEngine):
         """The folder of the caller."""
         return Path.cwd()
 
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+    def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """By contact: springs may stand in for rigid contacts, rigid ones never for springs."""
         near = self._description.approximations
         if self.info().contact != "spring":
@@ -115,7 +117,7 @@ class CommandEngine(ExternalEngine):
         level = SupportLevel.APPROXIMATE if notes else SupportLevel.EQUIVALENT if missing else SupportLevel.EXACT
         return Support(level, (), (*notes, NOTE_SLIP_AT) if missing else notes)
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+    def run(self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the command.
 
         Engines with springs get their contact step as a number, all others the scene without the preload of regularising
@@ -131,7 +133,7 @@ class CommandEngine(ExternalEngine):
             history=run.history, timings=run.timings, settings={**run.settings, "engine_command": self.command_line}
         )
 
-    def asked(self, scene: Scene, numerics: Numerics) -> tuple[Scene, Numerics]:
+    def asked(self, scene: AnyScene, numerics: Numerics) -> tuple[AnyScene, Numerics]:
         """Scene and numerics as the request has them."""
         if self.info().contact == "spring":
             return scene, numerics.replace(contact_dt=contact_steps(scene, numerics)[1])
@@ -160,7 +162,7 @@ class CommandEngine(ExternalEngine):
             raise UsageError(f"`{self.command_line} describe` gives no description of the engine: {error}") from error
 
 
-def spring_needs(scene: Scene, numerics: Numerics) -> frozenset[Capability]:
+def spring_needs(scene: Scene | SphereScene, numerics: Numerics) -> frozenset[Capability]:
     """Capabilities that an engine with contact springs needs: also those of springs that stand in for rigid contacts."""
     need = set(capabilities_needed(scene, numerics))
     for law in scene.laws_in_use:
@@ -175,6 +177,7 @@ SCHEME_OPTIONS = {"moreau-jean": "theta", "runge-kutta-3": "phase"}
 """Schemes whose truths read an option of the engine."""
 
 _TRAITS = (
+    "plane",
     "turns_shear",
     "dilates",
     "softness",

@@ -11,7 +11,6 @@ from typing import Any
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import capabilities_needed
 from ninedisk.harness.api.engine import (
     EngineError,
@@ -31,7 +30,8 @@ class ExternalEngine(ABC):
 
     Each run has a temporary folder of its own, which is its working directory and ``TMPDIR`` and is removed at the end.
     Everything else is optional: `supports` (by default: every capability that is needed is among those of `info`),
-    `extra` (additions to the request), `environment`, `working_folder`, `answer_text` and `time_limit`.
+    `extra` (additions to the request), `environment`, `working_folder`, `answer_text` and `time_limit`. A scene is a `Scene`, or
+    a `SphereScene` where `info` has `Capability.SPHERES`.
     """
 
     id: str = ""
@@ -48,12 +48,12 @@ class ExternalEngine(ABC):
     def command(self) -> Sequence[str]:
         """Program and arguments; it reads the request from standard input and writes the answer file."""
 
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+    def supports(self, scene: Any, numerics: Numerics) -> Support:
         """EXACT if the engine has every capability that is needed, else NO with the missing ones."""
         missing = tuple(sorted(capabilities_needed(scene, numerics) - self.info().capabilities))
         return Support(SupportLevel.NO, missing) if missing else Support(SupportLevel.EXACT)
 
-    def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:  # noqa: ARG002
+    def extra(self, scene: Any, numerics: Numerics, folder: Path) -> Mapping[str, Any]:  # noqa: ARG002
         """Additions to the request for the engine's own driver; files belong into ``folder``."""
         return {}
 
@@ -75,7 +75,7 @@ class ExternalEngine(ABC):
                 f"{self.info().name} ended without a readable answer file ({error}); its last output:\n{said}"
             ) from error
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+    def run(self, scene: Any, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the engine in a process of its own.
 
         ``timings.setup`` is everything but warm-up and advance: the start of the process and the transport included.

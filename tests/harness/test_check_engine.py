@@ -19,7 +19,7 @@ from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.registry import case_table, get_engine
-from ninedisk.harness.cases.adapter.probes import probe_of
+from ninedisk.harness.cases.adapter.space import probe_of
 from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED
 from ninedisk.harness.cli.app import app
@@ -70,14 +70,22 @@ def plain(edit: Callable[[dict[str, Any]], object]) -> Change:
     def change(scene: Scene) -> Scene:
         data = scene.to_dict()
         edit(data)
-        return Scene.from_dict(data)
+        return type(scene).from_dict(data)
 
     return change
 
 
 def laws(**values: Any) -> Change:
     """A scene all of whose contact laws have other values."""
-    return plain(lambda data: [law.update(values) for law in (data["disk_disk"], *(w["law"] for w in data["walls"]))])
+
+    def edit(data: dict[str, Any]) -> None:
+        for law in (
+            data["disk_disk"] if "disk_disk" in data else data["sphere_sphere"],
+            *(w["law"] for w in data["walls"]),
+        ):
+            law.update(values)
+
+    return plain(edit)
 
 
 def disks(**values: Any) -> Change:
@@ -285,6 +293,20 @@ PLANTED = {
         Planted(numerics=lambda n: n.replace(energy_budget=False), support=EXACT),
         "friction_loss is",
     ),
+    "axes of its own": ("supports: SPHERES", Planted(answer=history(omega=lambda w: w[..., ::-1])), "omega is"),
+    "a plane for a sphere": (
+        "supports: SPHERES",
+        Planted(answer=history(wall_force=np.negative)),
+        "force on the floor",
+    ),
+    "half of the reduced modulus": ("supports: HERTZ_MINDLIN", Planted(scene=laws(e_star=5e6)), "overlap is"),
+    "a force that shrinks": ("supports: UNLOADING_FORCE", Planted(scene=laws(unloading="rescale")), "fs is"),
+    "a spring that is not scaled": ("supports: UNLOADING_RESCALE", Planted(scene=laws(unloading="none")), "fs is"),
+    "a force that is kept": ("supports: UNLOADING_NONE", Planted(scene=laws(unloading="force")), "fs is"),
+    "no twisting torque": ("supports: TWISTING_CONSTANT", Planted(scene=laws(twisting=None)), "omega is"),
+    "no twisting spring": ("supports: TWISTING_SPRING", Planted(scene=laws(twisting=None)), "omega is"),
+    "half of the surface energy": ("supports: SURFACE_DMT", Planted(scene=laws(surface_energy=2.5)), "fn is"),
+    "DMT for JKR": ("supports: SURFACE_JKR", Planted(scene=laws(surface="dmt"), support=EXACT), "fn is"),
     "more than its facts": (
         "supports: HELD_MOTION",
         Planted(support=Support(SupportLevel.EXACT)),

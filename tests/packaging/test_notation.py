@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from ninedisk.core import history, numerics, scene
+from ninedisk.core.spheres import law as sphere_law
+from ninedisk.core.spheres import scene as space
 
 pytestmark = pytest.mark.tree
 CLASSES = {
@@ -20,6 +22,12 @@ CLASSES = {
         scene.Scene,
         scene.Wall,
         scene.WallSegment,
+        space.SphereScene,
+        space.Spheres,
+        space.PlaneWall,
+        space.PlaneSegment,
+        sphere_law.SphereLaw,
+        sphere_law.Elastic,
         numerics.Numerics,
         history.History,
     )
@@ -31,6 +39,10 @@ NOT_SYMBOLS = {
     "Wall": {"name", "point", "law", "motion"},
     "ContactLaw": {"regularised"},
     "Disks": {"rotating"},
+    "SphereScene": {"spheres", "walls", "sphere_sphere"},
+    "PlaneWall": {"name", "point", "law", "motion"},
+    "SphereLaw": {"regularised"},
+    "Spheres": {"rotating"},
 }
 
 
@@ -59,7 +71,7 @@ def test_modules_exist(page: str) -> None:
         importlib.import_module(module)
 
 
-@pytest.mark.parametrize("cls", ["ContactLaw", "Disks", "Scene", "Wall", "WallSegment", "Numerics"])
+@pytest.mark.parametrize("cls", [name for name in CLASSES if name != "History"])
 def test_no_field_is_left_out(page: str, cls: str) -> None:
     declared = {field.name for field in fields(CLASSES[cls])}
     assert declared - named(page)[cls] == NOT_SYMBOLS.get(cls, set())

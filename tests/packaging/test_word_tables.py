@@ -18,12 +18,12 @@ import ninedisk.reports
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import get_engine
-from ninedisk.harness.cases.adapter.probes import probe_of
+from ninedisk.harness.cases.adapter.space import probe_of
 from ninedisk.harness.results.schema import CHANGE_VERDICTS, STATUSES, WORST_FIRST
 from ninedisk.harness.run.converge import VERDICTS
 from ninedisk.reports import text as words
 
-OUTSIDE = ("driver", "solver_driver", "yade_parts", "drivers", "template", "pytest_plugin", "__main__")
+OUTSIDE = ("driver", "space_driver", "solver_driver", "yade_parts", "drivers", "template", "pytest_plugin", "__main__")
 """Modules that run inside other programs."""
 
 PARTIAL = {
@@ -114,4 +114,4 @@ def test_statuses_and_support_have_symbol_and_meaning() -> None:
 def test_every_capability_has_words_and_a_probe(capability: Capability) -> None:
     assert capability.short
     assert len(capability.short) <= len(capability)
-    assert probe_of(capability, get_engine("dem").info()).setup.scene.disks is not None
+    assert probe_of(capability, get_engine("dem").info()).setup.scene.bodies is not None

@@ -867,8 +867,8 @@ def across_the_edge(info: EngineInfo) -> Probe:
     )
 
 
-def probe_of(capability: Capability, info: EngineInfo) -> Probe:
-    """The probe of a capability, in the engine's own kind of contact where it may be springs or rigid."""
+def probe_in_plane(capability: Capability, info: EngineInfo) -> Probe:
+    """The probe of a capability of the plane, in the engine's own kind of contact where it may be springs or rigid."""
     arms: dict[Capability, LeverArm] = {held_by: name for name, held_by in LEVER_ARMS.items()}
     own: LeverArm = next((arm for held_by, arm in arms.items() if held_by in info.capabilities), "radius")
     if capability in arms:

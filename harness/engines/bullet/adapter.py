@@ -7,11 +7,13 @@ One step detects contacts at its begin, solves for velocities and then moves pos
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
-from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.engines.bullet.space import IN_SPACE, refused_in_space
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
 CAPABILITIES = frozenset(
@@ -26,6 +28,8 @@ CAPABILITIES = frozenset(
         Capability.FIXED_DISKS,
         Capability.DISK_INERTIA,
         Capability.BODY_FORCES,
+        Capability.SPHERES,
+        Capability.TWISTING_CONSTANT,
     }
 )
 
@@ -42,6 +46,11 @@ OPTIONS = {
         high=1.0,
         why="fraction of an overlap that a step takes out as velocity; what it adds to the disks' momentum is no part of "
         "any impact law (Bullet's own value makes e = 1 an e of 1.06 where the impact falls within a step)",
+    ),
+    "friction": Option(
+        default="cone",
+        choices=("cone", "pyramid"),
+        why="Coulomb's cone, the same in all directions; the pyramid is 1.4 times as strong across its edges",
     ),
 }
 
@@ -67,12 +76,15 @@ class BulletEngine(RigidPackageEngine):
 
     id = "bullet"
     session = "ninedisk.harness.engines.bullet.session:BulletSession"
+    session_in_space = "ninedisk.harness.engines.bullet.space_session:BulletSpaceSession"
+    in_space = IN_SPACE
     distribution = "pybullet"
     facts = FACTS
 
-    def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
-        """A friction that Bullet would cap in silence."""
-        return [
+    def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+        """A friction that Bullet would cap in silence; bodies that are held in part."""
+        refused = refused_in_space(scene) if isinstance(scene, SphereScene) else []
+        return refused + [
             f"Bullet caps the friction of a pair at {MAX_FRICTION:g}, the scene has {law.mu:g}"
             for law in scene.laws_in_use
             if law.mu > MAX_FRICTION

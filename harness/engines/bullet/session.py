@@ -29,10 +29,10 @@ from pybullet_utils.bullet_client import BulletClient
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
-from ninedisk.core.scene import FloatArray, Scene
+from ninedisk.core.validate import FloatArray
 from ninedisk.harness.engines.bullet.adapter import OPTIONS
 from ninedisk.harness.engines.package import product_factors
-from ninedisk.harness.engines.plane import WorldSession, touch_length, turn
+from ninedisk.harness.engines.plane import WorldSession, three, touch_length, turn
 
 ENGINE_VERSION = version("pybullet")
 
@@ -45,13 +45,14 @@ class BulletSession(WorldSession):
 
     engine = "Bullet"
 
-    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
+    def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
         super().__init__(scene, numerics, pairs)
         options = read_options("bullet", OPTIONS, numerics)
         touch = touch_length(scene, numerics, "Bullet")
-        radii = scene.disks.radius
+        bodies = scene.bodies
+        radii = bodies.radius
         self.unit = 2.0 ** -round(math.log2(float(radii.mean()))) if len(radii) else 1.0
-        self.inflate = 0.5 * touch if len(scene.disks) > 1 else 0.0
+        self.inflate = 0.5 * touch if len(bodies) > 1 else 0.0
         parameters = {
             "numSolverIterations": options["bullet.iterations"],
             "solverResidualThreshold": 0.0,
@@ -59,7 +60,7 @@ class BulletSession(WorldSession):
             "contactBreakingThreshold": touch * self.unit,
             "contactSlop": 0.0,
             "restitutionVelocityThreshold": 0.0,
-            "enableConeFriction": 1,
+            "enableConeFriction": int(options["bullet.friction"] == "cone"),
             "deterministicOverlappingPairs": 1,
         }
         self.settings: dict[str, Any] = {
@@ -74,16 +75,21 @@ class BulletSession(WorldSession):
         }
         self.world = BulletClient(connection_mode=pybullet.DIRECT)
         self.world.setTimeStep(self.dt)
-        self.world.setGravity(*(self.unit * component for component in scene.gravity), 0.0)
+        self.world.setGravity(*(self.unit * component for component in three(scene.gravity)))
         self.world.setPhysicsEngineParameter(**parameters)
-        law, walls = scene.disk_disk, [wall.law for wall in scene.walls]
-        alone = len(scene.disks) < 2
+        law, walls = scene.law_of_bodies, [wall.law for wall in scene.walls]
+        alone = len(bodies) < 2
         friction = product_factors(None if alone else law.mu, [wall.mu for wall in walls])
         bounce = product_factors(None if alone else law.restitution or 0.0, [wall.restitution or 0.0 for wall in walls])
-        self.disks = [self._disk(i, friction[0], bounce[0]) for i in range(len(scene.disks))]
+        self.share = friction[0]
+        self.disks = [self._disk(i, friction[0], bounce[0]) for i in range(len(bodies))]
         self.walls = [self._wall(k, friction[1][k], bounce[1][k]) for k in range(len(scene.walls))]
         self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
-        self.angle = np.zeros(len(scene.disks))
+
+    def begin(self) -> None:
+        """Set ``poses``, and the angles to 0."""
+        super().begin()
+        self.angle = np.zeros_like(self.scene.bodies.omega)
 
     def step(self, *, last: bool) -> None:  # noqa: ARG002
         """Step the world, and follow the rotations: Bullet knows orientations, not angles."""
@@ -97,22 +103,24 @@ class BulletSession(WorldSession):
         for i, body in enumerate(self.disks):
             position, _ = self.world.getBasePositionAndOrientation(body)
             velocity, spin = self.world.getBaseVelocity(body)
-            history.x[row, i], history.v[row, i] = np.array([position[:2], velocity[:2]]) / self.unit
-            history.omega[row, i] = spin[2]
+            size = history.x.shape[2]
+            history.x[row, i], history.v[row, i] = np.array([position[:size], velocity[:size]]) / self.unit
+            history.omega[row, i] = spin[2] if size == 2 else spin
         history.angle[row] = self.angle
 
     def impulses(self) -> dict[Pair, FloatArray]:
         """Impulse [N s] of the last step on the first body of each touching pair."""
         found: dict[Pair, FloatArray] = {}
+        size = self.scene.dimension
         for contact in self.world.getContactPoints():
             one, two = self.number[contact[1]], self.number[contact[2]]
             # Bullet's normal points from its second body to its first; its forces act on the first.
             parts = ((contact[9], contact[7]), (contact[10], contact[11]), (contact[12], contact[13]))
-            on_first = sum((size * np.array(direction[:2]) for size, direction in parts), np.zeros(2)) * (
+            on_first = sum((force * np.array(direction[:size]) for force, direction in parts), np.zeros(size)) * (
                 self.dt / self.unit
             )
             pair = (min(one, two), max(one, two))
-            found[pair] = found.get(pair, np.zeros(2)) + (on_first if one < two else -on_first)
+            found[pair] = found.get(pair, np.zeros(size)) + (on_first if one < two else -on_first)
         return found
 
     def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
@@ -130,13 +138,17 @@ class BulletSession(WorldSession):
         self.world.applyExternalForce(body, -1, force, place, pybullet.WORLD_FRAME)
         self.world.applyExternalTorque(body, -1, [0.0, 0.0, unit**2 * float(load[2])], pybullet.WORLD_FRAME)
 
+    def prescribed(self, i: int) -> bool:
+        """Whether nothing moves a body."""
+        return bool(self.fixed[i])
+
     def _disk(self, i: int, friction: float, restitution: float) -> int:
-        disks = self.scene.disks
+        disks = self.scene.bodies
         radius = self.unit * (float(disks.radius[i]) + self.inflate)
         shape = self.world.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
-        place = [*(self.unit * disks.x[i]).tolist(), 0.0]
+        place = three(self.unit * disks.x[i])
         # A body without mass is Bullet's static one.
-        mass = 0.0 if self.fixed[i] else float(disks.mass[i])
+        mass = 0.0 if self.prescribed(i) else float(disks.mass[i])
         body: int = self.world.createMultiBody(mass, shape, basePosition=place)
         inertia = self.unit**2 * float(disks.inertia[i]) if disks.rotating[i] else 0.0
         self.world.changeDynamics(
@@ -151,14 +163,16 @@ class BulletSession(WorldSession):
             angularDamping=0.0,
             maxJointVelocity=_UNLIMITED,
         )
-        self.world.resetBaseVelocity(body, [*(self.unit * disks.v[i]).tolist(), 0.0], [0.0, 0.0, float(disks.omega[i])])
+        self.world.resetBaseVelocity(body, three(self.unit * disks.v[i]), three(disks.omega[i]))
         return body
 
     def _wall(self, k: int, friction: float, restitution: float) -> int:
         wall = self.scene.walls[k]
-        shape = self.world.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=[*wall.normal, 0.0])
-        body: int = self.world.createMultiBody(0.0, shape, basePosition=[*(self.unit * c for c in wall.point), 0.0])
-        self.world.changeDynamics(
-            body, -1, lateralFriction=friction, restitution=restitution, rollingFriction=0.0, spinningFriction=0.0
-        )
+        shape = self.world.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=three(wall.normal))
+        body: int = self.world.createMultiBody(0.0, shape, basePosition=three([self.unit * c for c in wall.point]))
+        self.world.changeDynamics(body, -1, lateralFriction=friction, restitution=restitution, **self.resistances(k))
         return body
+
+    def resistances(self, k: int) -> dict[str, float]:  # noqa: ARG002
+        """Resistance of a wall to rolling and to spinning on it; a pair has the product with the disk's friction."""
+        return {"rollingFriction": 0.0, "spinningFriction": 0.0}

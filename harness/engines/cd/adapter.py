@@ -13,7 +13,7 @@ from ninedisk.core.cd.settings import OPTIONS
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import ROLLING, Capability
+from ninedisk.harness.api.capabilities import ROLLING, SPACE, Capability
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, Timings, timings_of
 from ninedisk.harness.api.support import (
     NOTE_SLIP_AT,
@@ -26,6 +26,7 @@ from ninedisk.harness.api.support import (
 CAPABILITIES = (
     frozenset(Capability)
     - frozenset(ROLLING.values())
+    - SPACE
     - {
         Capability.AREA_CONTACT,
         Capability.GLOBAL_DAMPING_LAGGED,

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
-from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.engines.dart.space import IN_SPACE
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts, prescribed_spins
+from ninedisk.harness.engines.space import driven_spheres, partly_held
 
 CAPABILITIES = frozenset(
     {
@@ -28,6 +31,7 @@ CAPABILITIES = frozenset(
         Capability.BLOCKED_ROTATION,
         Capability.DISK_INERTIA,
         Capability.BODY_FORCES,
+        Capability.SPHERES,
     }
 )
 
@@ -72,29 +76,35 @@ class DartEngine(RigidPackageEngine):
 
     id = "dart"
     session = "ninedisk.harness.engines.dart.session:DartSession"
+    session_in_space = "ninedisk.harness.engines.dart.space_session:DartSpaceSession"
+    in_space = IN_SPACE
     distribution = "dartpy"
     facts = FACTS
 
-    def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+    def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """What the smaller of two coefficients, and a body without the rotation's degree of freedom, cannot express."""
         found = []
-        if len(scene.disks) > 1:
+        if len(scene.bodies) > 1:
             found += [
                 f"DART gives a pair the smaller of its bodies' friction coefficients: wall {wall.name!r} cannot have "
-                f"{wall.law.mu:g} where disks have {scene.disk_disk.mu:g} among themselves"
+                f"{wall.law.mu:g} where {scene.noun}s have {scene.law_of_bodies.mu:g} among themselves"
                 for wall in scene.walls
-                if wall.law.mu > scene.disk_disk.mu
+                if wall.law.mu > scene.law_of_bodies.mu
             ]
-            between = scene.disk_disk.restitution or 0.0
+            between = scene.law_of_bodies.restitution or 0.0
             found += [
                 f"DART's restitution of a pair is the product of two factors of at most 1: wall {wall.name!r} cannot have "
-                f"{wall.law.restitution:g} where disks have {between:g} among themselves; the limit is the root of that"
+                f"{wall.law.restitution:g} where {scene.noun}s have {between:g} among themselves; the limit is the root of that"
                 for wall in scene.walls
                 if wall.law.restitution and wall.law.restitution > math.sqrt(between)
             ]
+        if isinstance(scene, SphereScene):
+            driven = driven_spheres(scene)
+            found += partly_held(scene, "DART")
+            return found + [why for why in prescribed_spins(scene, "DART") if int(why.split()[1]) not in driven]
         return found + prescribed_spins(scene, "DART")
 
-    def approximations(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+    def approximations(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """The regularisation."""
         return [f"DART's contacts give way by {FORCE_MIXING:g} of what they should withstand (constraint force mixing)"]
 

@@ -13,6 +13,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import dartpy
@@ -21,10 +22,10 @@ import numpy as np
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
-from ninedisk.core.scene import FloatArray, Scene
+from ninedisk.core.validate import FloatArray
 from ninedisk.harness.engines.dart.adapter import FORCE_MIXING, OPTIONS
 from ninedisk.harness.engines.package import product_factors
-from ninedisk.harness.engines.plane import WorldSession, touch_length, turn
+from ninedisk.harness.engines.plane import WorldSession, three, touch_length, turn
 
 ENGINE_VERSION = str(dartpy.__version__)
 
@@ -47,7 +48,7 @@ class DartSession(WorldSession):
 
     engine = "DART"
 
-    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
+    def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
         super().__init__(scene, numerics, pairs)
         options = read_options("dart", OPTIONS, numerics)
         self.touch = touch_length(scene, numerics, "DART")
@@ -64,7 +65,7 @@ class DartSession(WorldSession):
         }
         self.world = dartpy.simulation.World("ninedisk")
         self.world.setTimeStep(self.dt)
-        self.world.setGravity([*scene.gravity, 0.0])
+        self.world.setGravity(three(scene.gravity))
         awake = self.world.getDeactivationOptions()
         awake.mEnabled = False
         self.world.setDeactivationOptions(awake)
@@ -73,14 +74,14 @@ class DartSession(WorldSession):
         if sweeps:  # dantzig is DART's default, and Python cannot construct another one
             solver.setBoxedLcpSolver(_gauss_seidel())
         solver.setSplitImpulseEnabled(True)
-        alone = len(scene.disks) < 2
+        alone = len(scene.bodies) < 2
         bounce = product_factors(
-            None if alone else scene.disk_disk.restitution or 0.0,
+            None if alone else scene.law_of_bodies.restitution or 0.0,
             [wall.law.restitution or 0.0 for wall in scene.walls],
         )
-        friction = _UNLIMITED if alone else scene.disk_disk.mu
+        friction = _UNLIMITED if alone else scene.law_of_bodies.mu
         self.number: dict[str, int] = {}
-        self.disks = [self._disk(i, friction, bounce[0]) for i in range(len(scene.disks))]
+        self.disks = [self._disk(i, friction, bounce[0]) for i in range(len(scene.bodies))]
         self.walls = [self._wall(k, bounce[1][k]) for k in range(len(scene.walls))]
 
     def step(self, *, last: bool) -> None:  # noqa: ARG002
@@ -98,12 +99,13 @@ class DartSession(WorldSession):
     def impulses(self) -> dict[Pair, FloatArray]:
         """Impulse [N s] of the last step on the first body of each touching pair."""
         found: dict[Pair, FloatArray] = {}
+        size = self.scene.dimension
         for contact in self.world.getLastCollisionResult().getContacts():
             objects = (contact.collisionObject1, contact.collisionObject2)
             one, two = (self.number[each.getShapeFrame().getName()] for each in objects)
-            on_first = np.array(contact.force[:2]) * self.dt  # DART's force acts on its first object
+            on_first = np.array(contact.force[:size]) * self.dt  # DART's force acts on its first object
             pair = (min(one, two), max(one, two))
-            found[pair] = found.get(pair, np.zeros(2)) + (on_first if one < two else -on_first)
+            found[pair] = found.get(pair, np.zeros(size)) + (on_first if one < two else -on_first)
         return found
 
     def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
@@ -126,23 +128,32 @@ class DartSession(WorldSession):
         else:
             joint, body = skeleton.createTranslationalJoint2DAndBodyNodePair()
         joint.setXYPlane()
-        sphere = dartpy.dynamics.SphereShape(float(disks.radius[i]) + 0.5 * self.touch)
-        self._give_surface(body, sphere, i, friction, restitution)
-        inertia = float(disks.inertia[i])
-        body.setInertia(dartpy.dynamics.Inertia(float(disks.mass[i]), [0.0, 0.0, 0.0], inertia * np.eye(3)))
+        self._give_sphere(body, i, friction, restitution)
         skeleton.setPositions([*disks.x[i].tolist(), *([0.0] if turning else [])])
         skeleton.setVelocities([*disks.v[i].tolist(), *([float(disks.omega[i])] if turning else [])])
         self.world.addSkeleton(skeleton)
         return skeleton
 
+    def place_wall(self, skeleton: Any, point: Sequence[float]) -> Any:
+        """The body of a wall, at its place."""
+        joint, body = skeleton.createPlanarJointAndBodyNodePair()
+        joint.setXYPlane()
+        skeleton.setPositions([*point, 0.0])
+        return body
+
+    def _give_sphere(self, body: Any, i: int, friction: float, restitution: float) -> None:
+        bodies = self.scene.bodies
+        sphere = dartpy.dynamics.SphereShape(float(bodies.radius[i]) + 0.5 * self.touch)
+        self._give_surface(body, sphere, i, friction, restitution)
+        inertia = float(bodies.inertia[i]) * np.eye(3)
+        body.setInertia(dartpy.dynamics.Inertia(float(bodies.mass[i]), [0.0, 0.0, 0.0], inertia))
+
     def _wall(self, k: int, restitution: float) -> Any:
         wall = self.scene.walls[k]
         skeleton = dartpy.dynamics.Skeleton(f"wall {k}")
-        joint, body = skeleton.createPlanarJointAndBodyNodePair()
-        joint.setXYPlane()
-        plane = dartpy.dynamics.PlaneShape([*wall.normal, 0.0], 0.5 * self.touch)
-        self._give_surface(body, plane, len(self.scene.disks) + k, wall.law.mu, restitution)
-        skeleton.setPositions([*wall.point, 0.0])
+        body = self.place_wall(skeleton, wall.point)
+        plane = dartpy.dynamics.PlaneShape(three(wall.normal), 0.5 * self.touch)
+        self._give_surface(body, plane, len(self.scene.bodies) + k, wall.law.mu, restitution)
         skeleton.setMobile(False)
         self.world.addSkeleton(skeleton)
         return skeleton

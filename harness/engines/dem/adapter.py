@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import ninedisk
 from ninedisk.core.dem.grains import needs_outlines
@@ -10,9 +11,14 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.core.threads import MOST_THREADS
 from ninedisk.harness.api.capabilities import ROLLING, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, Timings, timings_of
+
+if TYPE_CHECKING:
+    from ninedisk.core.dem.session import DemSession
+    from ninedisk.core.spheres.session import SphereSession
 
 OPTIONS: Mapping[str, Option] = {
     "threads": Option(
@@ -24,14 +30,25 @@ OPTIONS: Mapping[str, Option] = {
     ),
 }
 
-LACKS = frozenset({Capability.RESTITUTION, Capability.HELD_MOTION, Capability.QUASI_STATIC, Capability.ADHESION})
+LACKS = frozenset(
+    {
+        Capability.RESTITUTION,
+        Capability.HELD_MOTION,
+        Capability.QUASI_STATIC,
+        Capability.ADHESION,
+        Capability.SURFACE_JKR,
+    }
+)
 
 DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENERGY_BUDGET, *ROLLING.values()}
 """What is lacking where contacts are those of outlines, and in a periodic cell."""
 
+IN_SPACE = (LACKS - {Capability.HELD_MOTION}) | {Capability.ENERGY_BUDGET}
+"""What is lacking in space, where a sphere's velocity can be held."""
+
 
 class DemEngine:
-    """`ninedisk.core.dem`: central differences, linear contact springs."""
+    """`ninedisk.core.dem` and, in space, `ninedisk.core.spheres`: central differences, contact springs."""
 
     id = "dem"
 
@@ -54,11 +71,9 @@ class DemEngine:
             options=OPTIONS,
         )
 
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+    def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """Every motion with inertia is expressed; a rigid contact only through its regularising spring."""
-        missing = capabilities_needed(scene, numerics) & (
-            DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
-        )
+        missing = capabilities_needed(scene, numerics) & _lacks(scene)
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
         if any(law.regularised for law in scene.laws_in_use):
@@ -67,10 +82,9 @@ class DemEngine:
             )
         return Support(SupportLevel.EXACT)
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run the scene on `ninedisk.core.dem.session.DemSession`."""
+    def run(self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene on `ninedisk.core.dem.session.DemSession` or `ninedisk.core.spheres.session.SphereSession`."""
         from ninedisk.core.dem.arrays import FIRST_SKIN, LEAST_SKIN, MOST_SKIN
-        from ninedisk.core.dem.session import DemSession
 
         setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
         options = read_options(self.id, OPTIONS, numerics)
@@ -78,22 +92,23 @@ class DemEngine:
             options={name: numerics.options[name] for name in numerics.options.keys() - options.keys()}
         )
         with setup:
-            session = DemSession(scene, plain, watch, threads=options["dem.threads"])
-        with warm_up:
-            session.warm_up()
+            session = _session(scene, plain, watch, options["dem.threads"])
+        with warm_up:  # on a copy of the scene: the session's state stays as it is
+            once = plain.replace(n_steps=1, sample_every=1, sample_until=None)
+            _session(scene, once, watch, options["dem.threads"]).run()
         with stepping:
             history = session.run()
         settings = {
             "contact_dt [s]": session.contact_dt,
             "critical step of the initial state [s]": session.critical_dt,
             "damping_form": numerics.damping_form,
-            "lever_arm": scene.disk_disk.lever_arm,
+            "lever_arm": scene.law_of_bodies.lever_arm,
             "skin / mean radius": f"{LEAST_SKIN:g} to {MOST_SKIN:g}, adapted at each rebuild, first {FIRST_SKIN:g}",
         }
         return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings | options)
 
     def save(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str) -> None:
-        """Run ``steps`` steps and write a checkpoint."""
+        """Run ``steps`` steps of a scene of the plane and write a checkpoint."""
         from ninedisk.core.dem.session import DemSession
 
         session = DemSession(scene, numerics, watch)
@@ -105,6 +120,24 @@ class DemEngine:
         from ninedisk.core.dem.session import DemSession
 
         return EngineRun(history=DemSession.load(path).run(), timings=Timings(setup=0.0, warm_up=0.0, advance=0.0))
+
+
+def _lacks(scene: Scene | SphereScene) -> frozenset[Capability]:
+    if isinstance(scene, SphereScene):
+        return IN_SPACE
+    return DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
+
+
+def _session(
+    scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair], threads: int
+) -> DemSession | SphereSession:
+    if isinstance(scene, SphereScene):
+        from ninedisk.core.spheres.session import SphereSession
+
+        return SphereSession(scene, numerics, watch, threads=threads)
+    from ninedisk.core.dem.session import DemSession
+
+    return DemSession(scene, numerics, watch, threads=threads)
 
 
 ENGINE = DemEngine()

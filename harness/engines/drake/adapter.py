@@ -12,12 +12,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, Support, SupportLevel
+from ninedisk.harness.engines.drake.space import IN_SPACE
 from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.plane import OF_SLIP, no_contact_can_slip
 
@@ -34,7 +37,15 @@ SPRINGS = frozenset(
 )
 """Of the continuous plant. In the limit of small steps both forms of global damping are the same."""
 
-RIGID = frozenset({Capability.FRICTION, Capability.GRAVITY, Capability.BLOCKED_ROTATION, Capability.DISK_INERTIA})
+RIGID = frozenset(
+    {
+        Capability.FRICTION,
+        Capability.GRAVITY,
+        Capability.BLOCKED_ROTATION,
+        Capability.DISK_INERTIA,
+        Capability.SPHERES,
+    }
+)
 """Of the discrete plants: their walls rest, and all they know of impacts is dissipation."""
 
 REGULARISED = "https://drake.mit.edu/doxygen_cxx/group__stribeck__approximation.html"
@@ -127,6 +138,7 @@ class DrakeDiscreteEngine(RigidPackageEngine):
     Their contacts have the scene's stiffness and keep its overlaps; without them they would land first.
     """
 
+    in_space = IN_SPACE
     preload_note = "the shear forces of the preload are left out, its overlaps are kept: there is no shear spring"
 
     distribution = "drake"
@@ -155,21 +167,25 @@ class DrakeDiscreteEngine(RigidPackageEngine):
             out_of_scope={Capability.SHEAR_SPRING: REGULARISED},
         )
         self.session = f"ninedisk.harness.engines.drake.session:{session}"
+        self.session_in_space = f"ninedisk.harness.engines.drake.space_session:{session}InSpace"
 
-    def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+    def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """Coefficients that no two bodies' shares give, and spins that nothing may change."""
-        between = None if len(scene.disks) < 2 else 0.5 * scene.disk_disk.mu
+        between = None if len(scene.bodies) < 2 else 0.5 * scene.law_of_bodies.mu
         found = stiffness_refusals(scene) + prescribed_spins(scene, "Drake")
         if between is not None and any(0.5 * wall.law.mu >= 2.0 * between > 0.0 for wall in scene.walls):
             found.append(
                 "Drake gives a pair the harmonic mean of its bodies' friction: that of a wall must be below twice the "
-                f"disks' own, {scene.disk_disk.mu:g}"
+                f"{scene.noun}s' own, {scene.law_of_bodies.mu:g}"
             )
         if between == 0.0 and any(wall.law.mu > 0.0 for wall in scene.walls):
-            found.append("Drake gives a pair the harmonic mean of its bodies' friction: 0 for smooth disks on any wall")
+            found.append(
+                "Drake gives a pair the harmonic mean of its bodies' friction: 0 for smooth "
+                + f"{scene.noun}s on any wall"
+            )
         return found
 
-    def approximations(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+    def approximations(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """The contact model."""
         return [self.model]
 
@@ -188,15 +204,15 @@ def shares_in_series(between: float | None, with_walls: Sequence[float]) -> tupl
     return disk, [wall * disk / (disk - wall) if wall else 0.0 for wall in with_walls]
 
 
-def stiffness_refusals(scene: Scene) -> list[str]:
+def stiffness_refusals(scene: Scene | SphereScene) -> list[str]:
     """Reasons why stiffnesses in series cannot be those of the scene."""
-    if len(scene.disks) < 2:
+    if len(scene.bodies) < 2:
         return []
     return [
-        f"Drake's stiffnesses act in series: wall {wall.name!r} cannot have kn = {wall.law.kn:g} N/m where disks have "
-        f"{scene.disk_disk.kn:g} among themselves, it must be below twice that"
+        f"Drake's stiffnesses act in series: wall {wall.name!r} cannot have kn = {wall.law.kn:g} N/m where {scene.noun}s have "
+        f"{scene.law_of_bodies.kn:g} among themselves, it must be below twice that"
         for wall in scene.walls
-        if wall.law.kn >= 2.0 * scene.disk_disk.kn
+        if wall.law.kn >= 2.0 * scene.law_of_bodies.kn
     ]
 
 

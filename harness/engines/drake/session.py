@@ -12,6 +12,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.wall_path import moving_until
 from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS, OPTIONS, shares_in_series
 from ninedisk.harness.engines.drake.world import ENGINE_VERSION, DrakeWorld, Surfaces
@@ -80,7 +81,7 @@ class DrakeSession:
 
     def observe(self, history: History, row: int) -> None:
         """Copy the state, and the contact forces at this very time."""
-        _copy_state(self.world, history, row, self.done)
+        copy_state(self.world, history, row, self.done)
         pose = self.poses(self.done * self.dt)
         write_contacts(self.scene, history, row, pose, self.world.forces(), 1.0)  # forces, as impulses of one second
 
@@ -98,14 +99,14 @@ class SapSession:
 
     approximation = "sap"
 
-    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
+    def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
         engine = f"drake-{self.approximation}"
         options = read_options(engine, DISCRETE_OPTIONS[engine], numerics)
         self.scene, self.dt, self.done = scene, numerics.dt, 0
-        between = None if len(scene.disks) < 2 else 0.5 * scene.disk_disk.mu
+        between = None if len(scene.bodies) < 2 else 0.5 * scene.law_of_bodies.mu
         friction = shares_in_series(between, [0.5 * wall.law.mu for wall in scene.walls])
         touch = touch_length(scene, numerics, "Drake")
-        self.poses = WallPoses(scene)
+        self.poses = self.wall_poses()
         self.world = DrakeWorld(
             scene,
             time_step=self.dt,
@@ -128,6 +129,10 @@ class SapSession:
             f"{engine}.friction_of_a_pair": "harmonic mean",
         }
 
+    def wall_poses(self) -> Any:
+        """What gives the walls' poses."""
+        return WallPoses(self.scene)
+
     def warm_up(self) -> None:
         """Nothing: Drake is native code."""
 
@@ -138,7 +143,7 @@ class SapSession:
 
     def observe(self, history: History, row: int) -> None:
         """Copy the state, and the contact impulses of the last step as forces."""
-        _copy_state(self.world, history, row, self.done)
+        copy_state(self.world, history, row, self.done)
         impulses = {pair: force * self.dt for pair, force in self.world.forces().items()} if self.done else None
         write_contacts(self.scene, history, row, self.poses(0.0), impulses, self.dt)
 
@@ -149,12 +154,12 @@ class LaggedSession(SapSession):
     approximation = "lagged"
 
 
-def stiffness_shares(scene: Scene) -> tuple[float, list[float]]:
+def stiffness_shares(scene: Scene | SphereScene) -> tuple[float, list[float]]:
     """Stiffness of the disks' and of each wall's geometry [N/m], in series those of the pairs.
 
     A single disk without walls meets nothing, yet Drake wants its stiffness to be above 0.
     """
-    between = None if len(scene.disks) < 2 and scene.walls else scene.disk_disk.kn
+    between = None if len(scene.bodies) < 2 and scene.walls else scene.law_of_bodies.kn
     return shares_in_series(between, [wall.law.kn for wall in scene.walls])
 
 
@@ -170,6 +175,6 @@ def _breaks(scene: Scene) -> list[float]:
     return sorted(filter(math.isfinite, ends))
 
 
-def _copy_state(world: DrakeWorld, history: History, row: int, step: int) -> None:
+def copy_state(world: DrakeWorld, history: History, row: int, step: int) -> None:
     history.x[row], history.v[row], history.angle[row], history.omega[row] = world.state()
     finite_state("Drake", step, history.x[row], history.v[row], history.omega[row])

@@ -1,6 +1,7 @@
 """A scene as a Drake plant: disks on joints of the plane z = 0, walls as half-spaces, point contacts.
 
-- A disk is a sphere on a planar joint, which has Drake's linear damping, or on two prismatic joints where it cannot turn.
+- A disk is a sphere on a planar joint, which has Drake's linear damping, or on two prismatic joints where it cannot turn; in space it is
+  on a floating joint, or on three prismatic ones.
 - Point contacts of two geometries act as their stiffnesses in series, and friction is twice that of the coefficients: see
   `shares_in_series`.
 - Walls do not meet each other; a wall that moves is a body of its own, of a mass that no disk can disturb.
@@ -29,12 +30,21 @@ from pydrake.multibody.plant import (
     CoulombFriction,
     DiscreteContactApproximation,
 )
-from pydrake.multibody.tree import BodyIndex, PlanarJoint, PrismaticJoint, SpatialInertia, UnitInertia
+from pydrake.multibody.tree import (
+    BodyIndex,
+    PlanarJoint,
+    PrismaticJoint,
+    QuaternionFloatingJoint,
+    SpatialInertia,
+    UnitInertia,
+)
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from ninedisk.core.history import Pair
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.harness.engines.plane import three
 
 ENGINE_VERSION = version("drake")
 
@@ -96,7 +106,7 @@ class DrakeWorld:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | SphereScene,
         *,
         time_step: float,
         surfaces: Surfaces,
@@ -114,9 +124,9 @@ class DrakeWorld:
         plant.set_contact_model(ContactModel.kPoint)
         if time_step > 0.0:
             plant.set_discrete_contact_approximation(APPROXIMATIONS[approximation])
-        plant.mutable_gravity_field().set_gravity_vector([*scene.gravity, 0.0])
+        plant.mutable_gravity_field().set_gravity_vector(three(scene.gravity))
         self.number: dict[int, int] = {}
-        self.disks = [self._disk(i, surfaces, blocked, inflate) for i in range(len(scene.disks))]
+        self.disks = [self._disk(i, surfaces, blocked, inflate) for i in range(len(scene.bodies))]
         self.prescribed = plant.AddModelInstance("walls")
         plant.set_gravity_enabled(self.prescribed, False)  # no weight, or walls would fall with their immovable mass
         self.walls = [self._wall(k, surfaces, driven) for k in range(len(scene.walls))]
@@ -125,31 +135,33 @@ class DrakeWorld:
         plant.Finalize()
         if stiction_tolerance is not None:
             plant.set_stiction_tolerance(stiction_tolerance)
-        apart = [body for body, number in self.number.items() if number >= len(scene.disks)]
+        apart = [body for body, number in self.number.items() if number >= len(scene.bodies)]
         shapes = [g for body in apart for g in plant.GetCollisionGeometriesForBody(plant.get_body(BodyIndex(body)))]
         geometry.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(GeometrySet(shapes)))
         diagram = builder.Build()
         self.simulator = Simulator(diagram)
         self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
         for i, joint in enumerate(self.disks):
-            joint.set(self.context, scene.disks.x[i], scene.disks.v[i], float(scene.disks.omega[i]))
+            joint.set(self.context, scene.bodies.x[i], scene.bodies.v[i], scene.bodies.omega[i])
 
     def state(self) -> tuple[NDArray[np.float64], ...]:
         """Centres, velocities, rotations and spins of the disks."""
         rows = [joint.get(self.context) for joint in self.disks]
         columns = tuple(np.array(column, dtype=np.float64) for column in zip(*rows, strict=True))
-        return columns if columns else (np.empty((0, 2)), np.empty((0, 2)), np.empty(0), np.empty(0))
+        bodies = self.scene.bodies
+        return columns if columns else (bodies.x, bodies.v, bodies.omega, bodies.omega)
 
     def forces(self) -> dict[Pair, NDArray[np.float64]]:
         """Force [N] on the first body of each touching pair."""
         results = self.plant.get_contact_results_output_port().Eval(self.context)
         found: dict[Pair, NDArray[np.float64]] = {}
+        size = self.scene.dimension
         for c in range(results.num_point_pair_contacts()):
             contact = results.point_pair_contact_info(c)
             one, two = (self.number[int(index)] for index in (contact.bodyA_index(), contact.bodyB_index()))
-            on_second = np.array(contact.contact_force()[:2])
+            on_second = np.array(contact.contact_force()[:size])
             pair = (min(one, two), max(one, two))
-            found[pair] = found.get(pair, np.zeros(2)) + (on_second if one > two else -on_second)
+            found[pair] = found.get(pair, np.zeros(size)) + (on_second if one > two else -on_second)
         return found
 
     def drive(self, k: int, point: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
@@ -157,7 +169,7 @@ class DrakeWorld:
         self.walls[k].set(self.context, point, velocity, 0.0)
 
     def _disk(self, i: int, surfaces: Surfaces, blocked: bool, inflate: float) -> Any:
-        disks, plant, xi = self.scene.disks, self.plant, self.scene.xi
+        disks, plant = self.scene.bodies, self.plant
         mass, inertia = float(disks.mass[i]), float(disks.inertia[i])
         unit = inertia / mass
         body = plant.AddRigidBody(f"disk {i}", SpatialInertia(mass, np.zeros(3), UnitInertia(unit, unit, unit)))
@@ -165,7 +177,10 @@ class DrakeWorld:
         sphere = Sphere(float(disks.radius[i]) + inflate)
         plant.RegisterCollisionGeometry(body, RigidTransform(), sphere, f"disk {i}", surfaces.properties(None))
         if blocked and not disks.rotating[i]:
-            return _SlidingJoint(plant, body, f"disk {i}", xi * mass)
+            return _SlidingJoint(plant, body, f"disk {i}", self.scene)
+        if isinstance(self.scene, SphereScene):
+            return _FloatingJoint(plant, body, f"disk {i}")
+        xi = self.scene.xi
         turning = xi * inertia if disks.rotating[i] else 0.0
         return _TurningJoint(plant, body, f"disk {i}", [xi * mass, xi * mass, turning])
 
@@ -173,12 +188,12 @@ class DrakeWorld:
         wall, plant = self.scene.walls[k], self.plant
         inertia = SpatialInertia(IMMOVABLE, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))
         body = plant.AddRigidBody(f"wall {k}", self.prescribed, inertia)
-        self.number[int(body.index())] = len(self.scene.disks) + k
-        pose = HalfSpace.MakePose([*wall.normal, 0.0], np.zeros(3))
+        self.number[int(body.index())] = len(self.scene.bodies) + k
+        pose = HalfSpace.MakePose(three(wall.normal), np.zeros(3))
         plant.RegisterCollisionGeometry(body, pose, HalfSpace(), f"wall {k}", surfaces.properties(k))
         if driven:
             return _TurningJoint(plant, body, f"wall {k}", [0.0, 0.0, 0.0])
-        return plant.WeldFrames(plant.world_frame(), body.body_frame(), RigidTransform([*wall.point, 0.0]))
+        return plant.WeldFrames(plant.world_frame(), body.body_frame(), RigidTransform(three(wall.point)))
 
 
 class _TurningJoint:
@@ -200,24 +215,46 @@ class _TurningJoint:
         return *pose, joint.get_rotation(context), joint.get_angular_velocity(context)
 
 
-class _SlidingJoint:
-    """A body that moves in the plane and does not turn."""
+class _FloatingJoint:
+    """A body that moves and turns in space."""
 
-    def __init__(self, plant: Any, body: Any, name: str, damping: float) -> None:
-        between = plant.AddRigidBody(f"{name} carrier", SpatialInertia.Zero())
-        frames = (plant.world_frame(), between.body_frame(), body.body_frame())
+    def __init__(self, plant: Any, body: Any, name: str) -> None:
+        self.joint = plant.AddJoint(QuaternionFloatingJoint(name, plant.world_frame(), body.body_frame()))
+
+    def set(self, context: Any, x: NDArray[np.float64], v: NDArray[np.float64], spin: Any) -> None:
+        """Set centre [m], velocity [m/s] and spin [rad/s]; it is as if it had not turned."""
+        self.joint.SetPose(context, RigidTransform(x))
+        self.joint.set_translational_velocity(context, v)
+        self.joint.set_angular_velocity(context, spin)
+
+    def get(self, context: Any) -> tuple[Any, ...]:
+        """Centre, velocity, nothing for the integral of the spin, spin."""
+        joint = self.joint
+        x, v = joint.get_translation(context), joint.get_translational_velocity(context)
+        return x, v, np.full(3, np.nan), joint.get_angular_velocity(context)
+
+
+class _SlidingJoint:
+    """A body that moves in the plane, or in space, and does not turn."""
+
+    def __init__(self, plant: Any, body: Any, name: str, scene: Scene | SphereScene) -> None:
+        damping = scene.xi * body.default_mass() if isinstance(scene, Scene) else 0.0
+        axes = "xyz"[: scene.dimension]
+        carriers = [plant.AddRigidBody(f"{name} carrier {axis}", SpatialInertia.Zero()) for axis in axes[1:]]
+        frames = [plant.world_frame(), *(each.body_frame() for each in carriers), body.body_frame()]
+        self.still = np.zeros(3) if scene.dimension == 3 else 0.0
         self.joints = [
             plant.AddJoint(PrismaticJoint(f"{name} {axis}", frames[k], frames[k + 1], np.eye(3)[k], damping=damping))
-            for k, axis in enumerate("xy")
+            for k, axis in enumerate(axes)
         ]
 
-    def set(self, context: Any, x: NDArray[np.float64], v: NDArray[np.float64], spin: float) -> None:  # noqa: ARG002
+    def set(self, context: Any, x: NDArray[np.float64], v: NDArray[np.float64], spin: Any) -> None:  # noqa: ARG002
         """Set centre [m] and velocity [m/s]."""
         for k, joint in enumerate(self.joints):
             joint.set_translation(context, x[k])
             joint.set_translation_rate(context, v[k])
 
-    def get(self, context: Any) -> tuple[Any, Any, float, float]:
+    def get(self, context: Any) -> tuple[Any, ...]:
         """Centre, velocity, angle, spin."""
         x = [joint.get_translation(context) for joint in self.joints]
-        return x, [joint.get_translation_rate(context) for joint in self.joints], 0.0, 0.0
+        return x, [joint.get_translation_rate(context) for joint in self.joints], self.still, self.still

@@ -12,9 +12,11 @@ import numpy as np
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall, WallSegment
-from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, Capability
+from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, SPACE, Capability
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.api.support import contact_steps
+from ninedisk.harness.engines.lammps.space import LAMMPS_IN_SPACE
 from ninedisk.harness.engines.plane import contact_frame
 from ninedisk.harness.engines.process import package_version
 from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, disk_laws, rough, turns, wall_laws
@@ -24,6 +26,7 @@ MPI = "libmpi.so.12"
 CAPABILITIES = (
     frozenset(Capability)
     - GRAINS
+    - (SPACE - LAMMPS_IN_SPACE.capabilities)
     - (
         EXTRAS
         - {
@@ -105,6 +108,7 @@ class Lammps(SpringEngine):
     facts = FACTS
     driver = DRIVER
     dashpot_note = NOTE_DASHPOT
+    in_space = LAMMPS_IN_SPACE
     chosen: Mapping[str, Any] = {
         "global damping": "fix viscous and viscous/sphere; central form by masses and inertias times 1 + xi dt/2",
         "reported_velocities": "synchronised to t_n with the forces at t_n",
@@ -179,8 +183,10 @@ class Lammps(SpringEngine):
             fit.equivalent = True
             fit.notes.append(NOTE_WALL_MEAN)
 
-    def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:  # noqa: ARG002
+    def extra(self, scene: Scene | SphereScene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Contact step, pair style, and where the MPI library is."""
+        if isinstance(scene, SphereScene):
+            return {**super().extra(scene, numerics, folder), "libmpi": _mpi_library()[0]}
         count, contact_dt = contact_steps(scene, numerics)
         return {
             "substeps": count,

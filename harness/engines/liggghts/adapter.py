@@ -14,9 +14,11 @@ import numpy as np
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.harness.api.capabilities import SPACE, Capability
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.api.support import contact_steps
+from ninedisk.harness.engines.liggghts.space import LIGGGHTS_IN_SPACE
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
 from ninedisk.harness.engines.process import without_mpi
 from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, rough
@@ -39,7 +41,7 @@ CAPABILITIES = frozenset(
         Capability.PRELOAD,
         Capability.SLIP_END,
     }
-)
+) | (SPACE & LIGGGHTS_IN_SPACE.capabilities)
 OF_TURNING = ARMS | {Capability.DISK_INERTIA}
 """What no engine needs where no disk turns."""
 
@@ -89,6 +91,7 @@ class Liggghts(SpringEngine):
     facts = FACTS
     driver = DRIVER
     dashpot_note = NOTE_DASHPOT
+    in_space = LIGGGHTS_IN_SPACE
     chosen: Mapping[str, Any] = {
         "global damping": "fix viscous; central form by masses times 1 + xi dt/2",
         "reported_velocities": "synchronised to t_n with the forces at t_n",
@@ -128,9 +131,11 @@ class Liggghts(SpringEngine):
             fit.equivalent = True
             fit.notes.append(NOTE_WALL_START)
 
-    def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
+    def extra(self, scene: Scene | SphereScene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Also the walls' velocities by contact step, the length of walls, and where the library is."""
         given = super().extra(scene, numerics, folder)
+        if isinstance(scene, SphereScene):
+            return {**given, "library": _library()[0], "version": self.info().version}
         return {
             **given,
             "wall_legs": [_legs(wall, given["contact_dt"]) for wall in scene.walls],

@@ -17,9 +17,8 @@ import math
 import os
 import sys
 
-sys.path.insert(
-    0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "drivers")
-)  # -P keeps folders off the path
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [os.path.join(FOLDER, "..", "drivers"), FOLDER]  # -P keeps folders off the path
 
 import numpy as np
 from driver_parts import SpringRun, clock, number, rough, serve
@@ -331,7 +330,16 @@ class Liggghts:
         return np.array(np.ctypeslib.as_array(table[0], (rows, columns)))
 
 
+def make(request):
+    """The run."""
+    if request["scene"].get("dimension") == 3:
+        import space_driver
+
+        return space_driver.Run(request)
+    return Run(request)
+
+
 if __name__ == "__main__":
-    serve(Run)
+    serve(make)
     sys.stderr.flush()
     os._exit(0)  # MPI's own exit would complain that it was not finalised

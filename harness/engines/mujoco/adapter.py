@@ -17,8 +17,10 @@ from collections.abc import Sequence
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Difference
+from ninedisk.harness.engines.mujoco.space import IN_SPACE, SHARED_CONE, refused_in_space
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
 CAPABILITIES = frozenset(
@@ -31,6 +33,8 @@ CAPABILITIES = frozenset(
         Capability.DISK_INERTIA,
         Capability.MATERIALS,
         Capability.BODY_FORCES,
+        Capability.SPHERES,
+        Capability.TWISTING_CONSTANT,
     }
 )
 """Walls do not move: a body whose pose is prescribed meets contacts as if it were at rest."""
@@ -71,6 +75,11 @@ OPTIONS = {
         high=1.0,
         why="1e-4, what MuJoCo's largest impedance leaves: creep is slip_compliance h/slip_damping times fs/m",
     ),
+    "cone": Option(
+        default="elliptic",
+        choices=("elliptic", "pyramidal"),
+        why="the same friction in all directions; MuJoCo's own value, pyramidal, has edges and no slip_damping of its own",
+    ),
     "tolerance": Option(default=1e-14, high=1.0, why="relative improvement below which the solver ends: round-off"),
     "iterations": Option(default=100, low=1, high=1e6, whole=True, why="Newton's method takes two or three"),
 }
@@ -101,19 +110,28 @@ class MuJoCoEngine(RigidPackageEngine):
 
     id = "mujoco"
     session = "ninedisk.harness.engines.mujoco.session:MuJoCoSession"
+    session_in_space = "ninedisk.harness.engines.mujoco.space_session:MuJoCoSpaceSession"
+    in_space = IN_SPACE
     distribution = "mujoco"
     facts = FACTS
 
-    def refusals(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+    def refusals(self, scene: Scene | SphereScene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """More pairs than a model can hold: the friction that does not open contacts is a setting of explicit pairs alone."""
-        pairs = len(scene.disks) * (len(scene.disks) - 1) // 2
+        pairs = len(scene.bodies) * (len(scene.bodies) - 1) // 2
+        refused = refused_in_space(scene) if isinstance(scene, SphereScene) else []
         if pairs <= MOST_PAIRS:
-            return ()
-        return (f"each two bodies need a contact pair of their own: {pairs:.2g} of them, at most {MOST_PAIRS:.2g} fit",)
-
-    def approximations(self, scene: Scene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
-        """What soft contacts and the convex problem make of any scene with contacts."""
+            return refused
         return (
+            *refused,
+            f"each two bodies need a contact pair of their own: {pairs:.2g} of them, at most {MOST_PAIRS:.2g} fit",
+        )
+
+    def approximations(self, scene: Scene | SphereScene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
+        """What soft contacts and the convex problem make of any scene with contacts."""
+        laws = scene.laws_in_use if isinstance(scene, SphereScene) else ()
+        resisted = any(law.rolling is not None or law.twisting is not None for law in laws)
+        return (
+            *((SHARED_CONE,) if resisted else ()),
             "contacts are soft in MuJoCo's own way: they last part of a step, and yield under load",
             "friction is that of a convex problem: settings are chosen so that sliding does not open the contact",
         )

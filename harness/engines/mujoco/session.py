@@ -30,14 +30,17 @@ import numpy as np
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
-from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.scene import ContactLaw
+from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.engines.mujoco.adapter import OPTIONS
-from ninedisk.harness.engines.plane import WallPoses, finite_state, mean_loads, write_contacts
+from ninedisk.harness.engines.plane import WallPoses, finite_state, mean_loads, three, write_contacts
 from ninedisk.references.analytic.spring_dashpot import beta_of_restitution
 
 ENGINE_VERSION = version("mujoco")
+
+CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
 
 _BLOCKED = 1e15
 """Inertia of a disk that spins and cannot change its spin, in units of m R^2: what torques add is rounded away. From 1e16 on
@@ -47,23 +50,28 @@ the line search of MuJoCo's solver loses the forces in the round-off of so large
 class MuJoCoSession:
     """The `Session` of one run."""
 
-    def __init__(self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
+    poses: Any
+    """What gives the walls' poses at a time."""
+
+    def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
         self.options = read_options("mujoco", OPTIONS, numerics)
         self.scene, self.dt, self.done = scene, numerics.dt, 0
-        self.fixed = scene.disks.fixed
+        bodies = scene.bodies
+        self.fixed = bodies.fixed
         self.free = np.flatnonzero(~self.fixed).tolist()
         self.substeps = self.options["mujoco.substeps"]
         self.h = self.dt / self.substeps
         self.omega = math.pi / (self.options["mujoco.contact_time"] * self.dt)
         impedance = self.options["mujoco.impedance"]
         self.slip_damping = impedance * self.options["mujoco.slip_damping"] / self.h
-        impratio = (1.0 - impedance) / impedance / self.options["mujoco.slip_compliance"]
+        pyramid = self.options["mujoco.cone"] == "pyramidal"
+        # MuJoCo's ratio of the impedances of friction and of the normal is that of the edges' here, which are both.
+        impratio = 1.0 if pyramid else (1.0 - impedance) / impedance / self.options["mujoco.slip_compliance"]
         self.settings: dict[str, Any] = {
             **self.options,
             "mujoco.timestep": self.h,
             "mujoco.integrator": "Euler",
             "mujoco.solver": "Newton",
-            "mujoco.cone": "elliptic",
             "mujoco.impratio": impratio,
             "mujoco.solref": {name: self._solref(law) for name, law in _laws(scene)},
             "mujoco.solreffriction": [0.0, -self.slip_damping],
@@ -73,18 +81,23 @@ class MuJoCoSession:
         }
         self.model = self._model(impratio)
         self.data = mujoco.MjData(self.model)
-        # All joints are scalar, so that one index serves positions and velocities.
-        self.place = {i: self.model.body(_name(i)).jntadr[0] for i in self.free}
-        self.turns = [scene.disks.rotating[i] or scene.disks.omega[i] != 0.0 for i in range(len(scene.disks))]
-        for i, k in self.place.items():
-            self.data.qvel[k : k + 2] = scene.disks.v[i]
-            if self.turns[i]:
-                self.data.qvel[k + 3] = scene.disks.omega[i]
         self.impulses: dict[Pair, FloatArray] = {}
-        self.poses = WallPoses(scene)
         self.number = {
             mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, _name(k)): k for k in range(scene.n_bodies)
         }
+        self.begin()
+
+    def begin(self) -> None:
+        """The state of time 0."""
+        disks = self.scene.disks
+        # All joints are scalar, so that one index serves positions and velocities.
+        self.place = {i: self.model.body(_name(i)).jntadr[0] for i in self.free}
+        self.turns = [disks.rotating[i] or disks.omega[i] != 0.0 for i in range(len(disks))]
+        for i, k in self.place.items():
+            self.data.qvel[k : k + 2] = disks.v[i]
+            if self.turns[i]:
+                self.data.qvel[k + 3] = disks.omega[i]
+        self.poses = WallPoses(self.scene)
 
     def warm_up(self) -> None:
         """Nothing: MuJoCo is native code and its model is compiled in the set-up."""
@@ -127,15 +140,15 @@ class MuJoCoSession:
             self.data.xfrc_applied[self.model.body(_name(i)).id, [0, 1, 5]] = loads[i]
 
     def _add_impulses(self) -> None:
-        wrench = np.zeros(6)
+        wrench, size = np.zeros(6), self.scene.dimension
         for c in range(self.data.ncon):
             contact = self.data.contact[c]
             mujoco.mj_contactForce(self.model, self.data, c, wrench)
             # Rows of the frame are normal and tangents; the force acts on the second geom.
-            impulse = self.h * (wrench[:3] @ contact.frame.reshape(3, 3))[:2]
+            impulse = self.h * (wrench[:3] @ contact.frame.reshape(3, 3))[:size]
             one, two = (self.number[int(geom)] for geom in contact.geom)
             pair, sign = ((one, two), -1.0) if one < two else ((two, one), 1.0)
-            self.impulses[pair] = self.impulses.get(pair, np.zeros(2)) + sign * impulse
+            self.impulses[pair] = self.impulses.get(pair, np.zeros(size)) + sign * impulse
 
     def _check_warnings(self) -> None:
         """Raise where MuJoCo has warned: a full buffer or a bad state is no result."""
@@ -143,7 +156,7 @@ class MuJoCoSession:
             if name.startswith("mjWARN_") and self.data.warning[int(warning)].number:
                 raise EngineError(f"MuJoCo warned of {name} by step {self.done}; reduce dt")
 
-    def _solref(self, law: ContactLaw) -> list[float]:
+    def _solref(self, law: ContactLaw | SphereLaw) -> list[float]:
         """Stiffness [1/s^2] and damping [1/s] of a contact's oscillator, negative as MuJoCo wants them."""
         restitution, damping = law.restitution or 0.0, 1.0 / self.h
         if restitution > 0.0:
@@ -154,22 +167,22 @@ class MuJoCoSession:
         spec = mujoco.MjSpec()
         option, options = spec.option, self.options
         option.timestep = self.h
-        option.gravity = [*self.scene.gravity, 0.0]
+        option.gravity = three(self.scene.gravity)
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-        option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        option.cone = CONES[options["mujoco.cone"]]
         option.impratio = impratio
         option.tolerance = options["mujoco.tolerance"]
         option.iterations = options["mujoco.iterations"]
         # A state that is no longer finite must be seen; MuJoCo would begin again from the initial one.
         option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
-        n = len(self.scene.disks)
+        n = len(self.scene.bodies)
         for i in range(n):
             self._add_disk(spec, i)
         for k in range(len(self.scene.walls)):
             self._add_wall(spec, k)
-        still = [*self.fixed.tolist(), *(True for _ in self.scene.walls)]
+        still = self.still()
         for one, two in combinations(range(self.scene.n_bodies), 2):
             if one < n and not (still[one] and still[two]):
                 self._add_pair(spec, (one, two))
@@ -178,8 +191,12 @@ class MuJoCoSession:
         except ValueError as error:
             raise EngineError(f"MuJoCo refused the scene: {error}") from error
         # Scale of the solver's tolerance; MuJoCo's own would count the inertias of blocked rotations.
-        model.stat.meaninertia = float(self.scene.disks.mass.mean()) if n else 1.0
+        model.stat.meaninertia = float(self.scene.bodies.mass.mean()) if n else 1.0
         return model
+
+    def still(self) -> list[bool]:
+        """Which bodies and walls no contact can move: two of them have none."""
+        return [*self.fixed.tolist(), *(True for _ in self.scene.walls)]
 
     def _add_disk(self, spec: Any, i: int) -> None:
         disks = self.scene.disks
@@ -216,13 +233,18 @@ class MuJoCoSession:
             conaffinity=0,
         )
 
+    def friction(self, law: Any) -> tuple[int, list[float]]:
+        """Dimension of a contact's forces and coefficients of both slips, of twisting and of both rollings."""
+        return 3 if law.mu > 0.0 else 1, [law.mu, law.mu, 0.0, 0.0, 0.0]
+
     def _add_pair(self, spec: Any, pair: Pair) -> None:
         law, impedance = self.scene.law(pair), self.options["mujoco.impedance"]
+        condim, friction = self.friction(law)
         spec.add_pair(
             geomname1=_name(pair[0]),
             geomname2=_name(pair[1]),
-            condim=3 if law.mu > 0.0 else 1,
-            friction=[law.mu, law.mu, 0.0, 0.0, 0.0],
+            condim=condim,
+            friction=friction,
             solref=self._solref(law),
             solreffriction=[0.0, -self.slip_damping],
             solimp=[impedance, impedance, 1.0, 0.5, 2.0],
@@ -235,9 +257,9 @@ def _name(body: int) -> str:
     return f"body {body}"
 
 
-def _laws(scene: Scene) -> list[tuple[str, ContactLaw]]:
+def _laws(scene: Any) -> list[tuple[str, Any]]:
     return [
-        ("disk-disk", scene.disk_disk),
+        (f"{scene.noun}-{scene.noun}", scene.law_of_bodies),
         *((f"wall {wall.name}", wall.law) for wall in scene.walls),
         *((f"{one} and {two}", law) for (one, two), law in scene.laws.items()),
     ]

@@ -15,6 +15,7 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Difference, EngineInfo, EngineRun, Support
 from ninedisk.harness.api.support import rigid_support, without_spring_preload
@@ -27,6 +28,7 @@ from ninedisk.harness.engines.process import (
     system_python,
     system_version,
 )
+from ninedisk.harness.engines.siconos.space import IN_SPACE, NOTE_LEMKE, plane_path
 
 INSTALL = "apt-get install python3-siconos"
 DRIVER = Path(__file__).with_name("driver.py")
@@ -42,6 +44,7 @@ CAPABILITIES = frozenset(
         Capability.DISK_INERTIA,
         Capability.MATERIALS,
         Capability.BODY_FORCES,
+        Capability.SPHERES,
     }
 )
 OPTIONS: Mapping[str, Option] = {
@@ -82,7 +85,7 @@ def installed_siconos(program: str) -> tuple[str | None, str]:
     return system_version((program, *system_python("-c", code)[1:]))
 
 
-def activation_threshold(scene: Scene, numerics: Numerics) -> float:
+def activation_threshold(scene: Scene | SphereScene, numerics: Numerics) -> float:
     """Gap [m] below which a contact is closed: round-off of coordinates, and what the contact solver leaves over the whole run.
 
     A step passes with ten times the solver's tolerance of the velocities that it prevents. Nothing takes such a velocity back
@@ -125,27 +128,33 @@ class Siconos(ProcessEngine):
         """The clean environment with temporary files in ``folder``."""
         return {**clean_environment(), "TMPDIR": str(folder)}
 
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+    def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """Rigid contacts only; global damping is the central form for theta = 1/2 alone."""
-        has = set(CAPABILITIES)
-        if read_options(self.id, OPTIONS, numerics)[f"{self.id}.theta"] != 0.5:
+        space, options = isinstance(scene, SphereScene), read_options(self.id, OPTIONS, numerics)
+        has = set(IN_SPACE if space else CAPABILITIES)
+        if options[f"{self.id}.theta"] != 0.5:
             has.discard(Capability.GLOBAL_DAMPING_CENTRAL)
-        n = len(scene.disks)
+        n = len(scene.bodies)
         pairs = n * (n - 1) // 2 + n * len(scene.walls)
-        refused = (NOTE_MANY.format(pairs=pairs),) if pairs > MOST_PAIRS else ()
+        refused = [NOTE_MANY.format(pairs=pairs)] if pairs > MOST_PAIRS else []
+        if space and options[f"{self.id}.solver"] == "lemke":
+            refused.append(NOTE_LEMKE)
         return rigid_support(scene, numerics, has, refused=refused, remarks=(NOTE_THETA,))
 
-    def extra(self, scene: Scene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
+    def extra(self, scene: Any, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Settings, the walls' path at every step (a file: it can be long), and the gap that is round-off."""
         path = folder / "wall_path.npy"
-        np.save(path, wall_path(scene, numerics.dt, numerics.n_steps))
+        space = isinstance(scene, SphereScene)
+        np.save(path, plane_path(scene, numerics) if space else wall_path(scene, numerics.dt, numerics.n_steps))
         return {
             "options": read_options(self.id, OPTIONS, numerics),
             "wall_path": str(path),
+            "contact_dt": numerics.dt,
+            "substeps": 1,
             "threshold": activation_threshold(scene, numerics),
         }
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+    def run(self, scene: Any, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run Siconos on the scene without the preload of regularising springs.
 
         Raises
@@ -162,7 +171,13 @@ class Siconos(ProcessEngine):
             "impact": "newton",
             "activation": "gap + dt/2 rate <= threshold",
             "activation_threshold": activation_threshold(scene, numerics),
-            "normal_of_two_disks": "at the predicted end of the step, x + dt v; for restitution, at its beginning",
+            **(
+                {"normal_of_two_spheres": "at the beginning of the step"}
+                if isinstance(scene, SphereScene)
+                else {
+                    "normal_of_two_disks": "at the predicted end of the step, x + dt v; for restitution, at its beginning"
+                }
+            ),
             "threads": 1,
         }
         done = super().run(scene, numerics, watch)

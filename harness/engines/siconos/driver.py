@@ -29,6 +29,7 @@ import siconos.numerics as sn
 from driver_parts import Run, clock, serve
 from siconos.mechanics.collision.bodies import DiskDiskR
 from solver_driver import SOLVERS, natural_map
+from space_driver import SiconosSpaceRun
 
 PRESCRIBED = 2.0**200
 
@@ -200,6 +201,6 @@ class SiconosRun(Run):
         return self.unit * impulse[0] / self.dt, sign * self.unit * impulse[1] / self.dt
 
 
-serve(SiconosRun)
+serve(lambda request: (SiconosSpaceRun if request["scene"].get("dimension") == 3 else SiconosRun)(request))
 sys.stdout.flush()
 os._exit(0)  # Siconos' objects and Python's may be destroyed in an order that crashes

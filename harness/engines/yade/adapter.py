@@ -12,9 +12,10 @@ from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, Capability
+from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, SPACE, Capability
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, turns, wall_laws
+from ninedisk.harness.engines.yade.space import YADE_IN_SPACE
 from ninedisk.harness.run.warden import owned
 
 _FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "DISPLAY", "OMPI_COMM_WORLD_RANK")
@@ -32,6 +33,7 @@ YADE_HAS = frozenset(
 CAPABILITIES = (
     frozenset(Capability)
     - GRAINS
+    - (SPACE - YADE_IN_SPACE.capabilities)
     - (EXTRAS - YADE_HAS)
     - {
         Capability.RESTITUTION,
@@ -107,6 +109,7 @@ class Yade(SpringEngine):
     facts = FACTS
     driver = Path(__file__).with_name("driver.py")
     dashpot_note = NOTE_DASHPOT
+    in_space = YADE_IN_SPACE
     chosen: Mapping[str, Any] = {
         "reported_velocities": "synchronised to t_n with the forces at t_n",
         "walls": "fixed boxes placed by the driver at t_n before the forces at t_n",

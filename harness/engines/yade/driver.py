@@ -334,7 +334,18 @@ def remove_temporary_folder():
         print("removed", folder)
 
 
+def make(request):
+    """The run; YADE calls it ``RUN`` between its engines."""
+    global RUN
+    if request["scene"].get("dimension") == 3:
+        import space_driver
+
+        RUN = space_driver.Run(request)
+        return RUN
+    return Run(request)
+
+
 remove_temporary_folder()
-serve(Run)
+serve(make)
 sys.stdout.flush()
 os._exit(0)  # YADE's own exit waits for its network threads

@@ -1,4 +1,4 @@
-"""Makes the plain twin importable by the tests of this folder."""
+"""Makes the twin of this folder importable by its tests."""
 
 from __future__ import annotations
 

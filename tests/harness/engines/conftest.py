@@ -27,6 +27,7 @@ def _load(name: str) -> None:
 
 
 _load("comparison")
+_load("plain_spheres")
 
 
 def rigid(mu: float = 0.0, restitution: float | None = 0.0) -> ContactLaw:

@@ -28,7 +28,6 @@ from ninedisk.core.cd.problem_files import Form, read_problem, write_problem
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.errors import CoreError
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.api.errors import UsageError
@@ -90,10 +89,11 @@ def requests() -> tuple[Request, ...]:
 
 
 def scene_json(rng: Random, _: Path) -> None:
-    data = damaged(rng, rng.choice(requests()).scene.to_dict(), rng.randrange(1, 4))
-    with clean(f"Scene.from_dict({data!r:.300})"):
-        scene = Scene.from_dict(data)
-        again = Scene.from_dict(json.loads(json.dumps(scene.to_dict())))
+    given = rng.choice(requests()).scene
+    data = damaged(rng, given.to_dict(), rng.randrange(1, 4))
+    with clean(f"{type(given).__name__}.from_dict({data!r:.300})"):
+        scene = type(given).from_dict(data)
+        again = type(given).from_dict(json.loads(json.dumps(scene.to_dict())))
         assert again.to_dict() == scene.to_dict(), "an accepted scene does not survive a round trip"
 
 

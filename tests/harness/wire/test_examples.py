@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from ninedisk.harness import run_case
+from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.wire.command import CommandEngine
 
@@ -91,6 +92,42 @@ def test_both_compute_the_same(compiled: Path) -> None:
     for name in ("x", "v", "omega", "gap", "fn", "fs", "wall_point", "wall_angle", "wall_force"):
         first, second = getattr(one, name), getattr(two, name)
         np.testing.assert_allclose(first, second, rtol=0.0, atol=1e-9 * max(1e-3, np.abs(first).max()), err_msg=name)
+
+
+SPHERES = EXAMPLES / "sphere_dem.py"
+
+
+def test_spheres_mean_what_they_should_in_the_example() -> None:
+    found = check_engine(CommandEngine(f"{sys.executable} {SPHERES}"))
+    assert [each.check for each in found if each.status == "fail"] == []
+    assert {each.check for each in found if each.status == "pass"} >= {
+        *("supports: SPHERES", "supports: FRICTION", "supports: HERTZ_MINDLIN", "supports: UNLOADING_FORCE", "sampling")
+    }
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "check"),
+    [
+        ("kn * overlap / 1.5", "kn * overlap / 1.6", "HERTZ_MINDLIN"),
+        ("min(1.0, a / a_before)", "1.0", "UNLOADING_RESCALE"),
+        ('"none": a / a_before', '"none": 1.0', "UNLOADING_NONE"),
+        ("torque[i] = plus(torque[i], turn, R[i])", "torque[i] = plus(torque[i], turn, -R[i])", "FRICTION"),
+        ('"wall_force": force[n:]', '"wall_force": [[-each for each in f] for f in force[n:]]', "SPHERES"),
+        ('"omega": middle[1]', '"omega": [[u, w, v] for u, v, w in middle[1]]', "SPHERES"),
+    ],
+)
+def test_a_wrong_engine_of_spheres_is_found(right: str, wrong: str, check: str, tmp_path: Path) -> None:
+    text = SPHERES.read_text(encoding="utf-8")
+    assert text.count(right) == 1
+    (tmp_path / "wrong.py").write_text(text.replace(right, wrong), encoding="utf-8")
+    engine = CommandEngine(f"{sys.executable} {tmp_path / 'wrong.py'}")
+    (found,) = check_engine(engine, only=[f"supports: {check}"])
+    assert found.status == "fail", found
+
+
+def test_scenes_of_the_plane_are_not_asked_of_an_engine_of_spheres() -> None:
+    result = run_case("binary-collision", engine=CommandEngine(f"{sys.executable} {SPHERES}"))
+    assert (result.status, "space only" in result.reason) == ("unsupported", True)
 
 
 def test_a_wrong_stiffness_is_found(tmp_path: Path) -> None:

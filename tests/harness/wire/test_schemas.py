@@ -19,6 +19,8 @@ from ninedisk.core.law import CONTACTS, LEVER_ARMS, ROLLING_MODELS, SLIP_AT, WAL
 from ninedisk.core.numerics import DampingForm, Impact, Numerics, Regime, Sliding
 from ninedisk.core.options import Option
 from ninedisk.core.scene import BodyForce, Cell, Disks, Rolling, Scene, Wall, WallSegment
+from ninedisk.core.spheres.law import SURFACES, UNLOADING, SphereLaw
+from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import LEVER_ARMS as ARMS_OF_LAWS
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Difference, EngineError, EngineInfo
@@ -48,6 +50,7 @@ LEFT_OUT |= {"rolling", "cohesion", "adhesion", "energy_budget", "stress"}
 """Keys that scenes leave out where they have their default value."""
 JUNK: tuple[Any, ...] = (*REQUEST_JUNK, float("inf"), 2**70)
 TOGETHER = "it must have shape|one for|m behind wall|the first body is a disk|zero normal|that the numerics ask for"
+TOGETHER += "|the first body is a sphere|is made of the material|give kn for the linear law|rolling kr = 0"
 ABOUT = {"wire_version": 1, "id": "mine", "version": "1", "contact": "spring", "scheme": "none", "capabilities": []}
 
 
@@ -68,14 +71,20 @@ def test_they_are_schemas_of_this_wire_version(name: str) -> None:
 
 
 def test_keys_are_the_fields_of_the_dataclasses() -> None:
-    assert keys(SCHEMAS["scene"]) == names(Scene)
+    assert keys(SCENE["plane"]) == names(Scene)
     assert keys(SCENE["disks"]) == names(Disks)
     assert keys(SCENE["law"]) == names(ContactLaw)
     assert keys(SCENE["wall"]) == names(Wall)
     assert keys(SCENE["segment"]) == names(WallSegment)
     assert keys(SCENE["force"]) == names(BodyForce)
-    assert keys(SCHEMAS["scene"]["properties"]["cell"]) == names(Cell)
+    assert keys(SCENE["plane"]["properties"]["cell"]) == names(Cell)
     assert keys(SCENE["law"]["properties"]["rolling"]) == names(Rolling)
+    assert keys(SCENE["space"]) == names(SphereScene) | {"dimension"}
+    assert keys(SCENE["spheres"]) == names(Spheres)
+    assert keys(SCENE["plane_wall"]) == names(PlaneWall)
+    assert keys(SCENE["plane_segment"]) == names(PlaneSegment)
+    assert set(SCENE["sphere_law"]["properties"]) == names(SphereLaw)
+    assert set(SCENE["resistance"]["properties"]) == names(Rolling)
     assert keys(SCHEMAS["numerics"]) == names(Numerics)
     assert keys(SCHEMAS["request"]) == names(Request) | {"wire_version", "sampled_steps"}
     # Pairs are the request's, and outside engines report every disk.
@@ -92,6 +101,14 @@ def test_choices_are_those_of_the_code() -> None:
     assert law["slip_at"]["enum"] == list(SLIP_AT)
     assert law["contact"]["enum"] == list(CONTACTS)
     assert law["rolling"]["properties"]["model"]["enum"] == list(ROLLING_MODELS)
+    law = SCENE["sphere_law"]["properties"]
+    for name, choices in (
+        ("lever_arm", LEVER_ARMS),
+        ("slip_at", SLIP_AT),
+        ("unloading", UNLOADING),
+        ("surface", SURFACES),
+    ):
+        assert law[name]["enum"] == list(choices)
     literals = {"damping_form": DampingForm, "impact": Impact, "sliding": Sliding, "regime": Regime}
     for name, literal in literals.items():
         assert numerics[name]["enum"] == list(get_args(literal))
@@ -142,12 +159,55 @@ def moved_request() -> dict[str, Any]:
     return request
 
 
-def test_what_the_schema_admits_the_code_reads() -> None:
+def request_in_space() -> dict[str, Any]:
+    """A small request in which every part of a scene in space occurs, Hertz-Mindlin at the wall."""
+    resistance = Rolling(model="elastic-plastic", mu=0.1, kr=2.0, beta=0.1)
+    linear = SphereLaw(kn=1e5, ks=1e5, mu=0.3, beta=0.1, lever_arm="overlap", slip_at="end", rolling=resistance)
+    hertz = SphereLaw(
+        e_star=1e7,
+        g_star=4e6,
+        unloading="none",
+        twisting=resistance,
+        surface_energy=0.1,
+        surface="jkr",
+        restitution=0.5,
+        regularised=True,
+    )
+    motion = PlaneSegment(
+        duration=1.0, velocity=(0.1, 0.0, 0.0), angular_velocity=(0.0, 0.0, 1.0), pivot=(0.0, 0.0, 0.0)
+    )
+    scene = SphereScene(
+        spheres=Spheres(
+            x=[(0, 0, 0.5), (1.1, 0, 0.5)], radius=0.5, mass=1.0, omega=[(0, 1, 0)] * 2, material=("a", "b")
+        ),
+        sphere_sphere=linear,
+        walls=(
+            PlaneWall(
+                name="floor",
+                point=(0, 0, 0),
+                normal=(0, 0, 1),
+                law=hertz,
+                material="c",
+                motion=(motion, PlaneSegment()),
+            ),
+        ),
+        gravity=(0, 0, -9.81),
+        laws={("a", "b"): hertz, ("b", "c"): linear},
+    )
+    numerics = Numerics(dt=0.01, n_steps=2, contact_dt=0.001)
+    request = Request(scene=scene, numerics=numerics, watch=((0, 1),), answer_file="answer.json")
+    found: dict[str, Any] = json.loads(encode_request(request))
+    assert decode_request(json.dumps(found)).scene == scene
+    return found
+
+
+@pytest.mark.parametrize("make", [moved_request, request_in_space])
+def test_what_the_schema_admits_the_code_reads(make: Callable[[], dict[str, Any]]) -> None:
     """Every single entry of a request, replaced by junk: what the code refuses, the schema refuses.
 
     The code alone knows how parts belong together: lengths of arrays, walls that overlap, bodies that exist, steps that divide.
     """
-    request = moved_request()
+    request = make()
     assert fault("request", request) is None
     valid = validator("request").is_valid
     tried, admitted = 0, []
@@ -193,14 +253,23 @@ def test_scenes_of_grains_keep_to_the_schema() -> None:
         part[key] = good
 
 
-def test_no_answer_breaks_the_reader() -> None:
+@pytest.mark.parametrize("make", [moved_request, request_in_space])
+def test_no_answer_breaks_the_reader(make: Callable[[], dict[str, Any]]) -> None:
     """Every entry of an answer, replaced by junk or left out, is read or refused in words, whatever it is."""
-    request = decode_request(json.dumps(moved_request()))
+    request = decode_request(json.dumps(make()))
     steps, n, m, c = [0, 1, 2], 2, 1, 1
-    rows = {"angle": n, "omega": n, "gap": c, "fn": c, "fs": c, "wall_angle": m}
-    history: dict[str, Any] = {name: [[0.0] * size for _ in steps] for name, size in rows.items()}
-    history |= {name: [[[0.0, 0.0]] * n for _ in steps] for name in ("x", "v")}
-    history |= {name: [[[0.0, 0.0]] * m for _ in steps] for name in ("wall_point", "wall_force")}
+    vector = [0.0] * request.scene.dimension
+    turn: Any = 0.0 if request.scene.dimension == 2 else vector
+    rows = {
+        "gap": (c, 0.0),
+        "fn": (c, 0.0),
+        "fs": (c, turn),
+        "angle": (n, turn),
+        "omega": (n, turn),
+        "wall_angle": (m, turn),
+    }
+    rows |= {"x": (n, vector), "v": (n, vector), "wall_point": (m, vector), "wall_force": (m, vector)}
+    history: dict[str, Any] = {name: [copy.deepcopy([one] * size) for _ in steps] for name, (size, one) in rows.items()}
     history |= {"step": steps, "t": [step * request.numerics.dt for step in steps], "force_meaning": "instantaneous"}
     history["energy"] = {"kinetic": [0.0, None, 0.0]}
     answer = {

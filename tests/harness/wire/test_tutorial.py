@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 pytestmark = pytest.mark.tree
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 TUTORIAL = DOCS / "tutorial-engine.md"
+SPHERES = DOCS / "examples" / "sphere_dem.py"
 BLOCK = re.compile(r"^```(\w+)(?: ([\w.]+))?\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
@@ -29,6 +31,9 @@ def steps(text: str) -> list[Step]:
     found = []
     for language, name, body in BLOCK.findall(text):
         if language != "console":
+            if language == "text":  # a line of an example, quoted
+                assert all(line in SPHERES.read_text(encoding="utf-8") for line in body.splitlines())
+                continue
             assert name, f"a block of {language} without the name of its file"
             found.append(Step(name, body))
             continue
@@ -75,10 +80,20 @@ def commands(tmp_path: Path) -> Path:
 def test_it_can_be_followed(tmp_path: Path, commands: Path) -> None:
     folder = tmp_path / "mine"
     folder.mkdir()
+    shutil.copy(SPHERES, folder)
     follow(TUTORIAL.read_text(encoding="utf-8"), folder, commands)
     assert (folder / "report" / "index.html").exists()
     assert sorted(path.name for path in folder.iterdir() if path.suffix in (".py", ".json")) == [
-        *("answer.json", "my_engine.py", "request.json", "rude.py", "spring_dem.py", "test_engine.py", "vague.py")
+        *(
+            "answer.json",
+            "my_engine.py",
+            "request.json",
+            "rude.py",
+            "sphere_dem.py",
+            "spring_dem.py",
+            "test_engine.py",
+            "vague.py",
+        )
     ]
 
 

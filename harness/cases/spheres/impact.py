@@ -1,0 +1,171 @@
+"""What impacts of one sphere on a plane or on another one share: the scene, what is seen of it, and what a step may err by."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ninedisk.core.history import History
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.spheres.law import SphereLaw
+from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.harness.api.case import Check, FloatArray, Observed, SphereSetup, TruthKind
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.cases.common import single, single_precision
+from ninedisk.references.hertz_mindlin import Contact, Spun, impact, scheme_errors
+
+PLANE = np.array([[0.0, 0.0, -1.0], [0.8, 0.6, 0.0]])
+SPHERES = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0]])
+"""Normal from the first body to the second, and direction along the surface: along no axis alone, and exact unit vectors."""
+
+ROUND_OFF = 1e-11
+"""Of a thousand steps on places that are 10,000 overlaps from the origin."""
+
+MARGIN = 2.0
+"""Over what central differences of one convention err by: the others' contact radius and slip are half a step from theirs."""
+
+
+def frame_of(contact: Contact) -> FloatArray:
+    """n, t and n x t of the touch, shape (3, 3)."""
+    n, t = PLANE if math.isinf(contact.radius_2) else SPHERES
+    return np.array([n, t, np.cross(n, t)])
+
+
+def setup_of(
+    contact: Contact, law: SphereLaw, *, dt: float, gap: float, n_steps: int, contact_dt: float
+) -> SphereSetup:
+    """The bodies ``gap`` [m] before they touch."""
+    n, t, b = frame_of(contact)
+    first, second = contact.first, contact.second
+    bodies = [(-n * (contact.radius + gap), contact.radius, contact.mass, first)]
+    walls: tuple[PlaneWall, ...] = ()
+    if math.isinf(contact.radius_2):
+        walls = (PlaneWall(name="plane", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law),)
+    else:
+        bodies.append((n * contact.radius_2, contact.radius_2, contact.mass_2, second))
+    x, radius, mass, motion = zip(*bodies, strict=True)
+    scene = SphereScene(
+        spheres=Spheres(
+            x=np.array(x),
+            v=np.array([one[0] * n + one[1] * t for one in motion]),
+            omega=np.array([one[2] * b for one in motion]),
+            radius=np.array(radius),
+            mass=np.array(mass),
+        ),
+        sphere_sphere=law,
+        walls=walls,
+    )
+    numerics = Numerics(dt=dt, n_steps=n_steps, contact_dt=contact_dt)
+    return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
+
+
+def observed_of(contact: Contact, setup: SphereSetup, history: History) -> Observed:
+    """Velocities and spins in the frame of the touch, the overlap, force and duration of the contact, and what leaves the plane of motion.
+
+    ``duration`` is the time between the touches that the free motions before and after the contact are extended to.
+    """
+    n, t, b = frame_of(contact)
+    x, v, omega = history.x, history.v, history.omega
+    flat = math.isinf(contact.radius_2)
+    gap = (
+        x[:, 0, 2] - contact.radius
+        if flat
+        else np.linalg.norm(x[:, 1] - x[:, 0], axis=1) - contact.radius - contact.radius_2
+    )
+    approach = v[:, 0] @ n - (0.0 if flat else v[:, 1] @ n)
+    slip = v[:, 0] @ t + contact.radius * (omega[:, 0] @ b)
+    if not flat:
+        slip = slip - v[:, 1] @ t + contact.radius_2 * (omega[:, 1] @ b)
+    series = {
+        "gap": ("m", gap),
+        "force": ("N", history.fn[:, 0]),
+        "approach": ("m/s", approach),
+        "vt": ("m/s", v[:, 0] @ t),
+        "spin": ("rad/s", omega[:, 0] @ b),
+        "slip": ("m/s", slip),
+    }
+    others = [v[:, 0] @ b, contact.radius * (omega[:, 0] @ n), contact.radius * (omega[:, 0] @ t)]
+    series["off_plane"] = ("m/s", np.abs(others).max(axis=0))
+    speed = contact.speed
+    out = float(approach[-1])
+    scalars = {
+        "vt_final": ("m/s", float(series["vt"][1][-1])),
+        "spin_final": ("rad/s", float(series["spin"][1][-1])),
+        "slip_final": ("m/s", float(slip[-1])),
+        "restitution_effective": ("1", 0.0 - out / speed),
+        "overlap_max": ("m", _peak(-gap)),
+        "force_max": ("N", _peak(history.fn[:, 0])),
+    }
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left = history.t[-1] - float(np.float64(gap[-1]) / -out)
+    scalars["duration"] = ("s", left - float(gap[0]) / speed)
+    if not flat:
+        scalars["vt_second"] = ("m/s", float(v[-1, 1] @ t))
+        scalars["spin_second"] = ("rad/s", float(omega[-1, 1] @ b))
+    return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+
+def _peak(values: FloatArray) -> float:
+    """Top of the parabola through the largest value and its neighbours; NaN where there is none."""
+    if not np.isfinite(values).all():
+        return math.nan
+    k = int(np.argmax(values))
+    if k in (0, len(values) - 1):
+        return float(values[k])
+    a, b, c = (float(each) for each in values[k - 1 : k + 2])
+    bend = 2.0 * b - a - c
+    return b + (a - c) ** 2 / (8.0 * bend) if bend > 0.0 else b
+
+
+def rebound_checks(contact: Contact, setup: SphereSetup, engine: EngineInfo) -> list[Check]:
+    """Velocities and spins after an impact on springs, within what central differences of this step err by."""
+    truth, off = impact(contact)
+    dt = setup.numerics.contact_dt or setup.numerics.dt
+    errors = np.array(scheme_errors(contact, dt, lagged=not engine.second_order_dashpots))
+    phase = contact.speed * dt / contact.elastic.overlap
+    atol = MARGIN * errors + np.max([*off], axis=0)
+    why = (
+        f"{MARGIN:g} times what central differences themselves err by, touching anywhere in a step: v dt/overlap = {phase:.3g}; "
+        f"uncertainty of the truth{single_precision(engine)}"
+    )
+    source = "Hertz-Mindlin law integrated to 1e-12"
+    return rebound_within(contact, truth, atol, engine, setup, truth_kind="converged", source=source, why=why,
+                          uncertainty=np.max([*off], axis=0))  # fmt: skip
+
+
+def rebound_within(
+    contact: Contact, truth: Spun, atol: FloatArray, engine: EngineInfo, setup: SphereSetup, *, truth_kind: TruthKind,
+    source: str, why: str, uncertainty: FloatArray | None = None,
+) -> list[Check]:  # fmt: skip
+    """Checks of a rebound; ``atol`` is that of velocities along n and t, and of spins."""
+    fastest = (
+        contact.speed + abs(contact.first[1]) + contact.radius * max(abs(contact.first[2]), abs(contact.second[2]))
+    )
+    rough = ROUND_OFF * fastest + single(engine, fastest, setup.numerics.n_steps)
+    room = np.asarray(atol) + rough * np.array([1.0, 1.0, 2.5 / contact.radius])
+    unsure = np.zeros(3) if uncertainty is None else uncertainty
+    speed, turn = contact.speed, fastest / contact.radius
+    parting = truth.second[0] - truth.first[0]
+    flat = math.isinf(contact.radius_2)
+    rows = [
+        ("restitution_effective", parting / speed, 2.0 * room[0] / speed, 1.0, unsure[0] / speed),
+        ("vt_final", truth.first[1], room[1], fastest, unsure[1]),
+        ("spin_final", truth.first[2], room[2], turn, unsure[2]),
+    ]
+    if not flat:
+        rows += [
+            ("vt_second", truth.second[1], room[1], fastest, unsure[1]),
+            ("spin_second", truth.second[2], room[2], turn, unsure[2]),
+        ]
+    found = [
+        Check(quantity=name, norm="scalar", truth=truth_kind, expected=float(expected), source=source, atol=float(each),
+              scale=float(scale), uncertainty=float(wide), why=why)
+        for name, expected, each, scale, wide in rows
+    ]  # fmt: skip
+    found.append(
+        Check(quantity="off_plane", norm="max", truth="analytic", expected=np.zeros(setup.numerics.sampled_steps().shape),
+              source="mirror symmetry: nothing pushes out of the plane of motion", atol=rough, scale=fastest,
+              why=f"round-off{single_precision(engine)}")
+    )  # fmt: skip
+    return found

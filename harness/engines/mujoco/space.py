@@ -1,0 +1,38 @@
+"""Spheres in space in MuJoCo: what of them it has."""
+
+from __future__ import annotations
+
+from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.engines.space import partly_held
+
+IN_SPACE = frozenset(
+    {
+        Capability.SPHERES,
+        Capability.FRICTION,
+        Capability.RESTITUTION,
+        Capability.MOVING_WALLS,
+        Capability.ROTATING_WALLS,
+        Capability.CURVED_WALL_MOTION,
+        Capability.GRAVITY,
+        Capability.BLOCKED_ROTATION,
+        Capability.FIXED_DISKS,
+        Capability.HELD_MOTION,
+        Capability.MATERIALS,
+        Capability.ROLLING_CONSTANT,
+        Capability.TWISTING_CONSTANT,
+    }
+)
+"""Planes that move are boxes on joints, of an inertia beyond the reach of any force: a body whose pose is prescribed meets contacts as if
+it were at rest."""
+
+
+SHARED_CONE = (
+    "friction and resistances to rolling and twisting share one cone: a ball that rolls against a resistance slips by 5/7 (mu_r/mu)^2 "
+    "of its rolling speed"
+)
+
+
+def refused_in_space(scene: SphereScene) -> list[str]:
+    """Spheres held in part."""
+    return partly_held(scene, "MuJoCo")

@@ -1,0 +1,190 @@
+"""Spheres in engines with springs: what they compute is a plain DEM with their own conventions, and the in-house engine's where they agree.
+
+Runs of real engines; a row is skipped only where its engine is absent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from ninedisk_tests_plain_spheres import HERTZ, LINEAR, RUN, pile, plain_dem
+
+from ninedisk.core.history import History
+from ninedisk.core.law import Rolling
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.simulate import simulate
+from ninedisk.core.spheres.law import SphereLaw, damping_ratio
+from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
+from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.engines.kratos.adapter import Kratos
+from ninedisk.harness.engines.lammps.adapter import Lammps
+from ninedisk.harness.engines.liggghts.adapter import Liggghts
+from ninedisk.harness.engines.spring import SpringEngine
+from ninedisk.harness.engines.yade.adapter import Yade
+
+OVERLAP = {"torque": "overlap", "slip": "overlap", "wall": "overlap"}
+GRANULAR = {"torque": "overlap", "slip": "radius", "wall": "radius"}
+ROUND_OFF = 1e-11
+"""Of the largest value: forces are stiffness times differences of positions, 1e-16 over overlaps of 1e-5 of them, over 150 steps."""
+
+
+def run(engine: type[SpringEngine], scene: SphereScene, numerics: Numerics, watch: Any = ()) -> History:
+    if not engine().info().installed:
+        pytest.skip(f"{engine().info().name} is not installed")
+    return engine().run(scene, numerics, watch).history
+
+
+def off(one: np.ndarray, two: np.ndarray) -> float:
+    """Largest difference, relative to the largest value."""
+    return float(np.abs(one - two).max() / max(np.abs(two).max(), 1e-300))
+
+
+@pytest.mark.parametrize(
+    ("engine", "law", "arms", "turn", "pulls", "moving"),
+    [
+        (Lammps, LINEAR, GRANULAR, "project", True, True),
+        (Lammps, replace(HERTZ, unloading="none"), GRANULAR, "project", True, False),
+        (Lammps, replace(HERTZ, unloading="force"), GRANULAR, "project", True, True),
+        (Lammps, replace(HERTZ, unloading="rescale"), GRANULAR, "project", True, False),
+        (Yade, LINEAR, OVERLAP, "rotate", False, False),
+        (Yade, replace(HERTZ, unloading="force"), OVERLAP, "rotate", False, True),
+        (Liggghts, LINEAR, OVERLAP, "shrink", True, False),
+        (Liggghts, replace(HERTZ, unloading="none"), OVERLAP, "shrink", True, False),
+    ],
+)
+def test_an_engine_is_a_plain_dem_with_its_own_conventions(
+    engine: type[SpringEngine], law: SphereLaw, arms: dict[str, str], turn: str, pulls: bool, moving: bool
+) -> None:
+    """Dashpots, caps, arms, turned shear, walls at an angle and turning ones: each row is off by 1e-7 or more with another's."""
+    scene = pile(law, moving=moving)
+    found = run(engine, scene, RUN)
+    x, v, omega = (np.array(rows) for rows in zip(*plain_dem(scene, RUN, arms=arms, turn=turn, pulls=pulls), strict=True))
+    assert off(found.x, x) <= ROUND_OFF
+    assert off(found.v, v) <= ROUND_OFF
+    assert off(found.omega, omega) <= ROUND_OFF
+    assert np.abs(found.omega[-1] - found.omega[0]).max() > 1.0  # friction did something
+
+
+def own(law: SphereLaw, scene: SphereScene, at_walls: str) -> SphereScene:
+    """The scene with this lever arm at its walls."""
+    return scene.replace(walls=tuple(replace(w, law=replace(law, lever_arm=at_walls, mu=w.law.mu)) for w in scene.walls))
+
+
+def assert_core(engine: type[SpringEngine], scene: SphereScene, tolerance: float, numerics: Numerics = RUN) -> None:
+    """The in-house engine's run, force by force."""
+    n = len(scene.spheres)
+    core = simulate(scene, numerics, watch := [(i, j) for i in range(n) for j in range(i + 1, scene.n_bodies)])
+    found = run(engine, scene, numerics, watch)
+    assert (core.fn > 0.0).any()
+    for name in ("x", "v", "omega", "angle", "fn", "fs", "wall_force", "wall_point", "wall_angle"):
+        if getattr(core, name).any():
+            assert off(getattr(found, name), getattr(core, name)) <= tolerance, name
+    for name in ("kinetic", "gravity"):
+        assert off(found.energy[name], core.energy[name]) <= tolerance, name
+
+
+SAME = {"lever_arm": "torque-overlap", "slip_at": "end", "beta": 0.0}
+"""What LAMMPS has and the in-house engine too; with a dashpot friction is another where it pulls."""
+
+
+@pytest.mark.parametrize(
+    "law", [replace(LINEAR, **SAME), *(replace(HERTZ, unloading=rule, **SAME) for rule in ("none", "force", "rescale"))]
+)
+def test_lammps_is_the_core_step_by_step(law: SphereLaw) -> None:
+    assert Lammps().supports(own(law, pile(law), "radius"), RUN).level is SupportLevel.EXACT
+    assert_core(Lammps, own(law, pile(law), "radius"), ROUND_OFF)
+
+
+def test_dashpots_of_lammps_are_those_of_the_core() -> None:
+    law = replace(HERTZ, mu=0.0, beta=damping_ratio(0.4), slip_at="end")
+    scene = pile(law)
+    assert_core(Lammps, scene.replace(walls=tuple(replace(w, law=law) for w in scene.walls)), ROUND_OFF)
+
+
+def test_rolling_of_lammps_is_that_of_the_core() -> None:
+    """LAMMPS turns the way and not the torque, which differs by the square of the turn in a step: (20 rad/s dt)^2 over 100 steps."""
+    law = replace(LINEAR, rolling=Rolling(model="elastic-plastic", mu=0.1, kr=0.3), **SAME)
+    assert_core(Lammps, own(law, pile(law, moving=False), "radius"), 1e-5)
+
+
+def test_twisting_of_lammps_is_that_of_the_core_below_its_cap() -> None:
+    law = replace(LINEAR, twisting=Rolling(model="elastic-plastic", mu=1.0, kr=0.2), **{**SAME, "lever_arm": "radius"})
+    weight = Spheres(x=[(0, 0, 0.01)], radius=0.01, mass=0.01, v=[(0, 0, -0.01)], omega=[(0, 0, 1.0)])
+    floor = PlaneWall(name="floor", point=(0, 0, 1e-5), normal=(0, 0, 1), law=law)
+    assert_core(Lammps, SphereScene(spheres=weight, sphere_sphere=law, walls=(floor,), gravity=(0, 0, -9.81)), ROUND_OFF)
+
+
+@pytest.mark.parametrize(("surface", "most"), [("dmt", 4.0), ("jkr", 3.0)])
+def test_surface_energy_pulls_two_spheres_in_lammps_as_in_the_law(surface: str, most: float) -> None:
+    """Slowly apart: 4 pi g R at most and to the gap 0 (Derjaguin), 3 pi g R and beyond it (Johnson)."""
+    energy, radius = 0.05, 0.01
+    law = SphereLaw(e_star=1e7, surface_energy=energy, surface=surface)  # type: ignore[arg-type]
+    places = [(0, 0, 0), (0, 0, 2.0 * radius * (1.0 - 2e-4))]
+    spheres = Spheres(x=places, radius=radius, mass=0.01, v=[(0, 0, 0), (0, 0, 0.04)], held=True)
+    scene = SphereScene(spheres=spheres, sphere_sphere=law)
+    found = run(Lammps, scene, Numerics(dt=1e-6, n_steps=400, contact_dt=1e-6), [(0, 1)])
+    assert abs(found.fn.min() / (-most * np.pi * energy * 0.5 * radius) - 1.0) <= 1e-3  # forces are seen each 4e-8 m
+    assert bool(found.gap[found.fn[:, 0] != 0.0].max() > 1e-7) is (surface == "jkr")
+
+
+def test_materials_and_held_spheres() -> None:
+    """Three laws by material, one sphere fixed, one held along x and unable to turn: LAMMPS beside the core."""
+    one, two = (replace(LINEAR, kn=kn, **SAME) for kn in (3e4, 1.2e4))
+    held, rotating = np.zeros((8, 3), dtype=bool), np.ones(8, dtype=bool)
+    held[3, 0] = True
+    rotating[3] = False
+    scene = pile(one, moving=False, material=["a", "b"] * 4, held=held, rotating=rotating)
+    scene = own(one, scene, "radius").replace(laws={("a", "b"): two, ("b", "b"): replace(two, mu=0.1)})
+    assert_core(Lammps, scene, ROUND_OFF)
+
+
+@pytest.mark.parametrize(
+    ("engine", "change", "missing"),
+    [
+        (Yade, {"unloading": "none"}, Capability.UNLOADING_NONE),
+        (Liggghts, {"unloading": "force"}, Capability.UNLOADING_FORCE),
+        (Liggghts, {"unloading": "none", "g_star": 1e7}, Capability.HERTZ_MINDLIN),
+        (Lammps, {"beta": 1.0}, Capability.CONTACT_DAMPING),
+        (Lammps, {"surface_energy": 0.1}, Capability.CONTACT_DAMPING),
+        (Lammps, {"twisting": Rolling(model="constant", mu=0.1)}, Capability.TWISTING_CONSTANT),
+    ],
+)
+def test_what_an_engine_cannot_express_is_said(engine: type[SpringEngine], change: dict[str, Any], missing: Capability) -> None:
+    support = engine().supports(pile(replace(HERTZ, **change), moving=False), RUN)
+    assert support.level is SupportLevel.NO
+    assert missing in support.missing
+
+
+def test_planes_that_turn_about_two_axes_are_not_lammps() -> None:
+    scene = pile(LINEAR)
+    motion = [PlaneSegment(duration=1.0, angular_velocity=spin) for spin in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))]
+    scene = scene.replace(walls=(replace(scene.walls[0], motion=motion),))
+    assert Capability.ROTATING_WALLS in Lammps().supports(scene, RUN).missing
+
+
+def test_planes_of_lammps_are_where_the_scene_has_them() -> None:
+    """Segments with pivots of their own and a wave: a sphere held against the plane feels its gap and its velocity."""
+    law = replace(LINEAR, kn=1e5, lever_arm="radius", slip_at="end", beta=0.0)
+    motion = [
+        PlaneSegment(duration=4e-4, velocity=(0.1, 0.2, 0.0), angular_velocity=(0.0, 2.0, 0.0)),
+        PlaneSegment(duration=3e-4, angular_velocity=(0.0, -3.0, 0.0), pivot=(0.02, 0.0, 0.01)),
+        PlaneSegment(amplitude=(0.0, 0.0, 1e-4), frequency=2e3, phase=0.3),
+    ]
+    wall = PlaneWall(name="w", point=(0.01, 0.0, 0.0), normal=(0.1, 0.0, 1.0), law=law, motion=motion)
+    spheres = Spheres(x=[(0.0, 0.0, 0.0105)], radius=0.01, mass=0.01, held=True)
+    scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(wall,))
+    numerics = Numerics(dt=1e-5, n_steps=100, contact_dt=1e-5, damping_form="lagged")
+    found, core = run(Lammps, scene, numerics, [(0, 1)]), simulate(scene, numerics, [(0, 1)])
+    assert core.fn.min() > 0.0
+    assert off(found.fn, core.fn) <= 1e-9
+    # A wave has its mean velocity in LAMMPS, that of mid-step in the core: (frequency dt)^2/24 apart.
+    assert off(found.fs[:71], core.fs[:71]) <= 1e-6
+    assert off(found.fs, core.fs) <= 1e-4
+
+
+def test_kratos_declares_no_more_than_it_shows() -> None:
+    assert Capability.SPHERES not in Kratos().info().capabilities
