@@ -129,13 +129,12 @@ class _Law:
     def normal(self, overlap: float, rate: float) -> float:
         """fn."""
         overlap = max(overlap, 0.0)
-        return 1.25 * overlap**1.5 + self.c * overlap**0.25 * rate
+        return 1.25 * overlap * math.sqrt(overlap) + self.c * math.sqrt(math.sqrt(overlap)) * rate
 
     def normal_rate(self, overlap: float, rate: float, second: float) -> float:
         """Its rate, by the first and second derivatives of the overlap."""
-        return (
-            1.875 * math.sqrt(overlap) + 0.25 * self.c * overlap**-0.75 * rate
-        ) * rate + self.c * overlap**0.25 * second
+        root = math.sqrt(math.sqrt(overlap))
+        return (1.875 * root**2 + 0.25 * self.c * root / overlap * rate) * rate + self.c * root * second
 
     def carried(self, rate: float) -> float:
         """Power of the contact radius that an unstrained change of it takes the shear force along by."""
@@ -250,7 +249,7 @@ def _integrated(contact: Contact, tolerance: float) -> Spun:
         t, state = float(found.t[-1]), found.y[:, -1].copy()
         if sliding:
             state[6] = sense * cap(state)
-        if len(found.t_events[0]) or not len(found.t_events[1]):
+        if found.t_events is None or len(found.t_events[0]) or not len(found.t_events[1]):
             break
         sliding = not sliding
     return _spun(contact, law, state[2], state[3], float(state[5]))

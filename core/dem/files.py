@@ -8,7 +8,7 @@ import os
 import struct
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,10 @@ from ninedisk.core.dem.state import NeighbourList
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.core.validate import one_of
+
+Kind = TypeVar("Kind", Scene, SphereScene)
 
 FORMAT = 4
 NEEDED = ("clock", "samples.pairs", "samples.chosen", "samples.at")
@@ -27,7 +30,7 @@ NEEDED = ("clock", "samples.pairs", "samples.chosen", "samples.at")
 
 
 def write_checkpoint(
-    path: str | os.PathLike[str], scene: Scene, numerics: Numerics, arrays: Mapping[str, NDArray[Any]]
+    path: str | os.PathLike[str], scene: Scene | SphereScene, numerics: Numerics, arrays: Mapping[str, NDArray[Any]]
 ) -> None:
     """Write a checkpoint; the file appears whole or not at all.
 
@@ -35,7 +38,7 @@ def write_checkpoint(
     ----------
     path : path-like
         Any name; NumPy's ``.npz`` format.
-    scene, numerics : Scene, Numerics
+    scene, numerics
         As the run was begun.
     arrays : mapping from name to ndarray
         State of the run.
@@ -51,13 +54,13 @@ def write_checkpoint(
         np.savez(stream, **payload)
 
 
-def read_checkpoint(path: str | os.PathLike[str]) -> tuple[Scene, Numerics, dict[str, NDArray[Any]]]:
-    """Read what `write_checkpoint` wrote.
+def read_checkpoint(path: str | os.PathLike[str], kind: type[Kind]) -> tuple[Kind, Numerics, dict[str, NDArray[Any]]]:
+    """Read what `write_checkpoint` wrote of a scene of this kind.
 
     Raises
     ------
     InvalidSceneError
-        If the file is no checkpoint of this format.
+        If the file is no checkpoint of this format and kind.
     """
     arrays = read_arrays(path, "checkpoint of a DEM run")
     try:
@@ -69,7 +72,7 @@ def read_checkpoint(path: str | os.PathLike[str]) -> tuple[Scene, Numerics, dict
         raise InvalidSceneError(f"{path} is no checkpoint of a DEM run: {error}") from error
     if not known:
         raise InvalidSceneError(f"{path} has the checkpoint format {head['format']}; this version reads {FORMAT}")
-    return Scene.from_dict(head["scene"]), Numerics.from_dict(head["numerics"]), arrays
+    return kind.from_dict(head["scene"]), Numerics.from_dict(head["numerics"]), arrays
 
 
 def state_arrays(single: Mapping[str, NDArray[Any]], groups: Mapping[str, Any]) -> dict[str, NDArray[Any]]:

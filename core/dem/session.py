@@ -277,7 +277,7 @@ class DemSession:
         InvalidNumericsError
             If the run is already past ``n_steps``.
         """
-        scene, numerics, arrays = read_checkpoint(path)
+        scene, numerics, arrays = read_checkpoint(path, Scene)
         if n_steps is not None:
             numerics = numerics.replace(n_steps=n_steps)
         watch = [(int(i), int(j)) for i, j in arrays["samples.pairs"]]

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import copy
+import os
 from collections.abc import Callable, Sequence
 from math import pi, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from ninedisk.core.dem.files import read_checkpoint, restore, state_arrays, write_checkpoint
 from ninedisk.core.errors import (
     InvalidNumericsError,
     InvalidSceneError,
@@ -42,6 +45,8 @@ MODELS = {"constant": kernels.CONSTANT, "elastic-plastic": kernels.SPRING}
 class SphereSession:
     """The in-house DEM on one scene in space.
 
+    A copy (`copy.copy`, `copy.deepcopy`, `pickle`) is a session of its own that goes on from the present state, to the same bits.
+
     Parameters
     ----------
     scene : SphereScene
@@ -51,7 +56,7 @@ class SphereSession:
     particles : sequence of int or None
         Spheres whose motion is recorded; None: all.
     threads : int
-        1..64; the results are the same to the last bit.
+        1..64; a run of spheres uses one of them, whatever the number.
 
     Attributes
     ----------
@@ -65,7 +70,7 @@ class SphereSession:
     InvalidSceneError, InvalidNumericsError
         If the scene has no sphere, or they ask for what this engine lacks.
     UnstableTimeStepError
-        If the contact step exceeds the critical one and ``numerics.allow_unstable`` is False.
+        If the contact step exceeds the critical one and ``numerics.allow_unstable`` is False; also on the way, as contacts stiffen.
     """
 
     def __init__(
@@ -129,11 +134,23 @@ class SphereSession:
             n_disks=len(self.chosen),
             n_walls=m,
             pairs=self.pairs,
-            energies=("translation", "rotation", "kinetic", "elastic_normal", "elastic_shear", "elastic", "gravity"),
+            energies=(
+                "translation",
+                "rotation",
+                "kinetic",
+                "elastic_normal",
+                "elastic_shear",
+                "elastic_rolling",
+                "elastic",
+                "gravity",
+            ),
             dimension=3,
         )
         self._rebuild()
         self._forces(0.0)
+
+    def __copy__(self) -> SphereSession:
+        return copy.deepcopy(self)
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> History:
         """Run to the last step.
@@ -174,6 +191,52 @@ class SphereSession:
         chosen = None if len(self.chosen) == len(self.scene.spheres) else tuple(self.chosen.tolist())
         fields = {**vars(self._history), "particles": chosen}
         return History(**fields)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a checkpoint, an ``.npz`` file from which `load` goes on bit for bit; `UnwritableFileError` if it cannot be written."""
+        write_checkpoint(path, self.scene, self.numerics, self._arrays())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, n_steps: int | None = None, threads: int = 1) -> SphereSession:
+        """The session that `save` wrote, as if it had never stopped.
+
+        Parameters
+        ----------
+        path : path-like
+        n_steps : int, optional
+            New last step; None: the one it was begun with.
+        threads : int
+            Need not be that of the session that was saved.
+
+        Raises
+        ------
+        InvalidSceneError
+            If the file is no checkpoint of spheres.
+        InvalidNumericsError
+            If the run is already past ``n_steps``.
+        """
+        scene, numerics, arrays = read_checkpoint(path, SphereScene)
+        if n_steps is not None:
+            numerics = numerics.replace(n_steps=n_steps)
+        watch = [(int(i), int(j)) for i, j in arrays["samples.pairs"]]
+        session = cls(scene, numerics, watch, arrays["samples.chosen"].tolist(), threads=threads)
+        done = int(arrays["clock"][0])
+        if done > numerics.n_steps * session.substeps:
+            raise InvalidNumericsError(
+                f"n_steps = {numerics.n_steps} is not allowed: the checkpoint has done {done // session.substeps} steps"
+            )
+        session._contacts = Contacts(*(arrays[f"pairs.{name}"] for name in Contacts._fields))
+        session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))
+        return session
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        single = {"clock": self._clock, "row": np.array([self._row])}
+        samples = {name: array for name, array in vars(self._history).items() if isinstance(array, np.ndarray)}
+        samples |= {f"energy.{name}": array for name, array in self._history.energy.items()}
+        pairs = np.array(self.pairs, dtype=np.int64).reshape(len(self.pairs), 2)
+        samples |= {"at": self._samples, "pairs": pairs, "chosen": self.chosen}
+        single |= {f"samples.{name}": array for name, array in samples.items()}
+        return state_arrays(single, {"spheres": self._state, "pairs": self._contacts})
 
     def _to(self, goal: int) -> None:
         while self._clock[0] < goal:
@@ -223,6 +286,7 @@ class SphereSession:
 
     def _rebuild(self) -> None:
         """New list of neighbours in the order of their numbers; what contacts remember goes along."""
+        self._check_step()
         state, n, m = self._state, len(self.scene.spheres), len(self.scene.walls)
         state.built[:] = state.x
         fixed = self.scene.spheres.fixed
@@ -251,8 +315,32 @@ class SphereSession:
         law[at_wall] = self._tables.wall[two[at_wall] - n, name[one[at_wall]]]
         self._contacts = Contacts(bodies=bodies, law=law, memory=memory, force=np.zeros((len(bodies), 4)))
 
+    def _check_step(self) -> None:
+        """Hold the contact step against the critical one of the present contacts, each with its present stiffness."""
+        closed = self._contacts.memory[:, kernels.RADIUS] > 0.0
+        if self.numerics.allow_unstable or not closed.any():
+            return
+        state, law = self._state, self._laws[self._contacts.law[closed]]
+        one, two = self._contacts.bodies[closed].T
+        among, other = two < len(state.x), np.minimum(two, len(state.x) - 1)
+        inv_mass = state.inv_mass[one] + among * state.inv_mass[other]
+        turn = state.inv_inertia * state.radius**2
+        hertz, radius = law[:, kernels.HERTZ] > 0.0, self._contacts.memory[closed, kernels.RADIUS]
+        kn = np.where(hertz, 1.5 * radius, 1.0) * law[:, kernels.KN]
+        ks = np.where(hertz, radius, 1.0) * law[:, kernels.KS] * (law[:, kernels.MU] > 0.0)
+        rate = np.sqrt(np.maximum(kn * inv_mass, ks * (inv_mass + turn[one] + among * turn[other])))
+        beta = law[:, kernels.BETA]
+        critical = 2.0 / float(np.max(rate / (np.sqrt(1.0 + beta**2) - beta)))
+        if self.contact_dt > critical * (1.0 + 1e-9):  # the round-off of two ways to the same number
+            raise UnstableTimeStepError(
+                f"contact_dt = {self.contact_dt:g} s exceeds the critical step {critical:g} s that the contacts have at t = "
+                f"{self._clock[0] * self.contact_dt:g} s: use at most {SAFETY * critical:g} s (a tenth of it) for accurate results, or set "
+                "allow_unstable=True to run all the same"
+            )
+
     def _sample(self, k: int) -> None:
         """Write the present state into row k: positions at t, velocities brought to t by half a kick."""
+        self._check_step()
         state, history, chosen = self._state, self._history, self.chosen
         spheres, half = self.scene.spheres, 0.5 * self.contact_dt if self._clock[0] else 0.0
         v = state.v + half * state.free * state.inv_mass[:, None] * state.force
@@ -280,8 +368,10 @@ class SphereSession:
         energy["rotation"][k] = 0.5 * float(np.sum(spheres.inertia * np.sum(omega**2, axis=1)))
         energy["kinetic"][k] = energy["translation"][k] + energy["rotation"][k]
         energy["gravity"][k] = -float(np.sum(spheres.mass * (state.x @ np.array(self.scene.gravity))))
-        normal, shear = self._elastic()
-        energy["elastic_normal"][k], energy["elastic_shear"][k], energy["elastic"][k] = normal, shear, normal + shear
+        parts = self._elastic()
+        for name, part in zip(("normal", "shear", "rolling"), parts, strict=True):
+            energy[f"elastic_{name}"][k] = part
+        energy["elastic"][k] = sum(parts)
 
     def _gap(self, i: int, j: int) -> float:
         state, n = self._state, len(self.scene.spheres)
@@ -290,8 +380,8 @@ class SphereSession:
         pose = state.now[j - n]
         return float((state.x[i] - pose[:3]) @ pose[3:6] - state.radius[i])
 
-    def _elastic(self) -> tuple[float, float]:
-        """Energies of the normal and the shear springs [J]."""
+    def _elastic(self) -> tuple[float, float, float]:
+        """Energies [J] of the normal springs, the shear springs, and those of rolling and twisting."""
         contacts, memory = self._contacts, self._contacts.memory
         law = self._laws[contacts.law]
         radius, overlap = memory[:, kernels.RADIUS], memory[:, kernels.OVERLAP] * (memory[:, kernels.RADIUS] > 0.0)
@@ -300,7 +390,12 @@ class SphereSession:
         stiff = np.where(hertz, radius, 1.0) * law[:, kernels.KS]
         force = np.sum(contacts.force[:, 1:] ** 2, axis=1)
         shear = np.where(stiff > 0.0, 0.5 * force / np.where(stiff > 0.0, stiff, 1.0), 0.0)
-        return float(np.sum(normal)), float(np.sum(shear))
+        turned = np.zeros(len(law))
+        for first, column, width in ((kernels.ROLL, kernels.ROLLING, 3), (kernels.TWIST, kernels.TWISTING, 1)):
+            sprung = (law[:, first] == kernels.SPRING) & (radius > 0.0)
+            moment = np.sum(memory[:, column : column + width] ** 2, axis=1)
+            turned[sprung] += 0.5 * moment[sprung] / law[sprung, first + 2]
+        return float(np.sum(normal)), float(np.sum(shear)), float(np.sum(turned))
 
 
 class LawTables(NamedTuple):

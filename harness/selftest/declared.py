@@ -21,7 +21,7 @@ from ninedisk.harness.engines.cd.adapter import CAPABILITIES, ENGINE
 DECLARED = ("impulse", "soft")
 """Kinds of contact that it is declared as; soft without a softness, which allows as much as the largest that may be stated."""
 
-RUNS = dict.fromkeys(DECLARED, ENGINE.id)
+RUNS = {"spheres": "dem", **dict.fromkeys(DECLARED, ENGINE.id)}
 """The engine that runs in the place of each."""
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 from ninedisk.harness.api.errors import UsageError, close_matches
-from ninedisk.harness.selftest import cd_sources, dem_sources, grain_sources, histories, lies, setups
+from ninedisk.harness.selftest import cd_sources, dem_sources, grain_sources, histories, lies, setups, sphere_sources
 from ninedisk.harness.selftest.defect import Defect, Edit
 from ninedisk.harness.selftest.panel import ENGINES
 
@@ -30,6 +30,7 @@ GALLERY: tuple[Defect, ...] = tuple(
         (
             *dem_sources.DEFECTS,
             *grain_sources.DEFECTS,
+            *sphere_sources.DEFECTS,
             *cd_sources.DEFECTS,
             *setups.DEFECTS,
             *histories.DEFECTS,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ninedisk.harness.run.plan import Cell, plan_case
-from ninedisk.harness.selftest.declared import DECLARED, Declared
+from ninedisk.harness.selftest.declared import DECLARED, RUNS, Declared
 
 PRESS, SHEAR = "nine-disk/compression", "nine-disk/distortion"
 HIT, INCLINE, ROLL = "binary-collision", "incline-block", "slip-to-roll"
@@ -28,7 +28,8 @@ MATERIALS, FORCES = "contact/materials", "motion/forces"
 LATTICE, SHEAR_CELL = "cell/lattice", "cell/shear"
 BUDGET = "energy/budget"
 
-ENGINES = ("dem", "cd", *DECLARED)
+ENGINES = ("dem", "spheres", "cd", *DECLARED)
+"""`spheres` is the DEM on scenes in space: a panel of its own, whose defects are not run on the plane's."""
 
 
 @dataclass(frozen=True)
@@ -157,11 +158,26 @@ RIGID_PANEL: dict[str, Probe] = {
 }
 """Of an engine with rigid contacts, whatever it declares them as."""
 
-PANELS: dict[str, dict[str, Probe]] = {"dem": DEM_PANEL, "cd": CD_PANEL, **dict.fromkeys(DECLARED, RIGID_PANEL)}
+SPHERE_PANEL: dict[str, Probe] = {
+    "hit": Probe("spheres/chung-ooi/1", {}),
+    "hit-plane": Probe("spheres/chung-ooi/2", {}),
+    "rebound": Probe("spheres/chung-ooi/3", {}),
+    "oblique": Probe("spheres/chung-ooi/4", {"angle": 3.0}),
+    "oblique-damped": Probe("spheres/chung-ooi/6", {"spin": 7.0}),
+    "rescale": Probe("spheres/chung-ooi/4", {"angle": 3.0, "unloading": "rescale"}),
+    "keeps": Probe("spheres/chung-ooi/4", {"angle": 3.0, "unloading": "none"}),
+    "spins": Probe("spheres/chung-ooi/7", {"partner": "same"}),
+    "large": Probe("spheres/chung-ooi/8", {}),
+    "slides": Probe("spheres/thornton", {"incidence": 9.0}),
+    "sticks": Probe("spheres/thornton", {"incidence": 1.5}),
+    "chain": Probe("spheres/hertz-chain", {}),
+}
+
+PANELS: dict[str, dict[str, Probe]] = {"dem": DEM_PANEL, "spheres": SPHERE_PANEL, "cd": CD_PANEL, **dict.fromkeys(DECLARED, RIGID_PANEL)}
 
 
 def panel_cells(engine: str, names: Sequence[str] = ()) -> list[Cell]:
     """Cells of an engine's panel, or of the named probes of it."""
     panel = PANELS[engine]
-    stands_for = Declared(engine) if engine in DECLARED else engine
+    stands_for = Declared(engine) if engine in DECLARED else RUNS.get(engine, engine)
     return [plan_case(panel[name].case, stands_for, panel[name].params) for name in names or panel]

@@ -41,7 +41,7 @@ JUDGED = ("pass", "fail")
 TIME_LIMIT = 300.0
 """Seconds for one wrong engine on its whole panel; the right ones take some ten, a minute where kernels are interpreted."""
 
-INTERPRETED = frozenset({"dem"})
+INTERPRETED = frozenset({"dem", "spheres"})
 """Engines whose kernels are never compiled: the DEM's step is a single kernel that takes a quarter of a minute to compile, and the
 panel takes seconds to interpret. Results are the same."""
 

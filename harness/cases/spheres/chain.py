@@ -52,7 +52,7 @@ def nesterenko(cells: Cells) -> Verdict:
 
 
 class Wave(NamedTuple):
-    """Speed [m/s], largest velocity of a sphere [m/s], width at half of it in diameters, and the time [s] of the top at sphere `END`."""
+    """Speed [m/s], largest velocity of a sphere [m/s], and width at half of it in diameters."""
 
     speed: float
     peak: float
@@ -109,7 +109,9 @@ class HertzChain:
         v = np.zeros((n, 3))
         v[0] = params["speed"] * LINE
         scene = SphereScene(
-            spheres=Spheres(x=2.0 * RADIUS * np.arange(n)[:, None] * LINE, v=v, radius=RADIUS, mass=_mass()),
+            spheres=Spheres(
+                x=2.0 * RADIUS * np.arange(n)[:, None] * LINE, v=v, radius=np.full(n, RADIUS), mass=np.full(n, _mass())
+            ),
             sphere_sphere=SphereLaw(e_star=e_star),
         )
         dt = SAMPLE * _units(params["speed"])[1]
@@ -147,10 +149,10 @@ class HertzChain:
     ) -> Sequence[Check]:  # fmt: skip
         """The row integrated, within what central differences of this step err by; a line; momentum."""
         speed, n, steps = params["speed"], params["n"], setup.numerics.n_steps
-        exact, unsure = struck_row(n, SAMPLE * np.arange(steps + 1))
+        exact, unsure = struck_row(n, SAMPLE * np.arange(steps + 1.0))
         every = setup.numerics.substeps(setup.numerics.contact_dt or setup.numerics.dt)
         rough = stepped_row(n, SAMPLE / every, steps * every, every)
-        times = setup.numerics.dt * np.arange(steps + 1)
+        times = setup.numerics.dt * np.arange(steps + 1.0)
         truth, coarse = _wave(speed * exact, times), _wave(speed * rough, times)
         why = f"{MARGIN:g} times what central differences themselves err by in this step"
         floor = 1e-9 * speed + single(engine, speed, steps)
@@ -194,8 +196,8 @@ def _samples() -> int:
 
 def _truth(params: Mapping[str, Any], setup: SphereSetup) -> tuple[Wave, float]:
     steps = setup.numerics.n_steps
-    exact, unsure = struck_row(params["n"], SAMPLE * np.arange(steps + 1))
-    return _wave(params["speed"] * exact, setup.numerics.dt * np.arange(steps + 1)), unsure
+    exact, unsure = struck_row(params["n"], SAMPLE * np.arange(steps + 1.0))
+    return _wave(params["speed"] * exact, setup.numerics.dt * np.arange(steps + 1.0)), unsure
 
 
 def _wave(along: FloatArray, t: FloatArray) -> Wave:

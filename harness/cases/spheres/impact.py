@@ -60,7 +60,7 @@ def setup_of(
     return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
 
 
-def observed_of(contact: Contact, setup: SphereSetup, history: History) -> Observed:
+def observed_of(contact: Contact, history: History) -> Observed:
     """Velocities and spins in the frame of the touch, the overlap, force and duration of the contact, and what leaves the plane of motion.
 
     ``duration`` is the time between the touches that the free motions before and after the contact are extended to.

@@ -53,7 +53,7 @@ class Thornton:
     version = 1
     title = "Tangential restitution over the normalised angle"
     source = "Thornton, Cummins & Cleary (2011), Powder Technology 210, 189; Thornton (2009), J. Appl. Mech. 76, 014501"
-    requirement = "velocity and spin after the impact are those of rigid impulses, of linear springs or of Hertz-Mindlin, by what a contact is"
+    requirement = "velocity and spin after the impact are those of rigid impulses, linear springs or Hertz-Mindlin"
     figures: tuple[Figure, ...] = (
         Figure(
             kind="places",
@@ -111,10 +111,10 @@ class Thornton:
             contact_dt=contact_step(dt, target) if params["contact_dt"] is None else params["contact_dt"],
         )  # fmt: skip
 
-    def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:
+    def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
         """Velocities and spin, and what the figure shows."""
         contact = self.contact(params)
-        seen = observed_of(contact, setup, history)
+        seen = observed_of(contact, history)
         scalars = dict(seen.scalars)
         for name in ("overlap_max", "force_max", "duration"):
             del scalars[name]

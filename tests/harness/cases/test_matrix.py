@@ -39,6 +39,9 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "impact/cohesion": (CD, DEM),
     "contact/materials": ALL,
     "motion/forces": ALL,
+    **{f"spheres/chung-ooi/{k}": (DEM,) for k in range(1, 9)},
+    "spheres/thornton": (DEM,),
+    "spheres/hertz-chain": (DEM,),
 }
 LEAST = {
     "row/pushed": 7,
@@ -51,6 +54,10 @@ LEAST = {
     "rolling/resistance": 8,
     "contact/materials": 21,
     "motion/forces": 14,
+    "spheres/chung-ooi/1": 9,
+    "spheres/chung-ooi/2": 7,
+    "spheres/thornton": 4,
+    "spheres/hertz-chain": 7,
 }
 """Checks that bind every engine on a variant, where more than one must."""
 
