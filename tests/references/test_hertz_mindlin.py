@@ -15,7 +15,14 @@ E_STAR, G_STAR = contact_moduli((7e10, 0.33))
 
 
 def contact(first=(0.2, 0.0, 2.0), e=1.0, unloading="force", **others):
-    values = {"radius": 0.1, "mass": 11.0, "radius_2": math.inf, "mass_2": math.inf, "second": (0.0, 0.0, 0.0), "mu": 0.4}
+    values = {
+        "radius": 0.1,
+        "mass": 11.0,
+        "radius_2": math.inf,
+        "mass_2": math.inf,
+        "second": (0.0, 0.0, 0.0),
+        "mu": 0.4,
+    }
     beta = -math.log(e) / math.hypot(math.pi, math.log(e))
     return Contact(first=first, e_star=E_STAR, g_star=G_STAR, beta=beta, unloading=unloading, **(values | others))
 
@@ -82,5 +89,7 @@ def test_the_struck_row():
     tops = [times[np.argmax(exact[:, k])] for k in (6, 13)]
     speed = 7.0 / (tops[1] - tops[0])
     # In the units of the row: A = 1, a diameter is 1, and v what the wave has.
-    long_waves = solitary_speed(e_star=0.75 * math.sqrt(2.0 / 0.5), radius=0.5, mass=1.0, speed=float(exact[:, 13].max()))
+    long_waves = solitary_speed(
+        e_star=0.75 * math.sqrt(2.0 / 0.5), radius=0.5, mass=1.0, speed=float(exact[:, 13].max())
+    )
     assert speed == pytest.approx(long_waves, rel=0.02)
