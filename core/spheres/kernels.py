@@ -250,7 +250,12 @@ def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: boo
     wi = row(state.omega, i, 0)
     if at_wall:
         wj = row(state.middle, w, 12)
-        u = plus(row(state.v, i, 0), -1.0, plane_velocity(state.middle, w, foot, 0.0 if middle else half))
+        if middle:
+            touched = plus(plus(xi, -half, row(state.v, i, 0)), ri - mean_overlap, shown)
+            vj = plane_velocity(state.middle, w, touched, 0.0)
+        else:
+            vj = plane_velocity(state.middle, w, foot, half)
+        u = plus(row(state.v, i, 0), -1.0, vj)
         u = plus(u, ri - cut, cross(wi, shown))
     else:
         wj = row(state.omega, j, 0)

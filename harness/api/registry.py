@@ -70,6 +70,10 @@ BUILTIN_CASES: dict[str, str] = {
     "spheres/chung-ooi/8": "ninedisk.harness.cases.spheres.chung_ooi:EIGHT",
     "spheres/thornton": "ninedisk.harness.cases.spheres.thornton:CASE",
     "spheres/hertz-chain": "ninedisk.harness.cases.spheres.chain:CASE",
+    "spheres/rolling": "ninedisk.harness.cases.spheres.on_plane:ROLLING",
+    "spheres/incline": "ninedisk.harness.cases.spheres.on_plane:INCLINE",
+    "spheres/isotropy": "ninedisk.harness.cases.spheres.on_plane:ISOTROPY",
+    "spheres/turntable": "ninedisk.harness.cases.spheres.on_plane:TURNTABLE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem.adapter:ENGINE",

@@ -161,7 +161,12 @@ class Twin:
             ks = 8.0 * law.g_star * a
         else:
             elastic, damping, ks = law.kn * overlap, 2.0 * law.beta * np.sqrt(law.kn / inv_mass), law.ks
-        other = seen[j] if planes is None else planes[0].velocity_at(foot)
+        if planes is None:
+            other = seen[j]
+        elif not self.lagged:
+            other = planes[0].velocity_at(foot)
+        else:
+            other = planes[1].velocity_at(foot - 0.5 * dt * planes[1].velocity)
         repulsive = elastic + damping * float((seen[i] - other) @ n)
         fn = repulsive - 4.0 * np.pi * law.surface_energy * reduced
         limit = law.mu * max(repulsive, 0.0)
@@ -171,14 +176,15 @@ class Twin:
         depth = 0.5 * (overlap + old.overlap) if middle else overlap
         cut = 0.5 * depth if law.lever_arm == "overlap" else 0.0
         arm_i, arm_j = (ri - cut) * shown, -(rj - cut) * shown
+        arm_middle = (ri - depth) * shown
         wi = self.omega[i]
         if planes is None:
             wj = self.omega[j]
             u = self.v[i] + np.cross(wi, arm_i) - self.v[j] - np.cross(wj, arm_j)
         else:
-            plane = planes[1] if middle else planes[0]
-            wj = plane.spin
-            u = self.v[i] + np.cross(wi, arm_i) - plane.velocity_at(foot)
+            wj = planes[1].spin
+            place = x - 0.5 * dt * self.v[i] + arm_middle if middle else foot - 0.5 * dt * planes[1].velocity
+            u = self.v[i] + np.cross(wi, arm_i) - planes[1].velocity_at(place)
         u = u - (u @ shown) * shown
         if middle:
             u = turn(shown, n) @ u

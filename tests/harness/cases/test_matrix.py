@@ -42,6 +42,7 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     **{f"spheres/chung-ooi/{k}": (DEM,) for k in range(1, 9)},
     "spheres/thornton": (DEM,),
     "spheres/hertz-chain": (DEM,),
+    **{f"spheres/{name}": (DEM,) for name in ("rolling", "incline", "isotropy", "turntable")},
 }
 LEAST = {
     "row/pushed": 7,
@@ -58,6 +59,7 @@ LEAST = {
     "spheres/chung-ooi/2": 7,
     "spheres/thornton": 4,
     "spheres/hertz-chain": 7,
+    **{f"spheres/{name}": 3 for name in ("rolling", "incline", "isotropy", "turntable")},
 }
 """Checks that bind every engine on a variant, where more than one must."""
 

@@ -1,0 +1,56 @@
+"""Sphere that rolls without slip on a plane that turns about its normal."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ninedisk.references._validate import positive, times_of
+
+FloatArray = NDArray[np.float64]
+
+UNIFORM_SPHERE = 0.4
+"""Inertia ratio ``I/(m R^2)``."""
+
+
+class Round(NamedTuple):
+    """Place [m] and velocity [m/s] in the plane, each of shape (s, 2), and the angular speed [rad/s] on the circle."""
+
+    x: FloatArray
+    v: FloatArray
+    rate: float
+
+
+def turntable(
+    *, start: ArrayLike, velocity: ArrayLike, turn: float, times: ArrayLike, inertia_ratio: float = UNIFORM_SPHERE
+) -> Round:
+    """The centre goes round on a circle at ``Omega k/(1 + k)``: 2/7 of the plane's angular speed for a uniform sphere.
+
+    Friction F in the plane gives ``m v' = F`` and ``k m R^2 w' = -R z x F``, with z the normal. No slip at the foot,
+    ``v - R w x z = Omega z x x``, differentiated: ``v' - R w' x z = Omega z x v``, and ``(z x F) x z = F`` makes the second term
+    ``v'/k``. So ``v' = (k/(1 + k)) Omega z x v``: v turns at that rate and keeps its size, whatever friction, mass and radius.
+
+    Parameters
+    ----------
+    start, velocity : array_like, shape (2,)
+        At time 0, from the axis [m], [m/s].
+    turn : float
+        Angular speed Omega of the plane about its normal [rad/s], > 0.
+    times : array_like, shape (s,)
+        [s].
+    inertia_ratio : float
+        k, > 0.
+
+    Notes
+    -----
+    Source: derived above; E. J. Routh, Dynamics of a System of Rigid Bodies, art. 240; K. Weckesser, Am. J. Phys. 65 (1997) 736.
+    """
+    positive(turn=turn, inertia_ratio=inertia_ratio)
+    t = times_of(times)
+    rate = turn * inertia_ratio / (1.0 + inertia_ratio)
+    x, v = np.asarray(start, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
+    c, s = np.cos(rate * t)[:, None], np.sin(rate * t)[:, None]
+    across = np.array([-v[1], v[0]])
+    return Round(x + (s * v + (1.0 - c) * across) / rate, c * v + s * across, rate)

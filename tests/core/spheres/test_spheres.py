@@ -1,0 +1,166 @@
+"""The DEM of spheres: balances, objectivity, closed paths, and what it refuses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from twin import rotation
+
+from ninedisk.core import (
+    BehindWallError,
+    CoreError,
+    Elastic,
+    Numerics,
+    PlaneSegment,
+    PlaneWall,
+    Rolling,
+    SphereLaw,
+    Spheres,
+    SphereScene,
+    UnstableTimeStepError,
+    simulate,
+)
+
+SPRING = Rolling(model="elastic-plastic", mu=0.1, kr=40.0, beta=0.3)
+CONSTANT = Rolling(model="constant", mu=0.05)
+LINEAR = SphereLaw(kn=1e5, ks=6e4, mu=0.4, beta=0.1)
+HERTZ = SphereLaw(e_star=2e7, g_star=7e6, mu=0.4, beta=0.1)
+
+
+def box(law: SphereLaw, *, motion: tuple[PlaneSegment, ...] = (), **changes: Any) -> SphereScene:
+    """A dozen spheres of three sizes thrown into a corner of a floor that moves and two walls, two of them tied in some way."""
+    rng = np.random.default_rng(7)
+    grid = np.array(list(product((0.055, 0.14, 0.225), (0.055, 0.14), (0.05, 0.135))))
+    n = len(grid)
+    held = np.zeros((n, 3), dtype=bool)
+    held[1], held[2, 0] = True, True
+    rotating = np.arange(n) > 2
+    v = rng.normal(0.0, 0.5, (n, 3)) - [0.5, 0.4, 1.0]
+    v[1], omega = 0.0, rng.normal(0.0, 8.0, (n, 3))
+    omega[1] = 0.0
+    spheres = Spheres(
+        x=grid + rng.uniform(-0.004, 0.004, (n, 3)), radius=rng.uniform(0.04, 0.046, n), mass=rng.uniform(0.2, 0.6, n), v=v, omega=omega,
+        held=held, rotating=rotating, material=["steel" if k % 2 else "glass" for k in range(n)],
+    )  # fmt: skip
+    walls = tuple(
+        PlaneWall(
+            name=name,
+            point=(0.0, 0.0, 0.0),
+            normal=normal,
+            law=law,
+            motion=motion if name == "floor" else (),
+            material="wood",
+        )
+        for name, normal in (("floor", (0.0, 0.1, 1.0)), ("left", (1.0, 0.0, 0.0)), ("front", (0.0, 1.0, 0.0)))
+    )
+    scene = SphereScene(
+        spheres=spheres,
+        sphere_sphere=law,
+        walls=walls,
+        gravity=(0.3, 0.0, -9.81),
+        laws={("glass", "steel"): replace(law, mu=0.2, beta=0.05)},
+    )
+    return replace(scene, **changes)
+
+
+def free_cloud(law: SphereLaw) -> SphereScene:
+    scene = box(law)
+    spheres = replace(
+        scene.spheres, held=False, rotating=True, inertia=0.4 * scene.spheres.mass * scene.spheres.radius**2
+    )
+    return replace(scene, spheres=spheres, walls=(), gravity=(0.0, 0.0, 0.0), laws={})
+
+
+@pytest.mark.parametrize("law", [LINEAR, replace(HERTZ, unloading="rescale")])
+def test_momentum_and_angular_momentum_stay(law: SphereLaw) -> None:
+    """Forces act in pairs at one point where the arms end in the middle of the overlap."""
+    scene = free_cloud(replace(law, lever_arm="overlap"))
+    history = simulate(scene, Numerics(dt=2e-5, n_steps=1000, contact_dt=2e-5, sample_every=100, allow_unstable=True))
+    mass, inertia = scene.spheres.mass[:, None], scene.spheres.inertia[:, None]
+    p = np.sum(mass * history.v, axis=1)
+    spin = np.sum(mass * np.cross(history.x, history.v) + inertia * history.omega, axis=1)
+    assert not np.allclose(history.v[-1], history.v[0])
+    np.testing.assert_allclose(p, np.broadcast_to(p[0], p.shape), atol=1e-12)
+    np.testing.assert_allclose(spin, np.broadcast_to(spin[0], spin.shape), atol=1e-12)
+
+
+def test_a_turned_scene_runs_the_same() -> None:
+    """Any axis; rounding, grown by some collisions."""
+    turn = rotation(np.array([0.6, 0.0, 0.8]), 1.1)
+    scene = free_cloud(replace(HERTZ, rolling=SPRING, twisting=CONSTANT))
+    rows = {name: getattr(scene.spheres, name) @ turn.T for name in ("x", "v", "omega")}
+    numerics = Numerics(dt=2e-5, n_steps=600, contact_dt=2e-5, sample_every=600, allow_unstable=True)
+    one, two = simulate(scene, numerics), simulate(replace(scene, spheres=replace(scene.spheres, **rows)), numerics)
+    np.testing.assert_allclose(two.x[-1], one.x[-1] @ turn.T, rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(two.omega[-1], one.omega[-1] @ turn.T, rtol=0.0, atol=1e-7)
+
+
+def test_bits_do_not_depend_on_threads_and_on_how_the_run_is_cut() -> None:
+    from ninedisk.core.spheres.session import SphereSession
+
+    scene, numerics = box(HERTZ), Numerics(dt=1e-4, n_steps=40, contact_dt=2e-5, allow_unstable=True)
+    whole = simulate(scene, numerics, threads=3)
+    session = SphereSession(scene, numerics)
+    for steps in (1, 7, 2, 30):
+        session.advance(steps)
+    assert np.array_equal(session.run().x, whole.x)
+    assert np.array_equal(simulate(scene, numerics, particles=[3, 1]).v, whole.v[:, [3, 1]])
+
+
+def test_a_closed_path_of_contacts_leaves_no_shear() -> None:
+    """The floor goes deeper while it tilts, and back: slip of mid-step leaves rounding, that of the step's end first order."""
+    end = [_ratchet("end", dt) for dt in (4e-4, 2e-4)]
+    assert _ratchet("middle", 4e-4) < 1e-14
+    assert end[0] / end[1] == pytest.approx(2.0, rel=1e-3)
+
+
+def _ratchet(rule: Any, dt: float) -> float:
+    """Shear force that is left after a floor has pressed deeper while it tilts, and come back on the same path, over the largest fn."""
+    law = SphereLaw(kn=1e4, ks=8e3, mu=10.0, slip_at=rule)
+    go = PlaneSegment(velocity=(0, 0, 0.1), angular_velocity=(0, 5, 0), pivot=(0, 0, 0.1), duration=0.02)
+    back = PlaneSegment(velocity=(0, 0, -0.1), angular_velocity=(0, -5, 0), pivot=(0, 0, 0.102), duration=0.02)
+    floor = PlaneWall(name="floor", point=(0, 0, 0), normal=(0, 0, 1), law=law, motion=(go, back))
+    spheres = Spheres(x=[[0.03, 0.0, 0.09]], radius=0.1, mass=1.0, held=True, rotating=False, v=[[0, 0, 1e-300]])
+    scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,))
+    history = simulate(scene, Numerics(dt=dt, n_steps=round(0.04 / dt), contact_dt=dt, allow_unstable=True), [(0, 1)])
+    return float(np.linalg.norm(history.fs[-1, 0]) / history.fn.max())
+
+
+def test_scenes_and_laws_survive_json() -> None:
+    turns = PlaneSegment(angular_velocity=(0, 0, 3), pivot=(0.1, 0, 0), amplitude=(0.1, 0, 0), frequency=2.0)
+    scene = box(replace(LINEAR, rolling=SPRING, twisting=CONSTANT), motion=(turns,))
+    assert SphereScene.from_dict(scene.to_dict()) == scene
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: SphereLaw(), "give kn for the linear law, or e_star"),
+        (lambda: SphereLaw(kn=1.0, e_star=1.0), "give kn for the linear law, or e_star"),
+        (lambda: SphereLaw(kn=1.0, g_star=1.0), "g_star = 1 is not allowed in the linear law"),
+        (lambda: SphereLaw(e_star=1.0, ks=1.0), "ks = 1 is not allowed in the Hertz-Mindlin law"),
+        (lambda: SphereLaw(kn=1.0, rolling=Rolling(model="viscous", mu=0.1)), "'viscous' is not allowed for spheres"),
+        (lambda: Elastic(E=1.0, nu=0.6), r"nu = 0.6 is not allowed: it must be a number in \[0, 0.5\]"),
+        (lambda: Spheres(x=[[0, 0]], radius=1.0, mass=1.0), r"spheres.x has shape \(1, 2\); it must have shape \(n, 3\)"),
+        (lambda: Spheres(x=[[0, 0, 0]], radius=-1.0, mass=1.0), r"spheres.radius\[0\] = -1 is not allowed"),
+        (lambda: PlaneWall(name="w", point=(0, 0, 0), normal=(0, 0, 0), law=LINEAR), "zero normal"),
+        (lambda: PlaneSegment(duration=-1.0), "segment duration = -1.0 is not allowed"),
+        (lambda: simulate(box(replace(HERTZ, surface="jkr", surface_energy=1.0)), Numerics(dt=1e-5, n_steps=1)), "'jkr' is not allowed"),
+        (lambda: simulate(box(LINEAR), Numerics(dt=1e-5, n_steps=1), method="cd"), "method = 'cd' is not allowed for spheres"),
+    ],
+)  # fmt: skip
+def test_bad_input_names_the_value_and_the_way_out(make: Any, words: str) -> None:
+    with pytest.raises(CoreError, match=words):
+        make()
+
+
+def test_too_long_a_step_and_a_sphere_behind_a_wall_are_named() -> None:
+    with pytest.raises(UnstableTimeStepError, match="exceeds the critical step"):
+        simulate(box(LINEAR), Numerics(dt=0.1, n_steps=1, contact_dt=0.1))
+    fast = replace(box(LINEAR), gravity=(0.0, 0.0, -1e7))
+    with pytest.raises(BehindWallError, match="behind wall 'floor'"):
+        simulate(fast, Numerics(dt=1e-4, n_steps=100, contact_dt=1e-4, allow_unstable=True))
