@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
@@ -31,7 +32,7 @@ class Bodies(Protocol):
     def __len__(self) -> int: ...
 
 
-class BodiesAndWalls(Generic[Law]):
+class BodiesAndWalls(ABC, Generic[Law]):
     """A scene's bodies ``0 .. n-1`` and its walls ``n .. n+m-1``; a pair is ``(i, j)`` with ``i < j``, the first of which is no wall."""
 
     dimension: ClassVar[int]
@@ -41,14 +42,14 @@ class BodiesAndWalls(Generic[Law]):
     laws: Mapping[tuple[str, str], Law]
 
     @property
+    @abstractmethod
     def bodies(self) -> Any:
         """The disks or spheres."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def law_of_bodies(self) -> Law:
         """Law between two bodies that no materials decide."""
-        raise NotImplementedError
 
     @property
     def n_bodies(self) -> int:

@@ -191,7 +191,7 @@ class WorldSession(ABC):
 
     def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
         """Put wall ``k`` at ``here`` [m] with the normal ``facing``, on its way to ``there`` in one step, turning at ``rate`` [rad/s]."""
-        raise NotImplementedError
+        raise TypeError(f"{type(self).__name__} prescribes no motion: its capabilities must not say so")
 
     def push(self, i: int, load: FloatArray) -> None:
         """Let a force [N] and a torque [N m], shape (3,), act on a disk in the coming step; of engines with `Capability.BODY_FORCES`."""

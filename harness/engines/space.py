@@ -193,8 +193,8 @@ class SpaceSession(WorldSession):
         self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray
     ) -> None:
         """Put plane ``k`` at ``point`` [m], turned by ``rotation`` since time 0, with a velocity [m/s] and a spin [rad/s]."""
-        raise NotImplementedError
+        raise TypeError(f"{type(self).__name__} prescribes no motion: its capabilities must not say so")
 
     def drive_sphere(self, i: int, place: FloatArray) -> None:
         """Put sphere ``i`` at ``place`` [m] with its velocity and spin of time 0."""
-        raise NotImplementedError
+        raise TypeError(f"{type(self).__name__} prescribes no motion: its capabilities must not say so")

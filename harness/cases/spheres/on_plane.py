@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,10 @@ STEP = Parameter(
 
 def _law(mu: float) -> SphereLaw:
     return SphereLaw(kn=KN, ks=KS, mu=mu, beta=BETA, restitution=0.0, regularised=True)
+
+
+def _spheres(x: FloatArray, v: FloatArray) -> Spheres:
+    return Spheres(x=x, v=v, radius=np.full(len(x), RADIUS), mass=np.full(len(x), MASS))
 
 
 def _numerics(params: Mapping[str, Any], duration: float, every: int = 1) -> Numerics:
@@ -120,7 +125,7 @@ class Thrown:
         """Springs begin with the overlap of the weight."""
         law = _law(params["mu"])
         floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law)
-        ball = Spheres(x=[[0.0, 0.0, RADIUS - MASS * G / KN]], v=[params["speed"] * WAY], radius=RADIUS, mass=MASS)
+        ball = _spheres(np.array([[0.0, 0.0, RADIUS - MASS * G / KN]]), params["speed"] * WAY[None])
         scene = SphereScene(spheres=ball, sphere_sphere=law, walls=(floor,), gravity=(0.0, 0.0, -G))
         numerics = _numerics(params, 1.6 * 2.0 * params["speed"] / (7.0 * params["mu"] * G))
         return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
@@ -205,7 +210,7 @@ class Released:
         place = (RADIUS - MASS * G * math.cos(angle) / KN) * normal + [1.0, 1.0, 1.0]
         slope = PlaneWall(name="slope", point=(1.0, 1.0, 1.0), normal=(1.0, 2.0, 6.0), law=law)
         scene = SphereScene(
-            spheres=Spheres(x=[place], radius=RADIUS, mass=MASS),
+            spheres=_spheres(place[None], np.zeros((1, 3))),
             sphere_sphere=law,
             walls=(slope,),
             gravity=(0.0, 0.0, -G),
@@ -299,7 +304,7 @@ class Isotropy:
         far = 4.0 * RADIUS * DIRECTIONS / (2.0 * math.pi)
         x = far * ways + [0.0, 0.0, RADIUS - MASS * G / KN]
         floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law)
-        spheres = Spheres(x=x, v=speed * ways, radius=RADIUS, mass=MASS, rotating=False)
+        spheres = replace(_spheres(x, speed * ways), rotating=np.zeros(DIRECTIONS, dtype=bool))
         scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,), gravity=(0.0, 0.0, -G))
         numerics = _numerics(params, 0.5 * speed / (params["mu"] * G), every=20)
         return SphereSetup(scene=scene, numerics=numerics, watch=(), labels={})
@@ -379,7 +384,7 @@ class Turntable:
         spin = np.cross(foot - v, [0.0, 0.0, 1.0]) / RADIUS
         motion = (PlaneSegment(angular_velocity=(0.0, 0.0, turn), pivot=(0.0, 0.0, 0.0)),)
         table = PlaneWall(name="table", point=(2.0, 1.0, 0.0), normal=(0.0, 0.0, 1.0), law=law, motion=motion)
-        ball = Spheres(x=[x], v=[v], omega=[spin], radius=RADIUS, mass=MASS)
+        ball = replace(_spheres(x[None], v[None]), omega=spin[None])
         scene = SphereScene(spheres=ball, sphere_sphere=law, walls=(table,), gravity=(0.0, 0.0, -G))
         numerics = _numerics(params, 0.5 * math.pi / (2.0 / 7.0 * turn), every=10)
         return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
