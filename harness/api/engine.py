@@ -53,6 +53,14 @@ class Difference(StrEnum):
         "shear impulses of a sphere on a plane act at the plane: their arm is the radius less the overlap that the step of an "
         "impact makes"
     )
+    DASHPOT_NEVER_PULLS = (
+        "dashpots of spheres are cut off where they would pull, at the end of a contact: spheres part faster than their damping "
+        "ratio says, in every rebound"
+    )
+    FRICTION_WHILE_PULLED = (
+        "friction of spheres is cut off at mu times the size of the normal force: a dashpot that pulls at the end of a contact rubs "
+        "as hard as one that pushes"
+    )
     NORMAL_TURNS_IN_IMPACT = (
         "restitution takes the approach along the line of centres at the begin of a step, the impulse acts along that at its "
         "end: e = 1 gains energy, first order in the step"

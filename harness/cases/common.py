@@ -108,6 +108,8 @@ FINDING_WORDS: Mapping[Difference, str] = {
     Difference.KEEPS_OPENED_SHEAR: "opened-contact-keeps-shear",
     Difference.FRICTION_LAGS: "slides-without-friction-at-first",
     Difference.ARM_LESS_OVERLAP: "arm-less-the-overlap",
+    Difference.DASHPOT_NEVER_PULLS: "dashpot-never-pulls",
+    Difference.FRICTION_WHILE_PULLED: "friction-while-pulled",
     Difference.NORMAL_TURNS_IN_IMPACT: "elastic-gas-gains-energy",
 }
 """Words by which the finding of an engine with such a difference is called: its id is ``<engine>/<words>``. The others are models of a

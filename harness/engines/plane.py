@@ -189,7 +189,7 @@ class WorldSession(ABC):
     def impulses(self) -> Mapping[Pair, FloatArray]:
         """Impulse [N s] of the last step on the first body of each touching pair, shape (2,), in space (3,)."""
 
-    def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
+    def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:  # noqa: ARG002
         """Put wall ``k`` at ``here`` [m] with the normal ``facing``, on its way to ``there`` in one step, turning at ``rate`` [rad/s]."""
         raise TypeError(f"{type(self).__name__} prescribes no motion: its capabilities must not say so")
 

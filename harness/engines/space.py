@@ -190,11 +190,16 @@ class SpaceSession(WorldSession):
         write_contacts(self.scene, history, row, pose, impulses, self.dt)
 
     def drive_wall(
-        self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray
+        self,
+        k: int,  # noqa: ARG002
+        point: FloatArray,  # noqa: ARG002
+        rotation: FloatArray,  # noqa: ARG002
+        velocity: FloatArray,  # noqa: ARG002
+        rate: FloatArray,  # noqa: ARG002
     ) -> None:
         """Put plane ``k`` at ``point`` [m], turned by ``rotation`` since time 0, with a velocity [m/s] and a spin [rad/s]."""
         raise TypeError(f"{type(self).__name__} prescribes no motion: its capabilities must not say so")
 
-    def drive_sphere(self, i: int, place: FloatArray) -> None:
+    def drive_sphere(self, i: int, place: FloatArray) -> None:  # noqa: ARG002
         """Put sphere ``i`` at ``place`` [m] with its velocity and spin of time 0."""
         raise TypeError(f"{type(self).__name__} prescribes no motion: its capabilities must not say so")

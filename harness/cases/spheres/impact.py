@@ -10,9 +10,11 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
-from ninedisk.harness.api.case import Check, FloatArray, Observed, SphereSetup, TruthKind
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.capabilities import LEVER_ARMS
+from ninedisk.harness.api.case import Check, FloatArray, KnownDifference, Observed, SphereSetup, TruthKind
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import single, single_precision
+from ninedisk.references.analytic.spring_dashpot import restitution_of_beta
 from ninedisk.references.hertz_mindlin import Contact, Spun, impact, scheme_errors
 
 PLANE = np.array([[0.0, 0.0, -1.0], [0.8, 0.6, 0.0]])
@@ -118,6 +120,37 @@ def _peak(values: FloatArray) -> float:
     return b + (a - c) ** 2 / (8.0 * bend) if bend > 0.0 else b
 
 
+def _known(name: str, atol: float, contact: Contact, engine: EngineInfo, setup: SphereSetup) -> KnownDifference | None:
+    """What a known difference of springs explains of one quantity after the impact, beside ``atol``.
+
+    A dashpot pulls from where the force is 0, at ``e_0 v`` (`restitution_of_beta`), to where the overlap is, at ``e v``: without the pull
+    spheres part at ``e_0 v``, with friction beside it the speed along the surface changes by mu times as much, and the spin by 5/2 of
+    that over R. Arms shorter by half the overlap change slip and torque by ``overlap/(2 R)`` each, of either body, all through the
+    contact; a shear spring that swings meanwhile comes out as much earlier or later: twice that of all there is to change.
+    """
+    normal = name == "restitution_effective"
+    turn = 2.5 / contact.radius if name.startswith("spin") else 1.0
+    e = math.exp(-math.pi * contact.beta / math.sqrt(1.0 - contact.beta**2))
+    pulled = restitution_of_beta(contact.beta) - e
+    known = []
+    if Difference.DASHPOT_NEVER_PULLS in engine.differences and contact.beta > 0.0:
+        known.append(("dashpot-never-pulls", (1.0 if normal else contact.mu * contact.speed * turn) * pulled))
+    if Difference.FRICTION_WHILE_PULLED in engine.differences and contact.beta > 0.0 and not normal:
+        known.append(("friction-while-pulled", contact.mu * contact.speed * turn * pulled))
+    law = setup.scene.law((0, 1))
+    if LEVER_ARMS[law.lever_arm] not in engine.capabilities and contact.mu > 0.0 and not normal:
+        slip = abs(contact.first[1] - contact.second[1]) + contact.radius * (
+            abs(contact.first[2]) + abs(contact.second[2])
+        )
+        known.append(("one-lever-arm", 4.0 * contact.elastic.overlap / contact.radius * slip * turn))
+    if not known:
+        return None
+    words, _ = max(known, key=lambda each: each[1])
+    size = atol + 1.1 * sum(each for _, each in known)
+    why = "e_0 of a dashpot that never pulls less e, and overlap/R of the arms"
+    return KnownDifference(finding=f"{engine.id}/{words}", size=size, why=why)
+
+
 def rebound_checks(contact: Contact, setup: SphereSetup, engine: EngineInfo) -> list[Check]:
     """Velocities and spins after an impact on springs, within what central differences of this step err by."""
     truth, off = impact(contact)
@@ -160,7 +193,7 @@ def rebound_within(
         ]
     found = [
         Check(quantity=name, norm="scalar", truth=truth_kind, expected=float(expected), source=source, atol=float(each),
-              scale=float(scale), uncertainty=float(wide), why=why)
+              scale=float(scale), uncertainty=float(wide), why=why, known=_known(name, float(each), contact, engine, setup))
         for name, expected, each, scale, wide in rows
     ]  # fmt: skip
     found.append(

@@ -132,6 +132,10 @@ class DrakeEngine(PackageEngine):
         return Support(SupportLevel.EQUIVALENT if notes else SupportLevel.EXACT, notes=tuple(notes))
 
 
+MOST_SPHERES = 12
+"""Spheres on one plane with which Drake's discrete plants still run; with 14 the process ends by SIGSEGV."""
+
+
 class DrakeDiscreteEngine(RigidPackageEngine):
     """Adapter of Drake's discrete plants.
 
@@ -173,6 +177,8 @@ class DrakeDiscreteEngine(RigidPackageEngine):
         """Coefficients that no two bodies' shares give, and spins that nothing may change."""
         between = None if len(scene.bodies) < 2 else 0.5 * scene.law_of_bodies.mu
         found = stiffness_refusals(scene) + prescribed_spins(scene, "Drake")
+        if scene.dimension == 3 and len(scene.bodies) > MOST_SPHERES:
+            found.append(f"Drake ends with a segmentation fault where more than {MOST_SPHERES} spheres rest on a plane")
         if between is not None and any(0.5 * wall.law.mu >= 2.0 * between > 0.0 for wall in scene.walls):
             found.append(
                 "Drake gives a pair the harmonic mean of its bodies' friction: that of a wall must be below twice the "

@@ -14,7 +14,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall, WallSegment
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, SPACE, Capability
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.engines.lammps.space import LAMMPS_IN_SPACE
 from ninedisk.harness.engines.plane import contact_frame
@@ -92,6 +92,7 @@ FACTS = EngineInfo(
     name="LAMMPS",
     scheme="central-difference",
     contact="spring",
+    differences={Difference.FRICTION_WHILE_PULLED: str(Difference.FRICTION_WHILE_PULLED)},
     licence="GPL-2.0-only",
     how_it_runs="subprocess: Python with LAMMPS as a library, scene and history as JSON",
     install="pip install lammps mpich",

@@ -66,4 +66,22 @@ FINDINGS = (
         ),
         command="ninedisk run nine-disk/distortion --engine lammps --set lever_arm=overlap",
     ),
+    Finding(
+        id="lammps/friction-while-pulled",
+        engine="lammps",
+        versions="2025.7.22.4.0",
+        what=(
+            "Friction is cut off at mu times the size of the normal force. A dashpot that pulls at the end of a contact therefore rubs as "
+            "hard as one that pushes: an oblique rebound loses mu (e_0 - e) of the normal speed too much along the surface."
+        ),
+        size=Size(
+            case="spheres/thornton",
+            variant="law=linear,incidence=9*restitution=0.5*",
+            quantity="vt_final",
+            truth="analytic",
+            over=0.004,
+            over_why="the step's own error is at most 0.0098 m/s of the first 2.25 m/s along the plane and 1 m/s across it",
+        ),
+        command="ninedisk run spheres/thornton --engine lammps --set law=linear --set incidence=9 --set restitution=0.5",
+    ),
 )

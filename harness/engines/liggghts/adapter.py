@@ -16,7 +16,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import SPACE, Capability
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.engines.liggghts.space import LIGGGHTS_IN_SPACE
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
@@ -76,6 +76,7 @@ FACTS = EngineInfo(
     name="LIGGGHTS",
     scheme="central-difference",
     contact="spring",
+    differences={Difference.FRICTION_WHILE_PULLED: str(Difference.FRICTION_WHILE_PULLED)},
     licence="GPL-2.0-or-later",
     how_it_runs="subprocess: Python with LIGGGHTS as a library, scene and history as JSON",
     install="apt-get install liggghts",

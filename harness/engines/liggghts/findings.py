@@ -43,4 +43,40 @@ FINDINGS = (
         ),
         command="ninedisk run contact/retraced-loop --engine liggghts --set kind=pair --set arm=radius",
     ),
+    Finding(
+        id="liggghts/friction-while-pulled",
+        engine="liggghts",
+        versions="3.8.0",
+        what=(
+            "Friction is cut off at mu times the size of the normal force. A dashpot that pulls at the end of a contact therefore rubs as "
+            "hard as one that pushes: an oblique rebound loses mu (e_0 - e) of the normal speed too much along the surface."
+        ),
+        size=Size(
+            case="spheres/thornton",
+            variant="law=linear,incidence=9*restitution=0.5*",
+            quantity="vt_final",
+            truth="analytic",
+            over=0.004,
+            over_why="the step's own error is at most 0.0098 m/s of the first 2.25 m/s along the plane and 1 m/s across it",
+        ),
+        command="ninedisk run spheres/thornton --engine liggghts --set law=linear --set incidence=9 --set restitution=0.5",
+    ),
+    Finding(
+        id="liggghts/one-lever-arm",
+        engine="liggghts",
+        versions="3.8.0",
+        what=(
+            "The lever arm of shear forces on spheres is always R - overlap/2, at planes as well: an oblique impact turns the sphere by "
+            "overlap/R less than with the arm R."
+        ),
+        size=Size(
+            case="spheres/chung-ooi/4",
+            variant="*angle=25,unloading=none*",
+            quantity="spin_final",
+            truth="converged",
+            over=1e-4,
+            over_why="the step's own error is 7e-3 rad/s of some 500",
+        ),
+        command="ninedisk run spheres/chung-ooi/4 --engine liggghts --set angle=25 --set unloading=none",
+    ),
 )

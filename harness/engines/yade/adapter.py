@@ -13,7 +13,7 @@ from typing import Any
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, SPACE, Capability
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, turns, wall_laws
 from ninedisk.harness.engines.yade.space import YADE_IN_SPACE
 from ninedisk.harness.run.warden import owned
@@ -93,6 +93,7 @@ FACTS = EngineInfo(
     name="YADE",
     scheme="central-difference",
     contact="spring",
+    differences={Difference.DASHPOT_NEVER_PULLS: str(Difference.DASHPOT_NEVER_PULLS)},
     licence="GPL-2.0-or-later",
     how_it_runs="subprocess `yade -n -x -j1`, scene and history as JSON",
     install="apt-get install yade",
