@@ -89,6 +89,14 @@ def array(name: str, values: ArrayLike, *, dimensions: tuple[int, ...] = ()) -> 
     return found
 
 
+def pair_of(name: str, values: ArrayLike) -> FloatArray:
+    """Two finite numbers as float64, shape (2,); raises ValueError."""
+    found = array(name, values, dimensions=(1,))
+    if found.shape != (2,):
+        raise ValueError(f"{name} = {values!r:.200} is not allowed: it must be two numbers")
+    return found
+
+
 def times_of(t: ArrayLike) -> FloatArray:
     """Times as float64; raises ValueError unless each is finite and >= 0."""
     found = array("t", t)

@@ -39,6 +39,13 @@ DEFECTS = (
              "    return min(max(q[0], -limit), limit), min(max(q[1], -limit), limit), min(max(q[2], -limit), limit)")),
     _kernel("sphere-turns-as-disk", "friction changes a spin as of a disk", "slides",
             (KERNELS, "state.torque[i, c] += (ri - arm) * twist[c] - m[c]", "state.torque[i, c] += 0.8 * (ri - arm) * twist[c] - m[c]")),
+    _kernel("pivot-lost", "a plane turns about its own point", "turntable",
+            (KERNELS, "place = motion.row[k, PIVOT + d]", "place = motion.row[k, POINT + d]")),
+    _kernel("plane-turns-and-does-not-drag", "a plane that turns has the velocity of its pivot everywhere", "turntable",
+            (KERNELS, "return plus(velocity, 1.0, cross(row(table, w, 12), arm))",
+             "return plus(velocity, 0.0, cross(row(table, w, 12), arm))")),
+    _kernel("friction-as-in-x", "friction is half as large along y", "all-ways",
+            (KERNELS, "state.force[i, c] += f[c]", "state.force[i, c] += f[c] - (0.5 * fs[1] if c == 1 else 0.0)")),
     _kernel("chain-both-push", "a contact pushes the first body alone", "chain",
             (KERNELS, "state.force[j, c] -= f[c]", "state.force[j, c] -= 0.999 * f[c]")),
 )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ninedisk.references._validate import fraction, positive
+from ninedisk.references._validate import fraction, pair_of, positive
 
 ROUND_TRIP = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9)
 """Duration over ``delta/v``: ``2 int_0^1 dx/sqrt(1 - x^(5/2))``, 2.9432751..."""
@@ -42,18 +42,20 @@ def hertz_impact(*, e_star: float, radius: float, mass: float, speed: float) -> 
     return Impact(1.25 * mass * speed**2 / overlap, overlap, ROUND_TRIP * overlap / speed)
 
 
-def contact_moduli(*bodies: tuple[float, float]) -> tuple[float, float]:
-    """E* and G* [Pa] of a contact of bodies ``(E, nu)``, > 0 and in [0, 0.5]; one alone meets a rigid one.
+def contact_moduli(first: tuple[float, float], second: tuple[float, float] | None = None) -> tuple[float, float]:
+    """E* and G* [Pa] of a contact of bodies ``(E, nu)``, > 0 and in [0, 0.5]; None: a rigid one.
 
     ``1/E* = sum (1 - nu^2)/E``; ``1/G* = sum (2 - nu)/G`` with ``G = E/(2 (1 + nu))``: Johnson (1985), sections 4.2 and 7.3.
     """
     normal = shear = 0.0
-    for young, ratio in bodies:
+    for name, body in (("first", first), ("second", second)):
+        if name == "second" and body is None:
+            continue
+        young, ratio = pair_of(name, body).tolist()  # type: ignore[arg-type]
         positive(E=young)
         fraction(nu=ratio)
         normal += (1.0 - ratio**2) / young
         shear += (2.0 - ratio) * 2.0 * (1.0 + ratio) / young
-    positive(normal=normal)
     return 1.0 / normal, 1.0 / shear
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import positive, times_of
+from ninedisk.references._validate import pair_of, positive, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ class Round(NamedTuple):
 
 
 def turntable(
-    *, start: ArrayLike, velocity: ArrayLike, turn: float, times: ArrayLike, inertia_ratio: float = UNIFORM_SPHERE
+    *, start: ArrayLike, v: ArrayLike, turn: float, t: ArrayLike, inertia_ratio: float = UNIFORM_SPHERE
 ) -> Round:
     """The centre goes round on a circle at ``Omega k/(1 + k)``: 2/7 of the plane's angular speed for a uniform sphere.
 
@@ -34,11 +34,11 @@ def turntable(
 
     Parameters
     ----------
-    start, velocity : array_like, shape (2,)
+    start, v : array_like, shape (2,)
         At time 0, from the axis [m], [m/s].
     turn : float
         Angular speed Omega of the plane about its normal [rad/s], > 0.
-    times : array_like, shape (s,)
+    t : array_like, shape (s,)
         [s].
     inertia_ratio : float
         k, > 0.
@@ -48,9 +48,9 @@ def turntable(
     Source: derived above; E. J. Routh, Dynamics of a System of Rigid Bodies, art. 240; K. Weckesser, Am. J. Phys. 65 (1997) 736.
     """
     positive(turn=turn, inertia_ratio=inertia_ratio)
-    t = times_of(times)
+    times = times_of(t)
     rate = turn * inertia_ratio / (1.0 + inertia_ratio)
-    x, v = np.asarray(start, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
-    c, s = np.cos(rate * t)[:, None], np.sin(rate * t)[:, None]
-    across = np.array([-v[1], v[0]])
-    return Round(x + (s * v + (1.0 - c) * across) / rate, c * v + s * across, rate)
+    x, u = pair_of("start", start), pair_of("v", v)
+    c, s = np.cos(rate * times)[:, None], np.sin(rate * times)[:, None]
+    across = np.array([-u[1], u[0]])
+    return Round(x + (s * u + (1.0 - c) * across) / rate, c * u + s * across, rate)

@@ -39,7 +39,7 @@ RIGHT_VALUES: dict[str, Any] = {
     "overlap": 0.05, "part": np.array([0.0, 0.5, 1.0]), "period": 1.0, "phase": 0.1, "phi": np.array([0.5, 0.6]),
     "place": (-1.0, 0.05), "pull": 1.0, "rate": 1.0, "reach": 0.2,
     "radius": 0.1, "inertia": 0.01, "inertial_number": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "spacing": 0.19,
-    "speed": 1.0, "spin": 1.0, "start": 0.4,
+    "speed": 1.0, "spin": 1.0, "start": 0.4, "e_star": 1e9, "turn": 2.0, "first": (1e9, 0.3),
     "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
     "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "cohesion": 5e3, "kr": 1e2, "mu_r": 0.5,
     "force": 3.0, "inertia_1": 0.3, "inertia_2": 0.4, "radius_1": 0.5, "radius_2": 0.2,
@@ -61,6 +61,7 @@ OWN: dict[str, dict[str, Any]] = {
     "prescribed_partner.struck_by_turning_wall": {"place": (0.5, 0.2)},
     "lattice.stretched": {"rate": (-0.1, 0.1)},
     "pushed_row.static_force": {"way": 0.01},
+    "turntable.turntable": {"start": (1.0, 2.0), "v": (0.7, 0.0)},
     "wedge.wedge": {"speed": 0.01, "half_width": 0.7, "t": np.array([0.0, 0.1])},
 }
 """Right arguments of functions of their own."""

@@ -409,7 +409,7 @@ class Turntable:
     ) -> Sequence[Check]:
         """Both components at all times, and the rate."""
         speed, turn, dt = params["speed"], params["turn"], params["dt"]
-        truth = turntable(start=self.START, velocity=(speed, 0.0), turn=turn, times=observed.t)
+        truth = turntable(start=self.START, v=(speed, 0.0), turn=turn, t=observed.t)
         t_end = float(observed.t[-1])
 
         def found(setup: Any, engine: EngineInfo) -> list[Check]:

@@ -27,7 +27,7 @@ def test_motion_is_that_of_newton_and_euler() -> None:
         return np.concatenate([v, force / m, -radius * np.cross(z, force) / (k * m * radius**2)])
 
     found = solve_ivp(rates, (0.0, 4.0), np.concatenate([x, v, spin]), t_eval=times, rtol=1e-11, atol=1e-12)
-    truth = turntable(start=x[:2], velocity=v[:2], turn=turn, times=times)
+    truth = turntable(start=x[:2], v=v[:2], turn=turn, t=times)
     np.testing.assert_allclose(truth.x, found.y[:2].T, atol=1e-9)
     np.testing.assert_allclose(truth.v, found.y[3:5].T, atol=1e-9)
     assert truth.rate == pytest.approx(turn * 2.0 / 7.0)
