@@ -36,6 +36,10 @@ IntArray = NDArray[np.int64]
 
 DENSE = 10.0
 """Bodies with more than this times ``sqrt(b)`` neighbours come last, as in AMD: they would slow down every step."""
+MOST_CHANGED = 12
+"""Contacts whose blocks are changed by updates before factors are made anew: 24 columns cost about as much as these."""
+MOST_CONDITION, CANCELLED = 1e6, 1e-6
+"""Condition of the small matrix of updates, and what is left of a row after cancellation: beyond, factors are made anew."""
 PIVOT = 1e-3
 """Diagonal entries above this fraction of their column stay pivots: the matrix is nearly symmetric, and so its ordering holds."""
 
@@ -287,27 +291,63 @@ class UnsymmetricMatrix:
         """Factorise with the blocks ``d``, shape (c, 2, 2); False if that is impossible."""
         if not np.isfinite(d).all():
             return False
-        self._matrix = self._made(d)
         try:
-            self._lu = _factors(self._matrix, "NATURAL")
+            self._lu = _factors(self._made(d), "NATURAL")
         except RuntimeError:
             return False
+        self._blocks = d.copy()
+        self._changed, self._change = np.empty(0, dtype=np.int64), np.empty((0, 2, 2))
+        self._gain, self._small = np.empty((len(self._place), 0)), np.empty((0, 0))
         return True
 
+    def update(self, contact: int, block: FloatArray) -> bool:
+        """Give one contact another block, shape (2, 2), by the formula of Sherman, Morrison and Woodbury; False if that is impossible.
+
+        Few such changes cost less than the factors, which `factorise` is to make anew after `MOST_CHANGED`.
+        """
+        if contact not in self._changed:
+            columns = np.zeros((len(self._place), 2))
+            np.add.at(columns, self._unknowns[contact], self._rows[contact].T)
+            self._gain = np.hstack([self._gain, self._through_factors(columns)])
+            self._changed = np.append(self._changed, contact)
+            self._change = np.concatenate([self._change, np.zeros((1, 2, 2))])
+        self._change[self._changed == contact] = block - self._blocks[contact]
+        size = 2 * self.changed
+        update = (self._change @ self._seen(self._gain)).reshape(size, size)
+        self._small = np.eye(size) + update
+        rows = np.abs(self._small).max(axis=1)
+        # Where a stiff contact opens, the update nearly cancels the unit matrix.
+        kept = np.isfinite(update).all() and (rows > CANCELLED * np.abs(update).max(axis=1)).all()
+        return bool(kept and np.linalg.cond(self._small / rows[:, None]) < MOST_CONDITION)
+
+    @property
+    def changed(self) -> int:
+        """Contacts whose blocks are not those that were factorised."""
+        return len(self._changed)
+
     def solve(self, right: FloatArray) -> FloatArray:
-        """Solve with the last factorisation and one refinement: pivots are not always the largest ones."""
-        b = right[self._place]
-        z = self._lu.solve(b)
-        z += self._lu.solve(b - self._matrix @ z)
-        out = np.empty(len(z))
-        out[self._place] = z
+        """Solve with the last factorisation and its updates; pivots are not always the largest ones: one refines the solution."""
+        out = self._through_factors(right)
+        if self.changed:
+            out -= self._gain @ np.linalg.solve(self._small, (self._change @ self._seen(out[:, None])).ravel())
         return out
 
     def sign(self) -> float:
-        """Sign of the determinant of the last factorisation: 1, -1, or 0."""
+        """Sign of the determinant of the matrix: 1, -1, or 0."""
         lu = self._lu
         swaps = _odd(lu.perm_r) != _odd(lu.perm_c)
-        return float(np.prod(np.sign(lu.U.diagonal()))) * (-1.0 if swaps else 1.0)
+        whole = float(np.prod(np.sign(lu.U.diagonal()))) * (-1.0 if swaps else 1.0)
+        return whole * float(np.linalg.slogdet(self._small)[0])
+
+    def _through_factors(self, right: FloatArray) -> FloatArray:
+        out = np.empty_like(right)
+        out[self._place] = self._lu.solve(right[self._place])
+        return out
+
+    def _seen(self, x: FloatArray) -> FloatArray:
+        """Velocities of the m changed contacts, shape (m, 2, k), of k columns of unknowns ``x``."""
+        seen: FloatArray = self._rows[self._changed] @ x[self._unknowns[self._changed]]
+        return seen
 
 
 def _odd(permutation: NDArray[np.int32]) -> bool:

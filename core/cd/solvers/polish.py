@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
-from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix, times
+from ninedisk.core.cd.solvers.factorise import MOST_CHANGED, UnsymmetricMatrix, times
 from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
 from ninedisk.core.cd.solvers.outcome import Stopwatch
 
@@ -47,6 +47,8 @@ INSIDE = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 0.
 """Signs of the margins ``(z_n, mu z_n - z_t, mu z_n + z_t)`` by status; 0 where the margin is no border of it."""
 SOFT = 1e-9
 """Compliance over ``1/rho`` that acts on the change of the forces: below, the digits of its effect are lost to round-off."""
+UPDATED_FROM = 1e-6
+"""Compliance from which on a pivot updates the factors: opening a stiffer contact would cost the digits of the update."""
 PATHS = 8
 """Times the pivots of one path that a polish may take in all: most take one or two paths of a few pivots."""
 FIRST_JITTER, MOST_JITTER = 1e-6, 1e-3
@@ -86,28 +88,29 @@ class Polish:
 
     def __init__(self, problem: ContactProblem, tolerance: float, clock: Stopwatch) -> None:
         self.problem, self.tolerance, self.clock, self.count = problem, tolerance, clock, 0
+        self.soft = SOFT
         self._random = np.random.default_rng(problem.n_contacts)
 
     @cached_property
     def _matrix(self) -> UnsymmetricMatrix:
         return UnsymmetricMatrix(self.problem)
 
-    def improve(self, r: FloatArray, pivots: int) -> tuple[FloatArray, Residuals] | None:
-        """Exact forces, shape (c, 2), near ``r``, and their residuals; None if paths of ``pivots`` pivots do not lead to any.
+    def improve(self, r: FloatArray, pivots: int, paths: int = PATHS) -> tuple[FloatArray, Residuals] | None:
+        """Exact forces, shape (c, 2), near ``r``, and their residuals; None if ``paths`` paths of ``pivots`` pivots do not lead to any.
 
         A round follows the path to the forces that the compliance holds near those of the last one. Where more contacts are closed than
         can be at once, by gaps d times the way of a step, each changes them by ``d/SOFT`` along what W does not see, until a contact
         opens or slips the other way. Such a drift is followed in one stride as far as the first change of a status: strides beyond
         it can go round, from one set of such contacts to the next.
         """
-        z = r - self.problem.rho[:, None] * self._velocity(r)
+        z = r - self.problem.rho[:, None] * self.velocity(r)
         status, held, drift, striding = statuses(self.problem, z), r, np.zeros_like(r), False
-        budget = self.count + PATHS * pivots
+        budget = self.count + paths * pivots
         while True:
             found = self._hold(r, status)
             if found is None:
                 return None
-            if exact := self._judged(found):
+            if exact := self.judged(found):
                 return exact
             ended = self._follow(r, held, pivots, to_first=striding)
             jitter = FIRST_JITTER
@@ -117,7 +120,7 @@ class Polish:
             if ended is None or self.count > budget:
                 return None
             r, status = ended
-            if exact := self._judged(r):
+            if exact := self.judged(r):
                 return exact
             if striding:
                 held, striding = r, False
@@ -136,18 +139,18 @@ class Polish:
         problem, rho = self.problem, self.problem.rho
         for _cover in range(COVERS):
             d = self._random.uniform(1.0, 2.0, problem.n_contacts) / np.sqrt(rho)
-            b = problem.b - SOFT / rho[:, None] * r
+            b = problem.b - self.soft / rho[:, None] * r
             error = np.zeros_like(b)
             error[:, 0] = -1.01 * max(0.0, float((-b[:, 0] / d).max())) * d
-            ended = self._path(rho[:, None] * (error - b), error, PIVOTS * problem.n_contacts)
+            ended = self.path(rho[:, None] * (error - b), error, PIVOTS * problem.n_contacts)
             if ended is None:
                 continue
             r = ended[0]
-            if exact := self._judged(r) or self.improve(starting_forces(problem, r), pivots):
+            if exact := self.judged(r) or self.improve(starting_forces(problem, r), pivots):
                 return exact
         return None
 
-    def _judged(self, forces: FloatArray) -> tuple[FloatArray, Residuals] | None:
+    def judged(self, forces: FloatArray) -> tuple[FloatArray, Residuals] | None:
         """The forces inside their cones and their residuals, if the law accepts them."""
         if not np.isfinite(forces).all():
             return None
@@ -157,13 +160,13 @@ class Polish:
 
     def _hold(self, r: FloatArray, status: IntArray) -> FloatArray | None:
         """Forces with these statuses that differ least from ``r``; None if the matrix cannot be factorised."""
-        if not self._factorise(status):
+        if not self.factorise(status):
             return None
-        forces = self._inside(r, status)
+        forces = self.inside(r, status)
         for _ in range(REFINEMENTS):
-            forces = forces - self._change(self._velocity(forces))
+            forces = forces - self.change(self.velocity(forces))
             # On the edge of the cone to the last bit.
-            forces = self._inside(forces, status)
+            forces = self.inside(forces, status)
         return forces
 
     def _follow(
@@ -171,13 +174,13 @@ class Polish:
     ) -> tuple[FloatArray, IntArray] | None:
         """Forces and statuses at the end of the path from ``r``, with compliance that acts on their difference from ``held``."""
         rho = self.problem.rho[:, None]
-        z = r - rho * self._velocity(r)
+        z = r - rho * self.velocity(r)
         z = z + jitter * float(np.abs(z).max()) * self._random.uniform(-1.0, 1.0, z.shape)
-        forces = self._inside(z, statuses(self.problem, z))
-        error = self._velocity(forces) + (z - forces) / rho + SOFT / rho * (forces - held)
-        return self._path(z, error, pivots, to_first=to_first)
+        forces = self.inside(z, statuses(self.problem, z))
+        error = self.velocity(forces) + (z - forces) / rho + self.soft / rho * (forces - held)
+        return self.path(z, error, pivots, to_first=to_first)
 
-    def _path(
+    def path(
         self, z: FloatArray, error: FloatArray, pivots: int, *, to_first: bool = False
     ) -> tuple[FloatArray, IntArray] | None:
         """Forces and statuses at the end of the path from z, where F is ``error``; None if there is no end, or it takes too long.
@@ -191,14 +194,14 @@ class Polish:
         first, begin, t, ahead = status.copy(), z, 1.0, -1.0
         crossed: tuple[int, int] | None = None
         for pivot in range(pivots):
-            if self.clock.over or not self._factorise(status):
+            if self.clock.over or not (self.factorise(status) if crossed is None else self._turn(crossed[0], status)):
                 return None
             if pivot == 0:
                 ahead = -self._matrix.sign()
             # dz/dt, where J dz/dt = error.
-            dr = self._change(error)
-            dr = dr + self._change(error - self._response(dr) - SOFT / rho * dr)
-            rate = dr + rho * (error - self._response(dr)) - SOFT * dr
+            dr = self.change(error)
+            dr = dr + self.change(error - self.response(dr) - self.soft / rho * dr)
+            rate = dr + rho * (error - self.response(dr)) - self.soft * dr
             inside = np.where(problem.mu[:, None] > 0.0, INSIDE[status], INSIDE[status] * [1.0, 0.0, 0.0])
             margin, growth = inside * _margins(problem, z), inside * _margins(problem, rate)
             if crossed is not None:
@@ -212,7 +215,7 @@ class Polish:
             contact, border = divmod(int(np.argmin(steps)), 3)
             step = float(steps[contact, border])
             if ahead < 0.0 and step >= t:
-                ended = self._inside(z - t * rate, status)
+                ended = self.inside(z - t * rate, status)
                 return (ended, status) if np.isfinite(ended).all() else None
             round_trip = pivot > 0 and (t - 1.0) * (t + ahead * step - 1.0) <= 0.0 and np.array_equal(status, first)
             if t + ahead * step > FAR or (round_trip and _near(z + (1.0 - t) * rate, begin)):
@@ -227,34 +230,48 @@ class Polish:
                 z[contact, 1] = SIDE[slip] * problem.mu[contact] * z[contact, 0]
                 status[contact] = slip if status[contact] == STICK else STICK
             if to_first:
-                return self._inside(z, status), status
+                return self.inside(z, status), status
         return None
 
-    def _factorise(self, status: IntArray) -> bool:
-        """Factorise for `_change` with these statuses; False if that is impossible."""
-        problem = self.problem
-        give = problem.compliance + (SOFT / problem.rho)[:, None]
-        d = np.zeros((problem.n_contacts, 2, 2))
-        d[:, 0, 0] = (status != OPEN) / give[:, 0]
-        d[:, 1, 0] = SIDE[status] * problem.mu * d[:, 0, 0]
-        d[:, 1, 1] = (status == STICK) / give[:, 1]
-        self._d, self.count = d, self.count + 1
-        return self._matrix.factorise(d)
+    def factorise(self, status: IntArray) -> bool:
+        """Factorise for `change` with these statuses; False if that is impossible."""
+        self._d, self.count = self._blocks(status, np.arange(len(status))), self.count + 1
+        return self._matrix.factorise(self._d)
 
-    def _change(self, u: FloatArray) -> FloatArray:
+    def _turn(self, contact: int, status: IntArray) -> bool:
+        """`factorise`, where the status of one contact has changed since."""
+        if self.soft < UPDATED_FROM or self._matrix.changed >= MOST_CHANGED:
+            return self.factorise(status)
+        block = self._blocks(status, np.array([contact]))[0]
+        if not self._matrix.update(contact, block):
+            return self.factorise(status)
+        self._d[contact], self.count = block, self.count + 1
+        return True
+
+    def _blocks(self, status: IntArray, contacts: IntArray) -> FloatArray:
+        """Change of the forces per change of the velocities of some contacts, shape (k, 2, 2)."""
+        problem, status = self.problem, status[contacts]
+        give = problem.compliance[contacts] + (self.soft / problem.rho[contacts])[:, None]
+        d = np.zeros((len(contacts), 2, 2))
+        d[:, 0, 0] = (status != OPEN) / give[:, 0]
+        d[:, 1, 0] = SIDE[status] * problem.mu[contacts] * d[:, 0, 0]
+        d[:, 1, 1] = (status == STICK) / give[:, 1]
+        return d
+
+    def change(self, u: FloatArray) -> FloatArray:
         """Change ``dr`` of the forces that changes the velocities by ``u``: ``dr = D (u - H dv)`` where ``M dv = H' dr``."""
         matrix = self._matrix
         dv = matrix.solve(matrix.h.T @ times(self._d, u).ravel())
         return times(self._d, u - (matrix.h @ dv).reshape(-1, 2))
 
-    def _velocity(self, r: FloatArray) -> FloatArray:
+    def velocity(self, r: FloatArray) -> FloatArray:
         return self.problem.contact_velocity(self.problem.body_velocity(r), r)
 
-    def _response(self, dr: FloatArray) -> FloatArray:
+    def response(self, dr: FloatArray) -> FloatArray:
         """``W dr``."""
-        return self._velocity(dr) - self.problem.b
+        return self.velocity(dr) - self.problem.b
 
-    def _inside(self, z: FloatArray, status: IntArray) -> FloatArray:
+    def inside(self, z: FloatArray, status: IntArray) -> FloatArray:
         """``P(z)`` by the statuses."""
         p = np.where(status == OPEN, 0.0, z[:, 0])
         return np.column_stack([p, np.where(status == STICK, z[:, 1], SIDE[status] * self.problem.mu * p)])

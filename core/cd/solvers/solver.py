@@ -7,12 +7,12 @@ from dataclasses import replace
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, Sliding, measure
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers.coulomb import CoulombInteriorPoint
 from ninedisk.core.cd.solvers.feasibility import PROOF_AFTER, InfeasibleContactsError, check_feasible
 from ninedisk.core.cd.solvers.gauss_seidel import MAX_SWEEPS, GaussSeidel, solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch
 from ninedisk.core.cd.solvers.polish import Polish
+from ninedisk.core.cd.solvers.proximal import ProximalPoint
 from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 
 SOLVERS = ("auto", "interior-point", "gauss-seidel")
@@ -22,6 +22,8 @@ STAGES = ((200, 20), (5_000, 400), (20_000, 400), (80_000, 400))
 """Sweeps for Coulomb's law after which "auto" polishes the forces found, and pivots that a path of this may take."""
 PATH_AFTER = STAGES[1][0]
 """Sweeps after which "auto" looks for the forces by another way, too."""
+SHARE = 0.9
+"""Of the time left, for proximal points: what they do not solve sweeps hardly ever do."""
 LEMKE_CONTACTS = 500
 """Contacts up to which "auto" follows the path from nothing: some 3 pivots for each contact, each of which costs as much as a matrix
 that grows with the contacts."""
@@ -113,7 +115,7 @@ class ContactSolver:
         """
         self.problem = problem
         if self.sliding == "coulomb" and self.name == "interior-point":
-            return CoulombInteriorPoint(self.options).solve(problem)
+            return ProximalPoint(self.options).solve(problem, start)
         if self.sliding == "coulomb" and self.name == "auto":
             return self._coulomb(problem, start, at_rest)
         if self.name == "gauss-seidel":
@@ -166,8 +168,8 @@ class ContactSolver:
             if problem.n_contacts <= LEMKE_CONTACTS and (polished := polish.from_nothing(sweeps.r, pivots)):
                 return result("lemke", polished)
             try:
-                path = CoulombInteriorPoint(replace(options, max_iterations=None, time_limit=clock.left / 2.0))
-                found = path.solve(problem)
+                path = ProximalPoint(replace(options, max_iterations=None, time_limit=SHARE * clock.left))
+                found = path.solve(problem, sweeps.r)
                 return replace(found, iterations=found.iterations + sweeps.done + polish.count + count)
             except SolverNotConvergedError as error:
                 count += error.iterations

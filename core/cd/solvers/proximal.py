@@ -1,0 +1,258 @@
+"""Proximal points for Coulomb's law: rigid packings that flow, solved as a sequence of problems that are a little elastic.
+
+With compliance the law is easy: Newton's method on its statuses, or a path of few pivots, solves it. So each step solves
+
+    F_k(z) = W P(z) + b + s/rho (P(z) - r_k) - (P(z) - z)/rho = 0,      r_{k+1} = P(z),
+
+whose compliance ``s`` acts on the change of the forces alone: where they stop changing they solve the rigid law. An error along an
+eigenvalue ``lambda`` of the law shrinks by ``s/(s + lambda)``. For a convex program all eigenvalues are positive and it never grows
+[Rockafellar 1976, Monotone operators and the proximal point algorithm, SIAM J. Control Optim. 14]. Sliding without dilation makes some
+negative: along them errors grow if ``-2 s < lambda < 0``. So ``s`` is lowered as long as steps are solved, and raised where they are
+not; the forces wander past solutions until `Polish` gets hold of one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ninedisk.core.array_types import FloatArray
+from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
+from ninedisk.core.cd.settings import SolverOptions
+from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError, check_feasible
+from ninedisk.core.cd.solvers.interior_point import InteriorPoint
+from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch, not_converged
+from ninedisk.core.cd.solvers.polish import SOFT, Polish, statuses
+from ninedisk.core.errors import SolverNotConvergedError
+
+MAX_ITERATIONS = 50_000
+"""Factorisations and pivots."""
+FIRST_SOFT, MOST_SOFT = 1e-2, 1.0
+"""Compliance over ``1/rho``: at the first every packing tried is solved by some five steps of Newton's method."""
+LOWER, RAISE = 0.7, 1.6
+"""Factors of the compliance after a step that was solved soon, and after one that was not solved."""
+NEWTON, SOON = 12, 5
+"""Steps of Newton's method before the path is followed; up to so many count as soon."""
+SHORTEST = 1e-3
+"""Part of a step of Newton's method below which it is given up."""
+PIVOTS = 60
+"""Of a path whose end is a step: more cost more than a smaller step."""
+SOLVED = 1e-13
+"""Error of a step, over the first forces."""
+NEARER = 0.1
+"""Natural map over that at the last polish from which on the next one is worth its pivots."""
+FEW, NEAR = 25, 0.1
+"""Pivots of a path up to which the compliance is lowered; error over the first from which on a step that was not solved is kept."""
+SLICE = 1_000
+"""Iterations from one start before the other has its turn, the first time; which of the two arrives cannot be told before."""
+POLISH_PIVOTS, POLISH_AGAIN = 30, 100
+"""Of a polish; steps after which the next one is not held against those before."""
+
+
+class ProximalPoint:
+    """Solver of Coulomb's law.
+
+    Parameters
+    ----------
+    options : SolverOptions, optional
+    """
+
+    def __init__(self, options: SolverOptions | None = None) -> None:
+        self.options = options or SolverOptions()
+
+    def solve(self, problem: ContactProblem, start: FloatArray | None = None) -> SolverResult:
+        """Solve the problem.
+
+        Where nothing slides, the solution of the associated rule is the one. Factorisations, pivots and iterations of the associated
+        rule count as iterations.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+        start : ndarray, shape (c, 2), optional
+            Forces inside the cones to begin from; None: those of the associated rule.
+
+        Returns
+        -------
+        SolverResult
+
+        Raises
+        ------
+        SolverNotConvergedError
+            At the iteration or time limit, with the figures reached.
+        InfeasibleContactsError
+            If no motion satisfies the contacts.
+        """
+        search = _Search(problem, self.options)
+        none = np.zeros((problem.n_contacts, 2))
+        # Where no contact force is needed, every other one would be infinitely far off relative to the solution 0.
+        if not search.judge(none) and not search.over:
+            starts = (start, search.associated())
+            walks = [_Walk(search, r) for r in starts if r is not None] or [_Walk(search, none)]
+            slices = SLICE
+            while not search.over:
+                for walk in walks:
+                    walk.go(search.iterations + slices)
+                slices *= 2
+        return search.result()
+
+
+class _Search:
+    """The best forces found, and the way on from any."""
+
+    def __init__(self, problem: ContactProblem, options: SolverOptions) -> None:
+        self.problem, self.options, self.clock = problem, options, Stopwatch(options.time_limit)
+        self.solver, self.others = "proximal-point", 0
+        self.law = Polish(problem, options.tolerance, self.clock)
+        self.best: tuple[FloatArray, Residuals] | None = None
+
+    @property
+    def found(self) -> bool:
+        """Whether the best forces reach the tolerance."""
+        return self.best is not None and self.best[1].reached(self.options.tolerance)
+
+    @property
+    def iterations(self) -> int:
+        """All factorisations and pivots so far."""
+        return self.others + self.law.count
+
+    @property
+    def over(self) -> bool:
+        """Whether the forces are found or a limit is reached."""
+        return self.found or self.clock.over or self.iterations >= (self.options.max_iterations or MAX_ITERATIONS)
+
+    def judge(self, r: FloatArray) -> bool:
+        """Take note of forces; whether they reach the tolerance."""
+        now = measure(self.problem, self.problem.body_velocity(r), r, sliding="coulomb")
+        if self.best is None or now.worst < self.best[1].worst or now.reached(self.options.tolerance):
+            self.best = (r, now)
+        self.natural_map = now.natural_map
+        return self.found
+
+    def associated(self) -> FloatArray | None:
+        """Forces of the associated rule: those of Coulomb's law where nothing slides, and far cheaper to find."""
+        options = replace(self.options, time_limit=self.clock.left)
+        try:
+            found = InteriorPoint(options).solve(self.problem)
+        except (SolverNotConvergedError, InfeasibleContactsError):
+            return None
+        self.others += found.iterations
+        if self.judge(found.r) or self.polish(found.r, 0):
+            self.solver = "interior-point"
+        return found.r
+
+    def polish(self, r: FloatArray, pivots: int) -> bool:
+        """Whether the forces can be made exact."""
+        self.law.soft = SOFT
+        if not self.over and (exact := self.law.improve(r, pivots, paths=1)):
+            self.best = exact
+        return self.found
+
+    def result(self) -> SolverResult:
+        """The result, or the error that says how far it got."""
+        assert self.best is not None
+        if not self.found:
+            check_feasible(self.problem, sliding="coulomb", seconds=self.options.time_limit)
+            not_converged(
+                self.solver,
+                self.options,
+                self.iterations,
+                self.best[1],
+                self.clock,
+                "Coulomb's law need not have a solution that it finds: use gauss-seidel, loosen the tolerance, or raise "
+                "max_iterations or time_limit.",
+            )
+        r, residuals = self.best
+        return SolverResult(
+            solver=self.solver,
+            sliding="coulomb",
+            v=self.problem.body_velocity(r),
+            r=r,
+            iterations=self.iterations,
+            residuals=residuals,
+            seconds=self.clock.seconds,
+        )
+
+
+class _Walk:
+    """Proximal points from some forces on, until the search is over; near solutions with a polish."""
+
+    def __init__(self, search: _Search, r: FloatArray) -> None:
+        self.search, self.law, self.problem = search, search.law, search.problem
+        rho = self.problem.rho[:, None]
+        self.z = r - rho * self.law.velocity(r)
+        self.size = max(float(np.linalg.norm(r)), float(np.linalg.norm(rho * self.problem.b)) * 1e-3)
+        self.soft, self.nearest, self.steps = FIRST_SOFT, np.inf, 0
+
+    def go(self, limit: int) -> None:
+        """Step by step until the search is over or has taken ``limit`` iterations."""
+        search = self.search
+        while not search.over and search.iterations < limit:
+            r = self.law.inside(self.z, statuses(self.problem, self.z))
+            if search.judge(r):
+                return
+            if search.natural_map < NEARER * self.nearest:
+                # The first forces are those of another method, which has polished them.
+                self.nearest = search.natural_map
+                if self.steps and search.polish(r, POLISH_PIVOTS):
+                    return
+            self._step(r)
+            self.steps += 1
+            if self.steps % POLISH_AGAIN == 0:
+                self.nearest = np.inf
+
+    def _step(self, held: FloatArray) -> None:
+        """To the next proximal point of the forces ``held``, or nearer to it."""
+        self.law.soft = self.soft
+        before = self._error(self.z, held)[1]
+        z, after, steps = self._newton(held, before)
+        if after < SOLVED:
+            self.z = z
+            self.soft = max(self.soft * LOWER, SOFT) if steps <= SOON else self.soft
+            return
+        count = self.law.count
+        ended = self.law.path(z, self._error(z, held)[0], PIVOTS)
+        if ended is not None:
+            self.z = self._of(ended[0], held)
+            self.soft = max(self.soft * LOWER, SOFT) if self.law.count - count <= FEW else self.soft
+            return
+        if after < NEAR * before:
+            self.z = z
+        self.soft = min(self.soft * RAISE, MOST_SOFT)
+
+    def _newton(self, held: FloatArray, error: float) -> tuple[FloatArray, float, int]:
+        """Newton's method on the statuses: ``z``, its error, and the steps taken; a step is halved as long as the error would grow."""
+        law, z = self.law, self.z
+        for step in range(NEWTON):
+            if error < SOLVED or self.search.over:
+                return z, error, step
+            status = statuses(self.problem, z)
+            if not law.factorise(status):
+                break
+            r = law.inside(z, status)
+            for _ in range(2):
+                r = r - law.change(self._wrong(r, held))
+            full = self._of(r, held) - z
+            part = 1.0
+            while (now := self._error(z + part * full, held)[1]) >= (1.0 - 1e-4 * part) * error:
+                part *= 0.5
+                if part < SHORTEST:
+                    return z, error, step
+            z, error = z + part * full, now
+        return z, error, NEWTON
+
+    def _wrong(self, r: FloatArray, held: FloatArray) -> FloatArray:
+        """Contact velocities of forces, those of the compliance included, shape (c, 2)."""
+        return self.law.velocity(r) + self.soft / self.problem.rho[:, None] * (r - held)
+
+    def _of(self, r: FloatArray, held: FloatArray) -> FloatArray:
+        """``z`` whose part inside the cones is ``r``, where ``r`` is solved."""
+        return r - self.problem.rho[:, None] * self._wrong(r, held)
+
+    def _error(self, z: FloatArray, held: FloatArray) -> tuple[FloatArray, float]:
+        """``F_k(z)``, shape (c, 2), and its size over that of the first forces."""
+        rho = self.problem.rho[:, None]
+        r = self.law.inside(z, statuses(self.problem, z))
+        error: FloatArray = self._wrong(r, held) + (z - r) / rho
+        return error, float(np.linalg.norm(rho * error)) / self.size
