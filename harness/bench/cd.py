@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem import ContactProblem, Residuals, Sliding, measure
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers.coulomb import CoulombInteriorPoint
+from ninedisk.core.cd.solvers.proximal import ProximalPoint
 from ninedisk.core.cd.solvers.gauss_seidel import STRIPED_FROM, solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.cd.solvers.outcome import SolverResult
@@ -304,7 +304,7 @@ def _gauss_seidel(relaxation: float, threads: int = 1) -> Callable[[Task, float]
 
 
 def _coulomb(task: Task, limit: float) -> Sample:
-    return _own(task, limit, lambda options: CoulombInteriorPoint(options).solve(task.problem))
+    return _own(task, limit, lambda options: ProximalPoint(options).solve(task.problem))
 
 
 def _quadratic(name: str) -> Callable[[Task, float], Sample]:

@@ -16,8 +16,6 @@ contacts are wrong, where that from nothing needs several for each contact, and 
 path may turn back in t, which ways that only flip statuses never do: between two sets of statuses that both break an inequality they
 go to and fro. Where it closes without reaching t = 0 another one begins from a point near by.
 
-Where that path ends in a ray, one from forces of zero is left, whose covering vector is positive: see `Polish.from_nothing`.
-
 Nothing is accepted but what the law's own residuals accept.
 
 C. E. Lemke, "Bimatrix equilibrium points and mathematical programming", Management Sci. 11 (1965) 681-689; J. Katzenelson, "An algorithm
@@ -58,10 +56,6 @@ PARALLEL = 0.99
 """Least cosine of two changes, and ratio of their lengths, that count as the same drift."""
 STRIDE = 0.1
 """Length of a stride over the largest force: so far that a status changes on the way."""
-COVERS = 3
-"""Paths from nothing, each with its own covering vector, before it is given up: one that is at random meets no two kinks at once."""
-PIVOTS = 12
-"""Pivots for each contact on a path from nothing: 2 to 9 were needed."""
 FAR = 100.0
 """Multiple of its first t at which a path is taken for a ray: of 1,832 that found an end none went that far, of the others 18 did."""
 SAME = 1e-7
@@ -128,27 +122,6 @@ class Polish:
             before, drift = drift, r - held
             striding = _steady(before, drift)
             held = r + STRIDE * float(np.abs(r).max() / np.abs(drift).max()) * drift if striding else r
-
-    def from_nothing(self, r: FloatArray, pivots: int) -> tuple[FloatArray, Residuals] | None:
-        """Exact forces, shape (c, 2), on a path that begins with no contact closed; ``r`` are some that are nearly a solution.
-
-        All normal velocities are raised by a vector ``t d`` with ``d > 0``, so that nothing touches, and t falls to 0. With compliance W is
-        positive definite, and for such a d the path cannot end in a ray (D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods Eng. 39
-        (1996) 2673-2691; J.-S. Pang, J. C. Trinkle, Math. Programming 73 (1996) 199-226), as that from ``r`` can.
-        """
-        problem, rho = self.problem, self.problem.rho
-        for _cover in range(COVERS):
-            d = self._random.uniform(1.0, 2.0, problem.n_contacts) / np.sqrt(rho)
-            b = problem.b - self.soft / rho[:, None] * r
-            error = np.zeros_like(b)
-            error[:, 0] = -1.01 * max(0.0, float((-b[:, 0] / d).max())) * d
-            ended = self.path(rho[:, None] * (error - b), error, PIVOTS * problem.n_contacts)
-            if ended is None:
-                continue
-            r = ended[0]
-            if exact := self.judged(r) or self.improve(starting_forces(problem, r), pivots):
-                return exact
-        return None
 
     def judged(self, forces: FloatArray) -> tuple[FloatArray, Residuals] | None:
         """The forces inside their cones and their residuals, if the law accepts them."""

@@ -18,15 +18,10 @@ from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 SOLVERS = ("auto", "interior-point", "gauss-seidel")
 TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
-STAGES = ((200, 20), (5_000, 400), (20_000, 400), (80_000, 400))
+STAGES = ((200, 20), (5_000, 60))
 """Sweeps for Coulomb's law after which "auto" polishes the forces found, and pivots that a path of this may take."""
-PATH_AFTER = STAGES[1][0]
-"""Sweeps after which "auto" looks for the forces by another way, too."""
 SHARE = 0.9
 """Of the time left, for proximal points: what they do not solve sweeps hardly ever do."""
-LEMKE_CONTACTS = 500
-"""Contacts up to which "auto" follows the path from nothing: some 3 pivots for each contact, each of which costs as much as a matrix
-that grows with the contacts."""
 LONGEST_WITHOUT_TRIAL = 15
 """Problems without a trial of Gauss-Seidel, at most, after trials in vain."""
 NO_LIMIT = 2**62
@@ -42,8 +37,8 @@ class ContactSolver:
     """Solves the problems of successive steps; keeps what can be reused.
 
     For Coulomb friction ``"auto"`` takes Gauss-Seidel, started from the last step's forces. Where the sweeps do not reach the
-    tolerance after the first of `STAGES`, `Polish` makes the forces found exact; if it cannot, more sweeps follow, then Lemke's
-    method on up to `LEMKE_CONTACTS` contacts, the interior point, and more sweeps. ``options.max_iterations`` bounds the sweeps: at
+    tolerance after the first of `STAGES`, `Polish` makes the forces found exact; if it cannot, a solution in which nothing slides
+    is asked for, then more sweeps follow, then `ProximalPoint`, and more sweeps. ``options.max_iterations`` bounds the sweeps: at
     a bound within the first stage nothing is polished, within the second no other method is tried. Where bodies rest it first asks
     whether they can stay: the solution of the associated rule, if nothing slides in it, solves Coulomb's law, too, which may have
     others in which everything collapses.
@@ -131,13 +126,13 @@ class ContactSolver:
         return self._interior.solve(problem)
 
     def _coulomb(self, problem: ContactProblem, start: FloatArray | None, at_rest: bool) -> SolverResult:
-        """Sweeps, their forces polished; then pivots, or the interior point; then as many sweeps as are allowed; all in the time limit."""
+        """Sweeps, their forces polished; then proximal points; then as many sweeps as are allowed; all in the time limit."""
         options, clock, limit = (
             self.options,
             Stopwatch(self.options.time_limit),
             self.options.max_iterations or MAX_SWEEPS,
         )
-        polish, count = Polish(problem, options.tolerance, clock), 0
+        polish = Polish(problem, options.tolerance, clock)
         sweeps = GaussSeidel(problem, options, "coulomb", start)
 
         def result(name: str, forces: tuple[FloatArray, Residuals]) -> SolverResult:
@@ -146,33 +141,29 @@ class ContactSolver:
                 sliding="coulomb",
                 v=problem.body_velocity(forces[0]),
                 r=forces[0],
-                iterations=sweeps.done + polish.count + count,
+                iterations=sweeps.done + polish.count,
                 residuals=forces[1],
                 seconds=clock.seconds,
             )
 
-        if at_rest:
-            found = sweeps.solve(0) or self._equilibrium(problem, polish, clock)
-            if found:
-                return found
+        if at_rest and (found := sweeps.solve(0) or self._equilibrium(problem, polish, clock)):
+            return found
         for stage, pivots in STAGES:
             if found := sweeps.solve(min(stage, limit)):
-                return replace(found, iterations=found.iterations + polish.count + count)
+                return replace(found, iterations=found.iterations + polish.count)
             if stage >= limit or clock.over:
                 sweeps.give_up()
-            if polished := polish.improve(sweeps.r, pivots):
+            if polished := polish.improve(sweeps.r, pivots, paths=1):
                 return result("polish", polished)
-            if stage != PATH_AFTER:
-                continue
-            check_feasible(problem, sliding="coulomb", seconds=clock.left)
-            if problem.n_contacts <= LEMKE_CONTACTS and (polished := polish.from_nothing(sweeps.r, pivots)):
-                return result("lemke", polished)
-            try:
-                path = ProximalPoint(replace(options, max_iterations=None, time_limit=SHARE * clock.left))
-                found = path.solve(problem, sweeps.r)
-                return replace(found, iterations=found.iterations + sweeps.done + polish.count + count)
-            except SolverNotConvergedError as error:
-                count += error.iterations
+            if stage == STAGES[0][0] and not at_rest and (found := self._equilibrium(problem, polish, clock)):
+                return replace(found, iterations=found.iterations + sweeps.done)
+        check_feasible(problem, sliding="coulomb", seconds=clock.left)
+        try:
+            points = ProximalPoint(replace(options, max_iterations=None, time_limit=SHARE * clock.left))
+            found = points.solve(problem, sweeps.r)
+            return replace(found, iterations=found.iterations + sweeps.done + polish.count)
+        except SolverNotConvergedError as error:
+            count = error.iterations
         found = sweeps.solve(limit) or sweeps.give_up()
         return replace(found, iterations=found.iterations + polish.count + count)
 
