@@ -145,7 +145,7 @@ class _Search:
     def polish(self, r: FloatArray, pivots: int) -> bool:
         """Whether the forces can be made exact."""
         self.law.soft = SOFT
-        if not self.over and (exact := self.law.improve(r, pivots, paths=1)):
+        if not self.over and (exact := self.law.improve(r, pivots)):
             self.best = exact
         return self.found
 

@@ -153,7 +153,7 @@ class ContactSolver:
                 return replace(found, iterations=found.iterations + polish.count)
             if stage >= limit or clock.over:
                 sweeps.give_up()
-            if polished := polish.improve(sweeps.r, pivots, paths=1):
+            if polished := polish.improve(sweeps.r, pivots):
                 return result("polish", polished)
             if stage == STAGES[0][0] and not at_rest and (found := self._equilibrium(problem, polish, clock)):
                 return replace(found, iterations=found.iterations + sweeps.done)
