@@ -291,8 +291,9 @@ class UnsymmetricMatrix:
         """Factorise with the blocks ``d``, shape (c, 2, 2); False if that is impossible."""
         if not np.isfinite(d).all():
             return False
+        self._matrix = self._made(d)
         try:
-            self._lu = _factors(self._made(d), "NATURAL")
+            self._lu = _factors(self._matrix, "NATURAL")
         except RuntimeError:
             return False
         self._blocks = d.copy()
@@ -326,10 +327,12 @@ class UnsymmetricMatrix:
         return len(self._changed)
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Solve with the last factorisation and its updates; pivots are not always the largest ones: one refines the solution."""
+        """Solve with the last factorisation and one refinement, since pivots are not always the largest ones; or with its updates."""
         out = self._through_factors(right)
         if self.changed:
             out -= self._gain @ np.linalg.solve(self._small, (self._change @ self._seen(out[:, None])).ravel())
+        else:
+            out += self._through_factors(right - self._image(out))
         return out
 
     def sign(self) -> float:
@@ -342,6 +345,12 @@ class UnsymmetricMatrix:
     def _through_factors(self, right: FloatArray) -> FloatArray:
         out = np.empty_like(right)
         out[self._place] = self._lu.solve(right[self._place])
+        return out
+
+    def _image(self, x: FloatArray) -> FloatArray:
+        """The factorised matrix times ``x``."""
+        out = np.empty_like(x)
+        out[self._place] = self._matrix @ x[self._place]
         return out
 
     def _seen(self, x: FloatArray) -> FloatArray:

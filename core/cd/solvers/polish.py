@@ -16,6 +16,8 @@ contacts are wrong, where that from nothing needs several for each contact, and 
 path may turn back in t, which ways that only flip statuses never do: between two sets of statuses that both break an inequality they
 go to and fro. Where it closes without reaching t = 0 another one begins from a point near by.
 
+Where that path ends in a ray, one from forces of zero is left, whose covering vector is positive: see `Polish.from_nothing`.
+
 Nothing is accepted but what the law's own residuals accept.
 
 C. E. Lemke, "Bimatrix equilibrium points and mathematical programming", Management Sci. 11 (1965) 681-689; J. Katzenelson, "An algorithm
@@ -47,6 +49,19 @@ SOFT = 1e-9
 """Compliance over ``1/rho`` that acts on the change of the forces: below, the digits of its effect are lost to round-off."""
 UPDATED_FROM = 1e-6
 """Compliance from which on a pivot updates the factors: opening a stiffer contact would cost the digits of the update."""
+PATHS = 8
+"""Times the pivots of one path that a polish may take in all: most take one or two paths of a few pivots."""
+FIRST_JITTER, MOST_JITTER = 1e-6, 1e-3
+"""Change at random of the point where a path begins anew, over the largest ``|z|``, ten times as much each time: enough to leave a
+loop, far from enough to need many pivots."""
+PARALLEL = 0.99
+"""Least cosine of two changes, and ratio of their lengths, that count as the same drift."""
+STRIDE = 0.1
+"""Length of a stride over the largest force: so far that a status changes on the way."""
+COVERS = 3
+"""Paths from nothing, each with its own covering vector, before it is given up: one that is at random meets no two kinks at once."""
+PIVOTS = 12
+"""Pivots for each contact on a path from nothing: 2 to 9 were needed."""
 FAR = 100.0
 """Multiple of its first t at which a path is taken for a ray: of 1,832 that found an end none went that far, of the others 18 did."""
 SAME = 1e-7
@@ -74,26 +89,64 @@ class Polish:
     def __init__(self, problem: ContactProblem, tolerance: float, clock: Stopwatch) -> None:
         self.problem, self.tolerance, self.clock, self.count = problem, tolerance, clock, 0
         self.soft = SOFT
+        self._random = np.random.default_rng(problem.n_contacts)
 
     @cached_property
     def _matrix(self) -> UnsymmetricMatrix:
         return UnsymmetricMatrix(self.problem)
 
-    def improve(self, r: FloatArray, pivots: int) -> tuple[FloatArray, Residuals] | None:
-        """Exact forces, shape (c, 2), near ``r``, and their residuals; None if ``pivots`` pivots do not lead to any.
+    def improve(self, r: FloatArray, pivots: int, paths: int = PATHS) -> tuple[FloatArray, Residuals] | None:
+        """Exact forces, shape (c, 2), near ``r``, and their residuals; None if ``paths`` paths of ``pivots`` pivots do not lead to any.
 
-        A round follows the path to the forces that the compliance holds near those of the last one.
+        A round follows the path to the forces that the compliance holds near those of the last one. Where more contacts are closed than
+        can be at once, by gaps d times the way of a step, each changes them by ``d/SOFT`` along what W does not see, until a contact
+        opens or slips the other way. Such a drift is followed in one stride as far as the first change of a status: strides beyond
+        it can go round, from one set of such contacts to the next.
         """
-        status = statuses(self.problem, r - self.problem.rho[:, None] * self.velocity(r))
-        most = self.count + pivots
-        while (found := self._hold(r, status)) is not None:
+        z = r - self.problem.rho[:, None] * self.velocity(r)
+        status, held, drift, striding = statuses(self.problem, z), r, np.zeros_like(r), False
+        budget = self.count + paths * pivots
+        while True:
+            found = self._hold(r, status)
+            if found is None:
+                return None
             if exact := self.judged(found):
                 return exact
-            ended = self._follow(r, most - self.count)
-            if ended is None:
+            ended = self._follow(r, held, pivots, to_first=striding)
+            jitter = FIRST_JITTER
+            while ended is None and self.count < budget and not self.clock.over:
+                held, ended, striding = r, self._follow(r, r, pivots, jitter=jitter), False
+                jitter = min(10.0 * jitter, MOST_JITTER)
+            if ended is None or self.count > budget:
                 return None
             r, status = ended
             if exact := self.judged(r):
+                return exact
+            if striding:
+                held, striding = r, False
+                continue
+            before, drift = drift, r - held
+            striding = _steady(before, drift)
+            held = r + STRIDE * float(np.abs(r).max() / np.abs(drift).max()) * drift if striding else r
+
+    def from_nothing(self, r: FloatArray, pivots: int) -> tuple[FloatArray, Residuals] | None:
+        """Exact forces, shape (c, 2), on a path that begins with no contact closed; ``r`` are some that are nearly a solution.
+
+        All normal velocities are raised by a vector ``t d`` with ``d > 0``, so that nothing touches, and t falls to 0. With compliance W is
+        positive definite, and for such a d the path cannot end in a ray (D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods Eng. 39
+        (1996) 2673-2691; J.-S. Pang, J. C. Trinkle, Math. Programming 73 (1996) 199-226), as that from ``r`` can.
+        """
+        problem, rho = self.problem, self.problem.rho
+        for _cover in range(COVERS):
+            d = self._random.uniform(1.0, 2.0, problem.n_contacts) / np.sqrt(rho)
+            b = problem.b - self.soft / rho[:, None] * r
+            error = np.zeros_like(b)
+            error[:, 0] = -1.01 * max(0.0, float((-b[:, 0] / d).max())) * d
+            ended = self.path(rho[:, None] * (error - b), error, PIVOTS * problem.n_contacts)
+            if ended is None:
+                continue
+            r = ended[0]
+            if exact := self.judged(r) or self.improve(starting_forces(problem, r), pivots):
                 return exact
         return None
 
@@ -116,19 +169,25 @@ class Polish:
             forces = self.inside(forces, status)
         return forces
 
-    def _follow(self, r: FloatArray, pivots: int) -> tuple[FloatArray, IntArray] | None:
-        """Forces and statuses at the end of the path from ``r``, with compliance that acts on their difference from ``r``."""
+    def _follow(
+        self, r: FloatArray, held: FloatArray, pivots: int, *, jitter: float = 0.0, to_first: bool = False
+    ) -> tuple[FloatArray, IntArray] | None:
+        """Forces and statuses at the end of the path from ``r``, with compliance that acts on their difference from ``held``."""
         rho = self.problem.rho[:, None]
         z = r - rho * self.velocity(r)
+        z = z + jitter * float(np.abs(z).max()) * self._random.uniform(-1.0, 1.0, z.shape)
         forces = self.inside(z, statuses(self.problem, z))
-        return self.path(z, self.velocity(forces) + (z - forces) / rho + self.soft / rho * (forces - r), pivots)
+        error = self.velocity(forces) + (z - forces) / rho + self.soft / rho * (forces - held)
+        return self.path(z, error, pivots, to_first=to_first)
 
-    def path(self, z: FloatArray, error: FloatArray, pivots: int) -> tuple[FloatArray, IntArray] | None:
+    def path(
+        self, z: FloatArray, error: FloatArray, pivots: int, *, to_first: bool = False
+    ) -> tuple[FloatArray, IntArray] | None:
         """Forces and statuses at the end of the path from z, where F is ``error``; None if there is no end, or it takes too long.
 
         The path goes through z, and one of its two directions leads to a solution: with the sign of the determinant that F has where all
         contacts are open, and so on the path from nothing, t falls; with the other it rises first. The path may still be a loop, which
-        ends where it began, or a ray.
+        ends where it began, or a ray. With ``to_first`` it ends where a status changes first.
         """
         problem, rho = self.problem, self.problem.rho[:, None]
         status = statuses(problem, z)
@@ -170,6 +229,8 @@ class Polish:
                 slip = PLUS if border == 1 else MINUS
                 z[contact, 1] = SIDE[slip] * problem.mu[contact] * z[contact, 0]
                 status[contact] = slip if status[contact] == STICK else STICK
+            if to_first:
+                return self.inside(z, status), status
         return None
 
     def factorise(self, status: IntArray) -> bool:
@@ -221,6 +282,12 @@ def statuses(problem: ContactProblem, z: FloatArray) -> IntArray:
     stick = (problem.mu > 0.0) & (np.abs(z[:, 1]) <= problem.mu * z[:, 0])
     slip = np.where((z[:, 1] > 0.0) | (problem.mu == 0.0), PLUS, MINUS)
     return np.where(z[:, 0] <= 0.0, OPEN, np.where(stick, STICK, slip))
+
+
+def _steady(before: FloatArray, drift: FloatArray) -> bool:
+    """Whether the second of two changes of the forces goes on as the first did, in direction and length."""
+    old, new = float(np.linalg.norm(before)), float(np.linalg.norm(drift))
+    return bool(0.0 < PARALLEL * old <= new <= old / PARALLEL and (before * drift).sum() >= PARALLEL * old * new)
 
 
 def _near(z: FloatArray, other: FloatArray) -> bool:

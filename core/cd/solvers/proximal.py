@@ -62,7 +62,7 @@ class ProximalPoint:
         self.options = options or SolverOptions()
 
     def solve(self, problem: ContactProblem, start: FloatArray | None = None) -> SolverResult:
-        """Solve the problem.
+        """Solve the problem, from ``start`` and from the forces of the associated rule in turns.
 
         Where nothing slides, the solution of the associated rule is the one. Factorisations, pivots and iterations of the associated
         rule count as iterations.
@@ -71,7 +71,7 @@ class ProximalPoint:
         ----------
         problem : ContactProblem
         start : ndarray, shape (c, 2), optional
-            Forces inside the cones to begin from; None: those of the associated rule.
+            Forces inside the cones to begin from; None: those of the associated rule alone.
 
         Returns
         -------
@@ -88,8 +88,8 @@ class ProximalPoint:
         none = np.zeros((problem.n_contacts, 2))
         # Where no contact force is needed, every other one would be infinitely far off relative to the solution 0.
         if not search.judge(none) and not search.over:
-            starts = (start, search.associated())
-            walks = [_Walk(search, r) for r in starts if r is not None] or [_Walk(search, none)]
+            starts = [r for r in (start, search.associated()) if r is not None] or [none]
+            walks = [] if search.over else [_Walk(search, r) for r in starts]
             slices = SLICE
             while not search.over:
                 for walk in walks:
@@ -114,7 +114,7 @@ class _Search:
 
     @property
     def iterations(self) -> int:
-        """All factorisations and pivots so far."""
+        """All factorisations, pivots and steps so far."""
         return self.others + self.law.count
 
     @property
@@ -131,7 +131,7 @@ class _Search:
         return self.found
 
     def associated(self) -> FloatArray | None:
-        """Forces of the associated rule: those of Coulomb's law where nothing slides, and far cheaper to find."""
+        """Forces of the associated rule: Coulomb's law where nothing slides; where something does, its statuses are often the law's."""
         options = replace(self.options, time_limit=self.clock.left)
         try:
             found = InteriorPoint(options).solve(self.problem)
@@ -145,7 +145,7 @@ class _Search:
     def polish(self, r: FloatArray, pivots: int) -> bool:
         """Whether the forces can be made exact."""
         self.law.soft = SOFT
-        if not self.over and (exact := self.law.improve(r, pivots)):
+        if not self.over and (exact := self.law.improve(r, pivots, paths=1)):
             self.best = exact
         return self.found
 
@@ -199,6 +199,7 @@ class _Walk:
                     return
             self._step(r)
             self.steps += 1
+            search.others += 1  # a step that costs no factorisation ends a search that goes nowhere, too
             if self.steps % POLISH_AGAIN == 0:
                 self.nearest = np.inf
 

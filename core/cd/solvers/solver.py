@@ -18,8 +18,11 @@ from ninedisk.core.errors import InvalidNumericsError, SolverNotConvergedError
 SOLVERS = ("auto", "interior-point", "gauss-seidel")
 TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
-STAGES = ((200, 20), (5_000, 60))
-"""Sweeps for Coulomb's law after which "auto" polishes the forces found, and pivots that a path of this may take."""
+STAGES = ((200, 20), (5_000, 400))
+"""Sweeps for Coulomb's law after which "auto" polishes the forces found; pivots that a path of this may take."""
+LEMKE_CONTACTS = 500
+"""Contacts up to which "auto" follows the path from nothing: some 3 pivots for each contact, each of which costs as much as a matrix
+that grows with the contacts."""
 SHARE = 0.9
 """Of the time left, for proximal points: what they do not solve sweeps hardly ever do."""
 LONGEST_WITHOUT_TRIAL = 15
@@ -38,10 +41,10 @@ class ContactSolver:
 
     For Coulomb friction ``"auto"`` takes Gauss-Seidel, started from the last step's forces. Where the sweeps do not reach the
     tolerance after the first of `STAGES`, `Polish` makes the forces found exact; if it cannot, a solution in which nothing slides
-    is asked for, then more sweeps follow, then `ProximalPoint`, and more sweeps. ``options.max_iterations`` bounds the sweeps: at
-    a bound within the first stage nothing is polished, within the second no other method is tried. Where bodies rest it first asks
-    whether they can stay: the solution of the associated rule, if nothing slides in it, solves Coulomb's law, too, which may have
-    others in which everything collapses.
+    is asked for where contacts are many, more sweeps follow, then Lemke's method on up to `LEMKE_CONTACTS` contacts,
+    `ProximalPoint`, and more sweeps. ``options.max_iterations`` bounds the sweeps: at a bound within the first stage nothing is
+    polished, within the second no other method is tried. Where bodies rest it first asks whether they can stay: the solution of the
+    associated rule, if nothing slides in it, solves Coulomb's law, too, which may have others in which everything collapses.
     For the associated rule it gives Gauss-Seidel, started from the last step's forces, `TRIAL_SWEEPS` sweeps: enough where few
     contacts touch each body, or where their compliance dominates. Where they do not reach the tolerance the interior point takes
     over, whose number of iterations hardly depends on the problem.
@@ -126,7 +129,7 @@ class ContactSolver:
         return self._interior.solve(problem)
 
     def _coulomb(self, problem: ContactProblem, start: FloatArray | None, at_rest: bool) -> SolverResult:
-        """Sweeps, their forces polished; then proximal points; then as many sweeps as are allowed; all in the time limit."""
+        """Sweeps, their forces polished; then pivots from nothing, proximal points; then sweeps to the limit; all in the time limit."""
         options, clock, limit = (
             self.options,
             Stopwatch(self.options.time_limit),
@@ -146,8 +149,10 @@ class ContactSolver:
                 seconds=clock.seconds,
             )
 
-        if at_rest and (found := sweeps.solve(0) or self._equilibrium(problem, polish, clock)):
-            return found
+        if at_rest:
+            found = sweeps.solve(0) or self._equilibrium(problem, polish, clock)
+            if found:
+                return found
         for stage, pivots in STAGES:
             if found := sweeps.solve(min(stage, limit)):
                 return replace(found, iterations=found.iterations + polish.count)
@@ -155,9 +160,13 @@ class ContactSolver:
                 sweeps.give_up()
             if polished := polish.improve(sweeps.r, pivots):
                 return result("polish", polished)
-            if stage == STAGES[0][0] and not at_rest and (found := self._equilibrium(problem, polish, clock)):
+            # Where many contacts are in play, pivots cost more than the interior point.
+            many = stage == STAGES[0][0] and problem.n_contacts > LEMKE_CONTACTS and not at_rest
+            if many and (found := self._equilibrium(problem, polish, clock)):
                 return replace(found, iterations=found.iterations + sweeps.done)
         check_feasible(problem, sliding="coulomb", seconds=clock.left)
+        if problem.n_contacts <= LEMKE_CONTACTS and (polished := polish.from_nothing(sweeps.r, STAGES[-1][1])):
+            return result("lemke", polished)
         try:
             points = ProximalPoint(replace(options, max_iterations=None, time_limit=SHARE * clock.left))
             found = points.solve(problem, sweeps.r)

@@ -18,10 +18,13 @@ from ninedisk.core.cd.session import CdSession
 from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers import polish
 from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix
+from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
 from ninedisk.core.cd.solvers.gauss_seidel import GaussSeidel
 from ninedisk.core.cd.solvers.outcome import Stopwatch
 from ninedisk.core.cd.solvers.polish import MINUS, PLUS, STICK, Polish
+from ninedisk.core.cd.solvers.proximal import ProximalPoint
 from ninedisk.core.cd.solvers.solver import ContactSolver
+from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 
@@ -107,6 +110,27 @@ def test_the_path_from_nothing_on_saved_problems(path: Path) -> None:
     assert worst(problem, found[0]) <= TOLERANCE
     assert law_broken(problem, found[0]) < 1e-6
     assert way.count < 12 * problem.n_contacts
+
+
+def test_proximal_points_find_one_of_the_solutions_that_exist() -> None:
+    found = slid = 0
+    for seed in range(100):
+        problem = tiny(seed)
+        solutions = enumerated(problem)
+        try:
+            r = ProximalPoint(replace(OPTIONS, max_iterations=3_000)).solve(problem).r
+        except (SolverNotConvergedError, InfeasibleContactsError):
+            # Where no motion satisfies the contacts.
+            assert not solutions
+            continue
+        assert law_broken(problem, r) < 1e-6
+        nearest = min((float(np.abs(r - other).max()) for other in solutions), default=np.inf)
+        found += nearest < 1e-6
+        slid += bool(
+            (np.abs(np.abs(r[:, 1]) - problem.mu * r[:, 0])[(problem.mu > 0.0) & (r[:, 0] > 0.0)] < 1e-12).any()
+        )
+    assert found > 80
+    assert slid > 15
 
 
 @pytest.mark.parametrize("path", SAVED, ids=lambda path: path.stem)
