@@ -315,7 +315,7 @@ def advance(
         if stale:
             wait_for_all(team.flags, thread, threads)
             if thread == 0:
-                wider = next_skin(skin[0], n - clock[BUILT], step)
+                wider = next_skin(skin[0], n - clock[BUILT], step.radius, step.least_skin, step.most_skin)
                 if images is None:
                     team.code[0] = rebuild(disks, walls, system.lists, team, step, wider)
                 else:
