@@ -34,16 +34,18 @@ NO_RESISTANCE, CONSTANT, SPRING = 0, 1, 2
 KEEPS, FORCE, RESCALE = 0, 1, 2
 """Rules of unloading: the spring keeps its displacement, its force, or shrinks with the contact."""
 
-NORMAL, RADIUS, OVERLAP, SHEAR, ROLLING, TWISTING = 0, 3, 4, 5, 8, 11
-MEMORY_WIDTH, MEMORY_WIDTH_RESISTED = 8, 12
-"""Columns of what a contact remembers: normal (3), contact radius and overlap of the step before, shear spring (3); with a resistance
-also rolling torque (3), twisting torque. A radius of 0 means that it was open."""
+SHEAR, ROLLING, TWISTING = 0, 3, 6
+MEMORY_WIDTH, MEMORY_WIDTH_RESISTED = 3, 7
+"""Columns of what a contact remembers: shear spring (3); with a resistance also rolling torque (3), twisting torque. Where it was in the
+step before, and whether it was open then, so that it has nothing to remember, follows from ``x - dt v``."""
 
 REDUCED, DRAG, ROLL_DRAG, TWIST_DRAG = range(4)
 NOTES_WIDTH, NOTES_WIDTH_RESISTED = 2, 4
 """Columns of what is noted of a listed pair: reduced radius; coefficients of its dashpots: along the normal [N s/m], with Hertz' law over
 the root of the contact radius, and of the resistances [N m s]."""
 
+LANES = 8
+"""Numbers in the widest vectors of processors; `CHUNK` is a multiple."""
 CHUNK = 64
 """Listed pairs that go through the loops together."""
 
@@ -51,10 +53,11 @@ CHUNK = 64
 class State(NamedTuple):
     """Bodies: n spheres and m planes; s stripes.
 
-    Spheres are in the order of their rows, which ``name`` tells in the scene's numbers. ``mobility`` is 1/m of the components that are not
-    held, ``v_now`` has the velocities that dashpots see where these are not ``v``. Rows of ``now`` (at t_n) and ``middle`` (at
-    t_{n-1/2}) are point, normal, pivot, its velocity, spin of a plane (3 each). ``load`` is the force on each plane, ``share`` what the
-    stripes add to it, ``behind`` tells for each stripe 1 + sphere and plane where a centre is behind one.
+    Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, three numbers
+    each. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the lists,
+    ``v_now`` has the velocities that dashpots see where these are not ``v``. Rows of ``now`` (at t_n), ``middle`` (t_{n-1/2}) and
+    ``before`` (t_{n-1}) are point, normal, pivot, its velocity, spin of a plane (3 each). ``load`` is the force on each plane, ``share``
+    what the stripes add to it, ``behind`` tells for each stripe 1 + sphere and plane where a centre is behind one.
     """
 
     x: Floats
@@ -72,10 +75,11 @@ class State(NamedTuple):
     name: Integers
     now: Floats
     middle: Floats
+    before: Floats
     load: Floats
     share: Floats
     behind: Integers
-    built: Floats
+    moved: NDArray[np.float32]
 
 
 class Contacts(NamedTuple):
@@ -203,6 +207,10 @@ def capped(q: Vector, limit: float) -> Vector:
 
 TURN, TURN_REST = 6.283185307179586, 2.4492935982947064e-16
 """A turn [rad] as the sum of two numbers."""
+PER_TURN = 1.0 / TURN
+S3, S5, S7, S9, S11, S13 = (-1.0 / (m * (m - 1.0)) for m in (3.0, 5.0, 7.0, 9.0, 11.0, 13.0))
+C2, C4, C6, C8, C10, C12 = (-1.0 / (m * (m - 1.0)) for m in (2.0, 4.0, 6.0, 8.0, 10.0, 12.0))
+"""Factors from one term of the series of sine and cosine to the next."""
 
 
 @fused_inline_kernel
@@ -212,16 +220,11 @@ def spun(q: Vector, n: Vector, angle: float) -> Vector:
     Vector registers know no sine: that of an eighth of the angle, after whole turns have been taken off, by its series to 6e-19, and
     three times the formulas of the double angle.
     """
-    turns = floor(angle / TURN + 0.5)
+    turns = floor(angle * PER_TURN + 0.5)
     a = 0.125 * (angle - turns * TURN - turns * TURN_REST)
     a2 = a * a
-    s = a * (
-        1.0
-        - a2 / 6.0 * (1.0 - a2 / 20.0 * (1.0 - a2 / 42.0 * (1.0 - a2 / 72.0 * (1.0 - a2 / 110.0 * (1.0 - a2 / 156.0)))))
-    )
-    c = 1.0 - a2 / 2.0 * (
-        1.0 - a2 / 12.0 * (1.0 - a2 / 30.0 * (1.0 - a2 / 56.0 * (1.0 - a2 / 90.0 * (1.0 - a2 / 132.0))))
-    )
+    s = a + a * (S3 * a2 * (1.0 + S5 * a2 * (1.0 + S7 * a2 * (1.0 + S9 * a2 * (1.0 + S11 * a2 * (1.0 + S13 * a2))))))
+    c = 1.0 + C2 * a2 * (1.0 + C4 * a2 * (1.0 + C6 * a2 * (1.0 + C8 * a2 * (1.0 + C10 * a2 * (1.0 + C12 * a2)))))
     for _ in range(3):
         s, c = 2.0 * s * c, 1.0 - 2.0 * s * s
     return plus(scaled(q, c), s, cross(n, q))
@@ -233,24 +236,27 @@ class Law(NamedTuple):
     kn: float
     ks: float
     mu: float
+    torque_mid: float
     slip_mid: float
-    unloading: float
+    rescale: bool
     pull: float
 
 
 @inline_kernel
 def law_of(law: Floats) -> Law:
     """Numbers of a row of the laws: loops that write to the scratch then need not read the row again."""
-    return Law(law[KN], law[KS], law[MU], law[SLIP_MID], law[UNLOADING], law[PULL])
+    return Law(law[KN], law[KS], law[MU], law[TORQUE_MID], law[SLIP_MID], law[UNLOADING] == RESCALE, law[PULL])
 
 
 @fused_inline_kernel
 def contact(
     hertz: bool,
     middle: bool,
+    in_force: bool,
     law: Law,
     slip_dt: float,
     d: Vector,
+    d_before: Vector,
     reach: float,
     reduced: float,
     drag: float,
@@ -258,17 +264,16 @@ def contact(
     dashpot_dv: Vector,
     roll: Vector,
     spin: Vector,
-    before: Vector,
-    radius_before: float,
-    overlap_before: float,
     spring: Vector,
-) -> tuple[float, float, Vector, Vector, Vector, float, float]:
-    """The law of one contact without its resistances; the first two arguments are those of the law, known to the compiler.
+) -> tuple[float, float, float, Vector, Vector, Vector]:
+    """The law of one contact without its resistances; the first three arguments are those of the law, known to the compiler.
 
     Parameters
     ----------
-    d : vector
-        From the first centre to the second one [m].
+    hertz, middle, in_force : bool
+        Whether the law is Hertz', slip that of mid-step, the spring remembered as a force.
+    d, d_before : vector
+        From the first centre to the second one [m], now and a step before.
     reach, reduced : float
         Sum of the radii and reduced radius [m].
     drag : float
@@ -277,59 +282,59 @@ def contact(
         Velocity of the first centre relative to the second one [m/s], and that which the dashpot sees.
     roll, spin : vector
         ``R_i w_i + R_j w_j`` [m/s] and ``w_i + w_j`` [rad/s].
-    before, radius_before, overlap_before, spring
-        Its memory; a contact radius of 0 if it was open.
+    spring : vector
+        What it remembers [N or m]; counts for nothing if the contact was open.
 
     Returns
     -------
-    fn, repulsive : float
-        Normal force and its repulsive part [N].
+    fn, repulsive, arm_loss : float
+        Normal force and its repulsive part [N], what the torque's arms lack to the radii [m].
     fs, spring, n : vector
         Shear force on the first body [N], spring to be remembered, normal.
-    radius, overlap : float
-        [m]
     """
-    apart = sqrt(dot(d, d))
-    n = scaled(d, 1.0 / apart)
-    overlap = reach - apart
-    radius = sqrt(reduced * overlap)
-    if radius_before == 0.0:
-        before, overlap_before, radius_before, spring = n, overlap, radius, (0.0, 0.0, 0.0)
-    stiffness, damping, ks = law.kn, drag, law.ks
+    apart2, apart2_before = dot(d, d), dot(d_before, d_before)
+    inv_apart = 1.0 / sqrt(apart2)
+    n, overlap = scaled(d, inv_apart), reach - apart2 * inv_apart
+    before, overlap_before = n, reach - sqrt(apart2_before)
+    if middle:
+        inv_before = 1.0 / sqrt(apart2_before)
+        before, overlap_before = scaled(d_before, inv_before), reach - apart2_before * inv_before
+    if overlap_before <= 0.0:
+        before, overlap_before, spring = n, overlap, (0.0, 0.0, 0.0)
+    stiffness, damping, ks, gain = law.kn, drag, law.ks, law.ks
     if hertz:
-        stiffness, damping, ks = law.kn * radius, drag * sqrt(radius), law.ks * radius
-    spring_force = stiffness * overlap
-    repulsive = max(spring_force + damping * dot(dashpot_dv, n), 0.0)
-    fn = spring_force + damping * dot(dashpot_dv, n) - law.pull * reduced
-    # Slip of the step that ends now.
-    shown, mean_overlap = n, overlap
+        radius = sqrt(reduced * overlap)
+        stiffness, damping, ks, gain = law.kn * radius, drag * sqrt(radius), law.ks * radius, law.ks * radius
+        if middle:
+            gain = 0.5 * law.ks * (radius + sqrt(reduced * overlap_before))
+    repulsive = max(stiffness * overlap + damping * dot(dashpot_dv, n), 0.0)
+    fn = stiffness * overlap + damping * dot(dashpot_dv, n) - law.pull * reduced
+    # Slip of the step that ends now, and the spring turned into the present tangent plane, in the mid-step form also with the bodies'
+    # mean spin about the normal. Both turn on the shortest way, where 1 + a.b of unit vectors is half the square of |a + b|.
     if middle:
         both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
-        shown = scaled(both, 1.0 / sqrt(dot(both, both)))
-        mean_overlap = 0.5 * (overlap + overlap_before)
-    cut = 0.5 * mean_overlap * law.slip_mid
-    u = plus(dv, 1.0, cross(plus(roll, -cut, spin), shown))
-    u = plus(u, -dot(u, shown), shown)
-    # Spring turned into the present tangent plane; in the mid-step form also with the bodies' mean spin about the normal.
-    if middle:
-        u = carried(u, shown, n)
-        spring = spun(carried(spring, before, n), n, 0.5 * slip_dt * dot(spin, shown))
+        inv_both = 1.0 / sqrt(dot(both, both))
+        shown = scaled(both, inv_both)
+        cut = 0.25 * (overlap + overlap_before) * law.slip_mid
+        u = plus(dv, 1.0, cross(plus(roll, -cut, spin), shown))
+        u = plus(u, -dot(u, shown), shown)
+        u = plus(u, -dot(u, n) / (1.0 + dot(shown, n)), (shown[0] + n[0], shown[1] + n[1], shown[2] + n[2]))
+        spring = plus(spring, -2.0 * inv_both * inv_both * dot(spring, n), both)
+        spring = spun(spring, n, 0.5 * slip_dt * dot(spin, shown))
     else:
+        u = plus(dv, 1.0, cross(plus(roll, -0.5 * overlap * law.slip_mid, spin), n))
+        u = plus(u, -dot(u, n), n)
         spring = projected(spring, n)
-    in_force = True
-    gain = ks
-    if hertz:
-        in_force = law.unloading == FORCE
-        shrinks = law.unloading == RESCALE and radius < radius_before
-        spring = scaled(spring, radius / radius_before if shrinks else 1.0)
-        if middle:
-            gain = law.ks * 0.5 * (radius + radius_before)
     cap = law.mu * repulsive
-    soft = 1.0 / ks if ks > 0.0 else 0.0
-    spring = plus(spring, -slip_dt * (gain if in_force else 1.0), u)
-    spring = capped(spring, cap if in_force else cap * soft)
-    fs = scaled(spring, 1.0 if in_force else ks)
-    return fn, repulsive, fs, spring, n, radius, overlap
+    if in_force:
+        spring = capped(plus(spring, -slip_dt * gain, u), cap)
+        fs = spring
+    else:
+        if law.rescale and overlap < overlap_before:
+            spring = scaled(spring, sqrt(overlap / overlap_before))
+        spring = capped(plus(spring, -slip_dt, u), cap / ks if ks > 0.0 else 0.0)
+        fs = scaled(spring, ks)
+    return fn, repulsive, 0.5 * overlap * law.torque_mid, fs, spring, n
 
 
 STEEP = 1e30
@@ -390,14 +395,12 @@ def resistance(
 
 # Where the scratch holds, for each contact: differences of its bodies as `contact` wants them, its notes, its memory.
 D, REACH, DV, DASHPOT_DV, ROLLS, SPINS = (np.uint64(c * CHUNK) for c in (0, 3, 4, 7, 10, 13))
-ITS_REDUCED, ITS_DRAG, BEFORE, RADIUS_BEFORE, OVERLAP_BEFORE, SPRING_BEFORE = (
-    np.uint64(c * CHUNK) for c in (16, 17, 18, 21, 22, 23)
-)
-# What the law finds: force on the first body, n x fs, present normal, fs, fn and its repulsive part.
-PUSH, CROSSED, N, FS, FN, REPULSIVE = (np.uint64(c * CHUNK) for c in (26, 29, 32, 35, 38, 39))
+ITS_REDUCED, ITS_DRAG, D_BEFORE, SPRING_BEFORE = (np.uint64(c * CHUNK) for c in (16, 17, 18, 21))
+# What the law finds: force on the first body, n x fs, fs, fn and its repulsive part, loss of the arms; the spring in its old place.
+PUSH, CROSSED, FS, FN, REPULSIVE, ARM_LOSS = (np.uint64(c * CHUNK) for c in (24, 27, 30, 33, 34, 35))
 # Resistances: spin of the first body relative to the second one, torque on the latter, memory, dashpots.
-TURNS, MOMENT, ROLLED, TWISTED, ITS_ROLL_DRAG, ITS_TWIST_DRAG = (np.uint64(c * CHUNK) for c in (40, 43, 46, 49, 50, 51))
-SCRATCH = 52 * CHUNK
+TURNS, MOMENT, ROLLED, TWISTED, ITS_ROLL_DRAG, ITS_TWIST_DRAG = (np.uint64(c * CHUNK) for c in (36, 39, 42, 45, 46, 47))
+SCRATCH = 48 * CHUNK
 ONE, TWO = np.uint64(CHUNK), np.uint64(2 * CHUNK)
 """From a vector's first column to its second and third one."""
 
@@ -414,19 +417,21 @@ def put(scratch: Floats, at: np.uint64, a: Vector) -> None:
     scratch[at], scratch[at + ONE], scratch[at + TWO] = a
 
 
-@inline_kernel
+@fused_inline_kernel
 def run_of_contacts(
-    hertz: bool, middle: bool, law: Floats, slip_dt: float, begin: int, end: int, scratch: Floats
+    hertz: bool, middle: bool, in_force: bool, law: Floats, slip_dt: float, begin: int, end: int, scratch: Floats
 ) -> None:
     """`contact` for ``begin .. end-1`` of the scratch, which have the same law."""
     its = law_of(law)
     for q in range(np.uint64(begin), np.uint64(end)):
-        fn, repulsive, fs, spring, n, radius, overlap = contact(
+        fn, repulsive, arm_loss, fs, spring, n = contact(
             hertz,
             middle,
+            in_force,
             its,
             slip_dt,
             vector(scratch, D + q),
+            vector(scratch, D_BEFORE + q),
             scratch[REACH + q],
             scratch[ITS_REDUCED + q],
             scratch[ITS_DRAG + q],
@@ -434,38 +439,38 @@ def run_of_contacts(
             vector(scratch, DASHPOT_DV + q),
             vector(scratch, ROLLS + q),
             vector(scratch, SPINS + q),
-            vector(scratch, BEFORE + q),
-            scratch[RADIUS_BEFORE + q],
-            scratch[OVERLAP_BEFORE + q],
             vector(scratch, SPRING_BEFORE + q),
         )
         put(scratch, PUSH + q, plus(fs, -fn, n))
         put(scratch, CROSSED + q, cross(n, fs))
-        put(scratch, N + q, n)
         put(scratch, FS + q, fs)
         put(scratch, SPRING_BEFORE + q, spring)
-        scratch[FN + q], scratch[REPULSIVE + q] = fn, repulsive
-        scratch[RADIUS_BEFORE + q], scratch[OVERLAP_BEFORE + q] = radius, overlap
+        scratch[FN + q], scratch[REPULSIVE + q], scratch[ARM_LOSS + q] = fn, repulsive, arm_loss
 
 
 @inline_kernel
 def run_of_resistances(law: Floats, slip_dt: float, begin: int, end: int, scratch: Floats) -> None:
     """`resistance` for ``begin .. end-1`` of the scratch, after `run_of_contacts`."""
     for q in range(np.uint64(begin), np.uint64(end)):
-        n, before = vector(scratch, N + q), vector(scratch, BEFORE + q)
+        d, before = vector(scratch, D + q), vector(scratch, D_BEFORE + q)
+        rolled, twisted = vector(scratch, ROLLED + q), scratch[TWISTED + q]
+        n, apart = scaled(d, 1.0 / sqrt(dot(d, d))), sqrt(dot(before, before))
+        before = scaled(before, 1.0 / apart)
+        if apart >= scratch[REACH + q]:
+            before, rolled, twisted = n, (0.0, 0.0, 0.0), 0.0
         m, rolled, twisted = resistance(
             law,
             slip_dt,
             n,
-            n if dot(before, before) == 0.0 else before,
+            before,
             scratch[ITS_REDUCED + q],
             scratch[REPULSIVE + q],
             scratch[ITS_ROLL_DRAG + q],
             scratch[ITS_TWIST_DRAG + q],
             vector(scratch, SPINS + q),
             vector(scratch, TURNS + q),
-            vector(scratch, ROLLED + q),
-            scratch[TWISTED + q],
+            rolled,
+            twisted,
         )
         put(scratch, MOMENT + q, m)
         put(scratch, ROLLED + q, rolled)
@@ -476,7 +481,11 @@ def run_of_resistances(law: Floats, slip_dt: float, begin: int, end: int, scratc
 def laws_of_chunk(
     contacts: Contacts, laws: Floats, slip_dt: float, picked: Integers, count: int, scratch: Floats
 ) -> None:
-    """Both laws for the first ``count`` contacts of the scratch, run by run."""
+    """Both laws for the first ``count`` contacts of the scratch, run by run.
+
+    A run that is all of the chunk goes on to the end of the last vector: what is there is of no use and of no harm, and one by one they
+    would take as long as whole vectors.
+    """
     resisted = contacts.memory.shape[1] > MEMORY_WIDTH
     begin = 0
     while begin < count:
@@ -486,16 +495,23 @@ def laws_of_chunk(
             end = begin + 1
             while end < count and contacts.law[picked[end]] == number:
                 end += 1
-        law = laws[number]
+        law, whole = laws[number], end
+        if begin == 0 and end == count:
+            whole = (count + LANES - 1) // LANES * LANES
         if law[HERTZ] > 0.0:
-            if law[MIDDLE] > 0.0:
-                run_of_contacts(True, True, law, slip_dt, begin, end, scratch)
+            if law[UNLOADING] == FORCE:
+                if law[MIDDLE] > 0.0:
+                    run_of_contacts(True, True, True, law, slip_dt, begin, whole, scratch)
+                else:
+                    run_of_contacts(True, False, True, law, slip_dt, begin, whole, scratch)
+            elif law[MIDDLE] > 0.0:
+                run_of_contacts(True, True, False, law, slip_dt, begin, whole, scratch)
             else:
-                run_of_contacts(True, False, law, slip_dt, begin, end, scratch)
+                run_of_contacts(True, False, False, law, slip_dt, begin, whole, scratch)
         elif law[MIDDLE] > 0.0:
-            run_of_contacts(False, True, law, slip_dt, begin, end, scratch)
+            run_of_contacts(False, True, True, law, slip_dt, begin, whole, scratch)
         else:
-            run_of_contacts(False, False, law, slip_dt, begin, end, scratch)
+            run_of_contacts(False, False, True, law, slip_dt, begin, whole, scratch)
         if resisted:
             run_of_resistances(law, slip_dt, begin, end, scratch)
         begin = end
@@ -506,45 +522,30 @@ def recall(contacts: Contacts, k: np.uint64, q: np.uint64, scratch: Floats) -> N
     """Notes and memory of the listed pair k into the scratch."""
     notes, memory = contacts.notes, contacts.memory
     scratch[ITS_REDUCED + q], scratch[ITS_DRAG + q] = notes[k, REDUCED], notes[k, DRAG]
-    put(scratch, BEFORE + q, row(memory, k, NORMAL))
     put(scratch, SPRING_BEFORE + q, row(memory, k, SHEAR))
-    scratch[RADIUS_BEFORE + q], scratch[OVERLAP_BEFORE + q] = memory[k, RADIUS], memory[k, OVERLAP]
     if memory.shape[1] > MEMORY_WIDTH:
         scratch[ITS_ROLL_DRAG + q], scratch[ITS_TWIST_DRAG + q] = notes[k, ROLL_DRAG], notes[k, TWIST_DRAG]
-        if memory[k, RADIUS] > 0.0:
-            put(scratch, ROLLED + q, row(memory, k, ROLLING))
-            scratch[TWISTED + q] = memory[k, TWISTING]
-        else:
-            put(scratch, BEFORE + q, (0.0, 0.0, 0.0))
-            put(scratch, ROLLED + q, (0.0, 0.0, 0.0))
-            scratch[TWISTED + q] = 0.0
+        put(scratch, ROLLED + q, row(memory, k, ROLLING))
+        scratch[TWISTED + q] = memory[k, TWISTING]
 
 
 @inline_kernel
 def remember(contacts: Contacts, k: np.uint64, q: np.uint64, keep: bool, scratch: Floats) -> None:
     """The listed pair's memory out of the scratch; its force too if it is to be kept."""
     memory, force = contacts.memory, contacts.force
-    for c in range(3):
-        at = q + np.uint64(c * CHUNK)
-        memory[k, NORMAL + c] = scratch[N + at]
-        memory[k, SHEAR + c] = scratch[SPRING_BEFORE + at]
-    memory[k, RADIUS], memory[k, OVERLAP] = scratch[RADIUS_BEFORE + q], scratch[OVERLAP_BEFORE + q]
+    memory[k, SHEAR], memory[k, SHEAR + 1], memory[k, SHEAR + 2] = vector(scratch, SPRING_BEFORE + q)
     if memory.shape[1] > MEMORY_WIDTH:
-        for c in range(3):
-            memory[k, ROLLING + c] = scratch[ROLLED + q + np.uint64(c * CHUNK)]
+        memory[k, ROLLING], memory[k, ROLLING + 1], memory[k, ROLLING + 2] = vector(scratch, ROLLED + q)
         memory[k, TWISTING] = scratch[TWISTED + q]
     if keep:
         force[k, 0] = scratch[FN + q]
-        for c in range(3):
-            force[k, 1 + c] = scratch[FS + q + np.uint64(c * CHUNK)]
+        force[k, 1], force[k, 2], force[k, 3] = vector(scratch, FS + q)
 
 
 @inline_kernel
-def forget(contacts: Contacts, k: np.uint64, keep: bool) -> None:
-    """Note that a listed pair is open; one that was open already costs no write."""
-    if contacts.memory[k, RADIUS] != 0.0:
-        contacts.memory[k, RADIUS] = 0.0
-    if keep:
+def clear_kept(contacts: Contacts, begin: np.uint64, end: np.uint64) -> None:
+    """No force of the listed pairs ``begin .. end-1``, until it is found."""
+    for k in range(begin, end):
         for c in range(4):
             contacts.force[k, c] = 0.0
 
@@ -573,57 +574,62 @@ def forces_of_spheres(
     keep : bool
         Whether the forces of the contacts are to be kept.
     scratch : ndarray, shape (SCRATCH,)
-    picked : ndarray of int64, shape (2 * CHUNK,)
+    picked : ndarray of int64, shape (CHUNK,)
         This thread's own, as the scratch.
     """
     x, v, omega, radius, force, torque = state.x, state.v, state.omega, state.radius, state.force, state.torque
+    seen = state.v_now if central else v
     rows, other = pairs.row, pairs.other
     resisted = pairs.memory.shape[1] > MEMORY_WIDTH
-    last = np.uint64(pairs.start[end])
-    for low in range(np.uint64(pairs.start[begin]), last, np.uint64(CHUNK)):
+    one, three = np.uint64(1), np.uint64(3)
+    first, last = np.uint64(pairs.start[begin]), np.uint64(pairs.start[end])
+    if keep:
+        clear_kept(pairs, first, last)
+    for low in range(first, last, np.uint64(CHUNK)):
         high = min(low + np.uint64(CHUNK), last)
-        count, opened = np.uint64(0), np.uint64(CHUNK)
+        count = np.uint64(0)
         for k in range(low, high):
             i, j = np.uint64(rows[k]), np.uint64(other[k])
-            dx, dy, dz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
+            a, b = three * i, three * j
+            dx, dy, dz = x[b] - x[a], x[b + one] - x[a + one], x[b + one + one] - x[a + one + one]
             reach = radius[i] + radius[j]
             put(scratch, D + count, (dx, dy, dz))
             scratch[REACH + count] = reach
-            picked[count], picked[opened] = k, k
-            touches = np.uint64(dx * dx + dy * dy + dz * dz < reach * reach)
-            count += touches
-            opened += np.uint64(1) - touches
-        for m in range(np.uint64(CHUNK), opened):
-            forget(pairs, np.uint64(picked[m]), keep)
+            picked[count] = k
+            count += np.uint64(dx * dx + dy * dy + dz * dz < reach * reach)
         for q in range(count):
             k = np.uint64(picked[q])
             i, j = np.uint64(rows[k]), np.uint64(other[k])
             ri, rj = radius[i], radius[j]
-            for c in range(3):
-                at = q + np.uint64(c * CHUNK)
-                wi, wj = omega[i, c], omega[j, c]
-                scratch[DV + at] = v[i, c] - v[j, c]
+            for c in range(np.uint64(3)):
+                at, a, b = q + c * np.uint64(CHUNK), three * i + c, three * j + c
+                wi, wj = omega[a], omega[b]
+                scratch[DV + at], scratch[DASHPOT_DV + at] = v[a] - v[b], seen[a] - seen[b]
                 scratch[ROLLS + at], scratch[SPINS + at] = ri * wi + rj * wj, wi + wj
-                scratch[DASHPOT_DV + at] = state.v_now[i, c] - state.v_now[j, c] if central else v[i, c] - v[j, c]
                 if resisted:
                     scratch[TURNS + at] = wi - wj
             recall(pairs, k, q, scratch)
+        for c in range(np.uint64(3)):
+            for q in range(np.uint64(CHUNK)):
+                at = q + c * np.uint64(CHUNK)
+                scratch[D_BEFORE + at] = scratch[D + at] + slip_dt * scratch[DV + at]
         laws_of_chunk(pairs, laws, slip_dt, picked, np.int64(count), scratch)
         for q in range(count):
             k = np.uint64(picked[q])
             i, j = np.uint64(rows[k]), np.uint64(other[k])
-            arm = 0.5 * scratch[OVERLAP_BEFORE + q] * laws[pairs.law[k], TORQUE_MID]
-            arm_i, arm_j = radius[i] - arm, radius[j] - arm
-            for c in range(3):
-                at = q + np.uint64(c * CHUNK)
+            arm_loss = scratch[ARM_LOSS + q]
+            arm_i, arm_j = radius[i] - arm_loss, radius[j] - arm_loss
+            for c in range(np.uint64(3)):
+                at, a, b = q + c * np.uint64(CHUNK), three * i + c, three * j + c
                 push, crossed = scratch[PUSH + at], scratch[CROSSED + at]
-                force[i, c] += push
-                force[j, c] -= push
-                torque[i, c] += arm_i * crossed
-                torque[j, c] += arm_j * crossed
+                force[a] += push
+                force[b] -= push
+                torque_i, torque_j = arm_i * crossed, arm_j * crossed
                 if resisted:
-                    torque[i, c] -= scratch[MOMENT + at]
-                    torque[j, c] += scratch[MOMENT + at]
+                    torque_i -= scratch[MOMENT + at]
+                    torque_j += scratch[MOMENT + at]
+                torque[a] += torque_i
+                torque[b] += torque_j
             remember(pairs, k, q, keep, scratch)
 
 
@@ -640,6 +646,19 @@ def first_from(pairs: Contacts, low: int, high: int, sphere: int) -> int:
 
 
 @inline_kernel
+def three(values: Floats, i: np.uint64) -> Vector:
+    """Vector of the sphere i."""
+    at = np.uint64(3) * i
+    return values[at], values[at + np.uint64(1)], values[at + np.uint64(2)]
+
+
+@inline_kernel
+def above(table: Floats, w: int, place: Vector) -> float:
+    """Height [m] of a place over a plane."""
+    return dot(plus(place, -1.0, row(table, w, 0)), row(table, w, 3))
+
+
+@inline_kernel
 def beside_plane(
     state: State,
     contacts: Contacts,
@@ -653,32 +672,33 @@ def beside_plane(
 ) -> float:
     """Differences and memory of the listed pair k to place q of the scratch, if it touches; its overlap [m], the radius if it is behind."""
     i = np.uint64(contacts.other[k])
-    xi, vi, wi, ri = row(state.x, i, 0), row(state.v, i, 0), row(state.omega, i, 0), state.radius[i]
-    n = scaled(row(state.now, w, 3), -1.0)
-    height = -dot(plus(xi, -1.0, row(state.now, w, 0)), n)
+    xi, vi, ri = three(state.x, i), three(state.v, i), state.radius[i]
+    height = above(state.now, w, xi)
     overlap = ri - height
     if overlap <= 0.0 or height <= 0.0:
         return overlap
-    foot, wj = plus(xi, height, n), row(state.middle, w, 12)
+    wi, wj, n = three(state.omega, i), row(state.middle, w, 12), scaled(row(state.now, w, 3), -1.0)
+    start = plus(xi, -slip_dt, vi)
+    height_before, before = above(state.before, w, start), scaled(row(state.before, w, 3), -1.0)
     # Where spheres have velocities of the half step, planes have theirs of its middle, about the pivot of its end.
-    half = 0.5 * slip_dt
+    half, foot = 0.5 * slip_dt, plus(xi, height, n)
     vj = plane_velocity(state.middle, w, foot, half)
     seen, dashpot_vj = vi, vj
     if central:
-        seen, dashpot_vj = row(state.v_now, i, 0), plane_velocity(state.now, w, foot, 0.0)
-    mean_overlap = overlap
-    shown = n
-    fresh = contacts.memory[k, RADIUS] == 0.0
-    if law[MIDDLE] > 0.0:
-        before = n if fresh else row(contacts.memory, k, NORMAL)
-        both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
-        shown = scaled(both, 1.0 / sqrt(dot(both, both)))
-        mean_overlap = 0.5 * (overlap + (overlap if fresh else contacts.memory[k, OVERLAP]))
-        vj = plane_velocity(state.middle, w, plus(plus(xi, -half, vi), ri - mean_overlap, shown), 0.0)
-    # The plane's velocity is that of the very place: what its spin adds with the overlap's middle is taken back.
-    cut = 0.5 * mean_overlap * law[SLIP_MID]
-    vj = plus(vj, -cut, cross(wj, shown))
+        seen, dashpot_vj = three(state.v_now, i), plane_velocity(state.now, w, foot, 0.0)
+    if dot(wj, wj) > 0.0:
+        mean_overlap = overlap
+        shown = n
+        if law[MIDDLE] > 0.0:
+            if height_before < ri:
+                both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
+                shown = scaled(both, 1.0 / sqrt(dot(both, both)))
+                mean_overlap = 0.5 * (overlap + ri - height_before)
+            vj = plane_velocity(state.middle, w, plus(plus(xi, -half, vi), ri - mean_overlap, shown), 0.0)
+        # The plane's velocity is that of the very place: what its spin adds with the overlap's middle is taken back.
+        vj = plus(vj, -0.5 * mean_overlap * law[SLIP_MID], cross(wj, shown))
     put(scratch, D + q, scaled(n, height))
+    put(scratch, D_BEFORE + q, scaled(before, height_before))
     scratch[REACH + q] = ri
     put(scratch, DV + q, plus(vi, -1.0, vj))
     put(scratch, DASHPOT_DV + q, plus(seen, -1.0, dashpot_vj))
@@ -712,32 +732,31 @@ def forces_of_planes(
     for w in range(state.now.shape[0]):
         last = contacts.start[w + 1]
         k = np.uint64(first_from(contacts, contacts.start[w], last, begin))
-        last = first_from(contacts, np.int64(k), last, end)
-        while k < np.uint64(last):
-            high = min(k + np.uint64(CHUNK), np.uint64(last))
+        last = np.uint64(first_from(contacts, np.int64(k), last, end))
+        if keep:
+            clear_kept(contacts, k, last)
+        while k < last:
+            high = min(k + np.uint64(CHUNK), last)
             count = np.uint64(0)
             while k < high:
-                law = laws[contacts.law[k]]
                 i = np.uint64(contacts.other[k])
-                overlap = beside_plane(state, contacts, law, slip_dt, central, w, k, count, scratch)
+                overlap = beside_plane(state, contacts, laws[contacts.law[k]], slip_dt, central, w, k, count, scratch)
                 if overlap >= radius[i]:
                     state.behind[stripe, 0], state.behind[stripe, 1] = 1 + state.name[i], w
                 elif overlap > 0.0:
                     picked[count] = k
                     count += np.uint64(1)
-                else:
-                    forget(contacts, k, keep)
                 k += np.uint64(1)
             laws_of_chunk(contacts, laws, slip_dt, picked, np.int64(count), scratch)
             for q in range(count):
                 m = np.uint64(picked[q])
                 i = np.uint64(contacts.other[m])
-                arm = radius[i] - 0.5 * scratch[OVERLAP_BEFORE + q] * laws[contacts.law[m], TORQUE_MID]
-                for c in range(3):
-                    at = q + np.uint64(c * CHUNK)
-                    force[i, c] += scratch[PUSH + at]
-                    torque[i, c] += arm * scratch[CROSSED + at]
+                arm = radius[i] - scratch[ARM_LOSS + q]
+                for c in range(np.uint64(3)):
+                    at, a = q + c * np.uint64(CHUNK), np.uint64(3) * i + c
+                    force[a] += scratch[PUSH + at]
+                    torque[a] += arm * scratch[CROSSED + at]
                     share[stripe, w, c] -= scratch[PUSH + at]
                     if resisted:
-                        torque[i, c] -= scratch[MOMENT + at]
+                        torque[a] -= scratch[MOMENT + at]
                 remember(contacts, m, q, keep, scratch)

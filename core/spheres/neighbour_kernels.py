@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.dem.neighbour_kernels import divide, next_skin, order_by_cell
+from ninedisk.core.dem.neighbour_kernels import divide, next_skin, order_by_cell, permute
 from ninedisk.core.dem.state import Cells, Team
 from ninedisk.core.spheres.kernels import (
     BETA,
@@ -20,8 +20,6 @@ from ninedisk.core.spheres.kernels import (
     HERTZ,
     KN,
     MEMORY_WIDTH,
-    NORMAL,
-    RADIUS,
     REDUCED,
     ROLL,
     ROLL_DRAG,
@@ -61,7 +59,7 @@ def sort_into_cells(x: Floats, width: float, cells: Cells) -> bool:
 
     Parameters
     ----------
-    x : ndarray, shape (n, 3)
+    x : ndarray, shape (3 n,)
         Centres [m].
     width : float
         Smallest width of a cell [m]; it grows until the cells fit into ``cells.start``.
@@ -73,15 +71,15 @@ def sort_into_cells(x: Floats, width: float, cells: Cells) -> bool:
     bool
         False if a coordinate, or the extent of all, is not finite.
     """
-    n, grid = x.shape[0], cells.grid
-    low_x, low_y, low_z = x[0, 0], x[0, 1], x[0, 2]
+    n, grid = cells.cell.shape[0], cells.grid
+    low_x, low_y, low_z = x[0], x[1], x[2]
     high_x, high_y, high_z = low_x, low_y, low_z
     finite = True
     for i in range(n):
-        finite = finite and np.isfinite(x[i, 0] + x[i, 1] + x[i, 2])
-        low_x, high_x = min(low_x, x[i, 0]), max(high_x, x[i, 0])
-        low_y, high_y = min(low_y, x[i, 1]), max(high_y, x[i, 1])
-        low_z, high_z = min(low_z, x[i, 2]), max(high_z, x[i, 2])
+        finite = finite and np.isfinite(x[3 * i] + x[3 * i + 1] + x[3 * i + 2])
+        low_x, high_x = min(low_x, x[3 * i]), max(high_x, x[3 * i])
+        low_y, high_y = min(low_y, x[3 * i + 1]), max(high_y, x[3 * i + 1])
+        low_z, high_z = min(low_z, x[3 * i + 2]), max(high_z, x[3 * i + 2])
     long_x, long_y, long_z = high_x - low_x, high_y - low_y, high_z - low_z
     if not (finite and np.isfinite(long_x + long_y + long_z)):
         return False
@@ -99,30 +97,21 @@ def sort_into_cells(x: Floats, width: float, cells: Cells) -> bool:
     nx, ny, nz = int(long[wide] / width) + 1, int(long[deep] / width) + 1, int(long[high] / width) + 1
     grid[IN_LAYER], grid[LAYERS], grid[IN_ROW] = nx * ny, nz, nx
     for i in range(n):
-        layer, line = int((x[i, high] - low[high]) / width), int((x[i, deep] - low[deep]) / width)
-        cells.cell[i] = (layer * ny + line) * nx + int((x[i, wide] - low[wide]) / width)
+        layer, line = int((x[3 * i + high] - low[high]) / width), int((x[3 * i + deep] - low[deep]) / width)
+        cells.cell[i] = (layer * ny + line) * nx + int((x[3 * i + wide] - low[wide]) / width)
     order_by_cell(cells, n, nx * ny * nz)
     return True
 
 
 @inline_kernel
-def permute_rows(values: Floats, order: Numbers, scratch: Floats) -> None:
-    """``values[k] = values[order[k]]`` for an array of shape (n, 3), or (0, 3)."""
-    for k in range(values.shape[0]):
-        for c in range(3):
-            scratch[k, c] = values[order[k], c]
-    for k in range(values.shape[0]):
-        for c in range(3):
-            values[k, c] = scratch[k, c]
-
-
-@inline_kernel
-def permute(values: Floats, order: Numbers, scratch: Floats) -> None:
-    """``values[k] = values[order[k]]`` for an array of shape (n,)."""
-    for k in range(values.shape[0]):
-        scratch[k, 0] = values[order[k]]
-    for k in range(values.shape[0]):
-        values[k] = scratch[k, 0]
+def permute_vectors(values: Floats, order: Numbers, scratch: Floats) -> None:
+    """``values[k] = values[order[k]]`` for vectors, shape (3 n,), or (0,)."""
+    if values.shape[0] > 0:
+        for k in range(order.shape[0]):
+            for c in range(3):
+                scratch[3 * k + c] = values[3 * order[k] + c]
+        for q in range(values.shape[0]):
+            values[q] = scratch[q]
 
 
 @kernel
@@ -136,7 +125,7 @@ def begin_lists(
     steps: int,
     sizes: tuple[float, float, float, float],
 ) -> float:
-    """Cells, order and stripes of the spheres for new lists; those in use know them by their ``listed`` rows.
+    """Cells, order and stripes of the spheres for new lists; those in use know them by their ``listed`` rows. Forces serve as scratch.
 
     Parameters
     ----------
@@ -158,25 +147,24 @@ def begin_lists(
     skin = next_skin(skin, steps, mean, least, most)
     if not sort_into_cells(state.x, 2.0 * widest + skin, cells):
         return -1.0
-    order, scratch = cells.order, state.built
+    order, scratch = cells.order, state.force
     if in_order:
         for values in (state.x, state.v, state.omega, state.angle, state.v_now, state.mobility):
-            permute_rows(values, order, scratch)
+            permute_vectors(values, order, scratch)
         for column in (state.mass, state.inv_mass, state.inv_inertia, state.radius):
             permute(column, order, scratch)
         for numbers in (state.name, listed):
             for k in range(order.shape[0]):
-                scratch[k, 0] = numbers[order[k]]
+                scratch[k] = numbers[order[k]]
             for k in range(order.shape[0]):
-                numbers[k] = int(scratch[k, 0])
+                numbers[k] = int(scratch[k])
         # A counting sort is stable: sorted once more, the spheres stay where they are.
         for c in range(int(cells.grid[IN_LAYER]) * int(cells.grid[LAYERS])):
             for k in range(cells.start[c], cells.start[c + 1]):
                 order[k], cells.cell[k] = k, c
-    for i in range(state.x.shape[0]):
-        for c in range(3):
-            state.built[i, c] = state.x[i, c]
-    divide(state.x.shape[0], cells, team)
+    for q in range(state.moved.shape[0]):
+        state.moved[q] = 0.0
+    divide(order.shape[0], cells, team)
     return skin
 
 
@@ -204,9 +192,11 @@ def note(
     about: float,
     inv_inertia: float,
 ) -> None:
-    """Law and notes of the listed pair k, from its reduced radius and sums of 1/m, `about_contact` and 1/I."""
+    """Law, notes and empty memory of the listed pair k, from its reduced radius and sums of 1/m, `about_contact` and 1/I."""
     law = laws[number]
     new.law[k], new.notes[k, REDUCED] = number, reduced
+    for c in range(new.memory.shape[1]):
+        new.memory[k, c] = 0.0
     # Hertz' dashpot has the tangent stiffness, 3/2 of the secant one (Tsuji).
     new.notes[k, DRAG] = dashpot(law[BETA], law[KN] * (1.5 * 5.0 / 6.0 if law[HERTZ] > 0.0 else 1.0), inv_mass)
     if new.memory.shape[1] > MEMORY_WIDTH:
@@ -217,13 +207,10 @@ def note(
 @inline_kernel
 def inherit(old: Contacts, o: int, new: Contacts, k: int, turned: bool) -> None:
     """Memory of the listed pair o for the pair k, which has its bodies the other way round if it is ``turned``."""
-    if old.memory[o, RADIUS] == 0.0:
-        return
     side = -1.0 if turned else 1.0
     for c in range(new.memory.shape[1]):
         new.memory[k, c] = old.memory[o, c]
     for c in range(3):
-        new.memory[k, NORMAL + c] *= side
         new.memory[k, SHEAR + c] *= side
         if new.memory.shape[1] == ALL:
             new.memory[k, ROLLING + c] *= side
@@ -243,7 +230,7 @@ def list_pairs(
 ) -> bool:
     """List all pairs of spheres with a gap below ``skin`` [m], with the memory of the old list; False if ``new`` is too small."""
     x, radius, inv_mass, inv_inertia, name = state.x, state.radius, state.inv_mass, state.inv_inertia, state.name
-    n, nx, nz = x.shape[0], int(cells.grid[IN_ROW]), int(cells.grid[LAYERS])
+    n, nx, nz = radius.shape[0], int(cells.grid[IN_ROW]), int(cells.grid[LAYERS])
     ny = int(cells.grid[IN_LAYER]) // nx
     room, k = new.other.shape[0], 0
     new.start[0] = 0
@@ -259,7 +246,7 @@ def list_pairs(
                     j = m if in_order else int(cells.order[m])
                     if j <= i:
                         continue
-                    dx, dy, dz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
+                    dx, dy, dz = x[3 * j] - x[3 * i], x[3 * j + 1] - x[3 * i + 1], x[3 * j + 2] - x[3 * i + 2]
                     reach = radius[i] + radius[j]
                     if dx * dx + dy * dy + dz * dz >= (reach + skin) * (reach + skin):
                         continue
@@ -271,7 +258,7 @@ def list_pairs(
                     about = about_contact(state, i) + about_contact(state, j)
                     masses, inertias = inv_mass[i] + inv_mass[j], inv_inertia[i] + inv_inertia[j]
                     note(new, k, laws, number, radius[i] * radius[j] / reach, masses, about, inertias)
-                    new.row[k], new.other[k], new.memory[k, RADIUS] = i, j, 0.0
+                    new.row[k], new.other[k] = i, j
                     a, b = min(listed[i], listed[j]), max(listed[i], listed[j])
                     for o in range(old.start[a], old.start[a + 1]):
                         if old.other[o] == b:
@@ -301,21 +288,21 @@ def list_planes(
     room, k = new.other.shape[0], 0
     new.start[0] = 0
     for w in range(state.now.shape[0]):
-        for i in range(x.shape[0]):
+        for i in range(radius.shape[0]):
             place[i] = -1
         for o in range(old.start[w], old.start[w + 1]):
             place[old.other[o]] = o
-        for i in range(x.shape[0]):
+        for i in range(radius.shape[0]):
             height = 0.0
             for c in range(3):
-                height += (x[i, c] - state.now[w, c]) * state.now[w, 3 + c]
+                height += (x[3 * i + c] - state.now[w, c]) * state.now[w, 3 + c]
             if materials.fixed[name[i]] or not (height < radius[i] + skin or materials.moves[w]):
                 continue
             if k == room:
                 return False
             number = materials.plane[w, materials.of[name[i]]]
             note(new, k, laws, number, radius[i], state.inv_mass[i], about_contact(state, i), state.inv_inertia[i])
-            new.row[k], new.other[k], new.memory[k, RADIUS] = w, i, 0.0
+            new.row[k], new.other[k] = w, i
             if place[listed[i]] >= 0:
                 inherit(old, place[listed[i]], new, k, False)
             k += 1

@@ -112,25 +112,26 @@ class SphereSession:
         inv_mass = np.where(free.any(axis=1), 1.0 / spheres.mass, 0.0)
         stripes = STRIPES if in_order else 1
         self._state = State(
-            x=np.array(spheres.x),
-            v=np.array(spheres.v),
-            omega=np.array(spheres.omega),
-            angle=np.zeros((n, 3)),
-            v_now=np.array(spheres.v) if self._central else np.zeros((0, 3)),
-            force=np.zeros((n, 3)),
-            torque=np.zeros((n, 3)),
+            x=spheres.x.ravel().copy(),
+            v=spheres.v.ravel().copy(),
+            omega=spheres.omega.ravel().copy(),
+            angle=np.zeros(3 * n),
+            v_now=spheres.v.ravel().copy() if self._central else np.zeros(0),
+            force=np.zeros(3 * n),
+            torque=np.zeros(3 * n),
             mass=np.where(inv_mass > 0.0, spheres.mass, 0.0),
-            mobility=free * inv_mass[:, None],
+            mobility=(free * inv_mass[:, None]).ravel(),
             inv_mass=inv_mass,
             inv_inertia=np.where(spheres.rotating, 1.0 / spheres.inertia, 0.0),
             radius=np.array(spheres.radius),
             name=np.arange(n),
             now=np.zeros((m, kernels.POSE_WIDTH)),
             middle=np.zeros((m, kernels.POSE_WIDTH)),
+            before=np.zeros((m, kernels.POSE_WIDTH)),
             load=np.zeros((m, 3)),
             share=np.zeros((stripes, m, 3)),
             behind=np.zeros((stripes, 2), dtype=np.int64),
-            built=np.array(spheres.x),
+            moved=np.zeros(3 * n, dtype=np.float32),
         )
         self._motion = compile_motion(scene.walls)
         self._laws, self._materials = _law_tables(scene)
@@ -147,7 +148,7 @@ class SphereSession:
         self._pairs = [_empty_list(n, room, resisted) for room in (0, PAIRS_PER_SPHERE * n + 16)]
         self._at_planes = [_empty_list(m, room, resisted) for room in (0, n // 4 + 16)]
         self._team = team_arrays(stripes, self._threads, room=SCRATCH)
-        self._picked = np.zeros((self._threads, 2 * CHUNK + PAD), dtype=np.int64)
+        self._picked = np.zeros((self._threads, CHUNK + PAD), dtype=np.int64)
         self._clock = np.array([0, 1, 0])
         self._samples = numerics.sampled_steps()
         self._row = 0
@@ -281,7 +282,7 @@ class SphereSession:
                 self._rebuild()
 
     def _not_finite(self, finite: NDArray[np.bool_]) -> NonFiniteStateError:
-        bad = self._state.name[~finite.all(axis=1)].min()
+        bad = self._state.name[~finite.reshape(-1, 3).all(axis=1)].min()
         return NonFiniteStateError(
             f"the state of sphere {bad} stopped being finite at t = {self._clock[STEP] * self.contact_dt:g} s: reduce contact_dt"
         )
@@ -289,7 +290,7 @@ class SphereSession:
     def _behind(self) -> None:
         sphere, w = (int(each) for each in self._state.behind[np.argmax(self._state.behind[:, 0] > 0)])
         pose, i = self._state.now[w], int(np.flatnonzero(self._state.name == sphere - 1)[0])
-        height = float((self._state.x[i] - pose[:3]) @ pose[3:6])
+        height = float((self._state.x[3 * i : 3 * i + 3] - pose[:3]) @ pose[3:6])
         raise self.scene.behind_wall(
             sphere - 1, w, height, f"t = {self._clock[STEP] * self.contact_dt:g} s", "contact_dt"
         )
@@ -301,7 +302,7 @@ class SphereSession:
         steps, listed, old = int(clock[STEP] - clock[BUILT]), self._listed, float(self._skin[0])
         skin = begin_lists(state, listed, cells, self._team, self._in_order, old, steps, self._sizes)
         if skin < 0.0:
-            raise self._not_finite(np.isfinite(state.x) & (np.abs(state.x) < np.finfo(np.float64).max / 8.0))
+            raise self._not_finite(np.abs(state.x) < np.finfo(np.float64).max / 8.0)
         pairs, planes = self._pairs, self._at_planes
         while not list_pairs(state, listed, cells, materials, laws, self._in_order, skin, *pairs):
             pairs[1] = _roomier(pairs[1])
@@ -310,20 +311,25 @@ class SphereSession:
             planes[1] = _roomier(planes[1])
         pairs.reverse()
         planes.reverse()
-        state.force[:], state.torque[:] = state.mass[:, None] * self.scene.gravity, 0.0
+        state.force[:], state.torque[:] = np.outer(state.mass, self.scene.gravity).ravel(), 0.0
         listed[:] = np.arange(len(listed))
         self._skin[0], clock[BUILT] = skin, clock[STEP]
 
     def _contacts(self) -> Listed:
         """Pairs in the lists: bodies by rows of the state and numbers of the planes, and what is known of them."""
-        parts = []
+        state, parts = self._state, []
+        x, n = state.x.reshape(-1, 3), len(self._listed)
         for contacts, at_planes in ((self._pairs[0], False), (self._at_planes[0], True)):
-            row, other, law, memory, force = (
-                array[: contacts.start[-1]]
-                for array in (contacts.row, contacts.other, contacts.law, contacts.memory, contacts.force)
-            )
-            columns = (other, len(self._listed) + row.astype(np.int64)) if at_planes else (row, other)
-            parts.append((np.column_stack(columns).astype(np.int64), law, memory, force))
+            row, other, law, notes, memory, force = (array[: contacts.start[-1]] for array in contacts[1:])
+            if at_planes:
+                bodies = np.column_stack([other, n + row.astype(np.int64)])
+                height = np.sum((x[other] - state.now[row, :3]) * state.now[row, 3:6], axis=1)
+                overlap = state.radius[other] - height
+            else:
+                bodies = np.column_stack([row, other]).astype(np.int64)
+                overlap = state.radius[row] + state.radius[other] - np.linalg.norm(x[other] - x[row], axis=1)
+            overlap = np.maximum(overlap, 0.0)
+            parts.append((bodies, law, overlap, np.sqrt(notes[:, kernels.REDUCED] * overlap), memory, force))
         return Listed(*(np.concatenate(both) for both in zip(*parts, strict=True)))
 
     def _check_step(self) -> None:
@@ -331,15 +337,16 @@ class SphereSession:
         if self.numerics.allow_unstable:
             return
         contacts = self._contacts()
-        closed = contacts.memory[:, kernels.RADIUS] > 0.0
+        closed = contacts.overlap > 0.0
         if not closed.any():
             return
         state, law = self._state, self._laws[contacts.law[closed]]
         one, two = contacts.bodies[closed].T
-        among, other = two < len(state.x), np.minimum(two, len(state.x) - 1)
+        n = len(self._listed)
+        among, other = two < n, np.minimum(two, n - 1)
         inv_mass = state.inv_mass[one] + among * state.inv_mass[other]
         turn = state.inv_inertia * state.radius**2
-        hertz, radius = law[:, kernels.HERTZ] > 0.0, contacts.memory[closed, kernels.RADIUS]
+        hertz, radius = law[:, kernels.HERTZ] > 0.0, contacts.radius[closed]
         kn = np.where(hertz, 1.5 * radius, 1.0) * law[:, kernels.KN]
         ks = np.where(hertz, radius, 1.0) * law[:, kernels.KS] * (law[:, kernels.MU] > 0.0)
         rate = np.sqrt(np.maximum(kn * inv_mass, ks * (inv_mass + turn[one] + among * turn[other])))
@@ -359,12 +366,14 @@ class SphereSession:
         chosen = place[self.chosen]
         mass, inertia = self.scene.spheres.mass[state.name], self.scene.spheres.inertia[state.name]
         half = 0.5 * self.contact_dt if self._clock[STEP] else 0.0
-        v = state.v + half * state.mobility * state.force
-        omega = state.omega + half * state.inv_inertia[:, None] * state.torque
-        if not (np.isfinite(state.x).all() and np.isfinite(v).all()):
-            raise self._not_finite(np.isfinite(state.x + v))
-        history.x[k], history.v[k] = state.x[chosen], v[chosen]
-        history.angle[k], history.omega[k] = state.angle[chosen], omega[chosen]
+        x, angle, omega, torque = (each.reshape(-1, 3) for each in (state.x, state.angle, state.omega, state.torque))
+        v = (state.v + half * state.mobility * state.force).reshape(-1, 3)
+        omega = omega + half * state.inv_inertia[:, None] * torque
+        finite = np.isfinite(x) & np.isfinite(v)
+        if not finite.all():
+            raise self._not_finite(finite)
+        history.x[k], history.v[k] = x[chosen], v[chosen]
+        history.angle[k], history.omega[k] = angle[chosen], omega[chosen]
         history.wall_point[k], history.wall_angle[k], history.wall_force[k] = (
             state.now[:, :3],
             state.now[:, 3:6],
@@ -373,7 +382,7 @@ class SphereSession:
         contacts = self._contacts()
         listed = {(int(i), int(j)): k for k, (i, j) in enumerate(contacts.bodies)} if self.pairs else {}
         for column, pair in enumerate(self.pairs):
-            first, second = (int(place[body]) if body < len(state.x) else body for body in pair)
+            first, second = (int(place[body]) if body < len(x) else body for body in pair)
             i, j, side = (first, second, 1.0) if first < second else (second, first, -1.0)
             history.gap[k, column] = self._gap(i, j)
             found = contacts.force[listed[i, j]] if (i, j) in listed else np.zeros(4)
@@ -382,7 +391,7 @@ class SphereSession:
         energy["translation"][k] = 0.5 * float(np.sum(mass * np.sum(v**2, axis=1)))
         energy["rotation"][k] = 0.5 * float(np.sum(inertia * np.sum(omega**2, axis=1)))
         energy["kinetic"][k] = energy["translation"][k] + energy["rotation"][k]
-        energy["gravity"][k] = -float(np.sum(mass * (state.x @ np.array(self.scene.gravity))))
+        energy["gravity"][k] = -float(np.sum(mass * (x @ np.array(self.scene.gravity))))
         parts = self._elastic(contacts)
         for name, part in zip(("normal", "shear", "rolling"), parts, strict=True):
             energy[f"elastic_{name}"][k] = part
@@ -390,15 +399,15 @@ class SphereSession:
 
     def _gap(self, i: int, j: int) -> float:
         state, n = self._state, len(self.scene.spheres)
+        x = state.x.reshape(-1, 3)
         if j < n:
-            return float(np.linalg.norm(state.x[j] - state.x[i]) - state.radius[i] - state.radius[j])
+            return float(np.linalg.norm(x[j] - x[i]) - state.radius[i] - state.radius[j])
         pose = state.now[j - n]
-        return float((state.x[i] - pose[:3]) @ pose[3:6] - state.radius[i])
+        return float((x[i] - pose[:3]) @ pose[3:6] - state.radius[i])
 
     def _elastic(self, contacts: Listed) -> tuple[float, float, float]:
         """Energies [J] of the normal springs, the shear springs, and those of rolling and twisting."""
-        memory, law = contacts.memory, self._laws[contacts.law]
-        radius, overlap = memory[:, kernels.RADIUS], memory[:, kernels.OVERLAP] * (memory[:, kernels.RADIUS] > 0.0)
+        memory, law, overlap, radius = contacts.memory, self._laws[contacts.law], contacts.overlap, contacts.radius
         hertz = law[:, kernels.HERTZ] > 0.0
         normal = np.where(hertz, 0.4 * radius, 0.5) * law[:, kernels.KN] * overlap**2
         stiff = np.where(hertz, radius, 1.0) * law[:, kernels.KS]
@@ -415,10 +424,12 @@ class SphereSession:
 
 
 class Listed(NamedTuple):
-    """Columns of the lists of neighbours: bodies ``(k, 2)``, law, memory and force, see `Contacts`."""
+    """Columns of the lists of neighbours: bodies ``(k, 2)``, law, overlap and contact radius [m], memory and force, see `Contacts`."""
 
     bodies: NDArray[np.int64]
     law: NDArray[np.uint32]
+    overlap: NDArray[np.float64]
+    radius: NDArray[np.float64]
     memory: NDArray[np.float64]
     force: NDArray[np.float64]
 

@@ -9,9 +9,10 @@ once, then odd ones, and every sum is formed in an order that does not depend on
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
-from ninedisk.core.dem.kick_kernels import farther
+from ninedisk.core.dem.kick_kernels import NUMBER, farther
 from ninedisk.core.dem.state import Team
 from ninedisk.core.spheres.kernels import (
     Contacts,
@@ -26,6 +27,9 @@ from ninedisk.core.spheres.kernels import (
 )
 from ninedisk.core.thread_kernels import PAD, wait_for_all
 
+SURE = 1.001
+"""Displacements since a rebuild are summed in single precision: ten thousand roundings of 6e-8 each stay below a thousandth."""
+
 BLOCK = 512
 """Spheres whose forces are found before they are kicked, so many as stay in the second cache."""
 
@@ -36,11 +40,21 @@ OK, FAR, BEHIND = 0, 1, 2
 """Why `advance` ended: all steps done, the lists of neighbours are too old, a centre is behind a plane."""
 
 
+@inline_kernel
+def farthest(moved: NDArray[np.float32], begin: int, end: int) -> float:
+    """Largest square of the displacements of the spheres ``begin .. end-1`` [m^2]; NaN if any is NaN (`ninedisk.core.dem.kick_kernels`)."""
+    one, three, bits = np.uint64(1), np.uint64(3), np.int32(0)
+    for i in range(np.uint64(begin), np.uint64(end)):
+        a, b, c = moved[three * i], moved[three * i + one], moved[three * i + one + one]
+        bits = max(bits, np.int32(np.float32(a * a + b * b + c * c).view(np.int32) & NUMBER))
+    return float(np.int32(bits).view(np.float32))
+
+
 @fused_kernel
 def kick_and_drift(state: State, gravity: Vector, dt: float, first: bool, central: bool, begin: int, end: int) -> float:
     """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the spheres ``begin .. end-1``; their forces become their weights.
 
-    ``first``: from ``t_0``, by half a kick.
+    ``first``: from ``t_0``, by half a kick. Each loop writes to few arrays, so that the compiler can take several spheres at a time.
 
     Returns
     -------
@@ -48,26 +62,32 @@ def kick_and_drift(state: State, gravity: Vector, dt: float, first: bool, centra
         Largest squared displacement since the last rebuild of the lists [m^2]; NaN if any is NaN.
     """
     x, v, omega, angle, force, torque = state.x, state.v, state.omega, state.angle, state.force, state.torque
+    mobility, inv_inertia, mass, moved, v_now = state.mobility, state.inv_inertia, state.mass, state.moved, state.v_now
     kick, ahead = (0.5 * dt, 1.0) if first else (dt, 0.5)
-    far = 0.0
+    three, low, high = np.uint64(3), np.uint64(3 * begin), np.uint64(3 * end)
+    if central:
+        for q in range(low, high):
+            gain = kick * mobility[q] * force[q]
+            v[q] += gain
+            v_now[q] = v[q] + ahead * gain
+    else:
+        for q in range(low, high):
+            v[q] += kick * mobility[q] * force[q]
+    for q in range(low, high):
+        way = dt * v[q]
+        x[q] += way
+        moved[q] = np.float32(moved[q] + way)
     for i in range(np.uint64(begin), np.uint64(end)):
-        moved, turn, mass = 0.0, kick * state.inv_inertia[i], state.mass[i]
-        for c in range(3):
-            gain = kick * state.mobility[i, c] * force[i, c]
-            now = v[i, c] + gain
-            if central:
-                state.v_now[i, c] = now + ahead * gain
-            v[i, c] = now
-            place = x[i, c] + dt * now
-            x[i, c] = place
-            spin = omega[i, c] + turn * torque[i, c]
-            omega[i, c] = spin
-            angle[i, c] += dt * spin
-            away = place - state.built[i, c]
-            moved += away * away
-            force[i, c], torque[i, c] = mass * gravity[c], 0.0
-        far = farther(far, moved)
-    return far
+        gain = kick * inv_inertia[i]
+        for c in range(three):
+            omega[three * i + c] += gain * torque[three * i + c]
+    for q in range(low, high):
+        angle[q] += dt * omega[q]
+        torque[q] = 0.0
+    for i in range(np.uint64(begin), np.uint64(end)):
+        for c in range(three):
+            force[three * i + c] = mass[i] * gravity[c]
+    return farthest(moved, begin, end)
 
 
 @inline_kernel
@@ -153,7 +173,7 @@ def advance(
     skin: float,
     central: bool,
 ) -> int:
-    """Steps until ``clock[STEP]`` is ``target``, with the forces of that step. All threads call it with the same arguments but their number.
+    """Steps until ``clock[STEP]`` is ``target``, with the forces of that step; all threads call it with the same arguments but their number.
 
     Returns
     -------
@@ -161,7 +181,7 @@ def advance(
         OK; FAR if step ``clock[STEP]`` wants new lists before its forces; BEHIND, with ``state.behind``.
     """
     n, pending = clock[STEP], clock[PENDING] == 1
-    count, stripe, border = state.x.shape[0], team.stripe, team.border
+    count, stripe, border = state.radius.shape[0], team.stripe, team.border
     moved_on = False
     far = 0.0
     wait_for_all(team.flags, thread, threads)
@@ -176,11 +196,12 @@ def advance(
             clock[STEP], clock[PENDING] = n, 1
             place_planes(motion, n * dt, state.now)
             place_planes(motion, max((n - 0.5) * dt, 0.0), state.middle)
+            place_planes(motion, max((n - 1) * dt, 0.0), state.before)
         wait_for_all(team.flags, thread, threads)
         if not pending:
             for other in range(threads):
                 far = farther(far, team.far[other * PAD])
-            if not 4.0 * far < skin * skin:
+            if not 4.0 * SURE * far < skin * skin:
                 return FAR
         pending = False
         moved_on = 0 < n < target
