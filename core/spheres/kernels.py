@@ -11,9 +11,12 @@ A plane enters as a sphere of no radius at the foot of the other one's centre: e
 from __future__ import annotations
 
 from math import cos, floor, sin, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel, kernel
@@ -34,27 +37,28 @@ NO_RESISTANCE, CONSTANT, SPRING = 0, 1, 2
 KEEPS, FORCE, RESCALE = 0, 1, 2
 """Rules of unloading: the spring keeps its displacement, its force, or shrinks with the contact."""
 
-SHEAR, ROLLING, TWISTING = 0, 3, 6
-MEMORY_WIDTH, MEMORY_WIDTH_RESISTED = 3, 7
-"""Columns of what a contact remembers: shear spring (3); with a resistance also rolling torque (3), twisting torque. Where it was in the
-step before, and whether it was open then, so that it has nothing to remember, follows from ``x - dt v``."""
+SHEAR, REDUCED, ROLLING, TWISTING = 0, 3, 4, 7
+MEMORY_WIDTH, MEMORY_WIDTH_RESISTED = 4, 8
+"""Columns of what a contact remembers: shear spring (3), and its reduced radius; with a resistance also rolling torque (3), twisting torque.
+Where it was in the step before, and whether it was open then, so that it has nothing to remember, follows from ``x - dt v``."""
 
-REDUCED, DRAG, ROLL_DRAG, TWIST_DRAG = range(4)
-NOTES_WIDTH, NOTES_WIDTH_RESISTED = 2, 4
-"""Columns of what is noted of a listed pair: reduced radius; coefficients of its dashpots: along the normal [N s/m], with Hertz' law over
-the root of the contact radius, and of the resistances [N m s]."""
+DRAG, ROLL_DRAG, TWIST_DRAG = range(3)
+NOTES_WIDTH, NOTES_WIDTH_RESISTED = 1, 3
+"""Columns of what is noted of a listed pair, coefficients of its dashpots: along the normal [N s/m], with Hertz' law over the root of the
+contact radius, and of the resistances [N m s]."""
 
 LANES = 8
 """Numbers in the widest vectors of processors; `CHUNK` is a multiple."""
 CHUNK = 64
-"""Listed pairs that go through the loops together."""
+WIDE = 4
+"""Listed pairs that go through the loops together; numbers of a vector in memory: one register, and one line of the caches holds two."""
 
 
 class State(NamedTuple):
     """Bodies: n spheres and m planes; s stripes.
 
-    Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, three numbers
-    each. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the lists,
+    Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE`
+    numbers each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the lists,
     ``v_now`` has the velocities that dashpots see where these are not ``v``. Rows of ``now`` (at t_n), ``middle`` (t_{n-1/2}) and
     ``before`` (t_{n-1}) are point, normal, pivot, its velocity, spin of a plane (3 each). ``load`` is the force on each plane, ``share``
     what the stripes add to it, ``behind`` tells for each stripe 1 + sphere and plane where a centre is behind one.
@@ -175,6 +179,75 @@ def plane_velocity(table: Floats, w: int, place: Vector, ahead: float) -> Vector
     velocity = row(table, w, 9)
     arm = plus(plus(place, -1.0, row(table, w, 6)), -ahead, velocity)
     return plus(velocity, 1.0, cross(row(table, w, 12), arm))
+
+
+VECTOR = ir.VectorType(ir.DoubleType(), WIDE)
+
+
+def _place(context: Any, builder: Any, kind: Any, values: Any, at: Any) -> Any:
+    data = context.make_array(kind)(context, builder, values).data
+    return builder.bitcast(builder.gep(data, [at]), VECTOR.as_pointer())
+
+
+def _times(context: Any, builder: Any, kind: Any, s: Any, values: Any, i: Any) -> Any:
+    spread = ir.Constant(VECTOR, ir.Undefined)
+    for lane in range(WIDE):
+        spread = builder.insert_element(spread, s, ir.Constant(ir.IntType(32), lane))
+    at = builder.mul(i, ir.Constant(ir.IntType(64), WIDE))
+    return builder.fmul(builder.load(_place(context, builder, kind, values, at), align=8), spread, flags=("contract",))
+
+
+@intrinsic
+def scale(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any) -> Any:  # noqa: ARG001
+    """``out[at] = s a[i]`` for vectors of `WIDE` numbers in a row, in one register each."""
+
+    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        value = _times(context, builder, signature.args[3], *args[2:5])
+        first = builder.mul(args[1], ir.Constant(ir.IntType(64), WIDE))
+        builder.store(value, _place(context, builder, signature.args[0], args[0], first), align=8)
+        return context.get_dummy_value()
+
+    return types.none(out, types.uint64, types.float64, a, types.uint64), build
+
+
+@intrinsic
+def blend(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any, t: Any, b: Any, j: Any) -> Any:  # noqa: ARG001
+    """``out[at] = s a[i] + t b[j]``, likewise."""
+
+    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        one = _times(context, builder, signature.args[3], *args[2:5])
+        two = _times(context, builder, signature.args[6], *args[5:8])
+        first = builder.mul(args[1], ir.Constant(ir.IntType(64), WIDE))
+        value = builder.fadd(one, two, flags=("contract",))
+        builder.store(value, _place(context, builder, signature.args[0], args[0], first), align=8)
+        return context.get_dummy_value()
+
+    index, number = types.uint64, types.float64
+    return types.none(out, index, number, a, index, number, b, index), build
+
+
+@intrinsic
+def transpose(typingctx: Any, values: Any, out: Any, apart_out: Any, at: Any, apart: Any) -> Any:  # noqa: ARG001
+    """Rows of `WIDE` numbers at ``at``, ``at + apart``, .. become columns at ``out``, ``out + apart_out``, .."""
+
+    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        def place(first: Any, stride: Any, row: int) -> Any:
+            index = builder.add(first, builder.mul(stride, ir.Constant(ir.IntType(64), row)))
+            return _place(context, builder, signature.args[0], args[0], index)
+
+        def mixed(one: Any, two: Any, lanes: tuple[int, ...]) -> Any:
+            which = ir.Constant(ir.VectorType(ir.IntType(32), WIDE), lanes)
+            return builder.shuffle_vector(one, two, which)
+
+        a, b, c, d = (builder.load(place(args[3], args[4], row), align=8) for row in range(WIDE))
+        low, high = (0, 4, 2, 6), (1, 5, 3, 7)
+        pairs = mixed(a, b, low), mixed(a, b, high), mixed(c, d, low), mixed(c, d, high)
+        left, right = (0, 1, 4, 5), (2, 3, 6, 7)
+        for row, (one, two, lanes) in enumerate([(0, 2, left), (1, 3, left), (0, 2, right), (1, 3, right)]):
+            builder.store(mixed(pairs[one], pairs[two], lanes), place(args[1], args[2], row), align=8)
+        return context.get_dummy_value()
+
+    return types.none(values, *[types.uint64] * 4), build
 
 
 @fused_inline_kernel
@@ -393,28 +466,62 @@ def resistance(
     return m, rolled, twisted
 
 
-# Where the scratch holds, for each contact: differences of its bodies as `contact` wants them, its notes, its memory.
-D, REACH, DV, DASHPOT_DV, ROLLS, SPINS = (np.uint64(c * CHUNK) for c in (0, 3, 4, 7, 10, 13))
-ITS_REDUCED, ITS_DRAG, D_BEFORE, SPRING_BEFORE = (np.uint64(c * CHUNK) for c in (16, 17, 18, 21))
-# What the law finds: force on the first body, n x fs, fs, fn and its repulsive part, loss of the arms; the spring in its old place.
-PUSH, CROSSED, FS, FN, REPULSIVE, ARM_LOSS = (np.uint64(c * CHUNK) for c in (24, 27, 30, 33, 34, 35))
-# Resistances: spin of the first body relative to the second one, torque on the latter, memory, dashpots.
-TURNS, MOMENT, ROLLED, TWISTED, ITS_ROLL_DRAG, ITS_TWIST_DRAG = (np.uint64(c * CHUNK) for c in (36, 39, 42, 45, 46, 47))
-SCRATCH = 48 * CHUNK
-ONE, TWO = np.uint64(CHUNK), np.uint64(2 * CHUNK)
-"""From a vector's first column to its second and third one."""
+# Columns of the scratch, `WIDE` for each vector of the contacts: differences of their bodies as `contact` wants them; springs, with the
+# reduced radius; force on the first body, n x fs, fs with fn; for resistances spins of the first body relative to the second one, torque
+# on the latter, rolling torque with the twisting one.
+D, DV, ROLLS, SPINS, SPRINGS, DASHPOT_DV, D_BEFORE, PUSH, CROSSED, FS, TURNS, MOMENT, ROLLED = (
+    np.uint64(c * WIDE * CHUNK) for c in range(13)
+)
+# And of numbers: sum of the radii, dashpots, repulsive part of fn, loss of the arms.
+REACH, ITS_DRAG, REPULSIVE, ARM_LOSS, ITS_ROLL_DRAG, ITS_TWIST_DRAG = (
+    np.uint64((13 * WIDE + c) * CHUNK) for c in range(6)
+)
+# Vectors row by row, as they come from the bodies (some of those above) and go to them.
+D_ROWS, DV_ROWS, ROLLS_ROWS, SPINS_ROWS, SPRINGS_ROWS, DASHPOT_ROWS, TURNS_ROWS, ROLLED_ROWS = (
+    np.uint64((13 * WIDE + 6) * CHUNK // WIDE + c * CHUNK) for c in range(8)
+)
+PUSH_ROWS, CROSSED_ROWS, MOMENT_ROWS = D_ROWS, DV_ROWS, ROLLS_ROWS
+SCRATCH = (13 * WIDE + 6 + 8 * WIDE) * CHUNK
+ONE, TWO, LAST, FOUR, NEXT = (np.uint64(c) for c in (1, 2, 3, WIDE, CHUNK))
+
+
+@fused_inline_kernel
+def xyz(values: Floats, at: np.uint64) -> Vector:
+    """A vector of a sphere, or of a row of the scratch."""
+    first = FOUR * at
+    return values[first], values[first + ONE], values[first + TWO]
 
 
 @fused_inline_kernel
 def vector(scratch: Floats, at: np.uint64) -> Vector:
-    """A vector of the scratch."""
-    return scratch[at], scratch[at + ONE], scratch[at + TWO]
+    """A vector of the scratch's columns."""
+    return scratch[at], scratch[at + NEXT], scratch[at + TWO * NEXT]
+
+
+@fused_inline_kernel
+def last(scratch: Floats, at: np.uint64) -> float:
+    """The number beside a vector."""
+    return float(scratch[at + LAST * NEXT])
 
 
 @fused_inline_kernel
 def put(scratch: Floats, at: np.uint64, a: Vector) -> None:
-    """Write a vector into the scratch."""
-    scratch[at], scratch[at + ONE], scratch[at + TWO] = a
+    """Write a vector into the scratch's columns."""
+    scratch[at], scratch[at + NEXT], scratch[at + TWO * NEXT] = a
+
+
+@inline_kernel
+def to_columns(scratch: Floats, column: np.uint64, rows: np.uint64, count: np.uint64) -> None:
+    """Vectors of ``count`` contacts from rows to columns."""
+    for q in range(np.uint64(0), count, FOUR):
+        transpose(scratch, column + q, NEXT, FOUR * (rows + q), FOUR)  # type: ignore[call-arg]
+
+
+@inline_kernel
+def to_rows(scratch: Floats, rows: np.uint64, column: np.uint64, count: np.uint64) -> None:
+    """Vectors of ``count`` contacts from columns to rows."""
+    for q in range(np.uint64(0), count, FOUR):
+        transpose(scratch, FOUR * (rows + q), FOUR, column + q, NEXT)  # type: ignore[call-arg]
 
 
 @fused_inline_kernel
@@ -424,6 +531,7 @@ def run_of_contacts(
     """`contact` for ``begin .. end-1`` of the scratch, which have the same law."""
     its = law_of(law)
     for q in range(np.uint64(begin), np.uint64(end)):
+        reduced = last(scratch, SPRINGS + q)
         fn, repulsive, arm_loss, fs, spring, n = contact(
             hertz,
             middle,
@@ -433,19 +541,19 @@ def run_of_contacts(
             vector(scratch, D + q),
             vector(scratch, D_BEFORE + q),
             scratch[REACH + q],
-            scratch[ITS_REDUCED + q],
+            reduced,
             scratch[ITS_DRAG + q],
             vector(scratch, DV + q),
             vector(scratch, DASHPOT_DV + q),
             vector(scratch, ROLLS + q),
             vector(scratch, SPINS + q),
-            vector(scratch, SPRING_BEFORE + q),
+            vector(scratch, SPRINGS + q),
         )
         put(scratch, PUSH + q, plus(fs, -fn, n))
         put(scratch, CROSSED + q, cross(n, fs))
         put(scratch, FS + q, fs)
-        put(scratch, SPRING_BEFORE + q, spring)
-        scratch[FN + q], scratch[REPULSIVE + q], scratch[ARM_LOSS + q] = fn, repulsive, arm_loss
+        put(scratch, SPRINGS + q, spring)
+        scratch[FS + LAST * NEXT + q], scratch[REPULSIVE + q], scratch[ARM_LOSS + q] = fn, repulsive, arm_loss
 
 
 @inline_kernel
@@ -453,7 +561,7 @@ def run_of_resistances(law: Floats, slip_dt: float, begin: int, end: int, scratc
     """`resistance` for ``begin .. end-1`` of the scratch, after `run_of_contacts`."""
     for q in range(np.uint64(begin), np.uint64(end)):
         d, before = vector(scratch, D + q), vector(scratch, D_BEFORE + q)
-        rolled, twisted = vector(scratch, ROLLED + q), scratch[TWISTED + q]
+        rolled, twisted = vector(scratch, ROLLED + q), last(scratch, ROLLED + q)
         n, apart = scaled(d, 1.0 / sqrt(dot(d, d))), sqrt(dot(before, before))
         before = scaled(before, 1.0 / apart)
         if apart >= scratch[REACH + q]:
@@ -463,7 +571,7 @@ def run_of_resistances(law: Floats, slip_dt: float, begin: int, end: int, scratc
             slip_dt,
             n,
             before,
-            scratch[ITS_REDUCED + q],
+            last(scratch, SPRINGS + q),
             scratch[REPULSIVE + q],
             scratch[ITS_ROLL_DRAG + q],
             scratch[ITS_TWIST_DRAG + q],
@@ -474,7 +582,7 @@ def run_of_resistances(law: Floats, slip_dt: float, begin: int, end: int, scratc
         )
         put(scratch, MOMENT + q, m)
         put(scratch, ROLLED + q, rolled)
-        scratch[TWISTED + q] = twisted
+        scratch[ROLLED + LAST * NEXT + q] = twisted
 
 
 @inline_kernel
@@ -518,28 +626,49 @@ def laws_of_chunk(
 
 
 @inline_kernel
-def recall(contacts: Contacts, k: np.uint64, q: np.uint64, scratch: Floats) -> None:
-    """Notes and memory of the listed pair k into the scratch."""
+def recall(contacts: Contacts, k: np.uint64, q: np.uint64, resisted: bool, scratch: Floats) -> None:
+    """Notes and memory of the listed pair k into the scratch, the latter into rows."""
     notes, memory = contacts.notes, contacts.memory
-    scratch[ITS_REDUCED + q], scratch[ITS_DRAG + q] = notes[k, REDUCED], notes[k, DRAG]
-    put(scratch, SPRING_BEFORE + q, row(memory, k, SHEAR))
-    if memory.shape[1] > MEMORY_WIDTH:
+    scratch[ITS_DRAG + q] = notes[k, DRAG]
+    if resisted:
+        scale(scratch, SPRINGS_ROWS + q, 1.0, memory, TWO * k)  # type: ignore[call-arg]
+        scale(scratch, ROLLED_ROWS + q, 1.0, memory, TWO * k + ONE)  # type: ignore[call-arg]
         scratch[ITS_ROLL_DRAG + q], scratch[ITS_TWIST_DRAG + q] = notes[k, ROLL_DRAG], notes[k, TWIST_DRAG]
-        put(scratch, ROLLED + q, row(memory, k, ROLLING))
-        scratch[TWISTED + q] = memory[k, TWISTING]
+    else:
+        scale(scratch, SPRINGS_ROWS + q, 1.0, memory, k)  # type: ignore[call-arg]
 
 
 @inline_kernel
-def remember(contacts: Contacts, k: np.uint64, q: np.uint64, keep: bool, scratch: Floats) -> None:
-    """The listed pair's memory out of the scratch; its force too if it is to be kept."""
+def remember(contacts: Contacts, k: np.uint64, q: np.uint64, resisted: bool, keep: bool, scratch: Floats) -> None:
+    """The listed pair's memory out of rows of the scratch; its force too if it is to be kept."""
     memory, force = contacts.memory, contacts.force
-    memory[k, SHEAR], memory[k, SHEAR + 1], memory[k, SHEAR + 2] = vector(scratch, SPRING_BEFORE + q)
-    if memory.shape[1] > MEMORY_WIDTH:
-        memory[k, ROLLING], memory[k, ROLLING + 1], memory[k, ROLLING + 2] = vector(scratch, ROLLED + q)
-        memory[k, TWISTING] = scratch[TWISTED + q]
+    if resisted:
+        scale(memory, TWO * k, 1.0, scratch, SPRINGS_ROWS + q)  # type: ignore[call-arg]
+        scale(memory, TWO * k + ONE, 1.0, scratch, ROLLED_ROWS + q)  # type: ignore[call-arg]
+    else:
+        scale(memory, k, 1.0, scratch, SPRINGS_ROWS + q)  # type: ignore[call-arg]
     if keep:
-        force[k, 0] = scratch[FN + q]
+        force[k, 0] = last(scratch, FS + q)
         force[k, 1], force[k, 2], force[k, 3] = vector(scratch, FS + q)
+
+
+@inline_kernel
+def memories_to_columns(scratch: Floats, resisted: bool, count: np.uint64) -> None:
+    """What ``count`` contacts remember, from rows."""
+    to_columns(scratch, SPRINGS, SPRINGS_ROWS, count)
+    if resisted:
+        to_columns(scratch, ROLLED, ROLLED_ROWS, count)
+
+
+@inline_kernel
+def results_to_rows(scratch: Floats, resisted: bool, count: np.uint64) -> None:
+    """What the laws have found of ``count`` contacts, to rows."""
+    to_rows(scratch, SPRINGS_ROWS, SPRINGS, count)
+    to_rows(scratch, PUSH_ROWS, PUSH, count)
+    to_rows(scratch, CROSSED_ROWS, CROSSED, count)
+    if resisted:
+        to_rows(scratch, MOMENT_ROWS, MOMENT, count)
+        to_rows(scratch, ROLLED_ROWS, ROLLED, count)
 
 
 @inline_kernel
@@ -578,59 +707,61 @@ def forces_of_spheres(
         This thread's own, as the scratch.
     """
     x, v, omega, radius, force, torque = state.x, state.v, state.omega, state.radius, state.force, state.torque
-    seen = state.v_now if central else v
     rows, other = pairs.row, pairs.other
     resisted = pairs.memory.shape[1] > MEMORY_WIDTH
-    one, three = np.uint64(1), np.uint64(3)
-    first, last = np.uint64(pairs.start[begin]), np.uint64(pairs.start[end])
+    first, end_of_list = np.uint64(pairs.start[begin]), np.uint64(pairs.start[end])
     if keep:
-        clear_kept(pairs, first, last)
-    for low in range(first, last, np.uint64(CHUNK)):
-        high = min(low + np.uint64(CHUNK), last)
+        clear_kept(pairs, first, end_of_list)
+    for low in range(first, end_of_list, NEXT):
+        high = min(low + NEXT, end_of_list)
         count = np.uint64(0)
         for k in range(low, high):
             i, j = np.uint64(rows[k]), np.uint64(other[k])
-            a, b = three * i, three * j
-            dx, dy, dz = x[b] - x[a], x[b + one] - x[a + one], x[b + one + one] - x[a + one + one]
+            blend(scratch, D_ROWS + count, 1.0, x, j, -1.0, x, i)  # type: ignore[call-arg]
+            dx, dy, dz = xyz(scratch, D_ROWS + count)
             reach = radius[i] + radius[j]
-            put(scratch, D + count, (dx, dy, dz))
             scratch[REACH + count] = reach
             picked[count] = k
             count += np.uint64(dx * dx + dy * dy + dz * dz < reach * reach)
         for q in range(count):
             k = np.uint64(picked[q])
             i, j = np.uint64(rows[k]), np.uint64(other[k])
-            ri, rj = radius[i], radius[j]
-            for c in range(np.uint64(3)):
-                at, a, b = q + c * np.uint64(CHUNK), three * i + c, three * j + c
-                wi, wj = omega[a], omega[b]
-                scratch[DV + at], scratch[DASHPOT_DV + at] = v[a] - v[b], seen[a] - seen[b]
-                scratch[ROLLS + at], scratch[SPINS + at] = ri * wi + rj * wj, wi + wj
-                if resisted:
-                    scratch[TURNS + at] = wi - wj
-            recall(pairs, k, q, scratch)
-        for c in range(np.uint64(3)):
-            for q in range(np.uint64(CHUNK)):
-                at = q + c * np.uint64(CHUNK)
-                scratch[D_BEFORE + at] = scratch[D + at] + slip_dt * scratch[DV + at]
+            blend(scratch, DV_ROWS + q, 1.0, v, i, -1.0, v, j)  # type: ignore[call-arg]
+            blend(scratch, ROLLS_ROWS + q, radius[i], omega, i, radius[j], omega, j)  # type: ignore[call-arg]
+            blend(scratch, SPINS_ROWS + q, 1.0, omega, i, 1.0, omega, j)  # type: ignore[call-arg]
+            if central:
+                blend(scratch, DASHPOT_ROWS + q, 1.0, state.v_now, i, -1.0, state.v_now, j)  # type: ignore[call-arg]
+            if resisted:
+                blend(scratch, TURNS_ROWS + q, 1.0, omega, i, -1.0, omega, j)  # type: ignore[call-arg]
+            recall(pairs, k, q, resisted, scratch)
+        to_columns(scratch, D, D_ROWS, count)
+        to_columns(scratch, DV, DV_ROWS, count)
+        to_columns(scratch, ROLLS, ROLLS_ROWS, count)
+        to_columns(scratch, SPINS, SPINS_ROWS, count)
+        if resisted:
+            to_columns(scratch, TURNS, TURNS_ROWS, count)
+        memories_to_columns(scratch, resisted, count)
+        for m in range(np.uint64(3 * CHUNK)):
+            scratch[D_BEFORE + m] = scratch[D + m] + slip_dt * scratch[DV + m]
+        if central:
+            to_columns(scratch, DASHPOT_DV, DASHPOT_ROWS, count)
+        else:
+            for m in range(np.uint64(3 * CHUNK)):
+                scratch[DASHPOT_DV + m] = scratch[DV + m]
         laws_of_chunk(pairs, laws, slip_dt, picked, np.int64(count), scratch)
+        results_to_rows(scratch, resisted, count)
         for q in range(count):
             k = np.uint64(picked[q])
             i, j = np.uint64(rows[k]), np.uint64(other[k])
             arm_loss = scratch[ARM_LOSS + q]
-            arm_i, arm_j = radius[i] - arm_loss, radius[j] - arm_loss
-            for c in range(np.uint64(3)):
-                at, a, b = q + c * np.uint64(CHUNK), three * i + c, three * j + c
-                push, crossed = scratch[PUSH + at], scratch[CROSSED + at]
-                force[a] += push
-                force[b] -= push
-                torque_i, torque_j = arm_i * crossed, arm_j * crossed
-                if resisted:
-                    torque_i -= scratch[MOMENT + at]
-                    torque_j += scratch[MOMENT + at]
-                torque[a] += torque_i
-                torque[b] += torque_j
-            remember(pairs, k, q, keep, scratch)
+            blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
+            blend(force, j, 1.0, force, j, -1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
+            blend(torque, i, 1.0, torque, i, radius[i] - arm_loss, scratch, CROSSED_ROWS + q)  # type: ignore[call-arg]
+            blend(torque, j, 1.0, torque, j, radius[j] - arm_loss, scratch, CROSSED_ROWS + q)  # type: ignore[call-arg]
+            if resisted:
+                blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
+                blend(torque, j, 1.0, torque, j, 1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
+            remember(pairs, k, q, resisted, keep, scratch)
 
 
 @inline_kernel
@@ -643,13 +774,6 @@ def first_from(pairs: Contacts, low: int, high: int, sphere: int) -> int:
         else:
             high = middle
     return low
-
-
-@inline_kernel
-def three(values: Floats, i: np.uint64) -> Vector:
-    """Vector of the sphere i."""
-    at = np.uint64(3) * i
-    return values[at], values[at + np.uint64(1)], values[at + np.uint64(2)]
 
 
 @inline_kernel
@@ -672,12 +796,12 @@ def beside_plane(
 ) -> float:
     """Differences and memory of the listed pair k to place q of the scratch, if it touches; its overlap [m], the radius if it is behind."""
     i = np.uint64(contacts.other[k])
-    xi, vi, ri = three(state.x, i), three(state.v, i), state.radius[i]
+    xi, vi, ri = xyz(state.x, i), xyz(state.v, i), state.radius[i]
     height = above(state.now, w, xi)
     overlap = ri - height
     if overlap <= 0.0 or height <= 0.0:
         return overlap
-    wi, wj, n = three(state.omega, i), row(state.middle, w, 12), scaled(row(state.now, w, 3), -1.0)
+    wi, wj, n = xyz(state.omega, i), row(state.middle, w, 12), scaled(row(state.now, w, 3), -1.0)
     start = plus(xi, -slip_dt, vi)
     height_before, before = above(state.before, w, start), scaled(row(state.before, w, 3), -1.0)
     # Where spheres have velocities of the half step, planes have theirs of its middle, about the pivot of its end.
@@ -685,7 +809,7 @@ def beside_plane(
     vj = plane_velocity(state.middle, w, foot, half)
     seen, dashpot_vj = vi, vj
     if central:
-        seen, dashpot_vj = three(state.v_now, i), plane_velocity(state.now, w, foot, 0.0)
+        seen, dashpot_vj = xyz(state.v_now, i), plane_velocity(state.now, w, foot, 0.0)
     if dot(wj, wj) > 0.0:
         mean_overlap = overlap
         shown = n
@@ -705,7 +829,7 @@ def beside_plane(
     put(scratch, ROLLS + q, scaled(wi, ri))
     put(scratch, SPINS + q, plus(wi, 1.0, wj))
     put(scratch, TURNS + q, plus(wi, -1.0, wj))
-    recall(contacts, k, q, scratch)
+    recall(contacts, k, q, contacts.memory.shape[1] > MEMORY_WIDTH, scratch)
     return overlap
 
 
@@ -730,13 +854,13 @@ def forces_of_planes(
     force, torque, radius, share = state.force, state.torque, state.radius, state.share
     resisted = contacts.memory.shape[1] > MEMORY_WIDTH
     for w in range(state.now.shape[0]):
-        last = contacts.start[w + 1]
-        k = np.uint64(first_from(contacts, contacts.start[w], last, begin))
-        last = np.uint64(first_from(contacts, np.int64(k), last, end))
+        end_of_list = contacts.start[w + 1]
+        k = np.uint64(first_from(contacts, contacts.start[w], end_of_list, begin))
+        end_of_rows = np.uint64(first_from(contacts, np.int64(k), end_of_list, end))
         if keep:
-            clear_kept(contacts, k, last)
-        while k < last:
-            high = min(k + np.uint64(CHUNK), last)
+            clear_kept(contacts, k, end_of_rows)
+        while k < end_of_rows:
+            high = min(k + np.uint64(CHUNK), end_of_rows)
             count = np.uint64(0)
             while k < high:
                 i = np.uint64(contacts.other[k])
@@ -747,16 +871,18 @@ def forces_of_planes(
                     picked[count] = k
                     count += np.uint64(1)
                 k += np.uint64(1)
+            memories_to_columns(scratch, resisted, count)
             laws_of_chunk(contacts, laws, slip_dt, picked, np.int64(count), scratch)
+            results_to_rows(scratch, resisted, count)
             for q in range(count):
                 m = np.uint64(picked[q])
                 i = np.uint64(contacts.other[m])
-                arm = radius[i] - scratch[ARM_LOSS + q]
-                for c in range(np.uint64(3)):
-                    at, a = q + c * np.uint64(CHUNK), np.uint64(3) * i + c
-                    force[a] += scratch[PUSH + at]
-                    torque[a] += arm * scratch[CROSSED + at]
-                    share[stripe, w, c] -= scratch[PUSH + at]
-                    if resisted:
-                        torque[a] -= scratch[MOMENT + at]
-                remember(contacts, m, q, keep, scratch)
+                push = vector(scratch, PUSH + q)
+                blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
+                blend(torque, i, 1.0, torque, i, radius[i] - scratch[ARM_LOSS + q], scratch, CROSSED_ROWS + q)  # type: ignore[call-arg]
+                if resisted:
+                    blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
+                share[stripe, w, 0] -= push[0]
+                share[stripe, w, 1] -= push[1]
+                share[stripe, w, 2] -= push[2]
+                remember(contacts, m, q, resisted, keep, scratch)

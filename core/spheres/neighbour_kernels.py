@@ -27,6 +27,7 @@ from ninedisk.core.spheres.kernels import (
     SHEAR,
     TWIST,
     TWIST_DRAG,
+    WIDE,
     Contacts,
     Floats,
     Integers,
@@ -59,7 +60,7 @@ def sort_into_cells(x: Floats, width: float, cells: Cells) -> bool:
 
     Parameters
     ----------
-    x : ndarray, shape (3 n,)
+    x : ndarray, shape (WIDE n,)
         Centres [m].
     width : float
         Smallest width of a cell [m]; it grows until the cells fit into ``cells.start``.
@@ -76,10 +77,10 @@ def sort_into_cells(x: Floats, width: float, cells: Cells) -> bool:
     high_x, high_y, high_z = low_x, low_y, low_z
     finite = True
     for i in range(n):
-        finite = finite and np.isfinite(x[3 * i] + x[3 * i + 1] + x[3 * i + 2])
-        low_x, high_x = min(low_x, x[3 * i]), max(high_x, x[3 * i])
-        low_y, high_y = min(low_y, x[3 * i + 1]), max(high_y, x[3 * i + 1])
-        low_z, high_z = min(low_z, x[3 * i + 2]), max(high_z, x[3 * i + 2])
+        finite = finite and np.isfinite(x[WIDE * i] + x[WIDE * i + 1] + x[WIDE * i + 2])
+        low_x, high_x = min(low_x, x[WIDE * i]), max(high_x, x[WIDE * i])
+        low_y, high_y = min(low_y, x[WIDE * i + 1]), max(high_y, x[WIDE * i + 1])
+        low_z, high_z = min(low_z, x[WIDE * i + 2]), max(high_z, x[WIDE * i + 2])
     long_x, long_y, long_z = high_x - low_x, high_y - low_y, high_z - low_z
     if not (finite and np.isfinite(long_x + long_y + long_z)):
         return False
@@ -97,19 +98,19 @@ def sort_into_cells(x: Floats, width: float, cells: Cells) -> bool:
     nx, ny, nz = int(long[wide] / width) + 1, int(long[deep] / width) + 1, int(long[high] / width) + 1
     grid[IN_LAYER], grid[LAYERS], grid[IN_ROW] = nx * ny, nz, nx
     for i in range(n):
-        layer, line = int((x[3 * i + high] - low[high]) / width), int((x[3 * i + deep] - low[deep]) / width)
-        cells.cell[i] = (layer * ny + line) * nx + int((x[3 * i + wide] - low[wide]) / width)
+        layer, line = int((x[WIDE * i + high] - low[high]) / width), int((x[WIDE * i + deep] - low[deep]) / width)
+        cells.cell[i] = (layer * ny + line) * nx + int((x[WIDE * i + wide] - low[wide]) / width)
     order_by_cell(cells, n, nx * ny * nz)
     return True
 
 
 @inline_kernel
 def permute_vectors(values: Floats, order: Numbers, scratch: Floats) -> None:
-    """``values[k] = values[order[k]]`` for vectors, shape (3 n,), or (0,)."""
+    """``values[k] = values[order[k]]`` for vectors, shape (WIDE n,), or (0,)."""
     if values.shape[0] > 0:
         for k in range(order.shape[0]):
-            for c in range(3):
-                scratch[3 * k + c] = values[3 * order[k] + c]
+            for c in range(WIDE):
+                scratch[WIDE * k + c] = values[WIDE * order[k] + c]
         for q in range(values.shape[0]):
             values[q] = scratch[q]
 
@@ -194,9 +195,9 @@ def note(
 ) -> None:
     """Law, notes and empty memory of the listed pair k, from its reduced radius and sums of 1/m, `about_contact` and 1/I."""
     law = laws[number]
-    new.law[k], new.notes[k, REDUCED] = number, reduced
+    new.law[k] = number
     for c in range(new.memory.shape[1]):
-        new.memory[k, c] = 0.0
+        new.memory[k, c] = reduced if c == REDUCED else 0.0
     # Hertz' dashpot has the tangent stiffness, 3/2 of the secant one (Tsuji).
     new.notes[k, DRAG] = dashpot(law[BETA], law[KN] * (1.5 * 5.0 / 6.0 if law[HERTZ] > 0.0 else 1.0), inv_mass)
     if new.memory.shape[1] > MEMORY_WIDTH:
@@ -246,7 +247,11 @@ def list_pairs(
                     j = m if in_order else int(cells.order[m])
                     if j <= i:
                         continue
-                    dx, dy, dz = x[3 * j] - x[3 * i], x[3 * j + 1] - x[3 * i + 1], x[3 * j + 2] - x[3 * i + 2]
+                    dx, dy, dz = (
+                        x[WIDE * j] - x[WIDE * i],
+                        x[WIDE * j + 1] - x[WIDE * i + 1],
+                        x[WIDE * j + 2] - x[WIDE * i + 2],
+                    )
                     reach = radius[i] + radius[j]
                     if dx * dx + dy * dy + dz * dz >= (reach + skin) * (reach + skin):
                         continue
@@ -295,7 +300,7 @@ def list_planes(
         for i in range(radius.shape[0]):
             height = 0.0
             for c in range(3):
-                height += (x[3 * i + c] - state.now[w, c]) * state.now[w, 3 + c]
+                height += (x[WIDE * i + c] - state.now[w, c]) * state.now[w, 3 + c]
             if materials.fixed[name[i]] or not (height < radius[i] + skin or materials.moves[w]):
                 continue
             if k == room:

@@ -24,7 +24,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.law import Rolling
 from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_room, chosen_particles, watched_pairs
 from ninedisk.core.spheres import kernels
-from ninedisk.core.spheres.kernels import CHUNK, SCRATCH, Contacts, Motion, State, place_planes
+from ninedisk.core.spheres.kernels import CHUNK, SCRATCH, WIDE, Contacts, Motion, State, place_planes
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.neighbour_kernels import Materials, begin_lists, list_pairs, list_planes
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
@@ -112,15 +112,15 @@ class SphereSession:
         inv_mass = np.where(free.any(axis=1), 1.0 / spheres.mass, 0.0)
         stripes = STRIPES if in_order else 1
         self._state = State(
-            x=spheres.x.ravel().copy(),
-            v=spheres.v.ravel().copy(),
-            omega=spheres.omega.ravel().copy(),
-            angle=np.zeros(3 * n),
-            v_now=spheres.v.ravel().copy() if self._central else np.zeros(0),
-            force=np.zeros(3 * n),
-            torque=np.zeros(3 * n),
+            x=_wide(spheres.x),
+            v=_wide(spheres.v),
+            omega=_wide(spheres.omega),
+            angle=np.zeros(WIDE * n),
+            v_now=_wide(spheres.v) if self._central else np.zeros(0),
+            force=np.zeros(WIDE * n),
+            torque=np.zeros(WIDE * n),
             mass=np.where(inv_mass > 0.0, spheres.mass, 0.0),
-            mobility=(free * inv_mass[:, None]).ravel(),
+            mobility=_wide(free * inv_mass[:, None]),
             inv_mass=inv_mass,
             inv_inertia=np.where(spheres.rotating, 1.0 / spheres.inertia, 0.0),
             radius=np.array(spheres.radius),
@@ -131,7 +131,7 @@ class SphereSession:
             load=np.zeros((m, 3)),
             share=np.zeros((stripes, m, 3)),
             behind=np.zeros((stripes, 2), dtype=np.int64),
-            moved=np.zeros(3 * n, dtype=np.float32),
+            moved=np.zeros(WIDE * n, dtype=np.float32),
         )
         self._motion = compile_motion(scene.walls)
         self._laws, self._materials = _law_tables(scene)
@@ -145,6 +145,7 @@ class SphereSession:
             grid=np.zeros(6),
         )
         self._listed = np.arange(n)
+        self._gravity = _wide(np.array([scene.gravity]))
         self._pairs = [_empty_list(n, room, resisted) for room in (0, PAIRS_PER_SPHERE * n + 16)]
         self._at_planes = [_empty_list(m, room, resisted) for room in (0, n // 4 + 16)]
         self._team = team_arrays(stripes, self._threads, room=SCRATCH)
@@ -273,7 +274,7 @@ class SphereSession:
         while clock[STEP] < goal or clock[PENDING]:
             shared = (
                 self._state, self._pairs[0], self._at_planes[0], self._laws, self._motion, self._team, self._picked, clock,
-                self.scene.gravity, goal, self.contact_dt, float(self._skin[0]), self._central,
+                self._gravity, goal, self.contact_dt, float(self._skin[0]), self._central,
             )  # fmt: skip
             status = together(advance, self._threads, shared)
             if status == BEHIND:
@@ -282,7 +283,7 @@ class SphereSession:
                 self._rebuild()
 
     def _not_finite(self, finite: NDArray[np.bool_]) -> NonFiniteStateError:
-        bad = self._state.name[~finite.reshape(-1, 3).all(axis=1)].min()
+        bad = self._state.name[~finite.reshape(-1, WIDE).all(axis=1)].min()
         return NonFiniteStateError(
             f"the state of sphere {bad} stopped being finite at t = {self._clock[STEP] * self.contact_dt:g} s: reduce contact_dt"
         )
@@ -290,7 +291,7 @@ class SphereSession:
     def _behind(self) -> None:
         sphere, w = (int(each) for each in self._state.behind[np.argmax(self._state.behind[:, 0] > 0)])
         pose, i = self._state.now[w], int(np.flatnonzero(self._state.name == sphere - 1)[0])
-        height = float((self._state.x[3 * i : 3 * i + 3] - pose[:3]) @ pose[3:6])
+        height = float((_xyz(self._state.x)[i] - pose[:3]) @ pose[3:6])
         raise self.scene.behind_wall(
             sphere - 1, w, height, f"t = {self._clock[STEP] * self.contact_dt:g} s", "contact_dt"
         )
@@ -311,16 +312,16 @@ class SphereSession:
             planes[1] = _roomier(planes[1])
         pairs.reverse()
         planes.reverse()
-        state.force[:], state.torque[:] = np.outer(state.mass, self.scene.gravity).ravel(), 0.0
+        state.force[:], state.torque[:] = _wide(np.outer(state.mass, self.scene.gravity)), 0.0
         listed[:] = np.arange(len(listed))
         self._skin[0], clock[BUILT] = skin, clock[STEP]
 
     def _contacts(self) -> Listed:
         """Pairs in the lists: bodies by rows of the state and numbers of the planes, and what is known of them."""
         state, parts = self._state, []
-        x, n = state.x.reshape(-1, 3), len(self._listed)
+        x, n = _xyz(state.x), len(self._listed)
         for contacts, at_planes in ((self._pairs[0], False), (self._at_planes[0], True)):
-            row, other, law, notes, memory, force = (array[: contacts.start[-1]] for array in contacts[1:])
+            row, other, law, _, memory, force = (array[: contacts.start[-1]] for array in contacts[1:])
             if at_planes:
                 bodies = np.column_stack([other, n + row.astype(np.int64)])
                 height = np.sum((x[other] - state.now[row, :3]) * state.now[row, 3:6], axis=1)
@@ -329,7 +330,7 @@ class SphereSession:
                 bodies = np.column_stack([row, other]).astype(np.int64)
                 overlap = state.radius[row] + state.radius[other] - np.linalg.norm(x[other] - x[row], axis=1)
             overlap = np.maximum(overlap, 0.0)
-            parts.append((bodies, law, overlap, np.sqrt(notes[:, kernels.REDUCED] * overlap), memory, force))
+            parts.append((bodies, law, overlap, np.sqrt(memory[:, kernels.REDUCED] * overlap), memory, force))
         return Listed(*(np.concatenate(both) for both in zip(*parts, strict=True)))
 
     def _check_step(self) -> None:
@@ -366,12 +367,12 @@ class SphereSession:
         chosen = place[self.chosen]
         mass, inertia = self.scene.spheres.mass[state.name], self.scene.spheres.inertia[state.name]
         half = 0.5 * self.contact_dt if self._clock[STEP] else 0.0
-        x, angle, omega, torque = (each.reshape(-1, 3) for each in (state.x, state.angle, state.omega, state.torque))
-        v = (state.v + half * state.mobility * state.force).reshape(-1, 3)
+        x, angle, omega, torque = map(_xyz, (state.x, state.angle, state.omega, state.torque))
+        v = _xyz(state.v + half * state.mobility * state.force)
         omega = omega + half * state.inv_inertia[:, None] * torque
         finite = np.isfinite(x) & np.isfinite(v)
         if not finite.all():
-            raise self._not_finite(finite)
+            raise self._not_finite(np.isfinite(state.x + state.v))
         history.x[k], history.v[k] = x[chosen], v[chosen]
         history.angle[k], history.omega[k] = angle[chosen], omega[chosen]
         history.wall_point[k], history.wall_angle[k], history.wall_force[k] = (
@@ -399,7 +400,7 @@ class SphereSession:
 
     def _gap(self, i: int, j: int) -> float:
         state, n = self._state, len(self.scene.spheres)
-        x = state.x.reshape(-1, 3)
+        x = _xyz(state.x)
         if j < n:
             return float(np.linalg.norm(x[j] - x[i]) - state.radius[i] - state.radius[j])
         pose = state.now[j - n]
@@ -421,6 +422,18 @@ class SphereSession:
             moment = np.sum(memory[:, column : column + width] ** 2, axis=1)
             turned[sprung] += 0.5 * moment[sprung] / law[sprung, first + 2]
         return float(np.sum(normal)), float(np.sum(shear)), float(np.sum(turned))
+
+
+def _wide(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors as the kernels have them, from rows of three."""
+    found = np.zeros((len(rows), WIDE))
+    found[:, :3] = rows
+    return aligned(found.ravel())
+
+
+def _xyz(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors of the kernels as rows of three, shape (n, 3)."""
+    return values.reshape(-1, WIDE)[:, :3]
 
 
 class Listed(NamedTuple):

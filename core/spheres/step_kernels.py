@@ -15,15 +15,19 @@ from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
 from ninedisk.core.dem.kick_kernels import NUMBER, farther
 from ninedisk.core.dem.state import Team
 from ninedisk.core.spheres.kernels import (
+    FOUR,
+    ONE,
+    TWO,
     Contacts,
     Floats,
     Integers,
     Motion,
     State,
-    Vector,
+    blend,
     forces_of_planes,
     forces_of_spheres,
     place_planes,
+    scale,
 )
 from ninedisk.core.thread_kernels import PAD, wait_for_all
 
@@ -43,15 +47,15 @@ OK, FAR, BEHIND = 0, 1, 2
 @inline_kernel
 def farthest(moved: NDArray[np.float32], begin: int, end: int) -> float:
     """Largest square of the displacements of the spheres ``begin .. end-1`` [m^2]; NaN if any is NaN (`ninedisk.core.dem.kick_kernels`)."""
-    one, three, bits = np.uint64(1), np.uint64(3), np.int32(0)
+    bits = np.int32(0)
     for i in range(np.uint64(begin), np.uint64(end)):
-        a, b, c = moved[three * i], moved[three * i + one], moved[three * i + one + one]
+        a, b, c = moved[FOUR * i], moved[FOUR * i + ONE], moved[FOUR * i + TWO]
         bits = max(bits, np.int32(np.float32(a * a + b * b + c * c).view(np.int32) & NUMBER))
     return float(np.int32(bits).view(np.float32))
 
 
 @fused_kernel
-def kick_and_drift(state: State, gravity: Vector, dt: float, first: bool, central: bool, begin: int, end: int) -> float:
+def kick_and_drift(state: State, gravity: Floats, dt: float, first: bool, central: bool, begin: int, end: int) -> float:
     """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the spheres ``begin .. end-1``; their forces become their weights.
 
     ``first``: from ``t_0``, by half a kick. Each loop writes to few arrays, so that the compiler can take several spheres at a time.
@@ -64,7 +68,7 @@ def kick_and_drift(state: State, gravity: Vector, dt: float, first: bool, centra
     x, v, omega, angle, force, torque = state.x, state.v, state.omega, state.angle, state.force, state.torque
     mobility, inv_inertia, mass, moved, v_now = state.mobility, state.inv_inertia, state.mass, state.moved, state.v_now
     kick, ahead = (0.5 * dt, 1.0) if first else (dt, 0.5)
-    three, low, high = np.uint64(3), np.uint64(3 * begin), np.uint64(3 * end)
+    low, high = FOUR * np.uint64(begin), FOUR * np.uint64(end)
     if central:
         for q in range(low, high):
             gain = kick * mobility[q] * force[q]
@@ -78,15 +82,11 @@ def kick_and_drift(state: State, gravity: Vector, dt: float, first: bool, centra
         x[q] += way
         moved[q] = np.float32(moved[q] + way)
     for i in range(np.uint64(begin), np.uint64(end)):
-        gain = kick * inv_inertia[i]
-        for c in range(three):
-            omega[three * i + c] += gain * torque[three * i + c]
+        blend(omega, i, 1.0, omega, i, kick * inv_inertia[i], torque, i)  # type: ignore[call-arg]
+        blend(angle, i, 1.0, angle, i, dt, omega, i)  # type: ignore[call-arg]
+        scale(force, i, mass[i], gravity, np.uint64(0))  # type: ignore[call-arg]
     for q in range(low, high):
-        angle[q] += dt * omega[q]
         torque[q] = 0.0
-    for i in range(np.uint64(begin), np.uint64(end)):
-        for c in range(three):
-            force[three * i + c] = mass[i] * gravity[c]
     return farthest(moved, begin, end)
 
 
@@ -98,7 +98,7 @@ def stripe_forces(
     laws: Floats,
     team: Team,
     picked: Integers,
-    gravity: Vector,
+    gravity: Floats,
     dt: float,
     slip_dt: float,
     central: bool,
@@ -167,7 +167,7 @@ def advance(
     team: Team,
     picked: Integers,
     clock: Integers,
-    gravity: Vector,
+    gravity: Floats,
     target: int,
     dt: float,
     skin: float,
