@@ -783,12 +783,24 @@ def above(table: Floats, w: int, place: Vector) -> float:
 
 
 @inline_kernel
+def at_rest(state: State, w: int) -> bool:
+    """Whether a plane stays where it is in this step."""
+    rests = True
+    for c in range(9, POSE_WIDTH):
+        rests = rests and state.middle[w, c] == 0.0 and state.now[w, c] == 0.0
+    for c in range(6):
+        rests = rests and state.before[w, c] == state.now[w, c]
+    return rests
+
+
+@inline_kernel
 def beside_plane(
     state: State,
     contacts: Contacts,
     law: Floats,
     slip_dt: float,
     central: bool,
+    moves: bool,
     w: int,
     k: np.uint64,
     q: np.uint64,
@@ -802,15 +814,14 @@ def beside_plane(
     if overlap <= 0.0 or height <= 0.0:
         return overlap
     wi, wj, n = xyz(state.omega, i), row(state.middle, w, 12), scaled(row(state.now, w, 3), -1.0)
-    start = plus(xi, -slip_dt, vi)
-    height_before, before = above(state.before, w, start), scaled(row(state.before, w, 3), -1.0)
-    # Where spheres have velocities of the half step, planes have theirs of its middle, about the pivot of its end.
-    half, foot = 0.5 * slip_dt, plus(xi, height, n)
-    vj = plane_velocity(state.middle, w, foot, half)
-    seen, dashpot_vj = vi, vj
-    if central:
-        seen, dashpot_vj = xyz(state.v_now, i), plane_velocity(state.now, w, foot, 0.0)
-    if dot(wj, wj) > 0.0:
+    seen = xyz(state.v_now, i) if central else vi
+    before, height_before, vj, dashpot_vj = n, height + slip_dt * dot(vi, n), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if moves:
+        height_before, before = above(state.before, w, plus(xi, -slip_dt, vi)), scaled(row(state.before, w, 3), -1.0)
+        # Where spheres have velocities of the half step, planes have theirs of its middle, about the pivot of its end.
+        half, foot = 0.5 * slip_dt, plus(xi, height, n)
+        vj = plane_velocity(state.middle, w, foot, half)
+        dashpot_vj = plane_velocity(state.now, w, foot, 0.0) if central else vj
         mean_overlap = overlap
         shown = n
         if law[MIDDLE] > 0.0:
@@ -853,36 +864,40 @@ def forces_of_planes(
     """
     force, torque, radius, share = state.force, state.torque, state.radius, state.share
     resisted = contacts.memory.shape[1] > MEMORY_WIDTH
-    for w in range(state.now.shape[0]):
-        end_of_list = contacts.start[w + 1]
-        k = np.uint64(first_from(contacts, contacts.start[w], end_of_list, begin))
-        end_of_rows = np.uint64(first_from(contacts, np.int64(k), end_of_list, end))
-        if keep:
-            clear_kept(contacts, k, end_of_rows)
-        while k < end_of_rows:
-            high = min(k + np.uint64(CHUNK), end_of_rows)
-            count = np.uint64(0)
-            while k < high:
-                i = np.uint64(contacts.other[k])
-                overlap = beside_plane(state, contacts, laws[contacts.law[k]], slip_dt, central, w, k, count, scratch)
-                if overlap >= radius[i]:
-                    state.behind[stripe, 0], state.behind[stripe, 1] = 1 + state.name[i], w
-                elif overlap > 0.0:
-                    picked[count] = k
-                    count += np.uint64(1)
-                k += np.uint64(1)
-            memories_to_columns(scratch, resisted, count)
-            laws_of_chunk(contacts, laws, slip_dt, picked, np.int64(count), scratch)
-            results_to_rows(scratch, resisted, count)
-            for q in range(count):
-                m = np.uint64(picked[q])
-                i = np.uint64(contacts.other[m])
-                push = vector(scratch, PUSH + q)
-                blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
-                blend(torque, i, 1.0, torque, i, radius[i] - scratch[ARM_LOSS + q], scratch, CROSSED_ROWS + q)  # type: ignore[call-arg]
-                if resisted:
-                    blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
-                share[stripe, w, 0] -= push[0]
-                share[stripe, w, 1] -= push[1]
-                share[stripe, w, 2] -= push[2]
-                remember(contacts, m, q, resisted, keep, scratch)
+    planes = state.now.shape[0]
+    w, k, end_of_rows, moves = -1, np.uint64(0), np.uint64(0), False
+    while w < planes:
+        count = np.uint64(0)
+        while w < planes and count < NEXT:
+            if k == end_of_rows:
+                w += 1
+                if w < planes:
+                    k = np.uint64(first_from(contacts, contacts.start[w], contacts.start[w + 1], begin))
+                    end_of_rows = np.uint64(first_from(contacts, np.int64(k), contacts.start[w + 1], end))
+                    moves = not at_rest(state, w)
+                    if keep:
+                        clear_kept(contacts, k, end_of_rows)
+                continue
+            overlap = beside_plane(
+                state, contacts, laws[contacts.law[k]], slip_dt, central, moves, w, k, count, scratch
+            )
+            if overlap >= radius[contacts.other[k]]:
+                state.behind[stripe, 0], state.behind[stripe, 1] = 1 + state.name[contacts.other[k]], w
+            elif overlap > 0.0:
+                picked[count] = k
+                count += np.uint64(1)
+            k += np.uint64(1)
+        memories_to_columns(scratch, resisted, count)
+        laws_of_chunk(contacts, laws, slip_dt, picked, np.int64(count), scratch)
+        results_to_rows(scratch, resisted, count)
+        for q in range(count):
+            m = np.uint64(picked[q])
+            i, plane = np.uint64(contacts.other[m]), np.uint64(contacts.row[m])
+            push = vector(scratch, PUSH + q)
+            blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
+            blend(torque, i, 1.0, torque, i, radius[i] - scratch[ARM_LOSS + q], scratch, CROSSED_ROWS + q)  # type: ignore[call-arg]
+            if resisted:
+                blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
+            for c in range(3):
+                share[stripe, plane, c] -= push[c]
+            remember(contacts, m, q, resisted, keep, scratch)
