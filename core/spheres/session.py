@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.dem.arrays import STRIPES, aligned, team_arrays
 from ninedisk.core.dem.files import read_checkpoint, restore, state_arrays, write_checkpoint
+from ninedisk.core.dem.session import Counts
 from ninedisk.core.dem.state import Cells
 from ninedisk.core.errors import (
     InvalidNumericsError,
@@ -28,7 +29,7 @@ from ninedisk.core.spheres.kernels import CHUNK, SCRATCH, WIDE, Contacts, Motion
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.neighbour_kernels import Materials, begin_lists, list_pairs, list_planes
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
-from ninedisk.core.spheres.step_kernels import BEHIND, BUILT, FAR, PENDING, STEP, advance
+from ninedisk.core.spheres.step_kernels import BEHIND, BUILT, FAR, PENDING, REBUILDS, STEP, advance
 from ninedisk.core.thread_kernels import PAD
 from ninedisk.core.threads import check_threads, together
 from ninedisk.core.validate import kind_of, whole
@@ -150,7 +151,7 @@ class SphereSession:
         self._at_planes = [_empty_list(m, room, resisted) for room in (0, n // 4 + 16)]
         self._team = team_arrays(stripes, self._threads, room=SCRATCH)
         self._picked = np.zeros((self._threads, CHUNK + PAD), dtype=np.int64)
-        self._clock = np.array([0, 1, 0])
+        self._clock = np.array([0, 1, 0, -1])
         self._samples = numerics.sampled_steps()
         self._row = 0
         self._history = History.empty(
@@ -219,6 +220,27 @@ class SphereSession:
         )
         fields = {**vars(self._history), "particles": chosen}
         return History(**fields)
+
+    def snapshot(self) -> tuple[float, dict[str, NDArray[np.float64]]]:
+        """Time [s] and present state of all spheres in the scene's order: ``x, v, angle, omega``, shape (n, 3), and ``radius``.
+
+        Positions and angles belong to this time, velocities and spins to half a contact step before it.
+        """
+        state, place = self._state, np.argsort(self._state.name)
+        found = {name: _xyz(getattr(state, name))[place] for name in ("x", "v", "angle", "omega")}
+        return int(self._clock[STEP]) * self.contact_dt, {**found, "radius": state.radius[place]}
+
+    @property
+    def counts(self) -> Counts:
+        """Rebuilds so far, pairs that the present lists hold, contacts at the present positions."""
+        contacts, pairs = self._contacts(), int(self._pairs[0].start[-1])
+        closed = contacts.overlap > 0.0
+        return Counts(
+            int(self._clock[REBUILDS]), pairs, len(closed) - pairs, int(closed[:pairs].sum()), int(closed[pairs:].sum())
+        )
+
+    def warm_up(self) -> None:
+        """Nothing: a session has found the forces of time 0, with the kernels of all steps."""
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a checkpoint, an ``.npz`` file from which `load` goes on bit for bit; `UnwritableFileError` if it cannot be written."""
@@ -315,6 +337,7 @@ class SphereSession:
         state.force[:], state.torque[:] = _wide(np.outer(state.mass, self.scene.gravity)), 0.0
         listed[:] = np.arange(len(listed))
         self._skin[0], clock[BUILT] = skin, clock[STEP]
+        clock[REBUILDS] += 1
 
     def _contacts(self) -> Listed:
         """Pairs in the lists: bodies by rows of the state and numbers of the planes, and what is known of them."""

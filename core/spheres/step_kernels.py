@@ -37,8 +37,8 @@ SURE = 1.001
 BLOCK = 512
 """Spheres whose forces are found before they are kicked, so many as stay in the second cache."""
 
-STEP, PENDING, BUILT = 0, 1, 2
-"""Entries of the clock: contact steps done, 1 while the forces of this step are missing, step of the last rebuild."""
+STEP, PENDING, BUILT, REBUILDS = range(4)
+"""Entries of the clock: contact steps done, 1 while the forces of this step are missing, step of the last rebuild, rebuilds since time 0."""
 
 OK, FAR, BEHIND = 0, 1, 2
 """Why `advance` ended: all steps done, the lists of neighbours are too old, a centre is behind a plane."""
