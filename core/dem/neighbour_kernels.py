@@ -320,11 +320,11 @@ def divide(n: int, cells: Cells, team: Team) -> None:
 
 
 @inline_kernel
-def next_skin(skin: float, steps: int, radius: float, least: float, most: float) -> float:
+def next_skin(skin: float, steps: int, cost: float, radius: float, least: float, most: float) -> float:
     """Skin for the next lists [m], from how many steps the last ones served.
 
     A skin ``h`` costs ``b h/R`` a step and disk for the pairs that do not touch, and a rebuild ``c`` every ``h/(2 u)`` steps, with ``u``
-    the displacement a step. The sum is least for ``h^2 = 2 u c R/b``, with ``u = h_last/(2 steps)`` and `REBUILD_COST` for ``c/b``.
+    the displacement a step. The sum is least for ``h^2 = 2 u c R/b``, with ``u = h_last/(2 steps)`` and ``cost`` for ``c/b``.
 
     Parameters
     ----------
@@ -332,12 +332,14 @@ def next_skin(skin: float, steps: int, radius: float, least: float, most: float)
         Last skin [m].
     steps : int
         Steps since the last rebuild; 0: keep the skin.
+    cost : float
+        `REBUILD_COST`, ``c/b``.
     radius, least, most : float
         Mean radius and limits of the skin [m].
     """
     if steps == 0:
         return skin
-    best = sqrt(REBUILD_COST * radius * skin / steps)
+    best = sqrt(cost * radius * skin / steps)
     return min(max(best, least), most)
 
 

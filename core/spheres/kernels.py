@@ -39,7 +39,7 @@ KEEPS, FORCE, RESCALE = 0, 1, 2
 
 SHEAR, REDUCED, ROLLING, TWISTING = 0, 3, 4, 7
 MEMORY_WIDTH, MEMORY_WIDTH_RESISTED = 4, 8
-"""Columns of what a contact remembers: shear spring (3), and its reduced radius; with a resistance also rolling torque (3), twisting torque.
+"""Columns of what a contact remembers: shear spring (3), and its reduced radius; with a resistance also rolling torque (3), twisting one.
 Where it was in the step before, and whether it was open then, so that it has nothing to remember, follows from ``x - dt v``."""
 
 DRAG, ROLL_DRAG, TWIST_DRAG = range(3)
@@ -51,15 +51,15 @@ LANES = 8
 """Numbers in the widest vectors of processors; `CHUNK` is a multiple."""
 CHUNK = 64
 WIDE = 4
-"""Listed pairs that go through the loops together; numbers of a vector in memory: one register, and one line of the caches holds two."""
+"""Contacts that go through the loops together; numbers of a vector in memory: one register, and one line of the caches holds two."""
 
 
 class State(NamedTuple):
     """Bodies: n spheres and m planes; s stripes.
 
-    Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE`
-    numbers each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the lists,
-    ``v_now`` has the velocities that dashpots see where these are not ``v``. Rows of ``now`` (at t_n), ``middle`` (t_{n-1/2}) and
+    Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE` numbers
+    each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the
+    lists, ``v_now`` has the velocities that dashpots see where these are not ``v``. Rows of ``now`` (at t_n), ``middle`` (t_{n-1/2}) and
     ``before`` (t_{n-1}) are point, normal, pivot, its velocity, spin of a plane (3 each). ``load`` is the force on each plane, ``share``
     what the stripes add to it, ``behind`` tells for each stripe 1 + sphere and plane where a centre is behind one.
     """
@@ -712,10 +712,10 @@ def forces_of_spheres(
     first, end_of_list = np.uint64(pairs.start[begin]), np.uint64(pairs.start[end])
     if keep:
         clear_kept(pairs, first, end_of_list)
-    for low in range(first, end_of_list, NEXT):
-        high = min(low + NEXT, end_of_list)
+    k = first
+    while k < end_of_list:
         count = np.uint64(0)
-        for k in range(low, high):
+        while k < end_of_list and count < NEXT:
             i, j = np.uint64(rows[k]), np.uint64(other[k])
             blend(scratch, D_ROWS + count, 1.0, x, j, -1.0, x, i)  # type: ignore[call-arg]
             dx, dy, dz = xyz(scratch, D_ROWS + count)
@@ -723,9 +723,10 @@ def forces_of_spheres(
             scratch[REACH + count] = reach
             picked[count] = k
             count += np.uint64(dx * dx + dy * dy + dz * dz < reach * reach)
+            k += ONE
         for q in range(count):
-            k = np.uint64(picked[q])
-            i, j = np.uint64(rows[k]), np.uint64(other[k])
+            m = np.uint64(picked[q])
+            i, j = np.uint64(rows[m]), np.uint64(other[m])
             blend(scratch, DV_ROWS + q, 1.0, v, i, -1.0, v, j)  # type: ignore[call-arg]
             blend(scratch, ROLLS_ROWS + q, radius[i], omega, i, radius[j], omega, j)  # type: ignore[call-arg]
             blend(scratch, SPINS_ROWS + q, 1.0, omega, i, 1.0, omega, j)  # type: ignore[call-arg]
@@ -733,7 +734,7 @@ def forces_of_spheres(
                 blend(scratch, DASHPOT_ROWS + q, 1.0, state.v_now, i, -1.0, state.v_now, j)  # type: ignore[call-arg]
             if resisted:
                 blend(scratch, TURNS_ROWS + q, 1.0, omega, i, -1.0, omega, j)  # type: ignore[call-arg]
-            recall(pairs, k, q, resisted, scratch)
+            recall(pairs, m, q, resisted, scratch)
         to_columns(scratch, D, D_ROWS, count)
         to_columns(scratch, DV, DV_ROWS, count)
         to_columns(scratch, ROLLS, ROLLS_ROWS, count)
@@ -741,18 +742,18 @@ def forces_of_spheres(
         if resisted:
             to_columns(scratch, TURNS, TURNS_ROWS, count)
         memories_to_columns(scratch, resisted, count)
-        for m in range(np.uint64(3 * CHUNK)):
-            scratch[D_BEFORE + m] = scratch[D + m] + slip_dt * scratch[DV + m]
+        for c in range(np.uint64(3 * CHUNK)):
+            scratch[D_BEFORE + c] = scratch[D + c] + slip_dt * scratch[DV + c]
         if central:
             to_columns(scratch, DASHPOT_DV, DASHPOT_ROWS, count)
         else:
-            for m in range(np.uint64(3 * CHUNK)):
-                scratch[DASHPOT_DV + m] = scratch[DV + m]
+            for c in range(np.uint64(3 * CHUNK)):
+                scratch[DASHPOT_DV + c] = scratch[DV + c]
         laws_of_chunk(pairs, laws, slip_dt, picked, np.int64(count), scratch)
         results_to_rows(scratch, resisted, count)
         for q in range(count):
-            k = np.uint64(picked[q])
-            i, j = np.uint64(rows[k]), np.uint64(other[k])
+            m = np.uint64(picked[q])
+            i, j = np.uint64(rows[m]), np.uint64(other[m])
             arm_loss = scratch[ARM_LOSS + q]
             blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
             blend(force, j, 1.0, force, j, -1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
@@ -761,7 +762,7 @@ def forces_of_spheres(
             if resisted:
                 blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
                 blend(torque, j, 1.0, torque, j, 1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
-            remember(pairs, k, q, resisted, keep, scratch)
+            remember(pairs, m, q, resisted, keep, scratch)
 
 
 @inline_kernel
@@ -893,9 +894,9 @@ def forces_of_planes(
         for q in range(count):
             m = np.uint64(picked[q])
             i, plane = np.uint64(contacts.other[m]), np.uint64(contacts.row[m])
-            push = vector(scratch, PUSH + q)
+            push, arm = vector(scratch, PUSH + q), radius[i] - scratch[ARM_LOSS + q]
             blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
-            blend(torque, i, 1.0, torque, i, radius[i] - scratch[ARM_LOSS + q], scratch, CROSSED_ROWS + q)  # type: ignore[call-arg]
+            blend(torque, i, 1.0, torque, i, arm, scratch, CROSSED_ROWS + q)  # type: ignore[call-arg]
             if resisted:
                 blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
             for c in range(3):

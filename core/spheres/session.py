@@ -27,7 +27,7 @@ from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_r
 from ninedisk.core.spheres import kernels
 from ninedisk.core.spheres.kernels import CHUNK, SCRATCH, WIDE, Contacts, Motion, State, place_planes
 from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.neighbour_kernels import Materials, begin_lists, list_pairs, list_planes
+from ninedisk.core.spheres.neighbour_kernels import Materials, begin_lists, fastest, list_pairs, list_planes
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
 from ninedisk.core.spheres.step_kernels import BEHIND, BUILT, FAR, PENDING, REBUILDS, STEP, advance
 from ninedisk.core.thread_kernels import PAD
@@ -147,8 +147,8 @@ class SphereSession:
         )
         self._listed = np.arange(n)
         self._gravity = _wide(np.array([scene.gravity]))
-        self._pairs = [_empty_list(n, room, resisted) for room in (0, PAIRS_PER_SPHERE * n + 16)]
-        self._at_planes = [_empty_list(m, room, resisted) for room in (0, n // 4 + 16)]
+        self._pairs = [_empty_list(n, room, resisted) for room in [PAIRS_PER_SPHERE * n + 16] * 2]
+        self._at_planes = [_empty_list(m, room, resisted) for room in [n // 4 + 16] * 2]
         self._team = team_arrays(stripes, self._threads, room=SCRATCH)
         self._picked = np.zeros((self._threads, CHUNK + PAD), dtype=np.int64)
         self._clock = np.array([0, 1, 0, -1])
@@ -334,7 +334,7 @@ class SphereSession:
             planes[1] = _roomier(planes[1])
         pairs.reverse()
         planes.reverse()
-        state.force[:], state.torque[:] = _wide(np.outer(state.mass, self.scene.gravity)), 0.0
+        state.force[:], state.torque[:] = np.outer(state.mass, self._gravity).ravel(), 0.0
         listed[:] = np.arange(len(listed))
         self._skin[0], clock[BUILT] = skin, clock[STEP]
         clock[REBUILDS] += 1
@@ -358,29 +358,16 @@ class SphereSession:
 
     def _check_step(self) -> None:
         """Hold the contact step against the critical one of the present contacts, each with its present stiffness."""
-        if self.numerics.allow_unstable:
+        lists = ((self._pairs[0], False), (self._at_planes[0], True))
+        rate = max(fastest(self._state, contacts, self._laws, at_planes) for contacts, at_planes in lists)
+        if self.numerics.allow_unstable or rate == 0.0:
             return
-        contacts = self._contacts()
-        closed = contacts.overlap > 0.0
-        if not closed.any():
-            return
-        state, law = self._state, self._laws[contacts.law[closed]]
-        one, two = contacts.bodies[closed].T
-        n = len(self._listed)
-        among, other = two < n, np.minimum(two, n - 1)
-        inv_mass = state.inv_mass[one] + among * state.inv_mass[other]
-        turn = state.inv_inertia * state.radius**2
-        hertz, radius = law[:, kernels.HERTZ] > 0.0, contacts.radius[closed]
-        kn = np.where(hertz, 1.5 * radius, 1.0) * law[:, kernels.KN]
-        ks = np.where(hertz, radius, 1.0) * law[:, kernels.KS] * (law[:, kernels.MU] > 0.0)
-        rate = np.sqrt(np.maximum(kn * inv_mass, ks * (inv_mass + turn[one] + among * turn[other])))
-        beta = law[:, kernels.BETA]
-        critical = 2.0 / float(np.max(rate / (np.sqrt(1.0 + beta**2) - beta)))
+        critical = 2.0 / rate
         if self.contact_dt > critical * (1.0 + 1e-9):  # the round-off of two ways to the same number
             raise UnstableTimeStepError(
                 f"contact_dt = {self.contact_dt:g} s exceeds the critical step {critical:g} s that the contacts have at t = "
-                f"{self._clock[STEP] * self.contact_dt:g} s: use at most {SAFETY * critical:g} s (a tenth of it) for accurate results, or set "
-                "allow_unstable=True to run all the same"
+                f"{self._clock[STEP] * self.contact_dt:g} s: use at most {SAFETY * critical:g} s (a tenth of it) for accurate results, "
+                "or set allow_unstable=True to run all the same"
             )
 
     def _sample(self, k: int) -> None:

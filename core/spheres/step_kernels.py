@@ -38,7 +38,7 @@ BLOCK = 512
 """Spheres whose forces are found before they are kicked, so many as stay in the second cache."""
 
 STEP, PENDING, BUILT, REBUILDS = range(4)
-"""Entries of the clock: contact steps done, 1 while the forces of this step are missing, step of the last rebuild, rebuilds since time 0."""
+"""Entries of the clock: contact steps done, 1 while the forces of this step are missing, step of the last rebuild, rebuilds so far."""
 
 OK, FAR, BEHIND = 0, 1, 2
 """Why `advance` ended: all steps done, the lists of neighbours are too old, a centre is behind a plane."""
@@ -173,7 +173,7 @@ def advance(
     skin: float,
     central: bool,
 ) -> int:
-    """Steps until ``clock[STEP]`` is ``target``, with the forces of that step; all threads call it with the same arguments but their number.
+    """Steps until ``clock[STEP]`` is ``target``, with its forces; all threads call it with the same arguments but their number.
 
     Returns
     -------
