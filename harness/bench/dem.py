@@ -90,12 +90,16 @@ class DemProblem:
     short: bool = False
 
     suite: ClassVar[str] = "dem"
-    sort_from: ClassVar[int] = SORT_FROM
 
     @property
     def n(self) -> int:
         """Number of disks."""
         return len(self.scene.bodies)
+
+    @property
+    def sort_from(self) -> int:
+        """Bodies from which a run shares its work among threads."""
+        return SORT_FROM
 
     @property
     def peers(self) -> Sequence[Peer]:

@@ -45,7 +45,6 @@ class SphereProblem(DemProblem):
     """
 
     suite: ClassVar[str] = "spheres"
-    sort_from: ClassVar[int] = SORT_FROM
     told: ClassVar[str] = "positions, and so overlaps, root mean square over that of the displacements,"
 
     def bound(self, peer: Peer) -> tuple[float, str]:
@@ -60,6 +59,11 @@ class SphereProblem(DemProblem):
         moved = float(np.linalg.norm(own - self.scene.spheres.x))
         apart = float(np.linalg.norm(x - own))
         return apart / moved if np.isfinite(apart) and moved > 0.0 else float("inf")
+
+    @property
+    def sort_from(self) -> int:
+        """Spheres from which a run shares its work among threads."""
+        return SORT_FROM
 
     @property
     def peers(self) -> Sequence[Peer]:
