@@ -45,9 +45,9 @@ def poured_spheres(n: int) -> SphereScene:
     sides = (("left", 0, 1.0), ("right", 0, -1.0), ("front", 1, 1.0), ("back", 1, -1.0), ("bottom", 2, 1.0))
     walls = []
     for name, axis, sign in sides:
-        point, normal = np.zeros(3), np.zeros(3)
-        point[axis], normal[axis] = side if sign < 0.0 else 0.0, sign
-        walls.append(PlaneWall(name=name, point=tuple(point), normal=tuple(normal), law=law))
+        far = side if sign < 0.0 else 0.0
+        along, across, up = (sign if axis == each else 0.0 for each in range(3))
+        walls.append(PlaneWall(name=name, point=(far, far, 0.0), normal=(along, across, up), law=law))
     spheres = Spheres(x=x, v=rng.normal(0.0, 0.2, (n, 3)), radius=radius, mass=mass)
     return SphereScene(spheres=spheres, sphere_sphere=law, walls=tuple(walls), gravity=(0.0, 0.0, -GRAVITY))
 

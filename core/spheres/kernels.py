@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Numbers = NDArray[np.uint32]
 Vector = tuple[float, float, float]
+Index = int | np.uint64
 
 HERTZ, KN, KS, MU, BETA, TORQUE_MID, SLIP_MID, MIDDLE, UNLOADING, PULL = range(10)
 """Columns of a law: whether it is Hertz'; ``kn`` [N/m] or ``(4/3) E*`` [Pa]; ``ks`` or ``8 G*``; mu; beta; whether the torque's arm ends in
@@ -197,8 +198,7 @@ def _times(context: Any, builder: Any, kind: Any, s: Any, values: Any, i: Any) -
     return builder.fmul(builder.load(_place(context, builder, kind, values, at), align=8), spread, flags=("contract",))
 
 
-@intrinsic
-def scale(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any) -> Any:  # noqa: ARG001
+def _scale(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any) -> Any:  # noqa: ARG001
     """``out[at] = s a[i]`` for vectors of `WIDE` numbers in a row, in one register each."""
 
     def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -210,8 +210,7 @@ def scale(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any) -> Any:  # 
     return types.none(out, types.uint64, types.float64, a, types.uint64), build
 
 
-@intrinsic
-def blend(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any, t: Any, b: Any, j: Any) -> Any:  # noqa: ARG001
+def _blend(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any, t: Any, b: Any, j: Any) -> Any:  # noqa: ARG001
     """``out[at] = s a[i] + t b[j]``, likewise."""
 
     def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -226,8 +225,7 @@ def blend(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any, t: Any, b: 
     return types.none(out, index, number, a, index, number, b, index), build
 
 
-@intrinsic
-def transpose(typingctx: Any, values: Any, out: Any, apart_out: Any, at: Any, apart: Any) -> Any:  # noqa: ARG001
+def _transpose(typingctx: Any, values: Any, out: Any, apart_out: Any, at: Any, apart: Any) -> Any:  # noqa: ARG001
     """Rows of `WIDE` numbers at ``at``, ``at + apart``, .. become columns at ``out``, ``out + apart_out``, .."""
 
     def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -248,6 +246,11 @@ def transpose(typingctx: Any, values: Any, out: Any, apart_out: Any, at: Any, ap
         return context.get_dummy_value()
 
     return types.none(values, *[types.uint64] * 4), build
+
+
+scale: Any = intrinsic(_scale)
+blend: Any = intrinsic(_blend)
+transpose: Any = intrinsic(_transpose)
 
 
 @fused_inline_kernel
@@ -514,14 +517,14 @@ def put(scratch: Floats, at: np.uint64, a: Vector) -> None:
 def to_columns(scratch: Floats, column: np.uint64, rows: np.uint64, count: np.uint64) -> None:
     """Vectors of ``count`` contacts from rows to columns."""
     for q in range(np.uint64(0), count, FOUR):
-        transpose(scratch, column + q, NEXT, FOUR * (rows + q), FOUR)  # type: ignore[call-arg]
+        transpose(scratch, column + q, NEXT, FOUR * (rows + q), FOUR)
 
 
 @inline_kernel
 def to_rows(scratch: Floats, rows: np.uint64, column: np.uint64, count: np.uint64) -> None:
     """Vectors of ``count`` contacts from columns to rows."""
     for q in range(np.uint64(0), count, FOUR):
-        transpose(scratch, FOUR * (rows + q), FOUR, column + q, NEXT)  # type: ignore[call-arg]
+        transpose(scratch, FOUR * (rows + q), FOUR, column + q, NEXT)
 
 
 @fused_inline_kernel
@@ -626,27 +629,27 @@ def laws_of_chunk(
 
 
 @inline_kernel
-def recall(contacts: Contacts, k: np.uint64, q: np.uint64, resisted: bool, scratch: Floats) -> None:
+def recall(contacts: Contacts, k: np.uint64, q: Index, resisted: bool, scratch: Floats) -> None:
     """Notes and memory of the listed pair k into the scratch, the latter into rows."""
     notes, memory = contacts.notes, contacts.memory
     scratch[ITS_DRAG + q] = notes[k, DRAG]
     if resisted:
-        scale(scratch, SPRINGS_ROWS + q, 1.0, memory, TWO * k)  # type: ignore[call-arg]
-        scale(scratch, ROLLED_ROWS + q, 1.0, memory, TWO * k + ONE)  # type: ignore[call-arg]
+        scale(scratch, SPRINGS_ROWS + q, 1.0, memory, TWO * k)
+        scale(scratch, ROLLED_ROWS + q, 1.0, memory, TWO * k + ONE)
         scratch[ITS_ROLL_DRAG + q], scratch[ITS_TWIST_DRAG + q] = notes[k, ROLL_DRAG], notes[k, TWIST_DRAG]
     else:
-        scale(scratch, SPRINGS_ROWS + q, 1.0, memory, k)  # type: ignore[call-arg]
+        scale(scratch, SPRINGS_ROWS + q, 1.0, memory, k)
 
 
 @inline_kernel
-def remember(contacts: Contacts, k: np.uint64, q: np.uint64, resisted: bool, keep: bool, scratch: Floats) -> None:
+def remember(contacts: Contacts, k: np.uint64, q: Index, resisted: bool, keep: bool, scratch: Floats) -> None:
     """The listed pair's memory out of rows of the scratch; its force too if it is to be kept."""
     memory, force = contacts.memory, contacts.force
     if resisted:
-        scale(memory, TWO * k, 1.0, scratch, SPRINGS_ROWS + q)  # type: ignore[call-arg]
-        scale(memory, TWO * k + ONE, 1.0, scratch, ROLLED_ROWS + q)  # type: ignore[call-arg]
+        scale(memory, TWO * k, 1.0, scratch, SPRINGS_ROWS + q)
+        scale(memory, TWO * k + ONE, 1.0, scratch, ROLLED_ROWS + q)
     else:
-        scale(memory, k, 1.0, scratch, SPRINGS_ROWS + q)  # type: ignore[call-arg]
+        scale(memory, k, 1.0, scratch, SPRINGS_ROWS + q)
     if keep:
         force[k, 0] = last(scratch, FS + q)
         force[k, 1], force[k, 2], force[k, 3] = vector(scratch, FS + q)
@@ -717,7 +720,7 @@ def forces_of_spheres(
         count = np.uint64(0)
         while k < end_of_list and count < NEXT:
             i, j = np.uint64(rows[k]), np.uint64(other[k])
-            blend(scratch, D_ROWS + count, 1.0, x, j, -1.0, x, i)  # type: ignore[call-arg]
+            blend(scratch, D_ROWS + count, 1.0, x, j, -1.0, x, i)
             dx, dy, dz = xyz(scratch, D_ROWS + count)
             reach = radius[i] + radius[j]
             scratch[REACH + count] = reach
@@ -727,13 +730,13 @@ def forces_of_spheres(
         for q in range(count):
             m = np.uint64(picked[q])
             i, j = np.uint64(rows[m]), np.uint64(other[m])
-            blend(scratch, DV_ROWS + q, 1.0, v, i, -1.0, v, j)  # type: ignore[call-arg]
-            blend(scratch, ROLLS_ROWS + q, radius[i], omega, i, radius[j], omega, j)  # type: ignore[call-arg]
-            blend(scratch, SPINS_ROWS + q, 1.0, omega, i, 1.0, omega, j)  # type: ignore[call-arg]
+            blend(scratch, DV_ROWS + q, 1.0, v, i, -1.0, v, j)
+            blend(scratch, ROLLS_ROWS + q, radius[i], omega, i, radius[j], omega, j)
+            blend(scratch, SPINS_ROWS + q, 1.0, omega, i, 1.0, omega, j)
             if central:
-                blend(scratch, DASHPOT_ROWS + q, 1.0, state.v_now, i, -1.0, state.v_now, j)  # type: ignore[call-arg]
+                blend(scratch, DASHPOT_ROWS + q, 1.0, state.v_now, i, -1.0, state.v_now, j)
             if resisted:
-                blend(scratch, TURNS_ROWS + q, 1.0, omega, i, -1.0, omega, j)  # type: ignore[call-arg]
+                blend(scratch, TURNS_ROWS + q, 1.0, omega, i, -1.0, omega, j)
             recall(pairs, m, q, resisted, scratch)
         to_columns(scratch, D, D_ROWS, count)
         to_columns(scratch, DV, DV_ROWS, count)
@@ -749,19 +752,19 @@ def forces_of_spheres(
         else:
             for c in range(np.uint64(3 * CHUNK)):
                 scratch[DASHPOT_DV + c] = scratch[DV + c]
-        laws_of_chunk(pairs, laws, slip_dt, picked, np.int64(count), scratch)
+        laws_of_chunk(pairs, laws, slip_dt, picked, int(np.int64(count)), scratch)
         results_to_rows(scratch, resisted, count)
         for q in range(count):
             m = np.uint64(picked[q])
             i, j = np.uint64(rows[m]), np.uint64(other[m])
             arm_loss = scratch[ARM_LOSS + q]
-            blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
-            blend(force, j, 1.0, force, j, -1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
-            blend(torque, i, 1.0, torque, i, radius[i] - arm_loss, scratch, CROSSED_ROWS + q)  # type: ignore[call-arg]
-            blend(torque, j, 1.0, torque, j, radius[j] - arm_loss, scratch, CROSSED_ROWS + q)  # type: ignore[call-arg]
+            blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)
+            blend(force, j, 1.0, force, j, -1.0, scratch, PUSH_ROWS + q)
+            blend(torque, i, 1.0, torque, i, radius[i] - arm_loss, scratch, CROSSED_ROWS + q)
+            blend(torque, j, 1.0, torque, j, radius[j] - arm_loss, scratch, CROSSED_ROWS + q)
             if resisted:
-                blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
-                blend(torque, j, 1.0, torque, j, 1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
+                blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)
+                blend(torque, j, 1.0, torque, j, 1.0, scratch, MOMENT_ROWS + q)
             remember(pairs, m, q, resisted, keep, scratch)
 
 
@@ -813,7 +816,7 @@ def beside_plane(
     height = above(state.now, w, xi)
     overlap = ri - height
     if overlap <= 0.0 or height <= 0.0:
-        return overlap
+        return float(overlap)
     wi, wj, n = xyz(state.omega, i), row(state.middle, w, 12), scaled(row(state.now, w, 3), -1.0)
     seen = xyz(state.v_now, i) if central else vi
     before, height_before, vj, dashpot_vj = n, height + slip_dt * dot(vi, n), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -842,7 +845,7 @@ def beside_plane(
     put(scratch, SPINS + q, plus(wi, 1.0, wj))
     put(scratch, TURNS + q, plus(wi, -1.0, wj))
     recall(contacts, k, q, contacts.memory.shape[1] > MEMORY_WIDTH, scratch)
-    return overlap
+    return float(overlap)
 
 
 @fused_kernel
@@ -874,7 +877,7 @@ def forces_of_planes(
                 w += 1
                 if w < planes:
                     k = np.uint64(first_from(contacts, contacts.start[w], contacts.start[w + 1], begin))
-                    end_of_rows = np.uint64(first_from(contacts, np.int64(k), contacts.start[w + 1], end))
+                    end_of_rows = np.uint64(first_from(contacts, int(np.int64(k)), contacts.start[w + 1], end))
                     moves = not at_rest(state, w)
                     if keep:
                         clear_kept(contacts, k, end_of_rows)
@@ -889,16 +892,16 @@ def forces_of_planes(
                 count += np.uint64(1)
             k += np.uint64(1)
         memories_to_columns(scratch, resisted, count)
-        laws_of_chunk(contacts, laws, slip_dt, picked, np.int64(count), scratch)
+        laws_of_chunk(contacts, laws, slip_dt, picked, int(np.int64(count)), scratch)
         results_to_rows(scratch, resisted, count)
         for q in range(count):
             m = np.uint64(picked[q])
             i, plane = np.uint64(contacts.other[m]), np.uint64(contacts.row[m])
             push, arm = vector(scratch, PUSH + q), radius[i] - scratch[ARM_LOSS + q]
-            blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)  # type: ignore[call-arg]
-            blend(torque, i, 1.0, torque, i, arm, scratch, CROSSED_ROWS + q)  # type: ignore[call-arg]
+            blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)
+            blend(torque, i, 1.0, torque, i, arm, scratch, CROSSED_ROWS + q)
             if resisted:
-                blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)  # type: ignore[call-arg]
+                blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)
             for c in range(3):
                 share[stripe, plane, c] -= push[c]
             remember(contacts, m, q, resisted, keep, scratch)

@@ -434,7 +434,7 @@ class SphereSession:
         return float(np.sum(normal)), float(np.sum(shear)), float(np.sum(turned))
 
 
-def _wide(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _wide(rows: NDArray[Any]) -> NDArray[np.float64]:
     """Vectors as the kernels have them, from rows of three."""
     found = np.zeros((len(rows), WIDE))
     found[:, :3] = rows

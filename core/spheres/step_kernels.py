@@ -82,9 +82,9 @@ def kick_and_drift(state: State, gravity: Floats, dt: float, first: bool, centra
         x[q] += way
         moved[q] = np.float32(moved[q] + way)
     for i in range(np.uint64(begin), np.uint64(end)):
-        blend(omega, i, 1.0, omega, i, kick * inv_inertia[i], torque, i)  # type: ignore[call-arg]
-        blend(angle, i, 1.0, angle, i, dt, omega, i)  # type: ignore[call-arg]
-        scale(force, i, mass[i], gravity, np.uint64(0))  # type: ignore[call-arg]
+        blend(omega, i, 1.0, omega, i, kick * inv_inertia[i], torque, i)
+        blend(angle, i, 1.0, angle, i, dt, omega, i)
+        scale(force, i, mass[i], gravity, np.uint64(0))
     for q in range(low, high):
         torque[q] = 0.0
     return farthest(moved, begin, end)

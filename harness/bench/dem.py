@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from ninedisk.core.errors import CoreError, InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.bench.measure import (
     DRIVERS,
@@ -49,6 +50,7 @@ from ninedisk.harness.cases.matched import with_slip_at
 from ninedisk.harness.results.schema import Row
 
 FloatArray = NDArray[np.float64]
+Kind = TypeVar("Kind", Scene, SphereScene)
 UNIT = "particle-steps/s"
 MOST_THREADS = 4
 READINGS = 10
@@ -209,10 +211,10 @@ def packing(n: int, *, aspect: float = 1.0, progress: Callable[[int, int], None]
     if n > LARGEST_SETTLED:
         one = packing(LARGEST_SETTLED, aspect=aspect, progress=progress).replace(initial_shear={})
         return packings.side_by_side(one, n // LARGEST_SETTLED)
-    return kept(f"packing-{n}-{aspect:g}", lambda: packings.settled_packing(n, aspect=aspect, progress=progress))
+    return kept(f"packing-{n}-{aspect:g}", lambda: packings.settled_packing(n, aspect=aspect, progress=progress), Scene)
 
 
-def kept(name: str, make: Callable[[], Any], kind: Any = Scene) -> Any:
+def kept(name: str, make: Callable[[], Kind], kind: type[Kind]) -> Kind:
     """A scene that takes long to make: from the user's cache folder if the same packings have made it before."""
     path = packing_folder() / f"{name}-{_recipe()}.json.gz"
     try:
@@ -225,7 +227,7 @@ def kept(name: str, make: Callable[[], Any], kind: Any = Scene) -> Any:
     return scene
 
 
-def _keep(scene: Any, path: Path) -> None:
+def _keep(scene: Scene | SphereScene, path: Path) -> None:
     half = path.with_name(f".tmp-{os.getpid()}-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

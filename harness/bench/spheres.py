@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -124,9 +124,7 @@ def undamped(scene: SphereScene) -> SphereScene:
 
 def packing(n: int, tell: Callable[[int, int], None] | None = None) -> SphereScene:
     """A settled packing of ``n`` spheres, from the user's cache folder if it has been made before."""
-    scene: Any = dem.kept(f"spheres-{n}", partial(settled_spheres, n, progress=tell), SphereScene)
-    assert isinstance(scene, SphereScene)
-    return scene
+    return dem.kept(f"spheres-{n}", partial(settled_spheres, n, progress=tell), SphereScene)
 
 
 LAMMPS = replace(
