@@ -15,6 +15,7 @@ from ninedisk.reports.text import as_float
 Row = Mapping[str, Any]
 SUITES = {
     "dem": "Many disks, contact springs",
+    "spheres": "Many spheres, Hertz-Mindlin",
     "cd": "Contact solvers on packings at rest",
     "coulomb": "The open set of contact problems: who solves what",
     "flow": "Rigid disks in motion: time per simulated second beside the penetration",
@@ -59,7 +60,7 @@ def write_bench(record: Mapping[str, Any], path: Path) -> None:
 def charts(rows: Sequence[Row], suite: str) -> list[PointChart]:
     """Charts of one suite: rates over size, time over the accuracy reached; none where nothing was timed."""
     timed = [row for row in rows if row["suite"] == suite and _finite(row["median_s"])]
-    if suite == "dem":
+    if suite in ("dem", "spheres"):
         return dem_charts(timed)
     if suite == "flow":
         return [

@@ -313,7 +313,7 @@ def rebuild_images(
         images.shift[k] = images.spare[k]
     for c in range(3):
         images.built[c] = images.now[c]
-    divide(disks, cells, team)
+    divide(disks.x.shape[0], cells, team)
     close_ring(disks, cells, team)
     mark_built(disks, walls)
     return OK

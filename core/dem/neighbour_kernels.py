@@ -36,6 +36,25 @@ REBUILD_COST = 5.0
 2.8 pairs of 5.4 ns)."""
 
 
+@inline_kernel
+def order_by_cell(cells: Cells, n: int, count: int) -> None:
+    """Counting sort of ``n`` bodies by ``cells.cell``, the numbers of their cells, of which there are ``count``."""
+    for c in range(count + 1):
+        cells.start[c] = 0
+    for i in range(n):
+        cells.start[cells.cell[i] + 1] += 1
+    for c in range(count):
+        cells.start[c + 1] += cells.start[c]
+    # The pointers serve as cursors while filling and are shifted back afterwards.
+    for i in range(n):
+        c = cells.cell[i]
+        cells.order[cells.start[c]] = i
+        cells.start[c] += 1
+    for c in range(count, 0, -1):
+        cells.start[c] = cells.start[c - 1]
+    cells.start[0] = 0
+
+
 @kernel
 def sort_into_cells(x: NDArray[np.float64], width: float, cells: Cells) -> bool:
     """Counting sort of the centres into square cells, in rows along the shorter side of the box around them.
@@ -74,23 +93,10 @@ def sort_into_cells(x: NDArray[np.float64], width: float, cells: Cells) -> bool:
         columns, rows = floor(long_a / width) + 1.0, floor(long_b / width) + 1.0
     grid = cells.grid
     grid[0], grid[1], grid[2], grid[3], grid[4] = low_a, low_b, width, columns, rows
-    nx, count = int(columns), int(columns * rows)
-    for c in range(count + 1):
-        cells.start[c] = 0
+    nx = int(columns)
     for i in range(n):
-        c = int((x[i, across] - low_b) / width) * nx + int((x[i, along] - low_a) / width)
-        cells.cell[i] = c
-        cells.start[c + 1] += 1
-    for c in range(count):
-        cells.start[c + 1] += cells.start[c]
-    # The pointers serve as cursors while filling and are shifted back afterwards.
-    for i in range(n):
-        c = cells.cell[i]
-        cells.order[cells.start[c]] = i
-        cells.start[c] += 1
-    for c in range(count, 0, -1):
-        cells.start[c] = cells.start[c - 1]
-    cells.start[0] = 0
+        cells.cell[i] = int((x[i, across] - low_b) / width) * nx + int((x[i, along] - low_a) / width)
+    order_by_cell(cells, n, int(columns * rows))
     return True
 
 
@@ -289,14 +295,14 @@ def stripes_of(rows: int, most: int) -> int:
 
 
 @kernel
-def divide(disks: DiskArrays, cells: Cells, team: Team) -> None:
-    """Stripes of whole rows of cells with about equally many disks; one stripe of all where disks are not in order.
+def divide(n: int, cells: Cells, team: Team) -> None:
+    """Stripes of whole rows of cells with about equally many of the ``n`` disks; one stripe of all where disks are not in order.
 
     The division depends on the positions alone, never on the number of threads. Only the first row of cells of a stripe has
     partners in the stripe before.
     """
     stripe, border = team.stripe, team.border
-    n, room = disks.x.shape[0], stripe.shape[0] - 1
+    room = stripe.shape[0] - 1
     nx, ny = int(cells.grid[3]), int(cells.grid[4])
     count = stripes_of(ny, room)
     stripe[0], border[0] = 0, 0
@@ -314,11 +320,11 @@ def divide(disks: DiskArrays, cells: Cells, team: Team) -> None:
 
 
 @inline_kernel
-def next_skin(skin: float, steps: int, step: StepConstants) -> float:
+def next_skin(skin: float, steps: int, cost: float, radius: float, least: float, most: float) -> float:
     """Skin for the next lists [m], from how many steps the last ones served.
 
     A skin ``h`` costs ``b h/R`` a step and disk for the pairs that do not touch, and a rebuild ``c`` every ``h/(2 u)`` steps, with ``u``
-    the displacement a step. The sum is least for ``h^2 = 2 u c R/b``, with ``u = h_last/(2 steps)`` and `REBUILD_COST` for ``c/b``.
+    the displacement a step. The sum is least for ``h^2 = 2 u c R/b``, with ``u = h_last/(2 steps)`` and ``cost`` for ``c/b``.
 
     Parameters
     ----------
@@ -326,12 +332,15 @@ def next_skin(skin: float, steps: int, step: StepConstants) -> float:
         Last skin [m].
     steps : int
         Steps since the last rebuild; 0: keep the skin.
-    step : StepConstants
+    cost : float
+        `REBUILD_COST`, ``c/b``.
+    radius, least, most : float
+        Mean radius and limits of the skin [m].
     """
     if steps == 0:
         return skin
-    best = sqrt(REBUILD_COST * step.radius * skin / steps)
-    return min(max(best, step.least_skin), step.most_skin)
+    best = sqrt(cost * radius * skin / steps)
+    return min(max(best, least), most)
 
 
 @inline_kernel
@@ -388,6 +397,6 @@ def rebuild(disks: DiskArrays, walls: WallArrays, lists: Lists, team: Team, step
         return code
     copy_list(spare, pairs)
     copy_list(wall_spare, wall_pairs)
-    divide(disks, cells, team)
+    divide(disks.x.shape[0], cells, team)
     mark_built(disks, walls)
     return OK

@@ -21,7 +21,7 @@ from ninedisk.core.dem.image_kernels import (
     room_left,
 )
 from ninedisk.core.dem.kick_kernels import farther, kick_and_drift
-from ninedisk.core.dem.neighbour_kernels import next_skin, rebuild
+from ninedisk.core.dem.neighbour_kernels import REBUILD_COST, next_skin, rebuild
 from ninedisk.core.dem.sample_kernels import lost_so_far, record, record_contacts
 from ninedisk.core.dem.state import (
     BEHIND_WALL,
@@ -315,7 +315,7 @@ def advance(
         if stale:
             wait_for_all(team.flags, thread, threads)
             if thread == 0:
-                wider = next_skin(skin[0], n - clock[BUILT], step)
+                wider = next_skin(skin[0], n - clock[BUILT], REBUILD_COST, step.radius, step.least_skin, step.most_skin)
                 if images is None:
                     team.code[0] = rebuild(disks, walls, system.lists, team, step, wider)
                 else:

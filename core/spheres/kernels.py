@@ -1,21 +1,31 @@
-"""Kernels of the DEM of spheres: contacts, resistances, planes, and the steps.
+"""Kernels of the DEM of spheres: where planes are, and the forces of contacts.
 
-Leapfrog: ``v_{n+1/2} = v_{n-1/2} + dt F_n/m``, ``x_{n+1} = x_n + dt v_{n+1/2}``, begun by half a kick.
+As in the plane (`ninedisk.core.dem.force_kernels`) contacts go through loops without branches, by chunks: which pairs of the list touch,
+differences of their bodies into a scratch in the fastest cache, the law in vector registers, sums into the bodies. Only pairs that touch
+get past the first loop. Contacts of a chunk that have the same law are one run, for which all that the law decides is decided once; in a
+scene of many materials runs are short.
+
+A plane enters as a sphere of no radius at the foot of the other one's centre: everything between the differences and the sums is the same.
 """
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
-from typing import NamedTuple
+from math import cos, floor, sin, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from ninedisk.core.compile import inline_kernel, kernel
+from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel, kernel
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Numbers = NDArray[np.uint32]
 Vector = tuple[float, float, float]
+Index = int | np.uint64
 
 HERTZ, KN, KS, MU, BETA, TORQUE_MID, SLIP_MID, MIDDLE, UNLOADING, PULL = range(10)
 """Columns of a law: whether it is Hertz'; ``kn`` [N/m] or ``(4/3) E*`` [Pa]; ``ks`` or ``8 G*``; mu; beta; whether the torque's arm ends in
@@ -28,41 +38,67 @@ NO_RESISTANCE, CONSTANT, SPRING = 0, 1, 2
 KEEPS, FORCE, RESCALE = 0, 1, 2
 """Rules of unloading: the spring keeps its displacement, its force, or shrinks with the contact."""
 
-NORMAL, RADIUS, OVERLAP, SHEAR, ROLLING, TWISTING = 0, 3, 4, 5, 8, 11
-MEMORY_WIDTH = 12
-"""Columns of what a contact remembers: normal (3), contact radius and overlap of the step before, shear spring (3), rolling torque (3),
-twisting torque. A radius of 0 means that it was open."""
+SHEAR, REDUCED, ROLLING, TWISTING = 0, 3, 4, 7
+MEMORY_WIDTH, MEMORY_WIDTH_RESISTED = 4, 8
+"""Columns of what a contact remembers: shear spring (3), and its reduced radius; with a resistance also rolling torque (3), twisting one.
+Where it was in the step before, and whether it was open then, so that it has nothing to remember, follows from ``x - dt v``."""
 
-OK, FAR, BEHIND = 0, 1, 2
-"""Why `advance` ended: all steps done, the list of neighbours is too old, a centre is behind a wall."""
+DRAG, ROLL_DRAG, TWIST_DRAG = range(3)
+NOTES_WIDTH, NOTES_WIDTH_RESISTED = 1, 3
+"""Columns of what is noted of a listed pair, coefficients of its dashpots: along the normal [N s/m], with Hertz' law over the root of the
+contact radius, and of the resistances [N m s]."""
+
+LANES = 8
+"""Numbers in the widest vectors of processors; `CHUNK` is a multiple."""
+CHUNK = 64
+WIDE = 4
+"""Contacts that go through the loops together; numbers of a vector in memory: one register, and one line of the caches holds two."""
 
 
 class State(NamedTuple):
-    """Bodies: n spheres and m planes. Rows of ``now`` are point, normal, pivot, its velocity, spin (3 each)."""
+    """Bodies: n spheres and m planes; s stripes.
+
+    Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE` numbers
+    each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the
+    lists, ``v_now`` has the velocities that dashpots see where these are not ``v``. Rows of ``now`` (at t_n), ``middle`` (t_{n-1/2}) and
+    ``before`` (t_{n-1}) are point, normal, pivot, its velocity, spin of a plane (3 each). ``load`` is the force on each plane, ``share``
+    what the stripes add to it, ``behind`` tells for each stripe 1 + sphere and plane where a centre is behind one.
+    """
 
     x: Floats
     v: Floats
     omega: Floats
     angle: Floats
     v_now: Floats
-    omega_now: Floats
     force: Floats
     torque: Floats
+    mass: Floats
+    mobility: Floats
     inv_mass: Floats
     inv_inertia: Floats
-    free: Floats
     radius: Floats
+    name: Integers
     now: Floats
     middle: Floats
+    before: Floats
     load: Floats
-    built: Floats
+    share: Floats
+    behind: Integers
+    moved: NDArray[np.float32]
 
 
 class Contacts(NamedTuple):
-    """Neighbours, k of them: bodies ``(k, 2)`` (the second one may be a wall, from n on), law, memory and forces ``(k, 4)`` (fn, fs)."""
+    """Listed pairs by rows, ``start[r] .. start[r+1]-1``; room for k of them.
 
-    bodies: Integers
-    law: Integers
+    Rows are spheres, with spheres of higher rows, or planes, with ascending spheres. ``law`` is a row of the laws, ``notes`` and
+    ``memory`` have columns above; ``force`` (fn, fs on the first body) is that of the last step before `advance` returned.
+    """
+
+    start: Integers
+    row: Numbers
+    other: Numbers
+    law: Numbers
+    notes: Floats
     memory: Floats
     force: Floats
 
@@ -79,19 +115,19 @@ SEGMENT_WIDTH = 21
 POSE_WIDTH = 15
 
 
-@inline_kernel
+@fused_inline_kernel
 def dot(a: Vector, b: Vector) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inline_kernel
+@fused_inline_kernel
 def cross(a: Vector, b: Vector) -> Vector:
     """Vector product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@inline_kernel
+@fused_inline_kernel
 def plus(a: Vector, s: float, b: Vector) -> Vector:
     """``a + s b``."""
     return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
@@ -146,213 +182,235 @@ def plane_velocity(table: Floats, w: int, place: Vector, ahead: float) -> Vector
     return plus(velocity, 1.0, cross(row(table, w, 12), arm))
 
 
-@inline_kernel
+VECTOR = ir.VectorType(ir.DoubleType(), WIDE)
+
+
+def _place(context: Any, builder: Any, kind: Any, values: Any, at: Any) -> Any:
+    data = context.make_array(kind)(context, builder, values).data
+    return builder.bitcast(builder.gep(data, [at]), VECTOR.as_pointer())
+
+
+def _times(context: Any, builder: Any, kind: Any, s: Any, values: Any, i: Any) -> Any:
+    spread = ir.Constant(VECTOR, ir.Undefined)
+    for lane in range(WIDE):
+        spread = builder.insert_element(spread, s, ir.Constant(ir.IntType(32), lane))
+    at = builder.mul(i, ir.Constant(ir.IntType(64), WIDE))
+    return builder.fmul(builder.load(_place(context, builder, kind, values, at), align=8), spread, flags=("contract",))
+
+
+def _scale(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any) -> Any:  # noqa: ARG001
+    """``out[at] = s a[i]`` for vectors of `WIDE` numbers in a row, in one register each."""
+
+    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        value = _times(context, builder, signature.args[3], *args[2:5])
+        first = builder.mul(args[1], ir.Constant(ir.IntType(64), WIDE))
+        builder.store(value, _place(context, builder, signature.args[0], args[0], first), align=8)
+        return context.get_dummy_value()
+
+    return types.none(out, types.uint64, types.float64, a, types.uint64), build
+
+
+def _blend(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any, t: Any, b: Any, j: Any) -> Any:  # noqa: ARG001
+    """``out[at] = s a[i] + t b[j]``, likewise."""
+
+    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        one = _times(context, builder, signature.args[3], *args[2:5])
+        two = _times(context, builder, signature.args[6], *args[5:8])
+        first = builder.mul(args[1], ir.Constant(ir.IntType(64), WIDE))
+        value = builder.fadd(one, two, flags=("contract",))
+        builder.store(value, _place(context, builder, signature.args[0], args[0], first), align=8)
+        return context.get_dummy_value()
+
+    index, number = types.uint64, types.float64
+    return types.none(out, index, number, a, index, number, b, index), build
+
+
+def _transpose(typingctx: Any, values: Any, out: Any, apart_out: Any, at: Any, apart: Any) -> Any:  # noqa: ARG001
+    """Rows of `WIDE` numbers at ``at``, ``at + apart``, .. become columns at ``out``, ``out + apart_out``, .."""
+
+    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        def place(first: Any, stride: Any, row: int) -> Any:
+            index = builder.add(first, builder.mul(stride, ir.Constant(ir.IntType(64), row)))
+            return _place(context, builder, signature.args[0], args[0], index)
+
+        def mixed(one: Any, two: Any, lanes: tuple[int, ...]) -> Any:
+            which = ir.Constant(ir.VectorType(ir.IntType(32), WIDE), lanes)
+            return builder.shuffle_vector(one, two, which)
+
+        a, b, c, d = (builder.load(place(args[3], args[4], row), align=8) for row in range(WIDE))
+        low, high = (0, 4, 2, 6), (1, 5, 3, 7)
+        pairs = mixed(a, b, low), mixed(a, b, high), mixed(c, d, low), mixed(c, d, high)
+        left, right = (0, 1, 4, 5), (2, 3, 6, 7)
+        for row, (one, two, lanes) in enumerate([(0, 2, left), (1, 3, left), (0, 2, right), (1, 3, right)]):
+            builder.store(mixed(pairs[one], pairs[two], lanes), place(args[1], args[2], row), align=8)
+        return context.get_dummy_value()
+
+    return types.none(values, *[types.uint64] * 4), build
+
+
+scale: Any = intrinsic(_scale)
+blend: Any = intrinsic(_blend)
+transpose: Any = intrinsic(_transpose)
+
+
+@fused_inline_kernel
+def scaled(q: Vector, s: float) -> Vector:
+    """``s q``."""
+    return s * q[0], s * q[1], s * q[2]
+
+
+@fused_inline_kernel
 def carried(q: Vector, before: Vector, n: Vector) -> Vector:
     """A vector at right angles to ``before``, turned with the normal into ``n`` on the shortest way: its size stays to round-off."""
     share = dot(q, n) / (1.0 + dot(before, n))
     return plus(q, -share, (before[0] + n[0], before[1] + n[1], before[2] + n[2]))
 
 
-@inline_kernel
+@fused_inline_kernel
 def projected(q: Vector, n: Vector) -> Vector:
     """A vector's part at right angles to ``n``, stretched to the size that the vector had."""
-    size = sqrt(dot(q, q))
     flat = plus(q, -dot(q, n), n)
-    now = sqrt(dot(flat, flat))
-    if now == 0.0:
-        return flat
-    return flat[0] * size / now, flat[1] * size / now, flat[2] * size / now
+    now = dot(flat, flat)
+    return scaled(flat, sqrt(dot(q, q) / now) if now > 0.0 else 1.0)
 
 
-@inline_kernel
+@fused_inline_kernel
 def capped(q: Vector, limit: float) -> Vector:
     """``q`` shortened to ``limit``."""
     size = sqrt(dot(q, q))
-    if size <= limit or size == 0.0:
-        return q
-    return q[0] * limit / size, q[1] * limit / size, q[2] * limit / size
+    return scaled(q, limit / size if size > limit else 1.0)
+
+
+TURN, TURN_REST = 6.283185307179586, 2.4492935982947064e-16
+"""A turn [rad] as the sum of two numbers."""
+PER_TURN = 1.0 / TURN
+S3, S5, S7, S9, S11, S13 = (-1.0 / (m * (m - 1.0)) for m in (3.0, 5.0, 7.0, 9.0, 11.0, 13.0))
+C2, C4, C6, C8, C10, C12 = (-1.0 / (m * (m - 1.0)) for m in (2.0, 4.0, 6.0, 8.0, 10.0, 12.0))
+"""Factors from one term of the series of sine and cosine to the next."""
+
+
+@fused_inline_kernel
+def spun(q: Vector, n: Vector, angle: float) -> Vector:
+    """``q``, at right angles to the unit vector ``n``, turned about it by an angle [rad].
+
+    Vector registers know no sine: that of an eighth of the angle, after whole turns have been taken off, by its series to 6e-19, and
+    three times the formulas of the double angle.
+    """
+    turns = floor(angle * PER_TURN + 0.5)
+    a = 0.125 * (angle - turns * TURN - turns * TURN_REST)
+    a2 = a * a
+    s = a + a * (S3 * a2 * (1.0 + S5 * a2 * (1.0 + S7 * a2 * (1.0 + S9 * a2 * (1.0 + S11 * a2 * (1.0 + S13 * a2))))))
+    c = 1.0 + C2 * a2 * (1.0 + C4 * a2 * (1.0 + C6 * a2 * (1.0 + C8 * a2 * (1.0 + C10 * a2 * (1.0 + C12 * a2)))))
+    for _ in range(3):
+        s, c = 2.0 * s * c, 1.0 - 2.0 * s * s
+    return plus(scaled(q, c), s, cross(n, q))
+
+
+class Law(NamedTuple):
+    """What `contact` reads of a law, columns above."""
+
+    kn: float
+    ks: float
+    mu: float
+    torque_mid: float
+    slip_mid: float
+    rescale: bool
+    pull: float
 
 
 @inline_kernel
-def note_open(contacts: Contacts, k: int) -> None:
-    """Forget what a contact remembered; one that was open already costs no write."""
-    if contacts.memory[k, RADIUS] != 0.0:
-        contacts.memory[k, RADIUS] = 0.0
-        for c in range(4):
-            contacts.force[k, c] = 0.0
+def law_of(law: Floats) -> Law:
+    """Numbers of a row of the laws: loops that write to the scratch then need not read the row again."""
+    return Law(law[KN], law[KS], law[MU], law[TORQUE_MID], law[SLIP_MID], law[UNLOADING] == RESCALE, law[PULL])
 
 
-@kernel
-def contact(state: State, contacts: Contacts, laws: Floats, k: int, central: bool, slip_dt: float) -> bool:
-    """Add the forces of contact k; False if its sphere's centre is behind its plane."""
-    n_spheres = state.x.shape[0]
-    i, j = contacts.bodies[k, 0], contacts.bodies[k, 1]
-    law, memory, at_wall = laws[contacts.law[k]], contacts.memory, j >= n_spheres
-    w = j - n_spheres
-    xi, ri = row(state.x, i, 0), state.radius[i]
-    if at_wall:
-        n = row(state.now, w, 3)
-        n = (-n[0], -n[1], -n[2])
-        height = -dot(plus(xi, -1.0, row(state.now, w, 0)), n)
-        overlap, reduced = ri - height, ri
-        if height <= 0.0:
-            return False
-    else:
-        d = plus(row(state.x, j, 0), -1.0, xi)
-        apart2 = dot(d, d)
-        reach = ri + state.radius[j]
-        if apart2 >= reach * reach:
-            note_open(contacts, k)
-            return True
-        apart = sqrt(apart2)
-        n = (d[0] / apart, d[1] / apart, d[2] / apart)
-        overlap, reduced = reach - apart, ri * state.radius[j] / reach
-        height = 0.0
-    if overlap <= 0.0:
-        note_open(contacts, k)
-        return True
-    middle = law[MIDDLE] > 0.0
-    fresh = memory[k, RADIUS] == 0.0
-    hertz = law[HERTZ] > 0.0
-    radius = sqrt(reduced * overlap)
-    before = n if fresh else row(memory, k, NORMAL)
-    overlap_before = overlap if fresh else memory[k, OVERLAP]
-    radius_before = radius if fresh else memory[k, RADIUS]
-    inv_mass = state.inv_mass[i] + (0.0 if at_wall else state.inv_mass[j])
-    # Normal force.
-    stiffness = law[KN] * radius if hertz else law[KN]
-    tangent = 1.5 * stiffness if hertz else stiffness
-    damping = 0.0
-    if law[BETA] > 0.0 and inv_mass > 0.0:
-        damping = 2.0 * law[BETA] * sqrt(tangent / inv_mass) * (sqrt(5.0 / 6.0) if hertz else 1.0)
-    vi = row(state.v_now if central else state.v, i, 0)
-    foot = plus(xi, ri - overlap, n)
-    # Where spheres have velocities of the half step, planes have theirs of its middle, about the pivot of its end.
-    half = 0.5 * slip_dt
-    vj = (0.0, 0.0, 0.0)
-    if at_wall:
-        vj = plane_velocity(state.now, w, foot, 0.0) if central else plane_velocity(state.middle, w, foot, half)
-    else:
-        vj = row(state.v_now if central else state.v, j, 0)
-    closing = dot(plus(vi, -1.0, vj), n)
-    pull = law[PULL] * reduced
-    fn = stiffness * overlap + damping * closing - pull
-    repulsive = max(fn + pull, 0.0)
-    # Slip of the step that ends now.
-    shown = n
-    mean_overlap = overlap
+@fused_inline_kernel
+def contact(
+    hertz: bool,
+    middle: bool,
+    in_force: bool,
+    law: Law,
+    slip_dt: float,
+    d: Vector,
+    d_before: Vector,
+    reach: float,
+    reduced: float,
+    drag: float,
+    dv: Vector,
+    dashpot_dv: Vector,
+    roll: Vector,
+    spin: Vector,
+    spring: Vector,
+) -> tuple[float, float, float, Vector, Vector, Vector]:
+    """The law of one contact without its resistances; the first three arguments are those of the law, known to the compiler.
+
+    Parameters
+    ----------
+    hertz, middle, in_force : bool
+        Whether the law is Hertz', slip that of mid-step, the spring remembered as a force.
+    d, d_before : vector
+        From the first centre to the second one [m], now and a step before.
+    reach, reduced : float
+        Sum of the radii and reduced radius [m].
+    drag : float
+        `DRAG` of its notes.
+    dv, dashpot_dv : vector
+        Velocity of the first centre relative to the second one [m/s], and that which the dashpot sees.
+    roll, spin : vector
+        ``R_i w_i + R_j w_j`` [m/s] and ``w_i + w_j`` [rad/s].
+    spring : vector
+        What it remembers [N or m]; counts for nothing if the contact was open.
+
+    Returns
+    -------
+    fn, repulsive, arm_loss : float
+        Normal force and its repulsive part [N], what the torque's arms lack to the radii [m].
+    fs, spring, n : vector
+        Shear force on the first body [N], spring to be remembered, normal.
+    """
+    apart2, apart2_before = dot(d, d), dot(d_before, d_before)
+    inv_apart = 1.0 / sqrt(apart2)
+    n, overlap = scaled(d, inv_apart), reach - apart2 * inv_apart
+    before, overlap_before = n, reach - sqrt(apart2_before)
+    if middle:
+        inv_before = 1.0 / sqrt(apart2_before)
+        before, overlap_before = scaled(d_before, inv_before), reach - apart2_before * inv_before
+    if overlap_before <= 0.0:
+        before, overlap_before, spring = n, overlap, (0.0, 0.0, 0.0)
+    stiffness, damping, ks, gain = law.kn, drag, law.ks, law.ks
+    if hertz:
+        radius = sqrt(reduced * overlap)
+        stiffness, damping, ks, gain = law.kn * radius, drag * sqrt(radius), law.ks * radius, law.ks * radius
+        if middle:
+            gain = 0.5 * law.ks * (radius + sqrt(reduced * overlap_before))
+    repulsive = max(stiffness * overlap + damping * dot(dashpot_dv, n), 0.0)
+    fn = stiffness * overlap + damping * dot(dashpot_dv, n) - law.pull * reduced
+    # Slip of the step that ends now, and the spring turned into the present tangent plane, in the mid-step form also with the bodies'
+    # mean spin about the normal. Both turn on the shortest way, where 1 + a.b of unit vectors is half the square of |a + b|.
     if middle:
         both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
-        length = sqrt(dot(both, both))
-        shown = (both[0] / length, both[1] / length, both[2] / length)
-        mean_overlap = 0.5 * (overlap + overlap_before)
-    cut = 0.5 * mean_overlap if law[SLIP_MID] > 0.0 else 0.0
-    wi = row(state.omega, i, 0)
-    if at_wall:
-        wj = row(state.middle, w, 12)
-        if middle:
-            touched = plus(plus(xi, -half, row(state.v, i, 0)), ri - mean_overlap, shown)
-            vj = plane_velocity(state.middle, w, touched, 0.0)
-        else:
-            vj = plane_velocity(state.middle, w, foot, half)
-        u = plus(row(state.v, i, 0), -1.0, vj)
-        u = plus(u, ri - cut, cross(wi, shown))
+        inv_both = 1.0 / sqrt(dot(both, both))
+        shown = scaled(both, inv_both)
+        cut = 0.25 * (overlap + overlap_before) * law.slip_mid
+        u = plus(dv, 1.0, cross(plus(roll, -cut, spin), shown))
+        u = plus(u, -dot(u, shown), shown)
+        u = plus(u, -dot(u, n) / (1.0 + dot(shown, n)), (shown[0] + n[0], shown[1] + n[1], shown[2] + n[2]))
+        spring = plus(spring, -2.0 * inv_both * inv_both * dot(spring, n), both)
+        spring = spun(spring, n, 0.5 * slip_dt * dot(spin, shown))
     else:
-        wj = row(state.omega, j, 0)
-        u = plus(row(state.v, i, 0), -1.0, row(state.v, j, 0))
-        u = plus(plus(u, ri - cut, cross(wi, shown)), state.radius[j] - cut, cross(wj, shown))
-    u = plus(u, -dot(u, shown), shown)
-    # Memory turned into the present tangent plane; in the mid-step form also with the bodies' mean spin about the normal.
-    rolls = law[ROLL] > 0.0
-    spring, rolled = row(memory, k, SHEAR), row(memory, k, ROLLING)
-    twisted = memory[k, TWISTING]
-    if fresh:
-        spring, rolled, twisted = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
-    if middle:
-        spin = 0.5 * slip_dt * dot(plus(wi, 1.0, wj), shown)
-        u = carried(u, shown, n)
-        spring = carried(spring, before, n)
-        if spin != 0.0:
-            spring = turned(spring, n, spin)
-        if rolls:
-            rolled = turned(carried(rolled, before, n), n, spin)
-    else:
+        u = plus(dv, 1.0, cross(plus(roll, -0.5 * overlap * law.slip_mid, spin), n))
+        u = plus(u, -dot(u, n), n)
         spring = projected(spring, n)
-        if rolls:
-            rolled = projected(rolled, n)
-    ks = law[KS] * radius if hertz else law[KS]
-    rule = int(law[UNLOADING])
-    in_force = not hertz or rule == FORCE
-    if not in_force and rule == RESCALE and radius < radius_before:
-        share = radius / radius_before
-        spring = (spring[0] * share, spring[1] * share, spring[2] * share)
-    gain = 1.0
+    cap = law.mu * repulsive
     if in_force:
-        gain = law[KS] * 0.5 * (radius + radius_before) if hertz and middle else ks
-    spring = plus(spring, -gain * slip_dt, u)
-    cap = law[MU] * repulsive
-    if in_force:
-        spring = capped(spring, cap)
+        spring = capped(plus(spring, -slip_dt * gain, u), cap)
         fs = spring
     else:
-        spring = capped(spring, cap / ks if ks > 0.0 else 0.0)
-        fs = (ks * spring[0], ks * spring[1], ks * spring[2])
-    # Resistances: torque -(rolled + damped) - (twisted) n on the first body.
-    relative = plus(wi, -1.0, wj)
-    about = dot(relative, n)
-    across = plus(relative, -about, n)
-    m = (0.0, 0.0, 0.0)
-    if rolls:
-        limit = law[ROLL + 1] * reduced * repulsive
-        if law[ROLL] == CONSTANT:
-            rolled = capped((across[0] * STEEP, across[1] * STEEP, across[2] * STEEP), limit)
-            m = rolled
-        else:
-            rolled = plus(rolled, law[ROLL + 2] * slip_dt, across)
-            free = dot(rolled, rolled) < limit * limit
-            rolled = capped(rolled, limit)
-            m = rolled
-            if free and law[ROLL + 3] > 0.0:
-                inv = about_contact(state, i)
-                if not at_wall:
-                    inv += about_contact(state, j)
-                if inv > 0.0:
-                    m = plus(m, 2.0 * law[ROLL + 3] * sqrt(law[ROLL + 2] / inv), across)
-    if law[TWIST] > 0.0:
-        limit = law[TWIST + 1] * reduced * repulsive
-        torque = 0.0
-        if law[TWIST] == CONSTANT:
-            twisted = min(max(STEEP * about, -limit), limit)
-            torque = twisted
-        else:
-            twisted += law[TWIST + 2] * slip_dt * about
-            free = abs(twisted) < limit
-            twisted = min(max(twisted, -limit), limit)
-            torque = twisted
-            inv = state.inv_inertia[i] + (0.0 if at_wall else state.inv_inertia[j])
-            if free and inv > 0.0:
-                torque += 2.0 * law[TWIST + 3] * sqrt(law[TWIST + 2] / inv) * about
-        m = plus(m, torque, n)
-    # Sums.
-    f = plus(fs, -fn, n)
-    arm = 0.5 * overlap if law[TORQUE_MID] > 0.0 else 0.0
-    twist = cross(n, fs)
-    for c in range(3):
-        state.force[i, c] += f[c]
-        state.torque[i, c] += (ri - arm) * twist[c] - m[c]
-        if at_wall:
-            state.load[w, c] -= f[c]
-        else:
-            state.force[j, c] -= f[c]
-            state.torque[j, c] += (state.radius[j] - arm) * twist[c] + m[c]
-        memory[k, NORMAL + c] = n[c]
-        memory[k, SHEAR + c] = spring[c]
-        if rolls:
-            memory[k, ROLLING + c] = rolled[c]
-        contacts.force[k, 1 + c] = fs[c]
-    contacts.force[k, 0] = fn
-    memory[k, RADIUS], memory[k, OVERLAP], memory[k, TWISTING] = radius, overlap, twisted
-    return True
+        if law.rescale and overlap < overlap_before:
+            spring = scaled(spring, sqrt(overlap / overlap_before))
+        spring = capped(plus(spring, -slip_dt, u), cap / ks if ks > 0.0 else 0.0)
+        fs = scaled(spring, ks)
+    return fn, repulsive, 0.5 * overlap * law.torque_mid, fs, spring, n
 
 
 STEEP = 1e30
@@ -360,78 +418,490 @@ STEEP = 1e30
 
 
 @inline_kernel
-def about_contact(state: State, i: int) -> float:
-    """``1/(I + m R^2)`` of a sphere about its contact [1/(kg m^2)]; 0 where it is fixed or does not turn."""
-    a, b = state.inv_inertia[i], state.inv_mass[i]
-    return a * b / (b + a * state.radius[i] * state.radius[i]) if b > 0.0 else 0.0
+def resistance(
+    law: Floats,
+    slip_dt: float,
+    n: Vector,
+    before: Vector,
+    reduced: float,
+    repulsive: float,
+    roll_drag: float,
+    twist_drag: float,
+    spin: Vector,
+    turn: Vector,
+    rolled: Vector,
+    twisted: float,
+) -> tuple[Vector, Vector, float]:
+    """Torque of both resistances on the second body [N m], and what is remembered of them.
+
+    ``spin`` and ``turn`` are the sum of the spins and the first one relative to the second one [rad/s].
+    """
+    about = dot(turn, n)
+    across = plus(turn, -about, n)
+    m = (0.0, 0.0, 0.0)
+    if law[ROLL] > 0.0:
+        if law[MIDDLE] > 0.0:
+            both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
+            shown = scaled(both, 1.0 / sqrt(dot(both, both)))
+            rolled = spun(carried(rolled, before, n), n, 0.5 * slip_dt * dot(spin, shown))
+        else:
+            rolled = projected(rolled, n)
+        limit = law[ROLL + 1] * reduced * repulsive
+        if law[ROLL] == CONSTANT:
+            rolled = capped(scaled(across, STEEP), limit)
+            m = rolled
+        else:
+            rolled = plus(rolled, law[ROLL + 2] * slip_dt, across)
+            free = dot(rolled, rolled) < limit * limit
+            rolled = capped(rolled, limit)
+            m = plus(rolled, roll_drag if free else 0.0, across)
+    if law[TWIST] > 0.0:
+        limit = law[TWIST + 1] * reduced * repulsive
+        if law[TWIST] == CONSTANT:
+            twisted = min(max(STEEP * about, -limit), limit)
+            torque = twisted
+        else:
+            twisted += law[TWIST + 2] * slip_dt * about
+            free = abs(twisted) < limit
+            twisted = min(max(twisted, -limit), limit)
+            torque = twisted + (twist_drag * about if free else 0.0)
+        m = plus(m, torque, n)
+    return m, rolled, twisted
 
 
-@kernel
-def forces(
+# Columns of the scratch, `WIDE` for each vector of the contacts: differences of their bodies as `contact` wants them; springs, with the
+# reduced radius; force on the first body, n x fs, fs with fn; for resistances spins of the first body relative to the second one, torque
+# on the latter, rolling torque with the twisting one.
+D, DV, ROLLS, SPINS, SPRINGS, DASHPOT_DV, D_BEFORE, PUSH, CROSSED, FS, TURNS, MOMENT, ROLLED = (
+    np.uint64(c * WIDE * CHUNK) for c in range(13)
+)
+# And of numbers: sum of the radii, dashpots, repulsive part of fn, loss of the arms.
+REACH, ITS_DRAG, REPULSIVE, ARM_LOSS, ITS_ROLL_DRAG, ITS_TWIST_DRAG = (
+    np.uint64((13 * WIDE + c) * CHUNK) for c in range(6)
+)
+# Vectors row by row, as they come from the bodies (some of those above) and go to them.
+D_ROWS, DV_ROWS, ROLLS_ROWS, SPINS_ROWS, SPRINGS_ROWS, DASHPOT_ROWS, TURNS_ROWS, ROLLED_ROWS = (
+    np.uint64((13 * WIDE + 6) * CHUNK // WIDE + c * CHUNK) for c in range(8)
+)
+PUSH_ROWS, CROSSED_ROWS, MOMENT_ROWS = D_ROWS, DV_ROWS, ROLLS_ROWS
+SCRATCH = (13 * WIDE + 6 + 8 * WIDE) * CHUNK
+ONE, TWO, LAST, FOUR, NEXT = (np.uint64(c) for c in (1, 2, 3, WIDE, CHUNK))
+
+
+@fused_inline_kernel
+def xyz(values: Floats, at: np.uint64) -> Vector:
+    """A vector of a sphere, or of a row of the scratch."""
+    first = FOUR * at
+    return values[first], values[first + ONE], values[first + TWO]
+
+
+@fused_inline_kernel
+def vector(scratch: Floats, at: np.uint64) -> Vector:
+    """A vector of the scratch's columns."""
+    return scratch[at], scratch[at + NEXT], scratch[at + TWO * NEXT]
+
+
+@fused_inline_kernel
+def last(scratch: Floats, at: np.uint64) -> float:
+    """The number beside a vector."""
+    return float(scratch[at + LAST * NEXT])
+
+
+@fused_inline_kernel
+def put(scratch: Floats, at: np.uint64, a: Vector) -> None:
+    """Write a vector into the scratch's columns."""
+    scratch[at], scratch[at + NEXT], scratch[at + TWO * NEXT] = a
+
+
+@inline_kernel
+def to_columns(scratch: Floats, column: np.uint64, rows: np.uint64, count: np.uint64) -> None:
+    """Vectors of ``count`` contacts from rows to columns."""
+    for q in range(np.uint64(0), count, FOUR):
+        transpose(scratch, column + q, NEXT, FOUR * (rows + q), FOUR)
+
+
+@inline_kernel
+def to_rows(scratch: Floats, rows: np.uint64, column: np.uint64, count: np.uint64) -> None:
+    """Vectors of ``count`` contacts from columns to rows."""
+    for q in range(np.uint64(0), count, FOUR):
+        transpose(scratch, FOUR * (rows + q), FOUR, column + q, NEXT)
+
+
+@fused_inline_kernel
+def run_of_contacts(
+    hertz: bool, middle: bool, in_force: bool, law: Floats, slip_dt: float, begin: int, end: int, scratch: Floats
+) -> None:
+    """`contact` for ``begin .. end-1`` of the scratch, which have the same law."""
+    its = law_of(law)
+    for q in range(np.uint64(begin), np.uint64(end)):
+        reduced = last(scratch, SPRINGS + q)
+        fn, repulsive, arm_loss, fs, spring, n = contact(
+            hertz,
+            middle,
+            in_force,
+            its,
+            slip_dt,
+            vector(scratch, D + q),
+            vector(scratch, D_BEFORE + q),
+            scratch[REACH + q],
+            reduced,
+            scratch[ITS_DRAG + q],
+            vector(scratch, DV + q),
+            vector(scratch, DASHPOT_DV + q),
+            vector(scratch, ROLLS + q),
+            vector(scratch, SPINS + q),
+            vector(scratch, SPRINGS + q),
+        )
+        put(scratch, PUSH + q, plus(fs, -fn, n))
+        put(scratch, CROSSED + q, cross(n, fs))
+        put(scratch, FS + q, fs)
+        put(scratch, SPRINGS + q, spring)
+        scratch[FS + LAST * NEXT + q], scratch[REPULSIVE + q], scratch[ARM_LOSS + q] = fn, repulsive, arm_loss
+
+
+@inline_kernel
+def run_of_resistances(law: Floats, slip_dt: float, begin: int, end: int, scratch: Floats) -> None:
+    """`resistance` for ``begin .. end-1`` of the scratch, after `run_of_contacts`."""
+    for q in range(np.uint64(begin), np.uint64(end)):
+        d, before = vector(scratch, D + q), vector(scratch, D_BEFORE + q)
+        rolled, twisted = vector(scratch, ROLLED + q), last(scratch, ROLLED + q)
+        n, apart = scaled(d, 1.0 / sqrt(dot(d, d))), sqrt(dot(before, before))
+        before = scaled(before, 1.0 / apart)
+        if apart >= scratch[REACH + q]:
+            before, rolled, twisted = n, (0.0, 0.0, 0.0), 0.0
+        m, rolled, twisted = resistance(
+            law,
+            slip_dt,
+            n,
+            before,
+            last(scratch, SPRINGS + q),
+            scratch[REPULSIVE + q],
+            scratch[ITS_ROLL_DRAG + q],
+            scratch[ITS_TWIST_DRAG + q],
+            vector(scratch, SPINS + q),
+            vector(scratch, TURNS + q),
+            rolled,
+            twisted,
+        )
+        put(scratch, MOMENT + q, m)
+        put(scratch, ROLLED + q, rolled)
+        scratch[ROLLED + LAST * NEXT + q] = twisted
+
+
+@inline_kernel
+def laws_of_chunk(
+    contacts: Contacts, laws: Floats, slip_dt: float, picked: Integers, count: int, scratch: Floats
+) -> None:
+    """Both laws for the first ``count`` contacts of the scratch, run by run.
+
+    A run that is all of the chunk goes on to the end of the last vector: what is there is of no use and of no harm, and one by one they
+    would take as long as whole vectors.
+    """
+    resisted = contacts.memory.shape[1] > MEMORY_WIDTH
+    begin = 0
+    while begin < count:
+        number = contacts.law[picked[begin]]
+        end = count
+        if laws.shape[0] > 1:
+            end = begin + 1
+            while end < count and contacts.law[picked[end]] == number:
+                end += 1
+        law, whole = laws[number], end
+        if begin == 0 and end == count:
+            whole = (count + LANES - 1) // LANES * LANES
+        if law[HERTZ] > 0.0:
+            if law[UNLOADING] == FORCE:
+                if law[MIDDLE] > 0.0:
+                    run_of_contacts(True, True, True, law, slip_dt, begin, whole, scratch)
+                else:
+                    run_of_contacts(True, False, True, law, slip_dt, begin, whole, scratch)
+            elif law[MIDDLE] > 0.0:
+                run_of_contacts(True, True, False, law, slip_dt, begin, whole, scratch)
+            else:
+                run_of_contacts(True, False, False, law, slip_dt, begin, whole, scratch)
+        elif law[MIDDLE] > 0.0:
+            run_of_contacts(False, True, True, law, slip_dt, begin, whole, scratch)
+        else:
+            run_of_contacts(False, False, True, law, slip_dt, begin, whole, scratch)
+        if resisted:
+            run_of_resistances(law, slip_dt, begin, end, scratch)
+        begin = end
+
+
+@inline_kernel
+def recall(contacts: Contacts, k: np.uint64, q: Index, resisted: bool, scratch: Floats) -> None:
+    """Notes and memory of the listed pair k into the scratch, the latter into rows."""
+    notes, memory = contacts.notes, contacts.memory
+    scratch[ITS_DRAG + q] = notes[k, DRAG]
+    if resisted:
+        scale(scratch, SPRINGS_ROWS + q, 1.0, memory, TWO * k)
+        scale(scratch, ROLLED_ROWS + q, 1.0, memory, TWO * k + ONE)
+        scratch[ITS_ROLL_DRAG + q], scratch[ITS_TWIST_DRAG + q] = notes[k, ROLL_DRAG], notes[k, TWIST_DRAG]
+    else:
+        scale(scratch, SPRINGS_ROWS + q, 1.0, memory, k)
+
+
+@inline_kernel
+def remember(contacts: Contacts, k: np.uint64, q: Index, resisted: bool, keep: bool, scratch: Floats) -> None:
+    """The listed pair's memory out of rows of the scratch; its force too if it is to be kept."""
+    memory, force = contacts.memory, contacts.force
+    if resisted:
+        scale(memory, TWO * k, 1.0, scratch, SPRINGS_ROWS + q)
+        scale(memory, TWO * k + ONE, 1.0, scratch, ROLLED_ROWS + q)
+    else:
+        scale(memory, k, 1.0, scratch, SPRINGS_ROWS + q)
+    if keep:
+        force[k, 0] = last(scratch, FS + q)
+        force[k, 1], force[k, 2], force[k, 3] = vector(scratch, FS + q)
+
+
+@inline_kernel
+def memories_to_columns(scratch: Floats, resisted: bool, count: np.uint64) -> None:
+    """What ``count`` contacts remember, from rows."""
+    to_columns(scratch, SPRINGS, SPRINGS_ROWS, count)
+    if resisted:
+        to_columns(scratch, ROLLED, ROLLED_ROWS, count)
+
+
+@inline_kernel
+def results_to_rows(scratch: Floats, resisted: bool, count: np.uint64) -> None:
+    """What the laws have found of ``count`` contacts, to rows."""
+    to_rows(scratch, SPRINGS_ROWS, SPRINGS, count)
+    to_rows(scratch, PUSH_ROWS, PUSH, count)
+    to_rows(scratch, CROSSED_ROWS, CROSSED, count)
+    if resisted:
+        to_rows(scratch, MOMENT_ROWS, MOMENT, count)
+        to_rows(scratch, ROLLED_ROWS, ROLLED, count)
+
+
+@inline_kernel
+def clear_kept(contacts: Contacts, begin: np.uint64, end: np.uint64) -> None:
+    """No force of the listed pairs ``begin .. end-1``, until it is found."""
+    for k in range(begin, end):
+        for c in range(4):
+            contacts.force[k, c] = 0.0
+
+
+@fused_kernel
+def forces_of_spheres(
     state: State,
-    contacts: Contacts,
+    pairs: Contacts,
     laws: Floats,
-    motion: Motion,
-    gravity: Vector,
-    t: float,
-    dt: float,
     slip_dt: float,
     central: bool,
-) -> int:
-    """Forces and torques at ``t`` [s], contact by contact in the order of the list; -1, or the contact whose sphere is behind its plane."""
-    place_planes(motion, t, state.now)
-    place_planes(motion, max(t - 0.5 * dt, 0.0), state.middle)
-    for i in range(state.x.shape[0]):
-        weight = 1.0 / state.inv_mass[i] if state.inv_mass[i] > 0.0 else 0.0
-        for c in range(3):
-            state.force[i, c] = weight * gravity[c]
-            state.torque[i, c] = 0.0
-    for w in range(state.load.shape[0]):
-        for c in range(3):
-            state.load[w, c] = 0.0
-    for k in range(contacts.bodies.shape[0]):
-        if not contact(state, contacts, laws, k, central, slip_dt):
-            return k
-    return -1
+    keep: bool,
+    begin: int,
+    end: int,
+    scratch: Floats,
+    picked: Integers,
+) -> None:
+    """Add the forces of the listed pairs of the rows ``begin .. end-1``; update their memory.
+
+    Parameters
+    ----------
+    slip_dt : float
+        Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0.
+    central : bool
+        Whether dashpots see ``v_now``.
+    keep : bool
+        Whether the forces of the contacts are to be kept.
+    scratch : ndarray, shape (SCRATCH,)
+    picked : ndarray of int64, shape (CHUNK,)
+        This thread's own, as the scratch.
+    """
+    x, v, omega, radius, force, torque = state.x, state.v, state.omega, state.radius, state.force, state.torque
+    rows, other = pairs.row, pairs.other
+    resisted = pairs.memory.shape[1] > MEMORY_WIDTH
+    first, end_of_list = np.uint64(pairs.start[begin]), np.uint64(pairs.start[end])
+    if keep:
+        clear_kept(pairs, first, end_of_list)
+    k = first
+    while k < end_of_list:
+        count = np.uint64(0)
+        while k < end_of_list and count < NEXT:
+            i, j = np.uint64(rows[k]), np.uint64(other[k])
+            blend(scratch, D_ROWS + count, 1.0, x, j, -1.0, x, i)
+            dx, dy, dz = xyz(scratch, D_ROWS + count)
+            reach = radius[i] + radius[j]
+            scratch[REACH + count] = reach
+            picked[count] = k
+            count += np.uint64(dx * dx + dy * dy + dz * dz < reach * reach)
+            k += ONE
+        for q in range(count):
+            m = np.uint64(picked[q])
+            i, j = np.uint64(rows[m]), np.uint64(other[m])
+            blend(scratch, DV_ROWS + q, 1.0, v, i, -1.0, v, j)
+            blend(scratch, ROLLS_ROWS + q, radius[i], omega, i, radius[j], omega, j)
+            blend(scratch, SPINS_ROWS + q, 1.0, omega, i, 1.0, omega, j)
+            if central:
+                blend(scratch, DASHPOT_ROWS + q, 1.0, state.v_now, i, -1.0, state.v_now, j)
+            if resisted:
+                blend(scratch, TURNS_ROWS + q, 1.0, omega, i, -1.0, omega, j)
+            recall(pairs, m, q, resisted, scratch)
+        to_columns(scratch, D, D_ROWS, count)
+        to_columns(scratch, DV, DV_ROWS, count)
+        to_columns(scratch, ROLLS, ROLLS_ROWS, count)
+        to_columns(scratch, SPINS, SPINS_ROWS, count)
+        if resisted:
+            to_columns(scratch, TURNS, TURNS_ROWS, count)
+        memories_to_columns(scratch, resisted, count)
+        for c in range(np.uint64(3 * CHUNK)):
+            scratch[D_BEFORE + c] = scratch[D + c] + slip_dt * scratch[DV + c]
+        if central:
+            to_columns(scratch, DASHPOT_DV, DASHPOT_ROWS, count)
+        else:
+            for c in range(np.uint64(3 * CHUNK)):
+                scratch[DASHPOT_DV + c] = scratch[DV + c]
+        laws_of_chunk(pairs, laws, slip_dt, picked, int(np.int64(count)), scratch)
+        results_to_rows(scratch, resisted, count)
+        for q in range(count):
+            m = np.uint64(picked[q])
+            i, j = np.uint64(rows[m]), np.uint64(other[m])
+            arm_loss = scratch[ARM_LOSS + q]
+            blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)
+            blend(force, j, 1.0, force, j, -1.0, scratch, PUSH_ROWS + q)
+            blend(torque, i, 1.0, torque, i, radius[i] - arm_loss, scratch, CROSSED_ROWS + q)
+            blend(torque, j, 1.0, torque, j, radius[j] - arm_loss, scratch, CROSSED_ROWS + q)
+            if resisted:
+                blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)
+                blend(torque, j, 1.0, torque, j, 1.0, scratch, MOMENT_ROWS + q)
+            remember(pairs, m, q, resisted, keep, scratch)
 
 
-@kernel
-def advance(
+@inline_kernel
+def first_from(pairs: Contacts, low: int, high: int, sphere: int) -> int:
+    """First entry of ``low .. high-1`` whose sphere is not below ``sphere``; entries ascend."""
+    while low < high:
+        middle = (low + high) // 2
+        if pairs.other[middle] < sphere:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@inline_kernel
+def above(table: Floats, w: int, place: Vector) -> float:
+    """Height [m] of a place over a plane."""
+    return dot(plus(place, -1.0, row(table, w, 0)), row(table, w, 3))
+
+
+@inline_kernel
+def at_rest(state: State, w: int) -> bool:
+    """Whether a plane stays where it is in this step."""
+    rests = True
+    for c in range(9, POSE_WIDTH):
+        rests = rests and state.middle[w, c] == 0.0 and state.now[w, c] == 0.0
+    for c in range(6):
+        rests = rests and state.before[w, c] == state.now[w, c]
+    return rests
+
+
+@inline_kernel
+def beside_plane(
+    state: State,
+    contacts: Contacts,
+    law: Floats,
+    slip_dt: float,
+    central: bool,
+    moves: bool,
+    w: int,
+    k: np.uint64,
+    q: np.uint64,
+    scratch: Floats,
+) -> float:
+    """Differences and memory of the listed pair k to place q of the scratch, if it touches; its overlap [m], the radius if it is behind."""
+    i = np.uint64(contacts.other[k])
+    xi, vi, ri = xyz(state.x, i), xyz(state.v, i), state.radius[i]
+    height = above(state.now, w, xi)
+    overlap = ri - height
+    if overlap <= 0.0 or height <= 0.0:
+        return float(overlap)
+    wi, wj, n = xyz(state.omega, i), row(state.middle, w, 12), scaled(row(state.now, w, 3), -1.0)
+    seen = xyz(state.v_now, i) if central else vi
+    before, height_before, vj, dashpot_vj = n, height + slip_dt * dot(vi, n), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if moves:
+        height_before, before = above(state.before, w, plus(xi, -slip_dt, vi)), scaled(row(state.before, w, 3), -1.0)
+        # Where spheres have velocities of the half step, planes have theirs of its middle, about the pivot of its end.
+        half, foot = 0.5 * slip_dt, plus(xi, height, n)
+        vj = plane_velocity(state.middle, w, foot, half)
+        dashpot_vj = plane_velocity(state.now, w, foot, 0.0) if central else vj
+        mean_overlap = overlap
+        shown = n
+        if law[MIDDLE] > 0.0:
+            if height_before < ri:
+                both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
+                shown = scaled(both, 1.0 / sqrt(dot(both, both)))
+                mean_overlap = 0.5 * (overlap + ri - height_before)
+            vj = plane_velocity(state.middle, w, plus(plus(xi, -half, vi), ri - mean_overlap, shown), 0.0)
+        # The plane's velocity is that of the very place: what its spin adds with the overlap's middle is taken back.
+        vj = plus(vj, -0.5 * mean_overlap * law[SLIP_MID], cross(wj, shown))
+    put(scratch, D + q, scaled(n, height))
+    put(scratch, D_BEFORE + q, scaled(before, height_before))
+    scratch[REACH + q] = ri
+    put(scratch, DV + q, plus(vi, -1.0, vj))
+    put(scratch, DASHPOT_DV + q, plus(seen, -1.0, dashpot_vj))
+    put(scratch, ROLLS + q, scaled(wi, ri))
+    put(scratch, SPINS + q, plus(wi, 1.0, wj))
+    put(scratch, TURNS + q, plus(wi, -1.0, wj))
+    recall(contacts, k, q, contacts.memory.shape[1] > MEMORY_WIDTH, scratch)
+    return float(overlap)
+
+
+@fused_kernel
+def forces_of_planes(
     state: State,
     contacts: Contacts,
     laws: Floats,
-    motion: Motion,
-    gravity: Vector,
-    clock: Integers,
-    target: int,
-    dt: float,
-    skin: float,
+    slip_dt: float,
     central: bool,
-) -> int:
-    """Steps until ``clock[0]`` is ``target``; `FAR` before a step that wants new neighbours, `BEHIND` with the contact in ``clock[1]``."""
-    while clock[0] < target:
-        kick = dt if clock[0] > 0 else 0.5 * dt
-        farthest = 0.0
-        for i in range(state.x.shape[0]):
-            moved = 0.0
+    keep: bool,
+    begin: int,
+    end: int,
+    stripe: int,
+    scratch: Floats,
+    picked: Integers,
+) -> None:
+    """Add the forces of the contacts of the spheres ``begin .. end-1`` with planes, and the stripe's share of the planes' loads.
+
+    Parameters are those of `forces_of_spheres`.
+    """
+    force, torque, radius, share = state.force, state.torque, state.radius, state.share
+    resisted = contacts.memory.shape[1] > MEMORY_WIDTH
+    planes = state.now.shape[0]
+    w, k, end_of_rows, moves = -1, np.uint64(0), np.uint64(0), False
+    while w < planes:
+        count = np.uint64(0)
+        while w < planes and count < NEXT:
+            if k == end_of_rows:
+                w += 1
+                if w < planes:
+                    k = np.uint64(first_from(contacts, contacts.start[w], contacts.start[w + 1], begin))
+                    end_of_rows = np.uint64(first_from(contacts, int(np.int64(k)), contacts.start[w + 1], end))
+                    moves = not at_rest(state, w)
+                    if keep:
+                        clear_kept(contacts, k, end_of_rows)
+                continue
+            overlap = beside_plane(
+                state, contacts, laws[contacts.law[k]], slip_dt, central, moves, w, k, count, scratch
+            )
+            if overlap >= radius[contacts.other[k]]:
+                state.behind[stripe, 0], state.behind[stripe, 1] = 1 + state.name[contacts.other[k]], w
+            elif overlap > 0.0:
+                picked[count] = k
+                count += np.uint64(1)
+            k += np.uint64(1)
+        memories_to_columns(scratch, resisted, count)
+        laws_of_chunk(contacts, laws, slip_dt, picked, int(np.int64(count)), scratch)
+        results_to_rows(scratch, resisted, count)
+        for q in range(count):
+            m = np.uint64(picked[q])
+            i, plane = np.uint64(contacts.other[m]), np.uint64(contacts.row[m])
+            push, arm = vector(scratch, PUSH + q), radius[i] - scratch[ARM_LOSS + q]
+            blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)
+            blend(torque, i, 1.0, torque, i, arm, scratch, CROSSED_ROWS + q)
+            if resisted:
+                blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)
             for c in range(3):
-                gain = kick * state.free[i, c] * state.inv_mass[i] * state.force[i, c]
-                state.v[i, c] += gain
-                turn = kick * state.inv_inertia[i] * state.torque[i, c]
-                state.omega[i, c] += turn
-                state.x[i, c] += dt * state.v[i, c]
-                state.angle[i, c] += dt * state.omega[i, c]
-                half = 0.5 * dt / kick
-                state.v_now[i, c] = state.v[i, c] + half * gain
-                state.omega_now[i, c] = state.omega[i, c] + half * turn
-                away = state.x[i, c] - state.built[i, c]
-                moved += away * away
-            farthest = max(farthest, moved)
-        clock[0] += 1
-        if 4.0 * farthest >= skin * skin:
-            return FAR
-        behind = forces(state, contacts, laws, motion, gravity, clock[0] * dt, dt, dt, central)
-        if behind >= 0:
-            clock[1] = behind
-            return BEHIND
-    return OK
+                share[stripe, plane, c] -= push[c]
+            remember(contacts, m, q, resisted, keep, scratch)

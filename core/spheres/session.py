@@ -11,7 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.dem.arrays import STRIPES, aligned, team_arrays
 from ninedisk.core.dem.files import read_checkpoint, restore, state_arrays, write_checkpoint
+from ninedisk.core.dem.session import Counts
+from ninedisk.core.dem.state import Cells
 from ninedisk.core.errors import (
     InvalidNumericsError,
     InvalidSceneError,
@@ -22,20 +25,27 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.law import Rolling
 from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_room, chosen_particles, watched_pairs
 from ninedisk.core.spheres import kernels
-from ninedisk.core.spheres.kernels import Contacts, Motion, State
+from ninedisk.core.spheres.kernels import CHUNK, SCRATCH, WIDE, Contacts, Motion, State, place_planes
 from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
-from ninedisk.core.threads import check_threads
+from ninedisk.core.spheres.neighbour_kernels import Materials, begin_lists, fastest, list_pairs, list_planes
+from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
+from ninedisk.core.spheres.step_kernels import BEHIND, BUILT, FAR, PENDING, REBUILDS, STEP, advance
+from ninedisk.core.thread_kernels import PAD
+from ninedisk.core.threads import check_threads, together
 from ninedisk.core.validate import kind_of, whole
 
 STEPS_TIMES_SPHERES = 4_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
 
-SKIN = 0.2
-"""Distance over which neighbours are looked for, over the smallest radius."""
+FIRST_SKIN, LEAST_SKIN, MOST_SKIN = 0.05, 0.02, 0.4
+"""Gap up to which pairs are listed, over the mean radius: of the first lists, and limits of later ones."""
 
 SORT_FROM = 2_000
-"""Spheres from which a run numbers them by their place: neighbours in space are then neighbours in memory."""
+"""Spheres from which a run keeps them in the order of their places, and shares them out to threads: neighbours in space are then
+neighbours in memory."""
+
+PAIRS_PER_SPHERE = 4
+"""First guess of the listed pairs."""
 
 SAFETY = 0.1
 """Contact step over the critical one where the numerics leave it open."""
@@ -58,7 +68,7 @@ class SphereSession:
     particles : sequence of int or None
         Spheres whose motion is recorded; None: all.
     threads : int
-        1..64; a run of spheres uses one of them, whatever the number.
+        Threads that share the work, 1..64; the results are the same to the last bit. Small scenes use one.
 
     Attributes
     ----------
@@ -96,41 +106,52 @@ class SphereSession:
         self.contact_dt, self.critical_dt = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
         self._central = numerics.damping_form == "central"
-        self._order = in_space(scene.spheres) if n >= SORT_FROM else np.arange(n)
-        self._place = np.argsort(self._order)
-        self._inside = renumbered(scene, self._order)
-        spheres = self._inside.spheres
-        turning = spheres.rotating
-        free = (~spheres.held).astype(np.float64)
+        spheres = scene.spheres
+        in_order = n >= SORT_FROM
+        self._threads, self._in_order = threads if in_order else 1, in_order
+        free = ~spheres.held
+        inv_mass = np.where(free.any(axis=1), 1.0 / spheres.mass, 0.0)
+        stripes = STRIPES if in_order else 1
         self._state = State(
-            x=np.array(spheres.x),
-            v=np.array(spheres.v),
-            omega=np.array(spheres.omega),
-            angle=np.zeros((n, 3)),
-            v_now=np.array(spheres.v),
-            omega_now=np.array(spheres.omega),
-            force=np.zeros((n, 3)),
-            torque=np.zeros((n, 3)),
-            inv_mass=np.where(free.any(axis=1), 1.0 / spheres.mass, 0.0),
-            inv_inertia=np.where(turning, 1.0 / spheres.inertia, 0.0),
-            free=free,
+            x=_wide(spheres.x),
+            v=_wide(spheres.v),
+            omega=_wide(spheres.omega),
+            angle=np.zeros(WIDE * n),
+            v_now=_wide(spheres.v) if self._central else np.zeros(0),
+            force=np.zeros(WIDE * n),
+            torque=np.zeros(WIDE * n),
+            mass=np.where(inv_mass > 0.0, spheres.mass, 0.0),
+            mobility=_wide(free * inv_mass[:, None]),
+            inv_mass=inv_mass,
+            inv_inertia=np.where(spheres.rotating, 1.0 / spheres.inertia, 0.0),
             radius=np.array(spheres.radius),
+            name=np.arange(n),
             now=np.zeros((m, kernels.POSE_WIDTH)),
             middle=np.zeros((m, kernels.POSE_WIDTH)),
+            before=np.zeros((m, kernels.POSE_WIDTH)),
             load=np.zeros((m, 3)),
-            built=np.array(spheres.x),
+            share=np.zeros((stripes, m, 3)),
+            behind=np.zeros((stripes, 2), dtype=np.int64),
+            moved=np.zeros(WIDE * n, dtype=np.float32),
         )
         self._motion = compile_motion(scene.walls)
-        self._tables = _law_tables(self._inside)
-        self._laws = self._tables.rows
-        self._skin = SKIN * float(spheres.radius.min())
-        self._contacts = Contacts(
-            bodies=np.zeros((0, 2), dtype=np.int64),
-            law=np.zeros(0, dtype=np.int64),
-            memory=np.zeros((0, kernels.MEMORY_WIDTH)),
-            force=np.zeros((0, 4)),
+        self._laws, self._materials = _law_tables(scene)
+        mean, resisted = float(spheres.radius.mean()), any(law.rolling or law.twisting for law in scene.laws_in_use)
+        self._sizes = (mean, float(spheres.radius.max()), LEAST_SKIN * mean, MOST_SKIN * mean)
+        self._skin = np.array([FIRST_SKIN * mean])
+        self._cells = Cells(
+            start=np.zeros(n + 65, dtype=np.int32),
+            order=np.zeros(n, dtype=np.uint32),
+            cell=np.zeros(n, dtype=np.int32),
+            grid=np.zeros(6),
         )
-        self._clock = np.zeros(2, dtype=np.int64)
+        self._listed = np.arange(n)
+        self._gravity = _wide(np.array([scene.gravity]))
+        self._pairs = [_empty_list(n, room, resisted) for room in [PAIRS_PER_SPHERE * n + 16] * 2]
+        self._at_planes = [_empty_list(m, room, resisted) for room in [n // 4 + 16] * 2]
+        self._team = team_arrays(stripes, self._threads, room=SCRATCH)
+        self._picked = np.zeros((self._threads, CHUNK + PAD), dtype=np.int64)
+        self._clock = np.array([0, 1, 0, -1])
         self._samples = numerics.sampled_steps()
         self._row = 0
         self._history = History.empty(
@@ -151,8 +172,9 @@ class SphereSession:
             ),
             dimension=3,
         )
+        place_planes(self._motion, 0.0, self._state.now)
         self._rebuild()
-        self._forces(0.0)
+        self._to(0)
 
     def __copy__(self) -> SphereSession:
         return copy.deepcopy(self)
@@ -172,15 +194,15 @@ class SphereSession:
         while self._row < len(self._samples):
             self.advance(min(stride, self.numerics.n_steps))
             if progress is not None:
-                progress(int(self._clock[0]) // self.substeps, self.numerics.n_steps)
+                progress(int(self._clock[STEP]) // self.substeps, self.numerics.n_steps)
         return self.history()
 
     def advance(self, steps: int) -> None:
         """Advance by ``steps`` steps ``numerics.dt``, at most to the last one; raises as `run`."""
         count = whole("steps", steps, 0, MOST_STEPS)
-        last = min(int(self._clock[0]) // self.substeps + count, self.numerics.n_steps)
+        last = min(int(self._clock[STEP]) // self.substeps + count, self.numerics.n_steps)
         while True:
-            done = int(self._clock[0])
+            done = int(self._clock[STEP])
             if self._row < len(self._samples) and done == self._samples[self._row] * self.substeps:
                 self._sample(self._row)
                 self._row += 1
@@ -198,6 +220,27 @@ class SphereSession:
         )
         fields = {**vars(self._history), "particles": chosen}
         return History(**fields)
+
+    def snapshot(self) -> tuple[float, dict[str, NDArray[np.float64]]]:
+        """Time [s] and present state of all spheres in the scene's order: ``x, v, angle, omega``, shape (n, 3), and ``radius``.
+
+        Positions and angles belong to this time, velocities and spins to half a contact step before it.
+        """
+        state, place = self._state, np.argsort(self._state.name)
+        found = {name: _xyz(getattr(state, name))[place] for name in ("x", "v", "angle", "omega")}
+        return int(self._clock[STEP]) * self.contact_dt, {**found, "radius": state.radius[place]}
+
+    @property
+    def counts(self) -> Counts:
+        """Rebuilds so far, pairs that the present lists hold, contacts at the present positions."""
+        contacts, pairs = self._contacts(), int(self._pairs[0].start[-1])
+        closed = contacts.overlap > 0.0
+        return Counts(
+            int(self._clock[REBUILDS]), pairs, len(closed) - pairs, int(closed[:pairs].sum()), int(closed[pairs:].sum())
+        )
+
+    def warm_up(self) -> None:
+        """Nothing: a session has found the forces of time 0, with the kernels of all steps."""
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a checkpoint, an ``.npz`` file from which `load` goes on bit for bit; `UnwritableFileError` if it cannot be written."""
@@ -232,178 +275,158 @@ class SphereSession:
             raise InvalidNumericsError(
                 f"n_steps = {numerics.n_steps} is not allowed: the checkpoint has done {done // session.substeps} steps"
             )
-        session._contacts = Contacts(*(arrays[f"pairs.{name}"] for name in Contacts._fields))
+        for lists, name in ((session._pairs, "pairs"), (session._at_planes, "wall_pairs")):
+            lists[0] = _list_of({field: arrays[f"{name}.{field}"] for field in Contacts._fields})
         session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))
         return session
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        single = {"clock": self._clock, "row": np.array([self._row])}
+        single: dict[str, NDArray[Any]] = {"clock": self._clock, "row": np.array([self._row]), "skin": self._skin}
+        single |= {"stripe": self._team.stripe, "border": self._team.border}
         samples = {name: array for name, array in vars(self._history).items() if isinstance(array, np.ndarray)}
         samples |= {f"energy.{name}": array for name, array in self._history.energy.items()}
         pairs = np.array(self.pairs, dtype=np.int64).reshape(len(self.pairs), 2)
         samples |= {"at": self._samples, "pairs": pairs, "chosen": self.chosen}
         single |= {f"samples.{name}": array for name, array in samples.items()}
-        return state_arrays(single, {"spheres": self._state, "pairs": self._contacts})
+        lists = {"pairs": self._pairs[0], "wall_pairs": self._at_planes[0]}
+        return state_arrays(single, {"spheres": self._state, **lists})
 
     def _to(self, goal: int) -> None:
-        while self._clock[0] < goal:
-            status = kernels.advance(
-                self._state, self._contacts, self._laws, self._motion, self.scene.gravity, self._clock, goal, self.contact_dt,
-                self._skin, self._central,
+        clock = self._clock
+        while clock[STEP] < goal or clock[PENDING]:
+            shared = (
+                self._state, self._pairs[0], self._at_planes[0], self._laws, self._motion, self._team, self._picked, clock,
+                self._gravity, goal, self.contact_dt, float(self._skin[0]), self._central,
             )  # fmt: skip
-            if status == kernels.BEHIND:
+            status = together(advance, self._threads, shared)
+            if status == BEHIND:
                 self._behind()
-            if status == kernels.FAR:
-                if not np.isfinite(self._state.x).all():
-                    bad = int(np.argmin(np.isfinite(self._state.x).all(axis=1)))
-                    raise self._not_finite(bad)
+            if status == FAR:
                 self._rebuild()
-                self._forces(self.contact_dt)
 
-    def _forces(self, slip_dt: float) -> None:
-        time = int(self._clock[0]) * self.contact_dt
-        behind = kernels.forces(
-            self._state,
-            self._contacts,
-            self._laws,
-            self._motion,
-            self.scene.gravity,
-            time,
-            self.contact_dt,
-            slip_dt,
-            self._central,
-        )
-        if behind >= 0:
-            self._clock[1] = behind
-            self._behind()
-
-    def _not_finite(self, sphere: int) -> NonFiniteStateError:
+    def _not_finite(self, finite: NDArray[np.bool_]) -> NonFiniteStateError:
+        bad = self._state.name[~finite.reshape(-1, WIDE).all(axis=1)].min()
         return NonFiniteStateError(
-            f"the state of sphere {self._order[sphere]} stopped being finite at t = {self._clock[0] * self.contact_dt:g} s: "
-            "reduce contact_dt"
+            f"the state of sphere {bad} stopped being finite at t = {self._clock[STEP] * self.contact_dt:g} s: reduce contact_dt"
         )
 
     def _behind(self) -> None:
-        i, j = self._contacts.bodies[self._clock[1]]
-        pose = self._state.now[j - len(self.scene.spheres)]
-        height = float((self._state.x[i] - pose[:3]) @ pose[3:6])
+        sphere, w = (int(each) for each in self._state.behind[np.argmax(self._state.behind[:, 0] > 0)])
+        pose, i = self._state.now[w], int(np.flatnonzero(self._state.name == sphere - 1)[0])
+        height = float((_xyz(self._state.x)[i] - pose[:3]) @ pose[3:6])
         raise self.scene.behind_wall(
-            int(self._order[i]),
-            int(j) - len(self.scene.spheres),
-            height,
-            f"t = {self._clock[0] * self.contact_dt:g} s",
-            "contact_dt",
+            sphere - 1, w, height, f"t = {self._clock[STEP] * self.contact_dt:g} s", "contact_dt"
         )
 
     def _rebuild(self) -> None:
-        """New list of neighbours in the order of their numbers; what contacts remember goes along."""
+        """New lists of neighbours, of spheres in their new order; what contacts remember goes along."""
         self._check_step()
-        state, n, m = self._state, len(self.scene.spheres), len(self.scene.walls)
-        state.built[:] = state.x
-        fixed = self._inside.spheres.fixed
-        pairs = pairs_within(state.x, state.radius, self._skin)
-        pairs = pairs[~fixed[pairs].all(axis=1)]
-        near = np.zeros((n, m), dtype=bool)
-        for w, wall in enumerate(self.scene.walls):
-            # Those at a plane that moves are all listed: nothing tells how far it gets until the next list.
-            near[:, w] = bool(wall.motion) | (
-                (state.x - np.array(wall.point)) @ np.array(wall.normal) < state.radius + self._skin
-            )
-        walls = np.argwhere(near & ~fixed[:, None]) + np.array([0, n])
-        bodies = np.concatenate([pairs, walls]).astype(np.int64)
-        key = bodies[:, 0] * (n + m) + bodies[:, 1]
-        order = np.argsort(key)
-        bodies, key = bodies[order], key[order]
-        old = self._contacts
-        old_key = old.bodies[:, 0] * (n + m) + old.bodies[:, 1]
-        memory = np.zeros((len(bodies), kernels.MEMORY_WIDTH))
-        if len(old_key):
-            place = np.minimum(np.searchsorted(old_key, key), len(old_key) - 1)
-            kept = old_key[place] == key
-            memory[kept] = old.memory[place[kept]]
-        one, two = bodies.T
-        name = self._tables.name
-        law = self._tables.pair[name[one], name[np.minimum(two, n - 1)]]
-        at_wall = two >= n
-        law[at_wall] = self._tables.wall[two[at_wall] - n, name[one[at_wall]]]
-        self._contacts = Contacts(bodies=bodies, law=law, memory=memory, force=np.zeros((len(bodies), 4)))
+        state, clock, laws, materials, cells = self._state, self._clock, self._laws, self._materials, self._cells
+        steps, listed, old = int(clock[STEP] - clock[BUILT]), self._listed, float(self._skin[0])
+        skin = begin_lists(state, listed, cells, self._team, self._in_order, old, steps, self._sizes)
+        if skin < 0.0:
+            raise self._not_finite(np.abs(state.x) < np.finfo(np.float64).max / 8.0)
+        pairs, planes = self._pairs, self._at_planes
+        while not list_pairs(state, listed, cells, materials, laws, self._in_order, skin, *pairs):
+            pairs[1] = _roomier(pairs[1])
+        place = np.empty(len(listed), dtype=np.int64)
+        while not list_planes(state, listed, materials, laws, skin, place, *planes):
+            planes[1] = _roomier(planes[1])
+        pairs.reverse()
+        planes.reverse()
+        state.force[:], state.torque[:] = np.outer(state.mass, self._gravity).ravel(), 0.0
+        listed[:] = np.arange(len(listed))
+        self._skin[0], clock[BUILT] = skin, clock[STEP]
+        clock[REBUILDS] += 1
+
+    def _contacts(self) -> Listed:
+        """Pairs in the lists: bodies by rows of the state and numbers of the planes, and what is known of them."""
+        state, parts = self._state, []
+        x, n = _xyz(state.x), len(self._listed)
+        for contacts, at_planes in ((self._pairs[0], False), (self._at_planes[0], True)):
+            row, other, law, _, memory, force = (array[: contacts.start[-1]] for array in contacts[1:])
+            if at_planes:
+                bodies = np.column_stack([other, n + row.astype(np.int64)])
+                height = np.sum((x[other] - state.now[row, :3]) * state.now[row, 3:6], axis=1)
+                overlap = state.radius[other] - height
+            else:
+                bodies = np.column_stack([row, other]).astype(np.int64)
+                overlap = state.radius[row] + state.radius[other] - np.linalg.norm(x[other] - x[row], axis=1)
+            overlap = np.maximum(overlap, 0.0)
+            parts.append((bodies, law, overlap, np.sqrt(memory[:, kernels.REDUCED] * overlap), memory, force))
+        return Listed(*(np.concatenate(both) for both in zip(*parts, strict=True)))
 
     def _check_step(self) -> None:
         """Hold the contact step against the critical one of the present contacts, each with its present stiffness."""
-        closed = self._contacts.memory[:, kernels.RADIUS] > 0.0
-        if self.numerics.allow_unstable or not closed.any():
+        lists = ((self._pairs[0], False), (self._at_planes[0], True))
+        rate = max(fastest(self._state, contacts, self._laws, at_planes) for contacts, at_planes in lists)
+        if self.numerics.allow_unstable or rate == 0.0:
             return
-        state, law = self._state, self._laws[self._contacts.law[closed]]
-        one, two = self._contacts.bodies[closed].T
-        among, other = two < len(state.x), np.minimum(two, len(state.x) - 1)
-        inv_mass = state.inv_mass[one] + among * state.inv_mass[other]
-        turn = state.inv_inertia * state.radius**2
-        hertz, radius = law[:, kernels.HERTZ] > 0.0, self._contacts.memory[closed, kernels.RADIUS]
-        kn = np.where(hertz, 1.5 * radius, 1.0) * law[:, kernels.KN]
-        ks = np.where(hertz, radius, 1.0) * law[:, kernels.KS] * (law[:, kernels.MU] > 0.0)
-        rate = np.sqrt(np.maximum(kn * inv_mass, ks * (inv_mass + turn[one] + among * turn[other])))
-        beta = law[:, kernels.BETA]
-        critical = 2.0 / float(np.max(rate / (np.sqrt(1.0 + beta**2) - beta)))
+        critical = 2.0 / rate
         if self.contact_dt > critical * (1.0 + 1e-9):  # the round-off of two ways to the same number
             raise UnstableTimeStepError(
                 f"contact_dt = {self.contact_dt:g} s exceeds the critical step {critical:g} s that the contacts have at t = "
-                f"{self._clock[0] * self.contact_dt:g} s: use at most {SAFETY * critical:g} s (a tenth of it) for accurate results, or set "
-                "allow_unstable=True to run all the same"
+                f"{self._clock[STEP] * self.contact_dt:g} s: use at most {SAFETY * critical:g} s (a tenth of it) for accurate results, "
+                "or set allow_unstable=True to run all the same"
             )
 
     def _sample(self, k: int) -> None:
         """Write the present state into row k: positions at t, velocities brought to t by half a kick."""
         self._check_step()
-        state, history, chosen = self._state, self._history, self._place[self.chosen]
-        spheres, half = self._inside.spheres, 0.5 * self.contact_dt if self._clock[0] else 0.0
-        v = state.v + half * state.free * state.inv_mass[:, None] * state.force
-        omega = state.omega + half * state.inv_inertia[:, None] * state.torque
-        if not (np.isfinite(state.x).all() and np.isfinite(v).all()):
-            bad = int(np.argmin(np.isfinite(v).all(axis=1)))
-            raise self._not_finite(bad)
-        history.x[k], history.v[k] = state.x[chosen], v[chosen]
-        history.angle[k], history.omega[k] = state.angle[chosen], omega[chosen]
+        state, history, place = self._state, self._history, np.argsort(self._state.name)
+        chosen = place[self.chosen]
+        mass, inertia = self.scene.spheres.mass[state.name], self.scene.spheres.inertia[state.name]
+        half = 0.5 * self.contact_dt if self._clock[STEP] else 0.0
+        x, angle, omega, torque = map(_xyz, (state.x, state.angle, state.omega, state.torque))
+        v = _xyz(state.v + half * state.mobility * state.force)
+        omega = omega + half * state.inv_inertia[:, None] * torque
+        finite = np.isfinite(x) & np.isfinite(v)
+        if not finite.all():
+            raise self._not_finite(np.isfinite(state.x + state.v))
+        history.x[k], history.v[k] = x[chosen], v[chosen]
+        history.angle[k], history.omega[k] = angle[chosen], omega[chosen]
         history.wall_point[k], history.wall_angle[k], history.wall_force[k] = (
             state.now[:, :3],
             state.now[:, 3:6],
             state.load,
         )
-        listed = {(int(i), int(j)): place for place, (i, j) in enumerate(self._contacts.bodies)} if self.pairs else {}
+        contacts = self._contacts()
+        listed = {(int(i), int(j)): k for k, (i, j) in enumerate(contacts.bodies)} if self.pairs else {}
         for column, pair in enumerate(self.pairs):
-            first, second = (int(self._place[body]) if body < len(state.x) else body for body in pair)
+            first, second = (int(place[body]) if body < len(x) else body for body in pair)
             i, j, side = (first, second, 1.0) if first < second else (second, first, -1.0)
             history.gap[k, column] = self._gap(i, j)
-            place = listed.get((i, j))
-            found = np.zeros(4) if place is None else self._contacts.force[place]
+            found = contacts.force[listed[i, j]] if (i, j) in listed else np.zeros(4)
             history.fn[k, column], history.fs[k, column] = found[0], side * found[1:]
         energy = history.energy
-        energy["translation"][k] = 0.5 * float(np.sum(spheres.mass * np.sum(v**2, axis=1)))
-        energy["rotation"][k] = 0.5 * float(np.sum(spheres.inertia * np.sum(omega**2, axis=1)))
+        energy["translation"][k] = 0.5 * float(np.sum(mass * np.sum(v**2, axis=1)))
+        energy["rotation"][k] = 0.5 * float(np.sum(inertia * np.sum(omega**2, axis=1)))
         energy["kinetic"][k] = energy["translation"][k] + energy["rotation"][k]
-        energy["gravity"][k] = -float(np.sum(spheres.mass * (state.x @ np.array(self.scene.gravity))))
-        parts = self._elastic()
+        energy["gravity"][k] = -float(np.sum(mass * (x @ np.array(self.scene.gravity))))
+        parts = self._elastic(contacts)
         for name, part in zip(("normal", "shear", "rolling"), parts, strict=True):
             energy[f"elastic_{name}"][k] = part
         energy["elastic"][k] = sum(parts)
 
     def _gap(self, i: int, j: int) -> float:
         state, n = self._state, len(self.scene.spheres)
+        x = _xyz(state.x)
         if j < n:
-            return float(np.linalg.norm(state.x[j] - state.x[i]) - state.radius[i] - state.radius[j])
+            return float(np.linalg.norm(x[j] - x[i]) - state.radius[i] - state.radius[j])
         pose = state.now[j - n]
-        return float((state.x[i] - pose[:3]) @ pose[3:6] - state.radius[i])
+        return float((x[i] - pose[:3]) @ pose[3:6] - state.radius[i])
 
-    def _elastic(self) -> tuple[float, float, float]:
+    def _elastic(self, contacts: Listed) -> tuple[float, float, float]:
         """Energies [J] of the normal springs, the shear springs, and those of rolling and twisting."""
-        contacts, memory = self._contacts, self._contacts.memory
-        law = self._laws[contacts.law]
-        radius, overlap = memory[:, kernels.RADIUS], memory[:, kernels.OVERLAP] * (memory[:, kernels.RADIUS] > 0.0)
+        memory, law, overlap, radius = contacts.memory, self._laws[contacts.law], contacts.overlap, contacts.radius
         hertz = law[:, kernels.HERTZ] > 0.0
         normal = np.where(hertz, 0.4 * radius, 0.5) * law[:, kernels.KN] * overlap**2
         stiff = np.where(hertz, radius, 1.0) * law[:, kernels.KS]
         force = np.sum(contacts.force[:, 1:] ** 2, axis=1)
         shear = np.where(stiff > 0.0, 0.5 * force / np.where(stiff > 0.0, stiff, 1.0), 0.0)
         turned = np.zeros(len(law))
+        if memory.shape[1] == kernels.MEMORY_WIDTH:
+            return float(np.sum(normal)), float(np.sum(shear)), 0.0
         for first, column, width in ((kernels.ROLL, kernels.ROLLING, 3), (kernels.TWIST, kernels.TWISTING, 1)):
             sprung = (law[:, first] == kernels.SPRING) & (radius > 0.0)
             moment = np.sum(memory[:, column : column + width] ** 2, axis=1)
@@ -411,64 +434,56 @@ class SphereSession:
         return float(np.sum(normal)), float(np.sum(shear)), float(np.sum(turned))
 
 
-def in_space(spheres: Spheres) -> NDArray[np.int64]:
-    """Numbers of the spheres, column by column of cells as wide as two of the largest ones."""
-    cell = ((spheres.x - spheres.x.min(axis=0)) / (2.0 * float(spheres.radius.max()))).astype(np.int64)
-    return np.lexsort((np.arange(len(cell)), cell[:, 2], cell[:, 1], cell[:, 0]))
+def _wide(rows: NDArray[Any]) -> NDArray[np.float64]:
+    """Vectors as the kernels have them, from rows of three."""
+    found = np.zeros((len(rows), WIDE))
+    found[:, :3] = rows
+    return aligned(found.ravel())
 
 
-def renumbered(scene: SphereScene, order: NDArray[np.int64]) -> SphereScene:
-    """The scene with its spheres in another order."""
-    spheres = {name: value[order] for name, value in vars(scene.spheres).items() if name != "material"}
-    material = tuple(scene.spheres.material[i] for i in order)
-    return scene.replace(spheres=Spheres(**spheres, material=material))
+def _xyz(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors of the kernels as rows of three, shape (n, 3)."""
+    return values.reshape(-1, WIDE)[:, :3]
 
 
-MOST_CELLS = 1_000_000
-"""Cells along an axis, so that the number of a cell is a whole number of 64 bits; a scene that is longer gets wider ones."""
+class Listed(NamedTuple):
+    """Columns of the lists of neighbours: bodies ``(k, 2)``, law, overlap and contact radius [m], memory and force, see `Contacts`."""
 
-AHEAD = ((0, 1), (1, -1), (1, 0), (1, 1))
-"""Columns of cells, in x and y, that are beside a column and have not had it beside them."""
-
-
-def pairs_within(x: NDArray[np.float64], radius: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
-    """Pairs of spheres with a gap below ``reach`` [m], shape (k, 2), the lower number first.
-
-    Cells are numbered along z first, so that three neighbours above each other are one range of the sorted numbers.
-    """
-    low, extent = x.min(axis=0), np.ptp(x, axis=0)
-    width = np.maximum(2.0 * float(radius.max()) + reach, extent / MOST_CELLS)
-    cell = ((x - low) / width).astype(np.int64) + 1  # an empty layer around: no range runs on into the next column
-    size = cell.max(axis=0) + 2
-    number = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
-    order = np.argsort(number, kind="stable")
-    number, n = number[order], len(x)
-    ranges = [(np.arange(1, n + 1), np.searchsorted(number, number + 1, "right"))]
-    for along_x, along_y in AHEAD:
-        beside = number + (along_x * size[1] + along_y) * size[2]
-        ranges.append((np.searchsorted(number, beside - 1, "left"), np.searchsorted(number, beside + 1, "right")))
-    found = []
-    for first, end in ranges:
-        count = end - first
-        one = np.repeat(np.arange(n), count)
-        two = np.arange(len(one)) - np.repeat(np.cumsum(count) - count - first, count)
-        one, two = order[one], order[two]
-        apart = x[two] - x[one]
-        near = np.einsum("ij,ij->i", apart, apart) < (radius[one] + radius[two] + reach) ** 2
-        found.append(np.sort(np.column_stack([one[near], two[near]]), axis=1))
-    return np.concatenate(found)
+    bodies: NDArray[np.int64]
+    law: NDArray[np.uint32]
+    overlap: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    memory: NDArray[np.float64]
+    force: NDArray[np.float64]
 
 
-class LawTables(NamedTuple):
-    """Laws as rows; number of each sphere's material; law of two materials, and of a wall (first index) and a material."""
+def _empty_list(rows: int, room: int, resisted: bool) -> Contacts:
+    """A list of ``rows`` empty rows with ``room`` for pairs, whose spheres may be held by a resistance."""
+    return _list_of(
+        {
+            "start": np.zeros(rows + 1, dtype=np.int64),
+            **{name: np.zeros(room, dtype=np.uint32) for name in ("row", "other", "law")},
+            "notes": np.zeros((room, kernels.NOTES_WIDTH_RESISTED if resisted else kernels.NOTES_WIDTH)),
+            "memory": np.zeros((room, kernels.MEMORY_WIDTH_RESISTED if resisted else kernels.MEMORY_WIDTH)),
+            "force": np.zeros((room, 4)),
+        }
+    )
 
-    rows: NDArray[np.float64]
-    name: NDArray[np.int64]
-    pair: NDArray[np.int64]
-    wall: NDArray[np.int64]
+
+def _list_of(arrays: dict[str, NDArray[Any]]) -> Contacts:
+    """The list with these arrays, each memory in as few lines of the caches as it can be."""
+    return Contacts(**{name: aligned(array) for name, array in arrays.items()})
 
 
-def _law_tables(scene: SphereScene) -> LawTables:
+def _roomier(contacts: Contacts) -> Contacts:
+    """An empty list like the one that was too small, with 1.2 times its room."""
+    room = contacts.other.shape[0]
+    rows = contacts.start.shape[0] - 1
+    return _empty_list(rows, room + room // 5 + 16, contacts.memory.shape[1] > kernels.MEMORY_WIDTH)
+
+
+def _law_tables(scene: SphereScene) -> tuple[NDArray[np.float64], Materials]:
+    """Laws as rows, and which of them each pair has."""
     names = sorted(set(scene.spheres.material))
     name = np.array([names.index(each) for each in scene.spheres.material], dtype=np.int64)
     first = {each: scene.spheres.material.index(each) for each in names}
@@ -485,10 +500,12 @@ def _law_tables(scene: SphereScene) -> LawTables:
             low, high = sorted((one, two))
             pair[a, b] = number(scene.laws.get((low, high), scene.sphere_sphere))
     n = len(scene.spheres)
-    wall = np.array(
+    plane = np.array(
         [[number(scene.law((first[each], n + w))) for each in names] for w in range(len(scene.walls))], dtype=np.int64
     ).reshape(len(scene.walls), len(names))
-    return LawTables(np.array([_law_row(law) for law in known]), name, pair, wall)
+    moves = np.array([bool(wall.motion) for wall in scene.walls], dtype=np.int64)
+    materials = Materials(name, scene.spheres.fixed.astype(np.int64), pair, plane, moves)
+    return np.array([_law_row(law) for law in known]), materials
 
 
 def _law_row(law: SphereLaw) -> list[float]:

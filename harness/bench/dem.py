@@ -12,11 +12,11 @@ import os
 import tempfile
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from ninedisk.core.errors import CoreError, InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.bench.measure import (
     DRIVERS,
@@ -49,6 +50,7 @@ from ninedisk.harness.cases.matched import with_slip_at
 from ninedisk.harness.results.schema import Row
 
 FloatArray = NDArray[np.float64]
+Kind = TypeVar("Kind", Scene, SphereScene)
 UNIT = "particle-steps/s"
 MOST_THREADS = 4
 READINGS = 10
@@ -83,16 +85,49 @@ class DemProblem:
     """
 
     name: str
-    scene: Scene
+    scene: Any
     contact_dt: float
     steps: int
     skin: float
     short: bool = False
 
+    suite: ClassVar[str] = "dem"
+
     @property
     def n(self) -> int:
         """Number of disks."""
-        return len(self.scene.disks)
+        return len(self.scene.bodies)
+
+    @property
+    def sort_from(self) -> int:
+        """Bodies from which a run shares its work among threads."""
+        return SORT_FROM
+
+    @property
+    def peers(self) -> Sequence[Peer]:
+        """External engines that have this kind of problem."""
+        return PEERS
+
+    def session(self, numerics: Numerics, threads: int = 1) -> Any:
+        """The in-house DEM at time 0."""
+        from ninedisk.core.dem.session import DemSession
+
+        return DemSession(self.scene, numerics, particles=[0], threads=threads)
+
+    def law(self, law: Any) -> dict[str, float]:
+        """What an external engine is told of a law."""
+        return _law(law)
+
+    def bound(self, peer: Peer) -> tuple[float, str]:
+        """Largest `error` of an engine, with its reason."""
+        return peer.bound, peer.why
+
+    def error(self, sample: Sample, ours: Sample) -> float:
+        """Difference of the last positions from the in-house run."""
+        return position_error(sample, ours, self.scene.bodies.x)
+
+    told: ClassVar[str] = "positions, over the largest displacement,"
+    """What `error` compares."""
 
     def numerics(self) -> Numerics:
         """The whole run as one sampling interval; dashpots see the velocity of half a step before, as in all the engines."""
@@ -176,15 +211,15 @@ def packing(n: int, *, aspect: float = 1.0, progress: Callable[[int, int], None]
     if n > LARGEST_SETTLED:
         one = packing(LARGEST_SETTLED, aspect=aspect, progress=progress).replace(initial_shear={})
         return packings.side_by_side(one, n // LARGEST_SETTLED)
-    return kept(f"packing-{n}-{aspect:g}", lambda: packings.settled_packing(n, aspect=aspect, progress=progress))
+    return kept(f"packing-{n}-{aspect:g}", lambda: packings.settled_packing(n, aspect=aspect, progress=progress), Scene)
 
 
-def kept(name: str, make: Callable[[], Scene]) -> Scene:
+def kept(name: str, make: Callable[[], Kind], kind: type[Kind]) -> Kind:
     """A scene that takes long to make: from the user's cache folder if the same packings have made it before."""
     path = packing_folder() / f"{name}-{_recipe()}.json.gz"
     try:
         with gzip.open(path, "rt", encoding="utf-8") as file:
-            return Scene.from_dict(json.load(file))
+            return kind.from_dict(json.load(file))
     except (OSError, EOFError, ValueError, InvalidSceneError):
         pass  # not there, or cut off: made anew
     scene = make()
@@ -192,7 +227,7 @@ def kept(name: str, make: Callable[[], Scene]) -> Scene:
     return scene
 
 
-def _keep(scene: Scene, path: Path) -> None:
+def _keep(scene: Scene | SphereScene, path: Path) -> None:
     half = path.with_name(f".tmp-{os.getpid()}-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -281,10 +316,8 @@ PEERS = (LAMMPS, YADE)
 
 def run_core(problem: DemProblem, threads: int, limit: float) -> Sample:  # noqa: ARG001
     """One run of the in-house DEM from time 0; kernels are compiled and loaded before the clock starts."""
-    from ninedisk.core.dem.session import DemSession
-
     begin = time.perf_counter()
-    session = DemSession(problem.scene, problem.numerics(), particles=[0], threads=threads)
+    session = problem.session(problem.numerics(), threads)
     set_up = time.perf_counter() - begin
     session.warm_up()
     begin = time.perf_counter()
@@ -301,14 +334,12 @@ def core_memory(problem: DemProblem) -> float:
     The scene that it was given, and what it has computed once and keeps, are not counted. Nor are Python's own objects: how
     many of them there are depends on what else the process has done, and they do not grow with the packing.
     """
-    from ninedisk.core.dem.session import DemSession
-
     few = problem.numerics().replace(dt=problem.contact_dt, n_steps=5)
-    DemSession(problem.scene, few, particles=[0]).run()  # what the scene computes once, it computes here
+    problem.session(few).run()  # what the scene computes once, it computes here
     arrays = [tracemalloc.DomainFilter(True, np.lib.tracemalloc_domain)]
     tracemalloc.start()
     try:
-        session = DemSession(problem.scene, few, particles=[0])
+        session = problem.session(few)
         session.run()
         traces = tracemalloc.take_snapshot().filter_traces(arrays).traces
     finally:
@@ -326,7 +357,7 @@ def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float, thre
     """
     installed(engine.info())
     scene = problem.scene
-    disks = scene.disks
+    disks = scene.bodies
     begin = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix=f"ninedisk-bench-{peer.id}-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
@@ -336,8 +367,10 @@ def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float, thre
         )
         request = {
             "disks": str(arrays),
-            "law": _law(scene.disk_disk),
-            "walls": [{"point": wall.point, "normal": wall.normal, "law": _law(wall.law)} for wall in scene.walls],
+            "law": problem.law(scene.law_of_bodies),
+            "walls": [
+                {"point": wall.point, "normal": wall.normal, "law": problem.law(wall.law)} for wall in scene.walls
+            ],
             "gravity": scene.gravity,
             "dt": problem.contact_dt,
             "steps": problem.steps,
@@ -412,8 +445,8 @@ def run_problem(
     engines : mapping
         Registered engines by id; "dem" stands for the core, which is always run: ratios refer to it.
     """
-    peers = [peer for peer in PEERS if peer.id in engines and (problem.short or not peer.short)]
-    more = range(2, 2 if problem.n < SORT_FROM else min(MOST_THREADS, cores()) + 1)
+    peers = [peer for peer in problem.peers if peer.id in engines and (problem.short or not peer.short)]
+    more = range(2, 2 if problem.n < problem.sort_from else min(MOST_THREADS, cores()) + 1)
     teams = [] if problem.short else more
     runs = [(peer, k) for peer in peers for k in (1, *(more if peer.threads_by else ()))]
     contenders = [Contender(name="dem", run=partial(run_core, problem, 1))]
@@ -438,7 +471,7 @@ def _with_threads(engine: str, threads: int) -> str:
 def _head(problem: DemProblem, engine: str, threads: int, measured: Measured) -> Row:
     version = measured.samples[0].facts["version"] if measured.samples else ""
     return {
-        "suite": "dem",
+        "suite": problem.suite,
         "problem": problem.name,
         "engine": engine,
         "engine_version": version,
@@ -474,18 +507,16 @@ def _peer_row(problem: DemProblem, peer: Peer, threads: int, measured: Measured,
         ours = run_core(problem.with_conventions(*peer.arms, peer.slip_at), 1, float("inf"))
     except CoreError as error:
         return head | {"status": "error", "reason": f"no in-house run to check against: {error}"}
-    start = problem.scene.disks.x
-    errors = [position_error(sample, ours, start) for sample in measured.samples]
-    worst = max(errors)
+    worst = max(problem.error(sample, ours) for sample in measured.samples)
+    bound, why = problem.bound(peer)
     head |= {
-        "check": f"positions against the in-house DEM with the same lever arms and slip of the step's {peer.slip_at}, "
-        f"over the largest displacement ({peer.why})",
+        "check": f"{problem.told} against the in-house DEM with the same lever arms and slip of the step's {peer.slip_at} ({why})",
         "check_value": worst,
-        "check_bound": peer.bound,
+        "check_bound": bound,
         "resident_per_disk": float(np.median([sample.facts["resident"] for sample in measured.samples])),
         "settings": json.dumps({"threads": threads, **peer.settings, "contact_dt [s]": problem.contact_dt}),
     }
-    if not worst <= peer.bound:
+    if not worst <= bound:
         return head | {"status": "fail", "reason": f"positions differ by {worst:.3g}: other physics is not timed"}
     return head | _timed(problem, measured, base)
 
@@ -521,13 +552,11 @@ def _of_the_run(problem: DemProblem, tell: Tell) -> Row:
 
 def mean_counts(problem: DemProblem) -> Counts:
     """Counts of a run of its own, means of `READINGS` over its steps; rebuilds are those of the whole run."""
-    from ninedisk.core.dem.session import DemSession
-
     # The same contact steps, each of them a step at which the run may be stopped, only the last one sampled.
     numerics = problem.numerics().replace(
         dt=problem.contact_dt, n_steps=problem.steps, sample_from=problem.steps, sample_every=problem.steps
     )
-    session = DemSession(problem.scene, numerics, particles=[0])
+    session = problem.session(numerics)
     readings, done = [], 0
     for k in range(1, READINGS + 1):
         until = k * problem.steps // READINGS

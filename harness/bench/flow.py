@@ -112,7 +112,7 @@ def turning_drum(n: int, tell: Steps | None = None) -> Scene:
     rim = math.hypot(*packings.drum(n).walls[0].point)
     turns = math.sqrt(FROUDE * packings.GRAVITY / rim) / (2.0 * math.pi)
     name = f"drum-{n}-{FROUDE:g}-{LEAD:g}"
-    return kept(name, lambda: after(LEAD / turns, packings.drum(n, turns_per_second=turns), tell))
+    return kept(name, lambda: after(LEAD / turns, packings.drum(n, turns_per_second=turns), tell), Scene)
 
 
 def open_hopper(n: int, tell: Steps | None = None) -> Scene:
@@ -122,10 +122,10 @@ def open_hopper(n: int, tell: Steps | None = None) -> Scene:
         return packings.settle(packings.hopper(n, outlet=OUTLET), progress=tell)
 
     def flowing() -> Scene:
-        scene = after(OPEN, packings.discharge(kept(f"hopper-{n}-{OUTLET:g}", full)), tell)
+        scene = after(OPEN, packings.discharge(kept(f"hopper-{n}-{OUTLET:g}", full, Scene)), tell)
         return scene.replace(walls=tuple(replace(wall, motion=()) for wall in scene.walls))
 
-    return kept(f"hopper-{n}-{OUTLET:g}-{OPEN:g}", flowing)
+    return kept(f"hopper-{n}-{OUTLET:g}-{OPEN:g}", flowing, Scene)
 
 
 def after(lead: float, scene: Scene, tell: Steps | None) -> Scene:

@@ -44,7 +44,7 @@ class Request:
 
 def run_suites(request: Request, tell: Tell) -> Iterator[list[Row]]:
     """Rows of all suites of the request, as soon as those measured together are complete."""
-    suites = {"dem": _dem, "cd": _cd, "coulomb": _coulomb, "flow": _flow, "harness": _harness}
+    suites = {"dem": _dem, "spheres": _spheres, "cd": _cd, "coulomb": _coulomb, "flow": _flow, "harness": _harness}
     for suite in request.suites:
         problems = suites[suite](request, partial(tell, "settling a packing"))
         for k, (name, measure) in enumerate(problems.items()):
@@ -79,6 +79,15 @@ def _dem(request: Request, progress: Progress) -> dict[str, Measure]:
     found |= {nine_disks.problem_name(arm): partial(nine_disks.run, arm, engines) for arm in arms}
     found |= {nine_disks.accuracy_name(arm): partial(nine_disks.run_accuracy, arm, engines) for arm in arms}
     return {name: measure for name, measure in found.items() if name in makers or request.problem_wanted(name)}
+
+
+def _spheres(request: Request, progress: Progress) -> dict[str, Measure]:
+    from ninedisk.harness.api.registry import engines_that_load
+    from ninedisk.harness.bench import dem, spheres
+
+    makers = spheres.makers(_sizes(request, spheres.SIZES, spheres.LARGE), request.problem_wanted, progress)
+    engines = engines_that_load(lambda name: name != "dem" and request.engine_wanted(name)) if makers else {}
+    return {name: partial(dem.run_size, make, engines) for name, make in makers.items()}
 
 
 def _cd(request: Request, progress: Progress) -> dict[str, Measure]:

@@ -21,7 +21,7 @@ from ninedisk.harness.results.tables import complete
 BENCH_VERSION = 5
 
 COLUMNS: dict[str, str] = {
-    "suite": "string",  # dem | cd | coulomb | flow | harness
+    "suite": "string",  # dem | spheres | cd | coulomb | flow | harness
     "problem": "string",
     "engine": "string",
     "engine_version": "string",

@@ -218,7 +218,7 @@ HOLES = tuple(
         (
             "it costs speed alone, which the bench sees",
             _kernel("skin-fixed", "the skin of the lists never adapts", "hit",
-                    ("dem.neighbour_kernels", "best = sqrt(REBUILD_COST * step.radius * skin / steps)", "best = skin")),
+                    ("dem.neighbour_kernels", "best = sqrt(cost * radius * skin / steps)", "best = skin")),
         ),
         (
             "no case has positions that stop being finite, and the session, which looks for them once more, says so a little later",

@@ -23,7 +23,8 @@ def resident():
 
 def kinetic(request, v, omega):
     """Kinetic energy [J]."""
-    return 0.5 * float(request["mass"] @ (v**2).sum(axis=1) + request["inertia"] @ omega**2)
+    spin2 = omega**2 if omega.ndim == 1 else (omega**2).sum(axis=1)
+    return 0.5 * float(request["mass"] @ (v**2).sum(axis=1) + request["inertia"] @ spin2)
 
 
 def write_answer(request, **answer):

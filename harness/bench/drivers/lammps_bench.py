@@ -1,7 +1,8 @@
 """LAMMPS on one benchmark problem: all steps in one ``run``, no sampling on the way.
 
 ``damping coeff_restitution`` of a Hookean contact is the dashpot ``2 beta sqrt(m_eff kn)`` with
-``beta = -ln e / sqrt(pi^2 + ln^2 e)``, for every pair's own masses: no list of kinds of disks is needed.
+``beta = -ln e / sqrt(pi^2 + ln^2 e)``, for every pair's own masses: no list of kinds of disks is needed. Of a Hertzian one it is Tsuji's
+dashpot with the same ``beta``. Spheres in space differ from disks in their law, three coordinates and nothing that keeps them in a plane.
 """
 
 import ctypes
@@ -16,9 +17,17 @@ import numpy as np
 from dem_request import kinetic, read_request, resident, write_answer
 
 
-def contact_words(law):
-    """The law in the words of the ``granular`` model."""
+def contact_words(law, wall=False):
+    """The law in the words of the ``granular`` model; for spheres in space a wall is of their material, with the law's radius."""
     beta = law["beta"]
+    if "young" in law:
+        e = math.exp(-math.pi * beta / math.sqrt(1.0 - beta * beta))
+        young, poisson = law["young"], law["poisson"]
+        e_star, g_star = young / (2.0 * (1.0 - poisson**2)), young / (4.0 * (2.0 - poisson) * (1.0 + poisson))
+        normal, shear = f"hertz/material {young!r} {e!r} {poisson!r}", "NULL"
+        if wall:
+            normal, shear = f"hertz {4.0 / 3.0 * e_star!r} {e!r}", repr(8.0 * g_star)
+        return f"{normal} tangential mindlin/force {shear} 0.0 {law['mu']!r} damping coeff_restitution"
     shear = f"linear_history {law['ks']!r} 0.0 {law['mu']!r}"
     if beta == 0.0:
         return f"hooke {law['kn']!r} 0.0 tangential {shear} damping velocity"
@@ -33,16 +42,18 @@ def build(request):
     x, radius = request["x"], request["radius"]
     made = lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
     low, high = x.min(axis=0) - radius.max(), x.max(axis=0) + radius.max()
-    box = f"{low[0]!r} {high[0]!r} {low[1]!r} {high[1]!r}".replace("np.float64(", "").replace(")", "")
+    plane = x.shape[1] == 2
+    box = " ".join(f"{a!r} {b!r}" for a, b in zip(low.tolist(), high.tolist(), strict=True))
+    box += " -0.5 0.5" if plane else ""
     commands = [
         "units lj",
         "atom_style sphere",
         "atom_modify map array",
-        "dimension 2",
-        "boundary m m p",
+        f"dimension {x.shape[1]}",
+        f"boundary m m {'p' if plane else 'm'}",
         "newton off",
         "comm_modify vel yes",
-        f"region box block {box} -0.5 0.5 units box",
+        f"region box block {box} units box",
         "create_box 1 box",
         f"neighbor {float(request['skin'])!r} bin",
         "neigh_modify delay 0 every 1 check yes",
@@ -50,37 +61,37 @@ def build(request):
     for command in commands:
         made.command(command)
     n = len(x)
-    places = np.column_stack([x, np.zeros(n)]).ravel()
+    places = (np.column_stack([x, np.zeros(n)]) if plane else x).ravel()
     if made.create_atoms(n, list(range(1, n + 1)), [1] * n, places.tolist()) != n:
         raise RuntimeError("LAMMPS did not take all disks")
     order = made.numpy.extract_atom("id")[:n] - 1
     made.numpy.extract_atom("radius")[:n] = radius[order]
     made.numpy.extract_atom("rmass")[:n] = request["mass"][order]
-    made.numpy.extract_atom("v")[:n, :2] = request["v"][order]
-    made.numpy.extract_atom("omega")[:n, 2] = request["omega"][order]
+    made.numpy.extract_atom("v")[:n, : x.shape[1]] = request["v"][order]
+    made.numpy.extract_atom("omega")[:n, 2 if plane else slice(None)] = request["omega"][order]
     words = contact_words(request["law"])
     made.command("pair_style granular")
     made.command(f"pair_coeff * * {words}")
     for k, wall in enumerate(request["walls"]):
-        (px, py), (nx, ny) = wall["point"], wall["normal"]
-        made.command(f"region wall{k} plane {px!r} {py!r} 0 {nx!r} {ny!r} 0 side in units box")
-        made.command(f"fix wall{k} all wall/gran/region granular {contact_words(wall['law'])} region wall{k}")
-    gx, gy = request["gravity"]
-    made.command("fix plane all enforce2d")
-    made.command("fix motion all nve/sphere disc")
-    if gx or gy:
-        made.command(f"fix gravity all gravity {math.hypot(gx, gy)!r} vector {gx!r} {gy!r} 0")
+        point, normal = (" ".join(map(repr, (*wall[name], 0.0)[:3])) for name in ("point", "normal"))
+        made.command(f"region wall{k} plane {point} {normal} side in units box")
+        made.command(f"fix wall{k} all wall/gran/region granular {contact_words(wall['law'], True)} region wall{k}")
+    gx, gy, gz = (*request["gravity"], 0.0)[:3]
+    if plane:
+        made.command("fix plane all enforce2d")
+    made.command(f"fix motion all nve/sphere{' disc' if plane else ''}")
+    if gx or gy or gz:
+        made.command(f"fix gravity all gravity {math.hypot(gx, gy, gz)!r} vector {gx!r} {gy!r} {gz!r}")
     made.command(f"timestep {request['dt']!r}")
     made.command("thermo 0")
     return made
 
 
-def state(made, n):
+def state(made, n, dimension):
     """Positions, velocities and spins in the scene's order."""
     order = np.argsort(made.numpy.extract_atom("id")[:n])
-    columns = (made.numpy.extract_atom("x")[:n, :2], made.numpy.extract_atom("v")[:n, :2])
-    x, v = (np.array(column)[order] for column in columns)
-    return x, v, np.array(made.numpy.extract_atom("omega"))[:n, 2][order]
+    x, v, omega = (np.array(made.numpy.extract_atom(name))[:n][order] for name in ("x", "v", "omega"))
+    return x[:, :dimension], v[:, :dimension], omega[:, 2] if dimension == 2 else omega
 
 
 def main():
@@ -97,7 +108,7 @@ def main():
         begin = time.perf_counter()
         made.command(f"run {request['steps']} pre no post no")
         seconds = time.perf_counter() - begin
-        x, v, omega = state(made, n)
+        x, v, omega = state(made, n, request["x"].shape[1])
         write_answer(
             request,
             x=x,

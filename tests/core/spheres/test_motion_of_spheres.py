@@ -16,7 +16,7 @@ from ninedisk.core.law import Rolling
 from ninedisk.core.spheres import session
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
-from ninedisk.core.spheres.session import SphereSession, pairs_within
+from ninedisk.core.spheres.session import SphereSession
 
 R, M, E, V = 0.01, 0.01, 5e7, 0.5
 
@@ -143,26 +143,36 @@ def test_a_contact_that_stiffens_beyond_the_step_is_refused() -> None:
     simulate(scene, numerics.replace(dt=0.99 * critical, contact_dt=0.99 * critical))
 
 
+@pytest.mark.parametrize("sort_from", [1, 1000], ids=["in-order", "as-given"])
 @pytest.mark.parametrize("spread", [(1.0, 1.0, 1.0), (40.0, 0.0, 0.2), (1e9, 1.0, 1.0)], ids=["cube", "strip", "far"])
-def test_the_search_finds_the_pairs_of_all_against_all(spread: tuple[float, float, float]) -> None:
+def test_the_search_finds_the_pairs_of_all_against_all(
+    spread: tuple[float, float, float], sort_from: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rng = np.random.default_rng(1)
     x, radius = rng.uniform(-1.0, 1.0, (400, 3)) * spread, rng.uniform(0.02, 0.1, 400)
     x[200:] = x[:200] + 0.1 * rng.standard_normal((200, 3))
     gap = np.linalg.norm(x[:, None] - x[None], axis=2) - radius[:, None] - radius[None]
     expected = {(i, j) for i, j in np.argwhere(gap < 0.03).tolist() if i < j}
-    found = [(i, j) for i, j in pairs_within(x, radius, 0.03).tolist()]
+    monkeypatch.setattr(session, "SORT_FROM", sort_from)
+    monkeypatch.setattr(session, "FIRST_SKIN", 0.03 / radius.mean())
+    scene = SphereScene(spheres=Spheres(x=x, radius=radius, mass=1.0), sphere_sphere=SphereLaw(kn=1.0))
+    run = SphereSession(scene, Numerics(dt=1.0, n_steps=1, contact_dt=1e-3))
+    listed = run._state.name[run._contacts().bodies]
+    found = [(min(pair), max(pair)) for pair in listed.tolist()]
     assert len(expected) > 50
     assert len(found) == len(set(found))
     assert set(found) == expected
 
 
-def test_a_run_that_numbers_spheres_by_place_is_told_in_the_scenes_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_in_order_of_places_is_told_in_the_scenes_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lists are made anew every few steps: what contacts remember goes along, whichever of two spheres comes first then."""
     scene = box(**SPRING, **TWIST)
+    monkeypatch.setattr(session, "FIRST_SKIN", 0.01)
+    monkeypatch.setattr(session, "MOST_SKIN", 0.01)
     numerics = Numerics(dt=1e-5, n_steps=150, contact_dt=1e-5, sample_every=30)
     watch = [(i, j) for i in range(12) for j in range(i + 1, 18)]
     plain = simulate(scene, numerics, watch, particles=(11, 3, 0))
     monkeypatch.setattr(session, "SORT_FROM", 1)
-    monkeypatch.setattr(session, "in_space", lambda spheres: np.random.default_rng(0).permutation(len(spheres)))
     other = simulate(scene, numerics, watch, particles=(11, 3, 0))
     assert np.abs(plain.fs).max() > 0.01
     for name in ("x", "v", "angle", "omega", "gap", "fn", "fs", "wall_force"):

@@ -41,7 +41,7 @@ def test_help_teaches() -> None:
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("speed",), "there is no suite 'speed': use dem, cd, coulomb, flow, harness"),
+        (("speed",), "there is no suite 'speed': use dem, spheres, cd, coulomb, flow, harness"),
         (("dem", "--time-limit", "0"), "--time-limit 0"),
         (("dem", "--time-limit", "nan"), "--time-limit nan"),
         (("dem", "--out", "file"), "--out"),

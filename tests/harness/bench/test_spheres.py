@@ -1,0 +1,82 @@
+"""The suite ``spheres`` on sixty of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ninedisk.core.packings.spheres import settled_spheres
+from ninedisk.harness.api.registry import get_engine
+from ninedisk.harness.bench import dem, spheres
+from ninedisk.harness.bench.spheres import LAMMPS, PEERS, SphereProblem, makers
+from ninedisk.harness.results.schema import Row
+
+
+@pytest.fixture(scope="module")
+def problems() -> dict[str, SphereProblem]:
+    """Sixty spheres without a word about any cache, few steps, by name."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(spheres, "packing", lambda n, tell: settled_spheres(n, progress=tell))
+        (make,) = makers([60], lambda _: True).values()
+        return {each.name: replace(each, steps=200) for each in make()}
+
+
+def run(problem: SphereProblem, engine: str) -> Row:
+    info = get_engine(engine).info()
+    if not info.installed:
+        pytest.skip(f"{info.name}: {info.not_installed_because}")
+    rows = dem.run_problem(problem, {engine: get_engine(engine)}, repeats=1, time_limit=60.0, tell=lambda _: None)
+    return {row["engine"]: row for row in rows}[engine]
+
+
+@pytest.mark.parametrize("peer", PEERS, ids=[peer.id for peer in PEERS])
+@pytest.mark.parametrize("kind", ["-short", "-undamped"])
+def test_a_peer_with_the_same_physics_is_timed(peer: dem.Peer, kind: str, problems: dict[str, SphereProblem]) -> None:
+    row = run(problems[f"settled-60{kind}"], peer.id)
+    assert row["status"] == "pass", row["reason"]
+    assert row["suite"] == "spheres"
+    assert row["ratio"] > 0.0
+    if peer.id == "lammps" and kind == "-undamped":
+        assert row["check_value"] < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("kind", "defect", "factor"), [("-undamped", "young", 1.001), ("-undamped", "mu", 0.9), ("-short", "beta", 0.5)]
+)
+def test_other_parameters_are_seen(
+    kind: str, defect: str, factor: float, problems: dict[str, SphereProblem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = SphereProblem.law
+
+    def wrong(self: SphereProblem, law: Any) -> dict[str, float]:
+        told = right(self, law)
+        return told | {defect: factor * told[defect]}
+
+    monkeypatch.setattr(SphereProblem, "law", wrong)
+    row = run(problems[f"settled-60{kind}"], "lammps")
+    assert row["status"] == "fail"
+    assert row["check_value"] > row["check_bound"]
+
+
+def test_other_conventions_are_seen(problems: dict[str, SphereProblem], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spheres, "PEERS", (replace(LAMMPS, slip_at="middle"),))
+    assert run(problems["settled-60-undamped"], "lammps")["status"] == "fail"
+
+
+def test_problems_of_a_size_and_their_packing(packing_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert list(makers([1000, 100_000], lambda name: not name.endswith("-short"))) == ["settled-1000", "settled-100000"]
+    first = spheres.packing(20)
+    assert len(list(packing_folder.iterdir())) == 1
+    with monkeypatch.context() as patch:
+        patch.setattr(spheres, "settled_spheres", lambda *_, **__: pytest.fail("settled again"))
+        assert spheres.packing(20) == first
+
+
+def test_memory_and_counts_are_told(problems: dict[str, SphereProblem]) -> None:
+    (row,) = dem.run_problem(problems["settled-60"], {}, repeats=1, time_limit=60.0, tell=lambda _: None)
+    assert row["status"] == "pass"
+    assert 500.0 < row["bytes_per_disk"] < 5_000.0
+    assert row["listed_pairs"] >= row["contacts"] > 100
