@@ -74,6 +74,8 @@ BUILTIN_CASES: dict[str, str] = {
     "spheres/incline": "ninedisk.harness.cases.spheres.on_plane:INCLINE",
     "spheres/isotropy": "ninedisk.harness.cases.spheres.on_plane:ISOTROPY",
     "spheres/turntable": "ninedisk.harness.cases.spheres.on_plane:TURNTABLE",
+    "spheres/top": "ninedisk.harness.cases.spheres.on_plane:TOP",
+    "spheres/rolling-resistance": "ninedisk.harness.cases.spheres.on_plane:RESISTED",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem.adapter:ENGINE",

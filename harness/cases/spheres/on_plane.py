@@ -1,7 +1,7 @@
-"""Spheres on a plane with friction: thrown, released on a slope, sliding in all directions, rolling on a turntable.
+"""Spheres on a plane with friction: thrown, on a slope, sliding in all directions, on a turntable, spinning, against resistances.
 
 Contacts are rigid: springs that regularise them are stiff. The shear springs begin unloaded, so that friction comes up over the slip
-``mu fn/ks``, and where rolling begins they swing on, at ``Omega^2 = ks (1/m + R^2/I)``, since nothing damps them.
+``mu fn/ks``, and where rolling begins they swing on, at ``omega^2 = ks (1/m + R^2/I)``, since nothing damps them.
 """
 
 from __future__ import annotations
@@ -14,13 +14,24 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.law import Rolling
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
-from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, SphereSetup, Value
+from ninedisk.harness.api.case import (
+    Check,
+    FloatArray,
+    Headline,
+    KnownDifference,
+    Observed,
+    Parameter,
+    SphereSetup,
+    Value,
+)
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
+    FINDING_WORDS,
     LIFTS,
     allowing,
     contact_step,
@@ -31,20 +42,17 @@ from ninedisk.harness.cases.common import (
     soft_reason,
     softness,
 )
+from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.references.analytic.ball_on_plane import BallHistory, against_twisting, slide_and_roll, slip_of
 from ninedisk.references.analytic.rolling_incline import roll_down, roll_rates
+from ninedisk.references.analytic.rolling_resistance import Rolled, against_constant_torque, against_spring, oscillation
 from ninedisk.references.analytic.slip_to_roll import slip_to_roll
 from ninedisk.references.analytic.turntable import UNIFORM_SPHERE, turntable
 
 RADIUS, MASS, G = 0.5, 2.0, 10.0
-KN, KS, BETA = 1e8, 8e7, 0.3
-OMEGA = math.sqrt(KS * (1.0 + 1.0 / UNIFORM_SPHERE) / MASS)
-"""Swing of a shear spring under a sphere that turns [rad/s]."""
-
-SLIDES = math.sqrt(KS / MASS)
-"""The same where it does not turn."""
-
+KN, KS_OVER_KN, BETA = 1e8, 0.8, 0.3
 PHASE = 0.1
-"""Of the faster of the two, omega dt."""
+"""Of the swing of a shear spring under a sphere that turns, omega dt."""
 
 WAY = np.array([0.6, 0.8, 0.0])
 """Direction of throws: along no axis, an exact unit vector."""
@@ -61,17 +69,22 @@ STEP = Parameter(
 )
 
 
-def _law(mu: float) -> SphereLaw:
-    return SphereLaw(kn=KN, ks=KS, mu=mu, beta=BETA, restitution=0.0, regularised=True)
+def _law(mu: float, kn: float = KN, beta: float = BETA) -> SphereLaw:
+    return SphereLaw(kn=kn, ks=KS_OVER_KN * kn, mu=mu, beta=beta, restitution=0.0, regularised=True)
+
+
+def _swing(kn: float, *, turning: bool = True) -> float:
+    """Angular frequency of a shear spring under a sphere [rad/s]."""
+    return math.sqrt(KS_OVER_KN * kn * (1.0 + (1.0 / UNIFORM_SPHERE if turning else 0.0)) / MASS)
 
 
 def _spheres(x: FloatArray, v: FloatArray) -> Spheres:
     return Spheres(x=x, v=v, radius=np.full(len(x), RADIUS), mass=np.full(len(x), MASS))
 
 
-def _numerics(params: Mapping[str, Any], duration: float, every: int = 1) -> Numerics:
+def _numerics(params: Mapping[str, Any], duration: float, every: int = 1, kn: float = KN) -> Numerics:
     dt = params["dt"]
-    contact_dt = contact_step(dt, PHASE / OMEGA) if params["contact_dt"] is None else params["contact_dt"]
+    contact_dt = contact_step(dt, PHASE / _swing(kn)) if params["contact_dt"] is None else params["contact_dt"]
     return Numerics(dt=dt, n_steps=max(1, math.ceil(duration / dt)), contact_dt=contact_dt, sample_every=every)
 
 
@@ -80,8 +93,9 @@ def _room(setup: SphereSetup, engine: EngineInfo, pull: float, speed: float) -> 
     t_end = setup.numerics.dt * setup.numerics.n_steps
     room = 1e-10 * (speed + G * t_end) + single(engine, max(speed, G * t_end), setup.numerics.n_steps)
     if engine.contact == "spring":
-        turning = bool(setup.scene.spheres.rotating.all())
-        room += 2.0 * pull / OMEGA if turning else pull**2 * MASS / KS / speed + pull * PHASE / SLIDES
+        turning, kn = bool(setup.scene.spheres.rotating.all()), setup.scene.walls[0].law.kn
+        slow = _swing(kn, turning=False)
+        room += 2.0 * pull / _swing(kn) if turning else pull**2 / slow**2 / speed + pull * PHASE / slow
     room += pull * (slack_time(engine, setup.numerics.dt) + softness(engine) * t_end) + softness(engine) * speed
     if Difference.FRICTION_LAGS in engine.differences:
         room += 2.0 * pull * setup.numerics.dt
@@ -414,7 +428,7 @@ class Turntable:
 
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
             pull = truth.rate * speed
-            rolls = 2.0 * pull / OMEGA + 4.0 * pull * MASS * G / KN / RADIUS * t_end
+            rolls = 2.0 * pull / _swing(KN) + 4.0 * pull * MASS * G / KN / RADIUS * t_end
             # A sphere of springs rolls on R - overlap; its shear spring bears the pull from the start, and swings about that.
             room, why = 1e-10 * speed + single(engine, turn * 3.0, setup.numerics.n_steps), "round-off of the steps"
             if engine.contact == "spring":
@@ -438,4 +452,375 @@ class Turntable:
         return _excused(setup, engine, found)
 
 
-ROLLING, INCLINE, ISOTROPY, TURNTABLE = Thrown(), Released(), Isotropy(), Turntable()
+SOFT = 1e6
+"""Stiffness of springs where spins are resisted [N/m]: overlaps of 4e-5 radii, and runs of a second in 12,000 steps."""
+
+SPIN = 4.0
+"""About the normal [rad/s], of spheres that spin."""
+
+MU_R = Parameter(
+    name="mu_r", default=0.1, low=0.0, low_open=True, high=0.5, unit="-", help="coefficient of the resistance to rolling, to twisting"
+)  # fmt: skip
+KR = Parameter(
+    name="kr", default=6.0, low=0.1, high=1e3, unit="N m/rad", help="stiffness of an elastic-plastic resistance"
+)
+
+
+def _resistance(model: str, params: Mapping[str, Any]) -> Rolling:
+    return Rolling(model=model, mu=params["mu_r"], kr=params["kr"] if model == "elastic-plastic" else 0.0)  # type: ignore[arg-type]
+
+
+def _twisted(t: FloatArray, model: str, params: Mapping[str, Any]) -> FloatArray:
+    """Spin about the normal under a resistance to it [rad/s].
+
+    Against a spring it is that of a body that rolls (`against_spring`) with half of the sphere's ratio of inertia for its mass and none of
+    the way's.
+    """
+    if model == "constant":
+        return against_twisting(t, mu_t=params["mu_r"], spin=SPIN, g=G, radius=RADIUS)
+    mass = 0.5 * UNIFORM_SPHERE * MASS
+    rolled = against_spring(t, mu_r=params["mu_r"], kr=params["kr"], beta=0.0, angle=0.0, g=G * MASS / mass, mass=mass, radius=RADIUS,
+                            speed=RADIUS * SPIN, inertia_ratio=1.0)  # fmt: skip
+    return rolled.vx / RADIUS
+
+
+def _twist_room(setup: SphereSetup, engine: EngineInfo) -> float:
+    """What a spin about the normal may be off by [rad/s].
+
+    A constant torque acts a step too long where it ends, and to either side after that; a spring swings with its scheme's order.
+    """
+    numerics, law = setup.numerics, setup.scene.walls[0].law.twisting
+    t_end = numerics.dt * numerics.n_steps
+    room = 1e-10 * SPIN + single(engine, SPIN, numerics.n_steps)
+    if law is None:
+        return room
+    pull = law.mu * G / (UNIFORM_SPHERE * RADIUS)
+    h = (numerics.contact_dt or numerics.dt) if engine.contact == "spring" else numerics.dt
+    room += pull * (slack_time(engine, numerics.dt) + softness(engine) * t_end) + softness(engine) * SPIN
+    # The normal force is off by what a gap is rounded to, of the overlap of the weight.
+    room += pull * t_end * 8.0 * float(np.spacing(RADIUS)) * SOFT / (MASS * G)
+    if law.model == "constant":
+        return room + 2.0 * pull * h
+    rate = math.sqrt(law.kr / (UNIFORM_SPHERE * MASS)) / RADIUS
+    return room + SPIN * (rate * h) ** 2 * max(1.0, rate * t_end)
+
+
+def _vectors(history: History) -> dict[str, tuple[str, FloatArray]]:
+    v, spin = history.v[:, 0], history.omega[:, 0]
+    return {
+        "vx": ("m/s", v[:, 0]), "vy": ("m/s", v[:, 1]), **{f"spin_{axis}": ("rad/s", spin[:, k]) for k, axis in enumerate("xyz")}
+    }  # fmt: skip
+
+
+class Top:
+    """A sphere that spins: about the normal at a place, or about a skew axis while it is thrown, so that friction bends its way.
+
+    ``resisted``: about the normal, against a resistance to twisting.
+    """
+
+    id = "spheres/top"
+    version = 1
+    title = "A spinning sphere"
+    source = (
+        "Euler and Coriolis for a rigid sphere with Coulomb friction, which has no moment about the normal at a point"
+    )
+    requirement = (
+        "a spin about the normal stays; a sphere thrown with spin slides along a parabola until 2 |u0|/(7 mu g); a constant torque "
+        "mu_r R m g stops the spin after I spin/(mu_r R m g)"
+    )
+    parameters: tuple[Parameter, ...] = (
+        Parameter(name="kind", default="upright", choices=("upright", "thrown", "constant", "elastic-plastic"), in_id=True,
+                  help="spin about the normal; about a skew axis, thrown; about the normal, against a resistance to twisting"),
+        MU, MU_R, KR, STEP, CONTACT_DT,
+    )  # fmt: skip
+    figures = (
+        Figure(
+            title="Spin about the normal",
+            quantities=(Plotted("spin_z", "spin about the normal"),),
+            compare="kind",
+            where={"kind": ("upright", "constant", "elastic-plastic")},
+            shows="A sphere that spins freely, and against resistances to twisting.",
+            allows="Friction at a point takes nothing of this spin; a constant torque stops it at one time, a spring swings about where it "
+            "has yielded to.",
+        ),
+        Figure(
+            title="A throw with spin",
+            kind="places",
+            quantities=(Plotted("way_y", "way along y [m]", at="way_x"),),
+            where={"kind": ("thrown",)},
+            apart=True,
+            at_label="way along x [m]",
+            shows="The way of a sphere thrown with a spin across its velocity.",
+            allows="Friction keeps its direction, so that the way is a parabola, and straight once the sphere rolls.",
+        ),
+    )  # fmt: skip
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """Each kind."""
+        return [{"kind": kind} for kind in self.parameters[0].choices]
+
+    def _thrown(self, params: Mapping[str, Any]) -> bool:
+        return bool(params["kind"] == "thrown")
+
+    def _start(self, params: Mapping[str, Any]) -> tuple[tuple[float, float], tuple[float, float, float]]:
+        return ((WAY[0], WAY[1]), (1.5, -2.0, SPIN)) if self._thrown(params) else ((0.0, 0.0), (0.0, 0.0, SPIN))
+
+    def build(self, params: Mapping[str, Any]) -> SphereSetup:
+        """Springs begin with the overlap of the weight."""
+        law, (v, spin) = _law(params["mu"], SOFT, 0.0), self._start(params)
+        if params["kind"] in ("constant", "elastic-plastic"):
+            law = replace(law, twisting=_resistance(params["kind"], params))
+        floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law)
+        ball = _spheres(np.array([[0.0, 0.0, RADIUS - MASS * G / SOFT]]), np.array([[*v, 0.0]]))
+        scene = SphereScene(
+            spheres=replace(ball, omega=np.array([spin])), sphere_sphere=law, walls=(floor,), gravity=(0.0, 0.0, -G)
+        )
+        numerics = _numerics(params, 1.0, every=5, kn=SOFT)
+        return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
+
+    def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
+        """Velocity and spin by components, and the way."""
+        series = _vectors(history)
+        series |= {f"way_{axis}": ("m", history.x[:, 0, k]) for k, axis in enumerate("xy")}
+        scalars = {"spin_final": ("rad/s", float(series["spin_z"][1][-1]))}
+        scalars["way_final"] = ("m", float(np.hypot(*history.x[-1, 0, :2])))
+        return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def _truth(self, params: Mapping[str, Any], t: FloatArray) -> BallHistory:
+        v, spin = self._start(params)
+        found = slide_and_roll(t, mu=params["mu"], g=G, radius=RADIUS, velocity=v, spin=spin)
+        if params["kind"] in ("constant", "elastic-plastic"):
+            found.spin[:, 2] = _twisted(t, params["kind"], params)
+        return found
+
+    def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """The spin about the normal, and how far a throw gets."""
+        truth = self._truth(params, observed.t)
+        return (
+            Headline(name="spin about the normal", use="rolling", quantity="spin_z", expected=truth.spin[:, 2], source=self.source,
+                     scale=SPIN, scale_is="first spin"),
+            Headline(name="way of a throw with spin", use="rolling", quantity="way_final",
+                     expected=float(np.hypot(*truth.x[-1])) if self._thrown(params) else math.nan, source=self.source, scale=1.0,
+                     scale_is="first speed for 1 s"),
+        )  # fmt: skip
+
+    def checks(
+        self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed, engine: EngineInfo
+    ) -> Sequence[Check]:
+        """Velocities and spins at all times."""
+        truth = self._truth(params, observed.t)
+        v, spin = self._start(params)
+        slip = float(np.hypot(*slip_of(v, spin, RADIUS)))
+
+        def found(setup: Any, engine: EngineInfo) -> list[Check]:
+            speed, why = max(1.0, slip), _why(engine)
+            room = _room(setup, engine, params["mu"] * G if slip else 0.0, speed)
+            turn = room / (UNIFORM_SPHERE * RADIUS)
+            rows = (
+                ("vx", truth.v[:, 0], room, speed), ("vy", truth.v[:, 1], room, speed),
+                ("spin_x", truth.spin[:, 0], turn, speed / RADIUS), ("spin_y", truth.spin[:, 1], turn, speed / RADIUS),
+                ("spin_z", truth.spin[:, 2], _twist_room(setup, engine), SPIN),
+            )  # fmt: skip
+            return [
+                Check(
+                    quantity=name,
+                    norm="max",
+                    truth="analytic",
+                    expected=expected,
+                    source=self.source,
+                    atol=atol,
+                    scale=scale,
+                    why=why,
+                )
+                for name, expected, atol, scale in rows
+            ]
+
+        return _excused(setup, engine, found)
+
+
+SLOPES = {"level": 0.0, "incline": 10.0, "hold": 2.0, "twisting": 0.0}
+"""[deg]: tan(10 deg) = 0.18 is above the coefficient of the resistance, 0.1, and tan(2 deg) = 0.035 is below half of it."""
+
+
+class Resisted:
+    """``plane=level``: a rolling sphere slows down; ``incline``: one at rest rolls down; ``hold``: one at rest stays, or swings.
+
+    ``plane=twisting``: as on the level, while the sphere twists against a resistance of the same size; each has its own history. Springs
+    keep to the plane there and do not turn with half of the twist, as they do where the law is symmetric in both bodies.
+    """
+
+    id = "spheres/rolling-resistance"
+    version = 1
+    title = "Rolling resistance of a sphere"
+    source = "Ai, Chen, Rotter & Ooi, Powder Technology 206 (2011) 269-282, models A and C; Newton and Euler for a sphere that rolls"
+    requirement = (
+        "constant: a = (5/7) g (sin - mu_r cos), at rest where tan(angle) <= mu_r; elastic-plastic: a swing of omega^2 = 5 kr/(7 m R^2) "
+        "that yields at mu_r R fn"
+    )
+    parameters: tuple[Parameter, ...] = (
+        Parameter(name="model", default="constant", choices=("constant", "elastic-plastic"), in_id=True, help="of the resistance"),
+        Parameter(name="plane", default="level", choices=tuple(SLOPES), in_id=True, help="level, to roll down, to hold, or also twisting"),
+        replace(MU, default=0.5, in_id=False), MU_R, replace(KR, default=12.0), STEP, CONTACT_DT,
+    )  # fmt: skip
+    figures = (
+        Figure(
+            title="Against rolling resistance",
+            quantities=(Plotted("way", "way along the plane"), Plotted("along", "velocity along the plane")),
+            compare="model",
+            shows="A sphere that rolls along a level plane, and one put at rest on inclines.",
+            allows="A constant torque stops it after 7 v^2/(10 mu_r g); a spring holds it, swinging.",
+        ),
+    )
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """Both models on all planes."""
+        return [{"model": model, "plane": plane} for model in self.parameters[0].choices for plane in SLOPES]
+
+    def _angle(self, params: Mapping[str, Any]) -> float:
+        return math.radians(SLOPES[params["plane"]])
+
+    def _speed(self, params: Mapping[str, Any]) -> float:
+        return 0.5 if params["plane"] in ("level", "twisting") else 0.0
+
+    def build(self, params: Mapping[str, Any]) -> SphereSetup:
+        """On the plane z = 0 with gravity tilted towards `WAY`; springs begin with the overlap of the weight."""
+        angle, speed, twists = self._angle(params), self._speed(params), params["plane"] == "twisting"
+        resistance = _resistance(params["model"], params)
+        law = replace(_law(params["mu"], SOFT, 0.0), rolling=resistance)
+        if twists:
+            law = replace(law, twisting=resistance, slip_at="end")
+        floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law)
+        spin = np.cross([0.0, 0.0, 1.0], WAY) * speed / RADIUS + [0.0, 0.0, SPIN if twists else 0.0]
+        ball = _spheres(np.array([[0.0, 0.0, RADIUS - MASS * G * math.cos(angle) / SOFT]]), speed * WAY[None])
+        pull = G * (math.sin(angle) * WAY - math.cos(angle) * np.array([0.0, 0.0, 1.0]))
+        scene = SphereScene(
+            spheres=replace(ball, omega=spin[None]),
+            sphere_sphere=law,
+            walls=(floor,),
+            gravity=(float(pull[0]), float(pull[1]), float(pull[2])),
+        )
+        return SphereSetup(
+            scene=scene, numerics=_numerics(params, 1.0, every=5, kn=SOFT), watch=((0, 1),), labels={"contact": (0, 1)}
+        )
+
+    def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
+        """Way, velocity and spin along the plane, what is beside them, and the spin about the normal."""
+        across = np.cross([0.0, 0.0, 1.0], WAY)
+        v, spin, way = history.v[:, 0], history.omega[:, 0], history.x[:, 0] @ WAY
+        series = {
+            "way": ("m", way),
+            "along": ("m/s", v @ WAY),
+            "spin": ("rad/s", spin @ across),
+            "beside": ("m/s", np.abs([v @ across, RADIUS * (spin @ WAY)]).max(axis=0)),
+            "spin_z": ("rad/s", spin[:, 2]),
+        }
+        return Observed(step=history.step, t=history.t, series=series, scalars={"way_final": ("m", float(way[-1]))})
+
+    def _rolled(self, params: Mapping[str, Any], t: FloatArray) -> Rolled:
+        given: dict[str, float] = {
+            "mu_r": params["mu_r"], "angle": self._angle(params), "g": G, "speed": self._speed(params), "inertia_ratio": UNIFORM_SPHERE,
+        }  # fmt: skip
+        if params["model"] == "constant":
+            return against_constant_torque(t, **given)
+        return against_spring(t, **given, kr=params["kr"], beta=0.0, mass=MASS, radius=RADIUS)
+
+    def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """How far it gets, in parts of the way without resistance."""
+        t_end = float(observed.t[-1])
+        free = self._speed(params) * t_end + G * math.sin(self._angle(params)) * t_end**2 / (2.0 + 2.0 * UNIFORM_SPHERE)
+        return (
+            Headline(name="distance against rolling resistance", use="rolling", quantity="way_final",
+                     expected=float(self._rolled(params, observed.t[-1:]).x[0]), source=self.source, scale=free,
+                     scale_is="distance without resistance"),
+        )  # fmt: skip
+
+    def checks(
+        self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed, engine: EngineInfo
+    ) -> Sequence[Check]:
+        """Newton and Euler for the sphere that rolls without slip.
+
+        A constant torque whose sign is a step late turns the rim by ``mu_r R m g h/I`` to either side, and acts at once where it begins and
+        ends, so that shear springs swing; a spring is followed to the order of the scheme (`ninedisk.harness.cases.rolling.resistance`).
+        """
+        truth, t_end, mu_r = self._rolled(params, observed.t), float(observed.t[-1]), params["mu_r"]
+        pull = G * math.sin(self._angle(params))
+
+        def found(setup: Any, engine: EngineInfo) -> list[Check]:
+            springs, numerics = engine.contact == "spring", setup.numerics
+            h = (numerics.contact_dt or numerics.dt) if springs else numerics.dt
+            fastest = max(float(np.abs(truth.vx).max()), mu_r * G * h)
+            room, why = (
+                _room(setup, engine, 2.0 * (pull + mu_r * G), max(self._speed(params), pull * t_end)),
+                _why(engine),
+            )
+            room += 2.0 * MASS * G / SOFT / RADIUS * fastest if springs else 0.0
+            if params["model"] == "constant":
+                room += 4.0 * mu_r * G / UNIFORM_SPHERE * h
+                why += f"; a torque whose sign is late, h = {h:.2g} s"
+            else:
+                rate = oscillation(mu_r=mu_r, kr=params["kr"], angle=self._angle(params), g=G, mass=MASS, radius=RADIUS,
+                                   inertia_ratio=UNIFORM_SPHERE).omega  # fmt: skip
+                swing = max(self._speed(params), (mu_r * G + pull) / rate)
+                room += swing * rate * h * max(1.0, rate * t_end) * (0.5 * rate * h if springs else 1.0)
+                why += f"; swings of rate h = {rate * h:.2g}"
+            lag = 0.0 if springs else fastest * h
+            twist = np.full_like(observed.t, 0.0)
+            if params["plane"] == "twisting":
+                twist = _twisted(observed.t, params["model"], params)
+            known = self._known(params, engine, observed.t)
+            rows = (
+                ("way", truth.x, room * t_end + lag, max(fastest * t_end, 0.5 * mu_r * G * t_end**2)),
+                ("along", truth.vx, room, fastest),
+                ("spin", truth.vx / RADIUS, 2.0 * room / RADIUS, fastest / RADIUS),
+                ("beside", np.zeros_like(observed.t), room, fastest),
+                ("spin_z", twist, _twist_room(setup, engine), SPIN),
+            )
+            return [
+                Check(quantity=name, norm="max", truth="analytic", expected=expected, source=self.source, atol=atol, scale=scale, why=why,
+                      known=replace(known[name], size=known[name].size + atol) if name in known else None)
+                for name, expected, atol, scale in rows
+            ]  # fmt: skip
+
+        return _excused(setup, engine, found)
+
+    def _known(self, params: Mapping[str, Any], engine: EngineInfo, t: FloatArray) -> dict[str, KnownDifference]:
+        """What two known differences explain where a sphere both rolls and twists, by quantity.
+
+        A spring that turns with half of the twist q has its torque, ``mu_r R m g`` at most, at the angle q/2 to the rolling: its part
+        across it, ``sin(q/2)``, and what is lacking along it drive the sphere by ``mu_r g/(1 + k)`` times their sum over the time. Torques
+        that share a cone are along the spin, as large as one of both: a sphere that rolls at v and twists at w slows down by
+        ``mu_r g/(1 + k) v/u`` and ``mu_r g/(k R) w/u``, with ``u^2 = v^2 + (R w)^2``.
+        """
+        if params["plane"] != "twisting":
+            return {}
+        a, b = params["mu_r"] * G / (1.0 + UNIFORM_SPHERE), params["mu_r"] * G / UNIFORM_SPHERE
+        dt = np.diff(t, prepend=0.0)
+        sizes: dict[str, float] = {}
+        if Difference.SPRINGS_TURN_WITH_TWIST in engine.differences and params["model"] == "elastic-plastic":
+            half = 0.5 * np.cumsum(_twisted(t, params["model"], params) * dt)
+            words, aside = Difference.SPRINGS_TURN_WITH_TWIST, a * float((np.abs(np.sin(half)) * dt).sum())
+            lacks = a * float(((1.0 - np.cos(half)) * dt).sum())
+            sizes = {"beside": aside, "along": lacks, "spin": lacks / RADIUS, "way": lacks * float(t[-1])}
+        if Difference.RESISTANCES_SHARE_CONE in engine.differences and params["model"] == "constant":
+            words = Difference.RESISTANCES_SHARE_CONE
+            both = [np.array([self._speed(params), RADIUS * SPIN])]
+            for step in dt[1:]:
+                u = both[-1]
+                loss = np.array([a, b]) * u / max(float(np.hypot(*u)), 1e-300) * step
+                both.append(np.maximum(u - loss, 0.0))
+            shared = np.array(both).T
+            off = np.abs(shared[0] - self._rolled(params, t).vx)
+            turned = np.abs(shared[1] / RADIUS - _twisted(t, "constant", params))
+            sizes = {"along": float(off.max()), "spin": float(off.max()) / RADIUS, "way": float((off * dt).sum()),
+                     "spin_z": float(turned.max())}  # fmt: skip
+        return {
+            name: KnownDifference(
+                finding=f"{engine.id}/{FINDING_WORDS[words]}",
+                size=1.1 * size,
+                why="both resistances at once, by the engine's own law, against each alone",
+            )
+            for name, size in sizes.items()
+        }
+
+
+ROLLING, INCLINE, ISOTROPY, TURNTABLE, TOP, RESISTED = Thrown(), Released(), Isotropy(), Turntable(), Top(), Resisted()

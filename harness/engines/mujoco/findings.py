@@ -138,4 +138,22 @@ FINDINGS = (
             "--option mujoco.cone=pyramidal"
         ),
     ),
+    Finding(
+        id="mujoco/resistances-share-cone",
+        engine="mujoco",
+        versions="4.0.0",
+        what=(
+            "Resistances to rolling and twisting are one elliptic cone with the friction: a sphere that twists fast rolls on as if nothing "
+            "resisted rolling, and the other way round."
+        ),
+        size=Size(
+            case="spheres/rolling-resistance",
+            variant="model=constant,plane=twisting",
+            quantity="spin_z",
+            truth="analytic",
+            over=0.05,
+            over_why="what two of the engine's steps at the full torque change: 0.014",
+        ),
+        command="ninedisk run spheres/rolling-resistance --engine mujoco --set model=constant --set plane=twisting",
+    ),
 )
