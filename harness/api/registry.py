@@ -75,6 +75,7 @@ BUILTIN_CASES: dict[str, str] = {
     "spheres/isotropy": "ninedisk.harness.cases.spheres.on_plane:ISOTROPY",
     "spheres/turntable": "ninedisk.harness.cases.spheres.on_plane:TURNTABLE",
     "spheres/top": "ninedisk.harness.cases.spheres.on_plane:TOP",
+    "spheres/stack": "ninedisk.harness.cases.spheres.stack:CASE",
     "spheres/rolling-resistance": "ninedisk.harness.cases.spheres.on_plane:RESISTED",
 }
 BUILTIN_ENGINES: dict[str, str] = {

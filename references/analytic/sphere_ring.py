@@ -5,7 +5,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ninedisk.references._validate import count, not_negative, positive
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+from ninedisk.references._validate import count, not_negative, positive, times_of
+
+FloatArray = NDArray[np.float64]
 
 
 class RingForces(NamedTuple):
@@ -70,8 +76,57 @@ def ring_forces(*, n: int, angle: float, top: float, each: float) -> RingForces:
     return RingForces(leg, leg * least, each + leg, leg * least, least, least * leg / (each + leg))
 
 
-def smooth_legs(*, n: int, angle: float, top: float) -> float:
-    """Normal force [N] of each leg where there is no friction and the ring is fixed: ``top/(n cos(angle))``."""
-    count(least=2, n=n)
-    positive(angle=angle, top=top, cosine=math.cos(angle))
-    return top / (n * math.cos(angle))
+def fallen(
+    t: ArrayLike, *, n: int, angle: float, mu: float, top: float, each: float, radius: float, g: float
+) -> FloatArray:
+    """How far the top has come down [m], shape (s,), where friction ``mu`` is below ``ring_forces().top_mu``: integrated to 1e-12.
+
+    The top slides on all legs alike, T = mu N, and they roll on the plane. With the leg's distance from the axis ``2R sin`` and the top's
+    height over it ``2R cos``, the sphere's ``1 + k = 7/5`` and the masses m = each/g, M = top/g::
+
+        (7/5) m r'' = N (sin - mu (1 + cos)),    M z'' = n N (cos + mu sin) - M g
+
+    and N is eliminated, so that ``(M sin + A cos) angle'' = M g/(2R) + (A sin - M cos) angle'^2`` with
+    ``A = (7/5) n m (cos + mu sin)/(sin - mu (1 + cos))``.
+
+    Parameters
+    ----------
+    t : array_like, shape (s,)
+        Times [s], ascending, >= 0, until the top reaches the plane at the latest.
+    n, angle, top, each
+        As of `ring_forces`.
+    mu : float
+        Friction coefficient [-] of all contacts, >= 0 and below the least one with which the heap stands.
+    radius, g : float
+        Of all spheres [m], gravity [m/s^2], > 0.
+
+    Notes
+    -----
+    Source: Newton and Euler for rigid spheres with Coulomb friction; derived here.
+    """
+    least = ring_forces(n=n, angle=angle, top=top, each=each).top_mu
+    positive(radius=radius, g=g, each=each)
+    not_negative(mu=mu)
+    if mu >= least:
+        raise ValueError(f"mu = {mu!r} is not allowed: the heap stands; use one below {least:g}")
+    times = times_of(t)
+    if times.ndim != 1 or np.any(np.diff(times) < 0.0):
+        raise ValueError(f"t of shape {times.shape} is not allowed to descend, or to be no row of numbers")
+    mass, weight = top / g, 1.4 * n * each / g
+
+    def rates(_: float, state: FloatArray) -> tuple[float, float]:
+        s, c, turn = math.sin(state[0]), math.cos(state[0]), float(state[1])
+        a = weight * (c + mu * s) / (s - mu * (1.0 + c))
+        return turn, (top / (2.0 * radius) + (a * s - mass * c) * turn**2) / (mass * s + a * c)
+
+    def landed(_: float, state: FloatArray) -> float:
+        return float(math.cos(state[0]))
+
+    landed.terminal = True  # type: ignore[attr-defined]
+    end = float(times.max(initial=0.0))
+    found = solve_ivp(rates, (0.0, max(end, 1e-300)), (angle, 0.0), method="DOP853", rtol=1e-12, atol=1e-14, dense_output=True,
+                      events=landed)  # fmt: skip
+    if found.t[-1] < end:
+        raise ValueError(f"t = {end!r} s is not allowed: the top is down at {found.t[-1]:g} s; use earlier times")
+    down: FloatArray = 2.0 * radius * (math.cos(angle) - np.cos(found.sol(times)[0]))
+    return down

@@ -116,6 +116,42 @@ def _excused(setup: SphereSetup, engine: EngineInfo, checks: Any) -> list[Check]
     return allowing(LIFTS, setup, engine, checks)
 
 
+SPOTS = 9
+"""Places on a way that are told one by one, so that a figure shows it."""
+
+
+def _spots(history: History) -> dict[str, tuple[str, float]]:
+    """Coordinates of the first sphere at as many instants, as far apart."""
+    rows = np.linspace(0, len(history.t) - 1, SPOTS).round().astype(int)
+    return {
+        f"{axis}_{k}": ("m", float(history.x[row, 0, c])) for k, row in enumerate(rows) for c, axis in enumerate("xy")
+    }
+
+
+def _spot_checks(truth: FloatArray, *, source: str, atol: float, scale: float, why: str) -> list[Check]:
+    """Those places against a way of shape (s, 2)."""
+    rows = np.linspace(0, len(truth) - 1, SPOTS).round().astype(int)
+    return [
+        Check(quantity=f"{axis}_{k}", norm="scalar", truth="analytic", expected=float(truth[row, c]), source=source, atol=atol,
+              scale=scale, why=why)
+        for k, row in enumerate(rows)
+        for c, axis in enumerate("xy")
+    ]  # fmt: skip
+
+
+def _way_figure(title: str, shows: str, allows: str, **where: tuple[str, ...]) -> Figure:
+    return Figure(
+        title=title,
+        kind="places",
+        quantities=tuple(Plotted(f"y_{k}", "y [m]", at=f"x_{k}") for k in range(SPOTS)),
+        where=where,
+        apart=True,
+        at_label="x [m]",
+        shows=shows,
+        allows=allows,
+    )
+
+
 class Thrown:
     """A sphere without spin is thrown along a plane in a direction of no axis; it slides, then rolls at 5/7 of its speed."""
 
@@ -129,6 +165,19 @@ class Thrown:
         Parameter(name="speed", default=1.0, low=0.0, low_open=True, high=100.0, unit="m/s", help="of the throw"),
         STEP,
         CONTACT_DT,
+    )
+    figures = (
+        Figure(
+            title="From sliding to rolling",
+            quantities=(
+                Plotted("vx", "velocity"),
+                Plotted("spin", "spin"),
+                Plotted("beside", "speed across the throw"),
+            ),
+            compare="mu",
+            shows="A sphere thrown without spin: velocity and spin along the throw, and what leaves its direction.",
+            allows="It slides until the speed is 5/7 of the first, whatever mu; nothing but an engine's own axes can push it aside.",
+        ),
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
@@ -207,6 +256,20 @@ class Released:
         STEP,
         CONTACT_DT,
     )  # fmt: skip
+
+    figures = (
+        Figure(
+            title="Down a slope",
+            quantities=(
+                Plotted("vx", "velocity down the slope"),
+                Plotted("spin", "spin"),
+                Plotted("beside", "speed across the slope"),
+            ),
+            compare="mu",
+            shows="A sphere released at rest on a slope along no axis, with friction enough to roll and with less.",
+            allows="5/7 of the pull along the slope where it rolls, the pull less mu g cos where it slides; it keeps to the line of fall.",
+        ),
+    )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
         """Rolling and sliding; the limit is 0.106."""
@@ -306,6 +369,27 @@ class Isotropy:
         CONTACT_DT,
     )
 
+    figures = (
+        Figure(
+            title="Friction in all directions",
+            kind="places",
+            quantities=tuple(Plotted(f"lost_y_{k}", "loss along y, over mu g t [-]", at=f"lost_x_{k}") for k in range(DIRECTIONS)),
+            apart=True,
+            at_label="loss along x, over mu g t [-]",
+            shows="What each of the 24 spheres has lost of its velocity, as a vector; a circle by Coulomb's law.",
+            allows="A pyramid of friction makes a square of the circle: what lies beyond it brakes too much, and a sphere whose loss is "
+            "off its direction is pushed aside.",
+        ),
+        Figure(
+            title="Deviation by time",
+            quantities=(
+                Plotted("off", "largest angle off the direction"), Plotted("lost_least", "least loss"), Plotted("lost_most", "largest loss")
+            ),
+            shows="The sphere that is farthest off its direction, and the least and the largest loss of speed of all.",
+            allows="Both losses are one line, mu g t, where friction knows no axes.",
+        ),
+    )  # fmt: skip
+
     def matrix(self) -> Sequence[Mapping[str, Value]]:
         """One."""
         return [{"mu": 0.3}]
@@ -335,6 +419,10 @@ class Isotropy:
             "off": ("rad", np.abs(np.arctan2(across, along)).max(axis=1)),
         }
         scalars = {name + "_final": (unit, float(values[-1])) for name, (unit, values) in series.items()}
+        change = (setup.scene.spheres.v - history.v[-1]) / (params["mu"] * G * float(history.t[-1]))
+        scalars |= {
+            f"lost_{axis}_{k}": ("1", float(change[k, c])) for k in range(DIRECTIONS) for c, axis in enumerate("xy")
+        }
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
@@ -364,6 +452,13 @@ class Isotropy:
                 ),
                 Check(quantity="off", norm="max", truth="analytic", expected=np.zeros_like(lost), source="Coulomb's law",
                       atol=2.0 * room / speed, scale=1.0, why=f"{why}; across half of the first speed"),
+                *(
+                    Check(quantity=f"lost_{axis}_{k}", norm="scalar", truth="analytic", expected=float(way[c]),
+                          source=f"Coulomb's law: {'upper' if way[1] > 0.0 else 'lower'} half", atol=room / float(lost[-1]), scale=1.0,
+                          why=why)
+                    for k, way in enumerate(setup.scene.spheres.v / speed)
+                    for c, axis in enumerate("xy")
+                ),
             ]  # fmt: skip
 
         return _excused(setup, engine, found)
@@ -384,6 +479,14 @@ class Turntable:
         STEP,
         CONTACT_DT,
     )  # fmt: skip
+    figures = (
+        _way_figure(
+            "The way on the turntable",
+            "A quarter of the circle on which the sphere goes round, from above.",
+            "Whatever friction, radius and gravity are, the circle is run through with 2/7 of the plane's angular speed; slip that is let "
+            "through, or a first-order step, shows as a spiral.",
+        ),
+    )
     START = (1.0, 2.0)
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
@@ -409,7 +512,7 @@ class Turntable:
         series = {"vx": ("m/s", v[:, 0]), "vy": ("m/s", v[:, 1]), "speed": ("m/s", np.hypot(v[:, 0], v[:, 1]))}
         turned = float(np.unwrap(np.arctan2(v[:, 1], v[:, 0]))[-1])
         rate = turned / float(history.t[-1]) / params["turn"]
-        return Observed(step=history.step, t=history.t, series=series, scalars={"rate": ("1", rate)})
+        return Observed(step=history.step, t=history.t, series=series, scalars={"rate": ("1", rate), **_spots(history)})
 
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """The angular speed."""
@@ -438,6 +541,8 @@ class Turntable:
                 room += speed * (truth.rate * dt + t_end / dt * (truth.rate * dt) ** 2)
                 why = f"first order of steps that find the plane's speed at one end of the step{soft_reason(engine)}"
             room += (pull + turn * 3.0) * (slack_time(engine, dt) + softness(engine) * t_end)
+            # Places of implicit steps are sums of the velocities at one end of each.
+            lag = 0.0 if engine.contact == "spring" else speed * dt
             rows = (("vx", truth.v[:, 0]), ("vy", truth.v[:, 1]))
             return [
                 *(
@@ -447,6 +552,7 @@ class Turntable:
                 ),
                 Check(quantity="rate", norm="scalar", truth="analytic", expected=2.0 / 7.0, source="rolling without slip",
                       atol=room / (speed * t_end * turn), scale=2.0 / 7.0, why=why),
+                *_spot_checks(truth.x, source="rolling without slip", atol=room * t_end + lag, scale=speed * t_end, why=why),
             ]  # fmt: skip
 
         return _excused(setup, engine, found)
@@ -505,13 +611,6 @@ def _twist_room(setup: SphereSetup, engine: EngineInfo) -> float:
     return room + SPIN * (rate * h) ** 2 * max(1.0, rate * t_end)
 
 
-def _vectors(history: History) -> dict[str, tuple[str, FloatArray]]:
-    v, spin = history.v[:, 0], history.omega[:, 0]
-    return {
-        "vx": ("m/s", v[:, 0]), "vy": ("m/s", v[:, 1]), **{f"spin_{axis}": ("rad/s", spin[:, k]) for k, axis in enumerate("xyz")}
-    }  # fmt: skip
-
-
 class Top:
     """A sphere that spins: about the normal at a place, or about a skew axis while it is thrown, so that friction bends its way.
 
@@ -543,15 +642,11 @@ class Top:
             allows="Friction at a point takes nothing of this spin; a constant torque stops it at one time, a spring swings about where it "
             "has yielded to.",
         ),
-        Figure(
-            title="A throw with spin",
-            kind="places",
-            quantities=(Plotted("way_y", "way along y [m]", at="way_x"),),
-            where={"kind": ("thrown",)},
-            apart=True,
-            at_label="way along x [m]",
-            shows="The way of a sphere thrown with a spin across its velocity.",
-            allows="Friction keeps its direction, so that the way is a parabola, and straight once the sphere rolls.",
+        _way_figure(
+            "A throw with spin",
+            "The way of a sphere thrown with a spin across its velocity, from above.",
+            "Friction keeps its direction, so that the way is a parabola, and straight once the sphere rolls.",
+            kind=("thrown",),
         ),
     )  # fmt: skip
 
@@ -580,10 +675,11 @@ class Top:
 
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
         """Velocity and spin by components, and the way."""
-        series = _vectors(history)
-        series |= {f"way_{axis}": ("m", history.x[:, 0, k]) for k, axis in enumerate("xy")}
-        scalars = {"spin_final": ("rad/s", float(series["spin_z"][1][-1]))}
-        scalars["way_final"] = ("m", float(np.hypot(*history.x[-1, 0, :2])))
+        v, spin = history.v[:, 0], history.omega[:, 0]
+        series = {
+            "vx": ("m/s", v[:, 0]), "vy": ("m/s", v[:, 1]), **{f"spin_{axis}": ("rad/s", spin[:, k]) for k, axis in enumerate("xyz")}
+        }  # fmt: skip
+        scalars = {**_spots(history), "way_final": ("m", float(np.hypot(*history.x[-1, 0, :2])))}
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def _truth(self, params: Mapping[str, Any], t: FloatArray) -> BallHistory:
@@ -621,7 +717,7 @@ class Top:
                 ("spin_x", truth.spin[:, 0], turn, speed / RADIUS), ("spin_y", truth.spin[:, 1], turn, speed / RADIUS),
                 ("spin_z", truth.spin[:, 2], _twist_room(setup, engine), SPIN),
             )  # fmt: skip
-            return [
+            found = [
                 Check(
                     quantity=name,
                     norm="max",
@@ -634,6 +730,12 @@ class Top:
                 )
                 for name, expected, atol, scale in rows
             ]
+            if self._thrown(params):
+                # Places of rigid contacts are sums of the velocities at one end of each step.
+                lag = 0.0 if engine.contact == "spring" else speed * params["dt"]
+                t_end = float(observed.t[-1])
+                found += _spot_checks(truth.x, source=self.source, atol=room * t_end + lag, scale=t_end, why=why)
+            return found
 
         return _excused(setup, engine, found)
 

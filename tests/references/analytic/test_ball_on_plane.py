@@ -73,7 +73,7 @@ def test_twisting_takes_the_angular_momentum():
     ("call", "given", "word"),
     [
         (slide_and_roll, {"t": 1.0, "mu": 0.0, "g": 1.0, "radius": 1.0, "velocity": (1.0, 0.0)}, "mu"),
-            (twist_time, {"mu_t": -1.0, "spin": 1.0, "g": 1.0, "radius": 1.0}, "mu_t"),
+        (twist_time, {"mu_t": -1.0, "spin": 1.0, "g": 1.0, "radius": 1.0}, "mu_t"),
     ],
 )
 def test_what_is_out_of_range_is_named(call, given, word):  # type: ignore[no-untyped-def]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.sphere_ring import ring_angle, ring_forces, smooth_legs
+from ninedisk.references.analytic.sphere_ring import fallen, ring_angle, ring_forces
 
 
 def wrenches(n, angle):  # type: ignore[no-untyped-def]
@@ -58,11 +58,38 @@ def test_every_sphere_is_in_equilibrium(n: int, spread: float) -> None:
     assert found.floor_mu == pytest.approx(found.floor_s / found.floor_n)
 
 
-def test_angles_and_smooth_legs():
+def test_angles():
     assert math.sin(ring_angle(n=3)) == pytest.approx(1.0 / math.sqrt(3.0))
     assert math.tan(ring_angle(n=4)) == pytest.approx(1.0)
-    assert 3 * smooth_legs(n=3, angle=0.5, top=6.0) * math.cos(0.5) == pytest.approx(6.0)
     with pytest.raises(ValueError, match="falls through"):
         ring_angle(n=4, spread=1.5)
     with pytest.raises(ValueError, match="angle"):
         ring_forces(n=3, angle=1.6, top=1.0, each=1.0)
+
+
+@pytest.mark.parametrize(("n", "mu"), [(3, 0.0), (4, 0.3)])
+def test_a_heap_that_falls_obeys_newton_and_euler_sphere_by_sphere(n: int, mu: float) -> None:
+    """The forces that the motion asks for, by differences of it, are along the slip and at mu; without friction energy stays."""
+    radius, g, top, each = 0.5, 10.0, 20.0, 15.0
+    angle, mass = ring_angle(n=n, spread=1.1), each / g
+    h, t = 1e-3, 0.2
+    given = {"n": n, "angle": angle, "mu": mu, "top": top, "each": each, "radius": radius, "g": g}
+    down = fallen(t + h * np.arange(-2, 3), **given)
+    height = 2.0 * radius * math.cos(angle) - down
+    out = np.sqrt(4.0 * radius**2 - height**2)
+    bend = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12.0 * h**2)
+    fall, spread = float(bend @ height), float(bend @ out)
+    cos, sin = height[2] / (2.0 * radius), out[2] / (2.0 * radius)
+    load = (top / g * fall + top) / n  # of a leg on the top, upwards
+    normal = load / (cos + mu * sin)
+    # The floor's friction turns the leg as fast as it rolls, against that of the top.
+    floor = mu * normal + 0.4 * mass * spread
+    assert mass * spread == pytest.approx(normal * sin - mu * normal * cos - floor, rel=1e-6)
+    if mu == 0.0:
+        speed = (down[0] - 8.0 * down[1] + 8.0 * down[3] - down[4]) / (12.0 * h)
+        rolls = speed * cos / sin
+        assert top * down[2] == pytest.approx(0.5 * top / g * speed**2 + 0.7 * n * mass * rolls**2, rel=1e-8)
+    with pytest.raises(ValueError, match="stands"):
+        fallen([0.1], **{**given, "mu": 1.0})
+    with pytest.raises(ValueError, match="is down"):
+        fallen([100.0], **given)
