@@ -124,4 +124,22 @@ FINDINGS = (
         ),
         command="ninedisk run incline-block --engine drake-sap --set mu=0.36",
     ),
+    Finding(
+        id="drake-lagged/friction-of-a-heap-fades",
+        engine="drake-lagged",
+        versions="1.51.1",
+        what=(
+            "A heap of spheres that slides comes down half again as far as it should: friction over the normal force falls with the "
+            "speed, by an amount that is of first order in the step."
+        ),
+        size=Size(
+            case="spheres/stack",
+            variant="heap=tetrahedron,share=0.8",
+            quantity="down",
+            truth="analytic",
+            over=0.005,
+            over_why="first order in the step moves the top by 3e-4 m in half a second, 6e-4 of a radius",
+        ),
+        command="ninedisk run spheres/stack --engine drake-lagged --set share=0.8",
+    ),
 )
