@@ -75,6 +75,10 @@ BUILTIN_CASES: dict[str, str] = {
     "spheres/isotropy": "ninedisk.harness.cases.spheres.on_plane:ISOTROPY",
     "spheres/turntable": "ninedisk.harness.cases.spheres.on_plane:TURNTABLE",
     "spheres/top": "ninedisk.harness.cases.spheres.on_plane:TOP",
+    **{
+        f"spheres/invariance/{name}": "ninedisk.harness.cases.spheres.observers:CASES"
+        for name in ("units", "rotation", "galilei", "mirror")
+    },
     "spheres/stack": "ninedisk.harness.cases.spheres.stack:CASE",
     "spheres/rolling-resistance": "ninedisk.harness.cases.spheres.on_plane:RESISTED",
 }

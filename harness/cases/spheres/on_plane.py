@@ -559,9 +559,12 @@ class Turntable:
 
 
 SOFT = 1e6
-"""Stiffness of springs where spins are resisted [N/m]: overlaps of 4e-5 radii, and runs of a second in 12,000 steps."""
+"""Stiffness of springs where spins are resisted [N/m]: overlaps of 4e-5 radii, and runs of 7,000 steps."""
 
-SPIN = 4.0
+LASTS = 0.6
+"""Of their runs [s]: longer than any of them takes to stop."""
+
+SPIN = 2.5
 """About the normal [rad/s], of spheres that spin."""
 
 MU_R = Parameter(
@@ -630,7 +633,7 @@ class Top:
     parameters: tuple[Parameter, ...] = (
         Parameter(name="kind", default="upright", choices=("upright", "thrown", "constant", "elastic-plastic"), in_id=True,
                   help="spin about the normal; about a skew axis, thrown; about the normal, against a resistance to twisting"),
-        MU, MU_R, KR, STEP, CONTACT_DT,
+        MU, MU_R, KR, replace(STEP, default=2e-3), CONTACT_DT,
     )  # fmt: skip
     figures = (
         Figure(
@@ -670,7 +673,7 @@ class Top:
         scene = SphereScene(
             spheres=replace(ball, omega=np.array([spin])), sphere_sphere=law, walls=(floor,), gravity=(0.0, 0.0, -G)
         )
-        numerics = _numerics(params, 1.0, every=5, kn=SOFT)
+        numerics = _numerics(params, LASTS, every=5, kn=SOFT)
         return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
 
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
@@ -696,8 +699,8 @@ class Top:
             Headline(name="spin about the normal", use="rolling", quantity="spin_z", expected=truth.spin[:, 2], source=self.source,
                      scale=SPIN, scale_is="first spin"),
             Headline(name="way of a throw with spin", use="rolling", quantity="way_final",
-                     expected=float(np.hypot(*truth.x[-1])) if self._thrown(params) else math.nan, source=self.source, scale=1.0,
-                     scale_is="first speed for 1 s"),
+                     expected=float(np.hypot(*truth.x[-1])) if self._thrown(params) else math.nan, source=self.source, scale=LASTS,
+                     scale_is="first speed for 0.6 s"),
         )  # fmt: skip
 
     def checks(
@@ -762,7 +765,7 @@ class Resisted:
     parameters: tuple[Parameter, ...] = (
         Parameter(name="model", default="constant", choices=("constant", "elastic-plastic"), in_id=True, help="of the resistance"),
         Parameter(name="plane", default="level", choices=tuple(SLOPES), in_id=True, help="level, to roll down, to hold, or also twisting"),
-        replace(MU, default=0.5, in_id=False), MU_R, replace(KR, default=12.0), STEP, CONTACT_DT,
+        replace(MU, default=0.5, in_id=False), MU_R, replace(KR, default=12.0), replace(STEP, default=2e-3), CONTACT_DT,
     )  # fmt: skip
     figures = (
         Figure(
@@ -782,7 +785,7 @@ class Resisted:
         return math.radians(SLOPES[params["plane"]])
 
     def _speed(self, params: Mapping[str, Any]) -> float:
-        return 0.5 if params["plane"] in ("level", "twisting") else 0.0
+        return 0.4 if params["plane"] in ("level", "twisting") else 0.0
 
     def build(self, params: Mapping[str, Any]) -> SphereSetup:
         """On the plane z = 0 with gravity tilted towards `WAY`; springs begin with the overlap of the weight."""
@@ -802,7 +805,10 @@ class Resisted:
             gravity=(float(pull[0]), float(pull[1]), float(pull[2])),
         )
         return SphereSetup(
-            scene=scene, numerics=_numerics(params, 1.0, every=5, kn=SOFT), watch=((0, 1),), labels={"contact": (0, 1)}
+            scene=scene,
+            numerics=_numerics(params, LASTS, every=5, kn=SOFT),
+            watch=((0, 1),),
+            labels={"contact": (0, 1)},
         )
 
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
