@@ -75,7 +75,7 @@ CASES = (
         id="spheres/invariance/units",
         title="Spheres in other units",
         requirement="numbers in mm-g-ms and other units give the same physics to round-off: no absolute thresholds",
-        variants=({"scene": "slope", "units": "km-Mg-min"}, {"scene": "heap", "units": "mm-g-ms"}),
+        variants=({"scene": "heap", "units": "mm-g-ms"},),
     ),
     SpaceInvariance(
         id="spheres/invariance/rotation",
@@ -87,10 +87,7 @@ CASES = (
         id="spheres/invariance/galilei",
         title="Spheres in a moving frame",
         requirement="a scene that moves as a whole, planes and all, gives the same relative motion and forces to round-off",
-        variants=(
-            {"scene": "table", "frame_vx": -1.0, "frame_vz": 2.0},
-            {"scene": "heap", "frame_vx": 3.0, "frame_vy": -2.0},
-        ),
+        variants=({"scene": "table", "frame_vx": -1.0, "frame_vz": 2.0},),
     ),
     SpaceInvariance(
         id="spheres/invariance/mirror",

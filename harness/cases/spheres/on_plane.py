@@ -778,8 +778,11 @@ class Resisted:
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Both models on all planes."""
-        return [{"model": model, "plane": plane} for model in self.parameters[0].choices for plane in SLOPES]
+        """Both models on all planes; the elastic-plastic one yields on the level, too."""
+        return [
+            *({"model": "constant", "plane": plane} for plane in SLOPES),
+            *({"model": "elastic-plastic", "plane": plane} for plane in SLOPES if plane != "incline"),
+        ]
 
     def _angle(self, params: Mapping[str, Any]) -> float:
         return math.radians(SLOPES[params["plane"]])
