@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import finite, not_negative, positive, times_of
+from ninedisk.references._validate import finite, not_negative, pair_of, positive, times_of
 from ninedisk.references.analytic.turntable import UNIFORM_SPHERE
 
 FloatArray = NDArray[np.float64]
@@ -24,10 +24,10 @@ class BallHistory(NamedTuple):
 
 
 def slip_of(velocity: ArrayLike, spin: ArrayLike, radius: float) -> FloatArray:
-    """Velocity of the sphere's lowest point along the plane [m/s], ``v - R spin x z``, shape (..., 2)."""
-    v, w = np.asarray(velocity, dtype=np.float64), np.asarray(spin, dtype=np.float64)
+    """Velocity of the sphere's lowest point along the plane [m/s], ``v - R spin x z``, shape (2,), of v (2,) and spin (3,)."""
+    v, w = pair_of("velocity", velocity), pair_of("spin", spin, 3)
     positive(radius=radius)
-    return np.stack([v[..., 0] - radius * w[..., 1], v[..., 1] + radius * w[..., 0]], axis=-1)
+    return np.array([v[0] - radius * w[1], v[1] + radius * w[0]])
 
 
 def slide_and_roll(
@@ -69,8 +69,7 @@ def slide_and_roll(
     """
     positive(mu=mu, g=g, radius=radius, inertia_ratio=inertia_ratio)
     times = times_of(t)[..., None]
-    v0, w0 = np.array(velocity, dtype=np.float64), np.array(spin, dtype=np.float64)
-    finite(**{f"velocity_{k}": each for k, each in enumerate(v0)}, **{f"spin_{k}": each for k, each in enumerate(w0)})
+    v0, w0 = pair_of("velocity", velocity), pair_of("spin", spin, 3)
     u0 = slip_of(v0, w0, radius)
     size = float(np.hypot(*u0))
     along = u0 / size if size > 0.0 else u0

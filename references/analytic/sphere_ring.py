@@ -126,6 +126,7 @@ def fallen(
     end = float(times.max(initial=0.0))
     found = solve_ivp(rates, (0.0, max(end, 1e-300)), (angle, 0.0), method="DOP853", rtol=1e-12, atol=1e-14, dense_output=True,
                       events=landed)  # fmt: skip
+    assert found.sol is not None
     if found.t[-1] < end:
         raise ValueError(f"t = {end!r} s is not allowed: the top is down at {found.t[-1]:g} s; use earlier times")
     down: FloatArray = 2.0 * radius * (math.cos(angle) - np.cos(found.sol(times)[0]))

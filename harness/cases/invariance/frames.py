@@ -100,7 +100,7 @@ class Frame:
         resisted = {name: each for name in ("rolling", "twisting") if (each := getattr(law, name, None)) is not None}
         moment = self.force * self.length
         turning = {name: replace(each, kr=each.kr * moment) for name, each in resisted.items()}
-        return replace(law, **scaled, **turning)  # type: ignore[type-var]
+        return replace(law, **scaled, **turning)
 
     def _speed(self, vectors: object) -> FloatArray:
         moving: FloatArray = self.turn(vectors) + np.asarray(self.velocity)

@@ -31,7 +31,7 @@ from ninedisk.references.analytic.incline import acceleration
 from ninedisk.references.analytic.rolling_incline import roll_rates
 from ninedisk.references.analytic.slip_to_roll import rolling_speed
 
-Scenes = Mapping[str, tuple[Case, Mapping[str, Value], frozenset[str]]]
+Scenes = Mapping[str, tuple[Any, Mapping[str, Value], frozenset[str]]]
 
 SCENES: Scenes = {
     "collision": (

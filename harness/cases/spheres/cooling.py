@@ -35,6 +35,13 @@ class CoolingSpheres(CoolingGas):
         if each.name not in {known.name for known in CONTACT_DYNAMICS}
     )
     dimension = 3
+    claims = (
+        replace(
+            CoolingGas.claims[0],
+            id="haffs-law-of-spheres",
+            text="T = T0/(1 + t/t0)^2 with 1/t0 = (1 - e^2) times a sixth of the rate of collisions.",
+        ),
+    )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
         """Two seeds: the least of which a mean has an error."""

@@ -129,8 +129,8 @@ FINDINGS = (
         engine="drake-lagged",
         versions="1.51.1",
         what=(
-            "A heap of spheres that slides comes down a fifth farther than it should in a quarter of a second: friction over the normal force falls with the "
-            "speed, by an amount that is of first order in the step."
+            "A heap of spheres that slides comes down a fifth farther than it should in a quarter of a second: friction over the normal "
+            "force falls with the speed, by an amount that is of first order in the step."
         ),
         size=Size(
             case="spheres/stack",
