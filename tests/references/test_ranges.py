@@ -194,7 +194,8 @@ def odd_values(argument: str) -> dict[str, Any]:
 
 TAKEN = {
     ("restitution", "None"), ("kn", "inf"), ("inertia_ratio", "inf"), ("form", "mapping"),
-    *((name, "velocity", "away") for name in ("plane_contact.plane_contact_theta", "ball_on_plane.slide_and_roll", "ball_on_plane.slip_of")),
+    ("plane_contact.plane_contact_theta", "velocity", "away"), ("ball_on_plane.slide_and_roll", "velocity", "away"),
+    ("ball_on_plane.slip_of", "velocity", "away"),
 }  # fmt: skip
 """What means something to some: a rigid contact, a body that cannot turn, the scheme's own impact law, a disk that leaves."""
 
