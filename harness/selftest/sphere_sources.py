@@ -59,8 +59,6 @@ DEFECTS = (
     _kernel("rolling-spring-across-only-x", "the spring of rolling follows the spin about x alone", "resists-both",
             (KERNELS, "rolled = plus(rolled, law[ROLL + 2] * slip_dt, across)",
              "rolled = plus(rolled, law[ROLL + 2] * slip_dt, (across[0], 0.0, 0.0))")),
-    _kernel("shear-not-turned", "the shear spring keeps its direction while the contact turns", "heap-falls",
-            (KERNELS, "        spring = carried(spring, before, n)", "        spring = plus(spring, 0.0, n)")),
     _kernel("friction-of-one-side", "friction pushes the second sphere half as hard as the first", "heap",
             (KERNELS, "state.force[j, c] -= f[c]", "state.force[j, c] -= f[c] - 0.5 * fs[c]")),
     _kernel("dashpot-of-one-mass", "the dashpot of two spheres is that of one at a wall", "cools",
