@@ -89,11 +89,12 @@ def array(name: str, values: ArrayLike, *, dimensions: tuple[int, ...] = ()) -> 
     return found
 
 
-def pair_of(name: str, values: ArrayLike) -> FloatArray:
-    """Two finite numbers as float64, shape (2,); raises ValueError."""
+def pair_of(name: str, values: ArrayLike, length: int = 2) -> FloatArray:
+    """Two finite numbers, or ``length``, as float64, shape (length,); raises ValueError."""
     found = array(name, values, dimensions=(1,))
-    if found.shape != (2,):
-        raise ValueError(f"{name} = {values!r:.200} is not allowed: it must be two numbers")
+    if found.shape != (length,):
+        words = {2: "two", 3: "three"}
+        raise ValueError(f"{name} = {values!r:.200} is not allowed: it must be {words[length]} numbers")
     return found
 
 

@@ -61,6 +61,13 @@ class Difference(StrEnum):
         "friction of spheres is cut off at mu times the size of the normal force: a dashpot that pulls at the end of a contact rubs "
         "as hard as one that pushes"
     )
+    SPRINGS_TURN_WITH_TWIST = (
+        "what a contact of spheres remembers turns with half of their spin about the normal where slip is that of a step's end: the "
+        "torque that resists rolling leaves the direction of rolling"
+    )
+    RESISTANCES_SHARE_CONE = (
+        "resistances to rolling and twisting share one cone: both together are as large as one alone"
+    )
     NORMAL_TURNS_IN_IMPACT = (
         "restitution takes the approach along the line of centres at the begin of a step, the impulse acts along that at its "
         "end: e = 1 gains energy, first order in the step"

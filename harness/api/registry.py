@@ -74,6 +74,14 @@ BUILTIN_CASES: dict[str, str] = {
     "spheres/incline": "ninedisk.harness.cases.spheres.on_plane:INCLINE",
     "spheres/isotropy": "ninedisk.harness.cases.spheres.on_plane:ISOTROPY",
     "spheres/turntable": "ninedisk.harness.cases.spheres.on_plane:TURNTABLE",
+    "spheres/top": "ninedisk.harness.cases.spheres.on_plane:TOP",
+    **{
+        f"spheres/invariance/{name}": "ninedisk.harness.cases.spheres.observers:CASES"
+        for name in ("units", "rotation", "galilei", "mirror")
+    },
+    "spheres/cooling": "ninedisk.harness.cases.spheres.cooling:CASE",
+    "spheres/stack": "ninedisk.harness.cases.spheres.stack:CASE",
+    "spheres/rolling-resistance": "ninedisk.harness.cases.spheres.on_plane:RESISTED",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem.adapter:ENGINE",

@@ -110,6 +110,8 @@ FINDING_WORDS: Mapping[Difference, str] = {
     Difference.ARM_LESS_OVERLAP: "arm-less-the-overlap",
     Difference.DASHPOT_NEVER_PULLS: "dashpot-never-pulls",
     Difference.FRICTION_WHILE_PULLED: "friction-while-pulled",
+    Difference.SPRINGS_TURN_WITH_TWIST: "springs-turn-with-twist",
+    Difference.RESISTANCES_SHARE_CONE: "resistances-share-cone",
     Difference.NORMAL_TURNS_IN_IMPACT: "elastic-gas-gains-energy",
 }
 """Words by which the finding of an engine with such a difference is called: its id is ``<engine>/<words>``. The others are models of a

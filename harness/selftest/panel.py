@@ -174,6 +174,18 @@ SPHERE_PANEL: dict[str, Probe] = {
     "slides": Probe("spheres/thornton", {"incidence": 9.0}),
     "sticks": Probe("spheres/thornton", {"incidence": 1.5}),
     "chain": Probe("spheres/hertz-chain", {}),
+    "top-thrown": Probe("spheres/top", {"kind": "thrown"}),
+    "twist": Probe("spheres/top", {"kind": "constant"}),
+    "twist-spring": Probe("spheres/top", {"kind": "elastic-plastic"}),
+    "resists": Probe("spheres/rolling-resistance", {"plane": "incline"}),
+    "resists-both": Probe("spheres/rolling-resistance", {"model": "elastic-plastic", "plane": "twisting"}),
+    "heap": Probe("spheres/stack", {}),
+    "heap-falls": Probe("spheres/stack", {"share": 0.8}),
+    "cools": Probe("spheres/cooling", {"duration": 1.0}),
+    "units": Probe("spheres/invariance/units", {"scene": "heap", "units": "km-Mg-min"}),
+    "turned": Probe("spheres/invariance/rotation", {"scene": "table", "angle_deg": 77.0}),
+    "moves": Probe("spheres/invariance/galilei", {"scene": "throw", "frame_vx": 3.0, "frame_vy": -2.0}),
+    "mirrored": Probe("spheres/invariance/mirror", {"scene": "table", "mirror": True}),
 }
 
 PANELS: dict[str, dict[str, Probe]] = {

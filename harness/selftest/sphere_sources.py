@@ -6,7 +6,12 @@ from functools import partial
 
 from ninedisk.harness.selftest.defect import planted
 
-KERNELS, LISTS, SESSION = "spheres.kernels", "spheres.neighbour_kernels", "spheres.session"
+KERNELS, LISTS, STEPS, SESSION = (
+    "spheres.kernels",
+    "spheres.neighbour_kernels",
+    "spheres.step_kernels",
+    "spheres.session",
+)
 
 _kernel, _python = partial(planted, "spheres", "kernel"), partial(planted, "spheres", "python")
 
@@ -47,4 +52,30 @@ DEFECTS = (
             (KERNELS, "        fs = spring", "        fs = (spring[0], 0.5 * spring[1], spring[2])")),
     _kernel("chain-both-push", "a contact pushes the first body alone", "chain",
             (KERNELS, "blend(force, j, 1.0, force, j, -1.0,", "blend(force, j, 1.0, force, j, -0.999,")),
+    _kernel("twist-without-radius", "resistance to twisting has mu R fn without R", "twist",
+            (KERNELS, "limit = law[TWIST + 1] * reduced * repulsive", "limit = law[TWIST + 1] * repulsive")),
+    _kernel("twist-reads-rolling", "the spring of twisting goes on from that of rolling", "resists-both",
+            (KERNELS, "rolled, twisted = vector(scratch, ROLLED + q), last(scratch, ROLLED + q)",
+              "rolled, twisted = vector(scratch, ROLLED + q), last(scratch, ROLLED + q) + 0.1 * scratch[ROLLED + q]")),
+    _kernel("twist-never-yields", "the spring of twisting has no cap", "twist-spring",
+            (KERNELS, "            twisted = min(max(twisted, -limit), limit)\n            torque", "            torque")),
+    _kernel("rolling-with-half-the-radius", "resistance to rolling has half of the reduced radius", "resists",
+            (KERNELS, "limit = law[ROLL + 1] * reduced * repulsive", "limit = law[ROLL + 1] * 0.5 * reduced * repulsive")),
+    _kernel("rolling-spring-across-only-x", "the spring of rolling follows the spin about x alone", "resists-both",
+            (KERNELS, "rolled = plus(rolled, law[ROLL + 2] * slip_dt, across)",
+             "rolled = plus(rolled, law[ROLL + 2] * slip_dt, (across[0], 0.0, 0.0))")),
+    _kernel("slides-at-half-mu", "contacts slide at half of mu", "heap",
+            (KERNELS, "    cap = law.mu * repulsive\n", "    cap = 0.5 * law.mu * repulsive\n")),
+    _kernel("dashpot-of-one-mass", "the dashpot of two spheres is that of one at a wall", "cools",
+            (LISTS, "if law[HERTZ] > 0.0 else 1.0), inv_mass)", "if law[HERTZ] > 0.0 else 1.0), 0.5 * inv_mass)")),
+    _kernel("least-force", "contacts of less than half a newton have no friction", "units",
+            (KERNELS, "    cap = law.mu * repulsive\n", "    cap = law.mu * repulsive if repulsive > 0.5 else 0.0\n")),
+    _kernel("drag-to-rest", "velocities fall towards the frame at rest", "moves",
+            (STEPS, "v[q] += kick * mobility[q] * force[q]", "v[q] += kick * mobility[q] * force[q] - 0.01 * dt * v[q]")),
+    _kernel("planes-turn-about-z", "planes turn about z whatever their axis is", "turned",
+            (KERNELS, "return plus(velocity, 1.0, cross(row(table, w, 12), arm))",
+             "return plus(velocity, 1.0, cross((0.0, 0.0, table[w, 14]), arm))")),
+    _kernel("one-hand", "planes turn the same way round whatever their spin's sign is", "mirrored",
+            (KERNELS, "return plus(velocity, 1.0, cross(row(table, w, 12), arm))",
+             "return plus(velocity, 1.0 if table[w, 14] >= 0.0 else -1.0, cross(row(table, w, 12), arm))")),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Hard disks in a box with smooth elastic walls, from collision to collision: no time step, exact but for round-off."""
+"""Hard disks, or spheres, in a box with smooth elastic walls, from collision to collision: no time step, exact but for round-off."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Flight(NamedTuple):
-    """State at the sampled times: ``x`` [m] and ``v`` [m/s], shape (s, n, 2), and the collisions of pairs until then, shape (s,)."""
+    """State at the sampled times: ``x`` [m] and ``v`` [m/s], shape (s, n, d), and the collisions of pairs until then, shape (s,)."""
 
     x: FloatArray
     v: FloatArray
@@ -25,12 +25,12 @@ class Flight(NamedTuple):
 def hard_disks(
     *, x: ArrayLike, v: ArrayLike, radius: float, side: float, restitution: float, times: ArrayLike
 ) -> Flight:
-    """Equal disks in the square ``0 <= x, y <= side``; walls are elastic, disks lose ``1 + e`` of their approach.
+    """Equal disks in the square ``0 <= x, y <= side``, or spheres in the cube; walls are elastic, disks lose ``1 + e`` of their approach.
 
     Parameters
     ----------
-    x, v : array_like, shape (n, 2)
-        Centres [m], inside the box and apart from one another, and velocities [m/s].
+    x, v : array_like, shape (n, d)
+        Centres [m], inside the box and apart from one another, and velocities [m/s]; d = 2 of disks, 3 of spheres.
     radius, side : float
         Of the disks and of the box [m], > 0.
     restitution : float
@@ -52,8 +52,10 @@ def hard_disks(
     positive(radius=radius, side=side)
     fraction(restitution=restitution)
     place, speed, samples = np.array(array("x", x)), np.array(array("v", v)), array("times", times)
-    if place.ndim != 2 or place.shape[1] != 2 or speed.shape != place.shape:
-        raise ValueError(f"x and v of shapes {place.shape} and {speed.shape} are not allowed: both must be (n, 2)")
+    if place.ndim != 2 or place.shape[1] not in (2, 3) or speed.shape != place.shape:
+        raise ValueError(
+            f"x and v of shapes {place.shape} and {speed.shape} are not allowed: both must be (n, 2) or (n, 3)"
+        )
     if restitution == 0.0:
         raise ValueError(
             "restitution = 0 is not allowed: disks that stay together collide without end; use one above 0"
@@ -62,7 +64,7 @@ def hard_disks(
         raise ValueError(
             f"times of shape {samples.shape} are not allowed to descend, to be < 0 or to be no row of numbers"
         )
-    apart = np.hypot(*(place[:, None] - place[None]).transpose(2, 0, 1))[np.triu_indices(len(place), 1)]
+    apart = np.hypot.reduce((place[:, None] - place[None]).transpose(2, 0, 1))[np.triu_indices(len(place), 1)]
     inside = np.all((place >= radius * (1.0 - 1e-12)) & (place <= side - radius * (1.0 - 1e-12)))
     if not inside or apart.min(initial=math.inf) < 2.0 * radius * (1.0 - 1e-12):
         raise ValueError("x is not allowed: disks must be inside the box and apart from one another")
@@ -92,7 +94,7 @@ class _Box:
             xs.append(self.x.copy())
             vs.append(self.v.copy())
             collisions.append(self.pairs)
-        shape = (len(xs), self.n, 2)
+        shape = (len(xs), *self.x.shape)
         return Flight(np.array(xs).reshape(shape), np.array(vs).reshape(shape), np.array(collisions, dtype=np.int64))
 
     def _move(self, t: float) -> None:
@@ -101,14 +103,14 @@ class _Box:
 
     def _collide(self, i: int, j: int) -> None:
         self.count[i] += 1
-        if j < 0:  # a wall: -1 and -2 across x, -3 and -4 across y
+        if j < 0:  # a wall: -1 and -2 across x, -3 and -4 across y, and so on
             self.v[i, (-1 - j) // 2] *= -1.0
             self._foresee(i)
             return
         self.count[j] += 1
         self.pairs += 1
         normal = self.x[j] - self.x[i]
-        normal /= math.hypot(normal[0], normal[1])
+        normal /= math.hypot(*normal)
         approach = float((self.v[j] - self.v[i]) @ normal)
         impulse = 0.5 * (1.0 + self.e) * approach * normal
         self.v[i] += impulse
@@ -119,7 +121,7 @@ class _Box:
     def _foresee(self, i: int, after: int = -1) -> None:
         """Put the collisions of disk i with walls and with the disks numbered above ``after`` on the heap."""
         x, v = self.x[i], self.v[i]
-        for axis in (0, 1):
+        for axis in range(self.x.shape[1]):
             speed, place = float(v[axis]), float(x[axis])
             if speed != 0.0:
                 room = place - self.radius if speed < 0.0 else self.side - self.radius - place

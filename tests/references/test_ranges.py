@@ -29,7 +29,7 @@ LEFT, RIGHT = MovingEllipse(**MOVING, x=(0.0, 0.0), v=(1.0, 0.0)), MovingEllipse
 ONE, TWO = Ellipse(1.0, 0.5, (0.0, 0.0), 0.1), Ellipse(1.0, 0.5, (1.8, 0.1), 0.3)
 
 RIGHT_VALUES: dict[str, Any] = {
-    "elapsed": 1.0, "side": 1.0,
+    "elapsed": 1.0, "side": 1.0, "dimension": 3, "spread": 1.1, "top": 2.0, "each": 1.0, "mu_t": 0.1, "slip": 1.0,
     "ahead": 0.2, "amplitude": 1e-3, "angle": 0.3, "area": 100.0, "aside": -0.55, "beta": 0.1, "bounces": 3, "c_disk_disk": 1.0,
     "c_wall": 1.0, "chord": 1.0, "cycles": 3, "d": np.array([[0.2, -0.55], [0.19, -0.55], [0.2, -0.55]]), "damping": np.eye(2),
     "damping_ratio": 0.1, "dilates": False, "dt": 1e-3, "end": 0.6, "form": "central", "frequency": 3.0, "g": 9.81, "g0": 0.1, "gap": 0.1,
@@ -61,6 +61,8 @@ OWN: dict[str, dict[str, Any]] = {
     "prescribed_partner.struck_by_turning_wall": {"place": (0.5, 0.2)},
     "lattice.stretched": {"rate": (-0.1, 0.1)},
     "pushed_row.static_force": {"way": 0.01},
+    "ball_on_plane.slide_and_roll": {"spin": (1.0, 2.0, 3.0)},
+    "ball_on_plane.slip_of": {"spin": (1.0, 2.0, 3.0)},
     "turntable.turntable": {"start": (1.0, 2.0), "v": (0.7, 0.0)},
     "wedge.wedge": {"speed": 0.01, "half_width": 0.7, "t": np.array([0.0, 0.1])},
 }
@@ -93,7 +95,7 @@ ANY_SIGN = {
     "y",
 }
 """Arguments that may be negative, here or there."""
-COUNTS = {"bounces", "cycles", "half", "n", "n_load", "n_steps"}
+COUNTS = {"bounces", "cycles", "dimension", "half", "n", "n_load", "n_steps"}
 MOST_SECONDS, MOST_BYTES = 20.0, 400_000_000
 """Of a call that succeeds."""
 
@@ -192,7 +194,8 @@ def odd_values(argument: str) -> dict[str, Any]:
 
 TAKEN = {
     ("restitution", "None"), ("kn", "inf"), ("inertia_ratio", "inf"), ("form", "mapping"),
-    ("plane_contact.plane_contact_theta", "velocity", "away"),
+    ("plane_contact.plane_contact_theta", "velocity", "away"), ("ball_on_plane.slide_and_roll", "velocity", "away"),
+    ("ball_on_plane.slip_of", "velocity", "away"),
 }  # fmt: skip
 """What means something to some: a rigid contact, a body that cannot turn, the scheme's own impact law, a disk that leaves."""
 

@@ -1,4 +1,4 @@
-"""Gas of smooth disks whose collisions lose energy: Haff's law within what gases of so few disks scatter, and each collision's loss.
+"""Gas of smooth disks or spheres whose collisions lose energy: Haff's law within what so few of them scatter, and each collision's loss.
 
 The same disks are followed from collision to collision without a time step; how long that binds an engine is derived.
 """
@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -144,21 +145,27 @@ class CoolingGas:
         *(replace(each, default="newton") if each.name == "impact" else each for each in CONTACT_DYNAMICS),
     )  # fmt: skip
 
+    dimension = 2
+
     def matrix(self) -> Sequence[Mapping[str, Value]]:
         """Four seeds."""
         return [{"seed": seed} for seed in (1, 2, 3, 4)]
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """The disks where elastic collisions have brought them from a lattice."""
-        kn, speed, n = params["kn"], params["speed"], params["rows"] ** 2
+        kn, speed = params["kn"], params["speed"]
         if speed * math.sqrt(0.5 * MASS / kn) > 0.05 * RADIUS or speed * params["dt"] > 0.1 * RADIUS:
             raise ParameterError(
                 f"kn = {kn:g} N/m with dt = {params['dt']:g} s is not allowed: disks would overlap by more than a twentieth of the radius, "
                 f"or move by more than a tenth of it in a step; use kn > {0.5 * MASS * (20.0 * speed / RADIUS) ** 2:.3g} and "
                 f"dt < {0.1 * RADIUS / speed:.3g}"
             )
-        x, v = _start(params["rows"], params["spacing"], speed, params["seed"])
-        side, e = _side(params), params["restitution"]
+        x, v = _start(params["rows"], params["spacing"], speed, params["seed"], self.dimension)
+        return self.setup(params, x, v)
+
+    def setup(self, params: Mapping[str, Any], x: FloatArray, v: FloatArray) -> Setup:
+        """The disks in their box."""
+        kn, e, n, side = params["kn"], params["restitution"], len(x), _side(params)
         elastic = ContactLaw(kn=kn, restitution=1.0, regularised=True)
         faces = (
             ((0.0, 0.0), (1.0, 0.0)),
@@ -177,7 +184,7 @@ class CoolingGas:
         numerics = numerics_of(
             params,
             n_steps=whole_steps(params, params["duration"]),
-            contact_dt=contact_step(params["dt"], params["phase"] / math.sqrt(2.0 * kn / MASS)),
+            contact_dt=own_step(params),
             theta=1.0 / (1.0 + e),
         )
         return Setup(scene=scene, numerics=numerics, watch=(), labels={})
@@ -191,7 +198,7 @@ class CoolingGas:
         kinetic = 0.5 * MASS * (history.v**2).sum(axis=(1, 2))
         room = room_at_walls(params, history.x)
         elastic = 0.5 * params["kn"] * ((np.maximum(-room, 0.0) ** 2).sum(axis=1) + overlaps_squared(history.x))
-        first = 0.5 * MASS * float((setup.scene.disks.v**2).sum())
+        first = 0.5 * MASS * float((setup.scene.bodies.v**2).sum())
         held = level(kinetic / first)
         series = {
             "kinetic": ("1", kinetic / first),
@@ -219,11 +226,11 @@ class CoolingGas:
         """The law within the scatter, the very motion while it binds, and each collision."""
         law, times = law_at_end(params, setup), setup.numerics.sampled_steps() * setup.numerics.dt
         lag = _lag(params, setup, engine)
-        delay = lag * 2.0 / len(setup.scene.disks) * _rate(params)
+        delay = lag * 2.0 / len(setup.scene.bodies) * _rate(params, self.dimension)
         theory = law.theory * (1.0 + delay / THEORY)
         atol = SIGMAS * law.spread + theory
         why = (
-            f"{SIGMAS:g} standard deviations, {law.spread:.3g}, of gases of {len(setup.scene.disks)} disks; {THEORY:.0%} of the rate for "
+            f"{SIGMAS:g} standard deviations, {law.spread:.3g}, of gases of {len(setup.scene.bodies)} disks; {THEORY:.0%} of the rate for "
             f"the theory, and {delay:.1%} for collisions that take {lag:.2g} s"
         )
         grown, source = 1.0 + law.elapsed, f"Haff's law: {self.source}"
@@ -242,15 +249,21 @@ class CoolingGas:
 
 
 @lru_cache(maxsize=32)
-def _start(rows: int, spacing: float, speed: float, seed: int) -> tuple[FloatArray, FloatArray]:
-    """Centres and velocities, shapes (n, 2), `MIXED` elastic collisions of each disk after a lattice with velocities that have no mean."""
-    v = np.random.default_rng(seed).standard_normal((rows**2, 2))
+def _start(rows: int, spacing: float, speed: float, seed: int, dimension: int = 2) -> tuple[FloatArray, FloatArray]:
+    """Centres and velocities, shapes (n, d), `MIXED` elastic collisions of each disk after a lattice with velocities that have no mean."""
+    v = np.random.default_rng(seed).standard_normal((rows**dimension, dimension))
     v -= v.mean(axis=0)
     v *= speed / math.sqrt(float((v**2).sum(axis=1).mean()))
     place = spacing * (np.arange(rows) + 0.5)
-    x = np.array([(a, b) for b in place for a in place])
-    rate = pair_rate(n=rows**2, area=(rows * spacing) ** 2, radius=RADIUS, thermal=speed / math.sqrt(2.0))
-    time = MIXED * rows**2 / (2.0 * rate)
+    x = np.array([each[::-1] for each in product(place, repeat=dimension)])
+    rate = pair_rate(
+        n=len(x),
+        area=(rows * spacing) ** dimension,
+        radius=RADIUS,
+        thermal=speed / math.sqrt(dimension),
+        dimension=dimension,
+    )
+    time = MIXED * len(x) / (2.0 * rate)
     mixed = hard_disks(x=x, v=v, radius=RADIUS, side=rows * spacing, restitution=1.0, times=[time])
     return mixed.x[0], mixed.v[0]
 
@@ -259,11 +272,16 @@ def _side(params: Mapping[str, Any]) -> float:
     return float(params["rows"] * params["spacing"])
 
 
-def _rate(params: Mapping[str, Any]) -> float:
+def own_step(params: Mapping[str, Any]) -> float:
+    """Contact step of spring engines [s]."""
+    return contact_step(params["dt"], params["phase"] / math.sqrt(2.0 * params["kn"] / MASS))
+
+
+def _rate(params: Mapping[str, Any], d: int) -> float:
     """Collisions of pairs per second at the start, walls and all."""
-    n, side = params["rows"] ** 2, _side(params)
-    bulk = pair_rate(n=n, area=side**2, radius=RADIUS, thermal=params["speed"] / math.sqrt(2.0))
-    return bulk * rate_in_box(n=n, side=side, radius=RADIUS)
+    n, side = params["rows"] ** d, _side(params)
+    bulk = pair_rate(n=n, area=side**d, radius=RADIUS, thermal=params["speed"] / math.sqrt(d), dimension=d)
+    return bulk * rate_in_box(n=n, side=side, radius=RADIUS, dimension=d)
 
 
 class Law(NamedTuple):
@@ -278,23 +296,23 @@ class Law(NamedTuple):
 
 def law_at_end(params: Mapping[str, Any], setup: Setup) -> Law:
     """Haff's law with the rate in the box; an error of the rate by a part p is one of ln T by ``2 p (t/t0)/(1 + t/t0)``."""
-    n, side, e = params["rows"] ** 2, _side(params), params["restitution"]
-    thermal = params["speed"] / math.sqrt(2.0)
-    time = haff_time(n=n, area=side**2, radius=RADIUS, thermal=thermal, restitution=e)
-    time /= rate_in_box(n=n, side=side, radius=RADIUS)
+    d, side, e = setup.scene.dimension, _side(params), params["restitution"]
+    n, thermal = params["rows"] ** d, params["speed"] / math.sqrt(d)
+    time = haff_time(n=n, area=side**d, radius=RADIUS, thermal=thermal, restitution=e, dimension=d)
+    time /= rate_in_box(n=n, side=side, radius=RADIUS, dimension=d)
     elapsed = setup.numerics.n_steps * setup.numerics.dt / time
     return Law(
         time=time,
         elapsed=elapsed,
         expected=-2.0 * math.log1p(elapsed),
-        spread=haff_spread(n=n, restitution=e, elapsed=elapsed),
+        spread=haff_spread(n=n, restitution=e, elapsed=elapsed, dimension=d),
         theory=2.0 * THEORY * elapsed / (1.0 + elapsed),
     )
 
 
 def _lag(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> float:
     """Time [s] by which an engine's collisions are late, or that they take."""
-    law, numerics = setup.scene.disk_disk, setup.numerics
+    law, numerics = setup.scene.law_of_bodies, setup.numerics
     lasts = contact_duration(kn=params["kn"], m_eff=0.5 * MASS, beta=law.beta) if engine.contact == "spring" else 0.0
     return max(numerics.dt, lasts)
 
@@ -309,13 +327,13 @@ class _Motion(NamedTuple):
 
 @lru_cache(maxsize=32)
 def _motion(
-    rows: int, spacing: float, speed: float, seed: int, e: float, lag: float, times: tuple[float, ...]
+    rows: int, spacing: float, speed: float, seed: int, d: int, e: float, lag: float, times: tuple[float, ...]
 ) -> _Motion:
     """The event-driven motion, and how long others stay near it that begin a way of ``lag`` elsewhere.
 
     Every collision that is late by a time step, or that takes the time of a contact, displaces the disks by the way of that time.
     """
-    x, v = _start(rows, spacing, speed, seed)
+    x, v = _start(rows, spacing, speed, seed, d)
     box: dict[str, Any] = {"v": v, "radius": RADIUS, "side": rows * spacing, "restitution": e, "times": times}
     own = hard_disks(x=x, **box)
     energy = (own.v**2).sum(axis=(1, 2)) / (v**2).sum()
@@ -339,7 +357,7 @@ def _nearby(x: FloatArray, way: FloatArray, side: float) -> FloatArray:
     for i, step in enumerate(way):
         there = moved[i] + step
         others = np.delete(moved, i, axis=0)
-        free = np.hypot(*(others - there).T).min() > 2.0 * RADIUS
+        free = np.hypot.reduce((others - there).T).min() > 2.0 * RADIUS
         if free and (there > RADIUS).all() and (there < side - RADIUS).all():
             moved[i] = there
     return moved
@@ -353,12 +371,20 @@ def _motion_checks(
     params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo, lag: float
 ) -> list[Check]:
     t = observed.t
-    key = (params["rows"], params["spacing"], params["speed"], params["seed"], params["restitution"], lag)
+    key = (
+        params["rows"],
+        params["spacing"],
+        params["speed"],
+        params["seed"],
+        setup.scene.dimension,
+        params["restitution"],
+        lag,
+    )
     motion = _motion(*key, tuple(t[:MOST_COMPARED].tolist()))
     expected = np.full(len(t), np.nan)
     expected[: len(motion.energy)] = motion.energy
     quantity = "energy" if engine.contact == "spring" else "kinetic"
-    lost = -math.expm1(-2.0 * motion.collisions / len(setup.scene.disks) * 4.0 * softness(engine))
+    lost = -math.expm1(-2.0 * motion.collisions / len(setup.scene.bodies) * 4.0 * softness(engine))
     return [
         Check(quantity=quantity, norm="max", truth="exact-step", expected=expected, scale=1.0,
               source=f"event by event, until {motion.until:.2f} s: {motion.collisions} collisions of two disks",
@@ -372,8 +398,8 @@ def _collision_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInf
     """What no number of collisions changes: none adds energy, and what each takes.
 
     Of springs the normal turns in a contact by ``v_t t_c/sigma``, so that the energy of approach along the impulse is another one than
-    that of touch: by ``<v_t^2 v_n> t_c/(sigma <v_n^2>) = sqrt(pi/8) a t_c/sigma`` over collisions, ``a^2 = 2 kT/m``; twice that, since
-    the same turn is in the loss.
+    that of touch: by ``<v_t^2 v_n> t_c/(sigma <v_n^2>) = sqrt(pi/8) a t_c/sigma`` over collisions and for each direction across,
+    ``a^2 = 2 kT/m``; twice that, since the same turn is in the loss.
     """
     e, numerics = params["restitution"], setup.numerics
     hits = expected_collisions(params, setup)
@@ -385,22 +411,23 @@ def _collision_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInf
     elif Difference.IMPACT_AS_SPRINGS in engine.differences:
         # Half a step of a spring's motion, in own steps of the part of dt in which a contact takes its load up: a phase of 2 pi times that.
         quantity, own = "kinetic_level", 2.0 * math.pi * softness(engine)
-        rise += own**2 * (SIGMAS * math.sqrt(2.0 * hits.all / 90.0) + 0.25 * MEETING) / len(setup.scene.disks)
+        rise += own**2 * (SIGMAS * math.sqrt(2.0 * hits.all / 90.0) + 0.25 * MEETING) / len(setup.scene.bodies)
         reason = f"an impact is a spring's motion over half a step, omega dt = {own:.3g}: phases of {hits.all:.0f} collisions"
     share = 1.0 - e**2
-    relative, sigma = params["speed"], 2.0 * RADIUS
+    d = setup.scene.dimension
+    relative, sigma = params["speed"] * math.sqrt(2.0 / d), 2.0 * RADIUS
     off, why = 1e-9 + 1e3 * single(engine, 1.0, 1), "Newton's restitution: round-off"
     lasts = 0.0
     if engine.contact == "spring":
         phase = math.sqrt(2.0 * params["kn"] / MASS) * (numerics.contact_dt or numerics.dt)
-        lasts = contact_duration(kn=params["kn"], m_eff=0.5 * MASS, beta=setup.scene.disk_disk.beta)
-        off += 2.0 * e**2 * phase_error(phase, setup.scene.disk_disk.beta)
+        lasts = contact_duration(kn=params["kn"], m_eff=0.5 * MASS, beta=setup.scene.law_of_bodies.beta)
+        off += 2.0 * e**2 * phase_error(phase, setup.scene.law_of_bodies.beta)
         why = f"omega dt = {phase:.3g}; the normal turns in a contact of {lasts:.2g} s"
     elif engine.contact == "soft" or Difference.NORMAL_TURNS_IN_IMPACT in engine.differences:
         lasts = numerics.dt
         off += 2.0 * (1.0 + e) * softness(engine)
         why = f"soft contacts, or normals that turn, within a step: {lasts:.2g} s"
-    off += 2.0 * math.sqrt(math.pi / 8.0) * relative * lasts / sigma * share
+    off += 2.0 * (d - 1) * math.sqrt(math.pi / 8.0) * relative * lasts / sigma * share
     return [
         Check(quantity=f"{quantity}_rise", norm="scalar", truth="analytic", expected=0.0, source="collisions with e < 1 take energy",
               atol=rise, scale=1.0, why=reason),

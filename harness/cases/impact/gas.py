@@ -282,7 +282,7 @@ def _rounding(engine: EngineInfo, size: float) -> float:
 
 
 def room_at_walls(params: Mapping[str, Any], x: FloatArray) -> FloatArray:
-    """Gap to each of the walls [m], shape (s, 4 n)."""
+    """Gap to each of the walls [m], shape (s, 2 d n)."""
     side = params["rows"] * params["spacing"]
     flat = x.reshape(len(x), -1)
     return np.concatenate([flat - RADIUS, side - flat - RADIUS], axis=1)
@@ -293,7 +293,7 @@ def overlaps_squared(x: FloatArray) -> FloatArray:
     one, two = np.triu_indices(x.shape[1], 1)
     total = np.zeros(len(x))
     for row, places in enumerate(x):
-        apart = np.hypot(*(places[one] - places[two]).T)
+        apart = np.hypot.reduce((places[one] - places[two]).T)
         total[row] = (np.maximum(2.0 * RADIUS - apart, 0.0) ** 2).sum()
     return total
 
@@ -334,14 +334,14 @@ class Hits(NamedTuple):
 
 def expected_collisions(params: Mapping[str, Any], setup: Setup) -> Hits:
     """Collisions of the run by kinetic theory."""
-    n, side = params["rows"] ** 2, params["rows"] * params["spacing"]
-    radius = float(setup.scene.disks.radius[0])
-    thermal = params["speed"] / math.sqrt(2.0)
+    n, d, side = len(setup.scene.bodies), setup.scene.dimension, params["rows"] * params["spacing"]
+    radius = float(setup.scene.bodies.radius[0])
+    thermal = params["speed"] / math.sqrt(d)
     room = side - 2.0 * radius
     time = setup.numerics.n_steps * setup.numerics.dt
     return Hits(
-        pairs=time * pair_rate(n=n, area=side**2, radius=radius, thermal=thermal),
-        walls=time * wall_rate(n=n, area=room**2, length=4.0 * room, thermal=thermal),
+        pairs=time * pair_rate(n=n, area=side**d, radius=radius, thermal=thermal, dimension=d),
+        walls=time * wall_rate(n=n, area=room**d, length=2.0 * d * room ** (d - 1), thermal=thermal),
     )
 
 
@@ -358,10 +358,10 @@ def energy_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, h
 
     Rigid contacts with e = 1 keep the energy exactly, in any number at one time: round-off; soft ones lose what they let through.
     """
-    n = params["rows"] ** 2
+    n = len(setup.scene.bodies)
     if engine.contact == "spring":
         contact_dt = setup.numerics.contact_dt or setup.numerics.dt
-        eps = 2.0 * params["kn"] / float(setup.scene.disks.mass[0]) * contact_dt**2
+        eps = 2.0 * params["kn"] / float(setup.scene.bodies.mass[0]) * contact_dt**2
         walk = SIGMAS * eps * math.sqrt(2.0 * hits.all / 90.0) / n
         why = (
             f"random phases of {hits.all:.0f} collisions, {SIGMAS:g} standard deviations, and contacts under way: "
@@ -386,8 +386,10 @@ def _gain_of_turning(params: Mapping[str, Any], setup: Setup, hits: Hits) -> flo
     from the one that restitution sees: a gain of ``m/2 v_n v_t^2 dt/sigma``. Over collisions the mean of v_n is ``sqrt(pi/2) a`` and
     that of v_t^2 is ``a^2``, with ``a^2 = 2 kT/m``. Each hit gains of what the gas has by then.
     """
-    n, sigma = params["rows"] ** 2, 2.0 * float(setup.scene.disks.radius[0])
+    n, sigma = len(setup.scene.bodies), 2.0 * float(setup.scene.bodies.radius[0])
     turn = math.sqrt(math.pi) * params["speed"] / math.sqrt(2.0) * setup.numerics.dt / sigma
+    if setup.scene.dimension == 3:  # two directions across, of a third more freedoms: a^2 = 2/3 of the mean square
+        turn *= 4.0 / 3.0 * math.sqrt(2.0 / 3.0)
     return math.expm1(2.0 * turn * hits.pairs / n)
 
 

@@ -31,7 +31,9 @@ from ninedisk.references.analytic.incline import acceleration
 from ninedisk.references.analytic.rolling_incline import roll_rates
 from ninedisk.references.analytic.slip_to_roll import rolling_speed
 
-SCENES: Mapping[str, tuple[Case, Mapping[str, Value], frozenset[str]]] = {
+Scenes = Mapping[str, tuple[Any, Mapping[str, Value], frozenset[str]]]
+
+SCENES: Scenes = {
     "collision": (
         binary_collision.CASE,
         {"kind": "elastic"},
@@ -96,18 +98,6 @@ def settings_with_dimension() -> dict[str, tuple[float, int, int]]:
     }
 
 
-def frame_of(params: Mapping[str, Any]) -> Frame:
-    """The observer of a variant."""
-    length, mass, time = UNITS[params["units"]]
-    return Frame(
-        length=length,
-        mass=mass,
-        time=time,
-        angle=math.radians(params["angle_deg"]),
-        velocity=(params["frame_vx"], params["frame_vy"]),
-    )
-
-
 @dataclass(frozen=True, kw_only=True)
 class Invariance:
     """A case of this family: which of the observer's parameters its variants set."""
@@ -124,14 +114,31 @@ class Invariance:
         """A few observers."""
         return self.variants
 
+    @property
+    def scenes(self) -> Scenes:
+        """What is seen, by name."""
+        return SCENES
+
+    def frame(self, params: Mapping[str, Any]) -> Frame:
+        """The observer of a variant."""
+        length, mass, time = UNITS[params["units"]]
+        velocity = (params["frame_vx"], params["frame_vy"])
+        return Frame(length=length, mass=mass, time=time, angle=math.radians(params["angle_deg"]), velocity=velocity)
+
+    def original(self, params: Mapping[str, Any]) -> tuple[Case, Mapping[str, Any], Setup]:
+        """The case that is seen, its parameters and its problem."""
+        case, overrides, _ = self.scenes[params["scene"]]
+        full = resolve(case, overrides).params
+        return case, full, case.build(full)
+
     def build(self, params: Mapping[str, Any]) -> Setup:
         """The original scene as the observer sees it."""
-        return frame_of(params).setup(_original(params)[2], settings_with_dimension())
+        return self.frame(params).setup(self.original(params)[2], settings_with_dimension())
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
         """The original case's quantities, from the history brought back; of the compression, what a half row's contacts bear in the end."""
-        case, full, original = _original(params)
-        found = case.observe(full, original, frame_of(params).history(history))
+        case, full, original = self.original(params)
+        found = case.observe(full, original, self.frame(params).history(history))
         if params["scene"] != "compression":
             return found
         force = sum(last(found.series[name][1]) for name in ("fn_disk_disk_centre", "fn_wall_mid"))
@@ -139,7 +146,7 @@ class Invariance:
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """A quantity of the scene that has one value in every scheme: what is off is off by the observer."""
-        scene, full = params["scene"], _original(params)[1]
+        scene, full = params["scene"], self.original(params)[1]
         if scene == "collision":
             quantity, expected, source, scale_is = (
                 "restitution_effective",
@@ -181,9 +188,9 @@ class Invariance:
         engine: EngineInfo,
     ) -> Sequence[Check]:
         """The original case's truths with the rounding of the observer's coordinates added."""
-        case, full, original = _original(params)
-        counted = SCENES[params["scene"]][2]
-        rounding = _rounding(params, original, engine)
+        case, full, original = self.original(params)
+        counted = self.scenes[params["scene"]][2]
+        rounding = _rounding(self.frame(params), original, engine)
         return [
             replace(
                 check,
@@ -196,30 +203,24 @@ class Invariance:
         ]  # fmt: skip
 
 
-def _original(params: Mapping[str, Any]) -> tuple[Case, Mapping[str, Any], Setup]:
-    case, overrides, _ = SCENES[params["scene"]]
-    full = resolve(case, overrides).params
-    return case, full, case.build(full)
-
-
 def _unit(check: Check, observed: Observed) -> str:
     return (observed.series.get(check.quantity) or observed.scalars[check.quantity])[0]
 
 
-def _rounding(params: Mapping[str, Any], original: Setup, engine: EngineInfo) -> dict[str, float]:
+def _rounding(frame: Frame, original: Setup, engine: EngineInfo) -> dict[str, float]:
     """What the rounding of the observer's coordinates, as large as the way of the frame, adds, by unit.
 
     A force balance through a contact spring leaves velocities of a unit of the coordinates in a contact step (see
     `ninedisk.harness.cases.common.round_off_speed`); without springs, velocities are rounded to their own last bit, and impulses
     are what changes them in a step.
     """
-    scene, numerics = original.scene, original.numerics
+    scene, numerics, bodies = original.scene, original.numerics, original.scene.bodies
     t_end = numerics.dt * numerics.n_steps
-    drift = math.hypot(params["frame_vx"], params["frame_vy"])
-    reach = float(np.abs(scene.disks.x).max() + scene.disks.radius.max()) + drift * t_end
+    drift = math.hypot(*frame.velocity)
+    reach = float(np.abs(bodies.x).max() + bodies.radius.max()) + drift * t_end
     length = ROUNDINGS * float(np.spacing(reach))
-    kn = max(law.kn for law in (scene.disk_disk, *(wall.law for wall in scene.walls)))
-    mass, radius = float(scene.disks.mass.max()), float(scene.disks.radius.min())
+    kn = max(law.kn for law in (scene.law_of_bodies, *(wall.law for wall in scene.walls)))
+    mass, radius = float(bodies.mass.max()), float(bodies.radius.min())
     if engine.contact == "spring":
         # A step is resolved to some 1e-2 of a contact's period: what a gap's rounding does to a force lasts at most that long.
         speed = length / (numerics.contact_dt or numerics.dt)
@@ -228,7 +229,7 @@ def _rounding(params: Mapping[str, Any], original: Setup, engine: EngineInfo) ->
         speed = length / numerics.dt + ROUNDINGS * float(np.spacing(drift)) + single(engine, drift, numerics.n_steps)
         force = mass * speed / numerics.dt
         length += single(engine, reach, numerics.n_steps)
-    top = float(np.abs(scene.disks.v).max())
+    top = float(np.abs(bodies.v).max())
     return {
         "m": length + speed * t_end,
         "m/s": speed,

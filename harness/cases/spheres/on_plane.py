@@ -1,7 +1,7 @@
-"""Spheres on a plane with friction: thrown, released on a slope, sliding in all directions, rolling on a turntable.
+"""Spheres on a plane with friction: thrown, on a slope, sliding in all directions, on a turntable, spinning, against resistances.
 
 Contacts are rigid: springs that regularise them are stiff. The shear springs begin unloaded, so that friction comes up over the slip
-``mu fn/ks``, and where rolling begins they swing on, at ``Omega^2 = ks (1/m + R^2/I)``, since nothing damps them.
+``mu fn/ks``, and where rolling begins they swing on, at ``omega^2 = ks (1/m + R^2/I)``, since nothing damps them.
 """
 
 from __future__ import annotations
@@ -14,13 +14,24 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.law import Rolling
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
-from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, SphereSetup, Value
+from ninedisk.harness.api.case import (
+    Check,
+    FloatArray,
+    Headline,
+    KnownDifference,
+    Observed,
+    Parameter,
+    SphereSetup,
+    Value,
+)
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
+    FINDING_WORDS,
     LIFTS,
     allowing,
     contact_step,
@@ -31,20 +42,17 @@ from ninedisk.harness.cases.common import (
     soft_reason,
     softness,
 )
+from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.references.analytic.ball_on_plane import BallHistory, against_twisting, slide_and_roll, slip_of
 from ninedisk.references.analytic.rolling_incline import roll_down, roll_rates
+from ninedisk.references.analytic.rolling_resistance import Rolled, against_constant_torque, against_spring, oscillation
 from ninedisk.references.analytic.slip_to_roll import slip_to_roll
 from ninedisk.references.analytic.turntable import UNIFORM_SPHERE, turntable
 
 RADIUS, MASS, G = 0.5, 2.0, 10.0
-KN, KS, BETA = 1e8, 8e7, 0.3
-OMEGA = math.sqrt(KS * (1.0 + 1.0 / UNIFORM_SPHERE) / MASS)
-"""Swing of a shear spring under a sphere that turns [rad/s]."""
-
-SLIDES = math.sqrt(KS / MASS)
-"""The same where it does not turn."""
-
+KN, KS_OVER_KN, BETA = 1e8, 0.8, 0.3
 PHASE = 0.1
-"""Of the faster of the two, omega dt."""
+"""Of the swing of a shear spring under a sphere that turns, omega dt."""
 
 WAY = np.array([0.6, 0.8, 0.0])
 """Direction of throws: along no axis, an exact unit vector."""
@@ -61,17 +69,22 @@ STEP = Parameter(
 )
 
 
-def _law(mu: float) -> SphereLaw:
-    return SphereLaw(kn=KN, ks=KS, mu=mu, beta=BETA, restitution=0.0, regularised=True)
+def _law(mu: float, kn: float = KN, beta: float = BETA) -> SphereLaw:
+    return SphereLaw(kn=kn, ks=KS_OVER_KN * kn, mu=mu, beta=beta, restitution=0.0, regularised=True)
+
+
+def _swing(kn: float, *, turning: bool = True) -> float:
+    """Angular frequency of a shear spring under a sphere [rad/s]."""
+    return math.sqrt(KS_OVER_KN * kn * (1.0 + (1.0 / UNIFORM_SPHERE if turning else 0.0)) / MASS)
 
 
 def _spheres(x: FloatArray, v: FloatArray) -> Spheres:
     return Spheres(x=x, v=v, radius=np.full(len(x), RADIUS), mass=np.full(len(x), MASS))
 
 
-def _numerics(params: Mapping[str, Any], duration: float, every: int = 1) -> Numerics:
+def _numerics(params: Mapping[str, Any], duration: float, every: int = 1, kn: float = KN) -> Numerics:
     dt = params["dt"]
-    contact_dt = contact_step(dt, PHASE / OMEGA) if params["contact_dt"] is None else params["contact_dt"]
+    contact_dt = contact_step(dt, PHASE / _swing(kn)) if params["contact_dt"] is None else params["contact_dt"]
     return Numerics(dt=dt, n_steps=max(1, math.ceil(duration / dt)), contact_dt=contact_dt, sample_every=every)
 
 
@@ -80,8 +93,9 @@ def _room(setup: SphereSetup, engine: EngineInfo, pull: float, speed: float) -> 
     t_end = setup.numerics.dt * setup.numerics.n_steps
     room = 1e-10 * (speed + G * t_end) + single(engine, max(speed, G * t_end), setup.numerics.n_steps)
     if engine.contact == "spring":
-        turning = bool(setup.scene.spheres.rotating.all())
-        room += 2.0 * pull / OMEGA if turning else pull**2 * MASS / KS / speed + pull * PHASE / SLIDES
+        turning, kn = bool(setup.scene.spheres.rotating.all()), setup.scene.walls[0].law.kn
+        slow = _swing(kn, turning=False)
+        room += 2.0 * pull / _swing(kn) if turning else pull**2 / slow**2 / speed + pull * PHASE / slow
     room += pull * (slack_time(engine, setup.numerics.dt) + softness(engine) * t_end) + softness(engine) * speed
     if Difference.FRICTION_LAGS in engine.differences:
         room += 2.0 * pull * setup.numerics.dt
@@ -102,6 +116,42 @@ def _excused(setup: SphereSetup, engine: EngineInfo, checks: Any) -> list[Check]
     return allowing(LIFTS, setup, engine, checks)
 
 
+SPOTS = 9
+"""Places on a way that are told one by one, so that a figure shows it."""
+
+
+def _spots(history: History) -> dict[str, tuple[str, float]]:
+    """Coordinates of the first sphere at as many instants, as far apart."""
+    rows = np.linspace(0, len(history.t) - 1, SPOTS).round().astype(int)
+    return {
+        f"{axis}_{k}": ("m", float(history.x[row, 0, c])) for k, row in enumerate(rows) for c, axis in enumerate("xy")
+    }
+
+
+def _spot_checks(truth: FloatArray, *, source: str, atol: float, scale: float, why: str) -> list[Check]:
+    """Those places against a way of shape (s, 2)."""
+    rows = np.linspace(0, len(truth) - 1, SPOTS).round().astype(int)
+    return [
+        Check(quantity=f"{axis}_{k}", norm="scalar", truth="analytic", expected=float(truth[row, c]), source=source, atol=atol,
+              scale=scale, why=why)
+        for k, row in enumerate(rows)
+        for c, axis in enumerate("xy")
+    ]  # fmt: skip
+
+
+def _way_figure(title: str, shows: str, allows: str, **where: tuple[str, ...]) -> Figure:
+    return Figure(
+        title=title,
+        kind="places",
+        quantities=tuple(Plotted(f"y_{k}", "y [m]", at=f"x_{k}") for k in range(SPOTS)),
+        where=where,
+        apart=True,
+        at_label="x [m]",
+        shows=shows,
+        allows=allows,
+    )
+
+
 class Thrown:
     """A sphere without spin is thrown along a plane in a direction of no axis; it slides, then rolls at 5/7 of its speed."""
 
@@ -115,6 +165,19 @@ class Thrown:
         Parameter(name="speed", default=1.0, low=0.0, low_open=True, high=100.0, unit="m/s", help="of the throw"),
         STEP,
         CONTACT_DT,
+    )
+    figures = (
+        Figure(
+            title="From sliding to rolling",
+            quantities=(
+                Plotted("vx", "velocity"),
+                Plotted("spin", "spin"),
+                Plotted("beside", "speed across the throw"),
+            ),
+            compare="mu",
+            shows="A sphere thrown without spin: velocity and spin along the throw, and what leaves its direction.",
+            allows="It slides until the speed is 5/7 of the first, whatever mu; nothing but an engine's own axes can push it aside.",
+        ),
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
@@ -193,6 +256,20 @@ class Released:
         STEP,
         CONTACT_DT,
     )  # fmt: skip
+
+    figures = (
+        Figure(
+            title="Down a slope",
+            quantities=(
+                Plotted("vx", "velocity down the slope"),
+                Plotted("spin", "spin"),
+                Plotted("beside", "speed across the slope"),
+            ),
+            compare="mu",
+            shows="A sphere released at rest on a slope along no axis, with friction enough to roll and with less.",
+            allows="5/7 of the pull along the slope where it rolls, the pull less mu g cos where it slides; it keeps to the line of fall.",
+        ),
+    )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
         """Rolling and sliding; the limit is 0.106."""
@@ -292,6 +369,27 @@ class Isotropy:
         CONTACT_DT,
     )
 
+    figures = (
+        Figure(
+            title="Friction in all directions",
+            kind="places",
+            quantities=tuple(Plotted(f"lost_y_{k}", "loss along y, over mu g t [-]", at=f"lost_x_{k}") for k in range(DIRECTIONS)),
+            apart=True,
+            at_label="loss along x, over mu g t [-]",
+            shows="What each of the 24 spheres has lost of its velocity, as a vector; a circle by Coulomb's law.",
+            allows="A pyramid of friction makes a square of the circle: what lies beyond it brakes too much, and a sphere whose loss is "
+            "off its direction is pushed aside.",
+        ),
+        Figure(
+            title="Deviation by time",
+            quantities=(
+                Plotted("off", "largest angle off the direction"), Plotted("lost_least", "least loss"), Plotted("lost_most", "largest loss")
+            ),
+            shows="The sphere that is farthest off its direction, and the least and the largest loss of speed of all.",
+            allows="Both losses are one line, mu g t, where friction knows no axes.",
+        ),
+    )  # fmt: skip
+
     def matrix(self) -> Sequence[Mapping[str, Value]]:
         """One."""
         return [{"mu": 0.3}]
@@ -321,6 +419,10 @@ class Isotropy:
             "off": ("rad", np.abs(np.arctan2(across, along)).max(axis=1)),
         }
         scalars = {name + "_final": (unit, float(values[-1])) for name, (unit, values) in series.items()}
+        change = (setup.scene.spheres.v - history.v[-1]) / (params["mu"] * G * float(history.t[-1]))
+        scalars |= {
+            f"lost_{axis}_{k}": ("1", float(change[k, c])) for k in range(DIRECTIONS) for c, axis in enumerate("xy")
+        }
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
@@ -350,6 +452,13 @@ class Isotropy:
                 ),
                 Check(quantity="off", norm="max", truth="analytic", expected=np.zeros_like(lost), source="Coulomb's law",
                       atol=2.0 * room / speed, scale=1.0, why=f"{why}; across half of the first speed"),
+                *(
+                    Check(quantity=f"lost_{axis}_{k}", norm="scalar", truth="analytic", expected=float(way[c]),
+                          source=f"Coulomb's law: {'upper' if way[1] > 0.0 else 'lower'} half", atol=room / float(lost[-1]), scale=1.0,
+                          why=why)
+                    for k, way in enumerate(setup.scene.spheres.v / speed)
+                    for c, axis in enumerate("xy")
+                ),
             ]  # fmt: skip
 
         return _excused(setup, engine, found)
@@ -370,6 +479,14 @@ class Turntable:
         STEP,
         CONTACT_DT,
     )  # fmt: skip
+    figures = (
+        _way_figure(
+            "The way on the turntable",
+            "A quarter of the circle on which the sphere goes round, from above.",
+            "Whatever friction, radius and gravity are, the circle is run through with 2/7 of the plane's angular speed; slip that is let "
+            "through, or a first-order step, shows as a spiral.",
+        ),
+    )
     START = (1.0, 2.0)
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
@@ -395,7 +512,7 @@ class Turntable:
         series = {"vx": ("m/s", v[:, 0]), "vy": ("m/s", v[:, 1]), "speed": ("m/s", np.hypot(v[:, 0], v[:, 1]))}
         turned = float(np.unwrap(np.arctan2(v[:, 1], v[:, 0]))[-1])
         rate = turned / float(history.t[-1]) / params["turn"]
-        return Observed(step=history.step, t=history.t, series=series, scalars={"rate": ("1", rate)})
+        return Observed(step=history.step, t=history.t, series=series, scalars={"rate": ("1", rate), **_spots(history)})
 
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """The angular speed."""
@@ -414,7 +531,7 @@ class Turntable:
 
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
             pull = truth.rate * speed
-            rolls = 2.0 * pull / OMEGA + 4.0 * pull * MASS * G / KN / RADIUS * t_end
+            rolls = 2.0 * pull / _swing(KN) + 4.0 * pull * MASS * G / KN / RADIUS * t_end
             # A sphere of springs rolls on R - overlap; its shear spring bears the pull from the start, and swings about that.
             room, why = 1e-10 * speed + single(engine, turn * 3.0, setup.numerics.n_steps), "round-off of the steps"
             if engine.contact == "spring":
@@ -424,6 +541,8 @@ class Turntable:
                 room += speed * (truth.rate * dt + t_end / dt * (truth.rate * dt) ** 2)
                 why = f"first order of steps that find the plane's speed at one end of the step{soft_reason(engine)}"
             room += (pull + turn * 3.0) * (slack_time(engine, dt) + softness(engine) * t_end)
+            # Places of implicit steps are sums of the velocities at one end of each.
+            lag = 0.0 if engine.contact == "spring" else speed * dt
             rows = (("vx", truth.v[:, 0]), ("vy", truth.v[:, 1]))
             return [
                 *(
@@ -433,9 +552,386 @@ class Turntable:
                 ),
                 Check(quantity="rate", norm="scalar", truth="analytic", expected=2.0 / 7.0, source="rolling without slip",
                       atol=room / (speed * t_end * turn), scale=2.0 / 7.0, why=why),
+                *_spot_checks(truth.x, source="rolling without slip", atol=room * t_end + lag, scale=speed * t_end, why=why),
             ]  # fmt: skip
 
         return _excused(setup, engine, found)
 
 
-ROLLING, INCLINE, ISOTROPY, TURNTABLE = Thrown(), Released(), Isotropy(), Turntable()
+SOFT = 1e6
+"""Stiffness of springs where spins are resisted [N/m]: overlaps of 4e-5 radii, and runs of 7,000 steps."""
+
+LASTS = 0.6
+"""Of their runs [s]: longer than any of them takes to stop."""
+
+SPIN = 2.5
+"""About the normal [rad/s], of spheres that spin."""
+
+MU_R = Parameter(
+    name="mu_r", default=0.1, low=0.0, low_open=True, high=0.5, unit="-", help="coefficient of the resistance to rolling, to twisting"
+)  # fmt: skip
+KR = Parameter(
+    name="kr", default=6.0, low=0.1, high=1e3, unit="N m/rad", help="stiffness of an elastic-plastic resistance"
+)
+
+
+def _resistance(model: str, params: Mapping[str, Any]) -> Rolling:
+    return Rolling(model=model, mu=params["mu_r"], kr=params["kr"] if model == "elastic-plastic" else 0.0)  # type: ignore[arg-type]
+
+
+def _twisted(t: FloatArray, model: str, params: Mapping[str, Any]) -> FloatArray:
+    """Spin about the normal under a resistance to it [rad/s].
+
+    Against a spring it is that of a body that rolls (`against_spring`) with half of the sphere's ratio of inertia for its mass and none of
+    the way's.
+    """
+    if model == "constant":
+        return against_twisting(t, mu_t=params["mu_r"], spin=SPIN, g=G, radius=RADIUS)
+    mass = 0.5 * UNIFORM_SPHERE * MASS
+    rolled = against_spring(t, mu_r=params["mu_r"], kr=params["kr"], beta=0.0, angle=0.0, g=G * MASS / mass, mass=mass, radius=RADIUS,
+                            speed=RADIUS * SPIN, inertia_ratio=1.0)  # fmt: skip
+    return rolled.vx / RADIUS
+
+
+def _twist_room(setup: SphereSetup, engine: EngineInfo) -> float:
+    """What a spin about the normal may be off by [rad/s].
+
+    A constant torque acts a step too long where it ends, and to either side after that; a spring swings with its scheme's order.
+    """
+    numerics, law = setup.numerics, setup.scene.walls[0].law.twisting
+    t_end = numerics.dt * numerics.n_steps
+    room = 1e-10 * SPIN + single(engine, SPIN, numerics.n_steps)
+    if law is None:
+        return room
+    pull = law.mu * G / (UNIFORM_SPHERE * RADIUS)
+    h = (numerics.contact_dt or numerics.dt) if engine.contact == "spring" else numerics.dt
+    room += pull * (slack_time(engine, numerics.dt) + softness(engine) * t_end) + softness(engine) * SPIN
+    # The normal force is off by what a gap is rounded to, of the overlap of the weight.
+    room += pull * t_end * 8.0 * float(np.spacing(RADIUS)) * SOFT / (MASS * G)
+    if law.model == "constant":
+        return room + 2.0 * pull * h
+    rate = math.sqrt(law.kr / (UNIFORM_SPHERE * MASS)) / RADIUS
+    return room + SPIN * (rate * h) ** 2 * max(1.0, rate * t_end)
+
+
+class Top:
+    """A sphere that spins: about the normal at a place, or about a skew axis while it is thrown, so that friction bends its way.
+
+    ``resisted``: about the normal, against a resistance to twisting.
+    """
+
+    id = "spheres/top"
+    version = 1
+    title = "A spinning sphere"
+    source = (
+        "Euler and Coriolis for a rigid sphere with Coulomb friction, which has no moment about the normal at a point"
+    )
+    requirement = (
+        "a spin about the normal stays; a sphere thrown with spin slides along a parabola until 2 |u0|/(7 mu g); a constant torque "
+        "mu_r R m g stops the spin after I spin/(mu_r R m g)"
+    )
+    parameters: tuple[Parameter, ...] = (
+        Parameter(name="kind", default="upright", choices=("upright", "thrown", "constant", "elastic-plastic"), in_id=True,
+                  help="spin about the normal; about a skew axis, thrown; about the normal, against a resistance to twisting"),
+        MU, MU_R, KR, replace(STEP, default=2e-3), CONTACT_DT,
+    )  # fmt: skip
+    figures = (
+        Figure(
+            title="Spin about the normal",
+            quantities=(Plotted("spin_z", "spin about the normal"),),
+            compare="kind",
+            where={"kind": ("upright", "constant", "elastic-plastic")},
+            shows="A sphere that spins freely, and against resistances to twisting.",
+            allows="Friction at a point takes nothing of this spin; a constant torque stops it at one time, a spring swings about where it "
+            "has yielded to.",
+        ),
+        _way_figure(
+            "A throw with spin",
+            "The way of a sphere thrown with a spin across its velocity, from above.",
+            "Friction keeps its direction, so that the way is a parabola, and straight once the sphere rolls.",
+            kind=("thrown",),
+        ),
+    )  # fmt: skip
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """Each kind."""
+        return [{"kind": kind} for kind in self.parameters[0].choices]
+
+    def _thrown(self, params: Mapping[str, Any]) -> bool:
+        return bool(params["kind"] == "thrown")
+
+    def _start(self, params: Mapping[str, Any]) -> tuple[tuple[float, float], tuple[float, float, float]]:
+        return ((WAY[0], WAY[1]), (1.5, -2.0, SPIN)) if self._thrown(params) else ((0.0, 0.0), (0.0, 0.0, SPIN))
+
+    def build(self, params: Mapping[str, Any]) -> SphereSetup:
+        """Springs begin with the overlap of the weight."""
+        law, (v, spin) = _law(params["mu"], SOFT, 0.0), self._start(params)
+        if params["kind"] in ("constant", "elastic-plastic"):
+            law = replace(law, twisting=_resistance(params["kind"], params))
+        floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law)
+        ball = _spheres(np.array([[0.0, 0.0, RADIUS - MASS * G / SOFT]]), np.array([[*v, 0.0]]))
+        scene = SphereScene(
+            spheres=replace(ball, omega=np.array([spin])), sphere_sphere=law, walls=(floor,), gravity=(0.0, 0.0, -G)
+        )
+        numerics = _numerics(params, LASTS, every=5, kn=SOFT)
+        return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
+
+    def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
+        """Velocity and spin by components, and the way."""
+        v, spin = history.v[:, 0], history.omega[:, 0]
+        series = {
+            "vx": ("m/s", v[:, 0]), "vy": ("m/s", v[:, 1]), **{f"spin_{axis}": ("rad/s", spin[:, k]) for k, axis in enumerate("xyz")}
+        }  # fmt: skip
+        scalars = {**_spots(history), "way_final": ("m", float(np.hypot(*history.x[-1, 0, :2])))}
+        return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
+
+    def _truth(self, params: Mapping[str, Any], t: FloatArray) -> BallHistory:
+        v, spin = self._start(params)
+        found = slide_and_roll(t, mu=params["mu"], g=G, radius=RADIUS, velocity=v, spin=spin)
+        if params["kind"] in ("constant", "elastic-plastic"):
+            found.spin[:, 2] = _twisted(t, params["kind"], params)
+        return found
+
+    def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """The spin about the normal, and how far a throw gets."""
+        truth = self._truth(params, observed.t)
+        return (
+            Headline(name="spin about the normal", use="rolling", quantity="spin_z", expected=truth.spin[:, 2], source=self.source,
+                     scale=SPIN, scale_is="first spin"),
+            Headline(name="way of a throw with spin", use="rolling", quantity="way_final",
+                     expected=float(np.hypot(*truth.x[-1])) if self._thrown(params) else math.nan, source=self.source, scale=LASTS,
+                     scale_is="first speed for 0.6 s"),
+        )  # fmt: skip
+
+    def checks(
+        self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed, engine: EngineInfo
+    ) -> Sequence[Check]:
+        """Velocities and spins at all times."""
+        truth = self._truth(params, observed.t)
+        v, spin = self._start(params)
+        slip = float(np.hypot(*slip_of(v, spin, RADIUS)))
+
+        def found(setup: Any, engine: EngineInfo) -> list[Check]:
+            speed, why = max(1.0, slip), _why(engine)
+            room = _room(setup, engine, params["mu"] * G if slip else 0.0, speed)
+            turn = room / (UNIFORM_SPHERE * RADIUS)
+            rows = (
+                ("vx", truth.v[:, 0], room, speed), ("vy", truth.v[:, 1], room, speed),
+                ("spin_x", truth.spin[:, 0], turn, speed / RADIUS), ("spin_y", truth.spin[:, 1], turn, speed / RADIUS),
+                ("spin_z", truth.spin[:, 2], _twist_room(setup, engine), SPIN),
+            )  # fmt: skip
+            found = [
+                Check(
+                    quantity=name,
+                    norm="max",
+                    truth="analytic",
+                    expected=expected,
+                    source=self.source,
+                    atol=atol,
+                    scale=scale,
+                    why=why,
+                )
+                for name, expected, atol, scale in rows
+            ]
+            if self._thrown(params):
+                # Places of rigid contacts are sums of the velocities at one end of each step.
+                lag = 0.0 if engine.contact == "spring" else speed * params["dt"]
+                t_end = float(observed.t[-1])
+                found += _spot_checks(truth.x, source=self.source, atol=room * t_end + lag, scale=t_end, why=why)
+            return found
+
+        return _excused(setup, engine, found)
+
+
+SLOPES = {"level": 0.0, "incline": 10.0, "hold": 2.0, "twisting": 0.0}
+"""[deg]: tan(10 deg) = 0.18 is above the coefficient of the resistance, 0.1, and tan(2 deg) = 0.035 is below half of it."""
+
+
+class Resisted:
+    """``plane=level``: a rolling sphere slows down; ``incline``: one at rest rolls down; ``hold``: one at rest stays, or swings.
+
+    ``plane=twisting``: as on the level, while the sphere twists against a resistance of the same size; each has its own history. Springs
+    keep to the plane there and do not turn with half of the twist, as they do where the law is symmetric in both bodies.
+    """
+
+    id = "spheres/rolling-resistance"
+    version = 1
+    title = "Rolling resistance of a sphere"
+    source = "Ai, Chen, Rotter & Ooi, Powder Technology 206 (2011) 269-282, models A and C; Newton and Euler for a sphere that rolls"
+    requirement = (
+        "constant: a = (5/7) g (sin - mu_r cos), at rest where tan(angle) <= mu_r; elastic-plastic: a swing of omega^2 = 5 kr/(7 m R^2) "
+        "that yields at mu_r R fn"
+    )
+    parameters: tuple[Parameter, ...] = (
+        Parameter(name="model", default="constant", choices=("constant", "elastic-plastic"), in_id=True, help="of the resistance"),
+        Parameter(name="plane", default="level", choices=tuple(SLOPES), in_id=True, help="level, to roll down, to hold, or also twisting"),
+        replace(MU, default=0.5, in_id=False), MU_R, replace(KR, default=12.0), replace(STEP, default=2e-3), CONTACT_DT,
+    )  # fmt: skip
+    figures = (
+        Figure(
+            title="Against rolling resistance",
+            quantities=(Plotted("way", "way along the plane"), Plotted("along", "velocity along the plane")),
+            compare="model",
+            shows="A sphere that rolls along a level plane, and one put at rest on inclines.",
+            allows="A constant torque stops it after 7 v^2/(10 mu_r g); a spring holds it, swinging.",
+        ),
+    )
+
+    def matrix(self) -> Sequence[Mapping[str, Value]]:
+        """Both models on all planes; the elastic-plastic one yields on the level, too."""
+        return [
+            *({"model": "constant", "plane": plane} for plane in SLOPES),
+            *({"model": "elastic-plastic", "plane": plane} for plane in SLOPES if plane != "incline"),
+        ]
+
+    def _angle(self, params: Mapping[str, Any]) -> float:
+        return math.radians(SLOPES[params["plane"]])
+
+    def _speed(self, params: Mapping[str, Any]) -> float:
+        return 0.4 if params["plane"] in ("level", "twisting") else 0.0
+
+    def build(self, params: Mapping[str, Any]) -> SphereSetup:
+        """On the plane z = 0 with gravity tilted towards `WAY`; springs begin with the overlap of the weight."""
+        angle, speed, twists = self._angle(params), self._speed(params), params["plane"] == "twisting"
+        resistance = _resistance(params["model"], params)
+        law = replace(_law(params["mu"], SOFT, 0.0), rolling=resistance)
+        if twists:
+            law = replace(law, twisting=resistance, slip_at="end")
+        floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law)
+        spin = np.cross([0.0, 0.0, 1.0], WAY) * speed / RADIUS + [0.0, 0.0, SPIN if twists else 0.0]
+        ball = _spheres(np.array([[0.0, 0.0, RADIUS - MASS * G * math.cos(angle) / SOFT]]), speed * WAY[None])
+        pull = G * (math.sin(angle) * WAY - math.cos(angle) * np.array([0.0, 0.0, 1.0]))
+        scene = SphereScene(
+            spheres=replace(ball, omega=spin[None]),
+            sphere_sphere=law,
+            walls=(floor,),
+            gravity=(float(pull[0]), float(pull[1]), float(pull[2])),
+        )
+        return SphereSetup(
+            scene=scene,
+            numerics=_numerics(params, LASTS, every=5, kn=SOFT),
+            watch=((0, 1),),
+            labels={"contact": (0, 1)},
+        )
+
+    def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
+        """Way, velocity and spin along the plane, what is beside them, and the spin about the normal."""
+        across = np.cross([0.0, 0.0, 1.0], WAY)
+        v, spin, way = history.v[:, 0], history.omega[:, 0], history.x[:, 0] @ WAY
+        series = {
+            "way": ("m", way),
+            "along": ("m/s", v @ WAY),
+            "spin": ("rad/s", spin @ across),
+            "beside": ("m/s", np.abs([v @ across, RADIUS * (spin @ WAY)]).max(axis=0)),
+            "spin_z": ("rad/s", spin[:, 2]),
+        }
+        return Observed(step=history.step, t=history.t, series=series, scalars={"way_final": ("m", float(way[-1]))})
+
+    def _rolled(self, params: Mapping[str, Any], t: FloatArray) -> Rolled:
+        given: dict[str, float] = {
+            "mu_r": params["mu_r"], "angle": self._angle(params), "g": G, "speed": self._speed(params), "inertia_ratio": UNIFORM_SPHERE,
+        }  # fmt: skip
+        if params["model"] == "constant":
+            return against_constant_torque(t, **given)
+        return against_spring(t, **given, kr=params["kr"], beta=0.0, mass=MASS, radius=RADIUS)
+
+    def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+        """How far it gets, in parts of the way without resistance."""
+        t_end = float(observed.t[-1])
+        free = self._speed(params) * t_end + G * math.sin(self._angle(params)) * t_end**2 / (2.0 + 2.0 * UNIFORM_SPHERE)
+        return (
+            Headline(name="distance against rolling resistance", use="rolling", quantity="way_final",
+                     expected=float(self._rolled(params, observed.t[-1:]).x[0]), source=self.source, scale=free,
+                     scale_is="distance without resistance"),
+        )  # fmt: skip
+
+    def checks(
+        self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed, engine: EngineInfo
+    ) -> Sequence[Check]:
+        """Newton and Euler for the sphere that rolls without slip.
+
+        A constant torque whose sign is a step late turns the rim by ``mu_r R m g h/I`` to either side, and acts at once where it begins and
+        ends, so that shear springs swing; a spring is followed to the order of the scheme (`ninedisk.harness.cases.rolling.resistance`).
+        """
+        truth, t_end, mu_r = self._rolled(params, observed.t), float(observed.t[-1]), params["mu_r"]
+        pull = G * math.sin(self._angle(params))
+
+        def found(setup: Any, engine: EngineInfo) -> list[Check]:
+            springs, numerics = engine.contact == "spring", setup.numerics
+            h = (numerics.contact_dt or numerics.dt) if springs else numerics.dt
+            fastest = max(float(np.abs(truth.vx).max()), mu_r * G * h)
+            room, why = (
+                _room(setup, engine, 2.0 * (pull + mu_r * G), max(self._speed(params), pull * t_end)),
+                _why(engine),
+            )
+            room += 2.0 * MASS * G / SOFT / RADIUS * fastest if springs else 0.0
+            if params["model"] == "constant":
+                room += 4.0 * mu_r * G / UNIFORM_SPHERE * h
+                why += f"; a torque whose sign is late, h = {h:.2g} s"
+            else:
+                rate = oscillation(mu_r=mu_r, kr=params["kr"], angle=self._angle(params), g=G, mass=MASS, radius=RADIUS,
+                                   inertia_ratio=UNIFORM_SPHERE).omega  # fmt: skip
+                swing = max(self._speed(params), (mu_r * G + pull) / rate)
+                room += swing * rate * h * max(1.0, rate * t_end) * (0.5 * rate * h if springs else 1.0)
+                why += f"; swings of rate h = {rate * h:.2g}"
+            lag = 0.0 if springs else fastest * h
+            twist = np.full_like(observed.t, 0.0)
+            if params["plane"] == "twisting":
+                twist = _twisted(observed.t, params["model"], params)
+            known = self._known(params, engine, observed.t)
+            rows = (
+                ("way", truth.x, room * t_end + lag, max(fastest * t_end, 0.5 * mu_r * G * t_end**2)),
+                ("along", truth.vx, room, fastest),
+                ("spin", truth.vx / RADIUS, 2.0 * room / RADIUS, fastest / RADIUS),
+                ("beside", np.zeros_like(observed.t), room, fastest),
+                ("spin_z", twist, _twist_room(setup, engine), SPIN),
+            )
+            return [
+                Check(quantity=name, norm="max", truth="analytic", expected=expected, source=self.source, atol=atol, scale=scale, why=why,
+                      known=replace(known[name], size=known[name].size + atol) if name in known else None)
+                for name, expected, atol, scale in rows
+            ]  # fmt: skip
+
+        return _excused(setup, engine, found)
+
+    def _known(self, params: Mapping[str, Any], engine: EngineInfo, t: FloatArray) -> dict[str, KnownDifference]:
+        """What two known differences explain where a sphere both rolls and twists, by quantity.
+
+        A spring that turns with half of the twist q has its torque, ``mu_r R m g`` at most, at the angle q/2 to the rolling: its part
+        across it, ``sin(q/2)``, and what is lacking along it drive the sphere by ``mu_r g/(1 + k)`` times their sum over the time. Torques
+        that share a cone are along the spin, as large as one of both: a sphere that rolls at v and twists at w slows down by
+        ``mu_r g/(1 + k) v/u`` and ``mu_r g/(k R) w/u``, with ``u^2 = v^2 + (R w)^2``.
+        """
+        if params["plane"] != "twisting":
+            return {}
+        a, b = params["mu_r"] * G / (1.0 + UNIFORM_SPHERE), params["mu_r"] * G / UNIFORM_SPHERE
+        dt = np.diff(t, prepend=0.0)
+        sizes: dict[str, float] = {}
+        if Difference.SPRINGS_TURN_WITH_TWIST in engine.differences and params["model"] == "elastic-plastic":
+            half = 0.5 * np.cumsum(_twisted(t, params["model"], params) * dt)
+            words, aside = Difference.SPRINGS_TURN_WITH_TWIST, a * float((np.abs(np.sin(half)) * dt).sum())
+            lacks = a * float(((1.0 - np.cos(half)) * dt).sum())
+            sizes = {"beside": aside, "along": lacks, "spin": lacks / RADIUS, "way": lacks * float(t[-1])}
+        if Difference.RESISTANCES_SHARE_CONE in engine.differences and params["model"] == "constant":
+            words = Difference.RESISTANCES_SHARE_CONE
+            both = [np.array([self._speed(params), RADIUS * SPIN])]
+            for step in dt[1:]:
+                u = both[-1]
+                loss = np.array([a, b]) * u / max(float(np.hypot(*u)), 1e-300) * step
+                both.append(np.maximum(u - loss, 0.0))
+            shared = np.array(both).T
+            off = np.abs(shared[0] - self._rolled(params, t).vx)
+            turned = np.abs(shared[1] / RADIUS - _twisted(t, "constant", params))
+            sizes = {"along": float(off.max()), "spin": float(off.max()) / RADIUS, "way": float((off * dt).sum()),
+                     "spin_z": float(turned.max())}  # fmt: skip
+        return {
+            name: KnownDifference(
+                finding=f"{engine.id}/{FINDING_WORDS[words]}",
+                size=1.1 * size,
+                why="both resistances at once, by the engine's own law, against each alone",
+            )
+            for name, size in sizes.items()
+        }
+
+
+ROLLING, INCLINE, ISOTROPY, TURNTABLE, TOP, RESISTED = Thrown(), Released(), Isotropy(), Turntable(), Top(), Resisted()

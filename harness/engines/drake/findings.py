@@ -124,4 +124,22 @@ FINDINGS = (
         ),
         command="ninedisk run incline-block --engine drake-sap --set mu=0.36",
     ),
+    Finding(
+        id="drake-lagged/friction-of-a-heap-fades",
+        engine="drake-lagged",
+        versions="1.51.1",
+        what=(
+            "A heap of spheres that slides comes down a fifth farther than it should in a quarter of a second: friction over the normal "
+            "force falls with the speed, by an amount that is of first order in the step."
+        ),
+        size=Size(
+            case="spheres/stack",
+            variant="heap=tetrahedron,share=0.8",
+            quantity="down",
+            truth="analytic",
+            over=0.001,
+            over_why="first order in the step moves the top by 3e-4 m, 6e-4 of a radius",
+        ),
+        command="ninedisk run spheres/stack --engine drake-lagged --set share=0.8",
+    ),
 )

@@ -79,4 +79,26 @@ FINDINGS = (
         ),
         command="ninedisk run spheres/chung-ooi/4 --engine liggghts --set angle=25 --set unloading=none",
     ),
+    Finding(
+        id="liggghts/plane-at-rest-at-first",
+        engine="liggghts",
+        versions="3.8.0",
+        what=(
+            "A plane that moves along its normal from the begin of a run, together with what rests on it, gives that a kick in the first "
+            "step: the speed that its dashpots see is that of a plane at rest."
+        ),
+        size=Size(
+            case="spheres/invariance/galilei",
+            variant="scene=heap,frame_vx=3,frame_vy=-2,frame_vz=1",
+            quantity="down",
+            truth="analytic",
+            over=1.6e-6,
+            over_why="what springs that begin without shear move the heap by, 7.9e-7 m, over the radius",
+            fails=True,
+        ),
+        command=(
+            "ninedisk run spheres/invariance/galilei --engine liggghts --set scene=heap --set frame_vx=3 --set frame_vy=-2 "
+            "--set frame_vz=1"
+        ),
+    ),
 )

@@ -97,7 +97,10 @@ FACTS = package_facts(
     contact="soft",
     softness=1.0 / OPTIONS["substeps"].default,
     softness_why="a contact takes its load up within one of MuJoCo's own steps in dt",
-    differences={Difference.IMPACT_AS_SPRINGS: "an elastic contact takes contact_time, many of MuJoCo's own steps"},
+    differences={
+        Difference.IMPACT_AS_SPRINGS: "an elastic contact takes contact_time, many of MuJoCo's own steps",
+        Difference.RESISTANCES_SHARE_CONE: SHARED_CONE,
+    },
     options=OPTIONS,
     out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), OWN_SOFTNESS),
     licence="Apache-2.0",

@@ -138,4 +138,41 @@ FINDINGS = (
             "--option mujoco.cone=pyramidal"
         ),
     ),
+    Finding(
+        id="mujoco/resistances-share-cone",
+        engine="mujoco",
+        versions="4.0.0",
+        what=(
+            "Resistances to rolling and twisting are one elliptic cone with the friction: a sphere that twists fast rolls on as if nothing "
+            "resisted rolling, and the other way round."
+        ),
+        size=Size(
+            case="spheres/rolling-resistance",
+            variant="model=constant,plane=twisting",
+            quantity="spin_z",
+            truth="analytic",
+            over=0.05,
+            over_why="what two of the engine's steps at the full torque change: 0.019",
+        ),
+        command="ninedisk run spheres/rolling-resistance --engine mujoco --set model=constant --set plane=twisting",
+    ),
+    Finding(
+        id="mujoco/absolute-least-inertia",
+        engine="mujoco",
+        versions="4.0.0",
+        what=(
+            "Inverse masses and inertias are compared with an absolute number, mjMINVAL = 1e-15: in micrometres and micrograms spheres of "
+            "2 kg bear another friction than in metres and kilograms."
+        ),
+        size=Size(
+            case="spheres/invariance/units",
+            variant="scene=heap,units=um-ug-us",
+            quantity="top_s_mean",
+            truth="analytic",
+            over=0.02,
+            over_why="in metres and in millimetres friction is right to 3e-6 N of 20 N",
+            fails=True,
+        ),
+        command="ninedisk run spheres/invariance/units --engine mujoco --set scene=heap --set units=um-ug-us",
+    ),
 )

@@ -83,4 +83,22 @@ FINDINGS = (
         ),
         command="ninedisk run spheres/chung-ooi/3 --engine yade --set restitution=0.2",
     ),
+    Finding(
+        id="yade/springs-turn-with-twist",
+        engine="yade",
+        versions="2023.02a",
+        what=(
+            "Bending moments of a sphere that twists turn with half of its spin about the normal: the torque that resists rolling leaves "
+            "the direction of rolling and drives the sphere aside."
+        ),
+        size=Size(
+            case="spheres/rolling-resistance",
+            variant="model=elastic-plastic,plane=twisting",
+            quantity="beside",
+            truth="analytic",
+            over=0.01,
+            over_why="swings of an unloaded shear spring: 0.0034 of 0.4 m/s",
+        ),
+        command="ninedisk run spheres/rolling-resistance --engine yade --set model=elastic-plastic --set plane=twisting",
+    ),
 )

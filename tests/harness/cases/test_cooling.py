@@ -7,6 +7,7 @@ import pytest
 
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.params import resolve
+from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.cases.impact.cooling import CASE, haffs_law, law_at_end
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
@@ -42,6 +43,12 @@ def test_disks_of_another_size_move_otherwise_and_a_gas_that_does_not_cool_is_no
 
     assert "kinetic" in run_cell(CASE, PYMUNK, {"seed": 2, "duration": 2.0}, scene=smaller).seen
     assert {"ln_temperature", "cooling"} <= run_cell(CASE, PYMUNK, {"rows": 8}, law={"restitution": 1.0}).seen
+
+
+def test_spheres_that_lose_more_or_feed_energy_are_seen(run_cell):
+    case = get_case("spheres/cooling")
+    assert {"loss", "ln_temperature", "cooling"} <= run_cell(case, DEM, {"duration": 4.0}, law={"beta": 0.6}).seen
+    assert run_cell(case, DEM, {}, lambda history: history.v[100:].__imul__(1.02)).seen >= {"energy_rise"}
 
 
 class Of:

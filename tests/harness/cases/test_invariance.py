@@ -7,12 +7,15 @@ import dataclasses
 import numpy as np
 import pytest
 
+from ninedisk.core.law import Rolling
 from ninedisk.core.scene import WallSegment
+from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.cases.incline.block import CASE as INCLINE
-from ninedisk.harness.cases.invariance.frames import Frame
+from ninedisk.harness.cases.invariance.frames import Frame, SpaceFrame
 from ninedisk.harness.cases.invariance.observers import CASES, SCENES, UNITS
+from ninedisk.harness.cases.spheres.observers import AXES, SEEN
 from ninedisk.harness.engines.bullet.adapter import ENGINE as BULLET
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.esys_particle.adapter import ENGINE as ESYS
@@ -67,6 +70,49 @@ def test_a_wall_of_a_moving_frame_never_rests():
     turning = dataclasses.replace(wall, motion=(WallSegment(angular_velocity=1.0),))
     with pytest.raises(ValueError, match="turn or swing"):
         Frame(angle=0.5).setup(dataclasses.replace(setup, scene=setup.scene.replace(walls=(turning,))))
+
+
+@pytest.mark.parametrize("scene", SEEN)
+def test_there_and_back_is_the_identity_in_space(scene):
+    """Each rotation, shift, mirror and unit is undone by another observer; mirrors turn spins round once more."""
+    case, overrides, _ = SEEN[scene]
+    setup = case.build(resolve(case, overrides).params)
+    axis = AXES["skew"]
+    there = SpaceFrame(length=1e3, mass=7.0, time=60.0, angle=0.7, axis=axis, mirror=True, velocity=(3.0, -2.0, 1.0))
+    back = there.setup(setup)
+    assert np.linalg.det(there.matrix) == pytest.approx(-1.0)
+    for frame in (
+        SpaceFrame(length=1e-3, mass=1 / 7.0, time=1 / 60.0), SpaceFrame(velocity=(-3.0, 2.0, -1.0)), SpaceFrame(mirror=True),
+        SpaceFrame(angle=-0.7, axis=axis),
+    ):  # fmt: skip
+        back = frame.setup(back)
+    for name in ("x", "v", "omega", "radius", "mass", "inertia"):
+        got, want = getattr(back.scene.spheres, name), getattr(setup.scene.spheres, name)
+        assert np.allclose(got, want, rtol=1e-13, atol=1e-12)
+    assert np.allclose(back.scene.gravity, setup.scene.gravity, rtol=1e-13, atol=1e-14)
+    for one, two in zip(back.scene.walls, setup.scene.walls, strict=True):
+        assert np.allclose([*one.point, *one.normal], [*two.point, *two.normal], atol=1e-12)
+        assert np.allclose([one.law.kn, one.law.ks], [two.law.kn, two.law.ks], rtol=1e-13)
+        for segment, other in zip(one.motion, two.motion, strict=False):
+            for name in ("velocity", "angular_velocity", "pivot"):
+                assert np.allclose(getattr(segment, name), getattr(other, name), atol=1e-12)
+
+
+def test_stiffnesses_of_spheres_in_other_units():
+    """E* is a force over an area, g one over a length, kr a moment: in mm, g and ms a newton is 1, a metre 1000."""
+    law = SphereLaw(
+        e_star=2e9, g_star=1e9, surface_energy=0.5, rolling=Rolling(model="elastic-plastic", mu=0.1, kr=3.0)
+    )
+    seen = SpaceFrame(length=1e3, mass=1e3, time=1e3).law(law)
+    assert seen.rolling is not None
+    assert (seen.e_star, seen.g_star, seen.surface_energy, seen.rolling.kr) == pytest.approx((2e3, 1e3, 5e-4, 3e3))
+
+
+def test_a_sphere_that_is_held_is_seen_from_no_other_frame():
+    setup = SEEN["throw"][0].build(resolve(SEEN["throw"][0], {}).params)
+    held = setup.scene.replace(spheres=dataclasses.replace(setup.scene.spheres, held=True))
+    with pytest.raises(ValueError, match="held"):
+        SpaceFrame(angle=0.5).setup(dataclasses.replace(setup, scene=held))
 
 
 def found(cell):

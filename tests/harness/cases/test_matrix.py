@@ -42,7 +42,12 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     **{f"spheres/chung-ooi/{k}": (DEM,) for k in range(1, 9)},
     "spheres/thornton": (DEM,),
     "spheres/hertz-chain": (DEM,),
-    **{f"spheres/{name}": (DEM,) for name in ("rolling", "incline", "isotropy", "turntable")},
+    **{
+        f"spheres/{name}": (DEM,)
+        for name in ("rolling", "incline", "isotropy", "turntable", "top", "rolling-resistance", "stack")
+    },
+    **{f"spheres/invariance/{name}": (DEM,) for name in ("units", "rotation", "galilei", "mirror")},
+    "spheres/cooling": (DEM,),
 }
 LEAST = {
     "row/pushed": 7,
@@ -59,7 +64,13 @@ LEAST = {
     "spheres/chung-ooi/2": 7,
     "spheres/thornton": 4,
     "spheres/hertz-chain": 7,
-    **{f"spheres/{name}": 3 for name in ("rolling", "incline", "isotropy", "turntable")},
+    **{f"spheres/{name}": 3 for name in ("rolling", "incline")},
+    **{f"spheres/{name}": 5 for name in ("top", "rolling-resistance", "cooling")},
+    **{f"spheres/invariance/{name}": 3 for name in ("rotation", "galilei", "mirror")},
+    "spheres/isotropy": 51,
+    "spheres/turntable": 21,
+    "spheres/stack": 2,
+    "spheres/invariance/units": 7,
 }
 """Checks that bind every engine on a variant, where more than one must."""
 
