@@ -19,6 +19,9 @@ from ninedisk.reports.text import as_float, parameters
 Cell = tuple[str, str]
 """Engine and variant."""
 
+READ = "read off"
+"""Beginning of the keys of what somebody read off a figure."""
+
 MANY = 50
 """Points of one engine that are samples rather than places."""
 
@@ -48,6 +51,7 @@ def place_figures(case: CaseData, looks: dict[str, Look], series: Series) -> lis
             charts += (_apart if plan.apart else _together)(plan, label, quantities, rows, looks, told, case.variants)
         if charts:
             legend = {key: looks.get(key, look) for chart in charts for key, look in chart.looks.items()}
+            legend = dict(sorted(legend.items(), key=lambda each: each[0].startswith(READ)))
             found.append(PlaceFigure(plan, legend, charts))
     return found
 
@@ -197,7 +201,7 @@ def _together(
     for curve in (each for each in curves if each.reader) if dots else ():
         k = read.index((curve.name, curve.reader))
         look = Look(f"{curve.name}, read by {curve.reader}", SOFT, (), 1.0, MARKERS[k % len(MARKERS)])
-        dots.append(Dots(f"read {k}", look, curve.x, curve.y, joined=False))
+        dots.insert(0, Dots(f"{READ} {k}", look, curve.x, curve.y, joined=False))  # beneath the engines
     return [_chart(plan, label, label, dots, truths or _truths(points))] if dots else []
 
 

@@ -84,9 +84,9 @@ def test_curves_replace_the_truths_of_their_quantity_and_readings_have_marks_of_
     ((found),) = charts_of(store(replace(TOGETHER, curves=curves)))
     (chart,) = found.charts
     assert chart.guides == (("law", (0.0, 4.0), (1.0, 2.0)),)
-    read = chart.dots[-1]
+    read = chart.dots[0]
     assert (read.look.label, read.x, read.y, read.joined) == ("printed, read by me", (1.0, 2.0), (3.0, 4.0), False)
-    assert found.legend[read.key] == read.look
+    assert list(found.legend.values())[-1] == read.look
 
 
 def test_samples_are_drawn_over_samples_of_the_same_cell(store):

@@ -221,8 +221,8 @@ class ChungOoi:
                     where={} if self.number != 7 else {"partner": ("opposite",)}, log="x" if at == "sliding" else "", curves=curves,
                     shows=f"The paper's figure of this test: {', '.join(label for _, label in shown)}, of every engine."
                     + (" The curves are the law integrated, known to better than 1e-5." if test.mu else "")
-                    + (f" Grey marks were read off the paper by {READER} (within "
-                       + ", ".join(f"{UNCERTAINTY[_READ.get(name, name)]:g} of {label}" for name, label in shown) + ")." if read else ""),
+                    + (f" Grey marks were read off the paper by {READER}, to within "
+                       + ", ".join(f"{UNCERTAINTY[_READ.get(name, name)]:g}" for name, _ in shown) + ", chart by chart." if read else ""),
                     allows="Engines that take the law of the scene lie on the curves, which are the truth; one apart from the others has "
                     "another stiffness, arm, dashpot or friction."
                     + (" The paper's own curves are no truth: its codes, finite elements and experiment have other laws where the contact "
