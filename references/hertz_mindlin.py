@@ -141,8 +141,8 @@ class _Law:
         return {"force": 0.0, "none": 1.0, "rescale": 2.0 if rate < 0.0 else 1.0}[self.unloading]
 
 
-def impact(contact: Contact) -> tuple[Spun, Spun]:
-    """Rebound and its uncertainty, by what two integrations of different tolerance differ.
+def impact(contact: Contact, tolerances: tuple[float, float] = (FINE, COARSE)) -> tuple[Spun, Spun]:
+    """Rebound and its uncertainty, by what two integrations of the relative ``tolerances`` differ, the first of which is the rebound.
 
     The law is that of `Contact`: with the overlap delta, the contact radius ``a = sqrt(R delta)`` and the slip u of the surfaces
 
@@ -155,7 +155,8 @@ def impact(contact: Contact) -> tuple[Spun, Spun]:
     on the integration's dense output.
     """
     contact.checked()
-    fine, coarse = _integrated(contact, FINE), _integrated(contact, COARSE)
+    positive(**dict(zip(("tolerance", "coarse tolerance"), tolerances, strict=True)))
+    fine, coarse = (_integrated(contact, each) for each in tolerances)
     off = np.abs(np.subtract(fine, coarse))
     return fine, Spun(_three(off[0]), _three(off[1]))
 

@@ -198,7 +198,7 @@ class CaseDrawing:
         self.frames = {id(picture): self._file(picture, "frame") for _, pictures in self.groups for picture in pictures}
         self.convergences = convergences(case, self.looks.engines)
         self.value_charts = values_against_step(case, self.looks.engines)
-        self.places = place_figures(case, self.looks.engines)
+        self.places = place_figures(case, self.looks.engines, panel.stored.series)
         self.speed = case_speed(case, self.looks.engines)
         arrays = Arrays()
         self.moving = moving_scenes(case, arrays)

@@ -20,17 +20,17 @@ def shade(row: Row) -> str:
 
 
 def by_engine(panel: Panel) -> list[tuple[str, dict[str, Row]]]:
-    """Rows of each engine by kind; first those with most that is different, then with most that is not what it must be."""
-    found: dict[str, dict[str, Row]] = {}
+    """Rows of each engine by kind, disks and spheres apart; first those with most that is different, then not what it must be."""
+    found: dict[tuple[str, bool], dict[str, Row]] = {}
     for row in panel.stored.determinism:
-        found.setdefault(row["engine"], {})[row["kind"]] = row
+        found.setdefault((row["engine"], row["scene"] == "spheres"), {})[row["kind"]] = row
 
-    def order(item: tuple[str, dict[str, Row]]) -> tuple[Any, ...]:
+    def order(item: tuple[tuple[str, bool], dict[str, Row]]) -> tuple[Any, ...]:
         rows = item[1].values()
         counts = [-sum(row["verdict"] == verdict for row in rows) for verdict in DETERMINISM_VERDICTS[:3]]
         return counts[0] + counts[1], -sum(map(worse_than_promised, rows)), counts[2], item[0]
 
-    return sorted(found.items(), key=order)
+    return [(engine, rows) for (engine, _), rows in sorted(found.items(), key=order)]
 
 
 def determinism_page(env: Environment, panel: Panel) -> str:

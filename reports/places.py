@@ -7,14 +7,23 @@ from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
+
 from ninedisk.harness.results.schema import Figure, Plotted, Row
-from ninedisk.reports.charts import Dots, Look, PointChart, numbered_look
+from ninedisk.reports.charts import MARKERS, SOFT, Dots, Look, PointChart, numbered_look
 from ninedisk.reports.figures import LEAST, varying
+from ninedisk.reports.load import Series
 from ninedisk.reports.model import CaseData
 from ninedisk.reports.text import as_float, parameters
 
 Cell = tuple[str, str]
 """Engine and variant."""
+
+READ = "read off"
+"""Beginning of the keys of what somebody read off a figure."""
+
+MANY = 50
+"""Points of one engine that are samples rather than places."""
 
 
 @dataclass(frozen=True)
@@ -26,13 +35,13 @@ class PlaceFigure:
     charts: list[PointChart]
 
 
-def place_figures(case: CaseData, looks: dict[str, Look]) -> list[PlaceFigure]:
-    """The figures of kind ``places`` that a case declares, where anything of them was measured."""
+def place_figures(case: CaseData, looks: dict[str, Look], series: Series) -> list[PlaceFigure]:
+    """The figures of kind ``places`` that a case declares, where anything of them was measured or sampled."""
     found = []
     for plan in case.figures:
         if plan.kind != "places":
             continue
-        rows = _rows(case, plan)
+        rows = _rows(case, plan) or _samples(case, plan, series)
         variants = [name for name, params in case.variants.items() if any(cell[1] == name for cell in rows)]
         apart = varying(case.variants[name] for name in variants)
         told = {name: parameters(case.variants[name], apart) or name for name in variants}
@@ -42,6 +51,7 @@ def place_figures(case: CaseData, looks: dict[str, Look]) -> list[PlaceFigure]:
             charts += (_apart if plan.apart else _together)(plan, label, quantities, rows, looks, told, case.variants)
         if charts:
             legend = {key: looks.get(key, look) for chart in charts for key, look in chart.looks.items()}
+            legend = dict(sorted(legend.items(), key=lambda each: each[0].startswith(READ)))
             found.append(PlaceFigure(plan, legend, charts))
     return found
 
@@ -66,6 +76,19 @@ def _rows(case: CaseData, plan: Figure) -> dict[Cell, dict[str, Row]]:
     return found
 
 
+def _samples(case: CaseData, plan: Figure, series: Series) -> dict[Cell, dict[str, Row]]:
+    """Curves of the plan's quantities and of their places as rows whose values are arrays, by cell."""
+    found: dict[Cell, dict[str, Row]] = {}
+    for plotted in plan.quantities:
+        for (case_id, variant, engine, quantity), curve in series.items():
+            at = series.get((case_id, variant, engine, plotted.at))
+            wanted = case_id == case.id and quantity == plotted.name and variant in case.variants
+            if wanted and at is not None and plan.matches(case.variants[variant]):
+                row = {"value": curve.value, "expected": curve.expected, "source": curve.truth}
+                found.setdefault((engine, variant), {}).update({quantity: row, plotted.at: {"value": at.value}})
+    return found
+
+
 @dataclass(frozen=True)
 class _Point:
     x: float
@@ -85,17 +108,20 @@ def _points(
     for (engine, variant), held in rows.items():
         for plotted in quantities:
             at = held[plotted.at]["value"] if plotted.at in held else variants[variant].get(plotted.at, plotted.at)
-            x = _number(at)
             row = held.get(plotted.name)
-            if row is None or not (math.isfinite(x) and math.isfinite(as_float(row["value"]))):
+            if row is None:
                 continue
-            y, truth = as_float(row["value"]), as_float(row["expected"])
-            off = abs(y - truth)
-            if "y" in plan.log:
-                y, level = max(abs(y), LEAST), max(abs(truth), LEAST)
-                off, truth = abs(math.log(y / level)), level if truth else math.nan
-            if "x" not in plan.log or x > 0.0:
-                found.append(_Point(x, y, truth, str(row["source"]), off, engine, variant))
+            places = at if isinstance(at, np.ndarray) else [_number(at)]
+            for x, y, truth in zip(places, np.atleast_1d(row["value"]), np.atleast_1d(row["expected"]), strict=True):
+                x, y, truth = float(x), as_float(y), as_float(truth)
+                if not (math.isfinite(x) and math.isfinite(y)):
+                    continue
+                off = abs(y - truth)
+                if "y" in plan.log:
+                    y, level = max(abs(y), LEAST), max(abs(truth), LEAST)
+                    off, truth = abs(math.log(y / level)), level if truth else math.nan
+                if "x" not in plan.log or x > 0.0:
+                    found.append(_Point(x, y, truth, str(row["source"]), off, engine, variant))
     return sorted(found, key=lambda point: point.x)
 
 
@@ -163,7 +189,20 @@ def _together(
             if len(lines) > 1:
                 own, short = replace(own, label=f"{own.label}, {value}"), value.rpartition(" ")[2]
             dots.append(_dots(engine, own, mine, [told[point.variant] for point in mine], short))
-    return [_chart(plan, label, label, dots, _truths(points))] if dots else []
+    curves = [curve for curve in plan.curves if curve.label == label]
+    truths = tuple((curve.name, curve.x, curve.y) for curve in curves if not curve.reader)
+    if truths:  # they lead from place to place: of few places marks alone, of many samples a line alone
+        many = any(len(each.x) > MANY for each in dots)
+        dots = [
+            replace(each, joined=many, look=replace(each.look, marker="" if many else each.look.marker))
+            for each in dots
+        ]
+    read = list(dict.fromkeys((curve.name, curve.reader) for curve in plan.curves if curve.reader))
+    for curve in (each for each in curves if each.reader) if dots else ():
+        k = read.index((curve.name, curve.reader))
+        look = Look(f"{curve.name}, read by {curve.reader}", SOFT, (), 1.0, MARKERS[k % len(MARKERS)])
+        dots.insert(0, Dots(f"{READ} {k}", look, curve.x, curve.y, joined=False))  # beneath the engines
+    return [_chart(plan, label, label, dots, truths or _truths(points))] if dots else []
 
 
 def _apart(
@@ -198,5 +237,5 @@ def _chart(
 ) -> PointChart:  # fmt: skip
     return PointChart(
         title, plan.at_label, label, tuple(dots), guides, x_log="x" in plan.log, y_log="y" in plan.log, limits=limits,
-        decades=True, bare=plan.apart,
+        decades=True, bare=plan.apart or bool(plan.curves),
     )  # fmt: skip

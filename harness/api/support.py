@@ -26,7 +26,7 @@ NOTE_SLIP_AT = (
 NOTE_SLIP_END = (
     "the half step's slip is measured with the normal of the step's end (slip_at = end): of first order in the step"
 )
-NOTE_PRELOAD = "rigid contacts: the preload of the regularising springs is left out, disks start touching"
+NOTE_PRELOAD = "rigid contacts: the preload of the regularising springs is left out, bodies start touching"
 NOTE_SOFT = "contacts are soft in a way of the engine's own"
 NOTE_SPACE_ONLY = "it runs scenes in space only"
 NOTE_RESTITUTION = "the scene prescribes no restitution: 0 is used"

@@ -10,7 +10,7 @@ import struct
 import xml.etree.ElementTree as ElementTree
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import IO, Any
@@ -36,6 +36,7 @@ ALIASES = {
     "radius": ("r", "radii", "Radius"),
     "mass": ("m", "Mass"),
     "type": ("mol",),
+    "z": ("zu", "Z", "Points:2", "pos_z"),
 }
 """Other names of a column that are understood by themselves; ``[columns]`` of the TOML names any other."""
 FORMS = (
@@ -46,6 +47,12 @@ ROWS = 200_000
 """Rows of a table that are read at once."""
 SAMPLED = 1 << 18
 """Bytes of text at each of five places whose tokens show how numbers are printed."""
+FLAT = 1e-6
+"""Spread of z over that of x and y which is round-off of a motion in the plane; single precision has 6e-8 a step."""
+IN_SPACE = (
+    "this is motion in space, and `ninedisk audit` judges motion in the plane alone: spheres are judged by the cases "
+    "`ninedisk run 'spheres/*'` through an adapter or --engine-cmd (docs/tutorial-engine.md)"
+)
 VARIED = 20
 """Distinct numbers that a column must show for its own digits to count, else the file's most; exact numbers like 0.5 show none."""
 
@@ -169,6 +176,22 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
     UsageError
         Naming file, line, column, what is allowed and the way out; while frames are read, too.
     """
+    found = _read(path, columns, needed)
+
+    def frames(progress: Progress) -> Iterator[Frame]:
+        low, high = np.inf, -np.inf
+        for frame in found.frames(progress):
+            z = frame.columns.pop("z", np.empty(0))
+            low, high = (float(end(z[np.isfinite(z)], initial=now)) for end, now in ((np.min, low), (np.max, high)))
+            sizes = [float(np.ptp(frame.columns[name])) for name in "xy" if len(frame.columns.get(name, ()))]
+            if high - low > FLAT * max(*sizes, abs(low), 0.0):
+                raise UsageError(f"{path}, {frame.place}: z goes from {low:g} to {high:g}: {IN_SPACE}")
+            yield frame
+
+    return replace(found, frames=frames)
+
+
+def _read(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
     if not path.exists():
         raise UsageError(f"there is no {str(path)!r}: give {FORMS}")
     if path.is_dir() or path.suffix == ".pvd":
@@ -471,6 +494,8 @@ def _stacked(path: Path) -> Trajectory:
     """Arrays ``t (s,), x (s, n, 2)`` and, if there are, ``v, omega, angle, radius, mass, step``."""
     data = _archive(path)
     x, t = data.get("x"), data.get("t")
+    if x is not None and x.ndim == 3 and x.shape[2] == 3:
+        raise UsageError(f"{path}: x has the shape {x.shape}: {IN_SPACE}")
     if x is None or t is None or x.ndim != 3 or x.shape[2] != 2 or t.shape != x.shape[:1]:
         raise UsageError(
             f"{path}: expected t of shape (s,) and x of (s, n, 2), found {', '.join(f'{k} {v.shape}' for k, v in data.items())}"
@@ -529,6 +554,8 @@ def _series(path: Path, columns: Mapping[str, str]) -> Trajectory:
     def raw(file: Path) -> dict[str, NDArray[Any]]:
         if kind == ".npz":
             data = _archive(file)
+            if "x" in data and data["x"].ndim == 2 and data["x"].shape[1] == 3:
+                raise UsageError(f"{file}: x has the shape {data['x'].shape}: {IN_SPACE}")
             if "x" not in data or data["x"].ndim != 2 or data["x"].shape[1] != 2:
                 raise UsageError(f"{file}: expected an array x of shape (n, 2), found {', '.join(data) or 'none'}")
             return data

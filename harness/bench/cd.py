@@ -30,10 +30,10 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem import ContactProblem, Residuals, Sliding, measure
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers.proximal import ProximalPoint
 from ninedisk.core.cd.solvers.gauss_seidel import STRIPED_FROM, solve_gauss_seidel
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.cd.solvers.outcome import SolverResult
+from ninedisk.core.cd.solvers.proximal import ProximalPoint
 from ninedisk.core.disks import Disks
 from ninedisk.core.errors import CoreError, SolverNotConvergedError
 from ninedisk.core.law import ContactLaw

@@ -39,6 +39,9 @@ def determinism(
         typer.Option("--engine", "-e", metavar="ID", help="Only this engine; repeat for several. None: all installed."),
     ] = None,
     engine_cmd: Commands = None,
+    spheres: Annotated[
+        bool, typer.Option("--spheres", help="Of spheres in space, on engines that have them; None given: of disks.")
+    ] = False,
     store: Store = Path("results"),
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the rows as JSON.")
@@ -47,8 +50,9 @@ def determinism(
     """Run one scene again in ten ways that should change nothing, and tell what changes, by how much and from when on.
 
     Disks of unequal size fall into a box and press on each other (two dozen with friction; nine smooth ones where the engine has no
-    friction). The run is repeated in one process, in another one, after a run that failed, after another scene, on two threads,
-    restarted half way, with other contacts watched, sampled less often, and with its disks and its walls told in another order.
+    friction), or with --spheres spheres do. The run is repeated in one process, in another one, after a run that failed, after
+    another scene, on two threads, restarted half way, with other contacts watched, sampled less often, and with its bodies and its
+    walls told in another order.
     Each must be the same to the last bit; the last two within round-off, as sums come in another order.
 
     \b
@@ -67,6 +71,7 @@ def determinism(
     Examples:
       ninedisk determinism
       ninedisk determinism --engine dem --engine cd
+      ninedisk determinism --engine dem --spheres
       ninedisk determinism --engine box2d --json box2d.json
       ninedisk determinism --engine-cmd 'node my-engine.mjs'
 
@@ -74,13 +79,15 @@ def determinism(
     Exit codes:
       0  every repetition is what it must be
       1  one is not: it is named first
-      2  wrong usage: an unknown engine, one that is not installed or can run neither scene
+      2  wrong usage: an unknown engine, one that is not installed or can run no such scene
       130  interrupted; engines that were done are stored
     """
-    raise typer.Exit(execute(engine or [], engine_cmd or [], store, json_file))
+    raise typer.Exit(execute(engine or [], engine_cmd or [], store, json_file, spheres=spheres))
 
 
-def execute(engines: Sequence[str], commands: Sequence[str], store: Path, json_file: Path | None) -> int:
+def execute(
+    engines: Sequence[str], commands: Sequence[str], store: Path, json_file: Path | None, *, spheres: bool = False
+) -> int:
     """Measure, print, write; the exit code of the command.
 
     Raises
@@ -113,7 +120,7 @@ def execute(engines: Sequence[str], commands: Sequence[str], store: Path, json_f
             get_engine(each) if isinstance(each, str) else each for each in engines_given(engines, commands)
         ]
     else:
-        chosen = [each for each in engines_that_load(lambda _: True).values() if _installed(each)]
+        chosen = [each for each in engines_that_load(lambda _: True).values() if _installed(each, spheres)]
     rows: list[Row] = []
     number = 0
 
@@ -123,8 +130,10 @@ def execute(engines: Sequence[str], commands: Sequence[str], store: Path, json_f
     try:
         with CellProgress() as progress:
             for number, each in enumerate(chosen):  # noqa: B007  (read by `tell`)
-                found = measure(each, tell)
-                write_whole("--store", place / f"{each.id}.json", plain_json(found) + "\n")
+                found = measure(each, tell, space=spheres)
+                write_whole(
+                    "--store", place / f"{each.id}{'.spheres' if spheres else ''}.json", plain_json(found) + "\n"
+                )
                 rows += found
     except KeyboardInterrupt:
         fail(f"interrupted: {number} of {len(chosen)} engines are stored", INTERRUPTED)
@@ -134,9 +143,12 @@ def execute(engines: Sequence[str], commands: Sequence[str], store: Path, json_f
     return WORSE if any(worse_than_promised(row) for row in rows) else 0
 
 
-def _installed(engine: Engine) -> bool:
+def _installed(engine: Engine, spheres: bool) -> bool:
+    from ninedisk.harness.api.capabilities import Capability
+
     try:
-        return engine.info().installed
+        info = engine.info()
+        return info.installed and (not spheres or Capability.SPHERES in info.capabilities)
     except Exception:  # an outsider's engine that cannot even tell what it is must not hide the others
         return False
 

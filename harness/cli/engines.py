@@ -95,23 +95,27 @@ def new_engine(
         str | None,
         typer.Option("--language", metavar="LANGUAGE", help="An engine by its command, in javascript, c or python."),
     ] = None,
+    spheres: Annotated[
+        bool, typer.Option("--spheres", help="An engine of spheres in space; with --language python.")
+    ] = False,
 ) -> None:
     """Write a package that brings an engine: an adapter that works, tests that run the suite, known gaps, a CI example.
 
     What comes out installs and passes as it is, with a minimal engine of smooth springs in it; put yours in its place. With
-    --language it is one that is run by its command and not imported: it moves disks that meet nothing, refuses all else, and
-    passes check-engine for that.
+    --language it is one that is run by its command and not imported: it moves disks that meet nothing, or smooth spheres,
+    refuses all else, and passes check-engine for that.
 
     \b
     Examples:
       ninedisk new-engine acme
       ninedisk new-engine acme --out packages/ninedisk-acme
       ninedisk new-engine acme --language javascript
+      ninedisk new-engine acme --language python --spheres
       pip install --editable packages/ninedisk-acme && ninedisk check-engine acme
     """
     from ninedisk.harness.new_engine.write import LANGUAGES, write_package
 
-    folder = write_package(name, out if out is not None else Path(name), language)
+    folder = write_package(name, out if out is not None else Path(name), language, spheres=spheres)
     where = shlex.quote(str(folder))
     then = [f"pip install --editable {where}", f"ninedisk check-engine {name}"]
     if language is not None:

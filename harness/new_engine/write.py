@@ -38,14 +38,19 @@ LANGUAGES = {
 """Languages of engines behind a command: the file of the engine, its command, and the one that builds it."""
 
 
-def files_of(language: str | None) -> dict[str, str]:
+def files_of(language: str | None, *, spheres: bool = False) -> dict[str, str]:
     """Files that are written, and their templates.
 
     Raises
     ------
     UsageError
-        If there is no skeleton in this language.
+        If there is no skeleton in this language, or none for spheres.
     """
+    if spheres and language != "python":
+        raise UsageError(
+            "--spheres goes with --language python: the skeleton of an engine in space is one by its command; a package that is imported "
+            "takes both kinds of scene in its `supports` and `run`, as docs/engines.md tells"
+        )
     if language is None:
         return FILES
     if language not in LANGUAGES:
@@ -55,14 +60,14 @@ def files_of(language: str | None) -> dict[str, str]:
         )
     file = LANGUAGES[language][0]
     return {
-        file: f"{file}.in",
+        file: f"{'sphere_' if spheres else ''}{file}.in",
         "README.md": "command_README.md.in",
         "known_gaps.toml": "known_gaps.toml.in",
         "ci.sh": "command_ci.sh.in",
     }
 
 
-def write_package(name: str, out: Path, language: str | None = None) -> Path:
+def write_package(name: str, out: Path, language: str | None = None, *, spheres: bool = False) -> Path:
     """Write the package, or the skeleton of an engine behind a command; the folder appears whole or not at all.
 
     Parameters
@@ -73,6 +78,8 @@ def write_package(name: str, out: Path, language: str | None = None) -> Path:
         Folder that does not exist yet.
     language : str, optional
         One of `LANGUAGES`: an engine by its command. None: a package whose engine is imported.
+    spheres : bool
+        Whether the engine is one of spheres in space.
 
     Raises
     ------
@@ -88,11 +95,14 @@ def write_package(name: str, out: Path, language: str | None = None) -> Path:
         raise UsageError(f"there is an engine {name!r} already, of {engine_table()[name].origin}: choose another name")
     if out.exists():
         raise UsageError(f"{str(out)!r} exists: give another folder with --out DIR")
-    files = files_of(language)
+    files = files_of(language, spheres=spheres)
     file, run, build = LANGUAGES.get(language or "", ("", "", ""))
     words = {
         "file": file,
         "run": run,
+        "bodies": "smooth spheres on springs" if spheres else "disks that meet nothing",
+        "asked": "spheres/thornton" if spheres else "slip-to-roll",
+        "converged": "spheres/thornton" if spheres else "incline-block",
         "build_line": f"$ {build}\n" if build else "",
         "build_script": f"{build}\n" if build else "",
         "name": name,

@@ -132,7 +132,8 @@ def _cells(store: Path, findings: Sequence[Finding], progress: Progress | None) 
                 fresh[cell_key(row)].headlines.append(row)
     for row in read_determinism(store):
         status = {"not applicable": "unsupported", "broken": "error"}.get(row["verdict"], "pass")
-        kept["determinism", row["kind"], row["engine"]] = [Kept("", {**row, "variant": row["kind"], "status": status})]
+        variant = f"spheres/{row['kind']}" if row["scene"] == "spheres" else row["kind"]
+        kept["determinism", variant, row["engine"]] = [Kept("", {**row, "variant": variant, "status": status})]
     return kept
 
 

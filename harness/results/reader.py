@@ -172,7 +172,8 @@ def read_determinism(store: Path) -> list[Row]:
                 found.append(kept)
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise StoreError(
-                f"{str(path)!r} is damaged ({error}): measure again with `ninedisk determinism --engine {path.stem}`, or remove it"
+                f"{str(path)!r} is damaged ({error}): measure again with `ninedisk determinism --engine "
+                f"{path.stem.removesuffix('.spheres')}{' --spheres' if path.stem.endswith('.spheres') else ''}`, or remove it"
             ) from error
     return found
 

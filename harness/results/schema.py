@@ -305,6 +305,29 @@ class Plotted:
     at: str = ""
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """A curve to compare a quantity of ``places`` with: a truth, or what somebody read off a printed figure, whose points are drawn.
+
+    Parameters
+    ----------
+    label : str
+        The quantity's axis label.
+    name : str
+        What stands beside the curve, or in the legend.
+    x, y : tuple of float
+        Points, x ascending.
+    reader : str
+        Who read the points; "" for a truth.
+    """
+
+    label: str
+    name: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    reader: str = ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Figure:
     """A figure of a case: which of its variants and quantities are shown, and what that lets one conclude.
@@ -315,8 +338,8 @@ class Figure:
         Figure number in the source ("" for a figure of our own) and heading.
     kind : {"history", "budget", "configuration", "values", "places", "setup"}
         Histories; the quantities of each engine stacked, one picture an engine; the stored configurations; a number over the step
-        size, held against ``levels``; numbers of all variants over their places (`Plotted.at`); or the sketch of the set-up, of which
-        only the number counts.
+        size, held against ``levels``; numbers of all variants, or samples, over their places (`Plotted.at`); or the sketch of the set-up,
+        of which only the number counts.
     quantities : tuple of Plotted
         Panels; empty means every series quantity of the variants.
     where : mapping from parameter to allowed values
@@ -334,6 +357,8 @@ class Figure:
         Of ``places``: label of the horizontal axis; which axes are logarithmic, ``"x"``, ``"y"`` or ``"xy"``.
     apart : bool
         Of ``places``: a picture an engine on common axes, worst first; otherwise one for all.
+    curves : tuple of Drawn
+        Of ``places``: what the points are compared with, in place of the truths that they were held against.
     shows, allows : str
         What is to be seen, and which conclusion it allows.
     """
@@ -350,6 +375,7 @@ class Figure:
     at_label: str = ""
     log: str = ""
     apart: bool = False
+    curves: tuple[Drawn, ...] = ()
     shows: str = ""
     allows: str = ""
 
@@ -395,11 +421,19 @@ def _figure(stored: Mapping[str, Any]) -> Figure:
             ),
             "where": where,
             "levels": tuple((str(name), float(level)) for name, level in stored.get("levels", ())),
+            "curves": tuple(_drawn(each) for each in stored.get("curves", ())),
         }
     )
 
 
-_COMPOSED = {"quantities", "where", "levels"}
+_COMPOSED = {"quantities", "where", "levels", "curves"}
+
+
+def _drawn(stored: Mapping[str, Any]) -> Drawn:
+    x, y = (tuple(float(each) for each in stored.get(axis, "?")) for axis in "xy")
+    if len(x) != len(y) or not all(map(math.isfinite, x + y)):
+        raise ValueError("a curve has as many places as values, all of them finite")
+    return Drawn(str(stored.get("label")), str(stored.get("name")), x, y, str(stored.get("reader", "")))
 
 
 CHANGE_VERDICTS = ("worse", "suspect", "lost", "not-comparable", "better", "new", "same")

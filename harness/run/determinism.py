@@ -3,7 +3,7 @@
 Each kind of repetition (`ninedisk.harness.results.schema.DETERMINISM_KINDS`) is a run that must end as the reference run did, in
 processes of their own, so that nothing but what the kind asks for has changed. What is not the same to the last bit is held against
 what round-off can grow to: it is fed in each step, and its growth is measured on the same scene, by a run that starts a little
-beside. Scenes have contacts that begin, slide and end: two dozen disks that fall into a box, or nine smooth ones.
+beside. Scenes have contacts that begin, slide and end: two dozen disks that fall into a box, nine smooth ones, or two dozen spheres.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import math
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -26,6 +26,8 @@ from ninedisk.core.errors import CoreError
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
+from ninedisk.core.spheres.law import SphereLaw
+from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, SupportLevel
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.support import contact_steps, support_of
@@ -46,8 +48,11 @@ ROUNDINGS = 8.0
 SCENES = {"pile": (6, 4, 0.3), "smooth": (3, 3, 0.0)}
 """Columns, rows and friction, the scene that tells more first."""
 
-MANY = (50, 44)
-"""Columns and rows of the scene for threads: the DEM shares the work of 2,000 disks and more."""
+IN_SPACE = {"spheres": (3, 3, 0.3)}
+"""The same for spheres, in layers of as many columns each way."""
+
+MANY, MANY_SPHERES = (50, 44), (14, 11)
+"""Columns and rows of the scenes for threads: the DEM shares the work of 2,000 disks or spheres and more."""
 
 SPACING, STIFFNESS, GRAVITY, DT = 1.0, 1e5, 10.0, 5e-3
 STEPS, FEW_STEPS = 70, 40
@@ -79,11 +84,43 @@ def falling(columns: int, rows: int, mu: float) -> Scene:
     )
 
 
+def falling_spheres(columns: int, layers: int, mu: float) -> SphereScene:
+    """The same of spheres; two opposite walls lean, so that no wall's normal is an axis of all."""
+    rng = np.random.default_rng(1)
+    grid = np.array(
+        [(i, j, k) for k in range(layers) for j in range(columns) for i in range(columns)], dtype=np.float64
+    )
+    radius = rng.uniform(0.46, 0.495, len(grid))
+    ks = 0.8 * STIFFNESS if mu > 0.0 else 0.0
+    law = SphereLaw(kn=STIFFNESS, ks=ks, mu=mu, restitution=0.0, regularised=True)
+    far = SPACING * columns
+    faces = {
+        "left": ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+        "right": ((far, 0.0, 0.0), (-1.0, 0.0, 0.0)),
+        "front": ((0.0, 0.0, 0.0), (0.0, 0.8, 0.6)),
+        "back": ((0.0, far, 0.0), (0.0, -0.8, 0.6)),
+        "bottom": ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    }
+    return SphereScene(
+        spheres=Spheres(
+            x=SPACING * (grid + 0.5) + rng.uniform(-0.004, 0.004, grid.shape),
+            v=rng.uniform(-0.5, 0.5, grid.shape),
+            radius=radius,
+            mass=4.0 / 3.0 * math.pi * radius**3,
+        ),
+        sphere_sphere=law,
+        walls=tuple(
+            PlaneWall(name=name, point=point, normal=normal, law=law) for name, (point, normal) in faces.items()
+        ),
+        gravity=(0.0, 0.0, -GRAVITY),
+    )
+
+
 @dataclass(frozen=True)
 class Job:
     """One run, or a part of one: ``extra`` as `ninedisk.harness.selftest.driver` reads it."""
 
-    scene: Scene
+    scene: Scene | SphereScene
     numerics: Numerics
     watch: tuple[Pair, ...] = ()
     extra: Mapping[str, Any] = field(default_factory=dict)
@@ -108,7 +145,7 @@ class Trial:
     ----------
     engine : Engine
     scene_id : str
-        A key of `SCENES`.
+        A key of `SCENES` or of `IN_SPACE`.
     edits : sequence of (module, text, replacement)
         Defects planted into the core, for engines of this process.
     """
@@ -118,11 +155,14 @@ class Trial:
     edits: Edits = ()
 
     def __post_init__(self) -> None:
-        columns, rows, mu = SCENES[self.scene_id]
         self.info = self.engine.info()
         self.numerics = Numerics(dt=DT, n_steps=STEPS, contact_dt=DT / 20.0, theta=1.0)
-        self.job = _watched(falling(columns, rows, mu), self.numerics)
+        self.job = _watched(self.falling(*(SCENES | IN_SPACE)[self.scene_id]), self.numerics)
         self._growth: FloatArray | None = None
+
+    def falling(self, columns: int, rows: int, mu: float) -> Scene | SphereScene:
+        """A scene of the trial's kind."""
+        return (falling_spheres if self.scene_id in IN_SPACE else falling)(columns, rows, mu)
 
     def together(self, *jobs: Job) -> list[Outcome]:
         """Run jobs one after the other in one fresh process."""
@@ -164,10 +204,10 @@ class Trial:
         """Largest growth so far of a difference at the start, at each sample, >= 1; the start is off by the root of the precision."""
         if self._growth is None:
             scene, rng, small = self.job.scene, np.random.default_rng(2), math.sqrt(_precision(self.info))
-            away = small * rng.choice((-1.0, 1.0), (2, len(scene.disks), 2))
+            away = small * rng.choice((-1.0, 1.0), (2, *scene.bodies.x.shape))
             scales = scales_of(scene)
-            disks = replace(scene.disks, x=scene.disks.x + scales[0] * away[0], v=scene.disks.v + scales[1] * away[1])
-            beside = self.alone(replace(self.job, scene=scene.replace(disks=disks)))
+            x, v = scene.bodies.x + scales[0] * away[0], scene.bodies.v + scales[1] * away[1]
+            beside = self.alone(replace(self.job, scene=_with_bodies(scene, x=x, v=v)))
             grown = state_difference(self.first, beside, scales) / small
             self._growth = np.maximum.accumulate(np.maximum(grown, 1.0))
         return self._growth
@@ -178,22 +218,22 @@ class Trial:
         Units are those of `state_difference`. In each of the engine's own steps since then every coordinate is rounded `ROUNDINGS`
         times, to the precision of the scene's size, and so is every velocity in each sweep over the contacts; after n steps that is n
         times as much at most, times the growth of what was there first. `growth` is that of a start that is off in a random direction
-        of the 4n coordinates and velocities; the worst one grows by their root more. A solver that stops at a tolerance leaves
+        of all coordinates and velocities; the worst one grows by the root of their number more. A solver that stops at a tolerance leaves
         velocities as vague as that, relative to those that a step can stop.
         """
-        options, disks = self.info.options, self.job.scene.disks
+        options = self.info.options
         own = contact_steps(self.job.scene, self.numerics)[0] if self.info.contact == "spring" else 1
         own *= int(options["substeps"].default) if "substeps" in options else 1
         sweeps = int(options[self.info.sweeps].default) if self.info.sweeps else 1
         places = extent(self.job.scene) / scales_of(self.job.scene)[0]
         each = max(ROUNDINGS * _precision(self.info) * (places + sweeps), tolerance_of(self.info))
         steps = np.maximum(self.first.step - same_until, 0)
-        worst = math.sqrt(4.0 * len(disks))
+        worst = math.sqrt(2.0 * self.job.scene.bodies.x.size)
         return np.asarray(each * own * steps * worst * self.growth(), dtype=np.float64)
 
 
-def measure(engine: Engine, progress: Progress | None = None, edits: Edits = ()) -> list[Row]:
-    """Every kind of repetition on one engine.
+def measure(engine: Engine, progress: Progress | None = None, edits: Edits = (), *, space: bool = False) -> list[Row]:
+    """Every kind of repetition on one engine, of disks or of spheres.
 
     Parameters
     ----------
@@ -203,6 +243,8 @@ def measure(engine: Engine, progress: Progress | None = None, edits: Edits = ())
         Called with (kinds done, kinds in all, what begins).
     edits : sequence of (module, text, replacement)
         Defects planted into the core, for engines of this process.
+    space : bool
+        Whether the scene is that of spheres.
 
     Returns
     -------
@@ -212,7 +254,7 @@ def measure(engine: Engine, progress: Progress | None = None, edits: Edits = ())
     Raises
     ------
     UsageError
-        If the engine is not installed, or supports neither scene.
+        If the engine is not installed, or supports no such scene.
     """
     info = engine.info()
     if not info.installed:
@@ -220,7 +262,7 @@ def measure(engine: Engine, progress: Progress | None = None, edits: Edits = ())
     kinds = list(DETERMINISM_KINDS)
     tell = progress or (lambda *_: None)
     tell(0, len(kinds), f"{engine.id}: reference")
-    trial, note = _first(engine, edits)
+    trial, note = _first(engine, edits, IN_SPACE if space else SCENES)
     rows = []
     for done, kind in enumerate(kinds):
         tell(done, len(kinds), f"{engine.id}: {DETERMINISM_KINDS[kind][0]}")
@@ -250,10 +292,10 @@ def measure(engine: Engine, progress: Progress | None = None, edits: Edits = ())
     return rows
 
 
-def _first(engine: Engine, edits: Edits) -> tuple[Trial, str]:
+def _first(engine: Engine, edits: Edits, scenes: Iterable[str]) -> tuple[Trial, str]:
     """The first scene that the engine runs, and why none before."""
     notes = []
-    for scene_id in SCENES:
+    for scene_id in scenes:
         trial = Trial(engine, scene_id, edits)
         support = support_of(engine, trial.job.scene, trial.numerics)
         if support.level is SupportLevel.NO:
@@ -293,12 +335,14 @@ def repeated(trial: Trial, kind: str) -> Row:
         return held(trial, trial.first, _told(after))
     if kind == "scene":
         _need(trial.repeats, "each run is a process of its own")
-        other = _watched(falling(4, 2, 0.5 * job.scene.disk_disk.mu), numerics.replace(n_steps=STEPS // 2))
+        few = (2, 2) if trial.scene_id in IN_SPACE else (4, 2)
+        other = _watched(trial.falling(*few, 0.5 * job.scene.law_of_bodies.mu), numerics.replace(n_steps=STEPS // 2))
         return held(trial, trial.first, _told(trial.together(other, job)[1]))
     if kind == "threads":
         name = f"{trial.engine.id}.threads"
         _need("threads" in trial.info.options, "it has no option for threads")
-        many = Job(falling(*MANY, job.scene.disk_disk.mu), numerics.replace(n_steps=FEW_STEPS))
+        size = MANY_SPHERES if trial.scene_id in IN_SPACE else MANY
+        many = Job(trial.falling(*size, job.scene.law_of_bodies.mu), numerics.replace(n_steps=FEW_STEPS))
         more = replace(many, numerics=many.numerics.replace(options={name: 2}))
         one, two = trial.together(many, more)
         return held(trial, _told(one), _told(two), grows=False)
@@ -312,7 +356,7 @@ def repeated(trial: Trial, kind: str) -> Row:
         return held(trial, trial.first, trial.alone(replace(job, watch=())))
     if kind == "sampled":
         return held(trial, trial.first, trial.alone(replace(job, numerics=numerics.replace(sample_every=7))))
-    n, m = len(job.scene.disks), len(job.scene.walls)
+    n, m = len(job.scene.bodies), len(job.scene.walls)
     rng = np.random.default_rng(3)
     order = rng.permutation(n) if kind == "bodies" else np.arange(n)
     walls = np.roll(np.arange(m), 1) if kind == "walls" else np.arange(m)
@@ -357,19 +401,19 @@ def held(trial: Trial, one: History, two: History, *, grows: bool = True) -> Row
     }
 
 
-def extent(scene: Scene) -> float:
-    """Largest coordinate of the disks and the walls' points [m]."""
-    points = np.concatenate([scene.disks.x, [wall.point for wall in scene.walls]])
+def extent(scene: Scene | SphereScene) -> float:
+    """Largest coordinate of the bodies and the walls' points [m]."""
+    points = np.concatenate([scene.bodies.x, [wall.point for wall in scene.walls]])
     return float(np.abs(points).max())
 
 
-def scales_of(scene: Scene) -> tuple[float, float]:
+def scales_of(scene: Scene | SphereScene) -> tuple[float, float]:
     """Length [m] and velocity [m/s] that differences are relative to: the mean radius, and that of a fall through the scene."""
-    return float(scene.disks.radius.mean()), math.sqrt(2.0 * GRAVITY * extent(scene))
+    return float(scene.bodies.radius.mean()), math.sqrt(2.0 * GRAVITY * extent(scene))
 
 
 def state_difference(one: History, two: History, scales: tuple[float, float]) -> FloatArray:
-    """Largest difference of any disk at each sample: centres over the length, velocities, the rim's too, over the velocity, rotations."""
+    """Largest difference of any body at each sample: centres over the length, velocities, the rim's too, over the velocity, rotations."""
     length, speed = scales
     parts = (
         (one.x - two.x) / length,
@@ -400,14 +444,14 @@ def common(one: History, two: History) -> tuple[History, History]:
 
 
 def reordered(job: Job, order: Any, walls: Any) -> Job:
-    """The job with its disks and walls told in another order, ``order[k]`` the old number of disk k."""
-    n, disks, scene = len(job.scene.disks), job.scene.disks, job.scene
+    """The job with its bodies and walls told in another order, ``order[k]`` the old number of body k."""
+    n, bodies, scene = len(job.scene.bodies), job.scene.bodies, job.scene
     place = np.concatenate([np.argsort(order), n + np.argsort(walls)])
     columns = {
-        name: getattr(disks, name)[order]
+        name: getattr(bodies, name)[order]
         for name in ("x", "v", "omega", "radius", "mass", "inertia", "rotating", "held")
     }
-    told = scene.replace(disks=Disks(**columns), walls=tuple(scene.walls[k] for k in walls))
+    told = _with_bodies(scene, **columns).replace(walls=tuple(scene.walls[k] for k in walls))
     return replace(job, scene=told, watch=tuple(_placed(pair, place) for pair in job.watch))
 
 
@@ -425,18 +469,25 @@ def tolerance_of(info: EngineInfo) -> float:
     return 0.0 if option is None else float(option.default)
 
 
-def _watched(scene: Scene, numerics: Numerics) -> Job:
-    """The job with a contact of each wall and three between disks watched, whether or not they touch."""
-    n = len(scene.disks)
+def _with_bodies(scene: Scene | SphereScene, **columns: Any) -> Scene | SphereScene:
+    """The scene with other values in some columns of its bodies."""
+    name = "spheres" if isinstance(scene, SphereScene) else "disks"
+    return scene.replace(**{name: replace(scene.bodies, **columns)})
+
+
+def _watched(scene: Scene | SphereScene, numerics: Numerics) -> Job:
+    """The job with a contact of each wall and three between bodies watched, whether or not they touch."""
+    n = len(scene.bodies)
     return Job(scene, numerics, (*((k, n + k) for k in range(len(scene.walls))), (0, 1), (1, 2), (2, 3)))
 
 
 def _failing(job: Job) -> Iterator[Job]:
-    """Runs that should end with an error on their way: a disk so fast that its place is no number, or that it leaves through a wall."""
+    """Runs that should end with an error on their way: a body so fast that its place is no number, or that it leaves through a wall."""
     for speed in (1e300, 1e30, 1e6):
-        v = np.array(job.scene.disks.v)
-        v[0] = (0.0, -speed)
-        yield replace(job, scene=job.scene.replace(disks=replace(job.scene.disks, v=v)))
+        v = np.array(job.scene.bodies.v)
+        v[0] = 0.0
+        v[0, -1] = -speed
+        yield replace(job, scene=_with_bodies(job.scene, v=v))
 
 
 def _placed(pair: Pair, place: Any) -> Pair:

@@ -248,7 +248,7 @@
         width: this.width(), height, legend: { show: false }, padding: [null, this.lines && !this.spec.bare ? GUTTER : null, null, null],
         scales: { x: { time: false, distr: xlog ? 3 : 1, range: () => chart.window || chart.full }, y: { distr: log ? 3 : 1, range } },
         axes: [
-          { stroke: ink, grid, ticks: grid, font, size: last ? 40 : 6, label: last ? this.spec.x_label : undefined, labelFont: font, labelSize: 14, ...(last ? {} : { values: (u, v) => v.map(() => "") }), ...(xlog ? { splits: (u, axis, low, high) => chart.spec.marks || decades(u, axis, low, high), values: apart, filter: (u, v) => v } : {}) },
+          { stroke: ink, grid, ticks: grid, font, size: last ? 40 : 6, label: last ? this.spec.x_label : undefined, labelFont: font, labelSize: 14, values: (u, v) => v.map(last ? short : () => ""), ...(xlog ? { splits: (u, axis, low, high) => chart.spec.marks || decades(u, axis, low, high), values: apart, filter: (u, v) => v } : {}) },
           { stroke: ink, grid, ticks: grid, font, size: 58, label, labelFont: font, labelSize: 16, values: (u, v) => v.map(log ? power : short), ...(log ? { splits: decades, filter: (u, v) => v } : {}) },
         ],
         series: [{}, ...shown.map(s => ({

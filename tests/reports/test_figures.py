@@ -60,6 +60,8 @@ def test_figures_survive_the_store_and_nonsense_is_none():
         '[{"where": {"a": [{}]}}]',
         '[{"last": "x"}]',
         '[{"quantities": [{}]}]',
+        '[{"curves": [{}]}]',
+        '[{"curves": [{"x": [1], "y": []}]}]',
         "null",
     ):
         assert figures_from_text(text) == (), text

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from urllib.parse import unquote
 
+import numpy as np
 import pytest
 
-from ninedisk.harness.results.schema import Figure, Plotted, figures_to_text
+from ninedisk.harness.results.schema import Drawn, Figure, Plotted, figures_to_text
 from ninedisk.reports.build import build_report
 from ninedisk.reports.charts import engine_looks
 from ninedisk.reports.figures import LEAST
-from ninedisk.reports.load import load_store
+from ninedisk.reports.load import Curve, load_store
 from ninedisk.reports.model import build_panel
 from ninedisk.reports.places import place_figures
 
@@ -50,8 +52,8 @@ def store(tmp_path, write, small):
 
 
 def charts_of(store):
-    case = build_panel(load_store(store)).cases["demo/one"]
-    return place_figures(case, engine_looks(ENGINES))
+    panel = build_panel(load_store(store))
+    return place_figures(panel.cases["demo/one"], engine_looks(ENGINES), panel.stored.series)
 
 
 def test_a_picture_an_engine_the_farthest_first_on_common_axes(store):
@@ -75,6 +77,29 @@ def test_one_chart_for_all_at_the_place_that_was_measured_with_a_line_for_each_r
     ]
     assert chart.guides == (("truth: law", (1.0, 2.0), (0.0, 0.0)),)
     assert [look.label for look in found.legend.values()] == ["CD", "DEM", "SOFT"]
+
+
+def test_curves_replace_the_truths_of_their_quantity_and_readings_have_marks_of_their_own(store):
+    curves = (Drawn("speed", "law", (0.0, 4.0), (1.0, 2.0)), Drawn("speed", "printed", (1.0, 2.0), (3.0, 4.0), "me"))
+    ((found),) = charts_of(store(replace(TOGETHER, curves=curves)))
+    (chart,) = found.charts
+    assert chart.guides == (("law", (0.0, 4.0), (1.0, 2.0)),)
+    read = chart.dots[0]
+    assert (read.look.label, read.x, read.y, read.joined) == ("printed, read by me", (1.0, 2.0), (3.0, 4.0), False)
+    assert list(found.legend.values())[-1] == read.look
+
+
+def test_samples_are_drawn_over_samples_of_the_same_cell(store):
+    """Whatever is no number of its own is looked for among the series."""
+    panel = build_panel(load_store(store(replace(TOGETHER, quantities=(Plotted("y", "push", at="x"),)))))
+    series = {
+        ("demo/one", "k=1", "dem", name): Curve(
+            *(np.array(each) for each in ([0, 1], [0.0, 1.0], values, values)), "m", "analytic"
+        )
+        for name, values in (("x", [2.0, 1.0]), ("y", [5.0, 3.0]))
+    }
+    ((found),) = place_figures(panel.cases["demo/one"], engine_looks(ENGINES), series)
+    assert [(dots.key, dots.x, dots.y) for dots in found.charts[0].dots] == [("dem", (1.0, 2.0), (3.0, 5.0))]
 
 
 def test_what_was_not_measured_is_not_drawn(store):

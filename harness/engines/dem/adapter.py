@@ -107,19 +107,23 @@ class DemEngine:
         }
         return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings | options)
 
-    def save(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str) -> None:
-        """Run ``steps`` steps of a scene of the plane and write a checkpoint."""
-        from ninedisk.core.dem.session import DemSession
-
-        session = DemSession(scene, numerics, watch)
+    def save(
+        self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str
+    ) -> None:
+        """Run ``steps`` steps of a scene and write a checkpoint."""
+        session = _session(scene, numerics, watch, 1)
         session.advance(steps)
         session.save(path)
 
     def resume(self, path: str) -> EngineRun:
         """Go on from a checkpoint to the last step; timings count nothing."""
+        from ninedisk.core.archive import read_arrays
         from ninedisk.core.dem.session import DemSession
+        from ninedisk.core.spheres.session import SphereSession
 
-        return EngineRun(history=DemSession.load(path).run(), timings=Timings(setup=0.0, warm_up=0.0, advance=0.0))
+        head = str(read_arrays(path, "checkpoint of a DEM run").get("head", ""))
+        kind: type[DemSession | SphereSession] = SphereSession if '"dimension": 3' in head else DemSession
+        return EngineRun(history=kind.load(path).run(), timings=Timings(setup=0.0, warm_up=0.0, advance=0.0))
 
 
 def _lacks(scene: Scene | SphereScene) -> frozenset[Capability]:

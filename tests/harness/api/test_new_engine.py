@@ -121,13 +121,15 @@ def test_the_example_in_its_known_gaps_is_one(package: Path, tmp_path: Path) -> 
     assert found.gaps[0].explains("slip-to-roll", "mu=0.3,dt=0.01", "any", "spin", "analytic")
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(
+    ("language", "spheres"), [*((each, False) for each in LANGUAGES), pytest.param("python", True, id="spheres")]
+)
 def test_a_skeleton_by_its_command_passes_what_it_declares(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, language: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, language: str, spheres: bool
 ) -> None:
     """As its README says, build included; and a defect in its one capability is found."""
     monkeypatch.chdir(tmp_path)
-    done = ninedisk("new-engine", "acme", "--language", language, "--out", "an acme")
+    done = ninedisk("new-engine", "acme", "--language", language, "--out", "an acme", *["--spheres"] * spheres)
     assert done.exit_code == 0, done.output
     file, run, build = LANGUAGES[language]
     if (program := (build or run).split()[0]) and shutil.which(program) is None:
@@ -150,12 +152,14 @@ def test_a_skeleton_by_its_command_passes_what_it_declares(
     assert done.exit_code == 0, done.output
     found = {each["check"]: each["status"] for each in json.loads(Path("findings.json").read_text())["findings"]}
     declared = {name for name, status in found.items() if name.startswith("supports: ") and status == "pass"}
-    assert declared == {"supports: GRAVITY"}
+    assert declared == ({"supports: SPHERES"} if spheres else {"supports: GRAVITY"})
     assert {name for name, status in found.items() if status == "refused" and not name.startswith("supports: ")} == {
         "units: weights and pairs"
     }
     source = Path(file).read_text()
     wrong = re.sub(r"\+= dt \* (\w+(\[\"gravity\"\])?\[k\])", r"+= 0.9 * dt * \1", source, count=1)
+    if spheres:
+        wrong = source.replace('-law["kn"] * gap', '-0.9 * law["kn"] * gap')
     assert wrong != source
     Path(file).write_text(wrong)
     assert checked().exit_code == 1
@@ -171,6 +175,7 @@ def test_a_skeleton_by_its_command_passes_what_it_declares(
         (("dem",), "there is an engine 'dem' already, of ninedisk"),
         (("acme", "--out", "taken"), "'taken' exists"),
         (("acme", "--language", "cobol"), "--language 'cobol' is not allowed: use javascript, c, python"),
+        (("acme", "--spheres"), "--spheres goes with --language python"),
         (("acme", "--out", "no/where"), "cannot be written (No such file or directory)"),
     ],
 )

@@ -357,6 +357,12 @@ DUMP = (
         (DUMP + "2 0 0\nrubbish\n", TOLD, ["line 12", "'ITEM: ...' should stand"]),
         ("\x00\xff", TOLD, ["a.csv"]),
         (TABLE, TOLD.replace("mass = 1.0", "mass = 1.0, inertia = [2]"), ["disks.inertia", "> 0 and <= 1"]),
+        ("t,id,x,y,z\n0,1,0,1,0\n0.1,1,0,1,0.5\n", TOLD, ["a.csv", "z goes from 0 to 0.5", "in the plane alone"]),
+        (
+            DUMP.replace("x y", "x y zu").replace("1 0 0\n", "1 0 0 1\n2 1 0 2\n"),
+            TOLD,
+            ["z goes from 1 to 2", "spheres/"],
+        ),
         (TABLE.replace(",vx,vy", ",u,w"), TOLD, ["three or more where it has no vx, vy"]),
     ],
 )
@@ -368,6 +374,15 @@ def test_bad_files_name_the_place_and_the_way_out(tmp_path: Path, text: str, tol
     for words in said:
         assert words in done.output
     assert "Traceback" not in done.output
+
+
+def test_arrays_of_spheres_are_refused_for_what_they_are(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", t=np.arange(3.0), x=np.zeros((3, 2, 3)))
+    (tmp_path / "a.toml").write_text(TOLD)
+    done = ninedisk("audit", str(tmp_path / "a.npz"))
+    assert done.exit_code == 2
+    assert "motion in space" in done.output
+    assert "(3, 2, 3)" in done.output
 
 
 def test_the_page_holds_verdicts_and_the_place(sample: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ninedisk.harness.api.registry import get_case
@@ -38,3 +39,35 @@ def test_the_error_falls_with_the_order_of_the_scheme(
 def test_a_wrong_law_is_seen(run_cell: Any, change: dict[str, float]) -> None:
     """Of a spinning sphere: all that enters the law enters its rebound."""
     assert run_cell(get_case("spheres/chung-ooi/6"), DEM, {"spin": 7.0}, law=change).failures
+
+
+@pytest.mark.parametrize(
+    ("number", "params"),
+    [(4, {"angle": 17.5}), (5, {"angle": 30.0}), (6, {"spin": 3.0}), (7, {"spin": 5.0}), (8, {"spin": 2.2})],
+)
+def test_the_papers_figures_are_drawn_through_what_an_engine_does(
+    run_cell: Any, number: int, params: dict[str, Any]
+) -> None:
+    """Signs, arms and axes of the curves are those of what is observed, at a place where the contact sticks and slips."""
+    case = get_case(f"spheres/chung-ooi/{number}")
+    cell = run_cell(case, DEM, params)
+    assert cell.failures == []
+    seen = {name: value for name, (_, value) in cell.observed.scalars.items()} | params
+    drawn = 0
+    for figure in case.figures:
+        for quantity in figure.quantities:
+            curve = next(each for each in figure.curves if each.label == quantity.label and not each.reader)
+            assert np.interp(seen[quantity.at], curve.x, curve.y) == pytest.approx(
+                seen[quantity.name], rel=2e-3, abs=2e-5
+            )
+            drawn += 1
+    assert drawn >= 2
+
+
+def test_hertz_curve_of_force_over_overlap_is_the_engines(run_cell: Any) -> None:
+    case = get_case("spheres/chung-ooi/2")
+    cell = run_cell(case, DEM, {"material": "magnesium"})
+    curve = next(each for each in case.figures[0].curves if "magnesium" in each.name)
+    overlap, force = (cell.observed.series[name][1] for name in ("overlap", "force"))
+    # The first chord, over a fortieth, lies above the curve by (4/27)/40^1.5 = 5.9e-4 of its top.
+    assert abs(np.interp(overlap, curve.x, curve.y) - force).max() < 6e-4 * force.max()

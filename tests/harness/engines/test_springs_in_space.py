@@ -274,3 +274,26 @@ def test_a_settled_box_of_200_spheres_in_yade_is_a_plain_dem(
     assert off(found.x, x) <= ROUND_OFF
     assert off(found.v, v) <= ROUND_OFF
     assert off(found.omega, omega) <= ROUND_OFF
+
+
+@pytest.mark.parametrize(("engine", "leaves"), [(Yade, True), (Lammps, False)])
+def test_shear_forces_of_yade_leave_the_tangent_plane_by_the_first_order_of_the_step(
+    engine: type[SpringEngine], leaves: bool
+) -> None:
+    """A sphere sticks to a fixed one and spins about the normal and across: two turns to first order, one after the other."""
+    n, t = np.array([0.6, 0.0, 0.8]), np.array([0.0, 1.0, 0.0])
+    spheres = Spheres(
+        x=[np.zeros(3), 0.199 * n], v=[np.zeros(3), 0.5 * t], omega=[np.zeros(3), 3.0 * n + 20.0 * np.cross(n, t)], radius=0.1,
+        mass=1.0, held=[[True] * 3, [False] * 3], rotating=[False, True],
+    )  # fmt: skip
+    law = SphereLaw(kn=1e5, ks=8e4, mu=5.0, slip_at="end")
+    scene = SphereScene(spheres=spheres, sphere_sphere=law, gravity=tuple(-100.0 * n))
+    out = []
+    for contact_dt in (2e-5, 5e-6):
+        found = run(engine, scene, Numerics(dt=1e-4, n_steps=100, contact_dt=contact_dt), [(0, 1)])
+        d, fs = found.x[:, 1] - found.x[:, 0], found.fs[:, 0]
+        shear = np.linalg.norm(fs, axis=1)
+        sticks = shear > 1e-3
+        assert sticks.sum() > 90
+        out.append(np.max(np.abs((fs * d).sum(axis=1)) / np.linalg.norm(d, axis=1) / np.maximum(shear, 1e-3)))
+    assert (out[0] / out[1] == pytest.approx(4.0, rel=0.05) and out[0] > 1e-8) if leaves else max(out) < 1e-14

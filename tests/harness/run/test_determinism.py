@@ -28,6 +28,9 @@ SUMS = [
 OUTLINES = "session._outlines = restored(session._outlines, arrays)"
 FORGETS = [("dem.session", OUTLINES, f"{OUTLINES}\n        arrays['disks.omega'] = 0.0 * arrays['disks.omega']")]
 
+ROW = 'session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))'
+STOPS = [("spheres.session", ROW, f"{ROW}\n        session._state.omega[:] = 0.0")]
+
 
 @pytest.mark.parametrize(
     ("edits", "kind", "verdict"),
@@ -36,10 +39,12 @@ FORGETS = [("dem.session", OUTLINES, f"{OUTLINES}\n        arrays['disks.omega']
         pytest.param(FIRST, "bodies", "different", id="the disk told first is another"),
         pytest.param(SUMS, "threads", "round-off", id="sums in parts that depend on threads"),
         pytest.param(FORGETS, "restart", "different", id="a checkpoint without spins"),
+        pytest.param(STOPS, "restart", "different", id="a checkpoint of spheres without spins"),
     ],
 )
 def test_a_planted_defect_is_found_by_its_repetition(edits: Edits, kind: str, verdict: str) -> None:
-    row = repeated(Trial(get_engine("dem"), "pile", edits), kind)
+    scene = "spheres" if edits[0][0].startswith("spheres.") else "pile"
+    row = repeated(Trial(get_engine("dem"), scene, edits), kind)
     assert row["verdict"] == verdict, row
     assert worse_than_promised({"kind": kind, **row})
     assert (row["difference"] > row["allowance"]) == (verdict == "different")
@@ -56,6 +61,26 @@ def test_our_engines_keep_their_promises() -> None:
         "bodies": "round-off"
     }
     assert found["bodies"]["difference"] < 1e-12
+
+
+def test_spheres_are_kept_beside_the_disks(tmp_path: Path) -> None:
+    """The DEM goes on from a checkpoint of spheres; rows of both kinds of scene are in one store, and findings tell them apart."""
+    trial = Trial(get_engine("dem"), "spheres")
+    assert repeated(trial, "restart")["verdict"] == "bitwise"
+    row = dict.fromkeys(DETERMINISM_COLUMNS) | {
+        "engine": "dem",
+        "engine_name": "DEM",
+        "engine_version": "",
+        "scene_why": "",
+    }
+    row |= {"kind": "twice", "verdict": "bitwise", "first_step": -1, "beyond_step": -1, "reason": ""}
+    (tmp_path / "determinism").mkdir()
+    for file, scene in (("dem.json", "pile"), ("dem.spheres.json", "spheres")):
+        (tmp_path / "determinism" / file).write_text(json.dumps([row | {"scene": scene}]))
+    assert [each["scene"] for each in read_determinism(tmp_path)] == ["pile", "spheres"]
+    (tmp_path / "determinism" / "dem.spheres.json").write_text("[{}]")
+    with pytest.raises(StoreError, match="--engine dem --spheres"):
+        read_determinism(tmp_path)
 
 
 def example(tmp_path: Path, edit: str) -> str:
@@ -94,6 +119,7 @@ def test_the_command_tells_names_and_stores_what_differs(tmp_path: Path) -> None
     ("arguments", "says"),
     [
         (["--engine", "demm"], "dem"),
+        (["--engine", "cd", "--spheres"], "spheres"),
         (["--store", "/dev/null/x"], "cannot"),
         (["--json", "/no/such/folder/x"], "folder"),
     ],
