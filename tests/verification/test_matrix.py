@@ -10,6 +10,7 @@ job: then those beyond the first variant of each case are slow, and so are other
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,6 +23,14 @@ from ninedisk.harness.wire.external import ExternalEngine
 Verdicts = dict[str, list[str]]
 
 
+@dataclass(frozen=True)
+class Planned:
+    """What one test judges; pytest prints it with every expected failure, and a plan is long."""
+
+    cells: list[Cell] = field(default_factory=list, repr=False)
+    plan: Plan = field(repr=False, kw_only=True)
+
+
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "planned" not in metafunc.fixturenames:
         return
@@ -29,13 +38,14 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     cases, engines, commands, store = (metafunc.config.getoption(f"ninedisk_{name}") for name in names)
     plan = make_plan(cases, engines, commands, None, store)
     levels, chosen = plan.tiers(), engines or commands
-    tests: dict[str, list[Cell]] = {}
+    tests: dict[str, Planned] = {}
     for cell in plan.cells:
         here = chosen or not isinstance(cell.engine, ExternalEngine)
         soon = plan.stored.cells or (here and "smoke" in levels[place(cell)])
-        tests.setdefault(f"{cell.case.id}-{cell.engine_id}{'' if soon else '-slow'}", []).append(cell)
+        name = f"{cell.case.id}-{cell.engine_id}{'' if soon else '-slow'}"
+        tests.setdefault(name, Planned(plan=plan)).cells.append(cell)
     marks = {name: [pytest.mark.xdist_group(name), *[pytest.mark.slow] * name.endswith("-slow")] for name in tests}
-    metafunc.parametrize("planned", [pytest.param((plan, tests[name]), id=name, marks=marks[name]) for name in tests])
+    metafunc.parametrize("planned", [pytest.param(tests[name], id=name, marks=marks[name]) for name in tests])
 
 
 def verdicts(checks: list[CellCheck]) -> Verdicts:
@@ -55,13 +65,13 @@ def verdicts(checks: list[CellCheck]) -> Verdicts:
     return said
 
 
-def test_cells(planned: tuple[Plan, list[Cell]]) -> None:
+def test_cells(planned: Planned) -> None:
     """Every check passes, or has no truth or a known gap; the cells' own tests pass as well."""
-    plan, cells = planned
-    judge_cells([plan.checks(cell) for cell in cells])
+    judge_cells([planned.plan.checks(cell) for cell in planned.cells])
 
 
 def judge_cells(cells: list[list[CellCheck]]) -> None:
+    __tracebackhide__ = True
     said: Verdicts = {"passed": [], "failed": [], "skipped": [], "xfailed": []}
     for checks in cells:
         for outcome, texts in verdicts(checks).items():
