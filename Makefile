@@ -62,7 +62,8 @@ quick: $(DEVELOPED) ## Pass the tests that take little: the loop while one works
 test quick slow: export OPENBLAS_NUM_THREADS := 1
 
 # Two runs, because a clock that is read while other tests keep the processors busy proves nothing. Cells that `make report`
-# has run with the very same code on this machine are judged as they are stored; without them each case runs in its first variant.
+# has run with the very same code on this machine are judged as they are stored; without them each case runs in its first variant,
+# on the engines that need no other program.
 test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time, one by one
 	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not (timing or slow)" --ninedisk-store "$(STORE)"
 	$(PY) -m pytest -q -m "timing and not slow" $$(grep -rl --include='*.py' 'mark.timing' tests)

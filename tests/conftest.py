@@ -16,8 +16,8 @@ import typer.testing
 pytest_plugins = ["ninedisk.harness.suite.plugin", "pytester"]
 
 
-MADE_ONCE = ("panel_report", "built", "measured")
-"""Fixtures that take seconds to make: a report, the documentation, a store."""
+MADE_ONCE = ("panel_report", "browser", "built", "measured")
+"""Fixtures that take seconds to make: a report, a browser, the documentation, a store."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -40,6 +40,45 @@ def one_tree_of_commands() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(typer.testing, "_get_command", cache(typer.testing._get_command))
         yield
+
+
+WARM = {"cases", "engines", "verification"}
+"""Folders whose tests run other programs' engines many times."""
+
+
+class Nurseries(dict[tuple[str, ...], Any]):
+    """Nurseries by their commands and environments, in which pytest has the name of the test."""
+
+    def pop(self, key: Any, default: Any = None) -> Any:
+        return super().pop(self.shared(key), default)
+
+    def __setitem__(self, key: tuple[str, ...], nursery: Any) -> None:
+        super().__setitem__(self.shared(key), nursery)
+
+    @staticmethod
+    def shared(key: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(part for part in key if not part.startswith("PYTEST_CURRENT_TEST="))
+
+
+NURSERIES = Nurseries()
+
+
+@pytest.fixture(autouse=True)
+def engines_start_once(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Other programs are started once for all tests of a worker, as `ninedisk run` does; tests with `cold_starts` start them anew."""
+    if request.path.parent.name not in WARM or "cold_starts" in request.fixturenames:
+        yield
+        return
+    from ninedisk.harness.run import isolation
+
+    before, isolation._nurseries = isolation._nurseries, NURSERIES
+    yield
+    isolation._nurseries = before
+
+
+@pytest.fixture
+def cold_starts() -> None:
+    """Has each run of an engine start its program, see `engines_start_once`."""
 
 
 @pytest.fixture

@@ -126,14 +126,20 @@ class Tally:
             return
         allowance = np.sum([np.broadcast_to(part, value.shape) for part in parts.values()], axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.nan_to_num(np.where(value <= 0.0, 0.0, value / allowance), posinf=np.inf)
-        value, allowance = np.nan_to_num(value), np.nan_to_num(allowance)
+            ratio = np.where(value <= 0.0, 0.0, value / allowance)
+        if not (np.isfinite(ratio).all() and np.isfinite(value).all() and np.isfinite(allowance).all()):
+            ratio, value, allowance = (
+                np.nan_to_num(ratio, posinf=np.inf),
+                np.nan_to_num(value),
+                np.nan_to_num(allowance),
+            )
         k = int(np.argmax(ratio))
         self.judged += len(value)
         lost = int((ratio > 1.0).sum())
         self.beyond += lost
         self.series.append((state.t, float(value[k]), float(allowance[k])))
-        if lost or self.worst is None or ratio[k] > self.worst["ratio"]:
+        worse = self.worst is None or ratio[k] > self.worst["ratio"]
+        if worse or (lost and self.first is None):
             told = {
                 "step": state.step, "t": state.t, "place": state.place, "who": who(k), "value": float(value[k]),
                 "allowance": float(allowance[k]), "ratio": min(float(ratio[k]), 1e300),
@@ -142,7 +148,7 @@ class Tally:
             }  # fmt: skip
             if lost and self.first is None:
                 self.first = told
-            if self.worst is None or ratio[k] > self.worst["ratio"]:
+            if worse:
                 self.worst, self.scene = told, state if ratio[k] > 1.0 else None
 
 

@@ -13,6 +13,12 @@ from ninedisk.harness.api.engine import EngineError, run_session
 from ninedisk.harness.wire.protocol import WIRE_VERSION, Answer, decode_request, encode_answer
 
 
+def preload() -> None:
+    """Load the sessions, in a process of which runs are copies."""
+    for place in filter(None, sys.argv[1:]):
+        importlib.import_module(place.partition(":")[0])
+
+
 def main() -> None:
     """Read the request, drive the session, write the answer file."""
     request = decode_request(sys.stdin.read())

@@ -4,20 +4,26 @@ The command runs in a session and process group of its own. Whatever happens (no
 group is killed before the leader is reaped, so that nothing outlives the call; pipes are read all the time and only
 their last bytes are kept, so that no amount of output can block either side. Should this process end before the call does, its
 warden ends the command.
+
+Where `warm_starts` is on, a driver that asks for it runs in a copy of a process of the same command which has loaded its engine, its
+`Nursery`: what a start takes, YADE's for instance most of a second, is paid once. Copies are held as commands are.
 """
 
 from __future__ import annotations
 
+import json
 import os
+import select
 import selectors
 import signal
+import socket
 import subprocess
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Protocol
 
 from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
 from ninedisk.harness.api.text import printable
@@ -31,6 +37,8 @@ LAST_LINES = 12
 LINE_LENGTH = 150
 _CHUNK = 1 << 16
 _running: set[int] = set()
+_nurseries: dict[tuple[str, ...], Nursery] | None = None
+NURSERY = Path(__file__).parents[1] / "engines" / "drivers" / "nursery.py"
 _LOOK = (
     0.05  # between two looks at the memory of a command: what it can take in that time is a small part of a machine [s]
 )
@@ -77,6 +85,151 @@ def time_limit_from_environment(default: float = DEFAULT_TIME_LIMIT) -> float:
     raise EngineError(f"{TIME_LIMIT_VARIABLE}={text!r} is not a time limit: give a number of seconds > 0, or unset it")
 
 
+class _Process(Protocol):
+    """What is held of a process."""
+
+    pid: int
+    stdin: IO[bytes] | None
+    stdout: IO[bytes] | None
+    stderr: IO[bytes] | None
+
+
+@dataclass
+class _Copy:
+    """A run that a `Nursery` has begun."""
+
+    pid: int
+    stdin: IO[bytes] | None
+    stdout: IO[bytes] | None
+    stderr: IO[bytes] | None
+
+
+class NurseryError(Exception):
+    """A nursery that does not start runs: the command has to be started by itself, and tells what is wrong."""
+
+
+class Nursery:
+    """A process of a command that has loaded what its driver imports, and starts runs as copies of itself (``drivers/nursery.py``).
+
+    Copies see the driver as it is when they begin, and their own folder and environment; of earlier runs they see nothing. It ends with
+    the process that it serves.
+    """
+
+    def __init__(self, command: Sequence[str], driver: str, cwd: Path | str | None, env: Mapping[str, str]) -> None:
+        self._link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        k = list(command).index(driver)
+        try:
+            self._process = subprocess.Popen(
+                [*command[:k], str(NURSERY), str(theirs.fileno()), *command[k:]],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                cwd=cwd,
+                env=owned(env),
+                start_new_session=True,
+                pass_fds=(theirs.fileno(),),
+            )
+        except OSError as error:
+            self._link.close()
+            raise NurseryError(str(error)) from error
+        finally:
+            theirs.close()
+
+    def begin(self, cwd: Path | str | None, env: Mapping[str, str] | None, time_limit: float) -> _Copy:
+        """Begin a run; raises `NurseryError` where this process does not answer."""
+        pairs = [os.pipe() for _ in range(3)]
+        theirs = [pairs[0][0], pairs[1][1], pairs[2][1]]
+        ours = [pairs[0][1], pairs[1][0], pairs[2][0]]
+        message = json.dumps({"cwd": os.path.abspath(cwd or "."), "env": owned(env)}).encode()
+        try:
+            self._link.settimeout(time_limit)
+            socket.send_fds(self._link, [message], theirs)
+            pid = int(self._link.recv(64))
+        except BaseException as error:
+            for descriptor in ours:
+                os.close(descriptor)
+            self.end()
+            if isinstance(error, OSError | ValueError):
+                raise NurseryError(str(error)) from error
+            raise
+        finally:
+            for descriptor in theirs:
+                os.close(descriptor)
+        streams = [os.fdopen(n, mode, 0) for n, mode in zip(ours, ("wb", "rb", "rb"), strict=True)]
+        return _Copy(pid, *streams)
+
+    def reap(self) -> tuple[int, float]:
+        """How the run in hand ended, whose group has been killed: its exit code, below 0 for a signal, and its CPU seconds."""
+        try:
+            self._link.send(b"?")
+            code, cpu = json.loads(self._link.recv(256))
+        except (OSError, ValueError):  # it was killed itself, and with it the knowledge of the run's end
+            self.end()
+            return -signal.SIGKILL, 0.0
+        return int(code), float(cpu)
+
+    def end(self) -> None:
+        """End it, with a run that it may have in hand."""
+        self._link.close()
+        if self._process.poll() is None:
+            _kill_group(self._process.pid)
+            self._process.wait()
+
+
+def warm_starts() -> None:
+    """Have this process keep a `Nursery` for each driver from now on: workers do, which run cells of all engines."""
+    global _nurseries
+    if _nurseries is None and hasattr(os, "pidfd_open") and hasattr(os, "fork"):
+        _nurseries = {}
+
+
+def _begun(
+    command: Sequence[str],
+    driver: Path | str | None,
+    cwd: Path | str | None,
+    env: Mapping[str, str] | None,
+    limit: float,
+) -> tuple[_Process, Callable[[], tuple[int, float]]]:
+    """A run that has begun, and what reaps it."""
+    if _nurseries is not None and driver is not None and str(driver) in command:
+        given = dict(os.environ if env is None else env)
+        # What names the run's own folder is not the nursery's.
+        key = (*command, *sorted(f"{name}={text}" for name, text in given.items() if str(cwd) not in text))
+        with suppress(NurseryError):
+            nursery = _nurseries.pop(key, None) or Nursery(command, str(driver), cwd, given)
+            copy = nursery.begin(cwd, given, limit)
+            nurseries = _nurseries
+
+            def reap() -> tuple[int, float]:
+                ended = nursery.reap()
+                nurseries[key] = nursery
+                return ended
+
+            return copy, reap
+    try:
+        process = subprocess.Popen(
+            list(command),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            cwd=cwd,
+            env=owned(env),
+            start_new_session=True,
+            bufsize=0,
+        )
+    except OSError as error:
+        raise EngineError(
+            f"{Path(command[0]).name} cannot be started: {error.strerror or error} ({' '.join(command)})"
+        ) from error
+
+    def wait() -> tuple[int, float]:
+        _, ended, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(ended)
+        return process.returncode, used.ru_utime + used.ru_stime
+
+    return process, wait
+
+
 def run_isolated(
     command: Sequence[str],
     *,
@@ -85,6 +238,7 @@ def run_isolated(
     cwd: Path | str | None = None,
     env: Mapping[str, str] | None = None,
     keep: int = KEEP_BYTES,
+    driver: Path | str | None = None,
 ) -> Finished:
     """Run ``command`` with ``stdin`` as its standard input and wait for its end.
 
@@ -100,6 +254,8 @@ def run_isolated(
         Working directory and environment; None: those of this process.
     keep : int
         Bytes of each output stream that are kept, the last ones.
+    driver : Path or str, optional
+        The part of the command that is a Python script which may run in a copy of a process (see `Nursery`).
 
     Raises
     ------
@@ -114,19 +270,7 @@ def run_isolated(
     memory = memory_limit()
     program = Path(command[0]).name
     begin = time.monotonic()
-    try:
-        process = subprocess.Popen(
-            list(command),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            cwd=cwd,
-            env=owned(env),
-            start_new_session=True,
-            bufsize=0,
-        )
-    except OSError as error:
-        raise EngineError(f"{program} cannot be started: {error.strerror or error} ({' '.join(command)})") from error
+    process, reap = _begun(command, driver, cwd, env, limit)
     _running.add(process.pid)
     tails = {"stdout": bytearray(), "stderr": bytearray()}
     try:
@@ -134,14 +278,12 @@ def run_isolated(
     finally:
         _running.discard(process.pid)
         _kill_group(process.pid)
-        _, ended, used = os.wait4(process.pid, 0)
-        returned = process.returncode = os.waitstatus_to_exitcode(ended)
+        returned, cpu = reap()
         for stream in (process.stdin, process.stdout, process.stderr):
             if stream is not None:
                 stream.close()
     texts = {name: bytes(tail).decode(errors="replace") for name, tail in tails.items()}
     name = signal_name(-returned) if returned < 0 else None
-    cpu = used.ru_utime + used.ru_stime
     finished = Finished(
         None if name else returned, name, texts["stdout"], texts["stderr"], time.monotonic() - begin, cpu
     )
@@ -167,7 +309,7 @@ def end_commands() -> None:
 
 
 def _converse(
-    process: subprocess.Popen[bytes], data: bytes, tails: dict[str, bytearray], keep: int, limits: tuple[float, float]
+    process: _Process, data: bytes, tails: dict[str, bytearray], keep: int, limits: tuple[float, float]
 ) -> float:
     """Feed and drain the pipes until the leader has ended: 0; -1 at the deadline, or the bytes held where these are too many.
 
@@ -178,16 +320,18 @@ def _converse(
     assert process.stderr is not None
     (deadline, memory), ended, looked = limits, False, time.monotonic()
     end = deadline
-    with selectors.DefaultSelector() as selector:
+    with selectors.DefaultSelector() as selector, _end_of(process.pid) as over:
         for stream, name in ((process.stdout, "stdout"), (process.stderr, "stderr")):
             os.set_blocking(stream.fileno(), False)
             selector.register(stream, selectors.EVENT_READ, name)
         os.set_blocking(process.stdin.fileno(), False)
         selector.register(process.stdin, selectors.EVENT_WRITE, "stdin")
+        if over is not None:
+            selector.register(over, selectors.EVENT_READ, "end")
         pending = memoryview(data)
         pause = 0.002
         while True:
-            if not ended and _has_ended(process.pid):
+            if not ended and (_has_ended(process.pid) if over is None else _readable(over)):
                 ended, end = True, min(deadline, time.monotonic() + _GRACE)
                 _kill_group(process.pid)
             if not _any_output(selector) and ended:
@@ -202,7 +346,9 @@ def _converse(
                     return float(held)
             pause = min(2.0 * pause, 0.05)
             for key, _ in _ready(selector, min(left, pause)):
-                if key.data == "stdin":
+                if key.data == "end":
+                    selector.unregister(key.fileobj)
+                elif key.data == "stdin":
                     pending = _feed(selector, process.stdin, pending)
                 elif chunk := os.read(key.fd, _CHUNK):
                     tail = tails[key.data]
@@ -220,7 +366,7 @@ def _ready(selector: selectors.BaseSelector, timeout: float) -> list[tuple[selec
 
 
 def _any_output(selector: selectors.BaseSelector) -> bool:
-    return any(key.data != "stdin" for key in selector.get_map().values())
+    return any(key.data in ("stdout", "stderr") for key in selector.get_map().values())
 
 
 def _feed(selector: selectors.BaseSelector, pipe: IO[bytes], pending: memoryview) -> memoryview:
@@ -234,6 +380,24 @@ def _feed(selector: selectors.BaseSelector, pipe: IO[bytes], pending: memoryview
     selector.unregister(pipe)
     pipe.close()
     return memoryview(b"")
+
+
+@contextmanager
+def _end_of(pid: int) -> Iterator[int | None]:
+    """A descriptor that can be read once the process has ended; None where this system has none."""
+    over = None
+    if hasattr(os, "pidfd_open"):
+        with suppress(OSError):  # an older Linux
+            over = os.pidfd_open(pid)
+    try:
+        yield over
+    finally:
+        if over is not None:
+            os.close(over)
+
+
+def _readable(descriptor: int) -> bool:
+    return bool(select.select([descriptor], [], [], 0.0)[0])
 
 
 def _has_ended(pid: int) -> bool:

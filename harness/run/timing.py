@@ -13,7 +13,7 @@ from ninedisk.harness.results.schema import GATED_SECONDS, Row
 MOST_REPEATS = 5
 """Runs of a cell at most; others on a busy machine share caches with it, and one run in five is hardly disturbed."""
 
-REPEATS_TAKE = 0.3
+REPEATS_TAKE = 0.15
 """Wall-clock seconds that the repeats of one cell may take: what makes the full matrix some ten per cent longer."""
 
 REFERENCE_ROUNDS = 12_000

@@ -34,7 +34,7 @@ from typing import IO, Any, Protocol, cast
 
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.results.tables import CaseResult
-from ninedisk.harness.run.isolation import signal_name
+from ninedisk.harness.run.isolation import signal_name, warm_starts
 from ninedisk.harness.run.memory import VARIABLE, default_limit, memory_limit, resident, too_much
 from ninedisk.harness.run.plan import Cell, plan_matrix
 from ninedisk.harness.run.runner import Patience, Progress, broken_cell, run_cell
@@ -216,6 +216,7 @@ def serve(link: int, dump: int) -> None:
     faulthandler.enable(file=dump, all_threads=False)
     threading.Thread(target=_end_with, args=(link,), daemon=True).start()
     connection = Connection(link)
+    warm_starts()
     try:
         while True:
             payload = connection.recv_bytes()

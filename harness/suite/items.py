@@ -131,11 +131,14 @@ def _collect(cell: Cell) -> list[CheckName]:
 
 @dataclass(frozen=True)
 class CellCheck:
-    """One check of a cell, or the cell as a whole."""
+    """One check of a cell, or the cell as a whole.
 
-    cell: Cell
+    pytest prints it with every failure, expected ones as well: a cell with its scene takes longer to print than to judge.
+    """
+
+    cell: Cell = field(repr=False)
     name: str
-    collected: tuple[str, ...]
+    collected: tuple[str, ...] = field(repr=False)
     plan: Plan = field(repr=False)
 
     def result(self) -> CaseResult:

@@ -78,7 +78,7 @@ class ExternalEngine(ABC):
     def run(self, scene: Any, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the engine in a process of its own.
 
-        ``timings.setup`` is everything but warm-up and advance: the start of the process and the transport included.
+        ``timings.setup`` is everything but warm-up and advance: the start of the process, or of its copy, and the transport included.
 
         Raises
         ------
@@ -108,6 +108,7 @@ class ExternalEngine(ABC):
                 cwd=self.working_folder(folder),
                 env=self.environment(folder),
                 keep=self.keep_output,
+                driver=getattr(self, "driver", None),
             )
             text = self.answer_text(finished, answer_file)
             answer = decode_answer(text, scene=scene, numerics=numerics, watch=pairs, folder=folder)

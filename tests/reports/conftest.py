@@ -162,11 +162,20 @@ def panel_report(panel_store: Path, tmp_path_factory: pytest.TempPathFactory) ->
     return build_report(panel_store, tmp_path_factory.mktemp("out") / "report").parent
 
 
-@pytest.fixture(scope="module")
-def tab(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """A browser tab without a network; what it asked for and complained about is empty at the start."""
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A browser's tab without a network, see `tab`."""
     if DEVTOOLS.CHROMIUM is None:
         pytest.skip("chromium is not installed: apt-get install chromium")
     pytest.importorskip("websockets", reason="the package websockets is not installed: pip install 'ninedisk[dev]'")
     with DEVTOOLS.browser(tmp_path_factory.mktemp("profile")) as page:
         yield page
+
+
+@pytest.fixture
+def tab(browser: Any) -> Any:
+    """A browser tab without a network; what it asked for and complained about is empty at the start."""
+    browser.call("Page.navigate", url="about:blank")
+    browser.requests.clear()
+    browser.complaints.clear()
+    return browser

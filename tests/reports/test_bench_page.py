@@ -88,8 +88,6 @@ def test_a_page_of_many_rows_names_every_problem(tmp_path: Path) -> None:
 def test_the_page_draws_its_charts_alone_and_silently(tab: Any, tmp_path: Path) -> None:
     """One file, no network: every chart of points gets its canvas, in a line that turns as much as its points do."""
     page_of(many_rows(), tmp_path)
-    tab.requests.clear()
-    tab.complaints.clear()
     tab.open(tmp_path / "page.html", dark=True)
     tab.wait("document.querySelectorAll('figure.chart.drawn canvas').length === 4")
     assert tab.complaints == []

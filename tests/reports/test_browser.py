@@ -22,8 +22,6 @@ DRAWN = f"document.querySelector('{CHART}').classList.contains('drawn')"
 @pytest.fixture
 def quiet(tab):
     """The tab; afterwards it must have asked for files only, and must not have complained."""
-    tab.requests.clear()
-    tab.complaints.clear()
     yield tab
     assert tab.complaints == []
     assert outside(tab.requests, Path("/")) == []
@@ -318,8 +316,6 @@ def test_these_checks_see_what_they_look_for(tab, panel_report, tmp_path):
         '<script src="../outside.js"></script><script>console.error("planted")</script></main>'
     )
     page.write_text(page.read_text(encoding="utf-8").replace("</main>", planted), encoding="utf-8")
-    tab.requests.clear()
-    tab.complaints.clear()
     tab.open(page, 1024)
     scroll, client = tab.run(SIZES)
     assert scroll > client
@@ -330,5 +326,3 @@ def test_these_checks_see_what_they_look_for(tab, panel_report, tmp_path):
         "http://example.org/a.png",
     ]
     assert any("planted" in complaint for complaint in tab.complaints)
-    tab.requests.clear()
-    tab.complaints.clear()

@@ -221,7 +221,6 @@ def test_pages_in_a_browser(synthetic: ModuleType, tab: Any, tmp_path: Path) -> 
     folder = build_dashboard(found, tmp_path / "out", silent).parent
     write_comparison(compare(side(runs[:30]), side(runs[30:])), folder / "compare" / "alone.html")
     around = next(iter((folder / "compare").glob("2026*.html"))).name
-    tab.complaints.clear()
     for name in ("index.html", "lines/nine-disk-distortion-dem.html", f"compare/{around}", "compare/alone.html"):
         for width in WIDTHS:
             tab.open(folder / name, width)
@@ -252,6 +251,5 @@ def test_an_error_on_the_console_is_seen(tab: Any, tmp_path: Path) -> None:
     """The test above would notice."""
     page = "<!doctype html><html><head></head><body><script>undefinedFunction();</script></body></html>"
     (tmp_path / "bad.html").write_text(page, encoding="utf-8")
-    tab.complaints.clear()
     tab.open(tmp_path / "bad.html")
     assert any("undefinedFunction" in complaint for complaint in tab.complaints)

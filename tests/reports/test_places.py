@@ -110,7 +110,6 @@ def test_what_was_not_measured_is_not_drawn(store):
 
 def test_a_point_leads_to_its_cell(store, tab, tmp_path):
     report = build_report(store(APART), tmp_path / "report").parent
-    tab.complaints.clear()
     tab.open(next((report / "case").glob("*.html")))
     tab.wait("document.querySelector('figure.chart.drawn canvas')")
     tab.run("document.querySelector('#cells').scrollIntoView()")

@@ -111,8 +111,9 @@ class Liggghts(SpringEngine):
         return version[1] if version else None, reason
 
     def environment(self, folder: Path) -> Mapping[str, str]:
-        """One thread, no traces of a surrounding MPI run, and MPI without network devices."""
-        return {**without_mpi(super().environment(folder)), "OMPI_MCA_btl": "self"}
+        """One thread, no traces of a surrounding MPI run, and MPI without network devices, whose search takes longer than most runs."""
+        alone = {"OMPI_MCA_btl": "self", "OMPI_MCA_pml": "ob1", "OMPI_MCA_ess_singleton_isolated": "1"}
+        return {**without_mpi(super().environment(folder)), **alone}
 
     def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """No disk may turn, by blocking or by symmetry, and the walls' motion must be a polygon in time."""

@@ -201,6 +201,7 @@ class SiconosRun(Run):
         return self.unit * impulse[0] / self.dt, sign * self.unit * impulse[1] / self.dt
 
 
-serve(lambda request: (SiconosSpaceRun if request["scene"].get("dimension") == 3 else SiconosRun)(request))
-sys.stdout.flush()
-os._exit(0)  # Siconos' objects and Python's may be destroyed in an order that crashes
+if __name__ == "__main__":
+    serve(lambda request: (SiconosSpaceRun if request["scene"].get("dimension") == 3 else SiconosRun)(request))
+    sys.stdout.flush()
+    os._exit(0)  # Siconos' objects and Python's may be destroyed in an order that crashes

@@ -345,7 +345,8 @@ def make(request):
     return Run(request)
 
 
-remove_temporary_folder()
-serve(make)
-sys.stdout.flush()
-os._exit(0)  # YADE's own exit waits for its network threads
+if __name__ == "__main__":
+    remove_temporary_folder()
+    serve(make)
+    sys.stdout.flush()
+    os._exit(0)  # YADE's own exit waits for its network threads

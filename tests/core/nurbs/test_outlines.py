@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from nurbs_shapes_of_tests import outline, periodic, ring
@@ -45,6 +47,7 @@ def clamped(degree: int, seed: int) -> NurbsCurve:
     return NurbsCurve(degree=degree, knots=knots, points=points, weights=weights)
 
 
+@cache
 def curves() -> list[NurbsCurve]:
     made = [clamped(degree, seed) for degree in (1, 2, 3, 4, 5) for seed in (1, 2)]
     weights = np.random.default_rng(3).uniform(0.5, 2.0, 20)

@@ -105,7 +105,7 @@ def engines(wanted: Callable[[Expected], Any] = lambda _: True) -> Any:
 
 @engines()
 @pytest.mark.parametrize(
-    ("load_case", "xi", "form"), [("a1", 3.0, "central"), ("a2", 3.0, "lagged"), ("b1", 0.0, "central"), ("b2", 3.0, "central")]
+    ("load_case", "xi", "form"), [("a1", 3.0, "central"), ("a2", 3.0, "lagged"), ("b1", 0.0, "central")]
 )  # fmt: skip
 def test_smooth_compression_is_the_exact_recurrence(engine: Any, load_case: str, xi: float, form: str) -> None:
     setup = variant("nine-disk/compression", load_case=load_case, xi=xi, damping_form=form, settle_cycles=0)
@@ -170,12 +170,9 @@ def test_preloaded_block_is_the_closed_form(engine: Any, mu: float, tilted: bool
 
 
 @engines()
-@pytest.mark.parametrize("restitution", [1.0, 0.5])
-def test_collision_is_the_in_house_dem(engine: Any, restitution: float) -> None:
-    """Dashpots see v_{n-1/2} everywhere: the lagged form is theirs."""
-    setup = variant("binary-collision", restitution=restitution)
-    if restitution < 1.0 and not EXPECTED[engine.id].rough:
-        pytest.skip("it has no dashpots")
+def test_collision_is_the_in_house_dem(engine: Any) -> None:
+    """Dashpots, where it has them, see v_{n-1/2} everywhere: the lagged form is theirs."""
+    setup = variant("binary-collision", restitution=0.5 if EXPECTED[engine.id].rough else 1.0)
     numerics = setup.numerics.replace(damping_form="lagged", sample_from=0)
     history = engine.run(setup.scene, numerics, setup.watch).history
     core = simulate(setup.scene, numerics, setup.watch)
@@ -257,6 +254,7 @@ def test_scene_without_disks_is_an_error(engine: Any) -> None:
 
 
 @engines()
+@pytest.mark.usefixtures("cold_starts")
 def test_info_and_settings_of_the_real_one(engine: Any) -> None:
     info = engine.info()
     assert info.licence == EXPECTED[engine.id].licence

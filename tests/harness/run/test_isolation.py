@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
+from ninedisk.harness.run import isolation
 from ninedisk.harness.run.isolation import TIME_LIMIT_VARIABLE, run_isolated, time_limit_from_environment
 
 
@@ -157,3 +159,74 @@ def test_bad_time_limit(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv(TIME_LIMIT_VARIABLE, text)
     with pytest.raises(EngineError, match="give a number of seconds > 0"):
         time_limit_from_environment()
+
+
+DRIVER = """
+import json, os, sys, time
+loaded = os.getpid()
+def preload():
+    global loaded
+    import colorsys
+    colorsys.by = loaded
+if __name__ == "__main__":
+    import colorsys
+    asked = json.load(sys.stdin)
+    print(json.dumps({"by": getattr(colorsys, "by", None), "pid": os.getpid(), "seen": getattr(colorsys, "seen", None), "cwd": os.getcwd(),
+                      "env": os.environ.get("PLACE"), "argv": sys.argv, "group": os.getpgid(0)}), flush=True)
+    colorsys.seen = True
+    exec(asked.get("then", ""))
+"""
+
+
+def test_a_driver_runs_in_copies_of_what_has_loaded_its_imports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nurseries: dict[tuple[str, ...], isolation.Nursery] = {}
+    monkeypatch.setattr(isolation, "_nurseries", nurseries)
+    driver = tmp_path / "driver.py"
+    driver.write_text(DRIVER)
+
+    def run(place: str, then: str = "", **limits: float) -> dict[str, object]:
+        folder = tmp_path / place
+        folder.mkdir()
+        done = run_isolated(
+            [sys.executable, str(driver), "word"],
+            stdin=json.dumps({"then": then}),
+            cwd=folder,
+            env={**os.environ, "PLACE": str(folder)},
+            driver=driver,
+            **limits,
+        )
+        found: dict[str, object] = json.loads(done.stdout)
+        assert (found["cwd"], found["env"], found["argv"]) == (str(folder), str(folder), [str(driver), "word"])
+        assert found["group"] == found["pid"]
+        assert found["seen"] is None  # nothing that a run before has left
+        return found
+
+    try:
+        first = run("first")
+        (nursery,) = nurseries.values()
+        assert first["by"] != first["pid"]
+        assert run("second", "time.sleep(0.01)")["by"] == first["by"]
+        with pytest.raises(EngineError, match=r"ended with status 3 .*its last output:\nword of it$"):
+            run("third", "print('word of it', file=sys.stderr); sys.exit(3)")
+        with pytest.raises(EngineError, match="ended by SIGSEGV"):
+            run("fourth", "import signal; os.kill(os.getpid(), signal.SIGSEGV)")
+        marker = tmp_path / "child"
+        with pytest.raises(EngineTimeoutError, match=r"time limit of 1 s"):
+            run("fifth", f"open({str(marker)!r}, 'w').write(str(os.getpid())); time.sleep(60)", time_limit=1.0)
+        assert wait_until_dead(int(marker.read_text()))
+        # The driver is read anew by each run.
+        driver.write_text(DRIVER.replace("os.getcwd()", "os.getcwd() + '/new'"))
+        with pytest.raises(AssertionError, match="/new"):
+            run("sixth")
+        driver.write_text(DRIVER)
+        assert run("seventh")["by"] == first["by"]
+        assert list(nurseries.values()) == [nursery]
+        # One that has died is replaced by a plain start, then by another.
+        os.kill(int(str(first["by"])), signal.SIGKILL)
+        assert run("eighth")["by"] is None
+        assert run("ninth")["by"] not in (None, first["by"])
+    finally:
+        for each in nurseries.values():
+            each.end()
