@@ -26,6 +26,11 @@ class ProcessEngine(ExternalEngine):
     """Everything but the version, which is looked up when it is asked for."""
     driver: Path
 
+    @property
+    def copied(self) -> Path | None:  # type: ignore[override]
+        """The driver."""
+        return self.driver
+
     @abstractmethod
     def installed(self) -> tuple[str | None, str]:
         """Version of the installed engine and "", or None and the reason; imports nothing of it."""

@@ -1,6 +1,6 @@
 """The variants that wrong engines run: few and short, yet with every kind of check that the whole matrix has.
 
-Springs are softer and settling times shorter than in the matrix, which changes the number of steps and no tolerance's reason.
+Springs are softer and settling times and runs shorter than in the matrix, which changes the number of steps and no tolerance's reason.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ RETRACE, HOLD, COOL, RESIST, COHESION = (
     "rolling/resistance",
     "impact/cohesion",
 )
+DRIVEN = "contact/driven-wall"
 MATERIALS, FORCES = "contact/materials", "motion/forces"
 LATTICE, SHEAR_CELL = "cell/lattice", "cell/shear"
 BUDGET = "energy/budget"
@@ -108,8 +109,10 @@ CD_PANEL: dict[str, Probe] = {
     "stand": Probe(GRAINS, {"kn": 1e5, "steepness": 0.6, "duration": 0.1}),
     "oval-rolls": Probe(GRAINS, {"grain": "ellipse", "kn": 1e4, "duration": 0.2}),
     "push-wall": Probe(WALL, {}),
+    "shake": Probe(DRIVEN, {"motion": "shake"}),
+    "turn": Probe(DRIVEN, {"motion": "turn"}),
     "budget": Probe(BUDGET, {"duration": 0.2}),
-    "budget-rigid": Probe(BUDGET, {"duration": 0.2, "contacts": "rigid"}),
+    "budget-rigid": Probe(BUDGET, {"duration": 0.1, "contacts": "rigid"}),
     "materials": Probe(MATERIALS, {}),
     "forces": Probe(FORCES, {}),
     "hit": Probe(HIT, {}),
@@ -149,8 +152,8 @@ RIGID_PANEL: dict[str, Probe] = {
     "stack": Probe(STACK, {}),
     "against": Probe("invariance/galilei", {"scene": "slide", "frame_vx": -3.0}),
     "belt": Probe("invariance/galilei", {"scene": "belt", "frame_vx": -1.0}),
-    "shake": Probe("contact/driven-wall", {"motion": "shake"}),
-    "turn": Probe("contact/driven-wall", {"motion": "turn"}),
+    "shake": Probe(DRIVEN, {"motion": "shake"}),
+    "turn": Probe(DRIVEN, {"motion": "turn"}),
     "fixed": Probe("impact/held-disk", {"partner": "fixed"}),
     "held": Probe("impact/held-disk", {"partner": "held"}),
     "materials": Probe(MATERIALS, {}),
@@ -168,8 +171,8 @@ SPHERE_PANEL: dict[str, Probe] = {
     "keeps": Probe("spheres/chung-ooi/4", {"angle": 3.0, "unloading": "none"}),
     "spins": Probe("spheres/chung-ooi/7", {"partner": "same"}),
     "comes-to-roll": Probe("spheres/rolling", {}),
-    "all-ways": Probe("spheres/isotropy", {}),
-    "turntable": Probe("spheres/turntable", {}),
+    "all-ways": Probe("spheres/isotropy", {"speed": 0.6}),
+    "turntable": Probe("spheres/turntable", {"turn": 20.0}),
     "large": Probe("spheres/chung-ooi/8", {}),
     "slides": Probe("spheres/thornton", {"incidence": 9.0}),
     "sticks": Probe("spheres/thornton", {"incidence": 1.5}),

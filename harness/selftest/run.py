@@ -39,11 +39,7 @@ JUDGED = ("pass", "fail")
 
 
 TIME_LIMIT = 300.0
-"""Seconds for one wrong engine on its whole panel; the right ones take some ten, a minute where kernels are interpreted."""
-
-INTERPRETED = frozenset({"dem", "spheres"})
-"""Engines whose kernels are never compiled: the DEM's step is a single kernel that takes a quarter of a minute to compile, and the
-panel takes seconds to interpret. Results are the same."""
+"""Seconds for one wrong engine on its whole panel; the right ones take some ten, minutes where kernels are interpreted."""
 
 Outcome = EngineRun | EngineError
 
@@ -291,9 +287,13 @@ def _read(file: Path, scene: Scene, numerics: Numerics, setup: Setup, ended: str
 
 
 def _environment(defect: Defect) -> dict[str, str]:
-    """One thread; kernels interpreted where they would have to be compiled for this defect alone, which takes half a minute."""
+    """One thread; kernels interpreted where they would have to be compiled for this defect alone, which takes half a minute.
+
+    Results are the same. Edits elsewhere are of no module that kernels take a constant from, which a test asserts: they neither need
+    other kernels nor leave wrong ones in the cache.
+    """
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    if defect.engine in INTERPRETED or any(touches_kernels(edit) for edit in defect.edits):
+    if any(touches_kernels(edit) for edit in defect.edits):
         environment["NUMBA_DISABLE_JIT"] = "1"
     return environment
 

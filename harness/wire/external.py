@@ -37,6 +37,8 @@ class ExternalEngine(ABC):
     id: str = ""
     keep_output: int = KEEP_BYTES
     """Bytes of the end of each output stream that are kept."""
+    copied: Path | None = None
+    """Part of the command that is a Python script which acts as ``__main__`` only, so that workers may run it in copies of one process."""
     time_limit: float | None = None
     """Seconds; None: the environment variable ``NINEDISK_TIME_LIMIT``, or 120."""
 
@@ -108,7 +110,7 @@ class ExternalEngine(ABC):
                 cwd=self.working_folder(folder),
                 env=self.environment(folder),
                 keep=self.keep_output,
-                driver=getattr(self, "driver", None),
+                driver=self.copied,
             )
             text = self.answer_text(finished, answer_file)
             answer = decode_answer(text, scene=scene, numerics=numerics, watch=pairs, folder=folder)

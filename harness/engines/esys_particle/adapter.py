@@ -78,6 +78,8 @@ class EsysParticle(SpringEngine):
             else system_version(tuple(system_python("-c", VERSION)))
         )
 
+    copied = None  # mpirun starts it
+
     def command(self) -> Sequence[str]:
         """A master and one worker, wherever they fit; mpirun hands the standard input to the master."""
         mpirun, program = shutil.which("mpirun") or "mpirun", shutil.which("esysparticle") or "esysparticle"

@@ -37,6 +37,8 @@ ROLLING = {
     "viscous": "DEMRollingFrictionModelViscousTorque",
 }
 
+VELOCITY = (Kratos.VELOCITY_X, Kratos.VELOCITY_Y, Kratos.ANGULAR_VELOCITY_Z)
+LOAD = (Kratos.EXTERNAL_APPLIED_FORCE_X, Kratos.EXTERNAL_APPLIED_FORCE_Y, Kratos.EXTERNAL_APPLIED_MOMENT_Z)
 NAME = "scene"
 HEAD = "Begin ModelPartData\nEnd ModelPartData\n\nBegin Properties 0\nEnd Properties\n\n"
 
@@ -89,6 +91,13 @@ class Run(SpringRun):
         self.stage = DEMAnalysisStage(Kratos.Model(), Kratos.Parameters(text))
         self.stage.Initialize()
         self.solver, self.part = self.stage._GetSolver(), self.stage.spheres_model_part
+        names = ("SpheresPart", "ClusterPart", "DEMInletPart", "RigidFacePart")
+        self.parts = [self.solver.all_model_parts.Get(name) for name in names]
+        self.tell_time, self.strategy = (
+            Dem.AuxiliaryUtilities().UpdateTimeInOneModelPart,
+            self.solver.cplusplus_strategy,
+        )
+        self.inert, self.unloaded = (self.mass.tolist(), self.inertia.tolist()), [(0.0, 0.0, 0.0)] * self.n
         self.nodes = sorted(self.part.Nodes, key=lambda node: node.Id)
         for properties in self.part.Properties:  # the law itself has no dashpot against walls here: see the adapter
             for pair in properties.GetSubProperties():
@@ -150,20 +159,23 @@ class Run(SpringRun):
 
     def _step(self, step, sampling):
         self._place_walls(step)
-        # The solver's own steps, without those of the stage around it, whose housekeeping takes ten times as long.
-        self.time = self.solver.AdvanceInTime(self.time)
-        self.part.ProcessInfo[Dem.IS_TIME_TO_PRINT] = sampling  # only then contact forces are kept
-        self.solver.InitializeSolutionStep()
+        # What the solver's own steps do, without those of the stage around it, whose housekeeping takes ten times as long, nor the solver's
+        # in Python, which takes a quarter.
+        self.time += self.dt
+        for part in self.parts:
+            self.tell_time(part, self.time, self.dt, sampling)  # contact forces are kept when it is time to print
+        self.strategy.ResetPrescribedMotionFlagsRespectingImposedDofs()
+        self.strategy.InitializeSolutionStep()
         if (self.xi and step) or self.forces_on:
-            load, xi = self.loads_at(step), self.xi if step else 0.0
-            for i, node in enumerate(self.nodes):
-                v, w = (node.GetSolutionStepValue(name) for name in (Kratos.VELOCITY, Kratos.ANGULAR_VELOCITY))
-                drag, moment = -xi * self.mass[i], -xi * self.inertia[i]
-                force = [drag * v[0] + float(load[i, 0]), drag * v[1] + float(load[i, 1]), 0.0]
-                node.SetSolutionStepValue(Kratos.EXTERNAL_APPLIED_FORCE, force)
-                node.SetSolutionStepValue(Kratos.EXTERNAL_APPLIED_MOMENT, [0.0, 0.0, moment * w[2] + float(load[i, 2])])
-        self.solver.SolveSolutionStep()
-        self.solver.FinalizeSolutionStep()
+            load, xi = self.loads_at(step).tolist() if self.forces_on else self.unloaded, self.xi if step else 0.0
+            for node, mass, inertia, (fx, fy, torque) in zip(self.nodes, *self.inert, load, strict=True):
+                # By components, which takes a tenth of the time of lists.
+                vx, vy, spin = (node.GetSolutionStepValue(name) for name in VELOCITY)
+                drag, moment = -xi * mass, -xi * inertia
+                for name, value in zip(LOAD, (drag * vx + fx, drag * vy + fy, moment * spin + torque), strict=True):
+                    node.SetSolutionStepValue(name, value)
+        self.strategy.SolveSolutionStep()
+        self.strategy.FinalizeSolutionStep()
 
     def _correct_start(self):
         """From ``v_0 + dt F_0/m`` (mass as Kratos has it) to ``v_{1/2}``; the disks and their turns follow."""
@@ -253,8 +265,8 @@ class Run(SpringRun):
 
 
 def vector(values):
-    """A vector of Kratos in the plane z = 0."""
-    return [float(values[0]), float(values[1]), 0.0]
+    """A vector of Kratos in the plane z = 0; a list takes it four times as long to read."""
+    return Kratos.Array3([float(values[0]), float(values[1]), 0.0])
 
 
 def block(name, lines):

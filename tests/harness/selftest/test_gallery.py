@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import ninedisk.core as core_of
 from ninedisk.harness.api.case import Setup
 from ninedisk.harness.api.engine import Timings
 from ninedisk.harness.api.errors import UsageError
@@ -57,6 +58,23 @@ def test_edits_change_what_the_modules_do(defect: Defect) -> None:
         holds = "core.compile import" in before
         assert all(touches_kernels(edit) == holds for edit in edits)
     assert any(touches_kernels(edit) for edit in defect.edits) == (defect.kind == "kernel")
+
+
+def test_no_kernel_takes_a_constant_from_a_module_that_is_edited_beside_compiled_kernels() -> None:
+    core = Path(core_of.__file__).parent
+    read = {
+        name
+        for path in core.rglob("*kernels.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom)
+        for name in (node.module, *(f"{node.module}.{each.name}" for each in node.names))
+    }
+    assert "ninedisk.core.dem.state" in read
+    edits = [
+        edit for defect in (*CLEAN, *GALLERY) if not any(map(touches_kernels, defect.edits)) for edit in defect.edits
+    ]
+    assert edits
+    assert read.isdisjoint(edit.name for edit in edits)
 
 
 @pytest.mark.parametrize("defect", of_kind("scene", "numerics"), ids=lambda defect: defect.id)
