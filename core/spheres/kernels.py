@@ -11,15 +11,13 @@ A plane enters as a sphere of no radius at the foot of the other one's centre: e
 from __future__ import annotations
 
 from math import cos, floor, sin, sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel, kernel
+from ninedisk.core.spheres.registers import WIDE, blend, scale, transpose
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -51,8 +49,7 @@ contact radius, and of the resistances [N m s]."""
 LANES = 8
 """Numbers in the widest vectors of processors; `CHUNK` is a multiple."""
 CHUNK = 64
-WIDE = 4
-"""Contacts that go through the loops together; numbers of a vector in memory: one register, and one line of the caches holds two."""
+"""Contacts that go through the loops together."""
 
 
 class State(NamedTuple):
@@ -180,77 +177,6 @@ def plane_velocity(table: Floats, w: int, place: Vector, ahead: float) -> Vector
     velocity = row(table, w, 9)
     arm = plus(plus(place, -1.0, row(table, w, 6)), -ahead, velocity)
     return plus(velocity, 1.0, cross(row(table, w, 12), arm))
-
-
-VECTOR = ir.VectorType(ir.DoubleType(), WIDE)
-
-
-def _place(context: Any, builder: Any, kind: Any, values: Any, at: Any) -> Any:
-    data = context.make_array(kind)(context, builder, values).data
-    return builder.bitcast(builder.gep(data, [at]), VECTOR.as_pointer())
-
-
-def _times(context: Any, builder: Any, kind: Any, s: Any, values: Any, i: Any) -> Any:
-    spread = ir.Constant(VECTOR, ir.Undefined)
-    for lane in range(WIDE):
-        spread = builder.insert_element(spread, s, ir.Constant(ir.IntType(32), lane))
-    at = builder.mul(i, ir.Constant(ir.IntType(64), WIDE))
-    return builder.fmul(builder.load(_place(context, builder, kind, values, at), align=8), spread, flags=("contract",))
-
-
-def _scale(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any) -> Any:  # noqa: ARG001
-    """``out[at] = s a[i]`` for vectors of `WIDE` numbers in a row, in one register each."""
-
-    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        value = _times(context, builder, signature.args[3], *args[2:5])
-        first = builder.mul(args[1], ir.Constant(ir.IntType(64), WIDE))
-        builder.store(value, _place(context, builder, signature.args[0], args[0], first), align=8)
-        return context.get_dummy_value()
-
-    return types.none(out, types.uint64, types.float64, a, types.uint64), build
-
-
-def _blend(typingctx: Any, out: Any, at: Any, s: Any, a: Any, i: Any, t: Any, b: Any, j: Any) -> Any:  # noqa: ARG001
-    """``out[at] = s a[i] + t b[j]``, likewise."""
-
-    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        one = _times(context, builder, signature.args[3], *args[2:5])
-        two = _times(context, builder, signature.args[6], *args[5:8])
-        first = builder.mul(args[1], ir.Constant(ir.IntType(64), WIDE))
-        value = builder.fadd(one, two, flags=("contract",))
-        builder.store(value, _place(context, builder, signature.args[0], args[0], first), align=8)
-        return context.get_dummy_value()
-
-    index, number = types.uint64, types.float64
-    return types.none(out, index, number, a, index, number, b, index), build
-
-
-def _transpose(typingctx: Any, values: Any, out: Any, apart_out: Any, at: Any, apart: Any) -> Any:  # noqa: ARG001
-    """Rows of `WIDE` numbers at ``at``, ``at + apart``, .. become columns at ``out``, ``out + apart_out``, .."""
-
-    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        def place(first: Any, stride: Any, row: int) -> Any:
-            index = builder.add(first, builder.mul(stride, ir.Constant(ir.IntType(64), row)))
-            return _place(context, builder, signature.args[0], args[0], index)
-
-        def mixed(one: Any, two: Any, lanes: tuple[int, ...]) -> Any:
-            which = ir.Constant(ir.VectorType(ir.IntType(32), WIDE), lanes)
-            return builder.shuffle_vector(one, two, which)
-
-        a, b, c, d = (builder.load(place(args[3], args[4], row), align=8) for row in range(WIDE))
-        low, high = (0, 4, 2, 6), (1, 5, 3, 7)
-        pairs = mixed(a, b, low), mixed(a, b, high), mixed(c, d, low), mixed(c, d, high)
-        left, right = (0, 1, 4, 5), (2, 3, 6, 7)
-        for row, (one, two, lanes) in enumerate([(0, 2, left), (1, 3, left), (0, 2, right), (1, 3, right)]):
-            builder.store(mixed(pairs[one], pairs[two], lanes), place(args[1], args[2], row), align=8)
-        return context.get_dummy_value()
-
-    return types.none(values, *[types.uint64] * 4), build
-
-
-scale: Any = intrinsic(_scale)
-blend: Any = intrinsic(_blend)
-transpose: Any = intrinsic(_transpose)
 
 
 @fused_inline_kernel

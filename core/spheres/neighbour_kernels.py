@@ -29,7 +29,6 @@ from ninedisk.core.spheres.kernels import (
     SHEAR,
     TWIST,
     TWIST_DRAG,
-    WIDE,
     Contacts,
     Floats,
     Integers,
@@ -37,6 +36,7 @@ from ninedisk.core.spheres.kernels import (
     State,
 )
 from ninedisk.core.spheres.kernels import MEMORY_WIDTH_RESISTED as ALL
+from ninedisk.core.spheres.registers import WIDE
 
 REBUILD_COST = 10.0
 """Cost of a rebuild over that of the pairs out of contact in a step, per sphere, with a skin of a mean radius (measured: 200 ns over 8

@@ -25,9 +25,10 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.law import Rolling
 from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_room, chosen_particles, watched_pairs
 from ninedisk.core.spheres import kernels
-from ninedisk.core.spheres.kernels import CHUNK, SCRATCH, WIDE, Contacts, Motion, State, place_planes
+from ninedisk.core.spheres.kernels import CHUNK, SCRATCH, Contacts, Motion, State, place_planes
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.neighbour_kernels import Materials, begin_lists, fastest, list_pairs, list_planes
+from ninedisk.core.spheres.registers import WIDE
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
 from ninedisk.core.spheres.step_kernels import BEHIND, BUILT, FAR, PENDING, REBUILDS, STEP, advance
 from ninedisk.core.thread_kernels import PAD

@@ -23,12 +23,11 @@ from ninedisk.core.spheres.kernels import (
     Integers,
     Motion,
     State,
-    blend,
     forces_of_planes,
     forces_of_spheres,
     place_planes,
-    scale,
 )
+from ninedisk.core.spheres.registers import blend, scale
 from ninedisk.core.thread_kernels import PAD, wait_for_all
 
 SURE = 1.001

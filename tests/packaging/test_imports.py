@@ -15,7 +15,10 @@ import pytest
 # First match wins. The core is meant to run where only a compiler of kernels exists; sparse algebra serves contact
 # dynamics alone.
 THIRD_PARTIES = (
-    (r"ninedisk\.core\.(thread_kernels|cd\.solvers\.factorise_kernels)", {"numpy", "numba", "llvmlite.ir"}),
+    (
+        r"ninedisk\.core\.(thread_kernels|spheres\.registers|cd\.solvers\.factorise_kernels)",
+        {"numpy", "numba", "llvmlite.ir"},
+    ),
     (r"ninedisk\.core\.cd\.solvers\.feasibility", {"numpy", "numba", "scipy.sparse", "scipy.optimize.linprog"}),
     (
         r"ninedisk\.core\.cd\.problem_files",
