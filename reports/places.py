@@ -103,7 +103,10 @@ class _Point:
 def _points(
     plan: Figure, quantities: list[Plotted], rows: dict[Cell, dict[str, Row]], variants: dict[str, dict[str, Any]]
 ) -> list[_Point]:
-    """Points in the order of their places; what a logarithmic axis cannot hold is at its lower end."""
+    """Points in the order of their places; what a logarithmic axis cannot hold is at its lower end.
+
+    Quantities whose places were measured, each its own, are a way: they keep the order in which they are declared.
+    """
     found = []
     for (engine, variant), held in rows.items():
         for plotted in quantities:
@@ -122,6 +125,9 @@ def _points(
                     off, truth = abs(math.log(y / level)), level if truth else math.nan
                 if "x" not in plan.log or x > 0.0:
                     found.append(_Point(x, y, truth, str(row["source"]), off, engine, variant))
+    places = {plotted.at for plotted in quantities}
+    if len(places) > 1 and any(at in held for held in rows.values() for at in places):
+        return found
     return sorted(found, key=lambda point: point.x)
 
 

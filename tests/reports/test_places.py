@@ -139,3 +139,11 @@ def test_a_point_leads_to_its_cell(store, tab, tmp_path):
     tab.key("Enter")
     assert unquote(tab.run("location.hash")).startswith("#cell-cd-")
     assert tab.complaints == []
+
+
+def test_a_way_whose_places_were_measured_each_keeps_its_order(store):
+    """From b to a, which lies before it: sorted by places it would run backwards."""
+    way = Figure(quantities=(Plotted("b", "way", at="b"), Plotted("a", "way", at="a")), apart=True, **TOLD)
+    (found,) = charts_of(store(way))
+    cd = next(chart for chart in found.charts if chart.title == "CD")
+    assert [dots.x for dots in cd.dots] == [(1.0, 1e-3), (2.0, 2e-3)]

@@ -157,12 +157,12 @@ FINDINGS = (
         command="ninedisk run spheres/rolling-resistance --engine mujoco --set model=constant --set plane=twisting",
     ),
     Finding(
-        id="mujoco/absolute-least-inertia",
+        id="mujoco/tolerance-has-a-unit",
         engine="mujoco",
         versions="4.0.0",
         what=(
-            "Inverse masses and inertias are compared with an absolute number, mjMINVAL = 1e-15: in micrometres and micrograms spheres of "
-            "2 kg bear another friction than in metres and kilograms."
+            "The solver ends where an improvement, an acceleration squared, falls below a number that has no unit: in micrometres and "
+            "microseconds, where g^2 is 1e-10, the default of 1e-14 leaves a heap of spheres with another friction than in metres."
         ),
         size=Size(
             case="spheres/invariance/units",
