@@ -125,8 +125,8 @@ def _points(
                     off, truth = abs(math.log(y / level)), level if truth else math.nan
                 if "x" not in plan.log or x > 0.0:
                     found.append(_Point(x, y, truth, str(row["source"]), off, engine, variant))
-    places = {plotted.at for plotted in quantities}
-    if len(places) > 1 and any(at in held for held in rows.values() for at in places):
+    measured = {plotted.at for plotted in quantities if any(plotted.at in held for held in rows.values())}
+    if measured and len({plotted.at for plotted in quantities}) > 1:
         return found
     return sorted(found, key=lambda point: point.x)
 
