@@ -296,7 +296,8 @@ def contact(
     """
     apart2, apart2_before = dot(d, d), dot(d_before, d_before)
     inv_apart = 1.0 / sqrt(apart2)
-    n, overlap = scaled(d, inv_apart), reach - apart2 * inv_apart
+    # Squares that touch by a rounding do not always: that contact has no overlap, and no root of a negative number.
+    n, overlap = scaled(d, inv_apart), max(reach - apart2 * inv_apart, 0.0)
     before, overlap_before = n, reach - sqrt(apart2_before)
     if middle:
         inv_before = 1.0 / sqrt(apart2_before)
