@@ -89,7 +89,7 @@ def stable_contact(
     delta = array("overlap", overlap)
     if np.any((delta < end.breaking_overlap) | (delta >= radius)):
         raise ValueError(
-            f"overlap in [{float(delta.min()):g}, {float(delta.max()):g}] m is not allowed: it must lie between {end.breaking_overlap:g} m, "
+            f"overlap in [{float(delta.min()):g}, {float(delta.max()):g}] m is not allowed: it must lie between {end.breaking_overlap:g}, "
             f"where the neck breaks, and the reduced radius {radius:g} m"
         )
     a = end.breaking_radius
