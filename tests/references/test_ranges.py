@@ -41,7 +41,7 @@ RIGHT_VALUES: dict[str, Any] = {
     "radius": 0.1, "inertia": 0.01, "inertial_number": 0.1, "restitution": 0.5, "shape": SHAPE, "slip_at": "middle", "spacing": 0.19,
     "speed": 1.0, "spin": 1.0, "start": 0.4, "e_star": 1e9, "turn": 2.0, "first": (1e9, 0.3),
     "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
-    "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "cohesion": 5e3, "kr": 1e2, "mu_r": 0.5,
+    "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "cohesion": 5e3, "surface_energy": 1.0, "kr": 1e2, "mu_r": 0.5,
     "force": 3.0, "inertia_1": 0.3, "inertia_2": 0.4, "radius_1": 0.5, "radius_2": 0.2,
     "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,
 }  # fmt: skip

@@ -24,6 +24,7 @@ from ninedisk.harness.engines.lammps.adapter import Lammps
 from ninedisk.harness.engines.liggghts.adapter import Liggghts
 from ninedisk.harness.engines.spring import SpringEngine
 from ninedisk.harness.engines.yade.adapter import Yade
+from ninedisk.references.analytic.jkr import neck, stable_contact
 
 OVERLAP = {"torque": "overlap", "slip": "overlap", "wall": "overlap"}
 GRANULAR = {"torque": "overlap", "slip": "radius", "wall": "radius"}
@@ -133,6 +134,14 @@ def test_surface_energy_pulls_two_spheres_in_lammps_as_in_the_law(surface: str, 
     found = run(Lammps, scene, Numerics(dt=1e-6, n_steps=400, contact_dt=1e-6), [(0, 1)])
     assert abs(found.fn.min() / (-most * np.pi * energy * 0.5 * radius) - 1.0) <= 1e-3  # forces are seen each 4e-8 m
     assert bool(found.gap[found.fn[:, 0] != 0.0].max() > 1e-7) is (surface == "jkr")
+    if surface == "jkr":
+        holds = found.fn[:, 0] != 0.0
+        one: dict[str, float] = {"e_star": 1e7, "surface_energy": energy, "radius": 0.5 * radius}
+        exact = stable_contact(-found.gap[holds, 0], **one)[1]
+        assert np.abs(found.fn[holds, 0] - exact).max() <= 1e-13 * np.abs(exact).max()  # round-off
+        # It lets go at the largest pull, s^3 = 3, and not at the break, s = 1: -(s^4 - 4 s) instead of 3, seen each 4e-8 m.
+        largest_pull = (4.0 * 3.0 ** (1.0 / 3.0) - 3.0 ** (4.0 / 3.0)) * -neck(**one).breaking_overlap / 3.0
+        assert 0.0 <= largest_pull - found.gap[holds, 0].max() <= 4e-8
 
 
 def test_materials_and_held_spheres() -> None:
