@@ -83,8 +83,9 @@ def assert_core(engine: type[SpringEngine], scene: SphereScene, tolerance: float
     core = simulate(scene, numerics, watch := [(i, j) for i in range(n) for j in range(i + 1, scene.n_bodies)])
     found = run(engine, scene, numerics, watch)
     assert (core.fn > 0.0).any()
+    least = {"fs": 1e-15 * float(core.fn.max())}  # round-off of a sphere that only turns about the normal
     for name in ("x", "v", "omega", "angle", "fn", "fs", "wall_force", "wall_point", "wall_angle"):
-        if getattr(core, name).any():
+        if np.abs(getattr(core, name)).max() > least.get(name, 0.0):
             assert off(getattr(found, name), getattr(core, name)) <= tolerance, name
     for name in ("kinetic", "gravity"):
         assert off(found.energy[name], core.energy[name]) <= tolerance, name
