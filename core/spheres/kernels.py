@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel, kernel
-from ninedisk.core.spheres.registers import WIDE, blend, scale, transpose
+from ninedisk.core.spheres.registers import INTERPRETED, WIDE, blend, scale, transpose
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -46,7 +46,7 @@ NOTES_WIDTH, NOTES_WIDTH_RESISTED = 1, 3
 """Columns of what is noted of a listed pair, coefficients of its dashpots: along the normal [N s/m], with Hertz' law over the root of the
 contact radius, and of the resistances [N m s]."""
 
-LANES = 8
+LANES = 1 if INTERPRETED else 8
 """Numbers in the widest vectors of processors; `CHUNK` is a multiple."""
 CHUNK = 64
 """Contacts that go through the loops together."""

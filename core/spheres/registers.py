@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba
+import numpy as np
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
 WIDE = 4
 """Numbers of a vector in memory; a line of the caches holds two vectors."""
+
+INTERPRETED = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
+"""Whether Numba is told not to compile: registers cannot be interpreted, and do the same in NumPy then."""
 
 VECTOR = ir.VectorType(ir.DoubleType(), WIDE)
 
@@ -77,6 +82,24 @@ def _transpose(typingctx: Any, values: Any, out: Any, apart_out: Any, at: Any, a
     return types.none(values, *[types.uint64] * 4), build
 
 
-scale: Any = intrinsic(_scale)
-blend: Any = intrinsic(_blend)
-transpose: Any = intrinsic(_transpose)
+def _vector(values: Any, first: Any) -> Any:
+    return values.reshape(-1)[int(first) :][:WIDE]
+
+
+def _plain_scale(out: Any, at: Any, s: Any, a: Any, i: Any) -> None:
+    _vector(out, WIDE * int(at))[:] = s * _vector(a, WIDE * int(i))
+
+
+def _plain_blend(out: Any, at: Any, s: Any, a: Any, i: Any, t: Any, b: Any, j: Any) -> None:
+    _vector(out, WIDE * int(at))[:] = s * _vector(a, WIDE * int(i)) + t * _vector(b, WIDE * int(j))
+
+
+def _plain_transpose(values: Any, out: Any, apart_out: Any, at: Any, apart: Any) -> None:
+    rows = np.stack([_vector(values, int(at) + row * int(apart)) for row in range(WIDE)])
+    for row in range(WIDE):
+        _vector(values, int(out) + row * int(apart_out))[:] = rows[:, row]
+
+
+scale: Any = _plain_scale if INTERPRETED else intrinsic(_scale)
+blend: Any = _plain_blend if INTERPRETED else intrinsic(_blend)
+transpose: Any = _plain_transpose if INTERPRETED else intrinsic(_transpose)

@@ -71,7 +71,7 @@ DEFECTS = (
     _kernel("least-force", "contacts of less than half a newton have no friction", "units",
             (KERNELS, "    cap = law.mu * repulsive\n", "    cap = law.mu * repulsive if repulsive > 0.5 else 0.0\n")),
     _kernel("drag-to-rest", "velocities fall towards the frame at rest", "moves",
-            (STEPS, "v[q] += kick * mobility[q] * force[q]", "v[q] += kick * mobility[q] * force[q] - 0.01 * dt * v[q]")),
+            (STEPS, "        way = dt * v[q]\n", "        v[q] -= 0.01 * dt * v[q]\n        way = dt * v[q]\n")),
     _kernel("planes-turn-about-z", "planes turn about z whatever their axis is", "turned",
             (KERNELS, "return plus(velocity, 1.0, cross(row(table, w, 12), arm))",
              "return plus(velocity, 1.0, cross((0.0, 0.0, table[w, 14]), arm))")),
