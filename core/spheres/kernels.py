@@ -46,6 +46,10 @@ NOTES_WIDTH, NOTES_WIDTH_RESISTED = 1, 3
 """Columns of what is noted of a listed pair, coefficients of its dashpots: along the normal [N s/m], with Hertz' law over the root of the
 contact radius, and of the resistances [N m s]."""
 
+FRICTION, DASHPOT, ROLLED_ON, ROLLING_DASHPOT, OF_LAW = range(5)
+"""Channels of `Losses`: sliding, dashpots, resistances beyond their springs, their dashpots, and what the law itself takes (< 0: feeds): a
+shear spring whose stiffness changes with the contact radius, a torque whose arm is not that of the slip."""
+
 LANES = 1 if INTERPRETED else 8
 """Numbers in the widest vectors of processors; `CHUNK` is a multiple."""
 CHUNK = 64
@@ -98,6 +102,20 @@ class Contacts(NamedTuple):
     notes: Floats
     memory: Floats
     force: Floats
+
+
+class Losses(NamedTuple):
+    """Energy that contacts have lost since time 0 [J], by channels above; s stripes, m planes.
+
+    ``before`` has the sums before the step that `advance` ended with. ``torque`` is what the stripes add to the torque on each plane about
+    the origin; ``loads``, force and torque, those of the last step and of the one before; ``work`` that of the planes on spheres [J].
+    """
+
+    contacts: Floats
+    before: Floats
+    torque: Floats
+    loads: Floats
+    work: Floats
 
 
 class Motion(NamedTuple):
@@ -251,6 +269,60 @@ def law_of(law: Floats) -> Law:
 
 
 @fused_inline_kernel
+def pose(
+    middle: bool, d: Vector, d_before: Vector, reach: float, spring: Vector
+) -> tuple[Vector, float, Vector, float, Vector]:
+    """Normal and overlap [m] now and a step before, and the spring, of a contact as in `contact`; one that was open begins now."""
+    apart2, apart2_before = dot(d, d), dot(d_before, d_before)
+    inv_apart = 1.0 / sqrt(apart2)
+    # Squares that touch by a rounding do not always: that contact has no overlap, and no root of a negative number.
+    n, overlap = scaled(d, inv_apart), max(reach - apart2 * inv_apart, 0.0)
+    before, overlap_before = n, reach - sqrt(apart2_before)
+    if middle:
+        inv_before = 1.0 / sqrt(apart2_before)
+        before, overlap_before = scaled(d_before, inv_before), reach - apart2_before * inv_before
+    if overlap_before <= 0.0:
+        before, overlap_before, spring = n, overlap, (0.0, 0.0, 0.0)
+    return n, overlap, before, overlap_before, spring
+
+
+@fused_inline_kernel
+def slip(
+    middle: bool,
+    slip_mid: float,
+    slip_dt: float,
+    n: Vector,
+    overlap: float,
+    before: Vector,
+    overlap_before: float,
+    dv: Vector,
+    roll: Vector,
+    spin: Vector,
+    spring: Vector,
+) -> tuple[Vector, Vector]:
+    """Speed of slip [m/s] of the step that ends now, and the spring turned into the present tangent plane, in the mid-step form also with
+    the bodies' mean spin about the normal; arguments as in `contact`.
+
+    Both turn on the shortest way, where 1 + a.b of unit vectors is half the square of |a + b|.
+    """
+    if middle:
+        both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
+        inv_both = 1.0 / sqrt(dot(both, both))
+        shown = scaled(both, inv_both)
+        cut = 0.25 * (overlap + overlap_before) * slip_mid
+        u = plus(dv, 1.0, cross(plus(roll, -cut, spin), shown))
+        u = plus(u, -dot(u, shown), shown)
+        u = plus(u, -dot(u, n) / (1.0 + dot(shown, n)), (shown[0] + n[0], shown[1] + n[1], shown[2] + n[2]))
+        spring = plus(spring, -2.0 * inv_both * inv_both * dot(spring, n), both)
+        spring = spun(spring, n, 0.5 * slip_dt * dot(spin, shown))
+    else:
+        u = plus(dv, 1.0, cross(plus(roll, -0.5 * overlap * slip_mid, spin), n))
+        u = plus(u, -dot(u, n), n)
+        spring = projected(spring, n)
+    return u, spring
+
+
+@fused_inline_kernel
 def contact(
     hertz: bool,
     middle: bool,
@@ -294,16 +366,7 @@ def contact(
     fs, spring, n : vector
         Shear force on the first body [N], spring to be remembered, normal.
     """
-    apart2, apart2_before = dot(d, d), dot(d_before, d_before)
-    inv_apart = 1.0 / sqrt(apart2)
-    # Squares that touch by a rounding do not always: that contact has no overlap, and no root of a negative number.
-    n, overlap = scaled(d, inv_apart), max(reach - apart2 * inv_apart, 0.0)
-    before, overlap_before = n, reach - sqrt(apart2_before)
-    if middle:
-        inv_before = 1.0 / sqrt(apart2_before)
-        before, overlap_before = scaled(d_before, inv_before), reach - apart2_before * inv_before
-    if overlap_before <= 0.0:
-        before, overlap_before, spring = n, overlap, (0.0, 0.0, 0.0)
+    n, overlap, before, overlap_before, spring = pose(middle, d, d_before, reach, spring)
     stiffness, damping, ks, gain = law.kn, drag, law.ks, law.ks
     if hertz:
         radius = sqrt(reduced * overlap)
@@ -312,22 +375,7 @@ def contact(
             gain = 0.5 * law.ks * (radius + sqrt(reduced * overlap_before))
     repulsive = max(stiffness * overlap + damping * dot(dashpot_dv, n), 0.0)
     fn = stiffness * overlap + damping * dot(dashpot_dv, n) - law.pull * reduced
-    # Slip of the step that ends now, and the spring turned into the present tangent plane, in the mid-step form also with the bodies'
-    # mean spin about the normal. Both turn on the shortest way, where 1 + a.b of unit vectors is half the square of |a + b|.
-    if middle:
-        both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
-        inv_both = 1.0 / sqrt(dot(both, both))
-        shown = scaled(both, inv_both)
-        cut = 0.25 * (overlap + overlap_before) * law.slip_mid
-        u = plus(dv, 1.0, cross(plus(roll, -cut, spin), shown))
-        u = plus(u, -dot(u, shown), shown)
-        u = plus(u, -dot(u, n) / (1.0 + dot(shown, n)), (shown[0] + n[0], shown[1] + n[1], shown[2] + n[2]))
-        spring = plus(spring, -2.0 * inv_both * inv_both * dot(spring, n), both)
-        spring = spun(spring, n, 0.5 * slip_dt * dot(spin, shown))
-    else:
-        u = plus(dv, 1.0, cross(plus(roll, -0.5 * overlap * law.slip_mid, spin), n))
-        u = plus(u, -dot(u, n), n)
-        spring = projected(spring, n)
+    u, spring = slip(middle, law.slip_mid, slip_dt, n, overlap, before, overlap_before, dv, roll, spin, spring)
     cap = law.mu * repulsive
     if in_force:
         spring = capped(plus(spring, -slip_dt * gain, u), cap)
@@ -412,6 +460,9 @@ D_ROWS, DV_ROWS, ROLLS_ROWS, SPINS_ROWS, SPRINGS_ROWS, DASHPOT_ROWS, TURNS_ROWS,
 )
 PUSH_ROWS, CROSSED_ROWS, MOMENT_ROWS = D_ROWS, DV_ROWS, ROLLS_ROWS
 SCRATCH = (13 * WIDE + 6 + 8 * WIDE) * CHUNK
+OLD_SPRINGS, OLD_ROLLED = np.uint64(SCRATCH), np.uint64(SCRATCH + WIDE * CHUNK)
+SCRATCH_COUNTED = SCRATCH + 2 * WIDE * CHUNK
+"""Room with what contacts remembered before the step, which losses are counted from."""
 ONE, TWO, LAST, FOUR, NEXT = (np.uint64(c) for c in (1, 2, 3, WIDE, CHUNK))
 
 
@@ -556,6 +607,137 @@ def laws_of_chunk(
 
 
 @inline_kernel
+def taken(before: Vector, after: Vector, way: Vector) -> float:
+    """Energy [J] that a force or torque which goes from ``before`` to ``after`` takes on a way; that of ``after`` alone where it has turned
+    round within the step (`ninedisk.core.dem.force_kernels.friction_loss`)."""
+    mean = 0.5 * (dot(before, way) + dot(after, way))
+    return mean if mean > 0.0 else max(dot(after, way), 0.0)
+
+
+@inline_kernel
+def compliance(stiffness: float) -> float:
+    """Its inverse, 0 for none."""
+    return 1.0 / stiffness if stiffness > 0.0 else 0.0
+
+
+@inline_kernel
+def shear_losses(law: Floats, slip_dt: float, at_planes: bool, q: Index, scratch: Floats) -> tuple[float, float]:
+    """Energy that friction, and that the law itself, has taken in this step [J], after `run_of_contacts`.
+
+    In the scheme the shear force does the work ``(f_before + f)/2 . u dt``. Of that what the spring did not follow is friction's, and the
+    difference to what the spring gains of ``f^2/(2 ks)`` the law's: none of constant stiffness, if slip and torque have the same arms.
+    """
+    middle, hertz = law[MIDDLE] > 0.0, law[HERTZ] > 0.0
+    n, overlap, before, overlap_before, spring = pose(
+        middle,
+        vector(scratch, D + q),
+        vector(scratch, D_BEFORE + q),
+        scratch[REACH + q],
+        vector(scratch, OLD_SPRINGS + q),
+    )
+    spin = vector(scratch, SPINS + q)
+    u, spring = slip(
+        middle, law[SLIP_MID], slip_dt, n, overlap, before, overlap_before, vector(scratch, DV + q),
+        vector(scratch, ROLLS + q), spin, spring,
+    )  # fmt: skip
+    ks, ks_before = law[KS], law[KS]
+    if hertz:
+        reduced = last(scratch, SPRINGS + q)
+        ks, ks_before = ks * sqrt(reduced * overlap), ks * sqrt(reduced * overlap_before)
+    f, kept = vector(scratch, FS + q), vector(scratch, SPRINGS + q)
+    if hertz and law[UNLOADING] != FORCE:
+        f_before = scaled(spring, ks_before)
+        if law[UNLOADING] == RESCALE and overlap < overlap_before:
+            spring = scaled(spring, sqrt(overlap / overlap_before))
+        slid = plus(plus(spring, -slip_dt, u), -1.0, kept)
+    else:
+        f_before = spring
+        gain = 0.5 * (ks + ks_before) if middle else ks
+        slid = scaled(plus(plus(spring, -slip_dt * gain, u), -1.0, kept), compliance(gain))
+    mean = scaled(plus(f_before, 1.0, f), 0.5)
+    arms = 0.5 * overlap * (law[TORQUE_MID] - law[SLIP_MID])
+    if at_planes:  # A plane's force acts where the plane is.
+        spin = scaled(plus(spin, 1.0, vector(scratch, TURNS + q)), 0.5)
+    work = -slip_dt * dot(mean, plus(u, -arms, cross(spin, n)))
+    stored = 0.5 * (dot(f, f) * compliance(ks) - dot(f_before, f_before) * compliance(ks_before))
+    return taken(f_before, f, slid), work - dot(mean, slid) - stored
+
+
+@inline_kernel
+def resistance_losses(law: Floats, slip_dt: float, loss_dt: float, q: Index, scratch: Floats) -> tuple[float, float]:
+    """Energy that the resistances have taken beyond their springs, and in their dashpots, in this step [J], after `run_of_resistances`."""
+    n, _, before, _, rolled = pose(
+        True, vector(scratch, D + q), vector(scratch, D_BEFORE + q), scratch[REACH + q], vector(scratch, OLD_ROLLED + q)
+    )
+    both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
+    shown = scaled(both, 1.0 / sqrt(dot(both, both)))
+    turn, kept, kept_twist = vector(scratch, TURNS + q), vector(scratch, ROLLED + q), last(scratch, ROLLED + q)
+    about = dot(turn, n)
+    way = scaled(plus(turn, -about, n), slip_dt)
+    lost = 0.0
+    if law[ROLL] > 0.0:
+        rolled = spun(carried(rolled, before, n), n, 0.5 * slip_dt * dot(vector(scratch, SPINS + q), shown))
+        if law[MIDDLE] == 0.0:
+            rolled = projected(vector(scratch, OLD_ROLLED + q), n)
+        if law[ROLL] == SPRING:
+            way = plus(way, -compliance(law[ROLL + 2]), plus(kept, -1.0, rolled))
+        lost += taken(rolled, kept, way)
+    if law[TWIST] > 0.0:
+        twisted, angle = last(scratch, OLD_ROLLED + q), slip_dt * about
+        if law[TWIST] == SPRING:
+            angle -= (kept_twist - twisted) * compliance(law[TWIST + 2])
+        lost += taken(scaled(n, twisted), scaled(n, kept_twist), scaled(n, angle))
+    damped = plus(plus(vector(scratch, MOMENT + q), -1.0, kept), -kept_twist, n)
+    return lost, loss_dt * dot(damped, turn)
+
+
+@inline_kernel
+def keep_memories(resisted: bool, scratch: Floats) -> None:
+    """What contacts remember, before the laws replace it."""
+    for c in range(np.uint64(WIDE * CHUNK)):
+        scratch[OLD_SPRINGS + c] = scratch[SPRINGS + c]
+    if resisted:
+        for c in range(np.uint64(WIDE * CHUNK)):
+            scratch[OLD_ROLLED + c] = scratch[ROLLED + c]
+
+
+@fused_kernel
+def losses_of_chunk(
+    contacts: Contacts,
+    laws: Floats,
+    losses: Losses,
+    stripe: int,
+    slip_dt: float,
+    loss_dt: float,
+    at_planes: bool,
+    picked: Integers,
+    count: int,
+    scratch: Floats,
+) -> None:
+    """Add what the first ``count`` contacts of the scratch have lost in this step to the stripe's; after the laws.
+
+    It stands apart from these: a product with two uses would be rounded otherwise than where no losses are counted. ``loss_dt`` [s] is
+    that of forces which depend on velocities.
+    """
+    resisted = contacts.memory.shape[1] > MEMORY_WIDTH
+    for q in range(np.uint64(count)):
+        law = laws[contacts.law[picked[q]]]
+        friction, own = shear_losses(law, slip_dt, at_planes, q, scratch)
+        d = vector(scratch, D + q)
+        apart = sqrt(dot(d, d))
+        rate, drag = dot(vector(scratch, DASHPOT_DV + q), d) / apart, scratch[ITS_DRAG + q]
+        if law[HERTZ] > 0.0:
+            drag *= sqrt(sqrt(last(scratch, SPRINGS + q) * max(scratch[REACH + q] - apart, 0.0)))
+        losses.contacts[stripe, FRICTION] += friction
+        losses.contacts[stripe, DASHPOT] += loss_dt * drag * rate * rate
+        losses.contacts[stripe, OF_LAW] += own
+        if resisted:
+            rolled, damped = resistance_losses(law, slip_dt, loss_dt, q, scratch)
+            losses.contacts[stripe, ROLLED_ON] += rolled
+            losses.contacts[stripe, ROLLING_DASHPOT] += damped
+
+
+@inline_kernel
 def recall(contacts: Contacts, k: np.uint64, q: Index, resisted: bool, scratch: Floats) -> None:
     """Notes and memory of the listed pair k into the scratch, the latter into rows."""
     notes, memory = contacts.notes, contacts.memory
@@ -614,11 +796,14 @@ def forces_of_spheres(
     state: State,
     pairs: Contacts,
     laws: Floats,
+    losses: Losses | None,
     slip_dt: float,
+    loss_dt: float,
     central: bool,
     keep: bool,
     begin: int,
     end: int,
+    stripe: int,
     scratch: Floats,
     picked: Integers,
 ) -> None:
@@ -626,8 +811,10 @@ def forces_of_spheres(
 
     Parameters
     ----------
-    slip_dt : float
-        Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0.
+    losses : Losses or None
+        None: they are not counted, and the compiler leaves out whatever concerns them.
+    slip_dt, loss_dt : float
+        Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0; and forces that depend on velocities, then dt/2.
     central : bool
         Whether dashpots see ``v_now``.
     keep : bool
@@ -679,7 +866,11 @@ def forces_of_spheres(
         else:
             for c in range(np.uint64(3 * CHUNK)):
                 scratch[DASHPOT_DV + c] = scratch[DV + c]
+        if losses is not None:
+            keep_memories(resisted, scratch)
         laws_of_chunk(pairs, laws, slip_dt, picked, int(np.int64(count)), scratch)
+        if losses is not None:
+            losses_of_chunk(pairs, laws, losses, stripe, slip_dt, loss_dt, False, picked, int(np.int64(count)), scratch)
         results_to_rows(scratch, resisted, count)
         for q in range(count):
             m = np.uint64(picked[q])
@@ -780,7 +971,9 @@ def forces_of_planes(
     state: State,
     contacts: Contacts,
     laws: Floats,
+    losses: Losses | None,
     slip_dt: float,
+    loss_dt: float,
     central: bool,
     keep: bool,
     begin: int,
@@ -819,7 +1012,13 @@ def forces_of_planes(
                 count += np.uint64(1)
             k += np.uint64(1)
         memories_to_columns(scratch, resisted, count)
+        if losses is not None:
+            keep_memories(resisted, scratch)
         laws_of_chunk(contacts, laws, slip_dt, picked, int(np.int64(count)), scratch)
+        if losses is not None:
+            losses_of_chunk(
+                contacts, laws, losses, stripe, slip_dt, loss_dt, True, picked, int(np.int64(count)), scratch
+            )
         results_to_rows(scratch, resisted, count)
         for q in range(count):
             m = np.uint64(picked[q])
@@ -831,4 +1030,10 @@ def forces_of_planes(
                 blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)
             for c in range(3):
                 share[stripe, plane, c] -= push[c]
+            if losses is not None:
+                moment = cross(plus(xyz(state.x, i), 1.0, vector(scratch, D + q)), scaled(push, -1.0))
+                if resisted:
+                    moment = plus(moment, 1.0, vector(scratch, MOMENT + q))
+                for c in range(3):
+                    losses.torque[stripe, plane, c] += moment[c]
             remember(contacts, m, q, resisted, keep, scratch)

@@ -25,7 +25,16 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.law import Rolling
 from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_room, chosen_particles, watched_pairs
 from ninedisk.core.spheres import kernels
-from ninedisk.core.spheres.kernels import CHUNK, SCRATCH, Contacts, Motion, State, place_planes
+from ninedisk.core.spheres.kernels import (
+    CHUNK,
+    SCRATCH,
+    SCRATCH_COUNTED,
+    Contacts,
+    Losses,
+    Motion,
+    State,
+    place_planes,
+)
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.neighbour_kernels import Materials, begin_lists, fastest, list_pairs, list_planes
 from ninedisk.core.spheres.registers import WIDE
@@ -52,6 +61,8 @@ SAFETY = 0.1
 """Contact step over the critical one where the numerics leave it open."""
 
 RULES = {"none": kernels.KEEPS, "force": kernels.FORCE, "rescale": kernels.RESCALE}
+LOSSES = ("friction_loss", "dashpot_loss", "rolling_loss", "law_loss", "wall_work")
+"""Energies that are sampled with `Numerics.energy_budget`."""
 MODELS = {"constant": kernels.CONSTANT, "elastic-plastic": kernels.SPRING}
 
 
@@ -150,7 +161,9 @@ class SphereSession:
         self._gravity = _wide(np.array([scene.gravity]))
         self._pairs = [_empty_list(n, room, resisted) for room in [PAIRS_PER_SPHERE * n + 16] * 2]
         self._at_planes = [_empty_list(m, room, resisted) for room in [n // 4 + 16] * 2]
-        self._team = team_arrays(stripes, self._threads, room=SCRATCH)
+        counted = numerics.energy_budget
+        self._team = team_arrays(stripes, self._threads, room=SCRATCH_COUNTED if counted else SCRATCH)
+        self._losses = _no_losses(stripes, m) if counted else None
         self._picked = np.zeros((self._threads, CHUNK + PAD), dtype=np.int64)
         self._clock = np.array([0, 1, 0, -1])
         self._samples = numerics.sampled_steps()
@@ -170,6 +183,7 @@ class SphereSession:
                 "elastic_rolling",
                 "elastic",
                 "gravity",
+                *(LOSSES if counted else ()),
             ),
             dimension=3,
         )
@@ -290,14 +304,17 @@ class SphereSession:
         samples |= {"at": self._samples, "pairs": pairs, "chosen": self.chosen}
         single |= {f"samples.{name}": array for name, array in samples.items()}
         lists = {"pairs": self._pairs[0], "wall_pairs": self._at_planes[0]}
-        return state_arrays(single, {"spheres": self._state, **lists})
+        groups = {"spheres": self._state, **lists}
+        if self._losses is not None:
+            groups["losses"] = self._losses
+        return state_arrays(single, groups)
 
     def _to(self, goal: int) -> None:
         clock = self._clock
         while clock[STEP] < goal or clock[PENDING]:
             shared = (
                 self._state, self._pairs[0], self._at_planes[0], self._laws, self._motion, self._team, self._picked, clock,
-                self._gravity, goal, self.contact_dt, float(self._skin[0]), self._central,
+                self._gravity, goal, self.contact_dt, float(self._skin[0]), self._central, self._losses,
             )  # fmt: skip
             status = together(advance, self._threads, shared)
             if status == BEHIND:
@@ -408,6 +425,13 @@ class SphereSession:
         for name, part in zip(("normal", "shear", "rolling"), parts, strict=True):
             energy[f"elastic_{name}"][k] = part
         energy["elastic"][k] = sum(parts)
+        if self._losses is not None:
+            so_far = self._losses.contacts.sum(axis=0)
+            # To the time of a sample belongs but half of a step of forces that depend on velocities.
+            now = 0.5 * (self._losses.before + so_far) if self._clock[STEP] else np.zeros(len(so_far))
+            energy["friction_loss"][k], energy["dashpot_loss"][k] = so_far[kernels.FRICTION], now[kernels.DASHPOT]
+            energy["rolling_loss"][k] = so_far[kernels.ROLLED_ON] + now[kernels.ROLLING_DASHPOT]
+            energy["law_loss"][k], energy["wall_work"][k] = so_far[kernels.OF_LAW], self._losses.work[0]
 
     def _gap(self, i: int, j: int) -> float:
         state, n = self._state, len(self.scene.spheres)
@@ -422,6 +446,7 @@ class SphereSession:
         memory, law, overlap, radius = contacts.memory, self._laws[contacts.law], contacts.overlap, contacts.radius
         hertz = law[:, kernels.HERTZ] > 0.0
         normal = np.where(hertz, 0.4 * radius, 0.5) * law[:, kernels.KN] * overlap**2
+        normal -= law[:, kernels.PULL] * memory[:, kernels.REDUCED] * overlap
         stiff = np.where(hertz, radius, 1.0) * law[:, kernels.KS]
         force = np.sum(contacts.force[:, 1:] ** 2, axis=1)
         shear = np.where(stiff > 0.0, 0.5 * force / np.where(stiff > 0.0, stiff, 1.0), 0.0)
@@ -468,6 +493,16 @@ def _empty_list(rows: int, room: int, resisted: bool) -> Contacts:
             "memory": np.zeros((room, kernels.MEMORY_WIDTH_RESISTED if resisted else kernels.MEMORY_WIDTH)),
             "force": np.zeros((room, 4)),
         }
+    )
+
+
+def _no_losses(stripes: int, planes: int) -> Losses:
+    return Losses(
+        contacts=np.zeros((stripes, 5)),
+        before=np.zeros(5),
+        torque=np.zeros((stripes, planes, 3)),
+        loads=np.zeros((planes, 2, 6)),
+        work=np.zeros(1),
     )
 
 
@@ -622,5 +657,10 @@ def _check(scene: SphereScene, numerics: Numerics) -> None:
         raise InvalidSceneError("surface = 'jkr' is not allowed: the in-house engine has the pull-off 'dmt' alone")
     if numerics.regime == "quasi-static":
         raise InvalidNumericsError("regime = 'quasi-static' is not allowed for spheres: use 'dynamic'")
-    if numerics.energy_budget:
-        raise InvalidNumericsError("energy_budget = True is not allowed for spheres: leave it out")
+    spheres = scene.spheres
+    driven = (spheres.held & (spheres.v != 0.0)).any(axis=1) | (~spheres.rotating & spheres.omega.any(axis=1))
+    if numerics.energy_budget and driven.any():
+        raise InvalidNumericsError(
+            f"energy_budget = True is not allowed with sphere {int(np.argmax(driven))} held in a motion, whose work is not counted: hold it "
+            "at rest, or let a wall move"
+        )

@@ -21,11 +21,17 @@ from ninedisk.core.spheres.kernels import (
     Contacts,
     Floats,
     Integers,
+    Losses,
     Motion,
     State,
+    cross,
+    dot,
     forces_of_planes,
     forces_of_spheres,
     place_planes,
+    plus,
+    row,
+    scaled,
 )
 from ninedisk.core.spheres.registers import blend, scale
 from ninedisk.core.thread_kernels import PAD, wait_for_all
@@ -95,6 +101,7 @@ def stripe_forces(
     pairs: Contacts,
     at_planes: Contacts,
     laws: Floats,
+    losses: Losses | None,
     team: Team,
     picked: Integers,
     gravity: Floats,
@@ -117,6 +124,7 @@ def stripe_forces(
     float
         What `kick_and_drift` does.
     """
+    loss_dt = dt if slip_dt > 0.0 else 0.5 * dt
     stripe, scratch, mine = team.stripe, team.scratch[thread], picked[thread]
     far = 0.0
     for s in range(parity + 2 * thread, stripe.shape[0] - 1, 2 * threads):
@@ -125,10 +133,16 @@ def stripe_forces(
         for w in range(state.share.shape[1]):
             for c in range(3):
                 state.share[s, w, c] = 0.0
+                if losses is not None:
+                    losses.torque[s, w, c] = 0.0
         for low in range(stripe[s], end, BLOCK):
             high = min(low + BLOCK, end)
-            forces_of_spheres(state, pairs, laws, slip_dt, central, not moves_on, low, high, scratch, mine)
-            forces_of_planes(state, at_planes, laws, slip_dt, central, not moves_on, low, high, s, scratch, mine)
+            forces_of_spheres(
+                state, pairs, laws, losses, slip_dt, loss_dt, central, not moves_on, low, high, s, scratch, mine
+            )
+            forces_of_planes(
+                state, at_planes, laws, losses, slip_dt, loss_dt, central, not moves_on, low, high, s, scratch, mine
+            )
             if moves_on:
                 far = farther(far, kick_and_drift(state, gravity, dt, False, central, max(low, kicked_from), high))
     return far
@@ -154,6 +168,32 @@ def gather_loads(state: State) -> None:
             state.load[w, c] = total
 
 
+@inline_kernel
+def lost(losses: Losses, channel: int) -> float:
+    """Energy lost in a channel since time 0 [J], in an order that does not depend on the number of threads."""
+    total = 0.0
+    for s in range(losses.contacts.shape[0]):
+        total += losses.contacts[s, channel]
+    return total
+
+
+@inline_kernel
+def work_of_planes(state: State, losses: Losses, dt: float) -> None:
+    """Add the work of the planes on the spheres in the last step, forces and torques by the trapezoidal rule."""
+    loads = losses.loads
+    for w in range(state.load.shape[0]):
+        for c in range(6):
+            loads[w, 1, c] = loads[w, 0, c]
+        for c in range(3):
+            loads[w, 0, c], loads[w, 0, 3 + c] = state.load[w, c], 0.0
+            for s in range(losses.torque.shape[0]):
+                loads[w, 0, 3 + c] += losses.torque[s, w, c]
+        force = scaled(plus(row(loads[w], 0, 0), 1.0, row(loads[w], 1, 0)), 0.5)
+        torque = scaled(plus(row(loads[w], 0, 3), 1.0, row(loads[w], 1, 3)), 0.5)
+        torque = plus(torque, -1.0, cross(row(state.middle, w, 6), force))
+        losses.work[0] -= dt * (dot(force, row(state.middle, w, 9)) + dot(torque, row(state.middle, w, 12)))
+
+
 @kernel
 def advance(
     thread: int,
@@ -171,6 +211,7 @@ def advance(
     dt: float,
     skin: float,
     central: bool,
+    losses: Losses | None,
 ) -> int:
     """Steps until ``clock[STEP]`` is ``target``, with its forces; all threads call it with the same arguments but their number.
 
@@ -196,6 +237,9 @@ def advance(
             place_planes(motion, n * dt, state.now)
             place_planes(motion, max((n - 0.5) * dt, 0.0), state.middle)
             place_planes(motion, max((n - 1) * dt, 0.0), state.before)
+            if losses is not None and n == target:
+                for c in range(losses.before.shape[0]):
+                    losses.before[c] = lost(losses, c)
         wait_for_all(team.flags, thread, threads)
         if not pending:
             for other in range(threads):
@@ -206,11 +250,39 @@ def advance(
         moved_on = 0 < n < target
         slip_dt = dt if n > 0 else 0.0
         far = stripe_forces(
-            state, pairs, at_planes, laws, team, picked, gravity, dt, slip_dt, central, moved_on, 0, thread, threads
+            state,
+            pairs,
+            at_planes,
+            laws,
+            losses,
+            team,
+            picked,
+            gravity,
+            dt,
+            slip_dt,
+            central,
+            moved_on,
+            0,
+            thread,
+            threads,
         )
         wait_for_all(team.flags, thread, threads)
         odd = stripe_forces(
-            state, pairs, at_planes, laws, team, picked, gravity, dt, slip_dt, central, moved_on, 1, thread, threads
+            state,
+            pairs,
+            at_planes,
+            laws,
+            losses,
+            team,
+            picked,
+            gravity,
+            dt,
+            slip_dt,
+            central,
+            moved_on,
+            1,
+            thread,
+            threads,
         )
         far = farther(far, odd)
         wait_for_all(team.flags, thread, threads)
@@ -218,6 +290,8 @@ def advance(
             return BEHIND
         if thread == 0:
             gather_loads(state)
+            if losses is not None:
+                work_of_planes(state, losses, slip_dt)
             clock[PENDING] = 0
         if moved_on:
             for s in range(2 * thread, stripe.shape[0] - 1, 2 * threads):

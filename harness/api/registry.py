@@ -79,6 +79,7 @@ BUILTIN_CASES: dict[str, str] = {
         f"spheres/invariance/{name}": "ninedisk.harness.cases.spheres.observers:CASES"
         for name in ("units", "rotation", "galilei", "mirror")
     },
+    "spheres/budget": "ninedisk.harness.cases.spheres.budget:CASE",
     "spheres/cooling": "ninedisk.harness.cases.spheres.cooling:CASE",
     "spheres/stack": "ninedisk.harness.cases.spheres.stack:CASE",
     "spheres/rolling-resistance": "ninedisk.harness.cases.spheres.on_plane:RESISTED",

@@ -185,6 +185,7 @@ SPHERE_PANEL: dict[str, Probe] = {
     "heap": Probe("spheres/stack", {}),
     "heap-falls": Probe("spheres/stack", {"share": 0.8}),
     "cools": Probe("spheres/cooling", {"duration": 1.0}),
+    "shares": Probe("spheres/budget", {"duration": 0.3}),
     "units": Probe("spheres/invariance/units", {"scene": "heap", "units": "km-Mg-min"}),
     "turned": Probe("spheres/invariance/rotation", {"scene": "table", "angle_deg": 77.0}),
     "moves": Probe("spheres/invariance/galilei", {"scene": "throw", "frame_vx": 3.0, "frame_vy": -2.0}),

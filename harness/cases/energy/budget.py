@@ -52,6 +52,7 @@ class Budget:
     version = 1
     title = "Energy budget of a squeezed heap"
     source = "balance of energy; no loss is ever negative"
+    state, losses, own, fed = STATE, LOSSES, OWN, FED
     requirement = "energies, losses and works add up at every time, and no loss ever falls"
     parameters: tuple[Parameter, ...] = (
         Parameter(
@@ -117,16 +118,18 @@ class Budget:
         told = {name: np.asarray(values) for name, values in history.energy.items()}
         if "dashpot_loss" in told or "impact_loss" in told:
             told = {name: np.zeros_like(blank) for name in ("dashpot_loss", "impact_loss")} | told
-        told = {name: np.zeros_like(blank) for name in ("force_work", *OWN)} | told
+        told = {name: np.zeros_like(blank) for name in ("force_work", *self.own)} | told
         if params["mu"] == 0.0:
             told.setdefault("friction_loss", np.zeros_like(blank))
-        energy: dict[str, FloatArray] = {name: told.get(name, blank) for name in (*STATE, *LOSSES, *OWN, *FED)}
+        energy: dict[str, FloatArray] = {
+            name: told.get(name, blank) for name in (*self.state, *self.losses, *self.own, *self.fed)
+        }
         energy["gravity"] = energy["gravity"] - _floor_energy(setup.scene)
-        total = sum((energy[name] for name in (*STATE, *LOSSES, *OWN)), start=np.zeros_like(blank))
-        total = total - sum((energy[name] for name in FED), start=np.zeros_like(blank))
+        total = sum((energy[name] for name in (*self.state, *self.losses, *self.own)), start=np.zeros_like(blank))
+        total = total - sum((energy[name] for name in self.fed), start=np.zeros_like(blank))
         series = {f"energy_{name}": ("J", values) for name, values in energy.items() if name != "force_work"}
         series["energy_balance"] = ("J", total - total[0])
-        for name in _losses(params):
+        for name in self._losses(params):
             series[f"energy_{name}_fed"] = ("J", np.maximum.accumulate(energy[name]) - energy[name])
         missing = float(np.abs(series["energy_balance"][1]).max())
         return Observed(step=history.step, t=history.t, series=series, scalars={"energy_missing": ("J", missing)})
@@ -150,11 +153,11 @@ class Budget:
         if engine.scheme == "theta":
             off, why = 1e-11, "solver tolerance of 1e-12 and round-off, added up over some thousand steps"
         else:
-            phase = math.sqrt(setup.scene.disk_disk.kn / float(setup.scene.disks.mass.min())) * setup.numerics.dt
+            phase = self.rate(setup.scene) * setup.numerics.dt
             off = phase**2
             why = f"second order: impacts change energies by (omega dt)^2 of what they exchange, omega dt = {phase:.2g}"
         found = []
-        for name in ("energy_balance", *(f"energy_{name}_fed" for name in _losses(params))):
+        for name in ("energy_balance", *(f"energy_{name}_fed" for name in self._losses(params))):
             found.append(
                 Check(
                     quantity=name, norm="max", truth="analytic", expected=where_observed(observed, engine, name, zero),
@@ -164,10 +167,13 @@ class Budget:
             )  # fmt: skip
         return found
 
+    def rate(self, scene: Any) -> float:
+        """Fastest angular frequency of a contact [rad/s]."""
+        return math.sqrt(scene.law_of_bodies.kn / float(scene.bodies.mass.min()))
 
-def _losses(params: Mapping[str, Any]) -> tuple[str, ...]:
-    """Losses that the scene can have."""
-    return tuple(name for name in LOSSES if name != "friction_loss" or params["mu"] > 0.0)
+    def _losses(self, params: Mapping[str, Any]) -> tuple[str, ...]:
+        """Losses that the scene can have."""
+        return tuple(name for name in self.losses if name != "friction_loss" or params["mu"] > 0.0)
 
 
 def _law(params: Mapping[str, Any]) -> ContactLaw:
@@ -179,16 +185,17 @@ def _law(params: Mapping[str, Any]) -> ContactLaw:
     )  # fmt: skip
 
 
-def _floor_energy(scene: Scene) -> float:
-    """Energy of position of the disks where each of them touches the floor [J]."""
-    return float((scene.disks.mass * scene.disks.radius).sum()) * GRAVITY
+def _floor_energy(scene: Any) -> float:
+    """Energy of position of the bodies where each of them touches the floor [J]."""
+    return float((scene.bodies.mass * scene.bodies.radius).sum()) * GRAVITY
 
 
-def _exchanged(scene: Scene) -> float:
-    """Energy that the disks have at the beginning, of motion and of their height above the floor [J]."""
-    disks = scene.disks
-    kinetic = 0.5 * float((disks.mass * (disks.v**2).sum(axis=1) + disks.inertia * disks.omega**2).sum())
-    return kinetic + GRAVITY * float((disks.mass * disks.x[:, 1]).sum()) - _floor_energy(scene)
+def _exchanged(scene: Any) -> float:
+    """Energy that the bodies have at the beginning, of motion and of their height above the floor [J]."""
+    bodies = scene.bodies
+    turns = bodies.inertia @ bodies.omega.reshape(len(bodies), -1) ** 2
+    kinetic = 0.5 * float((bodies.mass @ bodies.v**2).sum() + turns.sum())
+    return kinetic + GRAVITY * float((bodies.mass * bodies.x[:, -1]).sum()) - _floor_energy(scene)
 
 
 CASE = Budget()

@@ -43,7 +43,7 @@ LACKS = frozenset(
 DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENERGY_BUDGET, *ROLLING.values()}
 """What is lacking where contacts are those of outlines, and in a periodic cell."""
 
-IN_SPACE = (LACKS - {Capability.HELD_MOTION}) | {Capability.ENERGY_BUDGET}
+IN_SPACE = LACKS - {Capability.HELD_MOTION}
 """What is lacking in space, where a sphere's velocity can be held."""
 
 

@@ -89,6 +89,7 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("contact/materials", {}, "rebound of unlike materials", 0.3 * 4.0),
     ("motion/forces", {"span": "constant"}, "distance under a force", 0.4 * 0.6 + 0.5 * 1.5 * 0.36),
     ("energy/budget", {}, "energy that no channel tells", 0.0),
+    ("spheres/budget", {}, "energy that no channel tells", 0.0),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),
 )
 

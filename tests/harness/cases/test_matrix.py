@@ -48,6 +48,7 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     },
     **{f"spheres/invariance/{name}": (DEM,) for name in ("units", "rotation", "galilei", "mirror")},
     "spheres/cooling": (DEM,),
+    "spheres/budget": (DEM,),
 }
 LEAST = {
     "row/pushed": 7,
@@ -68,6 +69,7 @@ LEAST = {
     **{f"spheres/{name}": 5 for name in ("top", "rolling-resistance", "cooling")},
     **{f"spheres/invariance/{name}": 3 for name in ("rotation", "galilei", "mirror")},
     "spheres/isotropy": 51,
+    "spheres/budget": 3,
     "spheres/turntable": 21,
     "spheres/stack": 2,
     "spheres/invariance/units": 7,
