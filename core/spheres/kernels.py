@@ -30,7 +30,9 @@ HERTZ, KN, KS, MU, BETA, TORQUE_MID, SLIP_MID, MIDDLE, UNLOADING, PULL = range(1
 the middle of the overlap, the slip's too; whether slip is that of mid-step; the rule of unloading; pull over the reduced radius [N/m]."""
 ROLL, TWIST = 10, 14
 """First columns of the two resistances, four each: model, mu, stiffness [N m/rad], damping ratio."""
-LAW_WIDTH = 18
+HELD, STICKS = 18, 19
+"""What friction has beside fn and `PULL`, over the reduced radius [N/m]; of JKR's law ``(pi g/(4 E*))^(2/3)`` [m^(2/3)], else 0."""
+LAW_WIDTH = 20
 
 NO_RESISTANCE, CONSTANT, SPRING = 0, 1, 2
 KEEPS, FORCE, RESCALE = 0, 1, 2
@@ -41,10 +43,10 @@ MEMORY_WIDTH, MEMORY_WIDTH_RESISTED = 4, 8
 """Columns of what a contact remembers: shear spring (3), and its reduced radius; with a resistance also rolling torque (3), twisting one.
 Where it was in the step before, and whether it was open then, so that it has nothing to remember, follows from ``x - dt v``."""
 
-DRAG, ROLL_DRAG, TWIST_DRAG = range(3)
-NOTES_WIDTH, NOTES_WIDTH_RESISTED = 1, 3
+DRAG, ROLL_DRAG, TWIST_DRAG, NECK = range(4)
+NOTES_WIDTH, NOTES_WIDTH_RESISTED, NOTES_WIDTH_STICKY = 1, 3, 4
 """Columns of what is noted of a listed pair, coefficients of its dashpots: along the normal [N s/m], with Hertz' law over the root of the
-contact radius, and of the resistances [N m s]."""
+contact radius, and of the resistances [N m s]; with JKR's law the gap [m] at which its neck breaks, < 0 while there is none."""
 
 FRICTION, DASHPOT, ROLLED_ON, ROLLING_DASHPOT, OF_LAW = range(5)
 """Channels of `Losses`: sliding, dashpots, resistances beyond their springs, their dashpots, and what the law itself takes (< 0: feeds): a
@@ -260,28 +262,57 @@ class Law(NamedTuple):
     slip_mid: float
     rescale: bool
     pull: float
+    held: float
 
 
 @inline_kernel
 def law_of(law: Floats) -> Law:
     """Numbers of a row of the laws: loops that write to the scratch then need not read the row again."""
-    return Law(law[KN], law[KS], law[MU], law[TORQUE_MID], law[SLIP_MID], law[UNLOADING] == RESCALE, law[PULL])
+    return Law(
+        law[KN], law[KS], law[MU], law[TORQUE_MID], law[SLIP_MID], law[UNLOADING] == RESCALE, law[PULL], law[HELD]
+    )
+
+
+@inline_kernel
+def holds(contacts: Contacts, k: np.uint64, overlap: float) -> bool:
+    """Whether a listed pair touches, or its neck still holds; if it does not there is none."""
+    gap = contacts.notes[k, NECK]
+    if overlap > min(0.0, -gap):
+        return True
+    contacts.notes[k, NECK] = -abs(gap)
+    return False
+
+
+@fused_inline_kernel
+def neck_of(overlap: float, gap: float, reduced: float) -> tuple[float, float]:
+    """Radius ``a_c`` [m] at which a neck breaks, and the root s of the present radius over it; ``gap`` > 0 that at which it breaks.
+
+    With ``s = 1 + t`` JKR's ``overlap = (a_c^2/R) (s^4 - 4 s)`` is ``t sqrt(t^2 + 4 t + 6) = q``, ``q^2 = 3 (overlap + gap)/gap``, without
+    a difference of large numbers at the break, t = 0. Newton's method falls to the root from any larger t, as both starts are, of which
+    the smaller one is within a factor of 1.6: six steps leave round-off.
+    """
+    q = sqrt(3.0 * (overlap + gap) / gap)
+    t = min(q * 0.40824829046386302, sqrt(q))
+    for _ in range(6):
+        root = sqrt(t * t + 4.0 * t + 6.0)
+        t -= (t * root - q) * root / (2.0 * t * t + 6.0 * t + 6.0)
+    return sqrt(gap * reduced / 3.0), 1.0 + t
 
 
 @fused_inline_kernel
 def pose(
-    middle: bool, d: Vector, d_before: Vector, reach: float, spring: Vector
+    middle: bool, sticks: bool, neck: float, d: Vector, d_before: Vector, reach: float, spring: Vector
 ) -> tuple[Vector, float, Vector, float, Vector]:
     """Normal and overlap [m] now and a step before, and the spring, of a contact as in `contact`; one that was open begins now."""
     apart2, apart2_before = dot(d, d), dot(d_before, d_before)
     inv_apart = 1.0 / sqrt(apart2)
     # Squares that touch by a rounding do not always: that contact has no overlap, and no root of a negative number.
-    n, overlap = scaled(d, inv_apart), max(reach - apart2 * inv_apart, 0.0)
+    n, overlap = scaled(d, inv_apart), max(reach - apart2 * inv_apart, -abs(neck) if sticks else 0.0)
     before, overlap_before = n, reach - sqrt(apart2_before)
     if middle:
         inv_before = 1.0 / sqrt(apart2_before)
         before, overlap_before = scaled(d_before, inv_before), reach - apart2_before * inv_before
-    if overlap_before <= 0.0:
+    if neck < 0.0 if sticks else overlap_before <= 0.0:
         before, overlap_before, spring = n, overlap, (0.0, 0.0, 0.0)
     return n, overlap, before, overlap_before, spring
 
@@ -327,6 +358,8 @@ def contact(
     hertz: bool,
     middle: bool,
     in_force: bool,
+    sticks: bool,
+    neck: float,
     law: Law,
     slip_dt: float,
     d: Vector,
@@ -340,12 +373,14 @@ def contact(
     spin: Vector,
     spring: Vector,
 ) -> tuple[float, float, float, Vector, Vector, Vector]:
-    """The law of one contact without its resistances; the first three arguments are those of the law, known to the compiler.
+    """The law of one contact without its resistances; the first four arguments are those of the law, known to the compiler.
 
     Parameters
     ----------
-    hertz, middle, in_force : bool
-        Whether the law is Hertz', slip that of mid-step, the spring remembered as a force.
+    hertz, middle, in_force, sticks : bool
+        Whether the law is Hertz', slip that of mid-step, the spring remembered as a force, the law JKR's.
+    neck : float
+        `NECK` of its notes, with the sign of the step before.
     d, d_before : vector
         From the first centre to the second one [m], now and a step before.
     reach, reduced : float
@@ -366,23 +401,33 @@ def contact(
     fs, spring, n : vector
         Shear force on the first body [N], spring to be remembered, normal.
     """
-    n, overlap, before, overlap_before, spring = pose(middle, d, d_before, reach, spring)
+    n, overlap, before, overlap_before, spring = pose(middle, sticks, neck, d, d_before, reach, spring)
     stiffness, damping, ks, gain = law.kn, drag, law.ks, law.ks
-    if hertz:
+    shrunk = overlap / overlap_before
+    pushed = stiffness * overlap
+    if sticks:
+        a_c, s = neck_of(overlap, abs(neck), reduced)
+        radius, s_before = a_c * s * s, neck_of(max(overlap_before, -abs(neck)), abs(neck), reduced)[1]
+        damping, ks, shrunk = drag * sqrt(radius), law.ks * radius, (s * s / (s_before * s_before)) ** 2
+        gain = 0.5 * law.ks * a_c * (s * s + s_before * s_before) if middle else ks
+        pushed = law.kn * a_c * a_c * a_c / reduced * (s * s * s) * (s * s * s - 6.0)
+    elif hertz:
         radius = sqrt(reduced * overlap)
         stiffness, damping, ks, gain = law.kn * radius, drag * sqrt(radius), law.ks * radius, law.ks * radius
         if middle:
             gain = 0.5 * law.ks * (radius + sqrt(reduced * overlap_before))
-    repulsive = max(stiffness * overlap + damping * dot(dashpot_dv, n), 0.0)
-    fn = stiffness * overlap + damping * dot(dashpot_dv, n) - law.pull * reduced
+        pushed = stiffness * overlap
+    pushed = pushed + damping * dot(dashpot_dv, n)
+    repulsive = max(pushed + law.held * reduced, 0.0)
+    fn = pushed - law.pull * reduced
     u, spring = slip(middle, law.slip_mid, slip_dt, n, overlap, before, overlap_before, dv, roll, spin, spring)
     cap = law.mu * repulsive
     if in_force:
         spring = capped(plus(spring, -slip_dt * gain, u), cap)
         fs = spring
     else:
-        if law.rescale and overlap < overlap_before:
-            spring = scaled(spring, sqrt(overlap / overlap_before))
+        if law.rescale and shrunk < 1.0:
+            spring = scaled(spring, sqrt(shrunk))
         spring = capped(plus(spring, -slip_dt, u), cap / ks if ks > 0.0 else 0.0)
         fs = scaled(spring, ks)
     return fn, repulsive, 0.5 * overlap * law.torque_mid, fs, spring, n
@@ -459,7 +504,8 @@ D_ROWS, DV_ROWS, ROLLS_ROWS, SPINS_ROWS, SPRINGS_ROWS, DASHPOT_ROWS, TURNS_ROWS,
     np.uint64((13 * WIDE + 6) * CHUNK // WIDE + c * CHUNK) for c in range(8)
 )
 PUSH_ROWS, CROSSED_ROWS, MOMENT_ROWS = D_ROWS, DV_ROWS, ROLLS_ROWS
-SCRATCH = (13 * WIDE + 6 + 8 * WIDE) * CHUNK
+ITS_NECK = np.uint64((13 * WIDE + 6 + 8 * WIDE) * CHUNK)
+SCRATCH = (13 * WIDE + 7 + 8 * WIDE) * CHUNK
 OLD_SPRINGS, OLD_ROLLED = np.uint64(SCRATCH), np.uint64(SCRATCH + WIDE * CHUNK)
 SCRATCH_COUNTED = SCRATCH + 2 * WIDE * CHUNK
 """Room with what contacts remembered before the step, which losses are counted from."""
@@ -507,7 +553,15 @@ def to_rows(scratch: Floats, rows: np.uint64, column: np.uint64, count: np.uint6
 
 @fused_inline_kernel
 def run_of_contacts(
-    hertz: bool, middle: bool, in_force: bool, law: Floats, slip_dt: float, begin: int, end: int, scratch: Floats
+    hertz: bool,
+    middle: bool,
+    in_force: bool,
+    sticks: bool,
+    law: Floats,
+    slip_dt: float,
+    begin: int,
+    end: int,
+    scratch: Floats,
 ) -> None:
     """`contact` for ``begin .. end-1`` of the scratch, which have the same law."""
     its = law_of(law)
@@ -517,6 +571,8 @@ def run_of_contacts(
             hertz,
             middle,
             in_force,
+            sticks,
+            scratch[ITS_NECK + q] if sticks else 0.0,
             its,
             slip_dt,
             vector(scratch, D + q),
@@ -545,7 +601,10 @@ def run_of_resistances(law: Floats, slip_dt: float, begin: int, end: int, scratc
         rolled, twisted = vector(scratch, ROLLED + q), last(scratch, ROLLED + q)
         n, apart = scaled(d, 1.0 / sqrt(dot(d, d))), sqrt(dot(before, before))
         before = scaled(before, 1.0 / apart)
-        if apart >= scratch[REACH + q]:
+        begins = apart >= scratch[REACH + q]
+        if law[STICKS] > 0.0:
+            begins = scratch[ITS_NECK + q] < 0.0
+        if begins:
             before, rolled, twisted = n, (0.0, 0.0, 0.0), 0.0
         m, rolled, twisted = resistance(
             law,
@@ -587,20 +646,22 @@ def laws_of_chunk(
         law, whole = laws[number], end
         if begin == 0 and end == count:
             whole = (count + LANES - 1) // LANES * LANES
-        if law[HERTZ] > 0.0:
+        if law[STICKS] > 0.0:
+            run_of_contacts(True, law[MIDDLE] > 0.0, law[UNLOADING] == FORCE, True, law, slip_dt, begin, end, scratch)
+        elif law[HERTZ] > 0.0:
             if law[UNLOADING] == FORCE:
                 if law[MIDDLE] > 0.0:
-                    run_of_contacts(True, True, True, law, slip_dt, begin, whole, scratch)
+                    run_of_contacts(True, True, True, False, law, slip_dt, begin, whole, scratch)
                 else:
-                    run_of_contacts(True, False, True, law, slip_dt, begin, whole, scratch)
+                    run_of_contacts(True, False, True, False, law, slip_dt, begin, whole, scratch)
             elif law[MIDDLE] > 0.0:
-                run_of_contacts(True, True, False, law, slip_dt, begin, whole, scratch)
+                run_of_contacts(True, True, False, False, law, slip_dt, begin, whole, scratch)
             else:
-                run_of_contacts(True, False, False, law, slip_dt, begin, whole, scratch)
+                run_of_contacts(True, False, False, False, law, slip_dt, begin, whole, scratch)
         elif law[MIDDLE] > 0.0:
-            run_of_contacts(False, True, True, law, slip_dt, begin, whole, scratch)
+            run_of_contacts(False, True, True, False, law, slip_dt, begin, whole, scratch)
         else:
-            run_of_contacts(False, False, True, law, slip_dt, begin, whole, scratch)
+            run_of_contacts(False, False, True, False, law, slip_dt, begin, whole, scratch)
         if resisted:
             run_of_resistances(law, slip_dt, begin, end, scratch)
         begin = end
@@ -630,6 +691,8 @@ def shear_losses(law: Floats, slip_dt: float, at_planes: bool, q: Index, scratch
     middle, hertz = law[MIDDLE] > 0.0, law[HERTZ] > 0.0
     n, overlap, before, overlap_before, spring = pose(
         middle,
+        False,
+        0.0,
         vector(scratch, D + q),
         vector(scratch, D_BEFORE + q),
         scratch[REACH + q],
@@ -667,7 +730,13 @@ def shear_losses(law: Floats, slip_dt: float, at_planes: bool, q: Index, scratch
 def resistance_losses(law: Floats, slip_dt: float, loss_dt: float, q: Index, scratch: Floats) -> tuple[float, float]:
     """Energy that the resistances have taken beyond their springs, and in their dashpots, in this step [J], after `run_of_resistances`."""
     n, _, before, _, rolled = pose(
-        True, vector(scratch, D + q), vector(scratch, D_BEFORE + q), scratch[REACH + q], vector(scratch, OLD_ROLLED + q)
+        True,
+        False,
+        0.0,
+        vector(scratch, D + q),
+        vector(scratch, D_BEFORE + q),
+        scratch[REACH + q],
+        vector(scratch, OLD_ROLLED + q),
     )
     both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
     shown = scaled(both, 1.0 / sqrt(dot(both, both)))
@@ -742,6 +811,9 @@ def recall(contacts: Contacts, k: np.uint64, q: Index, resisted: bool, scratch: 
     """Notes and memory of the listed pair k into the scratch, the latter into rows."""
     notes, memory = contacts.notes, contacts.memory
     scratch[ITS_DRAG + q] = notes[k, DRAG]
+    if notes.shape[1] == NOTES_WIDTH_STICKY:
+        scratch[ITS_NECK + q] = notes[k, NECK]
+        notes[k, NECK] = abs(notes[k, NECK])
     if resisted:
         scale(scratch, SPRINGS_ROWS + q, 1.0, memory, TWO * k)
         scale(scratch, ROLLED_ROWS + q, 1.0, memory, TWO * k + ONE)
@@ -826,6 +898,7 @@ def forces_of_spheres(
     x, v, omega, radius, force, torque = state.x, state.v, state.omega, state.radius, state.force, state.torque
     rows, other = pairs.row, pairs.other
     resisted = pairs.memory.shape[1] > MEMORY_WIDTH
+    sticky = pairs.notes.shape[1] == NOTES_WIDTH_STICKY
     first, end_of_list = np.uint64(pairs.start[begin]), np.uint64(pairs.start[end])
     if keep:
         clear_kept(pairs, first, end_of_list)
@@ -839,7 +912,10 @@ def forces_of_spheres(
             reach = radius[i] + radius[j]
             scratch[REACH + count] = reach
             picked[count] = k
-            count += np.uint64(dx * dx + dy * dy + dz * dz < reach * reach)
+            if sticky:
+                count += np.uint64(holds(pairs, k, reach - sqrt(dx * dx + dy * dy + dz * dz)))
+            else:
+                count += np.uint64(dx * dx + dy * dy + dz * dz < reach * reach)
             k += ONE
         for q in range(count):
             m = np.uint64(picked[q])
@@ -927,14 +1003,19 @@ def beside_plane(
     k: np.uint64,
     q: np.uint64,
     scratch: Floats,
-) -> float:
-    """Differences and memory of the listed pair k to place q of the scratch, if it touches; its overlap [m], the radius if it is behind."""
+) -> tuple[float, bool]:
+    """Differences and memory of the listed pair k to place q of the scratch, if it touches; its overlap [m], the radius if it is behind,
+    and whether it touches."""
     i = np.uint64(contacts.other[k])
     xi, vi, ri = xyz(state.x, i), xyz(state.v, i), state.radius[i]
     height = above(state.now, w, xi)
     overlap = ri - height
-    if overlap <= 0.0 or height <= 0.0:
-        return float(overlap)
+    touches, keeps = overlap > 0.0, False
+    if contacts.notes.shape[1] == NOTES_WIDTH_STICKY:
+        keeps = contacts.notes[k, NECK] > 0.0
+        touches = holds(contacts, k, overlap)
+    if height <= 0.0 or not touches:
+        return float(overlap), False
     wi, wj, n = xyz(state.omega, i), row(state.middle, w, 12), scaled(row(state.now, w, 3), -1.0)
     seen = xyz(state.v_now, i) if central else vi
     before, height_before, vj, dashpot_vj = n, height + slip_dt * dot(vi, n), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -947,7 +1028,7 @@ def beside_plane(
         mean_overlap = overlap
         shown = n
         if law[MIDDLE] > 0.0:
-            if height_before < ri:
+            if height_before < ri or keeps:
                 both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
                 shown = scaled(both, 1.0 / sqrt(dot(both, both)))
                 mean_overlap = 0.5 * (overlap + ri - height_before)
@@ -963,7 +1044,7 @@ def beside_plane(
     put(scratch, SPINS + q, plus(wi, 1.0, wj))
     put(scratch, TURNS + q, plus(wi, -1.0, wj))
     recall(contacts, k, q, contacts.memory.shape[1] > MEMORY_WIDTH, scratch)
-    return float(overlap)
+    return float(overlap), True
 
 
 @fused_kernel
@@ -1002,12 +1083,12 @@ def forces_of_planes(
                     if keep:
                         clear_kept(contacts, k, end_of_rows)
                 continue
-            overlap = beside_plane(
+            overlap, touches = beside_plane(
                 state, contacts, laws[contacts.law[k]], slip_dt, central, moves, w, k, count, scratch
             )
             if overlap >= radius[contacts.other[k]]:
                 state.behind[stripe, 0], state.behind[stripe, 1] = 1 + state.name[contacts.other[k]], w
-            elif overlap > 0.0:
+            elif touches:
                 picked[count] = k
                 count += np.uint64(1)
             k += np.uint64(1)

@@ -1,4 +1,4 @@
-"""Contact laws of spheres: linear and Hertz-Mindlin."""
+"""Contact laws of spheres: linear, Hertz-Mindlin, and the pull of surfaces on the latter."""
 
 from __future__ import annotations
 
@@ -85,6 +85,10 @@ class SphereLaw:
     surface : {"dmt", "jkr"}
         Pull-off ``4 pi g R`` acting while spheres overlap (Derjaguin, Muller & Toporov), or Johnson, Kendall & Roberts' force, which holds
         until the neck breaks, ``3 pi g R`` at most.
+        It begins at overlap 0, with 8/9 of that, and its contact radius is the ``a`` of the dashpot and of the shear stiffness.
+    friction_pull : float
+        Share of the pull-off that stands beside fn in the limit of friction, ``mu (fn + friction_pull F)``, and in those of the
+        resistances, in [0, 2]. 1: where the surfaces pull each other most nothing rubs. 2: Thornton (1991) of JKR's law, LAMMPS of both.
     restitution : float or None
         Coefficient of restitution [-] in [0, 1] for engines that have an impact law; None: the scene prescribes none.
     regularised : bool
@@ -109,6 +113,7 @@ class SphereLaw:
     twisting: Rolling | None = None
     surface_energy: float = 0.0
     surface: Surface = "dmt"
+    friction_pull: float = 1.0
     restitution: float | None = None
     regularised: bool = False
 
@@ -137,7 +142,13 @@ class SphereLaw:
         one_of("lever_arm", self.lever_arm, LEVER_ARMS)
         one_of("slip_at", self.slip_at, SLIP_AT)
         one_of("surface", self.surface, SURFACES)
+        object.__setattr__(self, "friction_pull", within("friction_pull", self.friction_pull, 0.0, 2.0))
         object.__setattr__(self, "regularised", flag("regularised", self.regularised))
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the law is that of Johnson, Kendall and Roberts."""
+        return self.surface == "jkr" and self.surface_energy > 0.0
 
     @property
     def hertz(self) -> bool:

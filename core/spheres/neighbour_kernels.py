@@ -22,11 +22,14 @@ from ninedisk.core.spheres.kernels import (
     KS,
     MEMORY_WIDTH,
     MU,
+    NECK,
+    NOTES_WIDTH_STICKY,
     REDUCED,
     ROLL,
     ROLL_DRAG,
     ROLLING,
     SHEAR,
+    STICKS,
     TWIST,
     TWIST_DRAG,
     Contacts,
@@ -34,6 +37,7 @@ from ninedisk.core.spheres.kernels import (
     Integers,
     Numbers,
     State,
+    neck_of,
 )
 from ninedisk.core.spheres.kernels import MEMORY_WIDTH_RESISTED as ALL
 from ninedisk.core.spheres.registers import WIDE
@@ -209,12 +213,16 @@ def note(
     if new.memory.shape[1] > MEMORY_WIDTH:
         new.notes[k, ROLL_DRAG] = dashpot(law[ROLL + 3], law[ROLL + 2], about)
         new.notes[k, TWIST_DRAG] = dashpot(law[TWIST + 3], law[TWIST + 2], inv_inertia)
+    if new.notes.shape[1] == NOTES_WIDTH_STICKY:  # 3 a_c^2/R
+        new.notes[k, NECK] = -3.0 * law[STICKS] * reduced ** (1.0 / 3.0)
 
 
 @inline_kernel
 def inherit(old: Contacts, o: int, new: Contacts, k: int, turned: bool) -> None:
     """Memory of the listed pair o for the pair k, which has its bodies the other way round if it is ``turned``."""
     side = -1.0 if turned else 1.0
+    if new.notes.shape[1] == NOTES_WIDTH_STICKY and old.notes[o, NECK] > 0.0:
+        new.notes[k, NECK] = abs(new.notes[k, NECK])
     for c in range(new.memory.shape[1]):
         new.memory[k, c] = old.memory[o, c]
     for c in range(3):
@@ -322,10 +330,25 @@ def list_planes(
 
 
 @kernel
+def widen_by_necks(contacts: Contacts, laws: Floats, overlap: Floats, radius: Floats) -> None:
+    """Overlaps and contact radii [m] of the listed pairs that a neck of JKR's holds, from overlaps of either sign; none of other pairs."""
+    for k in range(overlap.shape[0]):
+        gap = contacts.notes[k, NECK] if laws[contacts.law[k], STICKS] > 0.0 else 0.0
+        if gap > 0.0:
+            overlap[k] = max(overlap[k], -gap)
+            a_c, s = neck_of(overlap[k], gap, contacts.memory[k, REDUCED])
+            radius[k] = a_c * s * s
+        else:
+            overlap[k] = max(overlap[k], 0.0)
+            radius[k] = sqrt(contacts.memory[k, REDUCED] * overlap[k])
+
+
+@kernel
 def fastest(state: State, contacts: Contacts, laws: Floats, at_planes: bool) -> float:
     """Largest ``omega/(sqrt(1 + beta^2) - beta)`` of the listed pairs that touch [1/s], each with its present stiffness.
 
-    ``omega^2`` is the larger one of ``kn/m`` and ``ks (1/m + sum R^2/I)``; a step twice its inverse is the critical one.
+    A neck of JKR's is nowhere stiffer than Hertz' contact of its radius. ``omega^2``
+    is the larger one of ``kn/m`` and ``ks (1/m + sum R^2/I)``; a step twice its inverse is the critical one.
     """
     x, worst = state.x, 0.0
     for k in range(contacts.start[contacts.start.shape[0] - 1]):
@@ -339,15 +362,19 @@ def fastest(state: State, contacts: Contacts, laws: Floats, at_planes: bool) -> 
             for c in range(3):
                 distance += (x[WIDE * i + c] - x[WIDE * j + c]) ** 2
             overlap = state.radius[i] + state.radius[j] - sqrt(distance)
-        if not overlap > 0.0:
-            continue
         law = laws[contacts.law[k]]
+        gap = contacts.notes[k, NECK] if law[STICKS] > 0.0 else 0.0
+        if not overlap > min(0.0, -gap):
+            continue
         mass, turn = state.inv_mass[i], state.inv_inertia[i] * state.radius[i] ** 2
         if not at_planes:
             mass, turn = mass + state.inv_mass[j], turn + state.inv_inertia[j] * state.radius[j] ** 2
         kn, ks = law[KN], law[KS] if law[MU] > 0.0 else 0.0
         if law[HERTZ] > 0.0:
-            a = sqrt(contacts.memory[k, REDUCED] * overlap)
+            a = sqrt(contacts.memory[k, REDUCED] * max(overlap, 0.0))
+            if law[STICKS] > 0.0:
+                a_c, s = neck_of(overlap, abs(gap), contacts.memory[k, REDUCED])
+                a = a_c * s * s
             kn, ks = 1.5 * kn * a, ks * a
         beta = law[BETA]
         worst = max(worst, sqrt(max(kn * mass, ks * (mass + turn))) / (sqrt(1.0 + beta * beta) - beta))

@@ -36,7 +36,14 @@ from ninedisk.core.spheres.kernels import (
     place_planes,
 )
 from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.neighbour_kernels import Materials, begin_lists, fastest, list_pairs, list_planes
+from ninedisk.core.spheres.neighbour_kernels import (
+    Materials,
+    begin_lists,
+    fastest,
+    list_pairs,
+    list_planes,
+    widen_by_necks,
+)
 from ninedisk.core.spheres.registers import WIDE
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
 from ninedisk.core.spheres.step_kernels import BEHIND, BUILT, FAR, PENDING, REBUILDS, STEP, advance
@@ -149,8 +156,12 @@ class SphereSession:
         self._motion = compile_motion(scene.walls)
         self._laws, self._materials = _law_tables(scene)
         mean, resisted = float(spheres.radius.mean()), any(law.rolling or law.twisting for law in scene.laws_in_use)
-        self._sizes = (mean, float(spheres.radius.max()), LEAST_SKIN * mean, MOST_SKIN * mean)
-        self._skin = np.array([FIRST_SKIN * mean])
+        widest = float(spheres.radius.max())
+        # A neck must be listed as long as it holds.
+        necks = [3.0 * float(law[kernels.STICKS]) * widest ** (1.0 / 3.0) for law in self._laws]
+        longest, sticky = 1.01 * max(necks), max(necks) > 0.0
+        self._sizes = (mean, widest, max(LEAST_SKIN * mean, longest), max(MOST_SKIN * mean, 2.0 * longest))
+        self._skin = np.array([max(FIRST_SKIN * mean, longest)])
         self._cells = Cells(
             start=np.zeros(n + 65, dtype=np.int32),
             order=np.zeros(n, dtype=np.uint32),
@@ -159,8 +170,13 @@ class SphereSession:
         )
         self._listed = np.arange(n)
         self._gravity = _wide(np.array([scene.gravity]))
-        self._pairs = [_empty_list(n, room, resisted) for room in [PAIRS_PER_SPHERE * n + 16] * 2]
-        self._at_planes = [_empty_list(m, room, resisted) for room in [n // 4 + 16] * 2]
+        notes = kernels.NOTES_WIDTH_RESISTED if resisted else kernels.NOTES_WIDTH
+        width = (
+            kernels.NOTES_WIDTH_STICKY if sticky else notes,
+            kernels.MEMORY_WIDTH_RESISTED if resisted else kernels.MEMORY_WIDTH,
+        )
+        self._pairs = [_empty_list(n, room, *width) for room in [PAIRS_PER_SPHERE * n + 16] * 2]
+        self._at_planes = [_empty_list(m, room, *width) for room in [n // 4 + 16] * 2]
         counted = numerics.energy_budget
         self._team = team_arrays(stripes, self._threads, room=SCRATCH_COUNTED if counted else SCRATCH)
         self._losses = _no_losses(stripes, m) if counted else None
@@ -249,7 +265,7 @@ class SphereSession:
     def counts(self) -> Counts:
         """Rebuilds so far, pairs that the present lists hold, contacts at the present positions."""
         contacts, pairs = self._contacts(), int(self._pairs[0].start[-1])
-        closed = contacts.overlap > 0.0
+        closed = contacts.radius > 0.0
         return Counts(
             int(self._clock[REBUILDS]), pairs, len(closed) - pairs, int(closed[:pairs].sum()), int(closed[pairs:].sum())
         )
@@ -370,8 +386,9 @@ class SphereSession:
             else:
                 bodies = np.column_stack([row, other]).astype(np.int64)
                 overlap = state.radius[row] + state.radius[other] - np.linalg.norm(x[other] - x[row], axis=1)
-            overlap = np.maximum(overlap, 0.0)
-            parts.append((bodies, law, overlap, np.sqrt(memory[:, kernels.REDUCED] * overlap), memory, force))
+            radius = np.zeros(len(overlap))
+            widen_by_necks(contacts, self._laws, overlap, radius)
+            parts.append((bodies, law, overlap, radius, memory, force))
         return Listed(*(np.concatenate(both) for both in zip(*parts, strict=True)))
 
     def _check_step(self) -> None:
@@ -446,7 +463,17 @@ class SphereSession:
         memory, law, overlap, radius = contacts.memory, self._laws[contacts.law], contacts.overlap, contacts.radius
         hertz = law[:, kernels.HERTZ] > 0.0
         normal = np.where(hertz, 0.4 * radius, 0.5) * law[:, kernels.KN] * overlap**2
-        normal -= law[:, kernels.PULL] * memory[:, kernels.REDUCED] * overlap
+        reduced = memory[:, kernels.REDUCED]
+        normal -= law[:, kernels.PULL] * reduced * overlap
+        sticks = (law[:, kernels.STICKS] > 0.0) & (radius > 0.0)
+        if sticks.any():
+            # The work of JKR's force from overlap 0, where s^3 = 4: (6 kn a_c^5/R^2) [s^10/15 - 2 s^7/3 + s^4].
+            k, r = law[sticks, kernels.KN], reduced[sticks]
+            a_c = np.sqrt(law[sticks, kernels.STICKS] * r ** (4.0 / 3.0))
+            s = np.sqrt(radius[sticks] / a_c)
+            normal[sticks] = (
+                6.0 * k * a_c**5 / r**2 * (s**10 / 15.0 - 2.0 * s**7 / 3.0 + s**4 + 2.4 * 4.0 ** (1.0 / 3.0))
+            )
         stiff = np.where(hertz, radius, 1.0) * law[:, kernels.KS]
         force = np.sum(contacts.force[:, 1:] ** 2, axis=1)
         shear = np.where(stiff > 0.0, 0.5 * force / np.where(stiff > 0.0, stiff, 1.0), 0.0)
@@ -483,14 +510,14 @@ class Listed(NamedTuple):
     force: NDArray[np.float64]
 
 
-def _empty_list(rows: int, room: int, resisted: bool) -> Contacts:
-    """A list of ``rows`` empty rows with ``room`` for pairs, whose spheres may be held by a resistance."""
+def _empty_list(rows: int, room: int, notes: int, memory: int) -> Contacts:
+    """A list of ``rows`` empty rows with ``room`` for pairs, with so many columns of both."""
     return _list_of(
         {
             "start": np.zeros(rows + 1, dtype=np.int64),
             **{name: np.zeros(room, dtype=np.uint32) for name in ("row", "other", "law")},
-            "notes": np.zeros((room, kernels.NOTES_WIDTH_RESISTED if resisted else kernels.NOTES_WIDTH)),
-            "memory": np.zeros((room, kernels.MEMORY_WIDTH_RESISTED if resisted else kernels.MEMORY_WIDTH)),
+            "notes": np.zeros((room, notes)),
+            "memory": np.zeros((room, memory)),
             "force": np.zeros((room, 4)),
         }
     )
@@ -515,7 +542,7 @@ def _roomier(contacts: Contacts) -> Contacts:
     """An empty list like the one that was too small, with 1.2 times its room."""
     room = contacts.other.shape[0]
     rows = contacts.start.shape[0] - 1
-    return _empty_list(rows, room + room // 5 + 16, contacts.memory.shape[1] > kernels.MEMORY_WIDTH)
+    return _empty_list(rows, room + room // 5 + 16, contacts.notes.shape[1], contacts.memory.shape[1])
 
 
 def _law_tables(scene: SphereScene) -> tuple[NDArray[np.float64], Materials]:
@@ -555,12 +582,15 @@ def _law_row(law: SphereLaw) -> list[float]:
         float(law.lever_arm == "overlap"),
         float(law.slip_at == "middle"),
         float(RULES[law.unloading]),
-        4.0 * pi * law.surface_energy,
+        0.0 if law.sticks else 4.0 * pi * law.surface_energy,
     ]
     for resistance in (law.rolling, law.twisting):
         given = resistance or Rolling(model="constant", mu=0.0)
         row += [float(MODELS[given.model]) if resistance else 0.0, given.mu, given.kr, given.beta]
-    return row
+    # JKR's pull is part of its force, DMT's stands beside Hertz' force.
+    held = 3.0 * law.friction_pull if law.sticks else 4.0 * (law.friction_pull - 1.0)
+    neck = (0.25 * pi * law.surface_energy / law.e_star) ** (2.0 / 3.0) if law.sticks else 0.0
+    return [*row, held * pi * law.surface_energy, neck]
 
 
 def compile_motion(walls: Sequence[PlaneWall]) -> Motion:
@@ -623,6 +653,8 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
         kn, ks = law.kn, law.ks if law.mu > 0.0 else 0.0
         if law.hertz:
             overlap = (15.0 * mass * speed**2 / (16.0 * law.e_star * sqrt(reduced))) ** 0.4
+            if law.sticks:  # Hertz' radius with the overlap and more than what the pull adds to both
+                overlap += 9.0 * (0.25 * pi * law.surface_energy / law.e_star) ** (2.0 / 3.0) * reduced ** (1.0 / 3.0)
             a = sqrt(reduced * overlap)
             kn, ks = 2.0 * law.e_star * a, 8.0 * law.g_star * a if law.mu > 0.0 else 0.0
         turning = np.where(spheres.rotating, spheres.mass * spheres.radius**2 / spheres.inertia, 0.0).max()
@@ -653,14 +685,16 @@ def _wall_speed(wall: PlaneWall) -> float:
 def _check(scene: SphereScene, numerics: Numerics) -> None:
     if len(scene.spheres) == 0:
         raise InvalidSceneError("the scene has no sphere: there is nothing to simulate")
-    if any(law.surface == "jkr" and law.surface_energy > 0.0 for law in scene.laws_in_use):
-        raise InvalidSceneError("surface = 'jkr' is not allowed: the in-house engine has the pull-off 'dmt' alone")
     if numerics.regime == "quasi-static":
         raise InvalidNumericsError("regime = 'quasi-static' is not allowed for spheres: use 'dynamic'")
+    if numerics.energy_budget and any(law.sticks for law in scene.laws_in_use):
+        raise InvalidNumericsError(
+            "energy_budget = True is not allowed with surface = 'jkr': what a neck takes where it breaks is no channel; leave it out"
+        )
     spheres = scene.spheres
     driven = (spheres.held & (spheres.v != 0.0)).any(axis=1) | (~spheres.rotating & spheres.omega.any(axis=1))
     if numerics.energy_budget and driven.any():
         raise InvalidNumericsError(
-            f"energy_budget = True is not allowed with sphere {int(np.argmax(driven))} held in a motion, whose work is not counted: hold it "
-            "at rest, or let a wall move"
+            f"energy_budget = True is not allowed with sphere {int(np.argmax(driven))} held in a motion, whose work is not counted: hold "
+            "it at rest, or let a wall move"
         )

@@ -37,7 +37,7 @@ DEFECTS = (
     _kernel("cap-without-dashpot", "friction is cut off at mu times the force of the spring", "oblique-damped",
             (KERNELS, "cap = law.mu * repulsive", "cap = law.mu * stiffness * overlap")),
     _kernel("rescale-lost", "a spring that should shrink with the contact keeps its displacement", "rescale",
-            (KERNELS, "spring = scaled(spring, sqrt(overlap / overlap_before))", "spring = scaled(spring, 1.0)")),
+            (KERNELS, "spring = scaled(spring, sqrt(shrunk))", "spring = scaled(spring, 1.0)")),
     _kernel("cap-per-axis", "friction is capped axis by axis", "slides",
             (KERNELS, "    return scaled(q, limit / size if size > limit else 1.0)",
              "    return min(max(q[0], -limit), limit), min(max(q[1], -limit), limit), min(max(q[2], -limit), limit)")),

@@ -36,7 +36,6 @@ LACKS = frozenset(
         Capability.HELD_MOTION,
         Capability.QUASI_STATIC,
         Capability.ADHESION,
-        Capability.SURFACE_JKR,
     }
 )
 

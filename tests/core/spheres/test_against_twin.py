@@ -61,6 +61,7 @@ def box(**law: Any) -> SphereScene:
 
 SPRING = {"rolling": Rolling(model="elastic-plastic", mu=0.2, kr=0.02, beta=0.2)}
 TWIST = {"twisting": Rolling(model="elastic-plastic", mu=0.1, kr=0.01, beta=0.3)}
+JKR = {"surface": "jkr", "surface_energy": 2.0}
 CONSTANT = {"rolling": Rolling(model="constant", mu=0.05), "twisting": Rolling(model="constant", mu=0.02)}
 
 
@@ -71,8 +72,17 @@ CONSTANT = {"rolling": Rolling(model="constant", mu=0.05), "twisting": Rolling(m
         ({"slip_at": "end", "unloading": "rescale", "lever_arm": "torque-overlap", **CONSTANT}, "lagged"),
         ({"slip_at": "middle", "unloading": "none", "lever_arm": "overlap", "surface_energy": 2.0}, "central"),
         ({"slip_at": "end", "kn": 2e4, "ks": 1e4, **SPRING}, "lagged"),
+        ({"unloading": "rescale", "friction_pull": 2.0, **JKR, **SPRING, **TWIST}, "central"),
+        ({"slip_at": "end", "unloading": "force", "lever_arm": "overlap", **JKR}, "lagged"),
     ],
-    ids=["middle-force-springs", "end-rescale-constant", "middle-none-overlap-dmt", "end-linear"],
+    ids=[
+        "middle-force-springs",
+        "end-rescale-constant",
+        "middle-none-overlap-dmt",
+        "end-linear",
+        "jkr-rescale",
+        "jkr-end",
+    ],
 )
 def test_some_hundred_steps_are_those_of_the_twin(law: dict[str, Any], form: Any) -> None:
     scene = box(**law)

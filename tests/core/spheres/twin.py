@@ -149,14 +149,23 @@ class Twin:
         else:
             n = -planes[0].normal
             overlap, reduced, inv_mass, rj = ri - float((planes[0].point - x) @ n), ri, self.inv_mass[i], 0.0
-        if overlap <= 0.0:
+        neck = 0.0
+        if law.sticks:
+            neck = (np.pi * law.surface_energy * reduced**2 / (4.0 * law.e_star)) ** (1.0 / 3.0)
+        if overlap <= (-3.0 * neck**2 / reduced if (i, j) in self.touches else 0.0):
             return None
-        a = np.sqrt(reduced * overlap)
+        a = np.sqrt(reduced * max(overlap, 0.0))
+        if law.sticks:
+            # overlap = a^2/R - 2 sqrt(pi g a/E*), the larger one of two real roots
+            roots = np.roots([1.0, 0.0, 0.0, -4.0, -overlap * reduced / neck**2])
+            a = neck * max(float(each.real) for each in roots if abs(each.imag) < 1e-9) ** 2
         old = self.touches.get((i, j)) or Touch(n, overlap, a, np.zeros(3), np.zeros(3), 0.0)
         foot = x + (ri - overlap) * n
         # Along the normal.
         if law.hertz:
-            elastic = 4.0 / 3.0 * law.e_star * np.sqrt(reduced) * overlap**1.5
+            elastic = 4.0 / 3.0 * law.e_star * a**3 / reduced
+            if law.sticks:
+                elastic -= 4.0 * np.sqrt(np.pi * law.surface_energy * law.e_star * a**3)
             damping = 2.0 * np.sqrt(5.0 / 6.0) * law.beta * np.sqrt(2.0 * law.e_star * a / inv_mass)
             ks = 8.0 * law.g_star * a
         else:
@@ -168,7 +177,9 @@ class Twin:
         else:
             other = planes[1].velocity_at(foot - 0.5 * dt * planes[1].velocity)
         repulsive = elastic + damping * float((seen[i] - other) @ n)
-        fn = repulsive - 4.0 * np.pi * law.surface_energy * reduced
+        fn = repulsive - (0.0 if law.sticks else 4.0) * np.pi * law.surface_energy * reduced
+        pulled = 3.0 * law.friction_pull if law.sticks else 4.0 * (law.friction_pull - 1.0)
+        repulsive += pulled * np.pi * law.surface_energy * reduced
         limit = law.mu * max(repulsive, 0.0)
         # Along the surface.
         middle = law.slip_at == "middle"
