@@ -68,6 +68,10 @@ class Difference(StrEnum):
     RESISTANCES_SHARE_CONE = (
         "resistances to rolling and twisting share one cone: both together are as large as one alone"
     )
+    NECK_PARTS_AT_LARGEST_PULL = (
+        "the neck of JKR's contact parts where it pulls most, as under a dead load, and not where its branch ends: spheres that come "
+        "apart lose half as much, and some part that should stick"
+    )
     NORMAL_TURNS_IN_IMPACT = (
         "restitution takes the approach along the line of centres at the begin of a step, the impulse acts along that at its "
         "end: e = 1 gains energy, first order in the step"

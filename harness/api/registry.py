@@ -81,6 +81,7 @@ BUILTIN_CASES: dict[str, str] = {
     },
     "spheres/budget": "ninedisk.harness.cases.spheres.budget:CASE",
     "spheres/cooling": "ninedisk.harness.cases.spheres.cooling:CASE",
+    "spheres/jkr": "ninedisk.harness.cases.spheres.jkr:CASE",
     "spheres/stack": "ninedisk.harness.cases.spheres.stack:CASE",
     "spheres/rolling-resistance": "ninedisk.harness.cases.spheres.on_plane:RESISTED",
 }

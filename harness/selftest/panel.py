@@ -185,6 +185,8 @@ SPHERE_PANEL: dict[str, Probe] = {
     "heap": Probe("spheres/stack", {}),
     "heap-falls": Probe("spheres/stack", {"share": 0.8}),
     "cools": Probe("spheres/cooling", {"duration": 1.0}),
+    "neck": Probe("spheres/jkr", {}),
+    "necks": Probe("spheres/jkr", {"speed": 0.9}),
     "shares": Probe("spheres/budget", {"duration": 0.3}),
     "units": Probe("spheres/invariance/units", {"scene": "heap", "units": "km-Mg-min"}),
     "turned": Probe("spheres/invariance/rotation", {"scene": "table", "angle_deg": 77.0}),

@@ -19,8 +19,9 @@ FloatArray = NDArray[np.float64]
 
 
 class Neck(NamedTuple):
-    """``pull_off`` [N], the largest pull; ``touching_force`` [N], the pull at overlap 0; ``zero_load_radius`` [m]; radius [m], overlap [m]
-    (negative) and pull [N] at which the neck breaks where the distance is prescribed; ``loss`` [J] of one approach and separation."""
+    """``pull_off`` [N], the largest pull, and the overlap [m] where it is; ``touching_force`` [N], the pull at overlap 0;
+    ``zero_load_radius`` [m]; radius [m], overlap [m] (negative) and pull [N] at which the neck breaks where the distance is prescribed;
+    ``loss`` [J] of one approach and separation, and of one whose neck parts at the largest pull."""
 
     pull_off: float
     touching_force: float
@@ -29,6 +30,8 @@ class Neck(NamedTuple):
     breaking_overlap: float
     breaking_force: float
     loss: float
+    pull_off_overlap: float
+    pull_off_loss: float
 
 
 def neck(*, e_star: float, surface_energy: float, radius: float) -> Neck:
@@ -37,6 +40,7 @@ def neck(*, e_star: float, surface_energy: float, radius: float) -> Neck:
     The loss is the work of the pull from overlap 0 to the break, which the approach does not give:
     ``integral fn d delta = (8 E* a_c^5/R^2) [s^10/15 - 2 s^7/3 + s^4]`` from ``s^3 = 4`` (overlap 0) to 1, which is
     ``(8 E* a_c^5/R^2) (2 + 3 16^(2/3))/5 = 7.09 (w^5 R^4/E*^2)^(1/3)`` with ``w = 2 g`` (Thornton & Ning, Powder Technology 99 (1998) 154).
+    The largest pull is where ``s^3 = 3``.
 
     Parameters
     ----------
@@ -64,6 +68,8 @@ def neck(*, e_star: float, surface_energy: float, radius: float) -> Neck:
         breaking_overlap=-3.0 * a**2 / r,
         breaking_force=5.0 / 9.0 * pull_off,
         loss=8.0 * e * a**5 / r**2 * (2.0 + 3.0 * 16.0 ** (2.0 / 3.0)) / 5.0,
+        pull_off_overlap=-(3.0 ** (1.0 / 3.0)) * a**2 / r,
+        pull_off_loss=8.0 * e * a**5 / r**2 * (3.0 * 16.0 ** (2.0 / 3.0) - 6.0 * 3.0 ** (1.0 / 3.0)) / 5.0,
     )
 
 

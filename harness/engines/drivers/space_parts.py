@@ -17,6 +17,7 @@ LAW = {
     "twisting": None,
     "surface_energy": 0.0,
     "surface": "dmt",
+    "friction_pull": 1.0,
 }
 """What the wire leaves out of a law."""
 

@@ -31,7 +31,7 @@ NOTE_ARMS = (
 NOTE_DASHPOT = "dashpot by coeff_restitution, with the velocity of t_{n-1/2}"
 NOTE_PULLED = "where a dashpot pulls LAMMPS cuts off friction at mu times its pull, the scene at 0"
 NOTE_ADHESION = "LAMMPS refuses the law's dashpot beside surface energy"
-NOTE_JKR = "JKR's contact radius enters LAMMPS' shear stiffness"
+NOTE_PULL = "LAMMPS' friction has twice the pull-off beside the normal force (friction_pull = 2)"
 NOTE_JKR_WALL = "a region of LAMMPS lets go at gap 0, where a neck of JKR's still holds"
 NOTE_RESISTANCE = "rolling and twisting sds: stiffnesses kr/R^2 and kr, R the reduced radius"
 NOTE_TWIST = "at its cap LAMMPS' twisting torque has the sign of the twist's rate, the scene's that of its spring"
@@ -55,9 +55,9 @@ def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: AR
         fit.notes.append(NOTE_PULLED)
     if any(law.surface_energy > 0.0 and law.beta > 0.0 for law in laws):
         fit.lacks(Capability.CONTACT_DAMPING, NOTE_ADHESION)
-    if any(law.surface_energy > 0.0 and law.surface == "jkr" and rough(law) for law in laws):
+    if any(law.surface_energy > 0.0 and law.friction_pull != 2.0 and rough(law) for law in laws):
         fit.approximate = True
-        fit.notes.append(NOTE_JKR)
+        fit.notes.append(NOTE_PULL)
     if any(
         law.surface_energy > 0.0 and law.surface == "jkr" for wall in scene.walls for law in plane_laws(scene, wall)
     ):

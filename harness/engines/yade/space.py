@@ -20,6 +20,7 @@ NOTE_RESISTANCE = (
 )
 NOTE_RESISTANCE_DAMPED = "rolling and twisting springs of YADE have no dashpots, nor has a linear contact beside them"
 NOTE_TWISTING_HERTZ = "twisting springs of MindlinPhys have no cap"
+NOTE_PULL = "YADE's friction has the pull-off once beside the normal force (friction_pull = 1)"
 NOTE_NO_CAP = "a cap of 0 is none in MindlinPhys"
 
 
@@ -30,6 +31,9 @@ def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: AR
     if any(map(rough, laws)):
         fit.notes += [NOTE_ARM, NOTE_ROTATION]
     fit.approximate = any(law.beta > 0.0 for law in laws)
+    if any(law.surface_energy > 0.0 and law.friction_pull != 1.0 and rough(law) for law in laws):
+        fit.approximate = True
+        fit.notes.append(NOTE_PULL)
     if any(law.surface_energy > 0.0 and law.beta > 0.0 for law in laws):
         fit.lacks(Capability.CONTACT_DAMPING, NOTE_ADHESION_DAMPED)
     resisted = [law for law in laws if law.rolling or law.twisting] if scene.spheres.rotating.any() else []

@@ -90,10 +90,12 @@ def test_some_hundred_steps_are_those_of_the_twin(law: dict[str, Any], form: Any
     watch = [(i, j) for i in range(12) for j in range(i + 1, 18)]
     history = simulate(scene, numerics, watch)
     twin, closed, slid = Twin(scene, numerics), 0, 0
+    stretched = 0
     for k, step in enumerate(history.step):
         while twin.steps < step:
             twin.step()
             closed += len(twin.touches)
+            stretched += sum(each.overlap < 0.0 for each in twin.touches.values())
         v, omega = twin.now()
         fn, fs = np.zeros(len(watch)), np.zeros((len(watch), 3))
         for c, pair in enumerate(watch):
@@ -113,3 +115,4 @@ def test_some_hundred_steps_are_those_of_the_twin(law: dict[str, Any], form: Any
             np.testing.assert_allclose(mine[k], exact, rtol=0.0, atol=1e-12 * max(np.abs(exact).max(), 1e-12))
     assert closed > 5 * STEPS
     assert slid > 20
+    assert (stretched > 50) == ("surface" in law)

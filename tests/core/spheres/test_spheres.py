@@ -171,7 +171,9 @@ def test_scenes_and_laws_survive_json() -> None:
         (lambda: Spheres(x=[[0, 0, 0]], radius=-1.0, mass=1.0), r"spheres.radius\[0\] = -1 is not allowed"),
         (lambda: PlaneWall(name="w", point=(0, 0, 0), normal=(0, 0, 0), law=LINEAR), "zero normal"),
         (lambda: PlaneSegment(duration=-1.0), "segment duration = -1.0 is not allowed"),
-        (lambda: simulate(box(replace(HERTZ, surface="jkr", surface_energy=1.0)), Numerics(dt=1e-5, n_steps=1)), "'jkr' is not allowed"),
+        (lambda: simulate(box(replace(HERTZ, surface="jkr", surface_energy=1.0)), Numerics(dt=1e-5, n_steps=1, energy_budget=True)),
+         "not allowed with surface = 'jkr'"),
+        (lambda: SphereLaw(e_star=1.0, friction_pull=3.0), "friction_pull = 3"),
         (lambda: simulate(box(LINEAR), Numerics(dt=1e-5, n_steps=1), method="cd"), "method = 'cd' is not allowed for spheres"),
     ],
 )  # fmt: skip

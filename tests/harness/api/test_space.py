@@ -64,7 +64,7 @@ def test_only_engines_of_spheres_are_asked() -> None:
             assert support.missing == (Capability.SPHERES,)
     assert support_of(get_engine("dem"), scene, numerics).level is SupportLevel.EXACT
     assert support_of(
-        get_engine("dem"), on_slope(SphereLaw(e_star=1e7, surface_energy=1.0, surface="jkr"), 1.1), numerics
+        get_engine("yade"), on_slope(SphereLaw(e_star=1e7, surface_energy=1.0, surface="jkr"), 1.1), numerics
     ).missing
     assert {Capability.SPHERES, Capability.HERTZ_MINDLIN, Capability.GRAVITY} == capabilities_asked(scene, numerics)
 

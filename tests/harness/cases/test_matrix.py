@@ -49,6 +49,7 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     **{f"spheres/invariance/{name}": (DEM,) for name in ("units", "rotation", "galilei", "mirror")},
     "spheres/cooling": (DEM,),
     "spheres/budget": (DEM,),
+    "spheres/jkr": (DEM,),
 }
 LEAST = {
     "row/pushed": 7,
@@ -70,6 +71,7 @@ LEAST = {
     **{f"spheres/invariance/{name}": 3 for name in ("rotation", "galilei", "mirror")},
     "spheres/isotropy": 51,
     "spheres/budget": 3,
+    "spheres/jkr": 2,
     "spheres/turntable": 21,
     "spheres/stack": 2,
     "spheres/invariance/units": 7,

@@ -145,6 +145,43 @@ def test_surface_energy_pulls_two_spheres_in_lammps_as_in_the_law(surface: str, 
         assert 0.0 <= largest_pull - found.gap[holds, 0].max() <= 4e-8
 
 
+@pytest.mark.parametrize("surface", ["dmt", "jkr"])
+@pytest.mark.parametrize(
+    ("engine", "share", "arm", "tolerance"), [(Lammps, 2.0, "torque-overlap", ROUND_OFF), (Yade, 1.0, "overlap", 1e-4)]
+)
+def test_friction_of_spheres_that_pull_each_other_is_that_of_the_core(
+    engine: type[SpringEngine], share: float, arm: Any, tolerance: float, surface: Any
+) -> None:
+    """Two spheres that slide and turn on each other; the other share of the pull-off changes spins by 2e-3. YADE turns the shear force
+    by the normal's own turn alone: first order in the step."""
+    law = SphereLaw(
+        e_star=1e7,
+        g_star=4e6,
+        mu=0.05,
+        lever_arm=arm,
+        slip_at="end",
+        surface_energy=0.05,
+        surface=surface,
+        friction_pull=share,
+    )
+    spheres = Spheres(
+        x=[(0, 0, 0), (0.006, 0, 0.0079)], radius=[0.004, 0.006], mass=[0.001, 0.003], v=[(0.03, 0.05, 0.04), (0, 0, 0)],
+        omega=[(3, 2, 1), (0, -4, 5)],
+    )  # fmt: skip
+    scene, numerics = SphereScene(spheres=spheres, sphere_sphere=law), Numerics(dt=1e-6, n_steps=400, contact_dt=1e-6)
+    told = engine().supports(scene, numerics)
+    if surface == "jkr" and engine is Yade:
+        assert Capability.SURFACE_JKR in told.missing
+        return
+    assert told.level is SupportLevel.EXACT
+    core, found = simulate(scene, numerics, [(0, 1)]), run(engine, scene, numerics, [(0, 1)])
+    for name in ("x", "v", "omega", "fn", "fs"):
+        assert off(getattr(found, name), getattr(core, name)) <= tolerance, name
+    other = replace(scene, sphere_sphere=replace(law, friction_pull=3.0 - share))
+    assert engine().supports(other, numerics).level is SupportLevel.APPROXIMATE
+    assert off(found.omega, simulate(other, numerics).omega) > 1e-3
+
+
 def test_materials_and_held_spheres() -> None:
     """Three laws by material, one sphere fixed, one held along x and unable to turn: LAMMPS beside the core."""
     one, two = (replace(LINEAR, kn=kn, **SAME) for kn in (3e4, 1.2e4))

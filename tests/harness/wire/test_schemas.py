@@ -170,6 +170,7 @@ def request_in_space() -> dict[str, Any]:
         twisting=resistance,
         surface_energy=0.1,
         surface="jkr",
+        friction_pull=2.0,
         restitution=0.5,
         regularised=True,
     )
