@@ -52,7 +52,8 @@ class Budget:
     version = 1
     title = "Energy budget of a squeezed heap"
     source = "balance of energy; no loss is ever negative"
-    state, losses, own, fed = STATE, LOSSES, OWN, FED
+    losses: tuple[str, ...] = LOSSES
+    own: tuple[str, ...] = OWN
     requirement = "energies, losses and works add up at every time, and no loss ever falls"
     parameters: tuple[Parameter, ...] = (
         Parameter(
@@ -122,11 +123,11 @@ class Budget:
         if params["mu"] == 0.0:
             told.setdefault("friction_loss", np.zeros_like(blank))
         energy: dict[str, FloatArray] = {
-            name: told.get(name, blank) for name in (*self.state, *self.losses, *self.own, *self.fed)
+            name: told.get(name, blank) for name in (*STATE, *self.losses, *self.own, *FED)
         }
         energy["gravity"] = energy["gravity"] - _floor_energy(setup.scene)
-        total = sum((energy[name] for name in (*self.state, *self.losses, *self.own)), start=np.zeros_like(blank))
-        total = total - sum((energy[name] for name in self.fed), start=np.zeros_like(blank))
+        total = sum((energy[name] for name in (*STATE, *self.losses, *self.own)), start=np.zeros_like(blank))
+        total = total - sum((energy[name] for name in FED), start=np.zeros_like(blank))
         series = {f"energy_{name}": ("J", values) for name, values in energy.items() if name != "force_work"}
         series["energy_balance"] = ("J", total - total[0])
         for name in self._losses(params):

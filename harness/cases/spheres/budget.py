@@ -70,7 +70,9 @@ class SphereBudget(Budget):
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Layers of unequal spheres, apart from each other, which fly at random."""
-        stiff = {"kn": KN, "ks": 0.5 * KN} if params["contacts"] == "linear" else {"e_star": E_STAR, "g_star": G_STAR}
+        stiff: dict[str, Any] = (
+            {"kn": KN, "ks": 0.5 * KN} if params["contacts"] == "linear" else {"e_star": E_STAR, "g_star": G_STAR}
+        )
         law = SphereLaw(mu=params["mu"], beta=damping_ratio(RESTITUTION), unloading=params["unloading"], **stiff)
         rng = np.random.default_rng(7)
         cells = np.stack(np.meshgrid(range(SIDE), range(SIDE), range(LAYERS), indexing="ij"), axis=-1).reshape(-1, 3)
