@@ -29,6 +29,7 @@ from ninedisk.core.spheres.kernels import (
     ROLL_DRAG,
     ROLLING,
     SHEAR,
+    SPRING,
     STICKS,
     TWIST,
     TWIST_DRAG,
@@ -344,13 +345,15 @@ def widen_by_necks(contacts: Contacts, laws: Floats, overlap: Floats, radius: Fl
 
 
 @kernel
-def fastest(state: State, contacts: Contacts, laws: Floats, at_planes: bool) -> float:
-    """Largest ``omega/(sqrt(1 + beta^2) - beta)`` of the listed pairs that touch [1/s], each with its present stiffness.
+def stiffest(state: State, contacts: Contacts, laws: Floats, at_planes: bool, share: float, sums: Floats) -> None:
+    """Adds stiffness [1/s^2] and dashpots in C' [1/s] over the masses of listed pairs that touch to those of their spheres, shape (n, 2).
 
-    A neck of JKR's is nowhere stiffer than Hertz' contact of its radius. ``omega^2``
-    is the larger one of ``kn/m`` and ``ks (1/m + sum R^2/I)``; a step twice its inverse is the critical one.
+    ``share`` of the normal dashpots is in C', and half of the others (`ninedisk.core.spheres.critical`).
+
+    With p and q the ends of one spring and a, b its stiffnesses over the masses, ``(p - q)^2 <= (1 + b/a) p^2 + (1 + a/b) q^2``: no
+    eigenvalue of the contacts together exceeds the largest sum of ``a + b`` over those of one sphere. Of a single contact it is that sum.
     """
-    x, worst = state.x, 0.0
+    x = state.x
     for k in range(contacts.start[contacts.start.shape[0] - 1]):
         i, j = contacts.other[k], contacts.row[k]
         distance = 0.0
@@ -366,16 +369,35 @@ def fastest(state: State, contacts: Contacts, laws: Floats, at_planes: bool) -> 
         gap = contacts.notes[k, NECK] if law[STICKS] > 0.0 else 0.0
         if not overlap > min(0.0, -gap):
             continue
-        mass, turn = state.inv_mass[i], state.inv_inertia[i] * state.radius[i] ** 2
+        inverse, turn = state.inv_mass[i], state.inv_inertia[i]
+        arms = turn * state.radius[i] ** 2
         if not at_planes:
-            mass, turn = mass + state.inv_mass[j], turn + state.inv_inertia[j] * state.radius[j] ** 2
-        kn, ks = law[KN], law[KS] if law[MU] > 0.0 else 0.0
+            inverse, turn = inverse + state.inv_mass[j], turn + state.inv_inertia[j]
+            arms += state.inv_inertia[j] * state.radius[j] ** 2
+        normal, across, drag = law[KN], law[KS] if law[MU] > 0.0 else 0.0, contacts.notes[k, DRAG]
         if law[HERTZ] > 0.0:
             a = sqrt(contacts.memory[k, REDUCED] * max(overlap, 0.0))
-            if law[STICKS] > 0.0:
+            if law[STICKS] > 0.0:  # a neck is nowhere stiffer than Hertz' contact of its radius
                 a_c, s = neck_of(overlap, abs(gap), contacts.memory[k, REDUCED])
                 a = a_c * s * s
-            kn, ks = 1.5 * kn * a, ks * a
-        beta = law[BETA]
-        worst = max(worst, sqrt(max(kn * mass, ks * (mass + turn))) / (sqrt(1.0 + beta * beta) - beta))
-    return worst
+            normal, across, drag = 1.5 * normal * a, across * a, drag * sqrt(a)
+        normal, across, drag, twist, slowed = (
+            normal * inverse,
+            across * (inverse + arms),
+            share * drag * inverse,
+            0.0,
+            0.0,
+        )
+        if law[ROLL] == SPRING:
+            # Shear and rolling move the same spins, twisting those about the normal.
+            across += law[ROLL + 2] * turn
+            slowed = 0.5 * contacts.notes[k, ROLL_DRAG] * turn
+        if law[TWIST] == SPRING:
+            twist = law[TWIST + 2] * turn
+            slowed = max(slowed, 0.5 * contacts.notes[k, TWIST_DRAG] * turn)
+        stiffness, dashpots = max(normal, max(across, twist)), max(drag, slowed)
+        sums[i, 0] += stiffness
+        sums[i, 1] += dashpots
+        if not at_planes:
+            sums[j, 0] += stiffness
+            sums[j, 1] += dashpots

@@ -25,6 +25,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.law import Rolling
 from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_room, chosen_particles, watched_pairs
 from ninedisk.core.spheres import kernels
+from ninedisk.core.spheres.critical import Network, critical_time_step
 from ninedisk.core.spheres.kernels import (
     CHUNK,
     SCRATCH,
@@ -39,9 +40,9 @@ from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.neighbour_kernels import (
     Materials,
     begin_lists,
-    fastest,
     list_pairs,
     list_planes,
+    stiffest,
     widen_by_necks,
 )
 from ninedisk.core.spheres.registers import WIDE
@@ -125,6 +126,8 @@ class SphereSession:
         self.contact_dt, self.critical_dt = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
         self._central = numerics.damping_form == "central"
+        # Of the normal dashpots in the limit of the step, see `ninedisk.core.dem.critical`; those of resistances see the last half step.
+        self._share = 1.0 if self._central else 0.5
         spheres = scene.spheres
         in_order = n >= SORT_FROM
         self._threads, self._in_order = threads if in_order else 1, in_order
@@ -378,7 +381,7 @@ class SphereSession:
         state, parts = self._state, []
         x, n = _xyz(state.x), len(self._listed)
         for contacts, at_planes in ((self._pairs[0], False), (self._at_planes[0], True)):
-            row, other, law, _, memory, force = (array[: contacts.start[-1]] for array in contacts[1:])
+            row, other, law, notes, memory, force = (array[: contacts.start[-1]] for array in contacts[1:])
             if at_planes:
                 bodies = np.column_stack([other, n + row.astype(np.int64)])
                 height = np.sum((x[other] - state.now[row, :3]) * state.now[row, 3:6], axis=1)
@@ -388,22 +391,49 @@ class SphereSession:
                 overlap = state.radius[row] + state.radius[other] - np.linalg.norm(x[other] - x[row], axis=1)
             radius = np.zeros(len(overlap))
             widen_by_necks(contacts, self._laws, overlap, radius)
-            parts.append((bodies, law, overlap, radius, memory, force))
+            parts.append((bodies, law, overlap, radius, notes, memory, force))
         return Listed(*(np.concatenate(both) for both in zip(*parts, strict=True)))
 
     def _check_step(self) -> None:
-        """Hold the contact step against the critical one of the present contacts, each with its present stiffness."""
-        lists = ((self._pairs[0], False), (self._at_planes[0], True))
-        rate = max(fastest(self._state, contacts, self._laws, at_planes) for contacts, at_planes in lists)
-        if self.numerics.allow_unstable or rate == 0.0:
+        """Hold the contact step against the critical one of the present contacts together, each with its present stiffness."""
+        sums = np.zeros((len(self._listed), 2))
+        for contacts, at_planes in ((self._pairs[0], False), (self._at_planes[0], True)):
+            stiffest(self._state, contacts, self._laws, at_planes, self._share, sums)
+        stiffness, drag = sums.max(axis=0)
+        if self.numerics.allow_unstable or (0.25 * self.contact_dt * stiffness + drag) * self.contact_dt <= 1.0:
             return
-        critical = 2.0 / rate
+        critical = critical_time_step(self._network())
         if self.contact_dt > critical * (1.0 + 1e-9):  # the round-off of two ways to the same number
             raise UnstableTimeStepError(
                 f"contact_dt = {self.contact_dt:g} s exceeds the critical step {critical:g} s that the contacts have at t = "
                 f"{self._clock[STEP] * self.contact_dt:g} s: use at most {SAFETY * critical:g} s (a tenth of it) for accurate results, "
                 "or set allow_unstable=True to run all the same"
             )
+
+    def _network(self) -> Network:
+        """Springs and dashpots of the contacts that touch."""
+        state, contacts, n = self._state, self._contacts(), len(self._listed)
+        law, number, radius, notes = (
+            values[contacts.radius > 0.0] for values in (contacts.law, contacts.bodies, contacts.radius, contacts.notes)
+        )
+        laws, at_plane = self._laws[law], number[:, 1] >= n
+        hertz = laws[:, kernels.HERTZ] > 0.0
+        x, normal = _xyz(state.x), np.empty((len(law), 3))
+        normal[at_plane] = -state.now[number[at_plane, 1] - n, 3:6]
+        i, j = number[~at_plane].T
+        normal[~at_plane] = (x[j] - x[i]) / np.linalg.norm(x[j] - x[i], axis=1)[:, None]
+        springs, dashpots = np.zeros((2, len(law), 4))
+        springs[:, 0] = laws[:, kernels.KN] * np.where(hertz, 1.5 * radius, 1.0)
+        springs[:, 1] = laws[:, kernels.KS] * np.where(hertz, radius, 1.0) * (laws[:, kernels.MU] > 0.0)
+        dashpots[:, 0] = self._share * notes[:, kernels.DRAG] * np.where(hertz, np.sqrt(radius), 1.0)
+        for k, first in ((2, kernels.ROLL), (3, kernels.TWIST)):
+            sprung = laws[:, first] == kernels.SPRING
+            springs[sprung, k] = laws[sprung, first + 2]
+            if notes.shape[1] > kernels.NOTES_WIDTH:
+                dashpots[sprung, k] = 0.5 * notes[sprung, kernels.DRAG + k - 1]
+        bodies = np.column_stack([number[:, 0], np.minimum(number[:, 1], n)])
+        mobility = _xyz(state.mobility)
+        return Network(bodies, normal, springs, dashpots, mobility, state.inv_inertia, state.radius)
 
     def _sample(self, k: int) -> None:
         """Write the present state into row k: positions at t, velocities brought to t by half a kick."""
@@ -500,12 +530,13 @@ def _xyz(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class Listed(NamedTuple):
-    """Columns of the lists of neighbours: bodies ``(k, 2)``, law, overlap and contact radius [m], memory and force, see `Contacts`."""
+    """Columns of the lists: bodies ``(k, 2)``, law, overlap and contact radius [m], notes, memory and force, see `Contacts`."""
 
     bodies: NDArray[np.int64]
     law: NDArray[np.uint32]
     overlap: NDArray[np.float64]
     radius: NDArray[np.float64]
+    notes: NDArray[np.float64]
     memory: NDArray[np.float64]
     force: NDArray[np.float64]
 
@@ -620,8 +651,9 @@ def compile_motion(walls: Sequence[PlaneWall]) -> Motion:
 def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
     """Contact step that a run will use and the critical step of a single contact at the largest overlap to be expected [s].
 
-    The critical step of central differences is ``(2/omega)(sqrt(1 + beta^2) - beta)`` with the larger of the contact's frequencies:
-    ``omega^2 = k/m`` along the normal and ``ks (1/m + sum R^2/I)`` along the surface. Hertz' stiffness is that of the overlap at which the
+    The critical step is ``(2/omega)(sqrt(1 + b^2) - b)`` with the larger of the contact's frequencies, ``omega^2 = k/m`` along the normal
+    and ``ks (1/m + sum R^2/I)`` along the surface; b is beta where dashpots see the velocity of the last half step, and twice that where
+    they see the extrapolated one (`ninedisk.core.dem.critical`). Hertz' stiffness is that of the overlap at which the
     largest relative speed, that of a fall through the scene included, is spent.
 
     Raises
@@ -660,7 +692,8 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
         turning = np.where(spheres.rotating, spheres.mass * spheres.radius**2 / spheres.inertia, 0.0).max()
         omega = sqrt(max(kn, ks * (1.0 + turning)) / mass)
         if omega > 0.0:
-            critical = min(critical, 2.0 / omega * (sqrt(1.0 + law.beta**2) - law.beta))
+            drag = law.beta * (2.0 if numerics.damping_form == "central" else 1.0)
+            critical = min(critical, 2.0 / omega * (sqrt(1.0 + drag**2) - drag))
     if numerics.contact_dt is None:
         wanted = SAFETY * critical
         return numerics.dt / max(1, int(np.ceil(numerics.dt / wanted))), critical

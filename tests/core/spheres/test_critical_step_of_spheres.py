@@ -1,0 +1,88 @@
+"""The critical step of spheres against closed forms, and sharp on both sides in runs of a block of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ninedisk.core import Numerics, UnstableTimeStepError, simulate
+from ninedisk.core.law import Rolling
+from ninedisk.core.spheres.critical import critical_time_step
+from ninedisk.core.spheres.law import SphereLaw
+from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.core.spheres.session import SphereSession
+
+R, MASS, KN, OVERLAP = 0.5, 2.0, 1e4, 0.05
+
+
+def row(n: int, law: SphereLaw) -> SphereScene:
+    """``n`` spheres between two planes, each contact with the same force of the linear law."""
+    x = np.zeros((n, 3))
+    x[:, 1] = (np.arange(n) + 0.5) * (2.0 * R - OVERLAP)
+    ends = (0.5 * OVERLAP, 1.0), (n * (2.0 * R - OVERLAP) - 0.5 * OVERLAP, -1.0)
+    walls = tuple(
+        PlaneWall(name=f"end {y:g}", point=(0.0, y, 0.0), normal=(0.0, side, 0.0), law=law) for y, side in ends
+    )
+    return SphereScene(spheres=Spheres(x=x, radius=R, mass=MASS), sphere_sphere=law, walls=walls)
+
+
+def block(law: SphereLaw) -> SphereScene:
+    """Three spheres in a row that fixed ones hold from all sides, in balance, shaken a little."""
+    step = 2.0 * R - OVERLAP
+    free = [(k * step, 0.0, 0.0) for k in range(3)]
+    ends = [(-step, 0.0, 0.0), (3 * step, 0.0, 0.0)]
+    around = [(x, y * step, z * step) for x, _, _ in free for y, z in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    x = np.array([*free, *ends, *around])
+    fixed = np.arange(len(x)) >= 3
+    shake = np.where(fixed[:, None], 0.0, 1e-7 * np.cos(np.arange(3 * len(x)).reshape(-1, 3) ** 2))
+    spheres = Spheres(
+        x=x, radius=R, mass=MASS, v=shake, omega=shake[:, ::-1], rotating=~fixed, held=np.repeat(fixed[:, None], 3, 1)
+    )
+    return SphereScene(spheres=spheres, sphere_sphere=law)
+
+
+def limit_of(scene: SphereScene, form: str = "central") -> float:
+    session = SphereSession(scene, Numerics(dt=1e-9, n_steps=1, contact_dt=1e-9, damping_form=form))
+    return critical_time_step(session._network())
+
+
+SPRUNG = Rolling(model="elastic-plastic", mu=1e3, kr=0.3 * KN * R**2, beta=0.1)
+LINEAR = SphereLaw(kn=KN, ks=0.8 * KN, mu=1e3, rolling=SPRUNG, twisting=replace(SPRUNG, kr=0.5 * KN * R**2))
+HERTZ = SphereLaw(e_star=1e5, g_star=1.2e5, mu=1e3)
+
+
+@pytest.mark.parametrize("n", [1, 3, 40], ids=["one", "all eigenvalues", "the largest one"])
+def test_a_row_between_planes_has_the_step_of_its_highest_mode(n: int) -> None:
+    omega = np.sqrt((2.0 - 2.0 * np.cos(n * np.pi / (n + 1))) * KN / MASS)
+    found = limit_of(row(n, SphereLaw(kn=KN))) * 0.5 * omega
+    assert 1.0 - 2e-4 <= found <= 1.0 + 1e-12  # the residual that is enough, to the safe side; round-off
+
+
+@pytest.mark.parametrize("form", ["central", "lagged"])
+@pytest.mark.parametrize("law", [LINEAR, replace(LINEAR, beta=0.3), HERTZ, replace(HERTZ, beta=0.2)])
+def test_the_step_is_sharp_on_both_sides(law: SphereLaw, form: str) -> None:
+    scene = block(law)
+    critical = limit_of(scene, form)
+
+    def grown(fraction: float) -> float:
+        dt = fraction * critical
+        numerics = Numerics(dt=dt, n_steps=1500, contact_dt=dt, damping_form=form, allow_unstable=True)
+        h = simulate(scene, numerics)
+        moved = np.abs(h.v[:, :3]).max(axis=(1, 2)) + R * np.abs(h.omega[:, :3]).max(axis=(1, 2))
+        return float(moved.max() / moved[0])
+
+    # A mode that the step of 0.99 meets at z near -1 is shaken to some 1/sqrt(1 - 0.99^2) = 7 times its first velocity.
+    assert grown(0.99) < 30.0
+    # The root is -1.3 without dashpots and at least -1.01 with them: 3e6 times, or until contacts open.
+    assert grown(1.01) > 1e3
+
+
+def test_a_step_beyond_that_of_the_assembly_is_refused() -> None:
+    scene = row(3, SphereLaw(kn=KN))
+    alone, together = (2.0 / np.sqrt(factor * KN / MASS) for factor in (2.0, 2.0 + np.sqrt(2.0)))
+    assert together < 0.99 * alone
+    with pytest.raises(UnstableTimeStepError, match="that the contacts have at t = 0 s"):
+        simulate(scene, Numerics(dt=1.01 * together, n_steps=1, contact_dt=1.01 * together))
+    simulate(scene, Numerics(dt=0.99 * together, n_steps=1, contact_dt=0.99 * together))
