@@ -111,13 +111,8 @@ def in_a_fresh_process(**environment: str) -> dict[str, object]:
     return in_fresh_processes(1, **environment)[0]
 
 
-@compiled
-@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "NUMBA_CACHE_DIR"])
-def test_where_machine_code_is_kept(variable: str, tmp_path: Path) -> None:
-    first = in_a_fresh_process(**{variable: str(tmp_path)})
-    assert (first["hits"], first["misses"]) == (0, 1)
-    # In the folder of this very source, and nothing beside it.
-    base = tmp_path / "ninedisk" / "numba" if variable == "XDG_CACHE_HOME" else tmp_path
+def assert_kept(base: Path, first: dict[str, object]) -> None:
+    """In the folder of this very source, and nothing beside it."""
     own = base / source_hash(Path(core.__file__).parent)
     assert Path(str(first["path"])).is_relative_to(own)
     assert [path.name for path in base.iterdir()] == [own.name]
@@ -128,11 +123,19 @@ def test_where_machine_code_is_kept(variable: str, tmp_path: Path) -> None:
 
 
 @compiled
+def test_machine_code_is_kept_among_the_users_caches(tmp_path: Path) -> None:
+    first = in_a_fresh_process(XDG_CACHE_HOME=str(tmp_path))
+    assert (first["hits"], first["misses"]) == (0, 1)
+    assert_kept(tmp_path / "ninedisk" / "numba", first)
+
+
+@compiled
 def test_a_kernel_is_compiled_once_for_all_processes_and_copies(tmp_path: Path) -> None:
     """Of two processes that find nothing one compiles; the same sources elsewhere load what it left."""
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
     answers = in_fresh_processes(2, **kept)
     assert sorted((answer["hits"], answer["misses"]) for answer in answers) == [(0, 1), (1, 0)]
+    assert_kept(tmp_path / "kernels", answers[0])
     copy = tmp_path / "elsewhere" / "ninedisk"
     shutil.copytree(Path(core.__file__).parent, copy / "core", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ninedisk.__file__, copy)

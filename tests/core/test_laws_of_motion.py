@@ -510,12 +510,11 @@ def assert_twins(scene: Scene, steps: int = STEPS, **how: object) -> Counter[str
     return twin.events
 
 
-@pytest.mark.parametrize("form", ["central", "lagged"])
-def test_random_scenes(form: str) -> None:
+def test_random_scenes() -> None:
     events: Counter[str] = Counter()
     for seed in range(60):
         rng = np.random.default_rng(seed)
-        events += assert_twins(random_scene(rng, STEP, STEPS), damping_form=form)
+        events += assert_twins(random_scene(rng, STEP, STEPS), damping_form=("central", "lagged")[seed % 2])
     # The scenes reach every branch of the contact law, many times over.
     assert min(events[name] for name in ("close", "open", "stick", "slip", "no-tension")) >= 20, events
 

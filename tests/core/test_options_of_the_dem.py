@@ -55,13 +55,12 @@ def assert_twins(scene: Scene, steps: int = STEPS, **how: Any) -> Counter[str]:
     return twin.events
 
 
-@pytest.mark.parametrize("form", ["central", "lagged"])
-def test_random_scenes_with_options(form: str) -> None:
+def test_random_scenes_with_options() -> None:
     events: Counter[str] = Counter()
     for seed in range(60):
         rng = np.random.default_rng([seed, 18])
         scene = with_options(rng, random_scene(rng, STEP, STEPS), STEP * STEPS)
-        events += assert_twins(scene, damping_form=form, energy_budget=seed % 2 == 0)
+        events += assert_twins(scene, damping_form=("central", "lagged")[seed % 2], energy_budget=seed % 4 < 2)
     # The scenes reach every branch of the laws, many times over.
     assert (
         min(events[name] for name in ("close", "open", "stick", "slip", "no-tension", "pull", "bend", "roll")) >= 20

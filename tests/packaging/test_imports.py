@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -43,6 +44,7 @@ KERNELS_MAY_IMPORT = {
 PUBLIC_LAYER = {f"ninedisk.core.{name}" for name in ("scene", "numerics", "history", "errors", "simulate")}
 
 
+@cache
 def imported(path: Path) -> set[str]:
     """Dotted names that a module imports, at its top or in a function; ``from a.b import c`` counts as ``a.b.c``."""
     names = set()

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from ninedisk.harness.cli.app import app
 from ninedisk.harness.results import schema as records
 
 pytestmark = pytest.mark.tree
@@ -74,12 +74,10 @@ COMMANDS = ("list", "run", "report", "compare", "dashboard", "check-engine", "ne
 def test_options_exist(command: str) -> None:
     used = [row[0] for row in table("command") if re.match(rf"`ninedisk {command}\b", row[0])]
     options = set(re.findall(r"--[a-z]+", " ".join(used)))
-    done = subprocess.run(
-        [sys.executable, "-m", "ninedisk", command, "--help"], capture_output=True, text=True, timeout=60
-    )
+    done = CliRunner().invoke(app, [command, "--help"])
     assert used
-    assert done.returncode == 0, done.stderr
-    assert options <= set(re.findall(r"--[a-z]+", done.stdout))
+    assert done.exit_code == 0, done.output
+    assert options <= set(re.findall(r"--[a-z]+", done.output))
 
 
 def test_make_targets_exist(root: Path) -> None:

@@ -71,10 +71,9 @@ def smooth_run(seed: int, *, same: bool, singly: bool) -> None:
 
 
 @pytest.mark.parametrize("singly", [False, True])
-@pytest.mark.parametrize("same", [False, True])
-def test_smooth_impacts_never_raise_the_energy(same: bool, singly: bool) -> None:
+def test_smooth_impacts_never_raise_the_energy(singly: bool) -> None:
     for seed in range(4 if singly else 12):
-        smooth_run(seed, same=same, singly=singly)
+        smooth_run(seed, same=seed % 2 == 0, singly=singly)
 
 
 @pytest.mark.parametrize("singly", [False, True])

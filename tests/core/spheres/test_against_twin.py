@@ -13,7 +13,7 @@ from ninedisk.core.law import Rolling
 from ninedisk.core.simulate import simulate
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 
-R, DT, STEPS = 5e-3, 1e-5, 300
+R, DT, STEPS = 5e-3, 1e-5, 200
 
 
 def box(**law: Any) -> SphereScene:

@@ -59,10 +59,12 @@ class Cell:
         return comparison.abs_error / comparison.tolerance
 
 
-def judge_history(case: Case, info: EngineInfo, params: Mapping[str, Any], history: History | None) -> Cell:
-    """The checks of a case on a history; None stands for a blank one."""
+def judge_history(
+    case: Case, info: EngineInfo, params: Mapping[str, Any], history: History | None, setup: Setup | None = None
+) -> Cell:
+    """The checks of a case on a history; None stands for a blank one, and for the setup that the case builds."""
     full = resolve(case, params).params
-    setup = case.build(full)
+    setup = case.build(full) if setup is None else setup
     given = blank_history(setup) if history is None else history
     observed = case.observe(full, setup, given)
     return Cell(full, setup, given, observed, tuple(case.checks(full, setup, observed, info)))
@@ -88,7 +90,7 @@ def run_cell(
     check_history(history, setup)
     if spoil is not None:
         spoil(history)
-    return judge_history(case, engine.info(), params, history)
+    return judge_history(case, engine.info(), params, history, setup)
 
 
 @pytest.fixture(name="run_cell")

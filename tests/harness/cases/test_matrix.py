@@ -121,6 +121,6 @@ def test_the_matrix_passes(
     cell = run_cell(case, engine, params)
     assert cell.failures == []
     assert len(cell.checks) >= LEAST.get(case.id, 1)
-    blank = judge_history(case, engine.info(), params, None)
+    blank = judge_history(case, engine.info(), params, None, cell.setup)
     assert [(c.quantity, c.norm, c.truth) for c in blank.checks] == [(c.quantity, c.norm, c.truth) for c in cell.checks]
     assert len(blank.failures) == len(cell.checks)

@@ -34,7 +34,7 @@ def spoilt(judge: Judge, case: Case, params: Mapping[str, Any], change: Callable
     """The case's verdict on a run of another scene than it asks for."""
     setup = case.build(resolve(case, params).params)
     history = ENGINE.run(change(setup.scene), setup.numerics, setup.watch).history
-    return judge(case, ENGINE.info(), params, history)
+    return judge(case, ENGINE.info(), params, history, setup)
 
 
 def smaller(scene: Scene) -> Scene:
@@ -92,19 +92,19 @@ def test_overlaps_are_the_closed_form_s(run_cell: Judge) -> None:
 
 def test_overlaps_off_by_round_off_times_a_hundred_are_seen(run_cell: Judge, judge_history: Judge) -> None:
     """Of a single pair of each grade, and of all of them by outlines that are too small, or turned by another angle."""
-    for column, grade in enumerate(("grazing", "shallow", "deep")):
+    for shape in ("disk", "ellipse"):
+        run = run_cell(OVERLAP, ENGINE, {"shape": shape})
+        gap, fn = run.history.gap[-1].copy(), run.history.fn.copy()
 
-        def deeper(history: History, column: int = column) -> None:
-            history.gap[-1, column] -= 1e-12
+        def found(cell: Any = run) -> set[str]:
+            return quantities(judge_history(OVERLAP, ENGINE.info(), cell.params, cell.history, cell.setup), "analytic")
 
-        for shape in ("disk", "ellipse"):
-            found = quantities(run_cell(OVERLAP, ENGINE, {"shape": shape}, deeper), "analytic")
-            assert found == {"gap_error", f"gap_error_{grade}"}
-
-    def stronger(history: History) -> None:
-        history.fn[:] *= 1.0 + 1e-9
-
-    assert quantities(run_cell(OVERLAP, ENGINE, {}, stronger), "analytic") == {"fn_error"}
+        for column, grade in enumerate(("grazing", "shallow", "deep")):
+            run.history.gap[-1, column] -= 1e-12
+            assert found() == {"gap_error", f"gap_error_{grade}"}
+            run.history.gap[-1] = gap
+        run.history.fn[:] = fn * (1.0 + 1e-9)
+        assert found() == {"fn_error"}
     assert "gap_error_grazing" in quantities(spoilt(judge_history, OVERLAP, {}, smaller), "analytic")
 
     def turned(scene: Scene) -> Scene:

@@ -26,7 +26,7 @@ def found(judge: Judge, params: dict[str, Any], change: Callable[[Scene], Scene]
     """Quantities that fail on another scene than the case asks for."""
     setup = CASE.build(resolve(CASE, params).params)
     history = ENGINE.run(change(setup.scene), setup.numerics, setup.watch).history
-    return {text.split(" (")[0] for text in judge(CASE, ENGINE.info(), params, history).failures}
+    return {text.split(" (")[0] for text in judge(CASE, ENGINE.info(), params, history, setup).failures}
 
 
 def test_matrix(run_cell: Judge) -> None:

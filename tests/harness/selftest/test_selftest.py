@@ -100,9 +100,12 @@ def by_id(rows: list[Row]) -> dict[str, Row]:
 
 
 @pytest.mark.usefixtures("own_gallery")
-def test_a_caught_defect_is_fine(here: Path) -> None:
-    done = ninedisk("--only", "planted", "--quick", "--json", "rows.json", "--html", "page.html")
+def test_a_caught_defect_is_fine_a_known_hole_is_excused_and_a_closed_one_is_told(here: Path) -> None:
+    names = ("--only", "planted", "--only", "hole", "--only", "closed")
+    done = ninedisk(*names, "--quick", "--json", "rows.json", "--html", "page.html")
     assert done.exit_code == 0, done.output
+    assert "known holes: dem/hole (it changes nothing)" in done.output
+    assert "closed holes, whose notes must go: dem/closed (nobody looks)" in done.output
     assert "caught: 1 of 1 defects" in done.output
     rows = by_id(json.loads((here / "rows.json").read_text()))
     clean, wrong = rows["dem/unchanged"], rows["dem/planted"]
@@ -115,19 +118,12 @@ def test_a_caught_defect_is_fine(here: Path) -> None:
 
 
 @pytest.mark.usefixtures("own_gallery")
-def test_a_defect_that_nothing_catches_is_told(here: Path) -> None:
-    done = ninedisk("--only", "harmless", "--only", "planted", "--quick", "--html", "page.html")
+def test_a_defect_that_nothing_catches_and_an_engine_that_dies_are_told(here: Path) -> None:
+    done = ninedisk("--only", "harmless", "--only", "crash", "--quick", "--html", "page.html")
     assert done.exit_code == 1
-    assert "caught: 1 of 2 defects; missed: dem/harmless" in done.output
-    assert "1 of 2 defects go unnoticed:</b> dem/harmless." in (here / "page.html").read_text()
-
-
-@pytest.mark.usefixtures("own_gallery")
-def test_a_known_hole_is_shown_and_excused_and_a_closed_one_is_told() -> None:
-    done = ninedisk("--only", "hole", "--only", "closed", "--quick")
-    assert done.exit_code == 0
-    assert "known holes: dem/hole (it changes nothing)" in done.output
-    assert "closed holes, whose notes must go: dem/closed (nobody looks)" in done.output
+    assert "missed: dem/harmless" in done.output
+    assert "ended with status 7" in done.output
+    assert "go unnoticed:</b> dem/harmless" in (here / "page.html").read_text()
 
 
 @pytest.mark.usefixtures("own_gallery")
@@ -136,13 +132,6 @@ def test_a_stale_defect_ends_it_before_anything_runs(here: Path) -> None:
     assert done.exit_code == 3
     assert "a planted defect went stale: in ninedisk.core.dem.session the text '?'" in done.output
     assert not (here / "rows.json").exists()
-
-
-@pytest.mark.usefixtures("own_gallery")
-def test_an_engine_that_dies_has_no_failing_check() -> None:
-    done = ninedisk("--only", "crash", "--quick")
-    assert done.exit_code == 1
-    assert "ended with status 7" in done.output
 
 
 def test_a_wrong_engine_in_the_place_of_the_right_one_fails(monkeypatch: pytest.MonkeyPatch) -> None:
