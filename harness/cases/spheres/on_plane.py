@@ -61,12 +61,8 @@ DIRECTIONS = 24
 FIRST = math.radians(5.0)
 """The first direction: none lies on an axis or a diagonal of a pyramid of friction."""
 
-MU = Parameter(
-    name="mu", default=0.3, low=0.0, low_open=True, high=10.0, unit="-", in_id=True, help="friction coefficient"
-)
-STEP = Parameter(
-    name="dt", default=1e-3, low=0.0, low_open=True, high=1e-2, unit="s", help="step; sampling of spring engines"
-)
+MU = Parameter.positive("mu", 0.3, high=10.0, unit="-", in_id=True, help="friction coefficient")
+STEP = Parameter.positive("dt", 1e-3, high=1e-2, unit="s", help="step; sampling of spring engines")
 
 
 def _law(mu: float, kn: float = KN, beta: float = BETA) -> SphereLaw:
@@ -162,7 +158,7 @@ class Thrown:
     requirement = "slides until 2 v0/(7 mu g), then rolls at 5 v0/7 in the direction of the throw"
     parameters: tuple[Parameter, ...] = (
         MU,
-        Parameter(name="speed", default=1.0, low=0.0, low_open=True, high=100.0, unit="m/s", help="of the throw"),
+        Parameter.positive("speed", 1.0, high=100.0, unit="m/s", help="of the throw"),
         STEP,
         CONTACT_DT,
     )
@@ -251,8 +247,8 @@ class Released:
     source = "classical rigid-body mechanics"
     requirement = "rolls with 5/7 of g sin(angle) where mu > (2/7) tan(angle), else slides with g (sin - mu cos)"
     parameters: tuple[Parameter, ...] = (
-        Parameter(name="mu", default=0.5, low=0.0, low_open=True, high=10.0, unit="-", in_id=True, help="friction coefficient"),
-        Parameter(name="duration", default=0.5, low=0.0, low_open=True, high=10.0, unit="s", help="length of the run"),
+        Parameter.positive("mu", 0.5, high=10.0, unit="-", in_id=True, help="friction coefficient"),
+        Parameter.positive("duration", 0.5, high=10.0, unit="s", help="length of the run"),
         STEP,
         CONTACT_DT,
     )  # fmt: skip
@@ -364,7 +360,7 @@ class Isotropy:
     requirement = "keeps its direction and loses mu g t, whatever the direction"
     parameters: tuple[Parameter, ...] = (
         MU,
-        Parameter(name="speed", default=3.0, low=0.0, low_open=True, high=100.0, unit="m/s", help="of all"),
+        Parameter.positive("speed", 3.0, high=100.0, unit="m/s", help="of all"),
         STEP,
         CONTACT_DT,
     )
@@ -475,7 +471,7 @@ class Turntable:
     parameters: tuple[Parameter, ...] = (
         Parameter(name="turn", default=2.0, low=0.01, high=100.0, unit="rad/s", in_id=True, help="angular speed of the plane"),
         Parameter(name="speed", default=0.7, low=1e-3, high=100.0, unit="m/s", help="of the ball"),
-        Parameter(name="mu", default=1.0, low=0.0, low_open=True, high=10.0, unit="-", help="friction coefficient"),
+        Parameter.positive("mu", 1.0, high=10.0, unit="-", help="friction coefficient"),
         STEP,
         CONTACT_DT,
     )  # fmt: skip
@@ -567,9 +563,7 @@ LASTS = 0.6
 SPIN = 2.5
 """About the normal [rad/s], of spheres that spin."""
 
-MU_R = Parameter(
-    name="mu_r", default=0.1, low=0.0, low_open=True, high=0.5, unit="-", help="coefficient of the resistance to rolling, to twisting"
-)  # fmt: skip
+MU_R = Parameter.positive("mu_r", 0.1, high=0.5, unit="-", help="coefficient of the resistance to rolling, to twisting")  # fmt: skip
 KR = Parameter(
     name="kr", default=6.0, low=0.1, high=1e3, unit="N m/rad", help="stiffness of an elastic-plastic resistance"
 )
