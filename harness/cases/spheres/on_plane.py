@@ -148,6 +148,44 @@ def _way_figure(title: str, shows: str, allows: str, **where: tuple[str, ...]) -
     )
 
 
+def _speeds(history: History, normal: FloatArray, along: FloatArray) -> dict[str, tuple[str, FloatArray]]:
+    """Speed along a direction in the plane and spin about the one across, and what is beside them."""
+    across = np.cross(normal, along)
+    v, omega = history.v[:, 0], history.omega[:, 0]
+    return {
+        "vx": ("m/s", v @ along),
+        "spin": ("rad/s", omega @ across),
+        "beside": ("m/s", np.abs([v @ across, RADIUS * (omega @ along), RADIUS * (omega @ normal)]).max(axis=0)),
+    }
+
+
+def _speed_checks(
+    vx: FloatArray, spin: FloatArray, *, pull: float, setup: SphereSetup, engine: EngineInfo
+) -> list[Check]:
+    """Those against speed [m/s] and spin [rad/s] of a sphere that friction pulls by no more than ``pull`` [m/s^2]."""
+
+    def found(setup: Any, engine: EngineInfo) -> list[Check]:
+        speed = float(np.abs(vx).max())
+        room, why = _room(setup, engine, pull, speed), _why(engine)
+        rows = (
+            ("vx", vx, "rigid sphere with Coulomb friction", room, speed),
+            (
+                "spin",
+                spin,
+                "rigid sphere with Coulomb friction",
+                room * (1.0 / (UNIFORM_SPHERE * RADIUS)),
+                speed / RADIUS,
+            ),
+            ("beside", np.zeros_like(vx), "mirror symmetry", 2.5 * room, speed),
+        )
+        return [
+            Check(quantity=name, norm="max", truth="analytic", expected=expected, source=source, atol=atol, scale=scale, why=why)
+            for name, expected, source, atol, scale in rows
+        ]  # fmt: skip
+
+    return _excused(setup, engine, found)
+
+
 class Thrown:
     """A sphere without spin is thrown along a plane in a direction of no axis; it slides, then rolls at 5/7 of its speed."""
 
@@ -191,15 +229,11 @@ class Thrown:
 
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
         """Speed and spin along the throw and what is beside it."""
-        across = np.cross([0.0, 0.0, 1.0], WAY)
-        v, omega = history.v[:, 0], history.omega[:, 0]
-        beside = np.abs([v @ across, RADIUS * (omega @ WAY), RADIUS * omega[:, 2]]).max(axis=0)
-        series = {
-            "vx": ("m/s", v @ WAY),
-            "spin": ("rad/s", omega @ across),
-            "beside": ("m/s", beside),
+        series = _speeds(history, np.array([0.0, 0.0, 1.0]), WAY)
+        scalars = {
+            "vx_final": ("m/s", float(series["vx"][1][-1])),
+            "beside_max": ("m/s", float(series["beside"][1].max())),
         }
-        scalars = {"vx_final": ("m/s", float(series["vx"][1][-1])), "beside_max": ("m/s", float(beside.max()))}
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
@@ -218,24 +252,7 @@ class Thrown:
         """Speed and spin at all times, and the direction."""
         speed, mu = params["speed"], params["mu"]
         truth = slip_to_roll(observed.t, mu=mu, speed=speed, g=G, radius=RADIUS, inertia_ratio=UNIFORM_SPHERE)
-
-        def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            room, why, source = _room(setup, engine, mu * G, speed), _why(engine), "rigid sphere with Coulomb friction"
-            rows = (
-                ("vx", truth.vx, 1.0, speed),
-                ("spin", -truth.spin, 1.0 / (UNIFORM_SPHERE * RADIUS), speed / RADIUS),
-            )
-            return [
-                *(
-                    Check(quantity=name, norm="max", truth="analytic", expected=expected, source=source, atol=room * share,
-                          scale=scale, why=why)
-                    for name, expected, share, scale in rows
-                ),
-                Check(quantity="beside", norm="max", truth="analytic", expected=np.zeros_like(observed.t),
-                      source="mirror symmetry", atol=2.5 * room, scale=speed, why=why),
-            ]  # fmt: skip
-
-        return _excused(setup, engine, found)
+        return _speed_checks(truth.vx, -truth.spin, pull=mu * G, setup=setup, engine=engine)
 
 
 class Released:
@@ -295,13 +312,7 @@ class Released:
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
         """Speed down the slope and spin about the horizontal, and what is beside them."""
         normal, down, _ = self._frame()
-        across = np.cross(normal, down)
-        v, omega = history.v[:, 0], history.omega[:, 0]
-        series = {
-            "vx": ("m/s", v @ down),
-            "spin": ("rad/s", omega @ across),
-            "beside": ("m/s", np.abs([v @ across, RADIUS * (omega @ down), RADIUS * (omega @ normal)]).max(axis=0)),
-        }
+        series = _speeds(history, normal, down)
         return Observed(
             step=history.step, t=history.t, series=series, scalars={"vx_final": ("m/s", float(series["vx"][1][-1]))}
         )
@@ -327,23 +338,8 @@ class Released:
         truth = roll_down(
             observed.t, roll_rates(mu=mu, angle=angle, g=G, mass=MASS, radius=RADIUS, inertia_ratio=UNIFORM_SPHERE)
         )
-
-        def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            pull = G * min(mu * math.cos(angle), 2.0 / 7.0 * math.sin(angle))
-            speed = float(np.abs(truth.vx).max())
-            room, why, source = _room(setup, engine, pull, speed), _why(engine), "rigid sphere with Coulomb friction"
-            rows = (("vx", truth.vx, 1.0, speed), ("spin", truth.spin, 1.0 / (UNIFORM_SPHERE * RADIUS), speed / RADIUS))
-            return [
-                *(
-                    Check(quantity=name, norm="max", truth="analytic", expected=expected, source=source, atol=room * share,
-                          scale=scale, why=why)
-                    for name, expected, share, scale in rows
-                ),
-                Check(quantity="beside", norm="max", truth="analytic", expected=np.zeros_like(observed.t),
-                      source="mirror symmetry", atol=2.5 * room, scale=speed, why=why),
-            ]  # fmt: skip
-
-        return _excused(setup, engine, found)
+        pull = G * min(mu * math.cos(angle), 2.0 / 7.0 * math.sin(angle))
+        return _speed_checks(truth.vx, truth.spin, pull=pull, setup=setup, engine=engine)
 
 
 class Isotropy:
