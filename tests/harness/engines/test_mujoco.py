@@ -254,13 +254,8 @@ def test_a_warning_of_mujoco_is_an_error(monkeypatch, tmp_path):
 
 
 @needs_mujoco
-def test_settings_are_recorded_and_runs_repeat_to_the_bit_in_a_process_of_their_own():
-    scene = on_plane(rigid(mu=0.3, restitution=1.0), slope=0.5)
-    one, two = (ENGINE.run(scene, numerics(10, substeps=50), ((0, 1),)) for _ in range(2))
+def test_stiffness_of_contacts_is_recorded():
+    one = run(on_plane(rigid(mu=0.3, restitution=1.0), slope=0.5), 10, substeps=50)
     omega = math.pi / (0.5 * DT)
-    assert one.settings["mujoco.timestep"] == DT / 50
-    assert one.settings["mujoco.cone"] == "elliptic"
     assert one.settings["mujoco.solref"]["wall plane"] == pytest.approx([-(omega**2), 0.0])
     assert one.settings["mujoco.impratio"] == pytest.approx(0.999 / 1e-3 / 1e-4)
-    assert one.settings["engine_version"] == ENGINE.info().version
-    np.testing.assert_array_equal(one.history.x, two.history.x)
