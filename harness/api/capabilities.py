@@ -95,6 +95,23 @@ EXTRAS = frozenset(ROLLING.values()) | {
 }
 """What few engines have beside disks, walls and Coulomb's law."""
 
+OF_RIGID = frozenset(
+    {
+        Capability.FRICTION,
+        Capability.RESTITUTION,
+        Capability.MOVING_WALLS,
+        Capability.ROTATING_WALLS,
+        Capability.CURVED_WALL_MOTION,
+        Capability.GRAVITY,
+        Capability.BLOCKED_ROTATION,
+        Capability.FIXED_DISKS,
+    }
+)
+"""What most engines with rigid contacts have."""
+
+OF_RIGID_SPHERES = OF_RIGID | {Capability.SPHERES, Capability.HELD_MOTION}
+"""And what most of those have in space."""
+
 GRAINS = frozenset({Capability.OUTLINES, Capability.AREA_CONTACT})
 """What only engines of grains have, not those of disks."""
 

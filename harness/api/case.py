@@ -51,6 +51,11 @@ class Parameter:
     in_id: bool = False
     only_for: str = ""
 
+    @classmethod
+    def positive(cls, name: str, default: float | None, **rest: Any) -> Parameter:
+        """One above 0, with the further fields of a parameter; where its default is None it is optional."""
+        return cls(name=name, default=default, low=0.0, low_open=True, optional=default is None, **rest)
+
 
 @dataclass(frozen=True)
 class Variant:

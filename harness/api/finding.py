@@ -74,7 +74,7 @@ class Finding:
     id : str
         ``<engine>/<words>``, as in ``kratos/arm-at-walls``; ``source/<words>`` for errata of the source.
     engine : str
-        Id of the engine; the engine that shows it where the source is wrong.
+        Id of the engine, by default that of ``id``; the engine that shows it where the source is wrong.
     versions : str
         Versions in which it was seen.
     what : str
@@ -86,17 +86,30 @@ class Finding:
     thread : str
         Address of an upstream issue or discussion; "" where none is known.
     command : str
-        Complete ``ninedisk`` command that shows it.
+        Complete ``ninedisk`` command that shows it; by default one that runs the case of ``size`` with the parameters that its
+        variant names, or repeats runs of the engine.
     """
 
     id: str
-    engine: str
+    engine: str = ""
     versions: str
     what: str
     size: Size
     documented: str = ""
     thread: str = ""
-    command: str
+    command: str = ""
+
+    def __post_init__(self) -> None:
+        """Fill in what the id and the place of the size say already."""
+        engine = self.engine or self.id.partition("/")[0]
+        parts = (part.strip("*") for part in self.size.variant.split(","))
+        sets = "".join(f" --set {part}" for part in parts if "=" in part)
+        if self.size.table == "determinism":
+            command = f"ninedisk determinism --engine {engine}"
+        else:
+            command = f"ninedisk run {self.size.case} --engine {engine}{sets}"
+        object.__setattr__(self, "engine", engine)
+        object.__setattr__(self, "command", self.command or command)
 
 
 @lru_cache(maxsize=1)

@@ -62,36 +62,15 @@ REGIME = Parameter(
     help="with inertia, or the static limit of contact dynamics: a series of equilibria",
 )
 
-STIFFNESS = Parameter(
-    name="kn", default=1e8, low=0.0, low_open=True, unit="N/m", help="normal stiffness of spring engines"
-)
-SHEAR_STIFFNESS = Parameter(
-    name="ks",
-    default=None,
-    optional=True,
-    low=0.0,
-    low_open=True,
-    unit="N/m",
-    help="shear stiffness of spring engines; none: kn",
-)
-STEP = Parameter(
-    name="dt",
-    default=0.01,
-    low=0.0,
-    low_open=True,
-    unit="s",
-    in_id=True,
-    help="step; sampling of spring engines",
-)
-FRICTION = Parameter(name="mu", default=0.3, low=0.0, low_open=True, unit="-", in_id=True, help="friction coefficient")
-GRAVITY = Parameter(name="g", default=10.0, low=0.0, low_open=True, unit="m/s^2", help="gravity")
+STIFFNESS = Parameter.positive("kn", 1e8, unit="N/m", help="normal stiffness of spring engines")
+SHEAR_STIFFNESS = Parameter.positive("ks", None, unit="N/m", help="shear stiffness of spring engines; none: kn")
+STEP = Parameter.positive("dt", 0.01, unit="s", in_id=True, help="step; sampling of spring engines")
+FRICTION = Parameter.positive("mu", 0.3, unit="-", in_id=True, help="friction coefficient")
+GRAVITY = Parameter.positive("g", 10.0, unit="m/s^2", help="gravity")
 
-CONTACT_DT = Parameter(
-    name="contact_dt",
-    default=None,
-    optional=True,
-    low=0.0,
-    low_open=True,
+CONTACT_DT = Parameter.positive(
+    "contact_dt",
+    None,
     unit="s",
     help="own step of engines with contact springs; it must divide dt; none: what the contact's resolution asks for",
 )

@@ -8,7 +8,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="planck/elastic-bounces-grow",
-        engine="planck",
         versions="1.5.0",
         what=(
             "A disk with restitution 1 bounces higher every time: the step of the impact adds gravity's whole step to the approach, "
@@ -30,7 +29,6 @@ FINDINGS = (
     ),
     Finding(
         id="rapier/friction-without-the-rebound",
-        engine="rapier",
         versions="0.21.0",
         what=(
             "At a rebound friction is bounded by mu times the impulse that stops the approach, without the one of restitution: a "
@@ -51,7 +49,6 @@ FINDINGS = (
     ),
     Finding(
         id="rapier/touching-row-loses-energy",
-        engine="rapier",
         versions="0.21.0",
         what="A row of touching elastic disks loses a sixth of its energy with three disks, more with five: all rebound at once.",
         size=Size(
@@ -67,7 +64,6 @@ FINDINGS = (
     ),
     Finding(
         id="rapier/elastic-gas-loses-energy",
-        engine="rapier",
         versions="0.21.0",
         what="An elastic gas loses energy with its collisions.",
         size=Size(

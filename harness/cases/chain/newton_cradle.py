@@ -68,13 +68,12 @@ class NewtonCradle:
         Parameter(name="gap", default=0.02, low=0.0, unit="m", in_id=True, help="gap between neighbours; 0: the row touches"),
         Parameter(name="restitution", default=1.0, low=0.0, high=1.0, unit="-",
                   help="coefficient of restitution; beta and theta follow from it"),
-        Parameter(name="dt", default=2e-3, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
-        Parameter(name="speed", default=1.0, low=0.0, low_open=True, unit="m/s", help="initial velocity of disk 1"),
-        Parameter(name="mass", default=math.pi, low=0.0, low_open=True, unit="kg", help="mass of each disk"),
-        Parameter(name="kn", default=1e6, low=0.0, low_open=True, unit="N/m", help="stiffness of spring engines"),
+        Parameter.positive("dt", 2e-3, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("speed", 1.0, unit="m/s", help="initial velocity of disk 1"),
+        Parameter.positive("mass", math.pi, unit="kg", help="mass of each disk"),
+        Parameter.positive("kn", 1e6, unit="N/m", help="stiffness of spring engines"),
         CONTACT_DT,
-        Parameter(name="duration", default=None, optional=True, low=0.0, low_open=True, unit="s",
-                  help="length of the run; none: until all disks have parted and some steps more"),
+        Parameter.positive("duration", None, unit="s", help="length of the run; none: until all disks have parted and some steps more"),
         *CONTACT_DYNAMICS,
     )  # fmt: skip
 

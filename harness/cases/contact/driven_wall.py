@@ -59,7 +59,7 @@ class DrivenWall:
     requirement = "a block that sticks moves as the floor does; a disk leaves a turning wall with 1 + e of its speed at the contact"
     parameters: tuple[Parameter, ...] = (
         Parameter(name="motion", default="shake", choices=("shake", "turn"), in_id=True, help="motion of the wall"),
-        Parameter(name="dt", default=1e-3, low=0.0, low_open=True, high=1e-2, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 1e-3, high=1e-2, unit="s", help="step; sampling of spring engines"),
         Parameter(name="kn", default=1e8, low=1e6, unit="N/m", help="stiffness of spring engines"),
     )  # fmt: skip
 

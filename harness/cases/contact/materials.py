@@ -54,7 +54,7 @@ class Materials:
     source = "Coulomb's law and Newton's restitution, each with the coefficients of the pair"
     requirement = "a contact obeys the law of its two materials, and the wall's or the disks' own where the table has none for them"
     parameters: tuple[Parameter, ...] = (
-        Parameter(name="dt", default=2e-3, low=0.0, low_open=True, high=DT_MOST, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 2e-3, high=DT_MOST, unit="s", help="step; sampling of spring engines"),
         Parameter(name="duration", default=0.3, low=0.1, high=0.45, unit="s", help="length of the run; all slide until 0.5 s"),
         Parameter(name="kn", default=1e8, low=1e6, unit="N/m", help="largest stiffness of spring engines"),
     )  # fmt: skip

@@ -61,7 +61,7 @@ class MovingWall:
         Parameter(name="motion", default="push", choices=("push", "shake"), in_id=True, help="motion of the wall"),
         Parameter(name="beta", default=0.2, low=0.0, high=0.9, unit="-", in_id=True, help="contact damping ratio"),
         Parameter(name="kn", default=1e6, low=1e4, unit="N/m", help="normal stiffness"),
-        Parameter(name="dt", default=5e-5, low=0.0, low_open=True, unit="s", help="step of every engine"),
+        Parameter.positive("dt", 5e-5, unit="s", help="step of every engine"),
         Parameter(name="steps", default=600, low=1, whole=True, help="steps of the run"),
         DAMPING_FORM,
         *NINE_DISK_CD,

@@ -56,15 +56,13 @@ class Reopening:
             name="arm", default="radius", choices=("radius", "overlap"), in_id=True,
             help="lever arm of the shear force: R, or R - overlap/2",
         ),
-        Parameter(name="speed", default=1.0, low=0.0, low_open=True, unit="m/s", help="speed of each disk"),
+        Parameter.positive("speed", 1.0, unit="m/s", help="speed of each disk"),
         Parameter(name="spin", default=2.0, low=-1e3, high=1e3, unit="rad/s", help="spin of the disk, mean spin of two"),
         Parameter(name="kn", default=1e6, low=1e3, unit="N/m", help="normal stiffness of every contact"),
-        Parameter(
-            name="ks_over_kn", default=1e-6, low=0.0, high=1e-4, low_open=True,
-            help="shear over normal stiffness: so small that shear forces do not change the motion",
-        ),
-        Parameter(name="mu", default=0.5, low=0.0, low_open=True, unit="-", help="friction coefficient of the rough contact"),
-        Parameter(name="dt", default=2e-5, low=0.0, low_open=True, unit="s", help="step of every engine"),
+        Parameter.positive("ks_over_kn", 1e-6, high=1e-4,
+                           help="shear over normal stiffness: so small that shear forces do not change the motion"),
+        Parameter.positive("mu", 0.5, unit="-", help="friction coefficient of the rough contact"),
+        Parameter.positive("dt", 2e-5, unit="s", help="step of every engine"),
         *NINE_DISK_CD,
     )  # fmt: skip
 

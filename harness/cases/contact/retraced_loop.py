@@ -84,10 +84,8 @@ class RetracedLoop:
             name="rotation", default="blocked", choices=("blocked", "free"), in_id=True,
             help="whether disks could turn if something turned them; nothing does",
         ),
-        Parameter(
-            name="amplitude", default=0.02, low=0.0, high=0.04, low_open=True, unit="m",
-            help="of the oscillation; way of the wall, by which its surface slides along as well",
-        ),
+        Parameter.positive("amplitude", 0.02, high=0.04, unit="m",
+                           help="of the oscillation; way of the wall, by which its surface slides along as well"),
         Parameter(
             name="steps", default=100, low=SAMPLES, whole=True, help=f"steps of every engine in a cycle, a multiple of {SAMPLES}"
         ),

@@ -68,15 +68,14 @@ class BouncingDisk:
     parameters: tuple[Parameter, ...] = (
         Parameter(name="restitution", default=0.5, low=0.0, high=1.0, unit="-", in_id=True,
                   help="coefficient of restitution; beta and theta follow from it"),
-        Parameter(name="height", default=0.45, low=0.0, low_open=True, unit="m", help="gap from which the disk is dropped"),
+        Parameter.positive("height", 0.45, unit="m", help="gap from which the disk is dropped"),
         GRAVITY,
-        Parameter(name="dt", default=2e-3, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 2e-3, unit="s", help="step; sampling of spring engines"),
         Parameter(name="bounces", default=3, low=1, high=12, whole=True, help="flights after the fall that are compared, at most"),
-        Parameter(name="kn", default=1e6, low=0.0, low_open=True, unit="N/m",
-                  help="stiffness of spring engines: 1e6 makes a contact of 6 ms"),
+        Parameter.positive("kn", 1e6, unit="N/m", help="stiffness of spring engines: 1e6 makes a contact of 6 ms"),
         CONTACT_DT,
-        Parameter(name="duration", default=None, optional=True, low=0.0, low_open=True, unit="s",
-                  help="length of the run; none: until it rests and a quarter more; for e > 0.9 the bounces that are compared"),
+        Parameter.positive("duration", None, unit="s",
+                           help="length of the run; none: until it rests and a quarter more; for e > 0.9 the bounces that are compared"),
         *CONTACT_DYNAMICS,
     )  # fmt: skip
 

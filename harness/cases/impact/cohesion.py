@@ -43,9 +43,9 @@ class Cohesion:
     )
     parameters: tuple[Parameter, ...] = (
         Parameter(name="partner", default="wall", choices=("wall", "disk"), in_id=True, help="what the disk hits"),
-        Parameter(name="share", default=0.5, low=0.0, low_open=True, high=0.95, unit="-", in_id=True, help="cohesion over kn"),
+        Parameter.positive("share", 0.5, high=0.95, unit="-", in_id=True, help="cohesion over kn"),
         Parameter(name="beta", default=0.0, low=0.0, high=2.0, unit="-", in_id=True, help="contact damping ratio"),
-        Parameter(name="phase", default=PHASE, low=0.0, low_open=True, high=0.1, unit="-", help="resolution omega dt"),
+        Parameter.positive("phase", PHASE, high=0.1, unit="-", help="resolution omega dt"),
     )  # fmt: skip
     figures = (
         Figure(

@@ -51,7 +51,7 @@ class HeldDisk:
     requirement = "the free disk loses 1 + e of its approach along the line of centres; the other one keeps its motion"
     parameters: tuple[Parameter, ...] = (
         Parameter(name="partner", default="fixed", choices=("fixed", "held"), in_id=True, help="fixed, or held at a velocity"),
-        Parameter(name="dt", default=1e-3, low=0.0, low_open=True, high=1e-2, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 1e-3, high=1e-2, unit="s", help="step; sampling of spring engines"),
         Parameter(name="kn", default=1e8, low=1e6, unit="N/m", help="stiffness of spring engines"),
     )  # fmt: skip
 

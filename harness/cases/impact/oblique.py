@@ -117,7 +117,7 @@ class ObliqueImpact:
         Parameter(
             name="vt", default=3.0, unit="m/s", in_id=True, help="velocity along the plane; slides through if vt > 3 mu (1 + e) vn"
         ),
-        Parameter(name="vn", default=1.0, low=0.0, low_open=True, unit="m/s", help="velocity towards the plane"),
+        Parameter.positive("vn", 1.0, unit="m/s", help="velocity towards the plane"),
         Parameter(name="spin", default=0.0, unit="rad/s", help="initial spin, positive when rolling forward"),
         Parameter(name="mu", default=0.3, low=0.0, unit="-", help="friction coefficient"),
         Parameter(
@@ -127,20 +127,12 @@ class ObliqueImpact:
         Parameter(
             name="gap", default=2e-3, low=0.0, unit="m", help="gap at time 0; theta's own impact law depends on gap/(vn dt)"
         ),
-        Parameter(name="dt", default=1e-3, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 1e-3, unit="s", help="step; sampling of spring engines"),
         Parameter(name="rotating", default=True, help="false: the disk cannot turn"),
-        Parameter(
-            name="kn", default=1e8, low=0.0, low_open=True, unit="N/m", help="stiffness of spring engines: a contact of 0.56 ms"
-        ),
-        Parameter(
-            name="ks", default=None, optional=True, low=0.0, low_open=True, unit="N/m",
-            help="shear stiffness of spring engines; none: 2/3 kn",
-        ),
+        Parameter.positive("kn", 1e8, unit="N/m", help="stiffness of spring engines: a contact of 0.56 ms"),
+        Parameter.positive("ks", None, unit="N/m", help="shear stiffness of spring engines; none: 2/3 kn"),
         CONTACT_DT,
-        Parameter(
-            name="duration", default=None, optional=True, low=0.0, low_open=True, unit="s",
-            help="length of the run; none: the flight, the contact and some steps",
-        ),
+        Parameter.positive("duration", None, unit="s", help="length of the run; none: the flight, the contact and some steps"),
         *CONTACT_DYNAMICS,
     )  # fmt: skip
 

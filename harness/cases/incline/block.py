@@ -82,10 +82,8 @@ class InclineBlock:
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.36, low=0.0, unit="-", in_id=True, help="friction coefficient"),
         STEP,
-        Parameter(
-            name="angle_deg", default=20.0, low=0.0, low_open=True, high=89.0, unit="deg", help="slope of the incline"
-        ),
-        Parameter(name="duration", default=1.0, low=0.0, low_open=True, unit="s", help="length of the run"),
+        Parameter.positive("angle_deg", 20.0, high=89.0, unit="deg", help="slope of the incline"),
+        Parameter.positive("duration", 1.0, unit="s", help="length of the run"),
         Parameter(
             name="preload",
             default=True,
@@ -93,7 +91,7 @@ class InclineBlock:
             "rigid ones start touching anyway",
         ),
         GRAVITY,
-        Parameter(name="mass", default=7.854, low=0.0, low_open=True, unit="kg", help="mass of the block"),
+        Parameter.positive("mass", 7.854, unit="kg", help="mass of the block"),
         STIFFNESS,
         SHEAR_STIFFNESS,
         CONTACT_DT,

@@ -19,7 +19,6 @@ FINDINGS = (
             over=0.01,
             over_why="1 - cos(20 deg) = 6 % of m g lies between the two; no engine is off by 1 %",
         ),
-        command="ninedisk run incline-block --engine dem --set mu=0.36 --set dt=0.01",
     ),
     Finding(
         id="source/weight-in-friction",
@@ -34,6 +33,5 @@ FINDINGS = (
             over=0.01,
             over_why="1 - cos(20 deg) = 6 % of mu m g lies between the two; no engine is off by 1 %",
         ),
-        command="ninedisk run incline-block --engine siconos --set mu=0.36 --set dt=0.01",
     ),
 )

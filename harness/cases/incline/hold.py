@@ -84,10 +84,10 @@ class HoldAndCreep:
         ),
     )
     parameters: tuple[Parameter, ...] = (
-        Parameter(name="mu", default=0.5, low=0.0, low_open=True, high=2.0, unit="-", in_id=True, help="friction coefficient"),
-        Parameter(name="mass", default=1.0, low=0.0, low_open=True, unit="kg", in_id=True, help="mass of each block"),
+        Parameter.positive("mu", 0.5, high=2.0, unit="-", in_id=True, help="friction coefficient"),
+        Parameter.positive("mass", 1.0, unit="kg", in_id=True, help="mass of each block"),
         replace(STEP, in_id=False),
-        Parameter(name="duration", default=0.5, low=0.0, low_open=True, unit="s", help="length of the run"),
+        Parameter.positive("duration", 0.5, unit="s", help="length of the run"),
         GRAVITY,
         replace(STIFFNESS, default=1e6),
         SHEAR_STIFFNESS,

@@ -43,12 +43,12 @@ class RotatingBox:
             help="lever arm of the shear force: R - overlap/2, walls felt there, or R, walls felt on their surface",
         ),
         Parameter(name="turn_deg", default=90.0, low=0.0, high=360.0, unit="deg", help="angle by which the box turns"),
-        Parameter(name="dt", default=2.5e-5, low=0.0, low_open=True, unit="s", help="step of every engine"),
+        Parameter.positive("dt", 2.5e-5, unit="s", help="step of every engine"),
         Parameter(name="steps", default=4000, low=SAMPLES, whole=True, help="steps of the run"),
         Parameter(name="kn", default=1e6, low=1e3, unit="N/m", help="normal and shear stiffness"),
-        Parameter(name="fn", default=100.0, low=0.0, low_open=True, unit="N", help="normal force of every contact"),
+        Parameter.positive("fn", 100.0, unit="N", help="normal force of every contact"),
         Parameter(name="fs", default=20.0, low=0.0, unit="N", help="size of the shear forces, below mu fn"),
-        Parameter(name="mu", default=0.5, low=0.0, low_open=True, unit="-", help="friction coefficient"),
+        Parameter.positive("mu", 0.5, unit="-", help="friction coefficient"),
         *NINE_DISK_CD,
     )  # fmt: skip
 

@@ -43,7 +43,7 @@ class Forces:
     requirement = "m v = F t for each disk's own force, I omega = M t for its torque; a step in which a force begins gets its part of it"
     parameters: tuple[Parameter, ...] = (
         Parameter(name="span", default="segments", choices=("constant", "segments"), in_id=True, help="how long the forces act"),
-        Parameter(name="dt", default=0.01, low=0.0, low_open=True, high=0.05, unit="s", help="step"),
+        Parameter.positive("dt", 0.01, high=0.05, unit="s", help="step"),
     )  # fmt: skip
     figures = (
         Figure(

@@ -25,6 +25,5 @@ FINDINGS = (
                 "that it did not hold would roll, and its friction fall below"
             ),
         ),
-        command="ninedisk run nurbs/rolling --engine cd --set steepness=0.95",
     ),
 )

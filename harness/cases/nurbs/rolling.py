@@ -105,7 +105,7 @@ class RollingGrain:
                   help="tangent of the slope over that which tips the grain; 0.98 to 1.02 is not allowed"),
         Parameter(name="mu", default=1.5, low=0.5, unit="-", help="friction: more than rolling asks for"),
         Parameter(name="kn", default=KN, low=1e4, unit="N/m", help="normal and shear stiffness of spring engines"),
-        Parameter(name="dt", default=0.005, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 0.005, unit="s", help="step; sampling of spring engines"),
         Parameter(name="duration", default=DURATION, low=0.1, unit="s", help="length of the run"),
         CONTACT_DT,
         THETA,

@@ -71,11 +71,9 @@ class InclineDisk:
     )
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.3, low=0.0, unit="-", in_id=True, help="friction coefficient"),
-        Parameter(
-            name="angle_deg", default=20.0, low=0.0, low_open=True, high=89.0, unit="deg", help="slope of the incline"
-        ),
-        Parameter(name="dt", default=0.01, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
-        Parameter(name="duration", default=1.0, low=0.0, low_open=True, unit="s", help="length of the run"),
+        Parameter.positive("angle_deg", 20.0, high=89.0, unit="deg", help="slope of the incline"),
+        Parameter.positive("dt", 0.01, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("duration", 1.0, unit="s", help="length of the run"),
         GRAVITY,
         Parameter(
             name="kn",

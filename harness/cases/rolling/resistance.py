@@ -75,12 +75,12 @@ class Resistance:
     parameters: tuple[Parameter, ...] = (
         Parameter(name="model", default="constant", choices=ROLLING_MODELS, in_id=True, help="rolling resistance"),
         Parameter(name="plane", default="level", choices=(*DEGREES, "pair"), in_id=True, help="level, to roll down, to hold, or two disks"),
-        Parameter(name="mu_r", default=0.1, low=0.0, low_open=True, high=0.5, unit="-", help="coefficient of rolling friction"),
+        Parameter.positive("mu_r", 0.1, high=0.5, unit="-", help="coefficient of rolling friction"),
         Parameter(name="kr", default=12.0, low=0.1, high=1e3, unit="N m/rad", help="rolling stiffness of the elastic-plastic model"),
         Parameter(name="beta", default=0.0, low=0.0, high=0.9, unit="-", help="damping ratio of the elastic-plastic model"),
         Parameter(name="preload", default=True, help="whether spring engines start with the shear force of the motion"),
-        Parameter(name="dt", default=0.01, low=0.0, low_open=True, high=0.05, unit="s", help="step; sampling of spring engines"),
-        Parameter(name="duration", default=2.0, low=0.0, low_open=True, unit="s", help="length of the run"),
+        Parameter.positive("dt", 0.01, high=0.05, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("duration", 2.0, unit="s", help="length of the run"),
         Parameter(name="kn", default=1e7, low=1e5, unit="N/m", help="normal and shear stiffness of spring engines"),
         CONTACT_DT,
     )  # fmt: skip

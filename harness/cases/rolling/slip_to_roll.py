@@ -80,7 +80,7 @@ class SlipToRoll:
     parameters: tuple[Parameter, ...] = (
         FRICTION,
         STEP,
-        Parameter(name="speed", default=1.0, low=0.0, low_open=True, unit="m/s", help="initial velocity"),
+        Parameter.positive("speed", 1.0, unit="m/s", help="initial velocity"),
         GRAVITY,
         Parameter(name="rotating", default=True, help="false: the disk cannot turn"),
         Parameter(
@@ -92,12 +92,9 @@ class SlipToRoll:
         STIFFNESS,
         SHEAR_STIFFNESS,
         CONTACT_DT,
-        Parameter(
-            name="duration",
-            default=None,
-            optional=True,
-            low=0.0,
-            low_open=True,
+        Parameter.positive(
+            "duration",
+            None,
             unit="s",
             help="length of the run; none: 3 v0/(mu g), and 4 times the fall from a dilated start",
         ),

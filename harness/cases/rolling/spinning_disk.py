@@ -72,19 +72,13 @@ class SpinningDisk:
     parameters: tuple[Parameter, ...] = (
         FRICTION,
         STEP,
-        Parameter(name="spin", default=1.0, low=0.0, low_open=True, unit="rad/s", help="initial spin, forward"),
+        Parameter.positive("spin", 1.0, unit="rad/s", help="initial spin, forward"),
         GRAVITY,
         STIFFNESS,
         SHEAR_STIFFNESS,
         CONTACT_DT,
-        Parameter(
-            name="duration",
-            default=None,
-            optional=True,
-            low=0.0,
-            low_open=True,
-            unit="s",
-            help="length of the run; none: R omega0/(mu g), three times the slip",
+        Parameter.positive(
+            "duration", None, unit="s", help="length of the run; none: R omega0/(mu g), three times the slip"
         ),
         THETA,
         *CONTACT_DYNAMICS,

@@ -45,10 +45,10 @@ class DynamicSliding:
     figures = DYNAMIC_FIGURES
     claims = DYNAMIC_CLAIMS
     parameters: tuple[Parameter, ...] = (
-        Parameter(name="dt", default=0.01, low=0.0, low_open=True, unit="s", in_id=True, help="step"),
+        Parameter.positive("dt", 0.01, unit="s", in_id=True, help="step"),
         Parameter(name="g0", default=0.001, low=0.0, unit="m", in_id=True, help="gap at time 0"),
-        Parameter(name="mu", default=0.3, low=0.0, low_open=True, unit="-", help="friction coefficient"),
-        Parameter(name="speed", default=1.0, low=0.0, low_open=True, unit="m/s", help="velocity along the plane"),
+        Parameter.positive("mu", 0.3, unit="-", help="friction coefficient"),
+        Parameter.positive("speed", 1.0, unit="m/s", help="velocity along the plane"),
         Parameter(name="steps", default=5, low=2, whole=True, help="number of steps"),
         *(parameter for parameter in CONTACT_DYNAMICS if parameter.name != "impact"),
     )

@@ -19,7 +19,6 @@ FINDINGS = (
             over=0.01,
             over_why="either the rise is the printed one, to round-off, or it is 0 and all of it is wrong",
         ),
-        command="ninedisk run sliding/dynamic --engine cd --set dt=0.001 --set g0=0.001",
     ),
     Finding(
         id="source/critical-step-under-coulomb",
@@ -37,6 +36,5 @@ FINDINGS = (
             over=0.01,
             over_why="either the rise is the printed one, to round-off, or it is 0 and all of it is wrong",
         ),
-        command="ninedisk run sliding/dynamic --engine siconos --set dt=0.01 --set g0=0",
     ),
 )

@@ -35,19 +35,9 @@ class QuasistaticSliding:
     claims = QUASISTATIC_CLAIMS
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.3, low=0.0, unit="-", in_id=True, help="friction coefficient"),
-        Parameter(
-            name="increment",
-            default=0.001,
-            low=0.0,
-            low_open=True,
-            unit="m",
-            in_id=True,
-            help="tangential displacement of each step",
-        ),
+        Parameter.positive("increment", 0.001, unit="m", in_id=True, help="tangential displacement of each step"),
         Parameter(name="steps", default=5, low=2, whole=True, help="number of increments"),
-        Parameter(
-            name="normal_load", default=10.0, low=0.0, low_open=True, unit="N", help="force onto the plane, constant"
-        ),
+        Parameter.positive("normal_load", 10.0, unit="N", help="force onto the plane, constant"),
         Parameter(name="gap_0", default=0.0, low=0.0, unit="m", help="gap before the first increment"),
         *(parameter for parameter in CONTACT_DYNAMICS if parameter.name != "impact"),
     )

@@ -61,12 +61,8 @@ DIRECTIONS = 24
 FIRST = math.radians(5.0)
 """The first direction: none lies on an axis or a diagonal of a pyramid of friction."""
 
-MU = Parameter(
-    name="mu", default=0.3, low=0.0, low_open=True, high=10.0, unit="-", in_id=True, help="friction coefficient"
-)
-STEP = Parameter(
-    name="dt", default=1e-3, low=0.0, low_open=True, high=1e-2, unit="s", help="step; sampling of spring engines"
-)
+MU = Parameter.positive("mu", 0.3, high=10.0, unit="-", in_id=True, help="friction coefficient")
+STEP = Parameter.positive("dt", 1e-3, high=1e-2, unit="s", help="step; sampling of spring engines")
 
 
 def _law(mu: float, kn: float = KN, beta: float = BETA) -> SphereLaw:
@@ -152,6 +148,44 @@ def _way_figure(title: str, shows: str, allows: str, **where: tuple[str, ...]) -
     )
 
 
+def _speeds(history: History, normal: FloatArray, along: FloatArray) -> dict[str, tuple[str, FloatArray]]:
+    """Speed along a direction in the plane and spin about the one across, and what is beside them."""
+    across = np.cross(normal, along)
+    v, omega = history.v[:, 0], history.omega[:, 0]
+    return {
+        "vx": ("m/s", v @ along),
+        "spin": ("rad/s", omega @ across),
+        "beside": ("m/s", np.abs([v @ across, RADIUS * (omega @ along), RADIUS * (omega @ normal)]).max(axis=0)),
+    }
+
+
+def _speed_checks(
+    vx: FloatArray, spin: FloatArray, *, pull: float, setup: SphereSetup, engine: EngineInfo
+) -> list[Check]:
+    """Those against speed [m/s] and spin [rad/s] of a sphere that friction pulls by no more than ``pull`` [m/s^2]."""
+
+    def found(setup: Any, engine: EngineInfo) -> list[Check]:
+        speed = float(np.abs(vx).max())
+        room, why = _room(setup, engine, pull, speed), _why(engine)
+        rows = (
+            ("vx", vx, "rigid sphere with Coulomb friction", room, speed),
+            (
+                "spin",
+                spin,
+                "rigid sphere with Coulomb friction",
+                room * (1.0 / (UNIFORM_SPHERE * RADIUS)),
+                speed / RADIUS,
+            ),
+            ("beside", np.zeros_like(vx), "mirror symmetry", 2.5 * room, speed),
+        )
+        return [
+            Check(quantity=name, norm="max", truth="analytic", expected=expected, source=source, atol=atol, scale=scale, why=why)
+            for name, expected, source, atol, scale in rows
+        ]  # fmt: skip
+
+    return _excused(setup, engine, found)
+
+
 class Thrown:
     """A sphere without spin is thrown along a plane in a direction of no axis; it slides, then rolls at 5/7 of its speed."""
 
@@ -162,7 +196,7 @@ class Thrown:
     requirement = "slides until 2 v0/(7 mu g), then rolls at 5 v0/7 in the direction of the throw"
     parameters: tuple[Parameter, ...] = (
         MU,
-        Parameter(name="speed", default=1.0, low=0.0, low_open=True, high=100.0, unit="m/s", help="of the throw"),
+        Parameter.positive("speed", 1.0, high=100.0, unit="m/s", help="of the throw"),
         STEP,
         CONTACT_DT,
     )
@@ -195,15 +229,11 @@ class Thrown:
 
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
         """Speed and spin along the throw and what is beside it."""
-        across = np.cross([0.0, 0.0, 1.0], WAY)
-        v, omega = history.v[:, 0], history.omega[:, 0]
-        beside = np.abs([v @ across, RADIUS * (omega @ WAY), RADIUS * omega[:, 2]]).max(axis=0)
-        series = {
-            "vx": ("m/s", v @ WAY),
-            "spin": ("rad/s", omega @ across),
-            "beside": ("m/s", beside),
+        series = _speeds(history, np.array([0.0, 0.0, 1.0]), WAY)
+        scalars = {
+            "vx_final": ("m/s", float(series["vx"][1][-1])),
+            "beside_max": ("m/s", float(series["beside"][1].max())),
         }
-        scalars = {"vx_final": ("m/s", float(series["vx"][1][-1])), "beside_max": ("m/s", float(beside.max()))}
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
@@ -222,24 +252,7 @@ class Thrown:
         """Speed and spin at all times, and the direction."""
         speed, mu = params["speed"], params["mu"]
         truth = slip_to_roll(observed.t, mu=mu, speed=speed, g=G, radius=RADIUS, inertia_ratio=UNIFORM_SPHERE)
-
-        def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            room, why, source = _room(setup, engine, mu * G, speed), _why(engine), "rigid sphere with Coulomb friction"
-            rows = (
-                ("vx", truth.vx, 1.0, speed),
-                ("spin", -truth.spin, 1.0 / (UNIFORM_SPHERE * RADIUS), speed / RADIUS),
-            )
-            return [
-                *(
-                    Check(quantity=name, norm="max", truth="analytic", expected=expected, source=source, atol=room * share,
-                          scale=scale, why=why)
-                    for name, expected, share, scale in rows
-                ),
-                Check(quantity="beside", norm="max", truth="analytic", expected=np.zeros_like(observed.t),
-                      source="mirror symmetry", atol=2.5 * room, scale=speed, why=why),
-            ]  # fmt: skip
-
-        return _excused(setup, engine, found)
+        return _speed_checks(truth.vx, -truth.spin, pull=mu * G, setup=setup, engine=engine)
 
 
 class Released:
@@ -251,8 +264,8 @@ class Released:
     source = "classical rigid-body mechanics"
     requirement = "rolls with 5/7 of g sin(angle) where mu > (2/7) tan(angle), else slides with g (sin - mu cos)"
     parameters: tuple[Parameter, ...] = (
-        Parameter(name="mu", default=0.5, low=0.0, low_open=True, high=10.0, unit="-", in_id=True, help="friction coefficient"),
-        Parameter(name="duration", default=0.5, low=0.0, low_open=True, high=10.0, unit="s", help="length of the run"),
+        Parameter.positive("mu", 0.5, high=10.0, unit="-", in_id=True, help="friction coefficient"),
+        Parameter.positive("duration", 0.5, high=10.0, unit="s", help="length of the run"),
         STEP,
         CONTACT_DT,
     )  # fmt: skip
@@ -299,13 +312,7 @@ class Released:
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
         """Speed down the slope and spin about the horizontal, and what is beside them."""
         normal, down, _ = self._frame()
-        across = np.cross(normal, down)
-        v, omega = history.v[:, 0], history.omega[:, 0]
-        series = {
-            "vx": ("m/s", v @ down),
-            "spin": ("rad/s", omega @ across),
-            "beside": ("m/s", np.abs([v @ across, RADIUS * (omega @ down), RADIUS * (omega @ normal)]).max(axis=0)),
-        }
+        series = _speeds(history, normal, down)
         return Observed(
             step=history.step, t=history.t, series=series, scalars={"vx_final": ("m/s", float(series["vx"][1][-1]))}
         )
@@ -331,23 +338,8 @@ class Released:
         truth = roll_down(
             observed.t, roll_rates(mu=mu, angle=angle, g=G, mass=MASS, radius=RADIUS, inertia_ratio=UNIFORM_SPHERE)
         )
-
-        def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            pull = G * min(mu * math.cos(angle), 2.0 / 7.0 * math.sin(angle))
-            speed = float(np.abs(truth.vx).max())
-            room, why, source = _room(setup, engine, pull, speed), _why(engine), "rigid sphere with Coulomb friction"
-            rows = (("vx", truth.vx, 1.0, speed), ("spin", truth.spin, 1.0 / (UNIFORM_SPHERE * RADIUS), speed / RADIUS))
-            return [
-                *(
-                    Check(quantity=name, norm="max", truth="analytic", expected=expected, source=source, atol=room * share,
-                          scale=scale, why=why)
-                    for name, expected, share, scale in rows
-                ),
-                Check(quantity="beside", norm="max", truth="analytic", expected=np.zeros_like(observed.t),
-                      source="mirror symmetry", atol=2.5 * room, scale=speed, why=why),
-            ]  # fmt: skip
-
-        return _excused(setup, engine, found)
+        pull = G * min(mu * math.cos(angle), 2.0 / 7.0 * math.sin(angle))
+        return _speed_checks(truth.vx, truth.spin, pull=pull, setup=setup, engine=engine)
 
 
 class Isotropy:
@@ -364,7 +356,7 @@ class Isotropy:
     requirement = "keeps its direction and loses mu g t, whatever the direction"
     parameters: tuple[Parameter, ...] = (
         MU,
-        Parameter(name="speed", default=3.0, low=0.0, low_open=True, high=100.0, unit="m/s", help="of all"),
+        Parameter.positive("speed", 3.0, high=100.0, unit="m/s", help="of all"),
         STEP,
         CONTACT_DT,
     )
@@ -475,7 +467,7 @@ class Turntable:
     parameters: tuple[Parameter, ...] = (
         Parameter(name="turn", default=2.0, low=0.01, high=100.0, unit="rad/s", in_id=True, help="angular speed of the plane"),
         Parameter(name="speed", default=0.7, low=1e-3, high=100.0, unit="m/s", help="of the ball"),
-        Parameter(name="mu", default=1.0, low=0.0, low_open=True, high=10.0, unit="-", help="friction coefficient"),
+        Parameter.positive("mu", 1.0, high=10.0, unit="-", help="friction coefficient"),
         STEP,
         CONTACT_DT,
     )  # fmt: skip
@@ -567,9 +559,7 @@ LASTS = 0.6
 SPIN = 2.5
 """About the normal [rad/s], of spheres that spin."""
 
-MU_R = Parameter(
-    name="mu_r", default=0.1, low=0.0, low_open=True, high=0.5, unit="-", help="coefficient of the resistance to rolling, to twisting"
-)  # fmt: skip
+MU_R = Parameter.positive("mu_r", 0.1, high=0.5, unit="-", help="coefficient of the resistance to rolling, to twisting")  # fmt: skip
 KR = Parameter(
     name="kr", default=6.0, low=0.1, high=1e3, unit="N m/rad", help="stiffness of an elastic-plastic resistance"
 )

@@ -78,7 +78,7 @@ class Stack:
         Parameter(name="heap", default="tetrahedron", choices=tuple(LEGS), in_id=True, help="three or four spheres bear one"),
         Parameter(name="share", default=1.2, low=0.0, high=100.0, unit="-", in_id=True,
                   help="friction coefficient over the least one with which the heap stands"),
-        Parameter(name="dt", default=2e-3, low=0.0, low_open=True, high=1e-2, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 2e-3, high=1e-2, unit="s", help="step; sampling of spring engines"),
         Parameter(name="duration", default=0.25, low=0.05, high=10.0, unit="s", help="length of the run"),
         CONTACT_DT,
     )  # fmt: skip

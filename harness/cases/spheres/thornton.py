@@ -75,7 +75,7 @@ class Thornton:
         Parameter(name="law", default="linear", choices=("linear", "hertz"), in_id=True, help="linear: rigid engines run it as well"),
         Parameter(name="incidence", default=4.0, low=0.01, high=100.0, unit="-", in_id=True, help="2 tan(angle)/(mu (1 + e))"),
         Parameter(name="restitution", default=1.0, low=0.1, high=1.0, unit="-", help="coefficient of restitution"),
-        Parameter(name="dt", default=1e-3, low=0.0, low_open=True, high=1e-2, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 1e-3, high=1e-2, unit="s", help="step; sampling of spring engines"),
         CONTACT_DT,
     )  # fmt: skip
 

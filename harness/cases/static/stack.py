@@ -66,11 +66,8 @@ class Stack:
             help="without overlaps and forces, or, for elastic contacts, with those of equilibrium",
         ),
         Parameter(name="n", default=4, low=1, high=20, whole=True, help="disks of the column"),
-        Parameter(name="dt", default=0.01, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
-        Parameter(
-            name="duration", default=None, optional=True, low=0.0, low_open=True, unit="s",
-            help="length of the run; none: 1 s, or 0.1 s from equilibrium",
-        ),
+        Parameter.positive("dt", 0.01, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("duration", None, unit="s", help="length of the run; none: 1 s, or 0.1 s from equilibrium"),
         GRAVITY,
         Parameter(name="kn", default=1e6, low=1e4, unit="N/m", help="normal stiffness of spring engines"),
         CONTACT_DT,

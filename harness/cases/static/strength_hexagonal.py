@@ -54,7 +54,7 @@ class HexagonalCell:
         Parameter(name="speed", default=0.01, low=-0.1, high=0.1, unit="m/s", in_id=True, help="velocity of either wall, outwards"),
         Parameter(name="mu", default=0.3, low=0.0, high=2.0, unit="-", help="friction between the disks"),
         Parameter(name="angle_deg", default=35.0, low=30.0, low_open=True, high=89.0, unit="deg", help="lines of centres to the vertical"),
-        Parameter(name="dt", default=1e-3, low=0.0, low_open=True, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 1e-3, unit="s", help="step; sampling of spring engines"),
         Parameter(name="steps", default=1000, low=20, whole=True, help="steps of the run"),
         GRAVITY,
         Parameter(name="kn", default=1e6, low=1e4, unit="N/m", help="normal and shear stiffness of spring engines"),

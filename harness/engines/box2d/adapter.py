@@ -7,24 +7,10 @@ One step detects contacts at its begin, solves for velocities and then moves pos
 from __future__ import annotations
 
 from ninedisk.core.options import Option
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import OF_RIGID, Capability
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
-CAPABILITIES = frozenset(
-    {
-        Capability.FRICTION,
-        Capability.RESTITUTION,
-        Capability.MOVING_WALLS,
-        Capability.ROTATING_WALLS,
-        Capability.CURVED_WALL_MOTION,
-        Capability.GRAVITY,
-        Capability.BLOCKED_ROTATION,
-        Capability.FIXED_DISKS,
-        Capability.DISK_INERTIA,
-        Capability.MATERIALS,
-        Capability.BODY_FORCES,
-    }
-)
+CAPABILITIES = OF_RIGID | {Capability.DISK_INERTIA, Capability.MATERIALS, Capability.BODY_FORCES}
 
 RIGID_BODIES = "https://box2d.org/documentation/"
 """States that bodies are rigid and that contacts prevent penetration by impulses."""

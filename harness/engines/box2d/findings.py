@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="box2d/elastic-bounces-grow",
-        engine="box2d",
         versions="2.3.10",
         what=(
             "A disk with restitution 1 bounces higher every time: the step of the impact adds gravity's whole step to the approach, and "
@@ -23,11 +22,9 @@ FINDINGS = (
             ),
         ),
         thread="https://github.com/erincatto/box2d/issues/167",
-        command="ninedisk run impact/bouncing-disk --engine box2d --set restitution=1",
     ),
     Finding(
         id="box2d/single-precision",
-        engine="box2d",
         versions="2.3.10",
         what=(
             "Single precision: seen by an observer who moves along at three metres a second, a slow slide is right to four digits only."
@@ -41,11 +38,9 @@ FINDINGS = (
             over_why="double precision leaves 1e-12 of the slide's speed beside the observer's",
         ),
         documented="the type float32 of its API",
-        command="ninedisk run invariance/galilei --engine box2d --set scene=slide",
     ),
     Finding(
         id="box2d/order-of-bodies",
-        engine="box2d",
         versions="2.3.10",
         what="Told in another order, the disks of a pile move otherwise from the first step on in which several touch each other.",
         size=Size(
@@ -56,6 +51,5 @@ FINDINGS = (
             over=1.6e-4,
             over_why="what eight roundings of single precision in the step in which it begins can be, in radii",
         ),
-        command="ninedisk determinism --engine box2d",
     ),
 )

@@ -12,26 +12,16 @@ from typing import Any
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.spheres.scene import SphereScene
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import OF_RIGID, Capability
 from ninedisk.harness.engines.bullet.space import IN_SPACE, refused_in_space
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
-CAPABILITIES = frozenset(
-    {
-        Capability.FRICTION,
-        Capability.RESTITUTION,
-        Capability.MOVING_WALLS,
-        Capability.ROTATING_WALLS,
-        Capability.CURVED_WALL_MOTION,
-        Capability.GRAVITY,
-        Capability.BLOCKED_ROTATION,
-        Capability.FIXED_DISKS,
-        Capability.DISK_INERTIA,
-        Capability.BODY_FORCES,
-        Capability.SPHERES,
-        Capability.TWISTING_CONSTANT,
-    }
-)
+CAPABILITIES = OF_RIGID | {
+    Capability.DISK_INERTIA,
+    Capability.BODY_FORCES,
+    Capability.SPHERES,
+    Capability.TWISTING_CONSTANT,
+}
 
 OPTIONS = {
     "iterations": Option(

@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="bullet/elastic-bounces-grow",
-        engine="bullet",
         versions="3.2.7",
         what=(
             "A disk with restitution 1 bounces higher every time: the step of the impact adds gravity's whole step to the approach, and "
@@ -22,11 +21,9 @@ FINDINGS = (
                 " to bounce"
             ),
         ),
-        command="ninedisk run impact/bouncing-disk --engine bullet --set restitution=1",
     ),
     Finding(
         id="bullet/overlap-of-impact-stays",
-        engine="bullet",
         versions="3.2.7",
         what=(
             "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
@@ -43,11 +40,9 @@ FINDINGS = (
                 "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
             ),
         ),
-        command="ninedisk run impact/bouncing-disk --engine bullet --set restitution=0",
     ),
     Finding(
         id="bullet/own-erp-adds-energy",
-        engine="bullet",
         versions="3.2.7",
         what=(
             "With Bullet's own error reduction (contact_erp 0.2) what takes an overlap out stays in the momentum: restitution 1 becomes "
@@ -69,7 +64,6 @@ FINDINGS = (
     ),
     Finding(
         id="bullet/friction-pyramid",
-        engine="bullet",
         versions="3.2.7",
         what=(
             "Without the implicit cone (enableConeFriction = 0) friction is a pyramid along the axes of space: across its edges it is 1.41 "
@@ -88,7 +82,6 @@ FINDINGS = (
     ),
     Finding(
         id="bullet/order-of-walls",
-        engine="bullet",
         versions="3.2.7",
         what=(
             "Walls told in another order part spheres by a millionth of their radius within steps, spheres told in another order by a "

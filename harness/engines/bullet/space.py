@@ -5,25 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ninedisk.core.spheres.scene import SphereScene
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.engines.space import partly_held
 
-IN_SPACE = frozenset(
-    {
-        Capability.SPHERES,
-        Capability.FRICTION,
-        Capability.RESTITUTION,
-        Capability.MOVING_WALLS,
-        Capability.ROTATING_WALLS,
-        Capability.CURVED_WALL_MOTION,
-        Capability.GRAVITY,
-        Capability.BLOCKED_ROTATION,
-        Capability.FIXED_DISKS,
-        Capability.HELD_MOTION,
-        Capability.ROLLING_CONSTANT,
-        Capability.TWISTING_CONSTANT,
-    }
-)
+IN_SPACE = OF_RIGID_SPHERES | {Capability.ROLLING_CONSTANT, Capability.TWISTING_CONSTANT}
 
 
 def refused_in_space(scene: SphereScene) -> list[str]:

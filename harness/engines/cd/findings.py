@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="cd/sliding-lifts",
-        engine="cd",
         versions="0.1.0",
         what=(
             "Under the source's associated rule a sliding particle leaves the surface, mu v dt high; sliding=coulomb does not."
@@ -19,11 +18,9 @@ FINDINGS = (
             over_why="under Coulomb's law friction lifts nothing; other engines leave the particle where it is, to round-off",
         ),
         documented="docs/notation.md: the associated rule (A.2)",
-        command="ninedisk run sliding/dynamic --engine cd --set dt=0.01 --set g0=0",
     ),
     Finding(
         id="cd/restitution-depends-on-phase",
-        engine="cd",
         versions="0.1.0",
         what=(
             "Under the theta scheme's own impact law the restitution depends on the moment of the impact within its step: e = 1 only "
@@ -42,7 +39,6 @@ FINDINGS = (
     ),
     Finding(
         id="cd/ratchet",
-        engine="cd",
         versions="0.1.0",
         what=(
             "With slip_at=end a contact that goes to and fro on one path does not return to the shear force that it began with; "
@@ -58,6 +54,5 @@ FINDINGS = (
             over_why="net slip is 0; with slip_at=middle the solver's 2e-6 remain",
         ),
         documented="docs/notation.md: slip_at",
-        command="ninedisk run contact/retraced-loop --engine cd --set slip_at=end",
     ),
 )

@@ -15,26 +15,16 @@ from typing import Any
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.spheres.scene import SphereScene
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
-from ninedisk.harness.engines.dart.space import IN_SPACE
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.space import driven_spheres, partly_held
 
-CAPABILITIES = frozenset(
-    {
-        Capability.FRICTION,
-        Capability.RESTITUTION,
-        Capability.MOVING_WALLS,
-        Capability.ROTATING_WALLS,
-        Capability.CURVED_WALL_MOTION,
-        Capability.GRAVITY,
-        Capability.BLOCKED_ROTATION,
-        Capability.DISK_INERTIA,
-        Capability.BODY_FORCES,
-        Capability.SPHERES,
-    }
-)
+CAPABILITIES = (OF_RIGID - {Capability.FIXED_DISKS}) | {
+    Capability.DISK_INERTIA,
+    Capability.BODY_FORCES,
+    Capability.SPHERES,
+}
 
 NO_SPRINGS = "https://dartsim.github.io/dart/v6.13.2/"
 """States that contacts are complementarity conditions that guarantee non-penetration."""
@@ -79,7 +69,7 @@ class DartEngine(RigidPackageEngine):
     id = "dart"
     session = "ninedisk.harness.engines.dart.session:DartSession"
     session_in_space = "ninedisk.harness.engines.dart.space_session:DartSpaceSession"
-    in_space = IN_SPACE
+    in_space = OF_RIGID_SPHERES
     distribution = "dartpy"
     facts = FACTS
 

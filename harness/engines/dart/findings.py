@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="dart/contacts-give-way",
-        engine="dart",
         versions="6.20.0",
         what=(
             "Every contact constraint is regularised (constraint force mixing): an elastic gas cools with every collision."
@@ -22,7 +21,6 @@ FINDINGS = (
     ),
     Finding(
         id="dart/elastic-bounces-grow",
-        engine="dart",
         versions="6.20.0",
         what=(
             "A disk with restitution 1 bounces higher every time: the step of the impact adds gravity's whole step to the approach, and "
@@ -39,11 +37,9 @@ FINDINGS = (
                 " to bounce"
             ),
         ),
-        command="ninedisk run impact/bouncing-disk --engine dart --set restitution=1",
     ),
     Finding(
         id="dart/overlap-of-impact-stays",
-        engine="dart",
         versions="6.20.0",
         what=(
             "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
@@ -60,11 +56,9 @@ FINDINGS = (
                 "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
             ),
         ),
-        command="ninedisk run impact/bouncing-disk --engine dart --set restitution=0",
     ),
     Finding(
         id="dart/creeps-at-rest",
-        engine="dart",
         versions="6.20.0",
         what="Friction is regularised (constraint force mixing): a block that should stick creeps down the incline at a steady rate.",
         size=Size(
@@ -75,11 +69,9 @@ FINDINGS = (
             over=1e-9,
             over_why="a stuck block rests; engines with rigid contacts or shear springs leave it where it is, to round-off",
         ),
-        command="ninedisk run incline-block --engine dart --set mu=0.4 --set dt=0.01",
     ),
     Finding(
         id="dart/arm-less-the-overlap",
-        engine="dart",
         versions="6.20.0",
         what=(
             "Friction of a sphere on a plane acts at the plane, at an arm that the overlap shortens: after an impact, whose step made an "
@@ -93,11 +85,9 @@ FINDINGS = (
             over=1e-4,
             over_why="contacts give way by 1e-5, twice in an elastic impact; Bullet and Siconos spin up to round-off",
         ),
-        command="ninedisk run spheres/thornton --engine dart --set law=linear --set incidence=9",
     ),
     Finding(
         id="dart/friction-pyramid",
-        engine="dart",
         versions="6.20.0",
         what=(
             "With DART's own solver, dantzig, friction is a pyramid along the axes of space: across its edges it is 1.41 times mu fn and "

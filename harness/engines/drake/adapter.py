@@ -20,7 +20,6 @@ from ninedisk.core.scene import Scene
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, Support, SupportLevel
-from ninedisk.harness.engines.drake.space import IN_SPACE
 from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.plane import OF_SLIP, no_contact_can_slip
 
@@ -46,7 +45,10 @@ RIGID = frozenset(
         Capability.SPHERES,
     }
 )
-"""Of the discrete plants: their walls rest, and all they know of impacts is dissipation."""
+"""Of the discrete plants: their walls rest, and all they know of impacts is dissipation.
+
+Planes in space rest as well: in the solver's tolerance, part of all momenta together, those of a wall too heavy to be moved would hide the
+spheres'."""
 
 REGULARISED = "https://drake.mit.edu/doxygen_cxx/group__stribeck__approximation.html"
 """States that friction is a continuous function of the slip velocity."""
@@ -142,7 +144,7 @@ class DrakeDiscreteEngine(RigidPackageEngine):
     Their contacts have the scene's stiffness and keep its overlaps; without them they would land first.
     """
 
-    in_space = IN_SPACE
+    in_space = RIGID - {Capability.DISK_INERTIA}
     preload_note = "the shear forces of the preload are left out, its overlaps are kept: there is no shear spring"
 
     distribution = "drake"

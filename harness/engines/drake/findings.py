@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="drake-sap/sliding-lifts",
-        engine="drake-sap",
         versions="1.51.1",
         what=(
             "A sliding body leaves the surface: the convex model (SAP) couples slip and opening, and the body glides about mu v dt high."
@@ -18,11 +17,9 @@ FINDINGS = (
             over=1e-09,
             over_why="under Coulomb's law friction lifts nothing; other engines leave the particle where it is, to round-off",
         ),
-        command="ninedisk run sliding/dynamic --engine drake-sap --set dt=0.01 --set g0=0",
     ),
     Finding(
         id="drake-sap/slips-on-in-flight",
-        engine="drake-sap",
         versions="1.51.1",
         what=(
             "A thrown disk takes off and flies: what does not touch is not slowed down, and it slips on where friction would have taken a "
@@ -40,7 +37,6 @@ FINDINGS = (
     ),
     Finding(
         id="drake-lagged/slides-without-friction-at-first",
-        engine="drake-lagged",
         versions="1.51.1",
         what=(
             "The bound of friction is mu times the normal force of the step before: a block that is put down without load slides freely "
@@ -58,7 +54,6 @@ FINDINGS = (
     ),
     Finding(
         id="drake-lagged/overlap-of-impact-stays",
-        engine="drake-lagged",
         versions="1.51.1",
         what=(
             "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
@@ -75,11 +70,9 @@ FINDINGS = (
                 "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
             ),
         ),
-        command="ninedisk run impact/bouncing-disk --engine drake-lagged --set restitution=0",
     ),
     Finding(
         id="drake-sap/creeps-at-rest",
-        engine="drake-sap",
         versions="1.51.1",
         what="Friction is a regularised function of the slip velocity: a block that should stick creeps down the incline at a steady rate.",
         size=Size(
@@ -91,11 +84,9 @@ FINDINGS = (
             over_why="a stuck block rests; engines with rigid contacts or shear springs leave it where it is, to round-off",
         ),
         documented="https://drake.mit.edu/doxygen_cxx/group__stribeck__approximation.html",
-        command="ninedisk run incline-block --engine drake-sap --set mu=0.4 --set dt=0.01",
     ),
     Finding(
         id="drake-lagged/creeps-at-rest",
-        engine="drake-lagged",
         versions="1.51.1",
         what="Friction is a regularised function of the slip velocity: a block that should stick creeps down the incline at a steady rate.",
         size=Size(
@@ -107,11 +98,9 @@ FINDINGS = (
             over_why="a stuck block rests; engines with rigid contacts or shear springs leave it where it is, to round-off",
         ),
         documented="https://drake.mit.edu/doxygen_cxx/group__stribeck__approximation.html",
-        command="ninedisk run incline-block --engine drake-lagged --set mu=0.4 --set dt=0.01",
     ),
     Finding(
         id="drake-sap/forces-chatter",
-        engine="drake-sap",
         versions="1.51.1",
         what="A sliding block flies and lands again: the contact force swings between nothing and twice the load, right only on average.",
         size=Size(
@@ -122,11 +111,9 @@ FINDINGS = (
             over=1e-3,
             over_why="the normal force of a sliding block is m g cos at every step, in other engines to 1e-7",
         ),
-        command="ninedisk run incline-block --engine drake-sap --set mu=0.36",
     ),
     Finding(
         id="drake-lagged/friction-of-a-heap-fades",
-        engine="drake-lagged",
         versions="1.51.1",
         what=(
             "A heap of spheres that slides comes down a fifth farther than it should in a quarter of a second: friction over the normal "

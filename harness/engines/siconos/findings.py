@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="siconos/elastic-gas-gains-energy",
-        engine="siconos",
         versions="4.5.0",
         what=(
             "An elastic gas gains energy: restitution takes the approach along the line of centres at the begin of a step, the impulse "
@@ -23,7 +22,6 @@ FINDINGS = (
     ),
     Finding(
         id="siconos/lemke-takes-another-contacts-friction",
-        engine="siconos",
         versions="4.5.0",
         what=(
             "Lemke's method (fc2d_lemke) sets its problem up with the wrong contact's friction coefficient where coefficients differ, and"
@@ -41,7 +39,6 @@ FINDINGS = (
     ),
     Finding(
         id="siconos/overlap-of-impact-stays",
-        engine="siconos",
         versions="4.5.0",
         what=(
             "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
@@ -58,6 +55,5 @@ FINDINGS = (
                 "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
             ),
         ),
-        command="ninedisk run impact/bouncing-disk --engine siconos --set restitution=0",
     ),
 )

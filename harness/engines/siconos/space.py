@@ -7,24 +7,10 @@ import numpy as np
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.core.validate import FloatArray
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.engines.space import PlanePoses, twists
 
-IN_SPACE = frozenset(
-    {
-        Capability.SPHERES,
-        Capability.FRICTION,
-        Capability.RESTITUTION,
-        Capability.MOVING_WALLS,
-        Capability.ROTATING_WALLS,
-        Capability.CURVED_WALL_MOTION,
-        Capability.GRAVITY,
-        Capability.BLOCKED_ROTATION,
-        Capability.FIXED_DISKS,
-        Capability.HELD_MOTION,
-        Capability.MATERIALS,
-    }
-)
+IN_SPACE = OF_RIGID_SPHERES | {Capability.MATERIALS}
 
 NOTE_LEMKE = "Lemke's method is one of the plane, whose friction is no cone: leave siconos.solver at nsgs"
 

@@ -5,7 +5,6 @@ from ninedisk.harness.api.finding import Finding, Size
 FINDINGS = (
     Finding(
         id="yade/first-order-turn",
-        engine="yade",
         versions="2023.02a",
         what=(
             "ScGeom::rotate turns a shear force with the contact normal to first order: it grows by half the square of the rotation in "
@@ -19,11 +18,9 @@ FINDINGS = (
             over=0.0001,
             over_why="forces turn with the box unchanged: 1e-13 where the rotation is exact, 2e-6 of an iterative solver",
         ),
-        command="ninedisk run invariance/objectivity --engine yade",
     ),
     Finding(
         id="yade/ratchet",
-        engine="yade",
         versions="2023.02a",
         what=(
             "A contact that goes to and fro on one path does not return to the shear force that it began with: slip of half steps is "
@@ -41,11 +38,9 @@ FINDINGS = (
                 "iterative solver"
             ),
         ),
-        command="ninedisk run contact/retraced-loop --engine yade --set kind=wall --set slip_at=middle",
     ),
     Finding(
         id="yade/one-lever-arm",
-        engine="yade",
         versions="2023.02a",
         what=(
             "The lever arm of shear forces is always R - overlap/2: at dense packing it differs from a law with arm R by per cents of the"
@@ -62,11 +57,9 @@ FINDINGS = (
                 " %"
             ),
         ),
-        command="ninedisk run nine-disk/distortion --engine yade --set lever_arm=radius",
     ),
     Finding(
         id="yade/dashpot-never-pulls",
-        engine="yade",
         versions="2023.02a",
         what=(
             "Dashpots of spheres (MindlinPhys, ViscElPhys) are cut off where they would pull, though their damping ratio is derived for "
@@ -81,11 +74,9 @@ FINDINGS = (
             over_why="the step's own error is below 2e-3 of the restitution, and the damping ratio has it exactly where dashpots may pull",
             fails=True,
         ),
-        command="ninedisk run spheres/chung-ooi/3 --engine yade --set restitution=0.2",
     ),
     Finding(
         id="yade/springs-turn-with-twist",
-        engine="yade",
         versions="2023.02a",
         what=(
             "Bending moments of a sphere that twists turn with half of its spin about the normal: the torque that resists rolling leaves "
@@ -99,6 +90,5 @@ FINDINGS = (
             over=0.01,
             over_why="swings of an unloaded shear spring: 0.0034 of 0.4 m/s",
         ),
-        command="ninedisk run spheres/rolling-resistance --engine yade --set model=elastic-plastic --set plane=twisting",
     ),
 )

@@ -88,16 +88,6 @@ def test_the_incline_meets_the_exact_steps(mu):
 
 
 @needs_bullet
-@pytest.mark.parametrize(("dt", "onset"), [(0.01, 0.12), (0.005, 0.115), (0.0025, 0.1125)])
-def test_slip_ends_in_the_right_step(dt, onset):
-    result = run_case("slip-to-roll", engine="bullet", params={"mu": 0.3, "dt": dt})
-    assert result.status == "pass"
-    scalars = result.observed.scalars
-    assert scalars["slip_end"][1] == pytest.approx(onset, abs=1e-12)
-    assert scalars["vx_final"][1] == pytest.approx(2.0 / 3.0, rel=1e-12)
-
-
-@needs_bullet
 def test_plastic_disks_bounce_off_an_elastic_wall(rigid):
     disks = Disks(x=[[0.0, 0.0], [1.05, 0.0]], v=[[1.0, 0.0], [0.0, 0.0]], radius=0.5, mass=2.0)
     back = Wall(name="back", point=(1.6, 0.0), normal=(-1.0, 0.0), law=rigid(restitution=1.0))

@@ -111,9 +111,7 @@ def test_a_stack_carries_its_weight(rigid):
 
 
 @needs_dart
-def test_a_disk_has_its_own_inertia_and_turns_on(rigid, on_plane):
-    scene = on_plane(rigid(mu=0.3), v=(1.0, 0.0), rotating=True)
-    assert run(scene).history.omega[-1, 0] == pytest.approx(-2.0 / 3.0 / 0.5, rel=SOFT)  # a sphere would roll at 5/7
+def test_a_free_disk_turns_on(rigid, on_plane):
     free = run(on_plane(rigid(), height=1.0, g=0.0, rotating=True, omega=40.0)).history
     np.testing.assert_allclose(free.angle[-1, 0], 40.0, rtol=1e-12)
 
@@ -146,12 +144,3 @@ def test_the_incline_is_that_of_semi_implicit_euler(dt):
     stuck = run_case("incline-block", engine="dart", params={"mu": 0.4, "dt": dt})
     assert stuck.status == "pass"
     assert stuck.observed.scalars["creep_rate"][1] == pytest.approx(FORCE_MIXING * gravity * dt * 0.342, rel=1e-2)
-
-
-@needs_dart
-@pytest.mark.parametrize(("dt", "onset"), [(0.01, 0.12), (0.005, 0.115), (0.0025, 0.1125)])
-def test_slip_ends_in_the_right_step(dt, onset):
-    result = run_case("slip-to-roll", engine="dart", params={"mu": 0.3, "dt": dt})
-    assert result.status == "pass"
-    assert result.observed.scalars["slip_end"][1] == pytest.approx(onset, abs=1e-12)
-    assert result.observed.scalars["vx_final"][1] == pytest.approx(2.0 / 3.0, rel=SOFT)

@@ -222,17 +222,6 @@ def test_oblique_damped_collision_with_friction(form: str) -> None:
     assert_same(lammps, core, 1e-6 if form == "lagged" else 1e-3)
 
 
-@needs_lammps
-def test_slip_to_roll_with_spin_beyond_a_turn() -> None:
-    plane = Wall(name="plane", point=(0, 0), normal=(0, 1), law=ContactLaw(kn=1e6, ks=1e6, mu=0.3))
-    disks = Disks(x=[(0.0, 1.0 - 1e-5)], radius=1.0, mass=1.0, v=[(60.0, 0.0)], omega=-90.0)  # type: ignore[arg-type]
-    scene = Scene(disks=disks, disk_disk=ContactLaw(kn=1e6), walls=(plane,), gravity=(0.0, -10.0))
-    lammps, core = both(scene, Numerics(dt=0.01, n_steps=500, sample_every=15), [(0, 1)])
-    assert lammps.step.tolist() == [*range(0, 500, 15), 500]
-    assert abs(core.angle[-1, 0]) > 20 * np.pi
-    assert_same(lammps, core, 1e-8)  # forces carry the round-off of a position that has gone 300 m
-
-
 def every_motion(law: ContactLaw) -> tuple[Wall, ...]:
     """Walls with every kind of motion; one turns about two pivots in turn."""
     shaking = WallSegment(duration=0.3, amplitude=(0.2, 0.1), frequency=20.0, phase=0.4)

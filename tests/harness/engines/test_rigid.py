@@ -14,6 +14,7 @@ import pytest
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
+from ninedisk.harness import run_case
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, SupportLevel, run_session
 from ninedisk.harness.api.registry import get_engine
@@ -395,6 +396,15 @@ def test_disks_that_cannot_turn_keep_their_spin(case: Case, rigid: Law, on_plane
     np.testing.assert_array_equal(history.omega[:, 0], 0.75)
     if case.engine.id == "box2d":
         assert history.angle[-1, 0] == pytest.approx(0.75, rel=1e-5)
+
+
+@pytest.mark.parametrize("case", ["bullet", "dart"], indirect=True)
+@pytest.mark.parametrize(("dt", "onset"), [(0.01, 0.12), (0.005, 0.115), (0.0025, 0.1125)])
+def test_slip_ends_in_the_right_step(case: Case, dt: float, onset: float) -> None:
+    result = run_case("slip-to-roll", engine=case.engine.id, params={"mu": 0.3, "dt": dt})
+    assert result.status == "pass"
+    assert result.observed.scalars["slip_end"][1] == pytest.approx(onset, abs=1e-12)
+    assert result.observed.scalars["vx_final"][1] == pytest.approx(2.0 / 3.0, rel=case.expected.speed)
 
 
 @each

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +88,9 @@ EXPECTED = {
     ),
     "esys-particle": Expected(licence="Apache-2.0", settings={"grid spacing [m]": 125.0}, long=200_000, rough=False),
 }
+
+YADES = {"lever_arm": "overlap", "wall_velocity_at": "mid-overlap", "slip_at": "end"}
+"""YADE's conventions of a contact."""
 
 
 @pytest.fixture
@@ -178,6 +181,19 @@ def test_collision_is_the_in_house_dem(engine: Any) -> None:
     core = simulate(setup.scene, numerics, setup.watch)
     for name in ("x", "v"):
         assert np.abs(getattr(history, name) - getattr(core, name)).max() <= EXPECTED[engine.id].collision, name
+
+
+@pytest.mark.parametrize(("engine", "conventions"), [("lammps", {}), ("yade", YADES)], indirect=["engine"])
+def test_slip_to_roll_with_spin_beyond_a_turn(engine: Any, conventions: Any) -> None:
+    law = ContactLaw(kn=1e6, ks=1e6, mu=0.3, **conventions)
+    plane = Wall(name="plane", point=(0, 0), normal=(0, 1), law=law)
+    disks = Disks(x=[(0.0, 1.0 - 1e-5)], radius=1.0, mass=1.0, v=[(60.0, 0.0)], omega=-90.0)  # type: ignore[arg-type]
+    scene = Scene(disks=disks, disk_disk=replace(law, mu=0.0), walls=(plane,), gravity=(0.0, -10.0))
+    numerics = Numerics(dt=0.01, n_steps=500, sample_every=15)
+    history, core = engine.run(scene, numerics, [(0, 1)]).history, simulate(scene, numerics, [(0, 1)])
+    assert history.step.tolist() == [*range(0, 500, 15), 500]
+    assert abs(core.angle[-1, 0]) > 20 * np.pi
+    assert_same(history, core, 1e-8)  # forces carry the round-off of a position that has gone 300 m
 
 
 @engines()

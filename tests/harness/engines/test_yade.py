@@ -106,17 +106,6 @@ def test_damped_oblique_collision_with_initial_overlap() -> None:
 
 
 @needs_yade
-def test_slip_to_roll_with_spin_beyond_a_turn() -> None:
-    plane = Wall(name="plane", point=(0, 0), normal=(0, 1), law=law(kn=1e6, ks=1e6, mu=0.3))
-    disks = Disks(x=[(0.0, 1.0 - 1e-5)], radius=1.0, mass=1.0, v=[(60.0, 0.0)], omega=-90.0)  # type: ignore[arg-type]
-    scene = Scene(disks=disks, disk_disk=law(kn=1e6), walls=(plane,), gravity=(0.0, -10.0))
-    yade, core = both(scene, Numerics(dt=0.01, n_steps=500, sample_every=15), [(0, 1)])
-    assert yade.step.tolist() == [*range(0, 500, 15), 500]
-    assert abs(core.angle[-1, 0]) > 20 * np.pi
-    assert_same(yade, core, 1e-8)  # forces carry the round-off of a position that has gone 300 m
-
-
-@needs_yade
 def test_oblique_walls_with_every_kind_of_motion() -> None:
     rough = law(kn=1e4, ks=1e4, mu=0.3)
     shaking = WallSegment(duration=0.3, amplitude=(0.2, 0.1), frequency=20.0, phase=0.4)
