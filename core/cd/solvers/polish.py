@@ -33,22 +33,19 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
-from ninedisk.core.cd.solvers.factorise import MOST_CHANGED, UnsymmetricMatrix, times
+from ninedisk.core.cd.problem_kernels import body_velocities, contact_velocities
+from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix
 from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
 from ninedisk.core.cd.solvers.outcome import Stopwatch
+from ninedisk.core.cd.solvers.polish_kernels import MINUS, OPEN, PLUS, STICK, next_kink
+from ninedisk.core.cd.solvers.unsymmetric_kernels import forces_of_velocities, load_of_velocities
 
 IntArray = NDArray[np.int64]
 
-OPEN, STICK, PLUS, MINUS = range(4)
-"""Statuses: slip has ``q = mu p`` or ``q = -mu p``; a smooth contact that is closed counts as PLUS."""
 SIDE = np.array([0.0, 0.0, 1.0, -1.0])
 """Sign of the friction force of slip."""
-INSIDE = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 0.0, -1.0]])
-"""Signs of the margins ``(z_n, mu z_n - z_t, mu z_n + z_t)`` by status; 0 where the margin is no border of it."""
 SOFT = 1e-9
 """Compliance over ``1/rho`` that acts on the change of the forces: below, the digits of its effect are lost to round-off."""
-UPDATED_FROM = 1e-6
-"""Compliance from which on a pivot updates the factors: opening a stiffer contact would cost the digits of the update."""
 PATHS = 8
 """Times the pivots of one path that a polish may take in all: most take one or two paths of a few pivots."""
 FIRST_JITTER, MOST_JITTER = 1e-6, 1e-3
@@ -192,9 +189,9 @@ class Polish:
         problem, rho = self.problem, self.problem.rho[:, None]
         status = statuses(problem, z)
         first, begin, t, ahead = status.copy(), z, 1.0, -1.0
-        crossed: tuple[int, int] | None = None
+        contact = border = -1
         for pivot in range(pivots):
-            if self.clock.over or not (self.factorise(status) if crossed is None else self._turn(crossed[0], status)):
+            if self.clock.over or not self.factorise(status, None if pivot == 0 else contact):
                 return None
             if pivot == 0:
                 ahead = -self._matrix.sign()
@@ -202,25 +199,14 @@ class Polish:
             dr = self.change(error)
             dr = dr + self.change(error - self.response(dr) - self.soft / rho * dr)
             rate = dr + rho * (error - self.response(dr)) - self.soft * dr
-            inside = np.where(problem.mu[:, None] > 0.0, INSIDE[status], INSIDE[status] * [1.0, 0.0, 0.0])
-            margin, growth = inside * _margins(problem, z), inside * _margins(problem, rate)
-            if crossed is not None:
-                # Into the piece that was entered: where the sign of the determinant changes, t turns back.
-                ahead = 1.0 if growth[crossed] > 0.0 else -1.0
-            falling = ahead * growth < 0.0
-            if crossed is not None:
-                falling[crossed] = False
-            with np.errstate(over="ignore"):
-                steps = np.where(falling, np.maximum(margin, 0.0) / np.where(falling, -ahead * growth, 1.0), np.inf)
-            contact, border = divmod(int(np.argmin(steps)), 3)
-            step = float(steps[contact, border])
+            ahead, step, contact, border = next_kink(problem.mu, status, z, rate, ahead, contact, border)
             if ahead < 0.0 and step >= t:
                 ended = self.inside(z - t * rate, status)
                 return (ended, status) if np.isfinite(ended).all() else None
             round_trip = pivot > 0 and (t - 1.0) * (t + ahead * step - 1.0) <= 0.0 and np.array_equal(status, first)
             if t + ahead * step > FAR or (round_trip and _near(z + (1.0 - t) * rate, begin)):
                 return None
-            z, t, crossed = z + ahead * step * rate, t + ahead * step, (contact, border)
+            z, t = z + ahead * step * rate, t + ahead * step
             if border == 0:
                 z[contact, 0] = 0.0
                 closed = PLUS if z[contact, 1] > 0.0 or problem.mu[contact] == 0.0 else MINUS
@@ -233,20 +219,14 @@ class Polish:
                 return self.inside(z, status), status
         return None
 
-    def factorise(self, status: IntArray) -> bool:
-        """Factorise for `change` with these statuses; False if that is impossible."""
-        self._d, self.count = self._blocks(status, np.arange(len(status))), self.count + 1
-        return self._matrix.factorise(self._d)
-
-    def _turn(self, contact: int, status: IntArray) -> bool:
-        """`factorise`, where the status of one contact has changed since."""
-        if self.soft < UPDATED_FROM or self._matrix.changed >= MOST_CHANGED:
-            return self.factorise(status)
-        block = self._blocks(status, np.array([contact]))[0]
-        if not self._matrix.update(contact, block):
-            return self.factorise(status)
-        self._d[contact], self.count = block, self.count + 1
-        return True
+    def factorise(self, status: IntArray, changed: int | None = None) -> bool:
+        """Factorise for `change` with these statuses, if given with that of one contact changed since; False if that is impossible."""
+        self.count += 1
+        if changed is None:
+            self._d = self._blocks(status, np.arange(len(status)))
+        else:
+            self._d[changed] = self._blocks(status, np.array([changed]))[0]
+        return self._matrix.factorise(self._d, changed)
 
     def _blocks(self, status: IntArray, contacts: IntArray) -> FloatArray:
         """Change of the forces per change of the velocities of some contacts, shape (k, 2, 2)."""
@@ -260,16 +240,22 @@ class Polish:
 
     def change(self, u: FloatArray) -> FloatArray:
         """Change ``dr`` of the forces that changes the velocities by ``u``: ``dr = D (u - H dv)`` where ``M dv = H' dr``."""
-        matrix = self._matrix
-        dv = matrix.solve(matrix.h.T @ times(self._d, u).ravel())
-        return times(self._d, u - (matrix.h @ dv).reshape(-1, 2))
+        matrix, bodies = self._matrix, self.problem.bodies
+        load, dr = np.empty((self.problem.n_bodies, 3)), np.empty_like(u)
+        load_of_velocities(bodies, matrix.rows, self._d, u, load)
+        forces_of_velocities(bodies, matrix.rows, self._d, u, matrix.solve(load), dr)
+        return dr
 
     def velocity(self, r: FloatArray) -> FloatArray:
         return self.problem.contact_velocity(self.problem.body_velocity(r), r)
 
     def response(self, dr: FloatArray) -> FloatArray:
         """``W dr``."""
-        return self.velocity(dr) - self.problem.b
+        problem, v, u = self.problem, np.empty((self.problem.n_bodies, 3)), np.empty_like(dr)
+        nothing = np.zeros_like(v)
+        body_velocities(problem.bodies, problem.normal, problem.arms, problem.inverse_mass, nothing, dr, v)
+        contact_velocities(problem.bodies, problem.normal, problem.arms, v, u)
+        return u + problem.compliance * dr
 
     def inside(self, z: FloatArray, status: IntArray) -> FloatArray:
         """``P(z)`` by the statuses."""
@@ -293,7 +279,3 @@ def _steady(before: FloatArray, drift: FloatArray) -> bool:
 def _near(z: FloatArray, other: FloatArray) -> bool:
     """Whether they are the same but for round-off and what the compliance leaves of it."""
     return float(np.abs(z - other).max()) <= SAME * float(np.abs(other).max())
-
-
-def _margins(problem: ContactProblem, z: FloatArray) -> FloatArray:
-    return np.column_stack([z[:, 0], problem.mu * z[:, 0] - z[:, 1], problem.mu * z[:, 0] + z[:, 1]])
