@@ -275,8 +275,8 @@ class UnsymmetricMatrix:
             else _DenseFactors(problem, mass)
         )
 
-    def factorise(self, d: FloatArray, changed: int | None = None) -> bool:
-        """Factorise with the blocks ``d``, shape (c, 2, 2), only those of one contact ``changed`` if given; False if that is impossible."""
+    def factorise(self, d: FloatArray, changed: IntArray | None = None) -> bool:
+        """Factorise with the blocks ``d``, shape (c, 2, 2), of which, if given, those ``changed`` alone are new; False if impossible."""
         return self._factors.update(d, None if changed is None else self._bodies[changed])
 
     def solve(self, right: FloatArray) -> FloatArray:

@@ -85,7 +85,7 @@ class Polish:
 
     def __init__(self, problem: ContactProblem, tolerance: float, clock: Stopwatch) -> None:
         self.problem, self.tolerance, self.clock, self.count = problem, tolerance, clock, 0
-        self.soft = SOFT
+        self.soft, self._made_for = SOFT, np.nan
         self._random = np.random.default_rng(problem.n_contacts)
 
     @cached_property
@@ -190,8 +190,9 @@ class Polish:
         status = statuses(problem, z)
         first, begin, t, ahead = status.copy(), z, 1.0, -1.0
         contact = border = -1
+        self.reached = 1.0, z
         for pivot in range(pivots):
-            if self.clock.over or not self.factorise(status, None if pivot == 0 else contact):
+            if self.clock.over or not self.factorise(status):
                 return None
             if pivot == 0:
                 ahead = -self._matrix.sign()
@@ -207,6 +208,8 @@ class Polish:
             if t + ahead * step > FAR or (round_trip and _near(z + (1.0 - t) * rate, begin)):
                 return None
             z, t = z + ahead * step * rate, t + ahead * step
+            if t < self.reached[0]:
+                self.reached = t, z.copy()
             if border == 0:
                 z[contact, 0] = 0.0
                 closed = PLUS if z[contact, 1] > 0.0 or problem.mu[contact] == 0.0 else MINUS
@@ -219,13 +222,15 @@ class Polish:
                 return self.inside(z, status), status
         return None
 
-    def factorise(self, status: IntArray, changed: int | None = None) -> bool:
-        """Factorise for `change` with these statuses, if given with that of one contact changed since; False if that is impossible."""
+    def factorise(self, status: IntArray) -> bool:
+        """Factorise for `change` with these statuses; False if that is impossible."""
         self.count += 1
-        if changed is None:
-            self._d = self._blocks(status, np.arange(len(status)))
+        if self._made_for != self.soft:
+            self._d, self._made_for, changed = self._blocks(status, np.arange(len(status))), self.soft, None
         else:
-            self._d[changed] = self._blocks(status, np.array([changed]))[0]
+            changed = np.flatnonzero(status != self._status)
+            self._d[changed] = self._blocks(status, changed)
+        self._status = status.copy()
         return self._matrix.factorise(self._d, changed)
 
     def _blocks(self, status: IntArray, contacts: IntArray) -> FloatArray:

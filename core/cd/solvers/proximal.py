@@ -42,7 +42,7 @@ SOLVED = 1e-13
 """Error of a step, over the first forces."""
 NEARER = 0.1
 """Natural map over that at the last polish from which on the next one is worth its pivots."""
-FEW, NEAR = 25, 0.1
+FEW, NEAR = 25, 0.9
 """Pivots of a path up to which the compliance is lowered; error over the first from which on a step that was not solved is kept."""
 SLICE = 1_000
 """Iterations from one start before the other has its turn, the first time; which of the two arrives cannot be told before."""
@@ -218,8 +218,9 @@ class _Walk:
             self.z = self._of(ended[0], held)
             self.soft = max(self.soft * LOWER, SOFT) if self.law.count - count <= FEW else self.soft
             return
-        if after < NEAR * before:
-            self.z = z
+        part, reached = self.law.reached
+        if part * after < NEAR * before:
+            self.z = reached
         self.soft = min(self.soft * RAISE, MOST_SOFT)
 
     def _newton(self, held: FloatArray, error: float) -> tuple[FloatArray, float, int]:
