@@ -294,7 +294,7 @@ class _DenseFactors:
     def __init__(self, problem: ContactProblem, mass: FloatArray) -> None:
         self._h, self._mass = problem.jacobian().toarray(), np.diag(mass.ravel())
 
-    def update(self, d: FloatArray, bodies: IntArray | None) -> bool:
+    def update(self, d: FloatArray, bodies: NDArray[np.int32] | None) -> bool:
         del bodies
         h = self._h.reshape(-1, 2, self._h.shape[1])
         self._matrix = self._mass + self._h.T @ (d @ h).reshape(self._h.shape)
@@ -331,8 +331,8 @@ class SupernodalFactors:
         sizes = below * -(-below // LANES * LANES)
         # Updates stay for those fronts that are not made anew.
         nodes[:-1, UPDATE] = np.cumsum(sizes) - sizes
-        self._panels = np.zeros((2, len(symmetric._factor)))
-        self._updates = np.zeros((2, int(sizes.sum()) + LANES))
+        self._left, self._right = np.zeros((2, len(symmetric._factor)))
+        self._left_update, self._right_update = np.zeros((2, int(sizes.sum()) + LANES))
         self._node = np.empty(graph.n_bodies, dtype=np.int64)
         self._node[symmetric._order] = np.repeat(np.arange(count), nodes[:-1, PIVOTS])
         entries, bodies = symmetric._entries, graph.bodies.astype(np.int64)
@@ -348,23 +348,25 @@ class SupernodalFactors:
         pair = entry[graph.block[k, 0]]
         low = 1 - graph.block[k, 3]
         terms.append((k, np.where(entries[pair, 4] == 1, low, 1 - low), np.ones(len(k), dtype=np.int64), pair))
-        contact, side, kind, place = (np.concatenate(column) for column in zip(*terms, strict=True))
+        contact, whose, kind, place = (np.concatenate(column) for column in zip(*terms, strict=True))
         node = np.searchsorted(nodes[:, ENTRIES], place, side="right") - 1
         order = np.argsort(node, kind="stable")
-        self._terms = np.column_stack([contact, side, kind, entries[place, 3]])[order]
+        self._terms = np.column_stack([contact, whose, kind, entries[place, 3]])[order]
         self._start = np.searchsorted(node[order], np.arange(count + 1)).astype(np.int64)
         self._rows, self._mass, self._due = rows, mass, np.ones(count, dtype=np.bool_)
         self._good = False
 
-    def update(self, d: FloatArray, bodies: IntArray | None) -> bool:
+    def update(self, d: FloatArray, bodies: NDArray[np.int32] | None) -> bool:
         """Factorise with the blocks ``d``, shape (c, 2, 2), which since the last time have changed at contacts of ``bodies`` alone."""
-        tree, self._due[:] = self._tree, bodies is None or not self._good
+        tree = self._tree
+        self._due[:] = bodies is None or not self._good
         if bodies is not None:
             self._due[self._node[bodies[bodies >= 0]]] = True
         self._good = bool(
             factorise_unsymmetric(
                 *(self._nodes, tree._children, tree._place, tree._order, self._terms, self._start),
-                *(self._mass, self._rows, d, self._due, *self._panels, *self._updates),
+                *(self._mass, self._rows, d, self._due),
+                *(self._left, self._right, self._left_update, self._right_update),
             )
         )
         return self._good
@@ -372,9 +374,9 @@ class SupernodalFactors:
     def solve(self, right: FloatArray) -> FloatArray:
         """Solve for a right-hand side of shape (b, 3)."""
         solution, tree = np.empty_like(right), self._tree
-        solve_unsymmetric(self._nodes, tree._rows, tree._order, *self._panels, right, tree._work, solution)
+        solve_unsymmetric(self._nodes, tree._rows, tree._order, self._left, self._right, right, tree._work, solution)
         return solution
 
     def sign(self) -> float:
         """Sign of the determinant."""
-        return float(determinant_sign(self._nodes, self._panels[0]))
+        return float(determinant_sign(self._nodes, self._left))

@@ -86,6 +86,7 @@ class Polish:
     def __init__(self, problem: ContactProblem, tolerance: float, clock: Stopwatch) -> None:
         self.problem, self.tolerance, self.clock, self.count = problem, tolerance, clock, 0
         self.soft, self._made_for = SOFT, np.nan
+        self._status = np.empty(0, dtype=np.int64)
         self._random = np.random.default_rng(problem.n_contacts)
 
     @cached_property

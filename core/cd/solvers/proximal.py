@@ -158,7 +158,7 @@ class _Search:
                 self.solver,
                 self.options,
                 self.iterations,
-                self.best[1],
+                self.best,
                 self.clock,
                 "Coulomb's law need not have a solution that it finds: use gauss-seidel, loosen the tolerance, or raise "
                 "max_iterations or time_limit.",
