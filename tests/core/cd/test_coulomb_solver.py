@@ -172,8 +172,17 @@ def test_auto_takes_what_reaches_the_tolerance(monkeypatch: pytest.MonkeyPatch) 
     limited = ContactSolver("auto", replace(TIGHT, max_iterations=700), "coulomb")
     monkeypatch.setattr(solver_module.ContactSolver, "_equilibrium", lambda *_: None)
     monkeypatch.setattr(proximal, "MAX_ITERATIONS", 3)
-    with pytest.raises(SolverNotConvergedError, match=r"gauss-seidel stopped .* after 700 iterations"):
+    with pytest.raises(SolverNotConvergedError, match=r"gauss-seidel stopped .* after 700 iterations") as caught:
         limited.solve(problem)
+    # The best forces of all methods.
+    forces, figures = caught.value.forces, caught.value.residuals
+    assert forces is not None
+    assert figures is not None
+    assert measure(problem, problem.body_velocity(forces), forces, sliding="coulomb") == figures
+    with pytest.raises(SolverNotConvergedError) as alone:
+        solve_gauss_seidel(problem, limited.options, sliding="coulomb")
+    assert alone.value.residuals is not None
+    assert figures.worst < 0.5 * alone.value.residuals.worst
 
 
 def test_limits_are_kept_and_contradictions_found() -> None:
