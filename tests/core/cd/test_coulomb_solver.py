@@ -150,12 +150,14 @@ def test_the_matrix_is_that_of_the_dense_product(problem: ContactProblem) -> Non
     # Blocks changed one by one, some of them twice, some so stiff that the others are round-off beside them.
     for k in (0, 3, 1, 3, 5, 0):
         d[k] = rng.normal(0.0, 10.0 ** rng.uniform(0.0, 6.0) if k != 3 else 1.0, (2, 2))
-        assert matrix.factorise(d, k)
+        assert matrix.factorise(d, np.array([k]))
         check()
     d[0, 0, 0] = np.nan
-    assert not matrix.factorise(d, 0)
+    assert not matrix.factorise(d, np.array([0]))
     d[0] = np.eye(2)
-    assert matrix.factorise(d, 0)  # after one in vain all is made anew
+    # After one in vain all is made anew.
+    assert matrix.factorise(d, np.array([5]))
+    check()
     check()
 
 
