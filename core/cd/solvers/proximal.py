@@ -147,6 +147,8 @@ class _Search:
         self.law.soft = SOFT
         if not self.over and (exact := self.law.improve(r, pivots, paths=1)):
             self.best = exact
+        elif self.best and self.law.best and self.law.best[1].worst < self.best[1].worst:
+            self.best = self.law.best
         return self.found
 
     def result(self) -> SolverResult:
