@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from ninedisk.core.array_types import FloatArray
+
 
 class CoreError(ValueError):
     """Base of every error that the core raises on purpose."""
@@ -69,11 +71,20 @@ class SolverNotConvergedError(CoreError):
         Iterations done.
     residuals : Figures or None
         The best figures reached, at any iteration; None where a sequence of solved problems did not settle.
+    forces : ndarray, shape (c, 2), or None
+        Contact forces with these figures, where one problem was not solved: no solution, and perhaps good enough for something else.
     """
 
-    def __init__(self, message: str, *, iterations: int = 0, residuals: Figures | None = None) -> None:
+    def __init__(
+        self,
+        message: str,
+        *,
+        iterations: int = 0,
+        residuals: Figures | None = None,
+        forces: FloatArray | None = None,
+    ) -> None:
         super().__init__(message)
-        self.iterations, self.residuals = iterations, residuals
+        self.iterations, self.residuals, self.forces = iterations, residuals, forces
 
 
 class NoEquilibriumError(CoreError):

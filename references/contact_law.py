@@ -284,13 +284,11 @@ def _errors(
 
 
 def _nearest(p: FloatArray, q: FloatArray, mu: FloatArray) -> FloatArray:
-    """The point of each cone nearest to (p, q): itself, or the best one of the two rays that bound it, or its tip."""
-    best, away = np.zeros((len(mu), 2)), p * p + q * q
-    for side in (mu, -mu):
-        along = np.maximum(p + side * q, 0.0) / (1.0 + side * side)
-        far = (p - along) ** 2 + (q - side * along) ** 2
-        closer = far < away
-        best[closer], away = np.column_stack([along, side * along])[closer], np.minimum(far, away)
+    """The point of each cone nearest to (p, q): itself, or that on the ray towards q, or the tip."""
+    # Distances are not compared: their squares do not see a small force beside a large velocity.
+    side = np.where(q < 0.0, -mu, mu)
+    along = np.maximum(p + side * q, 0.0) / (1.0 + side * side)
+    best = np.column_stack([along, side * along])
     inside = (p >= 0.0) & (np.abs(q) <= mu * p)
     best[inside] = np.column_stack([p, q])[inside]
     return best

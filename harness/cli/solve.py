@@ -116,16 +116,16 @@ def execute(
         errors = judge(found, answer, rule)
     else:
         for share in (1.0, 0.1):  # solvers stop by figures of their own, which may be somewhat smaller
-            solved = _solved(found, solver, replace(options, tolerance=share * tolerance), rule)
-            if solved is None:
+            reached, said = _solved(found, solver, replace(options, tolerance=share * tolerance), rule)
+            if reached is None:
                 return UNSOLVED
-            answer, said = solved
-            errors = judge(found, answer, rule)
-            if errors.solved(tolerance) or errors.worst > 10.0 * tolerance:
+            answer, errors = reached, judge(found, reached, rule)
+            if not said or errors.solved(tolerance) or errors.worst > 10.0 * tolerance:
                 break
-    good = errors.solved(tolerance)
+    good = bool(said) and errors.solved(tolerance)
     _show(errors, tolerance)
-    console().print(f"{said}: {'solved' if good else 'NOT solved'} to {tolerance:g} (worst error {errors.worst:.2g})")
+    verdict = f"{said}: {'solved' if good else 'NOT solved'} to {tolerance:g}" if said else "the forces it had"
+    console().print(f"{verdict} (worst error {errors.worst:.2g})")
     if out is not None:
         replace(found, answer=answer).save(out)
     return 0 if good else UNSOLVED
@@ -149,8 +149,8 @@ def judge(found: ProblemFile, answer: Answer, sliding: Sliding) -> Errors:
     return errors_of_motion(*planar, problem.mu, answer.r, None, answer.u, associated=associated)
 
 
-def _solved(found: ProblemFile, solver: str, options: SolverOptions, sliding: Sliding) -> tuple[Answer, str] | None:
-    """The answer and who found it; None, and why, where a solver gave up without one."""
+def _solved(found: ProblemFile, solver: str, options: SolverOptions, sliding: Sliding) -> tuple[Answer | None, str]:
+    """The answer and who found it; where a solver gave up, the best that it has, if any, and nobody."""
     from ninedisk.core.cd.delassus import DelassusProblem, solve_matrix
     from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
     from ninedisk.core.cd.solvers.solver import ContactSolver
@@ -166,7 +166,8 @@ def _solved(found: ProblemFile, solver: str, options: SolverOptions, sliding: Sl
         result = ContactSolver(solver, options, sliding).solve(problem)
     except (SolverNotConvergedError, InfeasibleContactsError) as error:
         typer.echo(f"NOT solved: {error}")
-        return None
+        forces = error.forces if isinstance(error, SolverNotConvergedError) else None
+        return None if forces is None else found.answer_of(forces, problem.body_velocity(forces)), ""
     return found.answer_of(
         result.r, result.v
     ), f"{result.solver}, {result.iterations} iterations, {result.seconds:.3g} s"

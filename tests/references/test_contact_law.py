@@ -41,6 +41,14 @@ def test_solutions_by_hand_have_no_error():
     assert not any(errors.solved(1e-3) for errors in judged(R_ASSOCIATED))
 
 
+def test_a_small_force_beside_fast_slip_is_seen():
+    """A millionth of a newton that slides at 2,000 m/s; of it and a slip as large as forces no square would tell."""
+    p, slip, mu = 1e-6, 2e3, 0.5
+    q = np.array([-p / 2.0, slip + mu * p / 2.0])  # u = r/2 + q = (0, slip)
+    assert errors_of_forces(W[:2, :2], q, MU[:1], np.array([p, -mu * p])).natural_map < 1e-14
+    assert errors_of_forces(W[:2, :2], q, MU[:1], np.array([2.0 * p, -mu * p])).natural_map > 1e-10
+
+
 def changed(values, **entries):
     found = values.copy()
     for at, value in entries.items():

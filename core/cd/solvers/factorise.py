@@ -1,4 +1,4 @@
-"""Factorisations of the body-space matrix: our own supernodal Cholesky, and LU where Coulomb's law makes it unsymmetric.
+"""Factorisations of the body-space matrix, supernodal: Cholesky's, and one where Coulomb's law makes it unsymmetric.
 
 The matrix is ``M + H' D H``, in blocks of 3 x 3: one for each body and each pair that touches. Its pattern and the order of elimination
 that keeps its factors sparse hold for a contact graph, its entries for one iteration of a solver.
@@ -6,11 +6,10 @@ that keeps its factors sparse hold for a contact graph, its entries for one iter
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numba
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
@@ -18,30 +17,27 @@ from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.solvers import factorise_kernels as kernels
 from ninedisk.core.cd.solvers.factorise_kernels import (
     BODIES,
+    ENTRIES,
     FIELDS,
     FIRST,
     LANES,
     LINES,
     PIVOTS,
     ROWS,
+    UPDATE,
     assemble,
     factorise_fronts,
     jacobian_rows,
     minimum_degree,
     solve_fronts,
 )
+from ninedisk.core.cd.solvers.unsymmetric_kernels import determinant_sign, factorise_unsymmetric, solve_unsymmetric
 
 IntArray = NDArray[np.int64]
 
 
 DENSE = 10.0
 """Bodies with more than this times ``sqrt(b)`` neighbours come last, as in AMD: they would slow down every step."""
-MOST_CHANGED = 12
-"""Contacts whose blocks are changed by updates before factors are made anew: 24 columns cost about as much as these."""
-MOST_CONDITION, CANCELLED = 1e6, 1e-6
-"""Condition of the small matrix of updates, and what is left of a row after cancellation: beyond, factors are made anew."""
-PIVOT = 1e-3
-"""Diagonal entries above this fraction of their column stay pivots: the matrix is nearly symmetric, and so its ordering holds."""
 
 
 class Factorisation(Protocol):
@@ -253,124 +249,134 @@ class BodyMatrix:
         return solution.reshape(-1, 3) * self.problem.free
 
 
-def times(d: FloatArray, z: FloatArray) -> FloatArray:
-    """``d z`` contact by contact, shapes (c, 2, 2) and (c, 2)."""
-    product: FloatArray = (d @ z[:, :, None])[:, :, 0]
-    return product
-
-
 class UnsymmetricMatrix:
-    """``M + H' D H`` with blocks D that need not be symmetric, in an order that keeps its factors sparse."""
+    """``M + H' D H`` of one problem, with blocks D that need not be symmetric; the pattern is analysed once.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+
+    Attributes
+    ----------
+    rows : ndarray, shape (c, 2, 6)
+        From `jacobian_rows`.
+    """
 
     def __init__(self, problem: ContactProblem) -> None:
-        self.h = problem.jacobian()
-        self._rows, self._unknowns = problem.rows()
-        self._mass = np.where(problem.free > 0.0, problem.mass, 1.0).ravel()
-        self._pattern(np.arange(3 * problem.n_bodies))
-        # One ordering for all factorisations: the graph does not change.
-        lu = _factors(self._made(np.eye(2) * problem.rho[:, None, None]), "MMD_AT_PLUS_A")
-        self._pattern(np.asarray(lu.perm_c))
-        self._lu: Any = None
+        self._bodies, self._free = problem.bodies, problem.free
+        self.rows = np.empty((problem.n_contacts, 2, 6))
+        jacobian_rows(problem.normal, problem.arms, problem.bodies, problem.free, self.rows)
+        mass = np.where(problem.free > 0.0, problem.mass, 1.0)
+        graph = BodyGraph(problem.n_bodies, problem.bodies)
+        symmetric = graph.factorisation
+        self._factors: SupernodalFactors | _DenseFactors = (
+            SupernodalFactors(graph, symmetric, self.rows, mass)
+            if isinstance(symmetric, SupernodalCholesky)
+            else _DenseFactors(problem, mass)
+        )
 
-    def _pattern(self, position: NDArray[np.integer[Any]]) -> None:
-        """Places of the entries of all contacts and of the masses, for unknowns in these positions."""
-        n, unknowns = len(position), position[self._unknowns]
-        row = np.append(np.repeat(unknowns, 6, axis=1).ravel(), position)
-        column = np.append(np.tile(unknowns, (1, 6)).ravel(), position)
-        places, self._slot = np.unique(column.astype(np.int64) * n + row, return_inverse=True)
-        self._indices = (places % n).astype(np.int32)
-        self._indptr = np.searchsorted(places, n * np.arange(n + 1)).astype(np.int32)
-        self._place = np.argsort(position)
-
-    def _made(self, d: FloatArray) -> sp.csc_matrix:
-        blocks = np.swapaxes(self._rows, 1, 2) @ (d @ self._rows)
-        data = np.bincount(self._slot, np.append(blocks.ravel(), self._mass), len(self._indices))
-        return sp.csc_matrix((data, self._indices, self._indptr), shape=(len(self._place),) * 2)
-
-    def factorise(self, d: FloatArray) -> bool:
-        """Factorise with the blocks ``d``, shape (c, 2, 2); False if that is impossible."""
-        if not np.isfinite(d).all():
-            return False
-        self._matrix = self._made(d)
-        try:
-            self._lu = _factors(self._matrix, "NATURAL")
-        except RuntimeError:
-            return False
-        self._blocks = d.copy()
-        self._changed, self._change = np.empty(0, dtype=np.int64), np.empty((0, 2, 2))
-        self._gain, self._small = np.empty((len(self._place), 0)), np.empty((0, 0))
-        return True
-
-    def update(self, contact: int, block: FloatArray) -> bool:
-        """Give one contact another block, shape (2, 2), by the formula of Sherman, Morrison and Woodbury; False if that is impossible.
-
-        Few such changes cost less than the factors, which `factorise` is to make anew after `MOST_CHANGED`.
-        """
-        if contact not in self._changed:
-            columns = np.zeros((len(self._place), 2))
-            np.add.at(columns, self._unknowns[contact], self._rows[contact].T)
-            self._gain = np.hstack([self._gain, self._through_factors(columns)])
-            self._changed = np.append(self._changed, contact)
-            self._change = np.concatenate([self._change, np.zeros((1, 2, 2))])
-        self._change[self._changed == contact] = block - self._blocks[contact]
-        size = 2 * self.changed
-        update = (self._change @ self._seen(self._gain)).reshape(size, size)
-        self._small = np.eye(size) + update
-        rows = np.abs(self._small).max(axis=1)
-        # Where a stiff contact opens, the update nearly cancels the unit matrix.
-        kept = np.isfinite(update).all() and (rows > CANCELLED * np.abs(update).max(axis=1)).all()
-        return bool(kept and np.linalg.cond(self._small / rows[:, None]) < MOST_CONDITION)
-
-    @property
-    def changed(self) -> int:
-        """Contacts whose blocks are not those that were factorised."""
-        return len(self._changed)
+    def factorise(self, d: FloatArray, changed: IntArray | None = None) -> bool:
+        """Factorise with the blocks ``d``, shape (c, 2, 2), of which, if given, those ``changed`` alone are new; False if impossible."""
+        return self._factors.update(d, None if changed is None else self._bodies[changed])
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Solve with the last factorisation and one refinement, since pivots are not always the largest ones; or with its updates."""
-        out = self._through_factors(right)
-        if self.changed:
-            out -= self._gain @ np.linalg.solve(self._small, (self._change @ self._seen(out[:, None])).ravel())
-        else:
-            out += self._through_factors(right - self._image(out))
-        return out
+        """Solve for a right-hand side of shape (b, 3) with the last factorisation; blocked unknowns have to be 0 and stay so."""
+        return self._factors.solve(right)
 
     def sign(self) -> float:
-        """Sign of the determinant of the matrix: 1, -1, or 0."""
-        lu = self._lu
-        swaps = _odd(lu.perm_r) != _odd(lu.perm_c)
-        whole = float(np.prod(np.sign(lu.U.diagonal()))) * (-1.0 if swaps else 1.0)
-        return whole * float(np.linalg.slogdet(self._small)[0])
-
-    def _through_factors(self, right: FloatArray) -> FloatArray:
-        out = np.empty_like(right)
-        out[self._place] = self._lu.solve(right[self._place])
-        return out
-
-    def _image(self, x: FloatArray) -> FloatArray:
-        """The factorised matrix times ``x``."""
-        out = np.empty_like(x)
-        out[self._place] = self._matrix @ x[self._place]
-        return out
-
-    def _seen(self, x: FloatArray) -> FloatArray:
-        """Velocities of the m changed contacts, shape (m, 2, k), of k columns of unknowns ``x``."""
-        seen: FloatArray = self._rows[self._changed] @ x[self._unknowns[self._changed]]
-        return seen
+        """Sign of the determinant of the matrix: 1 or -1."""
+        return self._factors.sign()
 
 
-def _odd(permutation: NDArray[np.int32]) -> bool:
-    """Whether a permutation is one of an odd number of swaps: its length less its cycles."""
-    places, cycles = permutation.tolist(), 0
-    for start in range(len(places)):
-        cycles += places[start] >= 0
-        while places[start] >= 0:
-            places[start], start = -1, places[start]
-    return bool((len(places) - cycles) % 2)
+class _DenseFactors:
+    """For kernels that are interpreted."""
+
+    def __init__(self, problem: ContactProblem, mass: FloatArray) -> None:
+        self._h, self._mass = problem.jacobian().toarray(), np.diag(mass.ravel())
+
+    def update(self, d: FloatArray, bodies: NDArray[np.int32] | None) -> bool:
+        del bodies
+        h = self._h.reshape(-1, 2, self._h.shape[1])
+        self._matrix = self._mass + self._h.T @ (d @ h).reshape(self._h.shape)
+        return bool(np.isfinite(self._matrix).all() and self.sign() != 0.0)
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        solution: FloatArray = np.linalg.solve(self._matrix, right.ravel()).reshape(-1, 3)
+        return solution
+
+    def sign(self) -> float:
+        return float(np.linalg.slogdet(self._matrix)[0])
 
 
-def _factors(matrix: sp.csc_matrix, order: str) -> Any:
-    import scipy.sparse.linalg as linalg
+class SupernodalFactors:
+    """Factors ``L V'`` of ``M + H' D H`` in the order and the supernodes of the symmetric factorisation.
 
-    solver: Any = linalg.splu
-    return solver(matrix, permc_spec=order, diag_pivot_thresh=PIVOT, options={"SymmetricMode": True})
+    Where the blocks of one contact change, those fronts are made anew that its entries reach: on the way from its bodies to the root of
+    the elimination tree.
+
+    Parameters
+    ----------
+    graph : BodyGraph
+    symmetric : SupernodalCholesky
+        Of the graph.
+    rows : ndarray, shape (c, 2, 6)
+    mass : ndarray, shape (b, 3)
+    """
+
+    def __init__(self, graph: BodyGraph, symmetric: SupernodalCholesky, rows: FloatArray, mass: FloatArray) -> None:
+        self._tree = symmetric
+        self._nodes = nodes = symmetric._nodes.copy()
+        count = len(nodes) - 1
+        below = 3 * (nodes[:-1, BODIES] - nodes[:-1, PIVOTS])
+        sizes = below * -(-below // LANES * LANES)
+        # Updates stay for those fronts that are not made anew.
+        nodes[:-1, UPDATE] = np.cumsum(sizes) - sizes
+        self._left, self._right = np.zeros((2, len(symmetric._factor)))
+        self._left_update, self._right_update = np.zeros((2, int(sizes.sum()) + LANES))
+        self._node = np.empty(graph.n_bodies, dtype=np.int64)
+        self._node[symmetric._order] = np.repeat(np.arange(count), nodes[:-1, PIVOTS])
+        entries, bodies = symmetric._entries, graph.bodies.astype(np.int64)
+        entry = np.empty(len(graph.data), dtype=np.int64)
+        entry[entries[:, 0]] = np.arange(len(entries))
+        terms = []
+        for side in (0, 1):
+            k = np.flatnonzero(bodies[:, side] >= 0)
+            terms.append(
+                (k, np.full(len(k), side), np.zeros(len(k), dtype=np.int64), entry[graph.diagonal[bodies[k, side], 0]])
+            )
+        k = np.flatnonzero(graph.block[:, 0] >= 0)
+        pair = entry[graph.block[k, 0]]
+        low = 1 - graph.block[k, 3]
+        terms.append((k, np.where(entries[pair, 4] == 1, low, 1 - low), np.ones(len(k), dtype=np.int64), pair))
+        contact, whose, kind, place = (np.concatenate(column) for column in zip(*terms, strict=True))
+        node = np.searchsorted(nodes[:, ENTRIES], place, side="right") - 1
+        order = np.argsort(node, kind="stable")
+        self._terms = np.column_stack([contact, whose, kind, entries[place, 3]])[order]
+        self._start = np.searchsorted(node[order], np.arange(count + 1)).astype(np.int64)
+        self._rows, self._mass, self._due = rows, mass, np.ones(count, dtype=np.bool_)
+        self._good = False
+
+    def update(self, d: FloatArray, bodies: NDArray[np.int32] | None) -> bool:
+        """Factorise with the blocks ``d``, shape (c, 2, 2), which since the last time have changed at contacts of ``bodies`` alone."""
+        tree = self._tree
+        self._due[:] = bodies is None or not self._good
+        if bodies is not None:
+            self._due[self._node[bodies[bodies >= 0]]] = True
+        self._good = bool(
+            factorise_unsymmetric(
+                *(self._nodes, tree._children, tree._place, tree._order, self._terms, self._start),
+                *(self._mass, self._rows, d, self._due),
+                *(self._left, self._right, self._left_update, self._right_update),
+            )
+        )
+        return self._good
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Solve for a right-hand side of shape (b, 3)."""
+        solution, tree = np.empty_like(right), self._tree
+        solve_unsymmetric(self._nodes, tree._rows, tree._order, self._left, self._right, right, tree._work, solution)
+        return solution
+
+    def sign(self) -> float:
+        """Sign of the determinant."""
+        return float(determinant_sign(self._nodes, self._left))

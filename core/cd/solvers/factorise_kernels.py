@@ -87,7 +87,7 @@ def _place_matrix(nodes: Longs, s: int, ld: int, entries: Longs, data: Floats, f
 
 
 @inline_kernel
-def _add_children(
+def add_children(
     nodes: Longs,
     s: int,
     children: Longs,
@@ -151,39 +151,45 @@ def _pivot(factor: Floats, at: int, ld: int, top: int, below: int) -> bool:
 
 
 @inline_kernel
+def downdate(target: Floats, other: Floats, panel: int, ld: int, j: int) -> None:
+    """Take the columns before off the columns ``j : j + 3`` of a panel, times the rows j of another."""
+    i, at = j - j % LANES, panel + j * ld
+    if j == 0:
+        return
+    while i + 16 <= ld:
+        downdate_16(target, at + i, ld, target, panel + i, other, panel + j, ld, j)
+        i += 16
+    if i + 8 <= ld:
+        downdate_8(target, at + i, ld, target, panel + i, other, panel + j, ld, j)
+        i += 8
+    if i < ld:
+        downdate_4(target, at + i, ld, target, panel + i, other, panel + j, ld, j)
+
+
+@inline_kernel
 def _eliminate(factor: Floats, panel: int, ld: int, pivots: int) -> bool:
     """Dense Cholesky factorisation of a panel, looking left."""
     for j in range(0, 3 * pivots, 3):
-        top = j % LANES
-        i = j - top
-        if j > 0:
-            while i + 16 <= ld:
-                downdate_16(factor, panel + j * ld + i, ld, factor, panel + i, panel + j, ld, j)
-                i += 16
-            if i + 8 <= ld:
-                downdate_8(factor, panel + j * ld + i, ld, factor, panel + i, panel + j, ld, j)
-                i += 8
-            if i < ld:
-                downdate_4(factor, panel + j * ld + i, ld, factor, panel + i, panel + j, ld, j)
-        if not _pivot(factor, panel + j * ld + j, ld, top, ld - j):
+        downdate(factor, factor, panel, ld, j)
+        if not _pivot(factor, panel + j * ld + j, ld, j % LANES, ld - j):
             return False
     return True
 
 
 @inline_kernel
-def _reduce(factor: Floats, panel: int, ld: int, k: int, stack: Floats, update: int, count: int) -> None:
-    """The update ``- L L'`` with the rows L of the panel below its ``k`` pivots; children are yet to be added."""
+def reduce(factor: Floats, other: Floats, panel: int, ld: int, k: int, stack: Floats, update: int, count: int) -> None:
+    """The update ``- L V'`` with the rows L and V of two panels below their ``k`` pivots; children are yet to be added."""
     u_ld = padded(count)
     for j in range(0, 3 * count, 3):
         i = j - j % LANES
         while i + 16 <= u_ld:
-            negative_16(stack, update + j * u_ld + i, u_ld, factor, panel + k + i, panel + k + j, ld, k)
+            negative_16(stack, update + j * u_ld + i, u_ld, factor, panel + k + i, other, panel + k + j, ld, k)
             i += 16
         if i + 8 <= u_ld:
-            negative_8(stack, update + j * u_ld + i, u_ld, factor, panel + k + i, panel + k + j, ld, k)
+            negative_8(stack, update + j * u_ld + i, u_ld, factor, panel + k + i, other, panel + k + j, ld, k)
             i += 8
         if i < u_ld:
-            negative_4(stack, update + j * u_ld + i, u_ld, factor, panel + k + i, panel + k + j, ld, k)
+            negative_4(stack, update + j * u_ld + i, u_ld, factor, panel + k + i, other, panel + k + j, ld, k)
 
 
 @kernel
@@ -212,14 +218,14 @@ def factorise_fronts(
         pivots, panel = nodes[s, PIVOTS], nodes[s, PANEL]
         ld, count = padded(nodes[s, BODIES]), nodes[s, BODIES] - pivots
         _place_matrix(nodes, s, ld, entries, data, factor)
-        _add_children(nodes, s, children, place, stack, 0, pivots, factor, panel, ld)
+        add_children(nodes, s, children, place, stack, 0, pivots, factor, panel, ld)
         if not _eliminate(factor, panel, ld, pivots):
             return False
         if count > 0:
             update, u_ld = nodes[s, UPDATE], padded(count)
-            _reduce(factor, panel, ld, 3 * pivots, stack, update, count)
+            reduce(factor, factor, panel, ld, 3 * pivots, stack, update, count)
             origin = update - 3 * pivots * (u_ld + 1)
-            _add_children(nodes, s, children, place, stack, pivots, pivots + count, stack, origin, u_ld)
+            add_children(nodes, s, children, place, stack, pivots, pivots + count, stack, origin, u_ld)
     return True
 
 
@@ -865,12 +871,14 @@ def _tile(lanes: int, parts: int, *, fresh: bool) -> Callable[..., None]:
     """Kernel for ``lanes parts`` rows; ``fresh``: what was there before is forgotten, as if it had been 0."""
 
     @intrinsic
-    def tile(typingctx: Any, target: Any, t: Any, t_ld: Any, source: Any, s: Any, b: Any, ld: Any, count: Any) -> Any:
+    def tile(
+        typingctx: Any, target: Any, t: Any, t_ld: Any, source: Any, s: Any, other: Any, b: Any, ld: Any, count: Any
+    ) -> Any:
         def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            to, at, to_ld, source, rows, factors, ld, count = args
+            to, at, to_ld, source, rows, other, factors, ld, count = args
             vectors = _Vectors(context, builder, lanes)
             to = vectors.base(signature.args[0], to)
-            source = vectors.base(signature.args[3], source)
+            source, other = vectors.base(signature.args[3], source), vectors.base(signature.args[5], other)
             places = [
                 [_plus(builder, at, builder.mul(to_ld, _long(c)), _long(lanes * part)) for part in range(parts)]
                 for c in range(3)
@@ -884,7 +892,7 @@ def _tile(lanes: int, parts: int, *, fresh: bool) -> Callable[..., None]:
                 column = builder.mul(ld, loop.index)
                 factor = builder.add(factors, column)
                 by = [
-                    vectors.spread(builder.load(builder.gep(source, [builder.add(factor, _long(c))]))) for c in range(3)
+                    vectors.spread(builder.load(builder.gep(other, [builder.add(factor, _long(c))]))) for c in range(3)
                 ]
                 for part in range(parts):
                     a = vectors.load(source, _plus(builder, rows, column, _long(lanes * part)))
@@ -895,19 +903,19 @@ def _tile(lanes: int, parts: int, *, fresh: bool) -> Callable[..., None]:
                     vectors.store(builder.load(totals[c][part]), to, places[c][part])
             return context.get_dummy_value()
 
-        return _types.void(target, _types.int64, _types.int64, source, *[_types.int64] * 4), build
+        return _types.void(target, _types.int64, _types.int64, source, _types.int64, other, *[_types.int64] * 3), build
 
     kernel: Callable[..., None] = tile
     return kernel
 
 
 downdate_16 = _tile(8, 2, fresh=False)
-"""``target[t:, :3] -= source[s:, :count] source[b : b + 3, :count]'`` for 16 rows; the arguments are ``target, t, t_ld, source, s,
-b, ld, count``."""
+"""``target[t:, :3] -= source[s:, :count] other[b : b + 3, :count]'`` for 16 rows; the arguments are ``target, t, t_ld, source, s,
+other, b, ld, count``."""
 downdate_8 = _tile(8, 1, fresh=False)
 downdate_4 = _tile(4, 1, fresh=False)
 negative_16 = _tile(8, 2, fresh=True)
-"""``target[t:, :3] = - source[s:, :count] source[b : b + 3, :count]'`` for 16 rows."""
+"""``target[t:, :3] = - source[s:, :count] other[b : b + 3, :count]'`` for 16 rows."""
 negative_8 = _tile(8, 1, fresh=True)
 negative_4 = _tile(4, 1, fresh=True)
 
@@ -934,6 +942,41 @@ def _divide(typingctx: Any, a: Any, at: Any, ld: Any, i0: Any, i1: Any, i2: Any,
         return context.get_dummy_value()
 
     return _types.void(a, _types.int64, _types.int64, *[_types.float64] * 6), build
+
+
+@intrinsic
+def _turn(
+    typingctx: Any,
+    a: Any,
+    at: Any,
+    ld: Any,
+    q00: Any,
+    q01: Any,
+    q02: Any,
+    q10: Any,
+    q11: Any,
+    q12: Any,
+    q20: Any,
+    q21: Any,
+    q22: Any,
+) -> Any:
+    """Four rows of three columns times the transpose of a 3 x 3 matrix: the array, the position, ``ld``, and the matrix by rows."""
+
+    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        vectors = _Vectors(context, builder, LANES)
+        data = vectors.base(signature.args[0], args[0])
+        at, ld = args[1], args[2]
+        q = [vectors.spread(number) for number in args[3:]]
+        places = [at, builder.add(at, ld), _plus(builder, at, ld, ld)]
+        x = [vectors.load(data, place) for place in places]
+        for row, place in enumerate(places):
+            total = builder.fmul(x[0], q[3 * row])
+            for c in (1, 2):
+                total = vectors.more(total, x[c], q[3 * row + c])
+            vectors.store(total, data, place)
+        return context.get_dummy_value()
+
+    return _types.void(a, _types.int64, _types.int64, *[_types.float64] * 9), build
 
 
 @intrinsic
@@ -1007,6 +1050,7 @@ def _fetch(typingctx: Any, a: Any, at: Any, count: Any) -> Any:
 
 
 divide: Callable[..., None] = _divide
+turn: Callable[..., None] = _turn
 subtract_product: Callable[..., None] = _subtract_product
 fetch: Callable[..., None] = _fetch
 three_products: Callable[..., tuple[float, float, float]] = _three_products

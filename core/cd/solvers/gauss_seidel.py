@@ -93,15 +93,15 @@ class GaussSeidel:
         self.r, self.done = starting_forces(problem, start), 0
         self._advance = _sweeps(problem, options, sliding == "coulomb", self.r)
         self._clock = Stopwatch(options.time_limit)
-        self._best: Residuals | None = None
+        self._best: tuple[FloatArray, Residuals] | None = None
 
     def solve(self, limit: int) -> SolverResult | None:
         """Sweep until the tolerance is reached, or ``limit`` sweeps in all or the time limit: then None."""
         problem, r, clock = self.problem, self.r, self._clock
         while True:
             v, residuals = problem.body_velocity(r), self.residuals()
-            if self._best is None or residuals.worst < self._best.worst:
-                self._best = residuals
+            if self._best is None or residuals.worst < self._best[1].worst:
+                self._best = r.copy(), residuals
             if residuals.reached(self.options.tolerance):
                 return SolverResult(
                     solver="gauss-seidel",
@@ -123,7 +123,7 @@ class GaussSeidel:
         return measure(self.problem, self.problem.body_velocity(self.r), self.r, sliding=self.sliding)
 
     def give_up(self) -> NoReturn:
-        """Raise `SolverNotConvergedError` with the best figures so far."""
+        """Raise `SolverNotConvergedError` with the best forces so far."""
         assert self._best is not None
         not_converged(
             "gauss-seidel",

@@ -126,7 +126,7 @@ class InteriorPoint:
             "interior-point",
             self.options,
             iterations,
-            best,
+            (best_point.r, best),
             clock,
             "Loosen the tolerance, raise max_iterations or time_limit, or give the contacts a small compliance.",
         )

@@ -64,14 +64,21 @@ class Stopwatch:
 
 
 def not_converged(
-    solver: str, options: SolverOptions, iterations: int, best: Residuals, clock: Stopwatch, advice: str
+    solver: str,
+    options: SolverOptions,
+    iterations: int,
+    best: tuple[FloatArray, Residuals],
+    clock: Stopwatch,
+    advice: str,
 ) -> NoReturn:
-    """Raise `SolverNotConvergedError` with all figures and what to change."""
+    """Raise `SolverNotConvergedError` with the best forces, shape (c, 2), their figures, and what to change."""
+    forces, figures = best
     why = f"the time limit of {options.time_limit:g} s" if clock.over else "its iteration limit or a stall"
     raise SolverNotConvergedError(
         f"{solver} stopped at {why} after {iterations} iterations and {clock.seconds:.3g} s: natural-map residual "
-        f"{best.natural_map:.3g}, relative duality gap {best.duality_gap:.3g}, complementarity {best.complementarity:.3g}; "
+        f"{figures.natural_map:.3g}, relative duality gap {figures.duality_gap:.3g}, complementarity {figures.complementarity:.3g}; "
         f"the tolerance is {options.tolerance:g}. {advice}",
         iterations=iterations,
-        residuals=best,
+        residuals=figures,
+        forces=forces,
     )

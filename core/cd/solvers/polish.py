@@ -33,22 +33,19 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
-from ninedisk.core.cd.solvers.factorise import MOST_CHANGED, UnsymmetricMatrix, times
+from ninedisk.core.cd.problem_kernels import body_velocities, contact_velocities
+from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix
 from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
 from ninedisk.core.cd.solvers.outcome import Stopwatch
+from ninedisk.core.cd.solvers.polish_kernels import MINUS, OPEN, PLUS, STICK, next_kink
+from ninedisk.core.cd.solvers.unsymmetric_kernels import forces_of_velocities, load_of_velocities
 
 IntArray = NDArray[np.int64]
 
-OPEN, STICK, PLUS, MINUS = range(4)
-"""Statuses: slip has ``q = mu p`` or ``q = -mu p``; a smooth contact that is closed counts as PLUS."""
 SIDE = np.array([0.0, 0.0, 1.0, -1.0])
 """Sign of the friction force of slip."""
-INSIDE = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 0.0, -1.0]])
-"""Signs of the margins ``(z_n, mu z_n - z_t, mu z_n + z_t)`` by status; 0 where the margin is no border of it."""
 SOFT = 1e-9
 """Compliance over ``1/rho`` that acts on the change of the forces: below, the digits of its effect are lost to round-off."""
-UPDATED_FROM = 1e-6
-"""Compliance from which on a pivot updates the factors: opening a stiffer contact would cost the digits of the update."""
 PATHS = 8
 """Times the pivots of one path that a polish may take in all: most take one or two paths of a few pivots."""
 FIRST_JITTER, MOST_JITTER = 1e-6, 1e-3
@@ -66,8 +63,9 @@ FAR = 100.0
 """Multiple of its first t at which a path is taken for a ray: of 1,832 that found an end none went that far, of the others 18 did."""
 SAME = 1e-7
 """Relative difference of points of a path that are one point: what round-off over `SOFT` leaves of their digits."""
-REFINEMENTS = 3
-"""Solutions with a factorisation: each leaves the compliance over the weakest resistance, of some 1e-6, of the error."""
+REFINEMENTS = 8
+"""Solutions with a factorisation: each leaves of an error the compliance's share of its resistance. Most is below 1e-6; of the few
+directions that resist as little as the compliance, one falls away with each further solution."""
 
 
 class Polish:
@@ -84,11 +82,17 @@ class Polish:
     ----------
     count : int
         Factorisations so far.
+    best : tuple of ndarray, shape (c, 2), and Residuals, or None
+        Forces that came nearest to a solution.
+    reached : tuple of float and ndarray, shape (c, 2)
+        Least t of the last path, and z there.
     """
 
     def __init__(self, problem: ContactProblem, tolerance: float, clock: Stopwatch) -> None:
         self.problem, self.tolerance, self.clock, self.count = problem, tolerance, clock, 0
-        self.soft = SOFT
+        self.soft, self._made_for = SOFT, np.nan
+        self._status = np.empty(0, dtype=np.int64)
+        self.best: tuple[FloatArray, Residuals] | None = None
         self._random = np.random.default_rng(problem.n_contacts)
 
     @cached_property
@@ -156,18 +160,31 @@ class Polish:
             return None
         inside = starting_forces(self.problem, forces)
         residuals = measure(self.problem, self.problem.body_velocity(inside), inside, sliding="coulomb")
+        if self.best is None or residuals.worst < self.best[1].worst:
+            self.best = inside, residuals
         return (inside, residuals) if residuals.reached(self.tolerance) else None
 
     def _hold(self, r: FloatArray, status: IntArray) -> FloatArray | None:
         """Forces with these statuses that differ least from ``r``; None if the matrix cannot be factorised."""
         if not self.factorise(status):
             return None
-        forces = self.inside(r, status)
+        forces, steps, changes = self.inside(r, status), np.empty((0, r.size)), np.empty((0, r.size))
+        rest = self._rest(forces, status)
         for _ in range(REFINEMENTS):
-            forces = forces - self.change(self.velocity(forces))
-            # On the edge of the cone to the last bit.
-            forces = self.inside(forces, status)
-        return forces
+            # Less those of the steps so far that together leave least: each of them leaves the same of what resists least.
+            part = np.linalg.lstsq(changes.T, rest.ravel(), rcond=None)[0]
+            step = rest.ravel() - part @ (steps + changes)
+            tried = self.inside(forces + step.reshape(r.shape), status)
+            left = self._rest(tried, status)
+            steps, changes = np.vstack([steps, step]), np.vstack([changes, (left - rest).ravel()])
+            if np.linalg.norm(left) >= np.linalg.norm(rest):
+                break
+            forces, rest = tried, left
+        return self.inside(forces + rest, status)
+
+    def _rest(self, forces: FloatArray, status: IntArray) -> FloatArray:
+        """What a solution with the last factorisation takes off forces, on the edge of the cone to the last bit."""
+        return -self.inside(self.change(self.velocity(forces)), status)
 
     def _follow(
         self, r: FloatArray, held: FloatArray, pivots: int, *, jitter: float = 0.0, to_first: bool = False
@@ -192,9 +209,10 @@ class Polish:
         problem, rho = self.problem, self.problem.rho[:, None]
         status = statuses(problem, z)
         first, begin, t, ahead = status.copy(), z, 1.0, -1.0
-        crossed: tuple[int, int] | None = None
+        contact = border = -1
+        self.reached = 1.0, z
         for pivot in range(pivots):
-            if self.clock.over or not (self.factorise(status) if crossed is None else self._turn(crossed[0], status)):
+            if self.clock.over or not self.factorise(status):
                 return None
             if pivot == 0:
                 ahead = -self._matrix.sign()
@@ -202,25 +220,16 @@ class Polish:
             dr = self.change(error)
             dr = dr + self.change(error - self.response(dr) - self.soft / rho * dr)
             rate = dr + rho * (error - self.response(dr)) - self.soft * dr
-            inside = np.where(problem.mu[:, None] > 0.0, INSIDE[status], INSIDE[status] * [1.0, 0.0, 0.0])
-            margin, growth = inside * _margins(problem, z), inside * _margins(problem, rate)
-            if crossed is not None:
-                # Into the piece that was entered: where the sign of the determinant changes, t turns back.
-                ahead = 1.0 if growth[crossed] > 0.0 else -1.0
-            falling = ahead * growth < 0.0
-            if crossed is not None:
-                falling[crossed] = False
-            with np.errstate(over="ignore"):
-                steps = np.where(falling, np.maximum(margin, 0.0) / np.where(falling, -ahead * growth, 1.0), np.inf)
-            contact, border = divmod(int(np.argmin(steps)), 3)
-            step = float(steps[contact, border])
+            ahead, step, contact, border = next_kink(problem.mu, status, z, rate, ahead, contact, border)
             if ahead < 0.0 and step >= t:
                 ended = self.inside(z - t * rate, status)
                 return (ended, status) if np.isfinite(ended).all() else None
             round_trip = pivot > 0 and (t - 1.0) * (t + ahead * step - 1.0) <= 0.0 and np.array_equal(status, first)
             if t + ahead * step > FAR or (round_trip and _near(z + (1.0 - t) * rate, begin)):
                 return None
-            z, t, crossed = z + ahead * step * rate, t + ahead * step, (contact, border)
+            z, t = z + ahead * step * rate, t + ahead * step
+            if t < self.reached[0]:
+                self.reached = t, z.copy()
             if border == 0:
                 z[contact, 0] = 0.0
                 closed = PLUS if z[contact, 1] > 0.0 or problem.mu[contact] == 0.0 else MINUS
@@ -235,18 +244,14 @@ class Polish:
 
     def factorise(self, status: IntArray) -> bool:
         """Factorise for `change` with these statuses; False if that is impossible."""
-        self._d, self.count = self._blocks(status, np.arange(len(status))), self.count + 1
-        return self._matrix.factorise(self._d)
-
-    def _turn(self, contact: int, status: IntArray) -> bool:
-        """`factorise`, where the status of one contact has changed since."""
-        if self.soft < UPDATED_FROM or self._matrix.changed >= MOST_CHANGED:
-            return self.factorise(status)
-        block = self._blocks(status, np.array([contact]))[0]
-        if not self._matrix.update(contact, block):
-            return self.factorise(status)
-        self._d[contact], self.count = block, self.count + 1
-        return True
+        self.count += 1
+        if self._made_for != self.soft:
+            self._d, self._made_for, changed = self._blocks(status, np.arange(len(status))), self.soft, None
+        else:
+            changed = np.flatnonzero(status != self._status)
+            self._d[changed] = self._blocks(status, changed)
+        self._status = status.copy()
+        return self._matrix.factorise(self._d, changed)
 
     def _blocks(self, status: IntArray, contacts: IntArray) -> FloatArray:
         """Change of the forces per change of the velocities of some contacts, shape (k, 2, 2)."""
@@ -260,16 +265,22 @@ class Polish:
 
     def change(self, u: FloatArray) -> FloatArray:
         """Change ``dr`` of the forces that changes the velocities by ``u``: ``dr = D (u - H dv)`` where ``M dv = H' dr``."""
-        matrix = self._matrix
-        dv = matrix.solve(matrix.h.T @ times(self._d, u).ravel())
-        return times(self._d, u - (matrix.h @ dv).reshape(-1, 2))
+        matrix, bodies = self._matrix, self.problem.bodies
+        load, dr = np.empty((self.problem.n_bodies, 3)), np.empty_like(u)
+        load_of_velocities(bodies, matrix.rows, self._d, u, load)
+        forces_of_velocities(bodies, matrix.rows, self._d, u, matrix.solve(load), dr)
+        return dr
 
     def velocity(self, r: FloatArray) -> FloatArray:
         return self.problem.contact_velocity(self.problem.body_velocity(r), r)
 
     def response(self, dr: FloatArray) -> FloatArray:
         """``W dr``."""
-        return self.velocity(dr) - self.problem.b
+        problem, v, u = self.problem, np.empty((self.problem.n_bodies, 3)), np.empty_like(dr)
+        nothing = np.zeros_like(v)
+        body_velocities(problem.bodies, problem.normal, problem.arms, problem.inverse_mass, nothing, dr, v)
+        contact_velocities(problem.bodies, problem.normal, problem.arms, v, u)
+        return u + problem.compliance * dr
 
     def inside(self, z: FloatArray, status: IntArray) -> FloatArray:
         """``P(z)`` by the statuses."""
@@ -293,7 +304,3 @@ def _steady(before: FloatArray, drift: FloatArray) -> bool:
 def _near(z: FloatArray, other: FloatArray) -> bool:
     """Whether they are the same but for round-off and what the compliance leaves of it."""
     return float(np.abs(z - other).max()) <= SAME * float(np.abs(other).max())
-
-
-def _margins(problem: ContactProblem, z: FloatArray) -> FloatArray:
-    return np.column_stack([z[:, 0], problem.mu * z[:, 0] - z[:, 1], problem.mu * z[:, 0] + z[:, 1]])

@@ -42,7 +42,7 @@ SOLVED = 1e-13
 """Error of a step, over the first forces."""
 NEARER = 0.1
 """Natural map over that at the last polish from which on the next one is worth its pivots."""
-FEW, NEAR = 25, 0.1
+FEW, NEAR = 25, 0.9
 """Pivots of a path up to which the compliance is lowered; error over the first from which on a step that was not solved is kept."""
 SLICE = 1_000
 """Iterations from one start before the other has its turn, the first time; which of the two arrives cannot be told before."""
@@ -147,6 +147,8 @@ class _Search:
         self.law.soft = SOFT
         if not self.over and (exact := self.law.improve(r, pivots, paths=1)):
             self.best = exact
+        elif self.best and self.law.best and self.law.best[1].worst < self.best[1].worst:
+            self.best = self.law.best
         return self.found
 
     def result(self) -> SolverResult:
@@ -158,7 +160,7 @@ class _Search:
                 self.solver,
                 self.options,
                 self.iterations,
-                self.best[1],
+                self.best,
                 self.clock,
                 "Coulomb's law need not have a solution that it finds: use gauss-seidel, loosen the tolerance, or raise "
                 "max_iterations or time_limit.",
@@ -218,8 +220,9 @@ class _Walk:
             self.z = self._of(ended[0], held)
             self.soft = max(self.soft * LOWER, SOFT) if self.law.count - count <= FEW else self.soft
             return
-        if after < NEAR * before:
-            self.z = z
+        part, reached = self.law.reached
+        if part * after < NEAR * before:
+            self.z = reached
         self.soft = min(self.soft * RAISE, MOST_SOFT)
 
     def _newton(self, held: FloatArray, error: float) -> tuple[FloatArray, float, int]:

@@ -168,13 +168,18 @@ class ContactSolver:
         if problem.n_contacts <= LEMKE_CONTACTS and (polished := polish.from_nothing(sweeps.r, STAGES[-1][1])):
             return result("lemke", polished)
         try:
-            points = ProximalPoint(replace(options, max_iterations=None, time_limit=SHARE * clock.left))
-            found = points.solve(problem, sweeps.r)
+            last = ProximalPoint(replace(options, max_iterations=None, time_limit=SHARE * clock.left))
+            found = last.solve(problem, sweeps.r)
             return replace(found, iterations=found.iterations + sweeps.done + polish.count)
         except SolverNotConvergedError as error:
-            count = error.iterations
-        found = sweeps.solve(limit) or sweeps.give_up()
-        return replace(found, iterations=found.iterations + polish.count + count)
+            points = error
+        try:
+            found = sweeps.solve(limit) or sweeps.give_up()
+        except SolverNotConvergedError as error:
+            if points.residuals and error.residuals and points.residuals.worst < error.residuals.worst:
+                error.residuals, error.forces = points.residuals, points.forces
+            raise
+        return replace(found, iterations=found.iterations + polish.count + points.iterations)
 
     def _equilibrium(self, problem: ContactProblem, polish: Polish, clock: Stopwatch) -> SolverResult | None:
         """The solution in which nothing slides, if there is one: that of the associated rule, whose velocities are unique."""

@@ -86,6 +86,18 @@ def test_what_no_forces_can_hold_apart_is_not_solved(tmp_path: Path) -> None:
         assert "NOT solved" in done.stdout
 
 
+def test_what_a_solver_had_when_it_gave_up_is_judged(tmp_path: Path) -> None:
+    write_problem(tmp_path / "p", ROW, "npz")
+    done = ninedisk(
+        "solve", tmp_path / "p", "--solver", "gauss-seidel", "--time-limit", "1e-9", "--out", tmp_path / "s"
+    )
+    assert done.exit_code == 1
+    assert "NOT solved: gauss-seidel stopped" in done.stdout
+    assert "complementarity" in done.stdout
+    assert "the forces it had (worst error 0.9" in done.stdout
+    assert ninedisk("solve", tmp_path / "s", "--check").exit_code == 1
+
+
 @pytest.mark.parametrize(
     ("flags", "said"),
     [
