@@ -176,7 +176,9 @@ class StepBatches:
                 near = self._near
                 inside = near.frames.pairs[near.inside]
                 self.start = memory.renewed(inside, near.force[near.inside], np.zeros(inside.shape))
-            if scheme.sweeps == self._scheme.sweeps:  # a few sweeps are no loss: the solver goes on from their contacts and forces
+            if (
+                scheme.sweeps == self._scheme.sweeps
+            ):  # a few sweeps are no loss: the solver goes on from their contacts and forces
                 self._resting, self._rest = self._rest - 1, min(2 * self._rest, LONGEST_REST)
             return done, memory, 0.0
         self._rest = 1

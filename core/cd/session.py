@@ -431,10 +431,11 @@ class CdSession:
         gains, options = self._gains, self.settings.solver_options
         if self.loose:
             step, worst = max(self.loose, key=lambda each: each[1])
+            steps = self.numerics.n_steps * self.substeps
             self.remarks.append(
-                f"{len(self.loose)} of {self.numerics.n_steps * self.substeps} steps missed the tolerance {options.tolerance:g} and went on "
-                f"with the best forces found, as cd.accept = {options.accept:g} allows: natural map and duality gap up to {worst:.3g} "
-                f"(step {step})"
+                f"{len(self.loose)} of {steps} steps missed the tolerance {options.tolerance:g} and "
+                f"went on with the best forces found, as cd.accept = {options.accept:g} allows: natural map and "
+                f"duality gap up to {worst:.3g} (step {step})"
             )
         if gains[GAIN_STEPS]:
             names = " and ".join(self.scene.body_name(int(body)) for body in gains[[GAIN_I, GAIN_J]])
