@@ -30,7 +30,7 @@ from ninedisk.core.cd.contact_kernels import Bodies, Loads, Start
 from ninedisk.core.cd.contacts import ContactMemory, empty_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem_kernels import SUMS, Contacts
-from ninedisk.core.cd.solvers.solver import LOOSE, ContactSolver
+from ninedisk.core.cd.solvers.solver import LOOSE, WARM_FROM, ContactSolver
 from ninedisk.core.cd.step import dynamic_mass
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.motion_kernels import WallMotion
@@ -115,6 +115,7 @@ class StepBatches:
             inverse_mass=1.0 / dynamic_mass(bodies, dt, theta),
             dilation=laws.mu if solver.sliding == "associated" else np.zeros_like(laws.mu),
         )
+        self._short = self._scheme._replace(sweeps=solver.many_sweeps)
         force, kept, prescribed, v, dx = (np.empty((n, 3)) for _ in range(5))
         start = Start(force, kept, prescribed)
         self._scratch = Scratch(np.empty((m, 11)), start, v, dx, np.empty(SUMS), np.empty(6))
@@ -154,6 +155,7 @@ class StepBatches:
             return done, memory, 0.0
         counts, totals = self._counts, self._totals
         self._remember(memory)
+        scheme = self._short if counts[HELD] > WARM_FROM else self._scheme
         counts[STEP], counts[ITERATIONS], counts[SWEEPS], counts[PLAIN] = done, 0, 0, 0
         totals[WORK], totals[WORST_MAP], totals[WORST_GAP] = 0.0, *self.worst
         listed_at = -1
@@ -161,7 +163,7 @@ class StepBatches:
             target = min(last, done + max(1, PAIR_STEPS // (len(self._near.frames.pairs) + 1)))
             state = State(x, v, wall, *self._kept(), counts, totals, self._gains, self._losses)
             laws, motion = self._laws.arrays, self._motion
-            why = take_steps(target, self._scheme, laws, motion, state, self._near, self._chosen, self._scratch)
+            why = take_steps(target, scheme, laws, motion, state, self._near, self._chosen, self._scratch)
             if why == MORE:
                 continue
             if why != LISTS or counts[STEP] == listed_at:
@@ -174,7 +176,10 @@ class StepBatches:
                 near = self._near
                 inside = near.frames.pairs[near.inside]
                 self.start = memory.renewed(inside, near.force[near.inside], np.zeros(inside.shape))
-            self._resting, self._rest = self._rest - 1, min(2 * self._rest, LONGEST_REST)
+            if (
+                scheme.sweeps == self._scheme.sweeps
+            ):  # a few sweeps are no loss: the solver goes on from their contacts and forces
+                self._resting, self._rest = self._rest - 1, min(2 * self._rest, LONGEST_REST)
             return done, memory, 0.0
         self._rest = 1
         self.iterations += int(counts[ITERATIONS])

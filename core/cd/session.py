@@ -134,6 +134,9 @@ class CdSession:
         Iterations of all of them together.
     worst : (float, float)
         Largest natural-map residual and duality gap of all steps whose forces are more than round-off.
+    loose : list of (int, float)
+        Steps whose forces miss the tolerance and were taken since ``cd.accept`` allows them, each with the larger one of its natural
+        map and duality gap.
 
     Raises
     ------
@@ -175,6 +178,7 @@ class CdSession:
         self.remarks = wedging_corners(scene, numerics) if self._laws.newton else []
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
+        self.loose: list[tuple[int, float]] = []
         self._grains = self._grain_frames()
         seen = 0.0 if numerics.regime == "quasi-static" else self._bodies.inverse
         place = self._place(self._wall)
@@ -201,7 +205,7 @@ class CdSession:
         Raises
         ------
         SolverNotConvergedError
-            If a step's problem was not solved to its tolerance, with the figures and what to change.
+            If a step's problem was not solved to its tolerance, nor to ``cd.accept``, with the figures and what to change.
         NoEquilibriumError
             If a static step has no solution.
         InvalidSceneError
@@ -309,7 +313,7 @@ class CdSession:
             start,
             self._grains,
         )
-        self._note(solved.result)
+        self._note(step, solved.result)
         pull = self._step.pulls(frames) if self._laws.pulls else None
         multipliers = solved.r
         if pull is not None:
@@ -410,17 +414,29 @@ class CdSession:
         moved = np.column_stack([frames.gap - frames.gap_before, frames.shift])
         return -float((solved.r * moved).sum())
 
-    def _note(self, result: SolverResult) -> None:
+    def _note(self, step: int, result: SolverResult) -> None:
         self.solves[result.solver] += 1
         self.iterations += result.iterations
         found = result.residuals
+        if not found.reached(self.settings.solver_options.tolerance):
+            self.loose.append((step, found.worst))
         if max(found.floor_map, found.floor_gap) > UNRESOLVED:
             return
         self.worst = (max(self.worst[0], found.natural_map), max(self.worst[1], found.duality_gap))
 
     def _remark(self) -> None:
-        """Say how much energy impacts fed, and how many modes without energy the last static step left alone."""
-        gains = self._gains
+        """Say which steps missed the tolerance, how much energy impacts fed, and how many modes without energy the last static step
+        left alone.
+        """
+        gains, options = self._gains, self.settings.solver_options
+        if self.loose:
+            step, worst = max(self.loose, key=lambda each: each[1])
+            steps = self.numerics.n_steps * self.substeps
+            self.remarks.append(
+                f"{len(self.loose)} of {steps} steps missed the tolerance {options.tolerance:g} and "
+                f"went on with the best forces found, as cd.accept = {options.accept:g} allows: natural map and "
+                f"duality gap up to {worst:.3g} (step {step})"
+            )
         if gains[GAIN_STEPS]:
             names = " and ".join(self.scene.body_name(int(body)) for body in gains[[GAIN_I, GAIN_J]])
             self.remarks.append(

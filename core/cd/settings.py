@@ -32,6 +32,14 @@ OPTIONS: Mapping[str, Option] = {
     "time_limit": Option(
         default=600.0, low_open=True, why="wall-clock seconds of one step's problem: ten minutes, for the largest ones"
     ),
+    "accept": Option(
+        default=None,
+        high=1.0,
+        low_open=True,
+        high_open=True,
+        none="no forces that miss the tolerance",
+        why="a run stops at a step that misses its tolerance; with a looser bound here the best forces of the sweeps are taken, and told",
+    ),
     "relaxation": Option(
         default=1.0,
         high=2.0,
@@ -66,6 +74,9 @@ class SolverOptions:
         Iteration limit; None: the solver's own default.
     time_limit : float
         Seconds of wall-clock time.
+    accept : float or None
+        Looser bound up to which Gauss-Seidel, where it gives up, hands over its best forces in place of an error. The residuals of a
+        result tell which it is.
     relaxation : float
         Over-relaxation of Gauss-Seidel.
     threads : int
@@ -80,6 +91,7 @@ class SolverOptions:
     tolerance: float = 1e-10
     max_iterations: int | None = None
     time_limit: float = 600.0
+    accept: float | None = None
     relaxation: float = 1.0
     threads: int = 1
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NoReturn
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,7 +56,7 @@ def solve_gauss_seidel(
     Raises
     ------
     SolverNotConvergedError
-        At the iteration or time limit, with the figures reached.
+        At the iteration or time limit, with the figures reached, if ``options.accept`` does not allow these.
     InfeasibleContactsError
         If no motion satisfies the contacts; that is looked into after `PROOF_AFTER` sweeps.
     """
@@ -93,25 +93,25 @@ class GaussSeidel:
         self.r, self.done = starting_forces(problem, start), 0
         self._advance = _sweeps(problem, options, sliding == "coulomb", self.r)
         self._clock = Stopwatch(options.time_limit)
-        self._best: tuple[FloatArray, Residuals] | None = None
+        self._best: SolverResult | None = None
 
     def solve(self, limit: int) -> SolverResult | None:
         """Sweep until the tolerance is reached, or ``limit`` sweeps in all or the time limit: then None."""
-        problem, r, clock = self.problem, self.r, self._clock
+        problem, r, clock, tolerance = self.problem, self.r, self._clock, self.options.tolerance
         while True:
             v, residuals = problem.body_velocity(r), self.residuals()
-            if self._best is None or residuals.worst < self._best[1].worst:
-                self._best = r.copy(), residuals
-            if residuals.reached(self.options.tolerance):
-                return SolverResult(
+            if self._best is None or residuals.worst < self._best.residuals.worst or residuals.reached(tolerance):
+                self._best = SolverResult(
                     solver="gauss-seidel",
                     sliding=self.sliding,
-                    v=v,
-                    r=r,
+                    v=v.copy(),
+                    r=r.copy(),
                     iterations=self.done,
                     residuals=residuals,
                     seconds=clock.seconds,
                 )
+            if residuals.reached(tolerance):
+                return self._best
             if self.done >= limit or clock.over:
                 return None
             batch = min(next_batch(self.done), limit - self.done, max(1, 20_000_000 // (problem.n_contacts + 1)))
@@ -122,18 +122,21 @@ class GaussSeidel:
         """Those of the forces reached."""
         return measure(self.problem, self.problem.body_velocity(self.r), self.r, sliding=self.sliding)
 
-    def give_up(self) -> NoReturn:
-        """Raise `SolverNotConvergedError` with the best forces so far."""
+    def give_up(self) -> SolverResult:
+        """The best forces so far, if ``options.accept`` allows them; else raise `SolverNotConvergedError` with their figures."""
         assert self._best is not None
+        if self.options.accept is not None and self._best.residuals.reached(self.options.accept):
+            return replace(self._best, iterations=self.done, seconds=self._clock.seconds)
         not_converged(
             "gauss-seidel",
             self.options,
             self.done,
-            self._best,
+            (self._best.r, self._best.residuals),
             self._clock,
             "Use the interior-point solver, loosen the tolerance, or raise max_iterations or time_limit."
             if self.sliding == "associated"
-            else "Raise max_iterations or time_limit, try a relaxation between 0.5 and 1.5, or loosen the tolerance.",
+            else "Raise max_iterations or time_limit, try a relaxation between 0.5 and 1.5, or loosen the tolerance; "
+            "in a run, cd.accept lets it go on with the best forces.",
         )
 
 

@@ -20,6 +20,12 @@ TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
 STAGES = ((200, 20), (5_000, 400))
 """Sweeps for Coulomb's law after which "auto" polishes the forces found; pivots that a path of this may take."""
+WARM_FROM = 100
+"""Contacts above which "auto" takes a step with Coulomb's law to a tight tolerance by `WARM_STAGES`: below, sweeps to the end cost less
+than factorisations."""
+WARM_STAGES = ((50, 0), (100, 0), (200, 0), (400, 0), (800, 0), (1_600, 2), (3_200, 2), (6_400, 20))
+"""As `STAGES`, from the forces of a step before, but for one path of pivots in place of several: sweeps find what each contact does long
+before they find its force, and where they did one factorisation, which costs some hundred sweeps, makes the forces exact."""
 LEMKE_CONTACTS = 500
 """Contacts up to which "auto" follows the path from nothing: some 3 pivots for each contact, each of which costs as much as a matrix
 that grows with the contacts."""
@@ -39,7 +45,8 @@ TRIAL_CONTACTS = 5_000
 class ContactSolver:
     """Solves the problems of successive steps; keeps what can be reused.
 
-    For Coulomb friction ``"auto"`` takes Gauss-Seidel, started from the last step's forces. Where the sweeps do not reach the
+    For Coulomb friction ``"auto"`` takes Gauss-Seidel, started from the last step's forces, and on more than `WARM_FROM` contacts tries
+    after each of `WARM_STAGES` what one factorisation makes of them. Where the sweeps do not reach the
     tolerance after the first of `STAGES`, `Polish` makes the forces found exact; if it cannot, a solution in which nothing slides
     is asked for where contacts are many, more sweeps follow, then Lemke's method on up to `LEMKE_CONTACTS` contacts,
     `ProximalPoint`, and more sweeps. ``options.max_iterations`` bounds the sweeps: at a bound within the first stage nothing is
@@ -75,7 +82,8 @@ class ContactSolver:
         self._interior = InteriorPoint(options)
         self._without_trial = self._waited = 0
         sweeps = LOOSE_SWEEPS if options.tolerance >= LOOSE else TRIAL_SWEEPS
-        self._trial = replace(options, max_iterations=min(sweeps, options.max_iterations or sweeps))
+        self._trial = replace(options, max_iterations=min(sweeps, options.max_iterations or sweeps), accept=None)
+        self._tight = options.tolerance < LOOSE
 
     @property
     def sweeps(self) -> int:
@@ -92,8 +100,13 @@ class ContactSolver:
     @property
     def most_contacts(self) -> int:
         """Contacts above which it does not begin with Gauss-Seidel."""
-        trial = self.sliding == "associated" and self.name == "auto" and self.options.tolerance < LOOSE
-        return TRIAL_CONTACTS if trial else NO_LIMIT
+        return TRIAL_CONTACTS if self.sliding == "associated" and self.name == "auto" and self._tight else NO_LIMIT
+
+    @property
+    def many_sweeps(self) -> int:
+        """As `sweeps`, from the forces of a step before with more than `WARM_FROM` contacts."""
+        polishes = self.sliding == "coulomb" and self.name == "auto" and self._tight
+        return min(self.sweeps, WARM_STAGES[0][0]) if polishes else self.sweeps
 
     def solve(self, problem: ContactProblem, start: FloatArray | None = None, *, at_rest: bool = False) -> SolverResult:
         """Solve one problem.
@@ -153,11 +166,19 @@ class ContactSolver:
             found = sweeps.solve(0) or self._equilibrium(problem, polish, clock)
             if found:
                 return found
+        if self._tight and problem.n_contacts > WARM_FROM and start is not None and start.any():
+            for stage, pivots in WARM_STAGES:
+                if found := sweeps.solve(min(stage, limit)):
+                    return replace(found, iterations=found.iterations + polish.count)
+                if stage >= limit or clock.over:
+                    return sweeps.give_up()
+                if polished := polish.improve(sweeps.r, pivots, paths=1):
+                    return result("polish", polished)
         for stage, pivots in STAGES:
             if found := sweeps.solve(min(stage, limit)):
                 return replace(found, iterations=found.iterations + polish.count)
             if stage >= limit or clock.over:
-                sweeps.give_up()
+                return sweeps.give_up()
             if polished := polish.improve(sweeps.r, pivots):
                 return result("polish", polished)
             # Where many contacts are in play, pivots cost more than the interior point.
