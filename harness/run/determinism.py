@@ -52,7 +52,9 @@ SCENES = {"pile": (6, 4, 0.3), "smooth": (3, 3, 0.0)}
 IN_SPACE = {"spheres": (3, 3, 0.3), "few-spheres": (2, 2, 0.3)}
 """The same for spheres, in layers of as many columns each way."""
 
-SLOW = {"dart": "its Gauss-Seidel takes thousands of sweeps a step in a pile: a minute a run of 27 spheres, seconds of 8"}
+SLOW = {
+    "dart": "its Gauss-Seidel takes thousands of sweeps a step in a pile: a minute a run of 27 spheres, seconds of 8"
+}
 """Engines that are given the last scene of spheres, and why: ten repetitions are to take minutes."""
 
 MANY, MANY_SPHERES = (50, 44), (14, 11)

@@ -16,7 +16,9 @@ def turned_by(vectors: ArrayLike, spin: ArrayLike, t: ArrayLike) -> FloatArray:
     """Vectors, shape (s, 3), each turned by a spin [rad/s], shape (3,), over its time t [s], shape (s,): Rodrigues' formula."""
     found, axis, times = array("vectors", vectors, dimensions=(2,)), array("spin", spin, dimensions=(1,)), times_of(t)
     if axis.shape != (3,) or found.shape != (*times.shape, 3):
-        raise ValueError(f"vectors of shape {found.shape}, spin of shape {axis.shape} are not allowed: three components, a row a time")
+        raise ValueError(
+            f"vectors of shape {found.shape}, spin of shape {axis.shape} are not allowed: three components, a row a time"
+        )
     rate = float(np.linalg.norm(axis))
     if rate == 0.0:
         return found.copy()
@@ -31,10 +33,10 @@ def turned_shear(
     """Displacement of the shear spring of two spheres that never slide, on straight lines with constant spins, from time 0.
 
     With the unit normal ``n`` from the first to the second, a vector ``s`` in the tangent plane that turns with the contact, and about n
-    with half the sum of the spins, obeys ``s' = (n x n') x s + (W/2) n x s - u``, ``W = (w_1 + w_2).n`` and the slip ``u = -v_t + (R_1 w_1 +
-    R_2 w_2) x n``, v that of the second relative to the first. In the plane of the motion ``n x n'`` keeps its direction, so that the
-    tangent ``e`` in it and ``n x e`` are carried along unturned, and for ``z = s.e + i s.(n x e)`` there remains ``z' = i (W/2) z - u``:
-    ``z = -exp(i a(t)) int exp(-i a) u``, with the angle ``a = 1/2 (w_1 + w_2).int n`` in closed form. The integral is taken by Gauss' rule
+    with half the sum of the spins, obeys ``s' = (n x n') x s + (W/2) n x s - u``, ``W = (w_1 + w_2).n`` and the slip
+    ``u = -v_t + (R_1 w_1 + R_2 w_2) x n``, v that of the second relative to the first. ``n x n'`` keeps its direction, so that the
+    tangent ``e`` in the plane of the motion and ``n x e`` are carried along unturned, and for ``z = s.e + i s.(n x e)`` there remains
+    ``z' = i (W/2) z - u``: ``z = -exp(i a(t)) int exp(-i a) u``, with the angle ``a = 1/2 (w_1 + w_2).int n`` in closed form. The integral is taken by Gauss' rule
     of eight points between the times. Without motion s runs through a circle of radius ``2 |u|/|W|``.
 
     Parameters

@@ -12,7 +12,12 @@ from ninedisk.references.analytic.turned_shear import turned_shear
 @pytest.mark.parametrize("v", [(0.0, 0.0, 0.0), (0.3, -0.7, 0.4)])
 def test_the_spring_turns_with_the_contact(v: tuple[float, ...]) -> None:
     """``s' = Omega x s - u`` with the rotation of the normal, and half of both spins about it, as vectors of space."""
-    apart, u2, roll, spin = np.array([0.2, 0.8, -0.3]), np.array(v), np.array([0.4, 0.1, -0.5]), np.array([2.0, -1.0, 3.0])
+    apart, u2, roll, spin = (
+        np.array([0.2, 0.8, -0.3]),
+        np.array(v),
+        np.array([0.4, 0.1, -0.5]),
+        np.array([2.0, -1.0, 3.0]),
+    )
     times = np.linspace(0.0, 1.5, 7)
 
     def rates(t: float, s: np.ndarray) -> np.ndarray:
@@ -25,7 +30,9 @@ def test_the_spring_turns_with_the_contact(v: tuple[float, ...]) -> None:
     found = solve_ivp(rates, (0.0, 1.5), np.zeros(3), t_eval=times, rtol=1e-11, atol=1e-13)
     shear, frame = turned_shear(apart=apart, v=u2, roll=roll, spin=spin, t=times)
     np.testing.assert_allclose(shear, found.y.T, atol=1e-9)
-    np.testing.assert_allclose(np.einsum("sik,sjk->sij", frame, frame), np.broadcast_to(np.eye(2), (7, 2, 2)), atol=1e-15)
+    np.testing.assert_allclose(
+        np.einsum("sik,sjk->sij", frame, frame), np.broadcast_to(np.eye(2), (7, 2, 2)), atol=1e-15
+    )
 
 
 def test_closed_forms() -> None:
