@@ -68,12 +68,12 @@ def test_polish_of_problems_that_sweeps_do_not_solve(path: Path) -> None:
 def test_a_polish_strides_along_forces_that_drift(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = ContactProblem.load(DATA / "drifting.npz")
     rough = swept(problem, 5_000)
-    found = polish_of(problem).improve(rough, 400)
+    found = polish_of(problem).improve(rough, 200)
     assert found is not None
     assert found[1].reached(TOLERANCE)
     assert law_broken(problem, found[0]) < 1e-6
     monkeypatch.setattr(polish, "_steady", lambda *_: False)
-    assert polish_of(problem).improve(rough, 400) is None
+    assert polish_of(problem).improve(rough, 200) is None
 
 
 def test_a_polish_leaves_paths_that_close(monkeypatch: pytest.MonkeyPatch) -> None:
