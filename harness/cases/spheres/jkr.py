@@ -103,7 +103,6 @@ class AdhesiveImpact:
         lost = 0.5 * M_EFF * float(v[0] ** 2 - v[-1] ** 2)
         parted = known and not held[-1] and gap[-1] > -exact.breaking_overlap
         scalars = {
-            "parted": ("1", float(parted) if known else math.nan),
             "pull_off": ("N", -float(force.min())),
             "restitution_effective": ("1", (-float(v[-1]) / float(v[0]) if parted else 0.0) if known else math.nan),
         }
@@ -125,7 +124,7 @@ class AdhesiveImpact:
     ) -> Sequence[Check]:  # fmt: skip
         """Closed forms, to what a step moves meanwhile."""
         exact, way = neck(**ONE), _speed(params) * setup.numerics.dt
-        source, parts = "Johnson, Kendall & Roberts (1971)", float(params["speed"] > 1.0)
+        source, rebound = "Johnson, Kendall & Roberts (1971)", _rebound(params)
         early = Difference.NECK_PARTS_AT_LARGEST_PULL in engine.differences
 
         def known(size: float) -> KnownDifference | None:
@@ -139,20 +138,25 @@ class AdhesiveImpact:
         # Around its largest the pull is a parabola in the overlap, of which the steps see a place at most half of a way aside.
         near = exact.pull_off + float(stable_contact(exact.pull_off_overlap + 0.5 * way, **ONE)[1])
         late = float(stable_contact(exact.pull_off_overlap + way, **ONE)[1]) + exact.pull_off
-        found = [
-            Check(quantity="force_off", norm="max", truth="analytic", expected=np.zeros(len(observed.step)), source=source,
-                  atol=1e-9 * exact.pull_off, scale=exact.pull_off,
-                  why="round-off: gaps of 1e-7 m are differences of places of 1e-2 m, 1e-11 of them, and the branch is steep at its end"),
-            Check(quantity="parted", norm="scalar", truth="analytic", expected=parts, source=source, atol=0.5, scale=1.0, known=known(1.0),
-                  why="yes or no"),
-        ]  # fmt: skip
-        if not parts:
-            return found
         # The contact begins with a pull, and ends with one, somewhere in a step.
         unsure = way * (exact.touching_force + exact.breaking_force)
         # Central differences change energies by the square of the phase of a step: of what the spheres exchange.
         hit = hertz_impact(e_star=E_STAR, radius=REDUCED, mass=M_EFF, speed=_speed(params))
         unsure += 0.5 * M_EFF * _speed(params) ** 2 * (math.pi * setup.numerics.dt / hit.duration) ** 2
+        kinetic = 0.5 * M_EFF * _speed(params) ** 2
+        sooner = math.sqrt(max(1.0 - exact.pull_off_loss / kinetic, 0.0))
+        atol = unsure / (2.0 * kinetic * rebound) if rebound > 0.0 else 0.0
+        found = [
+            Check(quantity="force_off", norm="max", truth="analytic", expected=np.zeros(len(observed.step)), source=source,
+                  atol=1e-9 * exact.pull_off, scale=exact.pull_off,
+                  why="round-off: gaps of 1e-7 m are differences of places of 1e-2 m, 1e-11 of them, and the branch is steep at its end"),
+            Check(quantity="restitution_effective", norm="scalar", truth="analytic", expected=rebound, source="e^2 = 1 - (v_s/v)^2",
+                  atol=atol, scale=1.0,
+                  known=known(sooner - rebound + 1.1 * unsure / (2.0 * kinetic * sooner)) if sooner > rebound else None,
+                  why="the loss, see there, over that of the speed" if rebound else "spheres stay together: exactly 0"),
+        ]  # fmt: skip
+        if not rebound:
+            return found
         gap = -exact.breaking_overlap
         return [
             *found,
