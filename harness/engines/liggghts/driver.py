@@ -109,32 +109,13 @@ class Run(SpringRun):
             table["kn"][wall, kinds:] = table["kt"][wall, kinds:] = 1.0
         table["coefficientFriction"] = table.pop("mu")
         self.model, self.limit = "model hooke/stiffness tangential history", " limitForce on" if self.damped else ""
-        for name, matrix in table.items():
-            values = " ".join(number(value) for value in matrix.ravel())
-            self.engine.do(f"fix {name} all property/global {name} peratomtypepair {self.types} {values}")
-        self.engine.do(
-            f"pair_style gran {self.model}{self.limit}",
-            "pair_coeff * *",
-            f"timestep {number(self.dt)}",
-            "compute pairs all pair/gran/local id force_normal force_tangential delta",
-            "compute pairs_sum all reduce sum c_pairs[2]",
-            "compute pairs_ave all reduce ave c_pairs[2]",
-        )
+        self.engine.contact_model(self.model + self.limit, table, self.dt)
 
     def _walls(self):
-        for w, wall in enumerate(self.walls):
-            name = f"wall{w}.stl"
-            with open(name, "w", encoding="ascii") as file:
-                file.write(self._triangle(np.array(wall["point"]), np.array(wall["normal"])))
-            self.engine.do(f"fix mesh{w} all mesh/surface file {name} type {len(self.kinds) + w + 1}")
+        texts = [self._triangle(np.array(wall["point"]), np.array(wall["normal"])) for wall in self.walls]
+        self.engine.meshes(texts, len(self.kinds))
         if self.walls:
-            meshes = " ".join(f"mesh{w}" for w in range(len(self.walls)))
-            self.engine.do(
-                f"fix walls all wall/gran {self.model} mesh n_meshes {len(self.walls)} meshes {meshes}{self.limit}",
-                "compute walls all wall/gran/local id force_normal force_tangential delta",
-                "compute walls_sum all reduce sum c_walls[3]",
-                "compute walls_ave all reduce ave c_walls[3]",
-            )
+            self.engine.contacts_at_walls("all", len(texts), self.model, self.limit)
 
     def _triangle(self, point, normal):
         """STL text of a wall: a triangle opposite the middle of the disks, ``reach`` to either side in the plane z = 0."""
@@ -144,24 +125,13 @@ class Run(SpringRun):
         corners = [*ends, (*foot, 2.0 * self.depth)]
         if np.cross(np.subtract(corners[1], corners[0]), np.subtract(corners[2], corners[0])) @ [*normal, 0.0] < 0.0:
             corners.reverse()
-        vertices = "\n".join("vertex " + " ".join(number(c) for c in corner) for corner in corners)
-        facing = " ".join(number(c) for c in (*normal, 0.0))
-        return f"solid wall\nfacet normal {facing}\nouter loop\n{vertices}\nendloop\nendfacet\nendsolid wall\n"
+        return facet((*normal, 0.0), corners)
 
     def _integrators(self):
         do = self.engine.do
         origin = 1 if self.preload else 0
         for w, legs in enumerate(self.legs):
-            if not legs:
-                continue
-            for axis, name in enumerate("xy"):
-                terms = (
-                    f"(step>{origin + first})*(step<={origin + last})*({number(velocity[axis])})"
-                    for first, last, velocity in legs
-                )
-                do(f"variable v{name}{w} equal {'+'.join(terms)}")
-            do(f"variable vz{w} equal 0.0")
-            do(f"fix move{w} all move/mesh mesh mesh{w} linear/variable v_vx{w} v_vy{w} v_vz{w}")
+            self.engine.move(w, [(origin + first, origin + last, (*velocity, 0.0)) for first, last, velocity in legs])
         for name, style, chosen in (("turning", "nve/sphere", self.rotating), ("still", "nve", ~self.rotating)):
             if chosen.any():
                 do(f"group {name} id {' '.join(str(i + 1) for i in np.flatnonzero(chosen))}")
@@ -222,15 +192,11 @@ class Run(SpringRun):
         """Touching pairs: ``{(i, j): (fn [N], fs [N], overlap [m])}``, walls after the disks."""
         engine, found = self.engine, {}
         x = engine.get("x")[:, :2]
-        for one, two, _, *rest in engine.local("pairs", engine.count("pairs_sum", "pairs_ave"), COLUMNS):
-            a, b = int(one) - 1, int(two) - 1
-            sign, (i, j) = (1.0, (a, b)) if a < b else (-1.0, (b, a))
+        for i, j, row in engine.touching():
             d = x[j] - x[i]
-            found[i, j] = self._components(sign * np.array(rest), d / np.hypot(*d))
-        rows = engine.count("walls_sum", "walls_ave") if self.walls else 0
-        for wall, _, one, *rest in engine.local("walls", rows, COLUMNS):
-            normal = -np.array(self.walls[int(wall)]["normal"])
-            found[int(one) - 1, self.n + int(wall)] = self._components(np.array(rest), normal)
+            found[i, j] = self._components(row, d / np.hypot(*d))
+        for i, wall, row in engine.touching_walls() if self.walls else ():
+            found[i, self.n + wall] = self._components(row, -np.array(self.walls[wall]["normal"]))
         return found
 
     @staticmethod
@@ -255,6 +221,13 @@ class Run(SpringRun):
         loads, elastic = self.sums(found, pose)
         angle = omega * (step * self.substeps * self.dt)  # no spin changes: see the adapter
         self.sample(step, x, v, omega, angle, self.watched(found), pose, loads, elastic)
+
+
+def facet(normal, corners):
+    """STL text of one triangle."""
+    vertices = "\n".join("vertex " + " ".join(map(number, corner)) for corner in corners)
+    facing = " ".join(map(number, normal))
+    return f"solid wall\nfacet normal {facing}\nouter loop\n{vertices}\nendloop\nendfacet\nendsolid wall\n"
 
 
 class Liggghts:
@@ -284,6 +257,54 @@ class Liggghts:
         """Run commands."""
         for command in commands:
             self.library.lammps_command(self.handle, command.encode())
+
+    def contact_model(self, style, table, dt):
+        """Constants by pairs of types, the step [s], and what contacts between disks tell."""
+        for name, matrix in table.items():
+            values = " ".join(number(value) for value in matrix.ravel())
+            self.do(f"fix {name} all property/global {name} peratomtypepair {len(matrix)} {values}")
+        self.do(f"pair_style gran {style}", "pair_coeff * *", f"timestep {number(dt)}")
+        self._tell("pairs", "pair", 2)
+
+    def _tell(self, name, kind, column):
+        self.do(
+            f"compute {name} all {kind}/gran/local id force_normal force_tangential delta",
+            f"compute {name}_sum all reduce sum c_{name}[{column}]",
+            f"compute {name}_ave all reduce ave c_{name}[{column}]",
+        )
+
+    def meshes(self, texts, kinds):
+        """Walls of these facets, whose types follow those of the disks."""
+        for w, text in enumerate(texts):
+            with open(f"wall{w}.stl", "w", encoding="ascii") as file:
+                file.write(text)
+            self.do(f"fix mesh{w} all mesh/surface file wall{w}.stl type {kinds + w + 1}")
+
+    def contacts_at_walls(self, group, walls, model, options):
+        """Contacts of a group with all walls, and what they tell."""
+        meshes = " ".join(f"mesh{w}" for w in range(walls))
+        self.do(f"fix walls {group} wall/gran {model} mesh n_meshes {walls} meshes {meshes}{options}")
+        self._tell("walls", "wall", 3)
+
+    def move(self, w, legs):
+        """Velocity [m/s] of a wall between steps, none where it rests: ``(step before the first, last step, velocity)``."""
+        if not legs:
+            return
+        for axis, name in enumerate("xyz"):
+            terms = (f"(step>{first})*(step<={last})*({number(velocity[axis])})" for first, last, velocity in legs)
+            self.do(f"variable v{name}{w} equal {'+'.join(terms)}")
+        self.do(f"fix move{w} all move/mesh mesh mesh{w} linear/variable v_vx{w} v_vy{w} v_vz{w}")
+
+    def touching(self):
+        """Touching pairs ``(i, j, row)``, i < j: normal and shear force on the first of them [N], and the overlap [m]."""
+        for one, two, _, *row in self.local("pairs", self.count("pairs_sum", "pairs_ave"), COLUMNS):
+            a, b = int(one) - 1, int(two) - 1
+            yield (a, b, np.array(row)) if a < b else (b, a, -np.array(row))
+
+    def touching_walls(self):
+        """The same of disks and walls: ``(disk, wall, row)``."""
+        for wall, _, one, *row in self.local("walls", self.count("walls_sum", "walls_ave"), COLUMNS):
+            yield int(one) - 1, int(wall), np.array(row)
 
     def look(self, count):
         """Note the number of atoms and their order, which stays as it is: sorting is off and there is one process."""

@@ -6,7 +6,7 @@ A plane is one triangle, opposite the middle of the spheres and large enough for
 import ctypes
 
 import numpy as np
-from driver import BINS, COLUMNS, Liggghts
+from driver import BINS, Liggghts, facet
 from driver_parts import clock, number
 from space_parts import SpaceRun, rough
 
@@ -113,34 +113,15 @@ class Run(SpaceRun):
                 do(f"fix {name} all property/global {name} peratomtype {' '.join(number(each[k]) for each in own)}")
         else:
             pairs |= {"kn": table["kn"], "kt": table["kt"], "gamman": table["gamman"], "gammat": 0.0 * table["gamman"]}
-        for name, matrix in pairs.items():
-            values = " ".join(number(value) for value in matrix.ravel())
-            do(f"fix {name} all property/global {name} peratomtypepair {self.types} {values}")
         self.model = f"model {'hertz' if self.hertz else 'hooke/stiffness'} tangential history"
         self.options = "tangential_damping off limitForce off"
-        do(
-            f"pair_style gran {self.model} {self.options}",
-            "pair_coeff * *",
-            f"timestep {number(self.dt)}",
-            "compute pairs all pair/gran/local id force_normal force_tangential delta",
-            "compute pairs_sum all reduce sum c_pairs[2]",
-            "compute pairs_ave all reduce ave c_pairs[2]",
-        )
+        self.engine.contact_model(f"{self.model} {self.options}", pairs, self.dt)
 
     def _walls(self):
-        for w, wall in enumerate(self.walls):
-            name = f"wall{w}.stl"
-            with open(name, "w", encoding="ascii") as file:
-                file.write(self._triangle(np.array(wall["point"]), np.array(wall["normal"])))
-            self.engine.do(f"fix mesh{w} all mesh/surface file {name} type {len(self.first) + w + 1}")
+        texts = [self._triangle(np.array(wall["point"]), np.array(wall["normal"])) for wall in self.walls]
+        self.engine.meshes(texts, len(self.first))
         if self.walls and not self.fixed.all():
-            meshes = " ".join(f"mesh{w}" for w in range(len(self.walls)))
-            self.engine.do(
-                f"fix walls free wall/gran {self.model} mesh n_meshes {len(self.walls)} meshes {meshes} {self.options}",
-                "compute walls all wall/gran/local id force_normal force_tangential delta",
-                "compute walls_sum all reduce sum c_walls[3]",
-                "compute walls_ave all reduce ave c_walls[3]",
-            )
+            self.engine.contacts_at_walls("free", len(texts), self.model, f" {self.options}")
 
     def _triangle(self, point, normal):
         """STL text of a wall: an equilateral triangle about the foot of the spheres' middle."""
@@ -150,19 +131,12 @@ class Run(SpaceRun):
         two = np.cross(normal, one)
         angles = 2.0 * np.pi / 3.0 * np.arange(3)
         corners = [foot + 2.0 * self.reach * (np.cos(a) * one + np.sin(a) * two) for a in angles]
-        vertices = "\n".join("vertex " + " ".join(map(number, corner)) for corner in corners)
-        facing = " ".join(map(number, normal))
-        return f"solid wall\nfacet normal {facing}\nouter loop\n{vertices}\nendloop\nendfacet\nendsolid wall\n"
+        return facet(normal, corners)
 
     def _integrators(self):
         do = self.engine.do
         for w, legs in enumerate(self.legs):
-            if not legs:
-                continue
-            for axis, name in enumerate("xyz"):
-                terms = (f"(step>{first})*(step<={last})*({number(velocity[axis])})" for first, last, velocity in legs)
-                do(f"variable v{name}{w} equal {'+'.join(terms)}")
-            do(f"fix move{w} all move/mesh mesh mesh{w} linear/variable v_vx{w} v_vy{w} v_vz{w}")
+            self.engine.move(w, legs)
         for name, style, chosen in (("turning", "nve/sphere", self.rotating), ("still", "nve", ~self.rotating)):
             if chosen.any():
                 do(f"fix {name} {name} {style}")
@@ -219,19 +193,13 @@ class Run(SpaceRun):
             force = np.where(self.fixed[:, None], 0.0, engine.get("f"))
             engine.set("v", v - 0.5 * self.dt * force / self.mass[:, None])
         found, loads = {}, np.zeros((len(self.walls), 3))
-        for one, two, _, *rest in engine.local("pairs", engine.count("pairs_sum", "pairs_ave"), COLUMNS):
-            a, b = int(one) - 1, int(two) - 1
-            sign, pair = (1.0, (a, b)) if a < b else (-1.0, (b, a))
-            normal, shear = sign * np.array(rest[0:3]), sign * np.array(rest[3:6])
-            x = engine.get("x")
-            d = x[pair[1]] - x[pair[0]]
-            found[pair] = float(-normal @ d / np.linalg.norm(d)), shear
-        if self.walls and not self.fixed.all():
-            for wall, _, one, *rest in engine.local("walls", engine.count("walls_sum", "walls_ave"), COLUMNS):
-                normal, shear = np.array(rest[0:3]), np.array(rest[3:6])
-                w = int(wall)
-                found[int(one) - 1, self.n + w] = float(normal @ self.walls[w]["normal"]), shear
-                loads[w] -= normal + shear
+        x = engine.get("x")
+        for i, j, row in engine.touching():
+            d = x[j] - x[i]
+            found[i, j] = float(-row[0:3] @ d / np.linalg.norm(d)), row[3:6]
+        for i, w, row in engine.touching_walls() if self.walls and not self.fixed.all() else ():
+            found[i, self.n + w] = float(row[0:3] @ self.walls[w]["normal"]), row[3:6]
+            loads[w] -= row[0:3] + row[3:6]
         if late:
             engine.set("v", v)
-        self.sample(step, engine.get("x"), v, engine.get("omega"), self.angle.copy(), found, loads)
+        self.sample(step, x, v, engine.get("omega"), self.angle.copy(), found, loads)
