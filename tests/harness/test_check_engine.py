@@ -333,6 +333,16 @@ def test_probes_are_in_no_list_of_cases() -> None:
     assert not any(name.startswith("adapter/") for name in case_table())
 
 
+def test_losses_of_an_engine_of_spheres_alone_are_asked_in_space() -> None:
+    engine = DemEngine()
+    probe = probe_of(Capability.ENERGY_BUDGET, replace(engine.info(), plane=False))
+    for told in (True, False):
+        setup = probe.setup
+        history = engine.run(setup.scene, setup.numerics.replace(energy_budget=told), setup.watch).history
+        (form,) = probe.closed_forms(history)
+        assert bool(abs(form.value - form.expected) <= form.bound) is told
+
+
 def test_every_check_has_been_seen_failing() -> None:
     names = {each.check for each in check_engine(DemEngine())}
     caught = {name for name in names for check, _, _ in PLANTED.values() if name == check or check.rstrip("*") in name}
