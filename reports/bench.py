@@ -138,7 +138,7 @@ def dem_charts(rows: Sequence[Row]) -> list[PointChart]:
 
 def _scaling(rows: Sequence[Row], family: str) -> PointChart | None:
     dots = _lines(_by_size(rows, family), _engine_and_threads, lambda row: (row["disks"], row["rate"], row["problem"]))
-    return PointChart(f"{family}: rate over size", "disks", "particle-steps / s", dots) if dots else None
+    return PointChart(f"{family}: rate over size", f"{_noun(rows)}s", "particle-steps / s", dots) if dots else None
 
 
 def _threads(rows: Sequence[Row]) -> PointChart | None:
@@ -169,7 +169,10 @@ def _memory(rows: Sequence[Row]) -> PointChart | None:
         lambda row: f"{row['engine']} ({'arrays' if as_float(row['bytes_per_disk']) > 0.0 else 'resident'})",
         lambda row: (row["disks"], _bytes(row), row["problem"]),
     )
-    return PointChart("settled: memory over size", "disks", "bytes / disk", dots) if dots else None
+    if not dots:
+        return None
+    noun = _noun(rows)
+    return PointChart("settled: memory over size", f"{noun}s", f"bytes / {noun}", dots)
 
 
 def _accuracy_charts(problem: str, rows: Sequence[Row]) -> PointChart:
@@ -181,6 +184,11 @@ def _accuracy_charts(problem: str, rows: Sequence[Row]) -> PointChart:
     )
     title = f"{problem.removeprefix(ACCURACY)}: error against cost"
     return PointChart(title, "time [s]", "error / largest force", dots, decades=True)
+
+
+def _noun(rows: Sequence[Row]) -> str:
+    """What the rows of one suite have many of."""
+    return "sphere" if rows[0]["suite"] == "spheres" else "disk"
 
 
 def _family(row: Row) -> str:

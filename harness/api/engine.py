@@ -65,6 +65,10 @@ class Difference(StrEnum):
         "what a contact of spheres remembers turns with half of their spin about the normal where slip is that of a step's end: the "
         "torque that resists rolling leaves the direction of rolling"
     )
+    SHEAR_KEEPS_TWIST = (
+        "shear forces of spheres turn with the normal and not about it: where spheres spin about their normal the force keeps a direction "
+        "that the bodies have left"
+    )
     RESISTANCES_SHARE_CONE = (
         "resistances to rolling and twisting share one cone: both together are as large as one alone"
     )

@@ -74,6 +74,7 @@ BUILTIN_CASES: dict[str, str] = {
     "spheres/incline": "ninedisk.harness.cases.spheres.on_plane:INCLINE",
     "spheres/isotropy": "ninedisk.harness.cases.spheres.on_plane:ISOTROPY",
     "spheres/turntable": "ninedisk.harness.cases.spheres.on_plane:TURNTABLE",
+    "spheres/turned": "ninedisk.harness.cases.spheres.turned:CASE",
     "spheres/top": "ninedisk.harness.cases.spheres.on_plane:TOP",
     **{
         f"spheres/invariance/{name}": "ninedisk.harness.cases.spheres.observers:CASES"

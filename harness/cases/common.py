@@ -111,6 +111,7 @@ FINDING_WORDS: Mapping[Difference, str] = {
     Difference.DASHPOT_NEVER_PULLS: "dashpot-never-pulls",
     Difference.FRICTION_WHILE_PULLED: "friction-while-pulled",
     Difference.SPRINGS_TURN_WITH_TWIST: "springs-turn-with-twist",
+    Difference.SHEAR_KEEPS_TWIST: "shear-keeps-twist",
     Difference.RESISTANCES_SHARE_CONE: "resistances-share-cone",
     Difference.NORMAL_TURNS_IN_IMPACT: "elastic-gas-gains-energy",
 }

@@ -174,6 +174,8 @@ SPHERE_PANEL: dict[str, Probe] = {
     "all-ways": Probe("spheres/isotropy", {"speed": 0.6}),
     "turntable": Probe("spheres/turntable", {"turn": 20.0}),
     "large": Probe("spheres/chung-ooi/8", {}),
+    "turns-with-plane": Probe("spheres/turned", {"kind": "plane"}),
+    "turns-about-normal": Probe("spheres/turned", {"kind": "spun"}),
     "slides": Probe("spheres/thornton", {"incidence": 9.0}),
     "sticks": Probe("spheres/thornton", {"incidence": 1.5}),
     "chain": Probe("spheres/hertz-chain", {}),

@@ -230,8 +230,8 @@ class CoolingGas:
         theory = law.theory * (1.0 + delay / THEORY)
         atol = SIGMAS * law.spread + theory
         why = (
-            f"{SIGMAS:g} standard deviations, {law.spread:.3g}, of gases of {len(setup.scene.bodies)} disks; {THEORY:.0%} of the rate for "
-            f"the theory, and {delay:.1%} for collisions that take {lag:.2g} s"
+            f"{SIGMAS:g} standard deviations, {law.spread:.3g}, of gases of {len(setup.scene.bodies)} {setup.scene.noun}s; "
+            f"{THEORY:.0%} of the rate for the theory, and {delay:.1%} for collisions that take {lag:.2g} s"
         )
         grown, source = 1.0 + law.elapsed, f"Haff's law: {self.source}"
         found = [
@@ -387,7 +387,7 @@ def _motion_checks(
     lost = -math.expm1(-2.0 * motion.collisions / len(setup.scene.bodies) * 4.0 * softness(engine))
     return [
         Check(quantity=quantity, norm="max", truth="exact-step", expected=expected, scale=1.0,
-              source=f"event by event, until {motion.until:.2f} s: {motion.collisions} collisions of two disks",
+              source=f"event by event, until {motion.until:.2f} s: {motion.collisions} collisions of two {setup.scene.noun}s",
               atol=2.0 * PARTED + lost,
               why=f"motions that begin {params['speed'] * lag:.2g} m apart, the way in a step or contact, differ by {PARTED:g} of the "
               "energy by then; twice that for what each collision adds"),

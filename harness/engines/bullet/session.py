@@ -170,7 +170,14 @@ class BulletSession(WorldSession):
         wall = self.scene.walls[k]
         shape = self.world.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=three(wall.normal))
         body: int = self.world.createMultiBody(0.0, shape, basePosition=three([self.unit * c for c in wall.point]))
-        self.world.changeDynamics(body, -1, lateralFriction=friction, restitution=restitution, **self.resistances(k))
+        self.world.changeDynamics(
+            body,
+            -1,
+            lateralFriction=friction,
+            restitution=restitution,
+            maxJointVelocity=_UNLIMITED,
+            **self.resistances(k),
+        )
         return body
 
     def resistances(self, k: int) -> dict[str, float]:  # noqa: ARG002

@@ -101,4 +101,22 @@ FINDINGS = (
             "--set frame_vz=1"
         ),
     ),
+    Finding(
+        id="liggghts/shear-keeps-twist",
+        engine="liggghts",
+        versions="3.8.0",
+        what=(
+            "Shear forces of spheres turn with the normal and not about it: where bodies in contact turn as one about an axis along the "
+            "normal, the force keeps a direction that both have left."
+        ),
+        size=Size(
+            table="headlines",
+            case="spheres/turned",
+            variant="kind=spun,axis=across",
+            quantity="shear force that turned",
+            over=0.02,
+            over_why="forces turned to first order are off by half the square of each step's rotation, 1 % of the force in a turn",
+        ),
+        command="ninedisk run spheres/turned --engine liggghts --set kind=spun",
+    ),
 )

@@ -44,7 +44,7 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "spheres/hertz-chain": (DEM,),
     **{
         f"spheres/{name}": (DEM,)
-        for name in ("rolling", "incline", "isotropy", "turntable", "top", "rolling-resistance", "stack")
+        for name in ("rolling", "incline", "isotropy", "turntable", "turned", "top", "rolling-resistance", "stack")
     },
     **{f"spheres/invariance/{name}": (DEM,) for name in ("units", "rotation", "galilei", "mirror")},
     "spheres/cooling": (DEM,),
@@ -64,7 +64,7 @@ LEAST = {
     "spheres/chung-ooi/2": 7,
     "spheres/thornton": 4,
     "spheres/hertz-chain": 7,
-    **{f"spheres/{name}": 3 for name in ("rolling", "incline")},
+    **{f"spheres/{name}": 3 for name in ("rolling", "incline", "turned")},
     **{f"spheres/{name}": 5 for name in ("top", "rolling-resistance", "cooling")},
     **{f"spheres/invariance/{name}": 3 for name in ("rotation", "galilei", "mirror")},
     "spheres/isotropy": 51,

