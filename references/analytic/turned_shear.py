@@ -36,8 +36,8 @@ def turned_shear(
     with half the sum of the spins, obeys ``s' = (n x n') x s + (W/2) n x s - u``, ``W = (w_1 + w_2).n`` and the slip
     ``u = -v_t + (R_1 w_1 + R_2 w_2) x n``, v that of the second relative to the first. ``n x n'`` keeps its direction, so that the
     tangent ``e`` in the plane of the motion and ``n x e`` are carried along unturned, and for ``z = s.e + i s.(n x e)`` there remains
-    ``z' = i (W/2) z - u``: ``z = -exp(i a(t)) int exp(-i a) u``, with the angle ``a = 1/2 (w_1 + w_2).int n`` in closed form. The integral is taken by Gauss' rule
-    of eight points between the times. Without motion s runs through a circle of radius ``2 |u|/|W|``.
+    ``z' = i (W/2) z - u``: ``z = -exp(i a(t)) int exp(-i a) u``, with the angle ``a = 1/2 (w_1 + w_2).int n`` in closed form. The
+    integral is taken by Gauss' rule of eight points between the times. Without motion s runs through a circle of radius ``2 |u|/|W|``.
 
     Parameters
     ----------

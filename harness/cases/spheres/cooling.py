@@ -29,8 +29,10 @@ class CoolingSpheres(CoolingGas):
     id = "spheres/cooling"
     title = "Cooling gas of inelastic spheres"
     source = "Haff (1983), J. Fluid Mech. 134, 401; collision rate of dense spheres: Enskog, Carnahan & Starling (1969)"
+    requirement = CoolingGas.requirement.replace("disk", "sphere")
+    figures = tuple(replace(each, allows=each.allows.replace("disk", "sphere")) for each in CoolingGas.figures)
     parameters = tuple(
-        replace(each, default=CHANGED.get(each.name, each.default))
+        replace(each, default=CHANGED.get(each.name, each.default), help=each.help.replace("disk", "sphere"))
         for each in CoolingGas.parameters
         if each.name not in {known.name for known in CONTACT_DYNAMICS}
     )
@@ -40,6 +42,7 @@ class CoolingSpheres(CoolingGas):
             CoolingGas.claims[0],
             id="haffs-law-of-spheres",
             text="T = T0/(1 + t/t0)^2 with 1/t0 = (1 - e^2) times a sixth of the rate of collisions.",
+            decided_by=CoolingGas.claims[0].decided_by.replace("disk", "sphere"),
         ),
     )
 
