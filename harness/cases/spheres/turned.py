@@ -46,6 +46,9 @@ CLOSEST, HALF = 0.85, 0.45
 LOADED, TURN, SAMPLES = 0.02, 2.0, 100
 """Time for which the plane waits before it turns with the sphere [s]; angular speed of that [rad/s]; samples of a run."""
 
+CENTRE = (0.2, -0.1, 0.3)
+"""Of the first sphere [m]."""
+
 SOURCE = "the spring's equation in a frame that turns with the contact"
 
 AXES = {"across": (0.0, 1.0, 0.0), "skew": (2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0)}
@@ -98,26 +101,22 @@ class Turned:
                 f"steps = {steps} is not allowed: a run has {SAMPLES} samples; use a multiple of {SAMPLES}"
             )
         law = SphereLaw(kn=KN, ks=KS, mu=MU)
-        spin = TURN * np.array(AXES[params["axis"]])
-        one = np.array([0.2, -0.1, 0.3])
+        one = np.array(CENTRE)
         walls: tuple[PlaneWall, ...] = ()
         if kind == "plane":
-            motion = (
-                PlaneSegment(duration=LOADED),
-                PlaneSegment(
-                    angular_velocity=tuple(float(each) for each in spin), pivot=tuple(float(each) for each in one)
-                ),
-            )
-            floor = (float(one[0]), float(one[1]), float(one[2]) - RADIUS + OVERLAP)
+            x, y, z = AXES[params["axis"]]
+            spin = (TURN * x, TURN * y, TURN * z)
+            motion = (PlaneSegment(duration=LOADED), PlaneSegment(angular_velocity=spin, pivot=CENTRE))
+            floor = (CENTRE[0], CENTRE[1], CENTRE[2] - RADIUS + OVERLAP)
             walls = (PlaneWall(name="plane", point=floor, normal=(0.0, 0.0, 1.0), law=law, motion=motion),)
-            spheres = Spheres(x=one[None], omega=spin[None], radius=RADIUS, mass=MASS)
+            spheres = Spheres(x=one[None], omega=np.array([spin]), radius=np.array([RADIUS]), mass=np.array([MASS]))
             duration = LOADED + 2.0 * math.pi / TURN
             # The plane begins to turn where a step ends, so that no step has half of it.
             dt = LOADED / max(1, round(LOADED * steps / duration))
         else:
             (apart, v), spins = self._pair(kind)
-            x, v = np.stack([one, one + apart]), np.stack([np.zeros(3), v])
-            spheres = Spheres(x=x, v=v, omega=spins, radius=RADIUS, mass=MASS)
+            places, v = np.stack([one, one + apart]), np.stack([np.zeros(3), v])
+            spheres = Spheres(x=places, v=v, omega=spins, radius=np.full(2, RADIUS), mass=np.full(2, MASS))
             dt = 1.0 / steps
         scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=walls)
         every = steps // SAMPLES
