@@ -8,8 +8,10 @@ from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, ROLLING, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, EngineInfo
+from ninedisk.harness.engines.kratos.space import KRATOS_IN_SPACE
 from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
 from ninedisk.harness.engines.process import package_version
 from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, disk_laws, rough, turns, wall_laws
@@ -34,6 +36,7 @@ CAPABILITIES = frozenset(
         Capability.ROLLING_CONSTANT,
         Capability.ROLLING_VISCOUS,
         Capability.BODY_FORCES,
+        Capability.SPHERES,
     }
 )
 
@@ -81,7 +84,11 @@ FACTS = EngineInfo(
     capabilities=CAPABILITIES,
     turns_shear="to first order",
     arms_at_walls=frozenset(),
-    differences={Difference.FIXED_WALL_SHEAR: NOTE_TURNING, Difference.KEEPS_OPENED_SHEAR: NOTE_KEPT},
+    differences={
+        Difference.FIXED_WALL_SHEAR: NOTE_TURNING,
+        Difference.KEEPS_OPENED_SHEAR: NOTE_KEPT,
+        Difference.SHEAR_KEEPS_TWIST: str(Difference.SHEAR_KEEPS_TWIST),
+    },
 )
 
 
@@ -92,6 +99,7 @@ class Kratos(SpringEngine):
     facts = FACTS
     driver = Path(__file__).with_name("driver.py")
     dashpot_note = NOTE_DASHPOT
+    in_space = KRATOS_IN_SPACE
     chosen: Mapping[str, Any] = {
         "global damping": "external force -xi m v and moment -xi I w; central form by nodal masses and inertias times 1 + xi dt/2",
         "reported_velocities": "(v(n-1/2) + v(n+1/2))/2",
@@ -141,6 +149,8 @@ class Kratos(SpringEngine):
 
     def extra(self, scene: Any, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Also the length of walls."""
+        if isinstance(scene, SphereScene):
+            return super().extra(scene, numerics, folder)
         return {**super().extra(scene, numerics, folder), "reach": wall_reach(scene, numerics, self.id)}
 
 

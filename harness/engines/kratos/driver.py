@@ -18,9 +18,8 @@ import os
 import sys
 from importlib import metadata
 
-sys.path.insert(
-    0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "drivers")
-)  # -P keeps folders off the path
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # -P keeps folders off the path
+sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
 
 import KratosMultiphysics as Kratos
 import numpy as np
@@ -353,18 +352,18 @@ def contact(law):
     }
 
 
-def parameters(dt, gravity, tolerance, rolls):
+def parameters(dt, gravity, tolerance, rolls, dimension=2):
     """Parameters of the analysis."""
     return json.dumps(
         {
             "problem_name": NAME,
-            "Dimension": 2,
+            "Dimension": dimension,
             "do_print_results_option": False,
             "dem_inlet_option": False,
             "BoundingBoxOption": False,
             "GravityX": gravity[0],
             "GravityY": gravity[1],
-            "GravityZ": 0.0,
+            "GravityZ": gravity[2] if dimension == 3 else 0.0,
             "solver_settings": {
                 "strategy": "sphere_strategy",
                 "RemoveBallsInitiallyTouchingWalls": False,
@@ -381,7 +380,7 @@ def parameters(dt, gravity, tolerance, rolls):
             "NeighbourSearchFrequency": 1,
             "ContactMeshOption": True,
             "PostRigidElementForces": True,
-            "ElementType": "CylinderPartDEMElement2D",
+            "ElementType": "CylinderPartDEMElement2D" if dimension == 2 else "SphericPartDEMElement3D",
             "TranslationalIntegrationScheme": "Symplectic_Euler",
             "RotationalIntegrationScheme": "Direct_Integration",
             "AutomaticTimestep": False,
@@ -393,5 +392,14 @@ def parameters(dt, gravity, tolerance, rolls):
     )
 
 
+def make(request):
+    """The run."""
+    if request["scene"].get("dimension") == 3:
+        import space_driver
+
+        return space_driver.Run(request)
+    return Run(request)
+
+
 if __name__ == "__main__":
-    serve(Run)
+    serve(make)

@@ -20,6 +20,7 @@ from ninedisk.core.spheres.law import SphereLaw, damping_ratio
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.engines.kratos.adapter import Kratos
 from ninedisk.harness.engines.lammps.adapter import Lammps
 from ninedisk.harness.engines.liggghts.adapter import Liggghts
 from ninedisk.harness.engines.spring import SpringEngine
@@ -109,6 +110,31 @@ def test_dashpots_of_lammps_are_those_of_the_core() -> None:
     assert_core(Lammps, scene.replace(walls=tuple(replace(w, law=law) for w in scene.walls)), ROUND_OFF)
 
 
+@pytest.mark.parametrize("law", [LINEAR, HERTZ])
+def test_kratos_without_friction_is_the_core_step_by_step(law: SphereLaw) -> None:
+    """Moduli of materials that give each contact its E*; two walls at once on a sphere."""
+    smooth = replace(law, mu=0.0, beta=0.0)
+    scene = pile(smooth, moving=False)
+    scene = scene.replace(walls=tuple(replace(w, law=smooth) for w in scene.walls))
+    assert Kratos().supports(scene, RUN).level is SupportLevel.EXACT
+    assert_core(Kratos, scene, ROUND_OFF)
+
+
+@pytest.mark.parametrize("at", ["sphere", "wall"])
+def test_friction_of_kratos_is_that_of_the_core(at: str) -> None:
+    """Of spheres that slide and stick, with Kratos' arms; slip by rotation is that of both ends of a step: 300 rad/s of 1e-6 s."""
+    law = replace(LINEAR, beta=0.0, slip_at="end", lever_arm="overlap")
+    places, spins = [(0, 0, 0.01), (0.003, 0.001, 0.0296)], [(30.0, 300.0, 0.0), (-100.0, 20.0, 0.0)]
+    count = 2 if at == "sphere" else 1
+    spheres = Spheres(
+        x=places[:count], radius=0.01, mass=0.01, v=[(0.1, 0, -0.01), (0, 0, 0)][:count], omega=spins[:count]
+    )
+    floor = PlaneWall(name="floor", point=(0, 0, 1e-8), normal=(0, 0, 1), law=replace(law, kn=1e8, mu=0.3))
+    scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,) if at == "wall" else ())
+    numerics = Numerics(dt=1e-6, n_steps=100, contact_dt=1e-6)
+    assert_core(Kratos, scene, 1e-3, numerics)
+
+
 def test_rolling_of_lammps_is_that_of_the_core() -> None:
     """LAMMPS turns the way and not the torque, which differs by the square of the turn in a step: (20 rad/s dt)^2 over 100 steps."""
     law = replace(LINEAR, rolling=Rolling(model="elastic-plastic", mu=0.1, kr=0.3), **SAME)
@@ -162,6 +188,8 @@ def test_materials_and_held_spheres() -> None:
         (Yade, {"unloading": "none"}, Capability.UNLOADING_NONE),
         (Liggghts, {"unloading": "force"}, Capability.UNLOADING_FORCE),
         (Liggghts, {"unloading": "none", "g_star": 1e7}, Capability.HERTZ_MINDLIN),
+        (Kratos, {"beta": 0.0}, Capability.SHEAR_SPRING),
+        (Kratos, {"mu": 0.0}, Capability.CONTACT_DAMPING),
         (Lammps, {"beta": 1.0}, Capability.CONTACT_DAMPING),
         (Lammps, {"surface_energy": 0.1}, Capability.CONTACT_DAMPING),
         (Lammps, {"twisting": Rolling(model="constant", mu=0.1)}, Capability.TWISTING_CONSTANT),
