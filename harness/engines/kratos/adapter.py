@@ -37,6 +37,7 @@ CAPABILITIES = frozenset(
         Capability.ROLLING_VISCOUS,
         Capability.BODY_FORCES,
         Capability.SPHERES,
+        Capability.HERTZ_MINDLIN,
     }
 )
 

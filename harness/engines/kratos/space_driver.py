@@ -7,6 +7,7 @@ Without friction there is Hertz' law, too: of materials with nu = 0, whose modul
 """
 
 import json
+import math
 from importlib import metadata
 
 import KratosMultiphysics as Kratos
@@ -68,10 +69,12 @@ class Run(SpaceRun):
             self.solver.cplusplus_strategy,
         )
         self.nodes = sorted(self.part.Nodes, key=lambda node: node.Id)
+        # Hertz' dashpot here is 2 gamma sqrt(m S), with the tangent stiffness S.
+        damping = self.law["beta"] * (math.sqrt(5.0 / 6.0) if self.elastic else 1.0)
         for properties in self.part.Properties:
             for pair in properties.GetSubProperties():
                 wall = max(properties.Id, pair.Id) - len(kinds) - 1
-                pair[Dem.DAMPING_GAMMA] = self.law["beta"] if wall < 0 else 0.0
+                pair[Dem.DAMPING_GAMMA] = damping if wall < 0 else 0.0
         for i, node in enumerate(self.nodes):
             node.SetSolutionStepValue(Kratos.NODAL_MASS, float(self.mass[i]))
             node.SetSolutionStepValue(Dem.PARTICLE_MOMENT_OF_INERTIA, float(self.inertia[i]))

@@ -120,19 +120,33 @@ def test_kratos_without_friction_is_the_core_step_by_step(law: SphereLaw) -> Non
     assert_core(Kratos, scene, ROUND_OFF)
 
 
-@pytest.mark.parametrize("at", ["sphere", "wall"])
-def test_friction_of_kratos_is_that_of_the_core(at: str) -> None:
-    """Of spheres that slide and stick, with Kratos' arms; slip by rotation is that of both ends of a step: 300 rad/s of 1e-6 s."""
+@pytest.mark.parametrize("count", [1, 2])
+def test_friction_of_kratos_is_that_of_the_core(count: int) -> None:
+    """On a stiff plane, where arms hardly differ, and between spheres; slip by rotation is that of a step's both ends, first order."""
     law = replace(LINEAR, beta=0.0, slip_at="end", lever_arm="overlap")
     places, spins = [(0, 0, 0.01), (0.003, 0.001, 0.0296)], [(30.0, 300.0, 0.0), (-100.0, 20.0, 0.0)]
-    count = 2 if at == "sphere" else 1
-    spheres = Spheres(
-        x=places[:count], radius=0.01, mass=0.01, v=[(0.1, 0, -0.01), (0, 0, 0)][:count], omega=spins[:count]
+    moving = [(0.1, 0.0, -0.01), (0.0, 0.0, 0.0)]
+    spheres = Spheres(x=places[:count], radius=0.01, mass=0.01, v=moving[:count], omega=spins[:count])
+    # Of two spheres it is out of reach.
+    floor = PlaneWall(
+        name="floor", point=(0, 0, 1e-8 if count == 1 else -1.0), normal=(0, 0, 1), law=replace(law, kn=1e8, mu=0.3)
     )
-    floor = PlaneWall(name="floor", point=(0, 0, 1e-8), normal=(0, 0, 1), law=replace(law, kn=1e8, mu=0.3))
-    scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,) if at == "wall" else ())
-    numerics = Numerics(dt=1e-6, n_steps=100, contact_dt=1e-6)
-    assert_core(Kratos, scene, 1e-3, numerics)
+    scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,))
+    assert_core(Kratos, scene, 1e-3, Numerics(dt=1e-6, n_steps=100, contact_dt=1e-6))
+
+
+@pytest.mark.parametrize("law", [LINEAR, HERTZ])
+def test_dashpots_of_kratos_are_those_of_the_law(law: SphereLaw) -> None:
+    """Two smooth spheres that meet, until the dashpot would pull."""
+    smooth = replace(law, mu=0.0, beta=0.2)
+    spheres = Spheres(x=[(0, 0, 0), (0, 0, 0.0199999)], radius=0.01, mass=0.01, v=[(0, 0, 0.1), (0, 0, -0.1)])
+    numerics = Numerics(dt=1e-6, n_steps=300, contact_dt=1e-6, damping_form="lagged")
+    core, found = (
+        each(SphereScene(spheres=spheres, sphere_sphere=smooth), numerics, [(0, 1)])
+        for each in (simulate, lambda *asked: run(Kratos, *asked))
+    )
+    assert core.fn[-1, 0] > 0.0
+    assert off(found.v, core.v) <= ROUND_OFF
 
 
 def test_rolling_of_lammps_is_that_of_the_core() -> None:
