@@ -68,6 +68,14 @@ def test_charts_over_size_threads_memory_and_cost() -> None:
     assert cost["yade"].names == ("5500 steps", "11000 steps", "22000 steps")
 
 
+def test_spheres_are_called_so(tmp_path: Path) -> None:
+    rows = [{**each, "suite": "spheres"} for each in many_rows()[:10]]
+    assert {chart.x_label for chart in charts(rows, "spheres")} == {"spheres"}
+    page = page_of(rows, tmp_path)
+    assert "Bytes a sphere" in page
+    assert "Bytes a disk" not in page
+
+
 def test_what_was_not_timed_is_not_drawn() -> None:
     lost = [{**each, "median_s": math.nan, "status": "fail"} for each in many_rows()]
     assert charts(lost, "dem") == []
