@@ -155,7 +155,8 @@ class StepBatches:
             return done, memory, 0.0
         counts, totals = self._counts, self._totals
         self._remember(memory)
-        scheme = self._short if counts[HELD] > WARM_FROM else self._scheme
+        many = counts[HELD] > WARM_FROM and self._short.sweeps < self._scheme.sweeps
+        scheme = self._short if many else self._scheme
         counts[STEP], counts[ITERATIONS], counts[SWEEPS], counts[PLAIN] = done, 0, 0, 0
         totals[WORK], totals[WORST_MAP], totals[WORST_GAP] = 0.0, *self.worst
         listed_at = -1
@@ -176,9 +177,7 @@ class StepBatches:
                 near = self._near
                 inside = near.frames.pairs[near.inside]
                 self.start = memory.renewed(inside, near.force[near.inside], np.zeros(inside.shape))
-            if (
-                scheme.sweeps == self._scheme.sweeps
-            ):  # a few sweeps are no loss: the solver goes on from their contacts and forces
+            if not many:  # a few sweeps are no loss: the solver goes on from their contacts and forces
                 self._resting, self._rest = self._rest - 1, min(2 * self._rest, LONGEST_REST)
             return done, memory, 0.0
         self._rest = 1

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core import packings
 from ninedisk.core.dem.neighbours import PairFinder
+from ninedisk.core.history import History
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics
@@ -58,8 +59,13 @@ BOUND = 0.5
 """Of the distance between centres of mass at the end, over the mean radius."""
 STIFFNESS = (1.0, 10.0, 100.0)
 """Of the DEM's springs over those that the scene came with."""
-TOLERANCE, LOOSER = 1e-4, (1e-3, 1e-2, 1e-1)
+TOLERANCE, LOOSER, TIGHT = 1e-4, (1e-3, 1e-2, 1e-1), 1e-8
 """Of contact dynamics, in each step, on natural map and duality gap."""
+ACCEPTED, STEP_LIMIT = 0.9, 20.0
+"""Looser bound up to which a step of the tight one may miss it, and seconds for one: such a step is counted, a run that stops is not
+timed."""
+SAMPLES = 20
+"""Samples on the way."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,8 +88,8 @@ class FlowProblem:
         return self.dt * self.steps
 
     def numerics(self) -> Numerics:
-        """Sampled four times on the way."""
-        return Numerics(dt=self.dt, n_steps=self.steps, sample_every=self.steps // 4)
+        """Sampled `SAMPLES` times on the way."""
+        return Numerics(dt=self.dt, n_steps=self.steps, sample_every=max(1, self.steps // SAMPLES))
 
     def with_stiffness(self, kn: float) -> Scene:
         """The scene with springs of this stiffness [N/m] in all contacts, damped almost to no rebound."""
@@ -211,6 +217,12 @@ def entries(wanted: Callable[[str], bool], brought: Sequence[str] = ()) -> list[
             for tolerance in (TOLERANCE, *LOOSER)
         ),
         Entry(
+            name=f"{BASE} to {TIGHT:g}",
+            engine="cd",
+            numerics={"solver": "auto", "sliding": "coulomb"},
+            options={"cd.tolerance": TIGHT, "cd.accept": ACCEPTED, "cd.time_limit": STEP_LIMIT},
+        ),
+        Entry(
             name="cd, associated",
             engine="cd",
             numerics={"solver": "gauss-seidel"},
@@ -257,7 +269,43 @@ def run_problem(
     contenders = [Contender(name=each.name, run=partial(_run, problem, each, engines[each.engine])) for each in chosen]
     found = interleave(contenders, repeats=repeats, time_limit=time_limit, tell=tell)
     base = found[chosen[0].name]
-    yield [new_row(**_row(problem, each, found[each.name], base)) for each in chosen]
+    rows = [new_row(**_row(problem, each, found[each.name], base)) for each in chosen]
+    for entry, row in zip(chosen, rows, strict=True):
+        row["equal_ratio"] = at_equal_penetration(row, [ours for ours in rows if ours["engine"].startswith(BASE)])
+        if entry.engine == "cd":
+            row["tolerance"] = entry.options["cd.tolerance"]
+    yield rows
+
+
+def at_equal_penetration(row: Row, ladder: Sequence[Row]) -> float:
+    """Time of a row over that of ours, between the two rungs of the ladder of tolerances next to its penetration.
+
+    Both logarithms are interpolated. NaN where the row has no time, or penetrates less than every rung; beyond the deepest rung ours is
+    taken as that is, which has both less penetration and its time.
+    """
+    timed = sorted((each["penetration"], each["median_s"]) for each in ladder if math.isfinite(each["median_s"]))
+    deep = row["penetration"]
+    if not (timed and math.isfinite(row["median_s"]) and deep >= timed[0][0] > 0.0):
+        return math.nan
+    ours = np.exp(np.interp(math.log(deep), *np.log(np.array(timed)).T))
+    return float(row["median_s"] / ours)
+
+
+def energy_gained(history: History, scene: Scene) -> float:
+    """Largest growth of kinetic energy and gravity's from one sample to the next, less the walls' work, over the largest kinetic energy.
+
+    Elastic energy counts where an engine tells it. NaN where walls move and an engine does not tell their work; below 0 where energy
+    always falls.
+    """
+    disks, told = scene.disks, history.energy
+    kinetic = 0.5 * (
+        (disks.mass * (history.v**2).sum(axis=2)).sum(axis=1) + (disks.inertia * history.omega**2).sum(axis=1)
+    )
+    energy = kinetic - (disks.mass * (history.x @ np.array(scene.gravity))).sum(axis=1)
+    nothing = np.zeros(len(energy))
+    work = told.get("wall_work", np.full(len(energy), np.nan) if any(wall.motion for wall in scene.walls) else nothing)
+    grown = np.diff(energy + told.get("elastic", nothing) - work)
+    return float(grown.max() / kinetic.max())
 
 
 def _run(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sample:
@@ -279,6 +327,7 @@ def _run(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sa
         "centre": history.x[-1].mean(axis=0),
         "penetration": float(np.mean([each.clip(min=0.0).sum() / problem.n for each in deep])),
         "deepest": float(max(each.max(initial=0.0) for each in deep)),
+        "energy_gained": energy_gained(history, scene),
         "settings": dict(done.settings),
     }
     return Sample(seconds=done.timings.advance, whole=done.timings.setup + done.timings.advance, facts=facts)
@@ -302,10 +351,14 @@ def _row(problem: FlowProblem, entry: Entry, measured: Measured, base: Measured)
         "engine_version": first["version"] or "",
         "penetration": first["penetration"],
         "deepest": first["deepest"],
+        "energy_gained": first["energy_gained"],
         "settings": json.dumps({"dt [s]": problem.dt, **settings}, default=str),
     }
     if entry.engine == "cd":
+        missed = settings["steps that missed the tolerance"]
         head |= {
+            "missed": len(missed),
+            "worst_missed": max((error for _, error in missed), default=0.0),
             "iterations": int(settings["iterations"]),
             "natural_map": float(settings["largest natural-map residual"]),
             "duality_gap": float(settings["largest relative duality gap"]),

@@ -18,7 +18,7 @@ from ninedisk.harness.cli.support import console, table
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import complete
 
-BENCH_VERSION = 5
+BENCH_VERSION = 6
 
 COLUMNS: dict[str, str] = {
     "suite": "string",  # dem | spheres | cd | coulomb | flow | harness
@@ -56,7 +56,11 @@ COLUMNS: dict[str, str] = {
     "objective_error": "float64",  # relative to the best solution known
     "penetration": "float64",  # overlaps over the sum of radii, summed over the contacts, per disk, mean of the samples
     "deepest": "float64",  # largest overlap over the sum of radii
-    "settings": "string",  # JSON object
+    "energy_gained": "float64",  # largest growth from sample to sample beyond the walls' work, over the largest kinetic energy
+    "missed": "int64",  # suite flow: steps of contact dynamics that missed their tolerance and were accepted
+    "worst_missed": "float64",  # larger one of natural map and duality gap of the worst of them
+    "equal_ratio": "float64",  # suite flow: time over that of ours at the same penetration
+    "settings": "string",  # JSON object; suite flow, under "steps that missed the tolerance": each with its error
     "samples_s": "string",  # JSON list: seconds of every repeat
 }
 """One row per problem, engine, number of threads, start and tolerance."""
@@ -138,12 +142,21 @@ def show(rows: Sequence[Row], paths: Sequence[Path]) -> None:
         chosen = [row for row in rows if row["suite"] == suite]
         solver, flow = suite == "cd", suite == "flow"
         numbers = ("median", "spread", "ratio", "rate", "iterations", "residual", "gap")
-        right = (*numbers, "with start-up", "bytes/disk", "penetration", "deepest")
+        right = (
+            *numbers,
+            "with start-up",
+            "bytes/disk",
+            "penetration",
+            "deepest",
+            "missed",
+            "energy gained",
+            "ratio at equal penetration",
+        )
         extra = ("start", "to", "iterations", "residual", "gap") if solver else ("threads", "disks", "steps")
         more = (
             ()
             if solver
-            else ("penetration", "deepest", "residual", "gap")
+            else ("penetration", "deepest", "residual", "gap", "missed", "energy gained", "ratio at equal penetration")
             if flow
             else ("with start-up", "processors", "bytes/disk")
         )
@@ -202,6 +215,11 @@ def _cells(row: Row, solver: bool) -> list[str]:
     more = [] if solver else [_seconds(row["whole_s"]), _seconds(row["cpu_s"]), _number(row["bytes_per_disk"])]
     if row["suite"] == "flow":
         more = [_number(row[name]) for name in ("penetration", "deepest", "natural_map", "duality_gap")]
+        more += [
+            str(row["missed"]) if row["missed"] >= 0 else "-",
+            _number(row["energy_gained"]),
+            _number(row["equal_ratio"]),
+        ]
     return [
         row["problem"], row["engine"], *extra, row["status"], _seconds(row["median_s"]), spread, _number(row["ratio"]), rate,
         *more,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ninedisk.core import packings
-from ninedisk.core.history import Pair
+from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Disks, Scene
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
@@ -73,6 +73,9 @@ def test_rows_of_ours_and_of_another_flow(problem: FlowProblem) -> None:
     assert [row["status"] for row in rows] == ["pass", "pass"]
     assert ours["penetration"] < 1e-5 < springs["penetration"], "springs overlap, rigid contacts hardly"
     assert 0.0 <= ours["natural_map"] <= flow.TOLERANCE
+    assert ours["missed"] == 0
+    assert ours["equal_ratio"] == pytest.approx(1.0)
+    assert springs["missed"] == -1
     assert ours["rate"] == pytest.approx(ours["median_s"] / problem.seconds)
 
     other = rows_of(problem, chosen, engines | {"dem": Drifting()})[1]
@@ -88,3 +91,32 @@ def test_what_an_engine_lacks_is_said(problem: FlowProblem) -> None:
     row = rows_of(problem, chosen, engines)[1]
     assert row["status"] in ("unsupported", "not-installed")
     assert row["reason"]
+
+
+def test_energy_gained_in_closed_form(problem: FlowProblem) -> None:
+    scene = problem.scene.replace(walls=())
+    n, t = len(scene.disks), np.linspace(0.0, 1.0, 5)
+    history = History.empty(range(5), t, n_disks=n, n_walls=0, pairs=(), force_meaning="step-mean", energies=())
+    g = np.array(scene.gravity)
+    history.x[:] = (0.5 * g * t[:, None] ** 2)[:, None]
+    history.v[:] = (g * t[:, None])[:, None]
+    history.omega[:] = 0.0
+    assert abs(flow.energy_gained(history, scene)) < 1e-14, "free fall keeps its energy"
+    history.v[3] *= 1.1
+    gained = 0.5 * (1.1**2 - 1.0) * 0.75**2 / (0.5 * 1.0)
+    assert flow.energy_gained(history, scene) == pytest.approx(gained, rel=1e-12)
+    assert math.isnan(flow.energy_gained(history, problem.scene)), "the drum's sides work, and nobody tells how much"
+
+
+@pytest.mark.parametrize(
+    ("deep", "expected"), [(1e-3, 5.0 / 4.0), (1e-2, 5.0 / 2.0), (1e-1, 5.0 / 1.0), (1.0, 5.0), (1e-5, math.nan)]
+)
+def test_ratio_at_equal_penetration_in_closed_form(deep: float, expected: float) -> None:
+    ladder = [
+        {"penetration": 1e-3, "median_s": 4.0},
+        {"penetration": 1e-1, "median_s": 1.0},
+        {"penetration": 1e-9, "median_s": math.nan},
+    ]
+    row = {"penetration": deep, "median_s": 5.0}
+    assert flow.at_equal_penetration(row, ladder) == pytest.approx(expected, rel=1e-12, nan_ok=True)
+    assert math.isnan(flow.at_equal_penetration(row | {"median_s": math.nan}, ladder))

@@ -1,0 +1,77 @@
+"""Rigid disks with Coulomb's law in time: every step to 1e-8, no energy from nothing, and steps that miss a tolerance are told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ninedisk.core import packings
+from ninedisk.core.cd.session import CdSession
+from ninedisk.core.errors import SolverNotConvergedError
+from ninedisk.core.law import ContactLaw
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
+
+TOLERANCE, STEPS = 1e-8, 200
+
+
+@pytest.fixture(scope="module")
+def drum() -> Scene:
+    """Disks on a grid in a turning drum: they fall, collide and flow; in the second half of the steps some 120 contacts are closed."""
+
+    def rigid(law: ContactLaw) -> ContactLaw:
+        return replace(law, beta=0.0, restitution=0.0, regularised=True)
+
+    scene = packings.drum(150, turns_per_second=0.3)
+    walls = tuple(replace(wall, law=rigid(wall.law)) for wall in scene.walls)
+    disks = replace(scene.disks, radius=0.999 * scene.disks.radius)
+    return scene.replace(disks=disks, walls=walls, disk_disk=rigid(scene.disk_disk))
+
+
+def session(scene: Scene, **options: float) -> CdSession:
+    named = {f"cd.{name}": value for name, value in options.items()}
+    return CdSession(
+        scene,
+        Numerics(
+            dt=1e-2,
+            n_steps=STEPS,
+            sliding="coulomb",
+            solver="auto",
+            energy_budget=True,
+            options={"cd.tolerance": TOLERANCE, **named},
+        ),
+    )
+
+
+def test_a_drum_turns_without_a_step_that_misses_the_tolerance(drum: Scene) -> None:
+    run = session(drum)
+    energy = run.run().energy
+    assert not run.loose
+    assert max(run.worst) <= TOLERANCE
+    assert run.solves["polish"] > STEPS // 4, "most steps of many contacts are made exact before the sweeps end"
+    assert run.iterations < 600 * STEPS, "sweeps alone need 1,700 a step"
+    fed = np.diff(energy["wall_work"])
+    grown = np.diff(energy["kinetic"] + energy["gravity"]) - fed
+    size = float(energy["kinetic"].max())
+    assert grown.max() <= TOLERANCE * size, "what a step's forces feed is of its gap, relative to what it exchanges"
+    for loss in ("friction_loss", "impact_loss"):
+        assert np.diff(energy[loss]).min() >= -TOLERANCE * size
+    lost = sum(np.diff(energy[f"{name}_loss"]) for name in ("friction", "impact", "scheme"))
+    assert np.abs(grown + lost).max() <= 1e-12 * size, "momentum balances to round-off whatever the forces"
+
+
+def test_steps_that_miss_the_tolerance_stop_the_run_or_are_told(drum: Scene) -> None:
+    with pytest.raises(SolverNotConvergedError, match=r"cd\.accept"):
+        session(drum, max_iterations=40).run()
+    run = session(drum, max_iterations=40, accept=0.9)
+    run.run()
+    steps, errors = zip(*run.loose, strict=True)
+    assert all(TOLERANCE < error <= 0.9 for error in errors)
+    assert sorted({*steps}) == list(steps), "each once"
+    worst = steps[errors.index(max(errors))]
+    assert f"{len(steps)} of {STEPS} steps missed the tolerance" in run.remarks[-1]
+    assert f"(step {worst})" in run.remarks[-1]
+    with pytest.raises(SolverNotConvergedError):
+        session(drum, max_iterations=40, accept=1e-7).run()
