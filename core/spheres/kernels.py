@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel, kernel
-from ninedisk.core.spheres.registers import INTERPRETED, WIDE, blend, scale, transpose
+from ninedisk.core.spheres.registers import INTERPRETED, WIDE, blend, fetch, scale, transpose
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -50,6 +50,10 @@ LANES = 1 if INTERPRETED else 8
 """Numbers in the widest vectors of processors; `CHUNK` is a multiple."""
 CHUNK = 64
 """Contacts that go through the loops together."""
+AHEAD, MOST_FETCHED = 64, 400
+"""Rows, of some 50 ns, by which spheres are asked for before they are wanted, and most of them at once: beyond that lists jump."""
+FETCH_FROM = 30_000
+"""Spheres from which the numbers of a step are too many for the caches; with fewer, asking costs more than it spares."""
 
 
 class State(NamedTuple):
@@ -609,6 +613,32 @@ def clear_kept(contacts: Contacts, begin: np.uint64, end: np.uint64) -> None:
             contacts.force[k, c] = 0.0
 
 
+@inline_kernel
+def farthest_partner(pairs: Contacts, i: int) -> np.uint64:
+    """The last sphere that row ``i``, or the last one before it with any, is listed with."""
+    k = pairs.start[min(i + 1, pairs.start.shape[0] - 1)]
+    return np.uint64(pairs.other[k - 1] if k > 0 else 0)
+
+
+@inline_kernel
+def fetch_partners(state: State, pairs: Contacts, i: int, reached: np.uint64) -> np.uint64:
+    """Ask for the state of the spheres that rows up to ``i`` are listed with, from ``reached`` on; return where that ends.
+
+    Partners of a row ascend, and so, but for the cells' width, do the farthest ones of rows: what no row before has wanted comes in a row
+    of memory, which pairs read in no order that a processor foresees. Those of many spheres are not in its caches.
+    """
+    end = max(farthest_partner(pairs, i), reached)
+    if end - reached < np.uint64(MOST_FETCHED):
+        for j in range(reached, end, TWO):
+            fetch(state.x, FOUR * j)
+            fetch(state.v, FOUR * j)
+            fetch(state.omega, FOUR * j)
+            fetch(state.force, FOUR * j)
+            fetch(state.torque, FOUR * j)
+            fetch(state.radius, j)
+    return end
+
+
 @fused_kernel
 def forces_of_spheres(
     state: State,
@@ -643,7 +673,11 @@ def forces_of_spheres(
     if keep:
         clear_kept(pairs, first, end_of_list)
     k = first
+    far = radius.shape[0] >= FETCH_FROM
+    reached = farthest_partner(pairs, begin + AHEAD)
     while k < end_of_list:
+        if far:
+            reached = fetch_partners(state, pairs, int(np.int64(rows[k])) + AHEAD, reached)
         count = np.uint64(0)
         while k < end_of_list and count < NEXT:
             i, j = np.uint64(rows[k]), np.uint64(other[k])
