@@ -58,6 +58,8 @@ CHUNK = 64
 """Contacts that go through the loops together."""
 AHEAD, MOST_FETCHED = 64, 400
 """Rows, of some 50 ns, by which spheres are asked for before they are wanted, and most of them at once: beyond that lists jump."""
+FETCH_FROM = 30_000
+"""Spheres from which the numbers of a step are too many for the caches; with fewer, asking costs more than it spares."""
 
 
 class State(NamedTuple):
@@ -931,9 +933,11 @@ def forces_of_spheres(
     if keep:
         clear_kept(pairs, first, end_of_list)
     k = first
+    far = radius.shape[0] >= FETCH_FROM
     reached = farthest_partner(pairs, begin + AHEAD)
     while k < end_of_list:
-        reached = fetch_partners(state, pairs, int(np.int64(rows[k])) + AHEAD, reached)
+        if far:
+            reached = fetch_partners(state, pairs, int(np.int64(rows[k])) + AHEAD, reached)
         count = np.uint64(0)
         while k < end_of_list and count < NEXT:
             i, j = np.uint64(rows[k]), np.uint64(other[k])
