@@ -61,6 +61,9 @@ def test_the_loss_of_a_cycle_is_the_work_of_the_pull() -> None:
 
     work, _ = quad(rate, END.breaking_radius, radius_of(0.0), epsabs=0.0, epsrel=1e-13)
     assert -work == near(END.loss, rel=1e-12)
+    most = radius_of(END.pull_off_overlap)
+    assert force_of(most) == near(-END.pull_off, rel=1e-12)
+    assert -quad(rate, most, radius_of(0.0), epsabs=0.0, epsrel=1e-13)[0] == near(END.pull_off_loss, rel=1e-12)
     assert END.loss == near(7.09 * ((2.0 * G) ** 5 * R**4 / E**2) ** (1.0 / 3.0), rel=1e-3)
 
 
