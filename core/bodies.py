@@ -13,17 +13,6 @@ from ninedisk.core.validate import body_numbers, items_of, kind_of, shown, whole
 Law = TypeVar("Law")
 
 
-class NamedWall(Protocol):
-    """What is asked of a wall here."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def material(self) -> str: ...
-    @property
-    def law(self) -> Any: ...
-
-
 class Bodies(Protocol):
     """What is asked of disks or spheres here."""
 

@@ -81,27 +81,6 @@ def equivalent_disk(
     return EquivalentDisk(mass, radius, 1.0, force / mass, math.sqrt(about / inertia))
 
 
-def no_slip_mu(*, mu_r: float, angle: float, inertia_ratio: float = UNIFORM_DISK) -> float:
-    """Friction coefficient [-] that rolling against the torque ``mu_r R fn`` needs: ``(k tan(angle) + mu_r)/(1 + k)``.
-
-    Newton and Euler, ``m a = m g sin - fs``, ``k m R^2 alpha = fs R - M`` with ``a = R alpha`` and ``M = mu_r R m g cos`` give
-    ``fs = m g (k sin + mu_r cos)/(1 + k)``: on a level plane ``(2/3) mu_r`` for a disk.
-
-    Parameters
-    ----------
-    mu_r : float
-        Coefficient of rolling friction, >= 0.
-    angle : float
-        Slope [rad], in [0, pi/2).
-    inertia_ratio : float
-        ``k = I/(m R^2)``, > 0.
-    """
-    not_negative(mu_r=mu_r)
-    slope(angle)
-    positive(inertia_ratio=inertia_ratio)
-    return (inertia_ratio * math.tan(angle) + mu_r) / (1.0 + inertia_ratio)
-
-
 def acceleration(*, mu_r: float, angle: float, g: float, inertia_ratio: float = UNIFORM_DISK) -> float:
     """Acceleration down the plane [m/s^2] of a disk that rolls down against a constant torque: ``g (sin - mu_r cos)/(1 + k)``.
 

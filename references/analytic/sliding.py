@@ -26,14 +26,6 @@ def normal_displacement_as_printed(*, mu: float, speed: float, dt: float, g0: fl
     return (mu * speed * dt - g0) / (1.0 + mu**2)
 
 
-def normal_displacement(*, mu: float, speed: float, dt: float, g0: float) -> float:
-    """Rise of a step that starts without normal velocity [m]: (A.4), or 0 where (A.4) would need tension.
-
-    Parameters as in `normal_displacement_as_printed`.
-    """
-    return max(normal_displacement_as_printed(mu=mu, speed=speed, dt=dt, g0=g0), 0.0)
-
-
 def critical_dt(*, mu: float, speed: float, g0: float) -> float:
     """(A.5): largest step without dilation [s], ``g0/(mu v)``; infinite for mu = 0.
 

@@ -260,10 +260,6 @@ IDENTITIES: dict[str, Identity] = {
     ),
     "sliding.critical_dt": lambda given, found: (given["mu"] * given["speed"] * found, given["g0"]),
     "slip_to_roll.stop_time": lambda given, found: (given["mu"] * given["g"] * found, given["speed"]),
-    "rolling_resistance.no_slip_mu": lambda given, found: (
-        found * (1.0 + given["inertia_ratio"]),
-        given["inertia_ratio"] * math.tan(given["angle"]) + given["mu_r"],
-    ),
     "stack.column_forces": lambda given, found: (found.max(), given["n"] * given["weight"]),
     "stack.pyramid_forces": lambda given, found: (2.0 * found.side * math.cos(found.angle), given["weight"]),
 }

@@ -19,7 +19,6 @@ def test_numbers_of_a_disk_on_a_level_plane():
     level = {"mu_r": 0.1, "angle": 0.0, "g": 10.0}
     assert rr.acceleration(**level) == pytest.approx(-2.0 / 3.0, rel=1e-15)
     assert rr.stop(**level, speed=2.0) == pytest.approx((3.0, 3.0), rel=1e-15)
-    assert rr.no_slip_mu(mu_r=0.1, angle=0.0) == pytest.approx(0.2 / 3.0, rel=1e-15)
     assert rr.against_viscous_torque(1.5, **level, speed=2.0).vx == pytest.approx(2.0 * math.exp(-1.0), rel=1e-15)
     swing = rr.oscillation(mu_r=0.1, kr=6.0, angle=0.0, g=10.0, mass=1.0, radius=0.5)
     assert swing == pytest.approx((4.0, 0.0, 0.1 * 0.5 * 10.0 / 6.0), rel=1e-15)
