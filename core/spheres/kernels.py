@@ -256,6 +256,12 @@ def spun(q: Vector, n: Vector, angle: float) -> Vector:
     return plus(scaled(q, c), s, cross(n, q))
 
 
+@fused_inline_kernel
+def half_spun(q: Vector, n: Vector, angle: float) -> Vector:
+    """A rate at right angles to ``n`` as a spring feels it that turns by a small ``angle`` [rad] meanwhile: turned by half of it."""
+    return plus(q, 0.5 * angle, cross(n, q))
+
+
 class Law(NamedTuple):
     """What `contact` reads of a law, columns above."""
 
@@ -275,16 +281,6 @@ def law_of(law: Floats) -> Law:
     return Law(
         law[KN], law[KS], law[MU], law[TORQUE_MID], law[SLIP_MID], law[UNLOADING] == RESCALE, law[PULL], law[HELD]
     )
-
-
-@inline_kernel
-def holds(contacts: Contacts, k: np.uint64, overlap: float) -> bool:
-    """Whether a listed pair touches, or its neck still holds; if it does not there is none."""
-    gap = contacts.notes[k, NECK]
-    if overlap > min(0.0, -gap):
-        return True
-    contacts.notes[k, NECK] = -abs(gap)
-    return False
 
 
 @fused_inline_kernel
@@ -349,7 +345,8 @@ def slip(
         u = plus(u, -dot(u, shown), shown)
         u = plus(u, -dot(u, n) / (1.0 + dot(shown, n)), (shown[0] + n[0], shown[1] + n[1], shown[2] + n[2]))
         spring = plus(spring, -2.0 * inv_both * inv_both * dot(spring, n), both)
-        spring = spun(spring, n, 0.5 * slip_dt * dot(spin, shown))
+        twist = 0.5 * slip_dt * dot(spin, shown)
+        spring, u = spun(spring, n, twist), half_spun(u, n, twist)
     else:
         u = plus(dv, 1.0, cross(plus(roll, -0.5 * overlap * slip_mid, spin), n))
         u = plus(u, -dot(u, n), n)
@@ -462,12 +459,14 @@ def resistance(
     """
     about = dot(turn, n)
     across = plus(turn, -about, n)
+    way = across
     m = (0.0, 0.0, 0.0)
     if law[ROLL] > 0.0:
         if law[MIDDLE] > 0.0:
             both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
             shown = scaled(both, 1.0 / sqrt(dot(both, both)))
-            rolled = spun(carried(rolled, before, n), n, 0.5 * slip_dt * dot(spin, shown))
+            angle = 0.5 * slip_dt * dot(spin, shown)
+            rolled, way = spun(carried(rolled, before, n), n, angle), half_spun(across, n, angle)
         else:
             rolled = projected(rolled, n)
         limit = law[ROLL + 1] * reduced * repulsive
@@ -475,7 +474,7 @@ def resistance(
             rolled = capped(scaled(across, STEEP), limit)
             m = rolled
         else:
-            rolled = plus(rolled, law[ROLL + 2] * slip_dt, across)
+            rolled = plus(rolled, law[ROLL + 2] * slip_dt, way)
             free = dot(rolled, rolled) < limit * limit
             rolled = capped(rolled, limit)
             m = plus(rolled, roll_drag if free else 0.0, across)
@@ -749,8 +748,10 @@ def resistance_losses(law: Floats, slip_dt: float, loss_dt: float, q: Index, scr
     way = scaled(plus(turn, -about, n), slip_dt)
     lost = 0.0
     if law[ROLL] > 0.0:
-        rolled = spun(carried(rolled, before, n), n, 0.5 * slip_dt * dot(vector(scratch, SPINS + q), shown))
-        if law[MIDDLE] == 0.0:
+        if law[MIDDLE] > 0.0:
+            angle = 0.5 * slip_dt * dot(vector(scratch, SPINS + q), shown)
+            rolled, way = spun(carried(rolled, before, n), n, angle), half_spun(way, n, angle)
+        else:
             rolled = projected(vector(scratch, OLD_ROLLED + q), n)
         if law[ROLL] == SPRING:
             way = plus(way, -compliance(law[ROLL + 2]), plus(kept, -1.0, rolled))
@@ -815,9 +816,6 @@ def recall(contacts: Contacts, k: np.uint64, q: Index, resisted: bool, scratch: 
     """Notes and memory of the listed pair k into the scratch, the latter into rows."""
     notes, memory = contacts.notes, contacts.memory
     scratch[ITS_DRAG + q] = notes[k, DRAG]
-    if notes.shape[1] == NOTES_WIDTH_STICKY:
-        scratch[ITS_NECK + q] = notes[k, NECK]
-        notes[k, NECK] = abs(notes[k, NECK])
     if resisted:
         scale(scratch, SPRINGS_ROWS + q, 1.0, memory, TWO * k)
         scale(scratch, ROLLED_ROWS + q, 1.0, memory, TWO * k + ONE)
@@ -893,6 +891,52 @@ def fetch_partners(state: State, pairs: Contacts, i: int, reached: np.uint64) ->
     return end
 
 
+@inline_kernel
+def holds(contacts: Contacts, k: np.uint64, overlap: float, q: np.uint64, scratch: Floats) -> bool:
+    """Whether a listed pair touches, or its neck still holds, which goes to place q of the scratch; if it does not there is none."""
+    neck = contacts.notes[k, NECK]
+    touches = overlap > min(0.0, -neck)
+    scratch[ITS_NECK + q] = neck
+    contacts.notes[k, NECK] = abs(neck) if touches else -abs(neck)
+    return touches
+
+
+@inline_kernel
+def pick(
+    pairs: Contacts, x: Floats, radius: Floats, k: np.uint64, end: np.uint64, picked: Integers, scratch: Floats
+) -> tuple[np.uint64, np.uint64]:
+    """The next listed pairs from k on that touch, a chunk of them at most, with their distances; the next k, and how many they are."""
+    rows, other, count = pairs.row, pairs.other, np.uint64(0)
+    while k < end and count < NEXT:
+        i, j = np.uint64(rows[k]), np.uint64(other[k])
+        blend(scratch, D_ROWS + count, 1.0, x, j, -1.0, x, i)
+        dx, dy, dz = xyz(scratch, D_ROWS + count)
+        reach = radius[i] + radius[j]
+        scratch[REACH + count] = reach
+        picked[count] = k
+        count += np.uint64(dx * dx + dy * dy + dz * dz < reach * reach)
+        k += ONE
+    return k, count
+
+
+@inline_kernel
+def pick_with_necks(
+    pairs: Contacts, x: Floats, radius: Floats, k: np.uint64, end: np.uint64, picked: Integers, scratch: Floats
+) -> tuple[np.uint64, np.uint64]:
+    """`pick` where a pair touches as long as its neck holds, too."""
+    rows, other, count = pairs.row, pairs.other, np.uint64(0)
+    while k < end and count < NEXT:
+        i, j = np.uint64(rows[k]), np.uint64(other[k])
+        blend(scratch, D_ROWS + count, 1.0, x, j, -1.0, x, i)
+        d = xyz(scratch, D_ROWS + count)
+        reach = radius[i] + radius[j]
+        scratch[REACH + count] = reach
+        picked[count] = k
+        count += np.uint64(holds(pairs, k, reach - sqrt(dot(d, d)), count, scratch))
+        k += ONE
+    return k, count
+
+
 @fused_kernel
 def forces_of_spheres(
     state: State,
@@ -938,19 +982,10 @@ def forces_of_spheres(
     while k < end_of_list:
         if far:
             reached = fetch_partners(state, pairs, int(np.int64(rows[k])) + AHEAD, reached)
-        count = np.uint64(0)
-        while k < end_of_list and count < NEXT:
-            i, j = np.uint64(rows[k]), np.uint64(other[k])
-            blend(scratch, D_ROWS + count, 1.0, x, j, -1.0, x, i)
-            dx, dy, dz = xyz(scratch, D_ROWS + count)
-            reach = radius[i] + radius[j]
-            scratch[REACH + count] = reach
-            picked[count] = k
-            if sticky:
-                count += np.uint64(holds(pairs, k, reach - sqrt(dx * dx + dy * dy + dz * dz)))
-            else:
-                count += np.uint64(dx * dx + dy * dy + dz * dz < reach * reach)
-            k += ONE
+        if sticky:
+            k, count = pick_with_necks(pairs, x, radius, k, end_of_list, picked, scratch)
+        else:
+            k, count = pick(pairs, x, radius, k, end_of_list, picked, scratch)
         for q in range(count):
             m = np.uint64(picked[q])
             i, j = np.uint64(rows[m]), np.uint64(other[m])
@@ -1047,7 +1082,7 @@ def beside_plane(
     touches, keeps = overlap > 0.0, False
     if contacts.notes.shape[1] == NOTES_WIDTH_STICKY:
         keeps = contacts.notes[k, NECK] > 0.0
-        touches = holds(contacts, k, overlap)
+        touches = holds(contacts, k, overlap, q, scratch)
     if height <= 0.0 or not touches:
         return float(overlap), False
     wi, wj, n = xyz(state.omega, i), row(state.middle, w, 12), scaled(row(state.now, w, 3), -1.0)

@@ -193,17 +193,17 @@ class Turned:
         turn, size = spin + speed / CLOSEST, float(np.linalg.norm(truth, axis=1).max())
         across = float(np.linalg.norm(np.cross(spheres.omega.sum(axis=0), axes[2][0])))
         fed = (RADIUS * across + speed) * (LOADED if params["kind"] == "plane" else end)
-        # A step turns by `turn dt`: its slip is that of its middle, but for the half of its own twist.
-        exact = (turn * dt) ** 2 / 24.0 * (turn * end * size + fed) + 0.5 * fed * 0.5 * spin * dt
+        # A step turns by `turn dt`: its slip is that of its middle, turned by half of its own twist.
+        exact = (turn * dt) ** 2 / 12.0 * (turn * end * size + fed)
         exact += spin * OVERLAP * end + float(np.spacing(2.0)) * n_steps + single(engine, 1.0, n_steps)
-        why = f"second order of steps that turn by {turn * dt:.2g} rad, first order in the twist of each; arms off by the overlap"
+        why = f"second order of steps that turn by {turn * dt:.2g} rad; arms off by the overlap"
         if engine.turns_shear != "exactly":
             exact += 0.55 * (turn * dt) ** 2 * n_steps * size
             why += "; shear forces turned to first order, by half the square of each step's rotation"
         known, reason = 0.0, ""
         words = "ratchet"
         if Capability.SLIP_MIDDLE not in engine.capabilities:
-            known += 0.5 * turn * dt * fed
+            known += 0.5 * (turn + 0.5 * spin) * dt * fed
             reason = "half a step's rotation of all slip"
         if Difference.SHEAR_KEEPS_TWIST in engine.differences:
             straight, _ = self._truth(params, setup, t, share=0.0)

@@ -198,8 +198,10 @@ class Twin:
             u = self.v[i] + np.cross(wi, arm_i) - planes[1].velocity_at(place)
         u = u - (u @ shown) * shown
         if middle:
-            u = turn(shown, n) @ u
-            carry = rotation(n, 0.5 * dt * float((wi + wj) @ shown)) @ turn(old.n, n)
+            twist = 0.5 * dt * float((wi + wj) @ shown)
+            half = np.eye(3) + 0.5 * twist * np.cross(n, np.eye(3)).T
+            u = half @ turn(shown, n) @ u
+            carry = rotation(n, twist) @ turn(old.n, n)
             spring, rolled = carry @ old.spring, carry @ old.rolled
         else:
             spring, rolled = (flattened(q, n) for q in (old.spring, old.rolled))
@@ -222,7 +224,7 @@ class Twin:
             if law_r.model == "constant":
                 rolled = moment = cap * unit(across)
             else:
-                rolled = rolled + law_r.kr * dt * across
+                rolled = rolled + law_r.kr * dt * (half @ across if middle else across)
                 slides = float(np.linalg.norm(rolled)) >= cap
                 rolled = moment = shortened(rolled, cap)
                 inverse = sum(self.about_contact(b) for b in ((i, j) if planes is None else (i,)))
