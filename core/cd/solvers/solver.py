@@ -200,7 +200,8 @@ class ContactSolver:
     def _equilibrium(self, problem: ContactProblem, polish: Polish, clock: Stopwatch) -> SolverResult | None:
         """The solution in which nothing slides, if there is one: that of the associated rule, whose velocities are unique."""
         try:
-            found = InteriorPoint(replace(self.options, time_limit=clock.left)).solve(problem)
+            # No more than half of the time: what flows has no such solution, and is left to the sweeps.
+            found = InteriorPoint(replace(self.options, time_limit=0.5 * clock.left)).solve(problem)
         except (SolverNotConvergedError, InfeasibleContactsError):
             return None
         exact = polish.improve(found.r, 0)
