@@ -20,7 +20,7 @@ TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
 STAGES = ((200, 20), (5_000, 400))
 """Sweeps for Coulomb's law after which "auto" polishes the forces found; pivots that a path of this may take."""
-WARM_FROM = 100
+WARM_FROM = 200
 """Contacts above which "auto" takes a step with Coulomb's law to a tight tolerance by `WARM_STAGES`: below, sweeps to the end cost less
 than factorisations."""
 WARM_STAGES = ((50, 0), (100, 0), (200, 0), (400, 0), (800, 0), (1_600, 2), (3_200, 2), (6_400, 20))
