@@ -355,7 +355,7 @@ def _row(problem: FlowProblem, entry: Entry, measured: Measured, base: Measured)
         "settings": json.dumps({"dt [s]": problem.dt, **settings}, default=str),
     }
     if entry.engine == "cd":
-        missed = settings["steps that missed the tolerance"]
+        missed = settings.get("steps that missed the tolerance", [])
         head |= {
             "missed": len(missed),
             "worst_missed": max((error for _, error in missed), default=0.0),

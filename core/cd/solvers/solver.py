@@ -20,7 +20,7 @@ TRIAL_SWEEPS = 60
 """Sweeps of Gauss-Seidel that "auto" tries before the interior point: together they cost about as much as one of its solves."""
 STAGES = ((200, 20), (5_000, 400))
 """Sweeps for Coulomb's law after which "auto" polishes the forces found; pivots that a path of this may take."""
-WARM_FROM = 100
+WARM_FROM = 200
 """Contacts above which "auto" takes a step with Coulomb's law to a tight tolerance by `WARM_STAGES`: below, sweeps to the end cost less
 than factorisations."""
 WARM_STAGES = ((50, 0), (100, 0), (200, 0), (400, 0), (800, 0), (1_600, 2), (3_200, 2), (6_400, 20))
@@ -205,7 +205,8 @@ class ContactSolver:
     def _equilibrium(self, problem: ContactProblem, polish: Polish, clock: Stopwatch) -> SolverResult | None:
         """The solution in which nothing slides, if there is one: that of the associated rule, whose velocities are unique."""
         try:
-            found = InteriorPoint(replace(self.options, time_limit=clock.left)).solve(problem)
+            # No more than half of the time: what flows has no such solution, and is left to the sweeps.
+            found = InteriorPoint(replace(self.options, time_limit=0.5 * clock.left)).solve(problem)
         except (SolverNotConvergedError, InfeasibleContactsError):
             return None
         exact = polish.improve(found.r, 0)

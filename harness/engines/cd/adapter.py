@@ -114,7 +114,7 @@ class CdEngine:
             "iterations": session.iterations,
             "largest natural-map residual": session.worst[0],
             "largest relative duality gap": session.worst[1],
-            "steps that missed the tolerance": session.loose,
+            **({"steps that missed the tolerance": session.loose} if session.loose else {}),
             "remarks": "; ".join(session.remarks),
         }
         return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings)

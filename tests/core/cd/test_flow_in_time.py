@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from ninedisk.core import packings
+from ninedisk.core.cd import batch
 from ninedisk.core.cd.session import CdSession
+from ninedisk.core.cd.solvers import solver
 from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
@@ -45,13 +47,17 @@ def session(scene: Scene, **options: float) -> CdSession:
     )
 
 
-def test_a_drum_turns_without_a_step_that_misses_the_tolerance(drum: Scene) -> None:
+def test_a_drum_turns_without_a_step_that_misses_the_tolerance(drum: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (batch, solver):  # as in larger flows
+        monkeypatch.setattr(module, "WARM_FROM", 100)
     run = session(drum)
     energy = run.run().energy
     assert not run.loose
     assert max(run.worst) <= TOLERANCE
-    assert run.solves["polish"] > STEPS // 4, "most steps of many contacts are made exact before the sweeps end"
-    assert run.iterations < 600 * STEPS, "sweeps alone need 1,700 a step"
+    assert run.solves["polish"] > STEPS // 4, "steps of many contacts are made exact before the sweeps end"
+    assert run.iterations < 150 * STEPS, (
+        "115; 180 where the last step's forces are lost, 280 where the sweeps go on to the end"
+    )
     fed = np.diff(energy["wall_work"])
     grown = np.diff(energy["kinetic"] + energy["gravity"]) - fed
     size = float(energy["kinetic"].max())

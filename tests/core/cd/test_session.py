@@ -225,6 +225,7 @@ TAKEN: dict[str, tuple[object, ...]] = {
     "tolerance": (0.5,),
     "max_iterations": (1, 2, 65, None),
     "time_limit": (0.5, 1, 1.5, 2, 65, 1e308),
+    "accept": (0.5, None),
     "relaxation": (0.5, 1, 1.5),
     "threads": (1, 2),
 }

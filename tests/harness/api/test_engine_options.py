@@ -111,6 +111,7 @@ GIVEN = {
     "cd.tolerance": ("1e-13", 1e-13),
     "cd.max_iterations": ("400", 400),
     "cd.time_limit": ("30", 30.0),
+    "cd.accept": ("0.001", 1e-3),
     "cd.relaxation": ("1.25", 1.25),
     "cd.threads": ("2", 2),
     "cd.contacts": ("rigid", "rigid"),
