@@ -267,7 +267,7 @@ class CdSession:
             floor = Wall(
                 name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=ContactLaw(kn=1.0, mu=0.1, regularised=True)
             )
-            disk = Disks(x=[[0.0, 1.0]], v=[[1.0, 0.0]], radius=1.0, mass=1.0)
+            disk = Disks(x=np.array([[0.0, 1.0]]), v=np.array([[1.0, 0.0]]), radius=np.ones(1), mass=np.ones(1))
             sliding = Scene(disks=disk, walls=(floor,), disk_disk=floor.law, gravity=(0.0, -1.0))
             plain = Numerics(dt=1e-3, n_steps=1, sample_every=1, sliding="coulomb", solver="interior-point")
             CdSession(sliding, plain).run()
