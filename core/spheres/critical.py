@@ -15,11 +15,9 @@ import numpy as np
 
 from ninedisk.core.array_types import FloatArray, IntArray
 
-TOLERANCE = 1e-4
-"""Relative residual of the eigenvalue that is enough; the step errs to the safe side by it."""
-
-DENSE = 200
-"""Rows of a matrix up to which all eigenvalues are found."""
+MOST, BATCH, TOLERANCE = 400, 10, 1e-4
+"""Vectors of Lanczos' method at most, how many are found between two looks at the residual, and the relative residual that is enough; the
+step errs to the safe side by it."""
 
 
 class Network(NamedTuple):
@@ -52,48 +50,57 @@ class Network(NamedTuple):
 
 
 def critical_time_step(network: Network) -> float:
-    """Largest stable contact step [s], found to `TOLERANCE`; ``inf`` without contacts."""
+    """Largest stable contact step [s] by Lanczos' method; ``inf`` without contacts."""
     if not len(network.bodies):
         return float("inf")
-    import scipy.sparse as sp
-    import scipy.sparse.linalg as linalg
-
-    n = len(network.radius)
-    root = np.sqrt(np.column_stack([network.mobility, np.repeat(network.turn[:, None], 3, axis=1)]))
+    directions = _directions(network)
+    at = (6 * network.bodies[:, :, None] + np.arange(6)).ravel()
     springs, dashpots = (
-        _rows(network, np.sqrt(values)) @ sp.diags(root.ravel()) for values in (network.springs, network.dashpots)
+        np.repeat(values, (1, 2, 2, 1), axis=1) for values in (0.5 * np.sqrt(network.springs), network.dashpots)
     )
-    springs = springs[np.diff(springs.indptr) > 0]
-    matrix = sp.csr_array(sp.bmat([[dashpots.T @ dashpots, 0.5 * springs.T], [0.5 * springs, None]]))
-    if matrix.shape[0] <= DENSE:
-        return 1.0 / float(np.linalg.eigvalsh(matrix.toarray())[-1])
+    root = np.sqrt(np.column_stack([network.mobility, np.repeat(network.turn[:, None], 3, axis=1)]))
+    root = np.vstack([root, np.zeros(6)]).ravel()  # planes are one body more, which nothing moves
+    size = len(root)
+
+    def apply(vector: FloatArray) -> FloatArray:
+        moved = np.einsum("crbk,cbk->cr", directions, (root * vector[:size])[at].reshape(-1, 2, 6))
+        pulled = springs * vector[size:].reshape(-1, 6) + dashpots * moved
+        back = np.bincount(at, np.einsum("crbk,cr->cbk", directions, pulled).ravel(), size)
+        return np.concatenate([root * back, (springs * moved).ravel()])
+
     # A fixed irregular start: the same on every call, and no mode is orthogonal to it by symmetry.
-    start = np.cos(np.arange(1.0, matrix.shape[0] + 1.0) ** 2)
-    start[: 6 * n] *= root.ravel() > 0.0
-    largest = linalg.eigsh(matrix, k=1, which="LA", v0=start, tol=TOLERANCE, return_eigenvectors=False)
-    return 1.0 / (float(largest[0]) * (1.0 + TOLERANCE))
+    vector = np.cos(np.arange(1.0, size + springs.size + 1.0) ** 2)
+    vector[:size] *= root > 0.0
+    vector /= np.linalg.norm(vector)
+    before, diagonal, beside = np.zeros_like(vector), np.zeros(MOST), np.zeros(MOST + 1)
+    for k in range(MOST):
+        image = apply(vector)
+        diagonal[k] = vector @ image
+        image -= diagonal[k] * vector + beside[k] * before
+        beside[k + 1] = np.linalg.norm(image)
+        exhausted = beside[k + 1] <= 1e-14 * np.abs(diagonal[: k + 1]).max(initial=beside[: k + 2].max())
+        if exhausted or (k + 1) % BATCH == 0:
+            inner = beside[1 : k + 1]
+            values, vectors = np.linalg.eigh(np.diag(diagonal[: k + 1]) + np.diag(inner, 1) + np.diag(inner, -1))
+            residual = 0.0 if exhausted else float(beside[k + 1] * abs(vectors[-1, -1]))
+            if residual <= TOLERANCE * values[-1]:
+                break
+        before, vector = vector, image / beside[k + 1]
+    return 1.0 / (float(values[-1]) + residual)
 
 
-def _rows(network: Network, strength: FloatArray):  # type: ignore[no-untyped-def]
-    """Six rows for each contact (normal, two across, two of rolling, twisting), in velocities and spins, times ``strength``."""
-    import scipy.sparse as sp
-
-    n, (c, _) = len(network.radius), network.bodies.shape
+def _directions(network: Network) -> FloatArray:
+    """Six rows for each contact (normal, two across, two of rolling, twisting) in velocity and spin of either body, shape (c, 6, 2, 6)."""
     normal, arm = network.normal, np.append(network.radius, 0.0)[network.bodies]
     helper = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
     first = np.cross(normal, helper)
     first /= np.linalg.norm(first, axis=1)[:, None]
-    tangents = first, np.cross(normal, first)
-    entries = np.zeros((c, 6, 2, 6))
+    found = np.zeros((len(normal), 6, 2, 6))
     for body, side in ((0, 1.0), (1, -1.0)):
-        entries[:, 0, body, :3] = side * normal
-        for k, tangent in enumerate(tangents):
-            entries[:, 1 + k, body, :3] = side * tangent
-            entries[:, 1 + k, body, 3:] = arm[:, body, None] * np.cross(normal, tangent)
-            entries[:, 3 + k, body, 3:] = side * tangent
-        entries[:, 5, body, 3:] = side * normal
-    entries *= strength[:, [0, 1, 1, 2, 2, 3], None, None]
-    columns = 6 * network.bodies[:, None, :, None] + np.arange(6)
-    rows = np.broadcast_to(np.arange(6 * c).reshape(c, 6, 1, 1), entries.shape)
-    used = (entries != 0.0) & (columns < 6 * n)
-    return sp.csr_matrix((entries[used], (rows[used], np.broadcast_to(columns, entries.shape)[used])), (6 * c, 6 * n))
+        found[:, 0, body, :3] = side * normal
+        for k, tangent in enumerate((first, np.cross(normal, first))):
+            found[:, 1 + k, body, :3] = side * tangent
+            found[:, 1 + k, body, 3:] = arm[:, body, None] * np.cross(normal, tangent)
+            found[:, 3 + k, body, 3:] = side * tangent
+        found[:, 5, body, 3:] = side * normal
+    return found

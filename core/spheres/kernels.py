@@ -895,7 +895,7 @@ def fetch_partners(state: State, pairs: Contacts, i: int, reached: np.uint64) ->
 def holds(contacts: Contacts, k: np.uint64, overlap: float, q: np.uint64, scratch: Floats) -> bool:
     """Whether a listed pair touches, or its neck still holds, which goes to place q of the scratch; if it does not there is none."""
     neck = contacts.notes[k, NECK]
-    touches = overlap > min(0.0, -neck)
+    touches = bool(overlap > min(0.0, -neck))
     scratch[ITS_NECK + q] = neck
     contacts.notes[k, NECK] = abs(neck) if touches else -abs(neck)
     return touches

@@ -71,7 +71,7 @@ DEFECTS = (
     _kernel("least-force", "contacts of less than half a newton have no friction", "units",
             (KERNELS, "    cap = law.mu * repulsive\n", "    cap = law.mu * repulsive if repulsive > 0.5 else 0.0\n")),
     _kernel("neck-ends-with-the-overlap", "JKR's contact lets go where spheres no longer overlap", "neck",
-            (KERNELS, "touches = overlap > min(0.0, -neck)", "touches = overlap > 0.0")),
+            (KERNELS, "touches = bool(overlap > min(0.0, -neck))", "touches = bool(overlap > 0.0)")),
     _kernel("neck-breaks-early", "a neck breaks at half of the gap", "necks",
             (LISTS, "new.notes[k, NECK] = -3.0 * law[STICKS]", "new.notes[k, NECK] = -1.5 * law[STICKS]")),
     _kernel("all-slip-is-friction", "the slip that shear springs give back counts as lost by friction", "shares",
