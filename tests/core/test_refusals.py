@@ -616,6 +616,7 @@ TARGETS: dict[str, Target] = {
             "tolerance": between(0.0, 1.0, open_low=True, open_high=True), "max_iterations": optional(between(1, 10**15, whole=True)),
             "time_limit": between(0.0, math.inf, open_low=True, open_high=True),
             "relaxation": between(0.0, 2.0, open_low=True, open_high=True), "threads": between(1, 64, whole=True),
+            "accept": optional(between(0.0, 1.0, open_low=True, open_high=True)),
         },
     ),
     "ContactProblem": Target(
