@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
-from typing import Self
 
 from ninedisk.core.law import RollingModel
 from ninedisk.core.numerics import Numerics
@@ -15,57 +14,50 @@ from ninedisk.core.spheres.scene import SphereScene
 
 
 class Capability(StrEnum):
-    """A capability that an engine has or lacks; the value is its description, ``short`` as few words as a table has room for."""
+    """A capability that an engine has or lacks; the value is its description."""
 
-    short: str
-
-    def __new__(cls, description: str, short: str) -> Self:
-        member = str.__new__(cls, description)
-        member._value_, member.short = description, short
-        return member
-
-    LINEAR_CONTACT = "linear normal contact of a given stiffness kn", "springs"
-    SHEAR_SPRING = "incremental shear spring of a given stiffness ks", "shear springs"
-    FRICTION = "Coulomb friction", "friction"
-    CONTACT_DAMPING = "contact dashpot (beta)", "dashpots"
-    RESTITUTION = "impact law with a given coefficient of restitution", "restitution"
-    GLOBAL_DAMPING_CENTRAL = "global damping xi, central form", "damping"
-    GLOBAL_DAMPING_LAGGED = "global damping xi, lagged form", "damping"
-    MOVING_WALLS = "walls with prescribed translation", "moving walls"
-    ROTATING_WALLS = "walls with prescribed rotation about a pivot", "turning walls"
-    CURVED_WALL_MOTION = "walls whose translation is not piecewise linear in time", "walls on curves"
-    GRAVITY = "gravity", "gravity"
-    BLOCKED_ROTATION = "bodies that do not rotate", "blocked rotation"
-    HELD_MOTION = "disks with a prescribed velocity component", "held disks"
-    FIXED_DISKS = "disks that stay where they are", "fixed disks"
-    QUASI_STATIC = "the static limit: a series of equilibria", "static limit"
-    PRELOAD = "shear forces that contacts carry from the start", "preload"
-    DISK_INERTIA = "inertia of a disk (not of a sphere)", "disks' inertia"
-    LEVER_ARM_RADIUS = "shear torque with the full radius as lever arm", "arm R"
-    LEVER_ARM_OVERLAP = "shear torque with the lever arm R - overlap/2", "arm R - overlap/2"
-    LEVER_ARM_TORQUE = "shear torque with the lever arm R - overlap/2, slip with R", "arm R - overlap/2 of the torque"
-    SLIP_MIDDLE = "slip measured in the middle of the step", "slip of mid-step"
-    SLIP_END = "slip of the half step, measured with the normal of the step's end", "slip of step's end"
-    MATERIALS = "contact laws by pairs of materials", "materials"
-    BODY_FORCES = "forces and torques on single disks, by segments of time", "forces"
-    ROLLING_CONSTANT = "rolling resistance by a constant torque (model A)", "rolling A"
-    ROLLING_VISCOUS = "rolling resistance by a viscous torque (model B)", "rolling B"
-    ROLLING_SPRING = "rolling resistance by a spring with a cap (model C)", "rolling C"
-    COHESION = "linear cohesion beside the normal spring", "cohesion"
-    ADHESION = "rigid contacts that take a pull of a given size", "adhesion"
-    PERIODIC_CELL = "periodic cell, at rest or deforming affinely", "periodic cell"
-    ENERGY_BUDGET = "energies that were lost and fed since time 0, by channels", "energy budget"
-    OUTLINES = "grains with NURBS outlines", "outlines"
-    AREA_CONTACT = "normal contact with an energy of the common area", "common area"
-    SPHERES = "spheres in space", "spheres"
-    HERTZ_MINDLIN = "Hertz-Mindlin contact of given moduli", "Hertz-Mindlin"
-    UNLOADING_NONE = "Mindlin's shear spring that keeps its displacement while the contact shrinks", "Mindlin, none"
-    UNLOADING_FORCE = "Mindlin's shear spring that keeps its force while the contact shrinks", "Mindlin, force"
-    UNLOADING_RESCALE = "Mindlin's shear spring that shrinks with the contact", "Mindlin, rescale"
-    TWISTING_CONSTANT = "resistance to twisting by a constant torque", "twisting A"
-    TWISTING_SPRING = "resistance to twisting by a spring with a cap", "twisting C"
-    SURFACE_DMT = "pull-off of Derjaguin, Muller and Toporov", "DMT"
-    SURFACE_JKR = "adhesive contact of Johnson, Kendall and Roberts", "JKR"
+    LINEAR_CONTACT = "linear normal contact of a given stiffness kn"
+    SHEAR_SPRING = "incremental shear spring of a given stiffness ks"
+    FRICTION = "Coulomb friction"
+    CONTACT_DAMPING = "contact dashpot (beta)"
+    RESTITUTION = "impact law with a given coefficient of restitution"
+    GLOBAL_DAMPING_CENTRAL = "global damping xi, central form"
+    GLOBAL_DAMPING_LAGGED = "global damping xi, lagged form"
+    MOVING_WALLS = "walls with prescribed translation"
+    ROTATING_WALLS = "walls with prescribed rotation about a pivot"
+    CURVED_WALL_MOTION = "walls whose translation is not piecewise linear in time"
+    GRAVITY = "gravity"
+    BLOCKED_ROTATION = "bodies that do not rotate"
+    HELD_MOTION = "disks with a prescribed velocity component"
+    FIXED_DISKS = "disks that stay where they are"
+    QUASI_STATIC = "the static limit: a series of equilibria"
+    PRELOAD = "shear forces that contacts carry from the start"
+    DISK_INERTIA = "inertia of a disk (not of a sphere)"
+    LEVER_ARM_RADIUS = "shear torque with the full radius as lever arm"
+    LEVER_ARM_OVERLAP = "shear torque with the lever arm R - overlap/2"
+    LEVER_ARM_TORQUE = "shear torque with the lever arm R - overlap/2, slip with R"
+    SLIP_MIDDLE = "slip measured in the middle of the step"
+    SLIP_END = "slip of the half step, measured with the normal of the step's end"
+    MATERIALS = "contact laws by pairs of materials"
+    BODY_FORCES = "forces and torques on single disks, by segments of time"
+    ROLLING_CONSTANT = "rolling resistance by a constant torque (model A)"
+    ROLLING_VISCOUS = "rolling resistance by a viscous torque (model B)"
+    ROLLING_SPRING = "rolling resistance by a spring with a cap (model C)"
+    COHESION = "linear cohesion beside the normal spring"
+    ADHESION = "rigid contacts that take a pull of a given size"
+    PERIODIC_CELL = "periodic cell, at rest or deforming affinely"
+    ENERGY_BUDGET = "energies that were lost and fed since time 0, by channels"
+    OUTLINES = "grains with NURBS outlines"
+    AREA_CONTACT = "normal contact with an energy of the common area"
+    SPHERES = "spheres in space"
+    HERTZ_MINDLIN = "Hertz-Mindlin contact of given moduli"
+    UNLOADING_NONE = "Mindlin's shear spring that keeps its displacement while the contact shrinks"
+    UNLOADING_FORCE = "Mindlin's shear spring that keeps its force while the contact shrinks"
+    UNLOADING_RESCALE = "Mindlin's shear spring that shrinks with the contact"
+    TWISTING_CONSTANT = "resistance to twisting by a constant torque"
+    TWISTING_SPRING = "resistance to twisting by a spring with a cap"
+    SURFACE_DMT = "pull-off of Derjaguin, Muller and Toporov"
+    SURFACE_JKR = "adhesive contact of Johnson, Kendall and Roberts"
 
 
 LEVER_ARMS: Mapping[LeverArm, Capability] = {

@@ -237,9 +237,13 @@ def check_engine_ids(ids: Iterable[str]) -> None:
 
 def _check_id(name: str, table: Mapping[str, Registered], kind: str) -> None:
     if name not in table:
-        raise UnknownIdError(
-            f"there is no {kind} {name!r}.{close_matches(name, table)} Known {kind}s: {', '.join(table)}"
-        )
+        raise UnknownIdError(f"there is no {kind} {name!r}{_known(name, table, kind)}")
+
+
+def _known(name: str, table: Mapping[str, Registered], kind: str) -> str:
+    """What a name may have meant; where nothing is close to it, all there is."""
+    close = close_matches(name, table)
+    return f".{close} `ninedisk list {kind}s` shows all {len(table)}" if close else f"; there are {', '.join(table)}"
 
 
 def _load(name: str, table: Mapping[str, Registered], kind: str) -> Any:
@@ -276,7 +280,6 @@ def match_cases(globs: Iterable[str]) -> list[str]:
     for pattern in patterns:
         if not fnmatch.filter(table, pattern):
             raise UnknownIdError(
-                f"no case matches {pattern!r}.{close_matches(pattern, table)} Known cases: {', '.join(table)} "
-                f"(quote patterns such as 'nine-disk/*')"
+                f"no case matches {pattern!r}{_known(pattern, table, 'case')} (quote patterns such as 'nine-disk/*')"
             )
     return [name for name in table if not patterns or any(fnmatch.fnmatchcase(name, p) for p in patterns)]

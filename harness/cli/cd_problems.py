@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files and problems.json.")]
 FormOption = Annotated[
-    str, typer.Option("--form", metavar="FORM", help="fclib (HDF5, needs h5py), npz or fc2d (text).")
+    str, typer.Option("--form", metavar="FORM", help="npz, fc2d (Siconos' text) or fclib (HDF5, needs h5py).")
 ]
 
 
@@ -46,6 +46,7 @@ def collect(
       ninedisk cd-problems collect nine-disk/compression --every 100
       ninedisk cd-problems collect incline-block --set sliding=coulomb --form fclib --out incline
     """
+    from ninedisk.core.spheres.scene import SphereScene
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.support import without_spring_preload
     from ninedisk.harness.bench import problem_set
@@ -60,6 +61,8 @@ def collect(
     setup = plan_case(case, "cd", parse_settings(settings or []), chosen).setup
     if isinstance(setup, Exception):
         raise setup
+    if isinstance(setup.scene, SphereScene):
+        raise UsageError(f"{case!r} is a case of spheres, and contact dynamics has the plane alone: give one of disks")
     with CellProgress() as progress:
         count = problem_set.collect(
             without_spring_preload(setup.scene),
@@ -82,7 +85,7 @@ def make(
     family: Annotated[
         list[str] | None, typer.Option("--family", metavar="NAME", help="Only this one; repeat it.")
     ] = None,
-    form: FormOption = "fclib",
+    form: FormOption = "npz",
     out: Out = Path("problems"),
 ) -> None:
     """Make contact problems of the plane from seeds: settling, packing, column, collapse, drum, hopper, biaxial, pyramid and lattice,
@@ -96,7 +99,7 @@ def make(
     Examples:
       ninedisk cd-problems make --disks 100
       ninedisk cd-problems make --disks 3000 --seed 1 --out set-1
-      ninedisk cd-problems make --family pyramid --form fc2d
+      ninedisk cd-problems make --family pyramid --form fclib
     """
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.bench import problem_set
@@ -124,7 +127,7 @@ def make(
 def _form(text: str) -> Form:
     from ninedisk.harness.api.errors import UsageError
 
-    forms: dict[str, Form] = {"fclib": "fclib", "npz": "npz", "fc2d": "fc2d"}
+    forms: dict[str, Form] = {"npz": "npz", "fc2d": "fc2d", "fclib": "fclib"}
     if text not in forms:
         raise UsageError(f"--form {text!r} is unknown: use one of {', '.join(forms)}")
     return forms[text]

@@ -32,7 +32,7 @@ def list_cases(
         str | None, typer.Argument(metavar="[CASE]", help="Show one case with its parameters, ranges and units.")
     ] = None,
 ) -> None:
-    """List the cases, or one case with everything that --set can change.
+    """List the cases, or one case with its source and everything that --set can change.
 
     \b
     Examples:
@@ -50,8 +50,8 @@ def list_engines(
     ] = None,
     engine_cmd: Commands = None,
 ) -> None:
-    """List the engines (installed or not, version, licence, how they run, what they express, how to install them), or one of them
-    with everything that --option can change.
+    """List the engines: which are installed, in which version, and how to install the others; or one of them with what it can express
+    and lacks, and everything that --option can change.
 
     \b
     Examples:
@@ -68,17 +68,22 @@ def list_engines(
 
 
 def show_cases() -> None:
-    """Every case with its title, source, number of variants and the package it comes from."""
-    shown = table("case", "what it is", "source", "variants", "from")
+    """Every case with its title, number of variants and, if it is not ours, the package it comes from."""
+    shown = table("case", "variants", "what it is", right=("variants",), whole=("case", "variants"))
     for case_id, entry in case_table().items():
         try:
             case = get_case(case_id)
-            shown.add_row(case_id, case.title, case.source, str(len(case.matrix())), entry.origin)
+            shown.add_row(case_id, str(len(case.matrix())), case.title + _from(entry.origin))
         except Exception as error:  # an outsider's case must not hide the others
-            shown.add_row(case_id, f"broken: {error}", "", "", entry.origin)
+            shown.add_row(case_id, "", f"broken: {error}" + _from(entry.origin))
     console().print(shown)
     _show_problems()
-    console().print("Parameters of one case: ninedisk list cases CASE", markup=False, highlight=False)
+    console().print(f"{len(case_table())} cases; one of them in full: ninedisk list cases CASE")
+
+
+def _from(origin: str) -> str:
+    """What another package's case or engine shows of its origin."""
+    return "" if origin == "ninedisk" else f" (from {origin})"
 
 
 def show_case(case_id: str) -> None:
@@ -111,20 +116,22 @@ def show_case(case_id: str) -> None:
 
 
 def show_engines() -> None:
-    """Every engine: whether it is installed, its version and licence, how it runs, what it expresses, what installs it."""
-    shown = table("engine", "name", "version", "licence", "how it runs", "contacts", "expresses", "install", "from")
+    """Every engine: whether it is installed, its version, licence and kind of contact, what installs it."""
+    shown = table(
+        "engine", "name", "version", "contacts", "licence", "install", whole=("engine", "version", "contacts")
+    )
     missing: list[str] = []
     for engine_id, entry in engine_table().items():
         try:
             _engine_row(shown, missing, get_engine(engine_id), entry.origin)
         except Exception as error:  # an outsider's adapter must not hide the others
-            shown.add_row(engine_id, f"broken: {error}", "", "", "", "", "", "", entry.origin)
+            shown.add_row(engine_id, f"broken: {error}" + _from(entry.origin), "", "", "", "")
     out = console()
     out.print(shown)
     for line in missing:
         out.print(line, markup=False, highlight=False)
     _show_problems()
-    out.print("One engine with its options: ninedisk list engines ENGINE", markup=False, highlight=False)
+    out.print("What one can express and lacks, and its options: ninedisk list engines ENGINE")
 
 
 def _show_problems() -> None:
@@ -134,12 +141,9 @@ def _show_problems() -> None:
 
 
 def _engine_row(shown: Table, missing: list[str], engine: Engine, origin: str) -> None:
-    from ninedisk.harness.api.capabilities import Capability
-
     info = engine.info()
     version = info.version if info.version is not None else "not installed"
-    has = ", ".join(dict.fromkeys(capability.short for capability in Capability if capability in info.capabilities))
-    shown.add_row(info.id, info.name, version, info.licence, info.how_it_runs, info.contact, has, info.install, origin)
+    shown.add_row(info.id, info.name + _from(origin), version, info.contact, info.licence, info.install)
     if not info.installed and info.not_installed_because:
         missing.append(f"{info.id}: {info.not_installed_because}")
 

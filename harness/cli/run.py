@@ -205,11 +205,13 @@ def execute(
     UsageError, ParameterError, CoreError
         With the message to show.
     """
+    from ninedisk.core.compile import cache_folder
     from ninedisk.harness.api.registry import match_cases, problems
     from ninedisk.harness.results.claims import judge_claims
     from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
     from ninedisk.harness.results.whole_file import check_writable
     from ninedisk.harness.run.gaps import GapFile, read_gaps, write_gaps
+    from ninedisk.harness.run.isolation import time_limit_from_environment
     from ninedisk.harness.run.judge import exit_code
     from ninedisk.harness.run.memory import read_size
     from ninedisk.harness.run.plan import plan_matrix, run_command
@@ -223,6 +225,7 @@ def execute(
     if known_gaps is not None and new_gaps is not None:
         raise UsageError("--known-gaps and --write-known-gaps exclude each other: a first file is made without one")
     at_once = read_jobs(jobs)
+    time_limit_from_environment()
     limit = None if memory is None else read_size(memory, "--memory-limit")
     gaps = GapFile() if known_gaps is None else read_gaps(known_gaps)
     cells = plan_matrix(
@@ -243,6 +246,8 @@ def execute(
             raise UsageError(
                 f"--write-known-gaps {str(new_gaps)!r} exists: give another file, or use it with --known-gaps"
             )
+    if {"dem", "cd"} & {cell.engine_id for cell in cells} and not any(Path(cache_folder()).iterdir()):
+        typer.echo("note: our engines' kernels are compiled first, once: about half a minute for each engine", err=True)
     started = _now()
     with _cluster(dask) as cluster, CellProgress() as progress:
         found = run_cells(cells, progress, published=published, jobs=at_once, cluster=cluster, memory=limit)
@@ -274,6 +279,8 @@ def execute(
     bad = [(WORST_FIRST.index(each.status), k) for k, each in enumerate(results) if each.status in BAD]
     if code and bad:
         typer.echo(f"the first of these again: {run_command(cells[min(bad)[1]])}")
+    if all(cell["status"] in _NOT_RUN for cell in shown):
+        typer.echo("warning: nothing ran, so that nothing is shown: the reasons are above", err=True)
     if new_gaps is not None:
         typer.echo(f"known gaps: {new_gaps}; write a cause into each reason")
     return code
@@ -398,15 +405,16 @@ def _print_table(out: Console, judged: Sequence[Row], room: int) -> int:
         with out.capture() as capture:
             out.print(_table(judged[:count]))
         if count == 1 or len(capture.get().splitlines()) <= room:
-            out.print(capture.get(), end="")
+            out.file.write(capture.get())  # printed, its colours would count as letters and break the lines once more
             return len(judged) - count
     return 0
 
 
 def _table(judged: Sequence[Row]) -> object:
     shown = table(
-        "status", "case", "variant", "engine", "quantity", "error", "tolerance", "truth", right=("error", "tolerance")
-    )
+        "status", "case", "variant", "engine", "quantity", "error", "tolerance", "truth",
+        right=("error", "tolerance"), whole=("status", "engine", "error", "tolerance", "truth"),
+    )  # fmt: skip
     for row in judged:
         shown.add_row(
             row["status"], row["case"], row["variant"], row["engine"], row["quantity"] or "-",

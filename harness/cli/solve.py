@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import console, guarded, table
+from ninedisk.harness.cli.support import CellProgress, console, guarded, table
 
 if TYPE_CHECKING:
     from ninedisk.core.cd.problem import Sliding
@@ -104,7 +104,7 @@ def execute(
         raise UsageError("--check solves nothing, so that there is nothing for --out to write: give one of them")
     if out is not None:
         check_writable("--out", out)
-    found = read_problem(file)
+    found = read_problem(str(file))
     matrix = isinstance(found.problem, DelassusProblem)
     if matrix and solver == "interior-point":
         raise UsageError("--solver interior-point works on bodies, and this file has a matrix alone: use auto")
@@ -115,13 +115,15 @@ def execute(
         answer, said = found.answer, "judged"
         errors = judge(found, answer, rule)
     else:
-        for share in (1.0, 0.1):  # solvers stop by figures of their own, which may be somewhat smaller
-            reached, said = _solved(found, solver, replace(options, tolerance=share * tolerance), rule)
-            if reached is None:
-                return UNSOLVED
-            answer, errors = reached, judge(found, reached, rule)
-            if not said or errors.solved(tolerance) or errors.worst > 10.0 * tolerance:
-                break
+        with CellProgress() as progress:
+            progress(0, 0, f"solving, at most {time_limit:g} s")
+            for share in (1.0, 0.1):  # solvers stop by figures of their own, which may be somewhat smaller
+                reached, said = _solved(found, solver, replace(options, tolerance=share * tolerance), rule)
+                if reached is None:
+                    return UNSOLVED
+                answer, errors = reached, judge(found, reached, rule)
+                if not said or errors.solved(tolerance) or errors.worst > 10.0 * tolerance:
+                    break
     good = bool(said) and errors.solved(tolerance)
     _show(errors, tolerance)
     verdict = f"{said}: {'solved' if good else 'NOT solved'} to {tolerance:g}" if said else "the forces it had"

@@ -8,7 +8,6 @@ import json
 import os
 import sys
 import threading
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -69,7 +68,7 @@ def guarded(command: Callable[P, R]) -> Callable[P, R]:
         except (typer.Exit, typer.Abort, BrokenPipeError):
             raise
         except KeyboardInterrupt:
-            fail("interrupted: no result of this run was stored", INTERRUPTED)
+            fail("interrupted: nothing was stored", INTERRUPTED)
         except Exception as error:
             if os.environ.get(TRACEBACK_VARIABLE):
                 raise
@@ -101,7 +100,6 @@ class CellProgress:
     """Progress on standard error: a bar in a terminal, lines ever further apart elsewhere, nothing for short runs."""
 
     def __init__(self) -> None:
-        self._begin = self._last_line = time.monotonic()
         self._pause = LINE_SECONDS
         self._terminal = sys.stderr.isatty()
         self._bar: Bar | None = None
@@ -111,10 +109,7 @@ class CellProgress:
         self._closed = False
 
     def __enter__(self) -> CellProgress:
-        if self._terminal:
-            self._timer = threading.Timer(QUIET_SECONDS, self._show)
-            self._timer.daemon = True
-            self._timer.start()
+        self._after(*((QUIET_SECONDS, self._show) if self._terminal else (self._pause, self._line)))
         return self
 
     def __exit__(
@@ -132,11 +127,22 @@ class CellProgress:
         with self._lock:
             self._state = (done, total, label)
             if self._bar is not None:
-                self._bar.update(self._bar.task_ids[0], completed=done, total=total, description=label)
-        now = time.monotonic()
-        if not self._terminal and now - self._begin > QUIET_SECONDS and now - self._last_line > self._pause:
-            self._last_line, self._pause = now, min(2.0 * self._pause, MOST_SECONDS)
-            typer.echo(f"[{done}/{total}] {label}".rstrip(), err=True)
+                self._bar.update(self._bar.task_ids[0], completed=done, total=total or None, description=label)
+
+    def _after(self, seconds: float, act: Callable[[], None]) -> None:
+        self._timer = threading.Timer(seconds, act)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _line(self) -> None:
+        """One line, also while a single piece takes long, and the next one later."""
+        with self._lock:
+            if self._closed:
+                return
+            done, total, label = self._state
+            typer.echo(f"[{done}/{total}] {label}".rstrip() if total else label or "at work", err=True)
+            self._pause = min(2.0 * self._pause, MOST_SECONDS)
+            self._after(self._pause, self._line)
 
     def _show(self) -> None:
         from rich.console import Console
@@ -165,14 +171,16 @@ def console() -> Console:
     return found if found.is_terminal else Console(width=PIPE_WIDTH, highlight=False, markup=False, emoji=False)
 
 
-def table(*headers: str, right: tuple[str, ...] = ()) -> Table:
-    """A plain table that folds long text instead of cutting it."""
+def table(*headers: str, right: tuple[str, ...] = (), whole: tuple[str, ...] = ()) -> Table:
+    """A plain table that folds long text instead of cutting it; columns of words that stay ``whole`` leave the folding to the others."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    made = Table(box=SIMPLE_HEAD, pad_edge=False)
+    made = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for header in headers:
-        made.add_column(header, overflow="fold", justify="right" if header in right else "left")
+        made.add_column(
+            header, overflow="fold", justify="right" if header in right else "left", no_wrap=header in whole
+        )
     return made
 
 

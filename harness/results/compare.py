@@ -325,6 +325,8 @@ def _index(word: str, ids: list[str], store: Path) -> int:
     match = _LATEST.fullmatch(word)
     if match:
         back = int(match[1] or 0)
+        if not ids:
+            raise UsageError(f"the store {str(store)!r} has no finished run: run `ninedisk run --store {store}` first")
         if back >= len(ids):
             raise UsageError(f"{word!r} is too far back: the store {str(store)!r} has {len(ids)} finished run(s)")
         return len(ids) - 1 - back

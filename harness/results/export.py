@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 from collections.abc import Iterable, Sequence
@@ -168,10 +169,13 @@ def _write_parquet(rows: Sequence[Row], path: Path) -> None:
 
 
 def _read_csv(path: Path) -> list[Row]:
-    with path.open(encoding="utf-8", newline="") as file:
-        reader = csv.DictReader(file)
-        _expect_columns(path, reader.fieldnames or ())
-        return list(reader)
+    text = path.read_text(encoding="utf-8")
+    reader = csv.DictReader(io.StringIO(text, newline=""))
+    _expect_columns(path, reader.fieldnames or ())
+    rows = list(reader)
+    if not text.endswith("\n"):  # its last number may be half a number
+        raise ValueError(f"the file is cut off in its last line, after {len(rows)} rows")
+    return rows
 
 
 def _read_json(path: Path) -> list[Row]:

@@ -74,9 +74,13 @@ def read_about(store: Path, run_id: str) -> dict[str, Any]:
         version = int(about["schema_version"])
         lacking = [key for key in RUN_KEYS if key not in about]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"run {run_id!r} is damaged: its run.json cannot be read ({error})") from error
+        raise StoreError(
+            f"run {run_id!r} is damaged: its run.json cannot be read ({error}); copy the run again, or remove it"
+        ) from error
     if lacking:
-        raise StoreError(f"run {run_id!r} is damaged: its run.json lacks {', '.join(lacking)}")
+        raise StoreError(
+            f"run {run_id!r} is damaged: its run.json lacks {', '.join(lacking)}; copy the run again, or remove it"
+        )
     check_schema(f"run {run_id!r}", version)
     return {**about, "run_id": run_id, "schema_version": version}
 

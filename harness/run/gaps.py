@@ -163,6 +163,10 @@ def read_gaps(path: Path) -> GapFile:
     """
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise UsageError(
+            f"--known-gaps {str(path)!r}: there is no such file; `ninedisk run --write-known-gaps FILE` makes the first"
+        ) from error
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"--known-gaps {str(path)!r} cannot be read: {error}") from error
     except tomllib.TOMLDecodeError as error:

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import IO, Protocol
 
 from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
+from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.text import printable
 from ninedisk.harness.run.memory import memory_limit, resident, too_much
 from ninedisk.harness.run.warden import owned
@@ -73,7 +74,7 @@ def time_limit_from_environment(default: float = DEFAULT_TIME_LIMIT) -> float:
 
     Raises
     ------
-    EngineError
+    UsageError
         If the variable is not a number above 0.
     """
     text = os.environ.get(TIME_LIMIT_VARIABLE)
@@ -82,7 +83,7 @@ def time_limit_from_environment(default: float = DEFAULT_TIME_LIMIT) -> float:
     with suppress(ValueError):
         if (limit := float(text)) > 0.0:
             return limit
-    raise EngineError(f"{TIME_LIMIT_VARIABLE}={text!r} is not a time limit: give a number of seconds > 0, or unset it")
+    raise UsageError(f"{TIME_LIMIT_VARIABLE}={text!r} is not a time limit: give a number of seconds > 0, or unset it")
 
 
 class _Process(Protocol):

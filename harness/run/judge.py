@@ -280,7 +280,7 @@ def _beyond(check: Check, deviation: Deviation) -> str:
 
 
 def _unit(deviation: Deviation) -> str:
-    return f"{deviation.unit} " if deviation.unit and deviation.unit != "-" else ""
+    return f"{deviation.unit} " if deviation.unit not in ("", "-", "1") else ""
 
 
 def measurement_row(common: Mapping[str, Any], check: Check, observed: Observed) -> Row:

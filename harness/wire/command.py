@@ -85,9 +85,14 @@ class CommandEngine(ExternalEngine):
             raise UsageError(f"--engine-cmd {command_line!r} cannot be read ({error}): mend its quotes") from error
         if not self._command or shutil.which(self._command[0]) is None:
             missing = self._command[0] if self._command else ""
+            wrong = (
+                f"{missing!r} is no program that may be run"
+                if Path(missing).is_file()
+                else f"there is no program {missing!r}"
+            )
             raise UsageError(
-                f"--engine-cmd {command_line!r}: there is no program {missing!r}: give a program on PATH or its path, "
-                f"for instance './my-engine' or 'python3 my_engine.py'"
+                f"--engine-cmd {command_line!r}: {wrong}: give a program on PATH or its path, "
+                f"for instance './my-engine' (after chmod +x) or 'python3 my_engine.py'"
             )
         self.command_line = command_line
         self._description = self._describe()

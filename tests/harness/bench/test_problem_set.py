@@ -72,9 +72,10 @@ def test_the_problems_of_a_run_are_kept(tmp_path: Path) -> None:
     [
         (("make", "--family", "heap"), "--family 'heap' is unknown: use one of settling"),
         (("make", "--disks", 5), "disks 10 .. 3000"),
-        (("make", "--form", "csv"), "--form 'csv' is unknown: use one of fclib"),
+        (("make", "--form", "csv"), "--form 'csv' is unknown: use one of npz"),
         (("collect", "incline-block", "--every", 0), "--every 0 is not allowed"),
         (("collect", "no-case"), "no case"),
+        (("collect", "spheres/top"), "'spheres/top' is a case of spheres"),
     ],
 )
 def test_wrong_usage_is_named(flags: tuple[object, ...], said: str, tmp_path: Path) -> None:

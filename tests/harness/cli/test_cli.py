@@ -32,6 +32,7 @@ def ninedisk(*arguments: str) -> Result:
     [
         (("good",), 0),
         (("good", "absent", "incapable", "uninstalled"), 0),
+        (("absent", "incapable"), 0),
         (("good", "wrong"), 1),
         (("nan",), 1),
         (("crash",), 3),
@@ -46,6 +47,7 @@ def test_exit_codes(here: Path, engines: tuple[str, ...], code: int) -> None:
     assert done.exit_code == code, done.output
     assert len(run_ids(here / "results")) == 1
     assert f"results: results/runs/{run_ids(here / 'results')[0]}" in done.stdout
+    assert ("warning: nothing ran" in done.stderr) == ("good" not in engines and code == 0)
 
 
 @pytest.mark.parametrize(("truth", "code"), [("gap", 0), ("nan", 0), ("none", 0), ("broken", 3)])
@@ -206,5 +208,5 @@ def test_interrupt(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ninedisk.harness.run.workers.run_cells", stopped)
     done = ninedisk("run", "fake/fall", "-e", "fake-good")
     assert done.exit_code == 130
-    assert "interrupted: no result of this run was stored" in done.stderr
+    assert "interrupted: nothing was stored" in done.stderr
     assert run_ids(here / "results") == []

@@ -71,12 +71,19 @@ def test_compare_reads_exported_files(stores: Path) -> None:
     assert ninedisk("export", "latest~1", "--json", "base.json", "--store", stores / "worse").exit_code == 0
     assert ninedisk("export", "latest", "--csv", "head.csv", "--store", stores / "worse").exit_code == 0
     assert ninedisk("compare", "base.json", "head.csv").exit_code == 1
+    text = Path("head.csv").read_text()
+    Path("head.csv").write_text(text[: len(text) // 2])
+    cut = ninedisk("compare", "base.json", "head.csv")
+    assert (cut.exit_code, "cut off in its last line" in cut.stderr) == (2, True), cut.output
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("compare", "latest", "latest"), "'latest' is too far back: the store 'results' has 0 finished run"),
+        (
+            ("compare", "latest", "latest"),
+            "the store 'results' has no finished run: run `ninedisk run --store results` first",
+        ),
         (("compare", "x", "y"), "names no run of the store 'results'"),
         (("compare", "latest~1", "latest", "--html", "no/c.html"), "--html 'no/c.html' cannot be written"),
         (("compare", "latest~1", "latest", "--json", "."), "--json '.' cannot be written"),

@@ -68,7 +68,7 @@ def test_ctrl_c(tmp_path: Path, fake_environment: dict[str, str], hears_signals:
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 130
-    assert errors.strip().endswith("interrupted: no result of this run was stored")
+    assert errors.strip().endswith("interrupted: nothing was stored")
     assert ended(worker)
     assert "Traceback" not in errors
     assert run_ids(tmp_path / "results") == before

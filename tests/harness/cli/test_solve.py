@@ -116,4 +116,6 @@ def test_wrong_usage_is_named(flags: tuple[str, ...], said: str, tmp_path: Path)
     done = ninedisk("solve", tmp_path / "p.dat", *flags)
     assert done.exit_code == 2
     assert said in done.output
-    assert ninedisk("solve", tmp_path / "absent").exit_code == 2
+    absent = ninedisk("solve", tmp_path / "absent")
+    assert (absent.exit_code, f"{str(tmp_path / 'absent')!r} cannot be read" in absent.output) == (2, True)
+    assert "PosixPath" not in absent.output

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import shlex
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
+from ninedisk.harness.cli import support
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.run import show_summary
 from ninedisk.harness.results.schema import CELL_COLUMNS, EMPTY, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
@@ -87,6 +90,28 @@ def test_the_end_of_a_run_fits_on_a_screen(
         found = next(k for k, line in enumerate(lines) if line.endswith(said[0]) or f"{said[0]} ... {said[-1]}" in line)
         if failing == 1:  # where there is room for all of its lines
             assert lines[found + 1 : found + 12] == said[1:]
+
+
+def test_a_terminal_of_80_columns_keeps_words_whole(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Statuses, engines and numbers are not broken up, nor is the heading, whose colours are no letters."""
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    cells, rows = matrix(5)
+    lines = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in printed(capsys, cells, rows, None)]
+    (heading,) = [line.split() for line in lines if "status" in line]
+    assert heading == ["status", "case", "variant", "engine", "quantity", "error", "tolerance", "truth"]
+    assert sum(line.split()[:1] == ["pass"] and "engine-" in line and "analytic" in line for line in lines) > 1
+
+
+def test_one_long_piece_is_no_silence(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first use compiles within one cell, for half a minute."""
+    monkeypatch.setattr(support, "LINE_SECONDS", 0.05)
+    with support.CellProgress() as progress:
+        progress(0, 7, "the first cell")
+        time.sleep(0.3)
+    assert capsys.readouterr().err.splitlines()[0] == "[0/7] the first cell"
 
 
 def test_passes_that_allow_much_are_counted(capsys: pytest.CaptureFixture[str]) -> None:

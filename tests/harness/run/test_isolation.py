@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
+from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.run import isolation
 from ninedisk.harness.run.isolation import TIME_LIMIT_VARIABLE, run_isolated, time_limit_from_environment
 
@@ -157,7 +158,7 @@ def test_time_limit_from_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("text", ["soon", "-1", "0", "nan"])
 def test_bad_time_limit(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv(TIME_LIMIT_VARIABLE, text)
-    with pytest.raises(EngineError, match="give a number of seconds > 0"):
+    with pytest.raises(UsageError, match="give a number of seconds > 0"):
         time_limit_from_environment()
 
 

@@ -155,9 +155,18 @@ def test_support_is_by_the_kind_of_contacts() -> None:
 
 @pytest.mark.parametrize(
     ("line", "message"),
-    [("", "there is no program"), ("no-such-program x", "no program 'no-such-program'"), ("a 'b", "mend its quotes")],
+    [
+        ("", "there is no program"),
+        ("no-such-program x", "no program 'no-such-program'"),
+        ("./text", "'./text' is no program that may be run.*chmod"),
+        ("a 'b", "mend its quotes"),
+    ],
 )
-def test_commands_that_cannot_be_started(line: str, message: str) -> None:
+def test_commands_that_cannot_be_started(
+    line: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("text").write_text("#!/bin/sh\n")
     with pytest.raises(UsageError, match=message):
         CommandEngine(line)
 
