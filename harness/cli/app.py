@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import signal
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from ninedisk.harness.cli import (
     audit,
@@ -28,10 +29,24 @@ from ninedisk.harness.cli import (
 from ninedisk.harness.cli import list as listing
 from ninedisk.harness.cli.support import INTERRUPTED
 
+ORDER = (
+    *("list", "run", "show", "report", "findings", "compare", "dashboard", "converge", "determinism", "audit"),
+    *("new-engine", "check-engine", "request", "schema", "runs", "merge", "export", "prune", "site", "docs"),
+    *("selftest", "bench", "solve", "cd-problems"),
+)
+"""Commands as the help and README list them: what a newcomer asks first stands first."""
+
+
+class _InOrder(TyperGroup):
+    def list_commands(self, ctx: Any) -> list[str]:
+        return sorted(super().list_commands(ctx), key=ORDER.index)
+
+
 app = typer.Typer(
     name="ninedisk",
+    cls=_InOrder,
     help="Verify and compare engines for granular DEM and contact dynamics on problems with known answers.\n\n"
-    "Start with: ninedisk list cases, then ninedisk run 'nine-disk/*' --engine dem, then ninedisk report.",
+    "Start with: ninedisk run binary-collision --engine dem, then ninedisk report; ninedisk list cases shows all problems.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

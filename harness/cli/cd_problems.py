@@ -20,7 +20,7 @@ FormOption = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
-    group = typer.Typer(no_args_is_help=True, help="Contact problems as files, for ninedisk solve and for other codes.")
+    group = typer.Typer(no_args_is_help=True, help="Save or make contact problems as files.")
     group.command("collect", short_help="Save the contact problems of a run.")(collect)
     group.command("make", short_help="Make the open set of contact problems.")(make)
     app.add_typer(group, name="cd-problems")

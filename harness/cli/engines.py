@@ -20,7 +20,7 @@ def register(app: typer.Typer) -> None:
 @guarded
 def check_engine(
     engine: Annotated[
-        str | None, typer.Argument(metavar="[ENGINE]", help="Id of the engine; ninedisk list engines shows them.")
+        str | None, typer.Argument(metavar="ENGINE", help="Id of the engine; ninedisk list engines shows them.")
     ] = None,
     engine_cmd: Command = None,
     only: Annotated[

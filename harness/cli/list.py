@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
     listing = typer.Typer(help="Show the cases and their parameters, and the engines.", no_args_is_help=True)
-    listing.command("cases")(list_cases)
-    listing.command("engines")(list_engines)
+    listing.command("cases", short_help="List the cases, or one with its parameters.")(list_cases)
+    listing.command("engines", short_help="List the engines, or one with what it can express.")(list_engines)
     app.add_typer(listing, name="list")
 
 
 @guarded
 def list_cases(
     case: Annotated[
-        str | None, typer.Argument(metavar="[CASE]", help="Show one case with its parameters, ranges and units.")
+        str | None, typer.Argument(metavar="CASE", help="Show one case with its parameters, ranges and units.")
     ] = None,
 ) -> None:
     """List the cases, or one case with its source and everything that --set can change.
@@ -46,7 +46,7 @@ def list_cases(
 def list_engines(
     engine: Annotated[
         str | None,
-        typer.Argument(metavar="[ENGINE]", help="Show one engine: what it can express and lacks, and its options."),
+        typer.Argument(metavar="ENGINE", help="Show one engine: what it can express and lacks, and its options."),
     ] = None,
     engine_cmd: Commands = None,
 ) -> None:

@@ -19,7 +19,7 @@ def register(app: typer.Typer) -> None:
 @guarded
 def schema(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="describe, request, answer, scene, numerics or history.")
+        str | None, typer.Argument(metavar="NAME", help="describe, request, answer, scene, numerics or history.")
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="All schemas; needs --out.")] = False,
     out: Annotated[

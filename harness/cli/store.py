@@ -55,7 +55,7 @@ def runs(store: Store = Path("results")) -> None:
 
 @guarded
 def show(
-    which: Annotated[str, typer.Argument(metavar="[RUN]", help="A run as in `ninedisk compare`.")] = "latest",
+    which: Annotated[str, typer.Argument(metavar="RUN", help="A run as in `ninedisk compare`.")] = "latest",
     case: Annotated[str, typer.Option("--case", metavar="GLOB", help="Only cases whose ids match.")] = "*",
     engine: Annotated[str | None, typer.Option("--engine", "-e", metavar="ID", help="Only this engine.")] = None,
     status: Annotated[
@@ -106,9 +106,7 @@ def show(
 
 @guarded
 def merge(
-    sources: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Stores to copy from; they stay as they are.")
-    ],
+    sources: Annotated[list[Path], typer.Argument(metavar="DIR", help="Stores to copy from; they stay as they are.")],
     store: Store = Path("results"),
 ) -> None:
     """Copy the runs of other stores, for instance of other machines, into one store.
