@@ -226,6 +226,7 @@ def execute(
         raise UsageError("--known-gaps and --write-known-gaps exclude each other: a first file is made without one")
     at_once = read_jobs(jobs)
     time_limit_from_environment()
+    new_here = not any(Path(cache_folder()).iterdir())  # scenes compile some already
     limit = None if memory is None else read_size(memory, "--memory-limit")
     gaps = GapFile() if known_gaps is None else read_gaps(known_gaps)
     cells = plan_matrix(
@@ -246,7 +247,7 @@ def execute(
             raise UsageError(
                 f"--write-known-gaps {str(new_gaps)!r} exists: give another file, or use it with --known-gaps"
             )
-    if {"dem", "cd"} & {cell.engine_id for cell in cells} and not any(Path(cache_folder()).iterdir()):
+    if new_here and {"dem", "cd"} & {cell.engine_id for cell in cells}:
         typer.echo("note: our engines' kernels are compiled first, once: about half a minute for each engine", err=True)
     started = _now()
     with _cluster(dask) as cluster, CellProgress() as progress:

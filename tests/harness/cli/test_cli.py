@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from shutil import rmtree
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -206,7 +207,13 @@ def test_interrupt(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("ninedisk.harness.run.workers.run_cells", stopped)
-    done = ninedisk("run", "fake/fall", "-e", "fake-good")
-    assert done.exit_code == 130
-    assert "interrupted: nothing was stored" in done.stderr
-    assert run_ids(here / "results") == []
+    monkeypatch.setattr("ninedisk.core.compile.cache_folder", lambda: str(here))
+    for engine in ("fake-good", "dem"):
+        done = ninedisk("run", "fake/fall", "-e", engine)
+        assert done.exit_code == 130
+        assert "interrupted: nothing was stored" in done.stderr
+        assert ("kernels are compiled first" in done.stderr) == (engine == "dem"), (
+            "nothing compiled lies in an empty folder"
+        )
+        assert run_ids(here / "results") == []
+        rmtree(here / "results")
