@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from ninedisk.harness.api.registry import get_case
+from ninedisk.harness.engines.bullet.adapter import ENGINE as BULLET
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
+from ninedisk.harness.engines.siconos.adapter import ENGINE as SICONOS
 
 
 @pytest.mark.parametrize(
@@ -39,6 +41,18 @@ def test_the_error_falls_with_the_order_of_the_scheme(
 def test_a_wrong_law_is_seen(run_cell: Any, change: dict[str, float]) -> None:
     """Of a spinning sphere: all that enters the law enters its rebound."""
     assert run_cell(get_case("spheres/chung-ooi/6"), DEM, {"spin": 7.0}, law=change).failures
+
+
+def test_arms_of_springs_excuse_no_rigid_contact() -> None:
+    """Where nothing overlaps, no arm is shorter by half the overlap, whatever arms an engine declares."""
+    case = get_case("spheres/thornton")
+    for variant in case.matrix():
+        params = {parameter.name: parameter.default for parameter in case.parameters} | variant
+        for engine in (SICONOS, BULLET):
+            known = [
+                check.known for check in case.checks(params, case.build(params), None, engine.info()) if check.known
+            ]
+            assert not [each for each in known if each.finding.endswith("one-lever-arm")], variant
 
 
 @pytest.mark.parametrize(
