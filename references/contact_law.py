@@ -164,9 +164,10 @@ def errors_of_motion(
     b = (turned @ free).reshape(-1, 2) + offset
     own = (turned @ motion).reshape(-1, 2) + offset
     claimed = own if u is None else _pairs("u", u, len(friction))
-    off = _ratio(np.linalg.norm(claimed - own), np.linalg.norm(own - offset), np.linalg.norm(offset))
-    noise = (abs(turned) @ (np.abs(free) + np.abs(moved))).reshape(-1, 2) + np.abs(offset)
     push = (turned @ moved).reshape(-1, 2)
+    # As by the forces alone: velocities of bodies at rest are what rounding leaves of these.
+    off = _ratio(np.linalg.norm(claimed - own), np.linalg.norm(push), np.linalg.norm(b), np.linalg.norm(claimed))
+    noise = (abs(turned) @ (np.abs(free) + np.abs(moved))).reshape(-1, 2) + np.abs(offset)
     return _errors(b, push, diagonal, friction, forces, claimed, max(off, balance), noise, associated)
 
 

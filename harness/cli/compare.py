@@ -113,7 +113,7 @@ def _show(found: Comparison, everything: bool) -> None:
     changes = list(found.changes) if everything else worth_showing(found)
     if changes:
         shown = table("", "case", "variant", "engine", "what", "base", "head", "change", "tolerance", "why",
-                      right=("base", "head", "change", "tolerance"))  # fmt: skip
+                      right=("base", "head", "change", "tolerance"), whole=("", "engine", "base", "head", "change"))  # fmt: skip
         for change in changes if everything else changes[:MAX_ROWS]:
             words = (change.verdict, change.case, change.variant, change.engine, what(change))
             shown.add_row(*(printable(str(text)) for text in (*words, *numbers(change), change.reason[:200])))

@@ -129,7 +129,7 @@ def _show(record: Mapping[str, Any]) -> None:
     declared = "none declared" if record["expected"] is None else f"{record['expected']:g}"
     out.print(printable(f"expected order: {declared} ({record['expected_why']})"))
     shown = table("", "quantity", "unit", "truth", "measured by", "coarsest", "finest", "order", "levels", "why",
-                  right=("coarsest", "finest", "order"))  # fmt: skip
+                  right=("coarsest", "finest", "order"), whole=("", "unit", "coarsest", "finest", "order", "levels"))  # fmt: skip
     for row in record["rows"]:
         series = (row["errors"] if row["by"] != "difference" else row["differences"]) or row["differences"]
         order = "-" if row["order"] != row["order"] else f"{row['order']:.2f} ± {short(row['uncertainty'])}"

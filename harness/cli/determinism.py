@@ -159,7 +159,15 @@ def _show(rows: Sequence[Row]) -> None:
 
     out = console()
     shown = table(
-        "", "engine", "repetition", "difference", "allowed", "first", "why", right=("difference", "allowed", "first")
+        "",
+        "engine",
+        "repetition",
+        "difference",
+        "allowed",
+        "first",
+        "why",
+        right=("difference", "allowed", "first"),
+        whole=("", "engine", "difference", "allowed", "first"),
     )
     told = [row for row in rows if row["verdict"] not in ("bitwise", "not applicable")]
     for row in sorted(told, key=lambda row: (not worse_than_promised(row), DETERMINISM_VERDICTS.index(row["verdict"]))):

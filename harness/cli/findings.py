@@ -139,7 +139,7 @@ def _alike(commands: Sequence[str], known: Sequence[Finding], store: Path, json_
         of_engine = evaluate(store, [*reversed(asked.values())], engine=engine.id)
         found += of_engine
         ids = {each.id for each in asked.values()}
-        shown = table("size", "shows it", "finding", "what happens", right=("size",))
+        shown = table("size", "shows it", "finding", "what happens", right=("size",), whole=("size", "shows it"))
         for each in of_engine:
             if each.verdict != "not-measured":
                 word = each.verdict if each.id not in ids else "no" if each.verdict == "gone" else "yes"
@@ -203,7 +203,7 @@ def _chosen(
 
 
 def _table(found: Sequence[EvaluatedFinding]) -> None:
-    shown = table("size", "verdict", "finding", "what happens", right=("size",))
+    shown = table("size", "verdict", "finding", "what happens", right=("size",), whole=("size", "verdict"))
     for each in (each for each in found if each.verdict != "not-measured"):
         text = each.what if each.verdict == "there" and not each.reason else f"{each.what} [{each.reason}]"
         shown.add_row(share(each.size), each.verdict, *(printable(part) for part in (each.id, text)))

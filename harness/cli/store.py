@@ -11,6 +11,9 @@ import typer
 from ninedisk.harness.cli.support import Store, console, guarded, table
 from ninedisk.harness.results.schema import Row
 
+MAX_ENGINES = 4
+"""Engines of a run that `ninedisk runs` names."""
+
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
@@ -39,13 +42,20 @@ def runs(store: Store = Path("results")) -> None:
 
     found = listed(store)
     out = console()
-    shown = table("run", "started", "commit", "machine", "engines", "cells")
+    shown = table("run", "started", "commit", "machine", "engines", "cells", whole=("run", "started", "commit"))
     for run in found:
         if run.facts is None:
             shown.add_row(printable(run.name), "", "", "", "", printable(run.problem))
             continue
         outcome = ", ".join(f"{run.cells[status]} {status}" for status in WORST_FIRST if run.cells[status])
-        facts = (run.name, run.facts.started, run.facts.commit[:12] or "-", run.facts.machine, ", ".join(run.engines))
+        few = ", ".join(run.engines) if len(run.engines) <= MAX_ENGINES else f"{len(run.engines)} engines"
+        facts = (
+            run.name,
+            run.facts.started[:16].replace("T", " "),
+            run.facts.commit[:12] or "-",
+            run.facts.machine,
+            few,
+        )
         shown.add_row(*(printable(text) for text in (*facts, outcome or "none")))
     if found:
         out.print(shown)

@@ -49,6 +49,13 @@ def test_a_small_force_beside_fast_slip_is_seen():
     assert errors_of_forces(W[:2, :2], q, MU[:1], np.array([2.0 * p, -mu * p])).natural_map > 1e-10
 
 
+def test_rounding_of_bodies_at_rest_is_no_error():
+    """Velocities that weight and forces cancel to, told twice with other rounding; a millionth of what they cancel is one."""
+    still = (M[:2, :2], H[:2, :2], F[:2], np.zeros(2), MU[:1], R[:2], np.array([0.0, 1e-17]))
+    assert errors_of_motion(*still, np.array([3e-17, 0.0])).worst < 1e-15
+    assert errors_of_motion(*still, np.array([1e-6, 0.0])).dynamics > 1e-7
+
+
 def changed(values, **entries):
     found = values.copy()
     for at, value in entries.items():
