@@ -57,7 +57,7 @@ from ninedisk.reports.load import Stored, load_store
 from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
 from ninedisk.reports.places import place_figures
 from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case, spaces
-from ninedisk.reports.studies import write_comparison
+from ninedisk.reports.studies import comparison_page
 from ninedisk.reports.text import decoded
 from ninedisk.reports.uses import uses
 
@@ -169,7 +169,7 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     if stored.determinism:
         (folder / "determinism.html").write_text(determinism_page(env, panel), encoding="utf-8")
     if stored.changes:
-        write_comparison(stored.changes, folder / "changes.html")
+        (folder / "changes.html").write_text(comparison_page(stored.changes), encoding="utf-8")
     (folder / "index.html").write_text(pages.index_page(env, panel, uses=uses(stored, panel.engines)), encoding="utf-8")
     progress("writing pages", total, total)
 

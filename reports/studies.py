@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment
@@ -48,14 +47,13 @@ def environment() -> Environment:
     return env
 
 
-def write_comparison(comparison: Comparison, path: Path) -> None:
-    """Write a comparison as one file that holds its style sheet, too."""
-    page = (
+def comparison_page(comparison: Comparison) -> str:
+    """A comparison as one file that holds its style sheet, too."""
+    return (
         environment()
         .get_template("compare_alone.html")
         .render(**values(comparison), sheet=pages.sheet("dashboard.css"))
     )
-    path.write_text(page, encoding="utf-8")
 
 
 def values(comparison: Comparison) -> dict[str, Any]:

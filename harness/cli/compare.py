@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,25 +38,18 @@ def execute(
     """
     from ninedisk.harness.results.compare import as_json, counts, junit, markdown, resolve, side
     from ninedisk.harness.results.compare import compare as compared
-    from ninedisk.reports.studies import write_comparison
+    from ninedisk.harness.results.whole_file import check_writable, write_whole
+    from ninedisk.reports.studies import comparison_page
 
     for name, path in files.items():
-        if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
-            raise UsageError(f"--{name} {str(path)!r} cannot be written: give a file in a folder that exists")
+        if path is not None:
+            check_writable(f"--{name}", path)
     found = compared(side(resolve(base, store)), side(resolve(head, store)))
     _show(found, everything)
-    writers: dict[str, Callable[[Path], None]] = {
-        "markdown": lambda path: _write(path, markdown(found)),
-        "junit": lambda path: _write(path, junit(found)),
-        "json": lambda path: _write(path, as_json(found)),
-        "html": lambda path: write_comparison(found, path),
-    }
+    texts = {"markdown": markdown, "junit": junit, "json": as_json, "html": comparison_page}
     for name, path in files.items():
         if path is not None:
-            try:
-                writers[name](path)
-            except OSError as error:
-                raise StoreError(f"--{name} {str(path)!r} cannot be written ({error.strerror or error})") from error
+            write_whole(f"--{name}", path, texts[name](found))
     _append_summary(found)
     return 1 if counts(found)["worse"] else 0
 
@@ -85,10 +78,6 @@ def _build_dashboard(store: Path, out: Path, last: int) -> Path:
         progress(len(ids), len(ids), "looking for changes")
         found = history(in_order(runs)[-last:])
         return build_dashboard(found, out, lambda stage, done, total: progress(done, total, stage))
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
 
 
 def _append_summary(found: Comparison) -> None:

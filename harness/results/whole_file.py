@@ -45,7 +45,7 @@ def check_folder(flag: str, path: Path) -> None:
         above = next(each for each in (path, *path.absolute().parents) if each.exists())
         if not (above.is_dir() and os.access(above, os.W_OK | os.X_OK)):
             raise UsageError(
-                f"{flag} {str(path)!r} cannot be written: {str(above)!r} is no folder that can be; give another one"
+                f"{flag} {str(path)!r} cannot be written: {str(above)!r} is no folder that you may write to; give another one"
             )
     except (OSError, ValueError) as error:
         if isinstance(error, UsageError):

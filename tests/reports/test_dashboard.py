@@ -15,7 +15,7 @@ from ninedisk.harness.results.history import history
 from ninedisk.harness.results.schema import StoreHistory
 from ninedisk.reports.dashboard import build_dashboard, groups, last_steps, marks
 from ninedisk.reports.folder import ReportError
-from ninedisk.reports.studies import write_comparison
+from ninedisk.reports.studies import comparison_page
 
 WIDTHS = (390, 1024, 1440)
 LONG = "an-engine-with-a-name-that-goes-on-and-on-without-a-single-blank-or-anything-else-to-break-a-line-at"
@@ -219,7 +219,8 @@ def test_pages_in_a_browser(synthetic: ModuleType, tab: Any, tmp_path: Path) -> 
     runs = synthetic.snapshots(plan)
     found = history(runs)
     folder = build_dashboard(found, tmp_path / "out", silent).parent
-    write_comparison(compare(side(runs[:30]), side(runs[30:])), folder / "compare" / "alone.html")
+    page = comparison_page(compare(side(runs[:30]), side(runs[30:])))
+    (folder / "compare" / "alone.html").write_text(page, encoding="utf-8")
     around = next(iter((folder / "compare").glob("2026*.html"))).name
     for name in ("index.html", "lines/nine-disk-distortion-dem.html", f"compare/{around}", "compare/alone.html"):
         for width in WIDTHS:
