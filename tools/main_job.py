@@ -17,10 +17,16 @@ from pathlib import Path
 
 from ninedisk.harness.run.warden import owned
 
+INTERRUPTED = 130
+
 
 def ninedisk(*arguments: str) -> int:
     """Run the command line of the environment that this script runs in; its exit code."""
-    return subprocess.run([sys.executable, "-m", "ninedisk", *arguments], check=False, env=owned()).returncode
+    process = subprocess.Popen([sys.executable, "-m", "ninedisk", *arguments], env=owned())
+    try:
+        return process.wait()
+    except KeyboardInterrupt:  # the command has heard it as well, and ends by itself
+        return process.wait() or INTERRUPTED
 
 
 def summary(rows: Path) -> str:
@@ -61,6 +67,8 @@ def main() -> int:
         more = [word for command in options.engine_cmd for word in ("--engine-cmd", command)]
         more += ["--jobs", options.jobs]
         run = ninedisk("run", "--all-engines", *more, "--store", options.store, "--json", str(rows))
+        if run == INTERRUPTED:
+            return run
         counts = summary(rows)
     page = ninedisk("report", "--store", options.store, "--out", options.out)
 

@@ -241,9 +241,8 @@ def _check_id(name: str, table: Mapping[str, Registered], kind: str) -> None:
 
 
 def _known(name: str, table: Mapping[str, Registered], kind: str) -> str:
-    """What a name may have meant; where nothing is close to it, all there is."""
-    close = close_matches(name, table)
-    return f".{close} `ninedisk list {kind}s` shows all {len(table)}" if close else f"; there are {', '.join(table)}"
+    """What a name may have meant, and where all there is stands."""
+    return f".{close_matches(name, table)} `ninedisk list {kind}s` shows all {len(table)}"
 
 
 def _load(name: str, table: Mapping[str, Registered], kind: str) -> Any:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 from types import ModuleType
 
@@ -65,6 +69,27 @@ def test_exit_status(
     assert said in out
     assert ("Since the run before: news of results" in out) is (run in (0, 1, 3))
     assert (str(tmp_path / "page" / "index.html") in out) is (page == 0)
+
+
+def test_ctrl_c_ends_it_without_a_traceback_or_a_page(root: Path, tmp_path: Path) -> None:
+    words = [
+        sys.executable,
+        str(root / "tools" / "main_job.py"),
+        "--engine-cmd",
+        f"{sys.executable} engine.py",
+        "--jobs",
+        "1",
+    ]
+    (tmp_path / "engine.py").write_text("open('begun', 'w'); import time; time.sleep(60)")
+    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True,
+                               preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))  # fmt: skip
+    end = time.monotonic() + 30.0
+    while not (tmp_path / "begun").exists() and time.monotonic() < end:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert (process.returncode, said) == (130, "interrupted: nothing was stored\n")
+    assert not (tmp_path / "report").exists()
 
 
 def test_a_run_without_rows_is_said_to_be_one(job: ModuleType, tmp_path: Path) -> None:

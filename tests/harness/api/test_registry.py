@@ -39,7 +39,7 @@ def test_unknown_ids_name_the_close_ones() -> None:
         UnknownIdError, match=r"no case 'fake/fal'\. Did you mean 'fake/fall'.*`ninedisk list cases` shows all \d+$"
     ):
         get_case("fake/fal")
-    with pytest.raises(UnknownIdError, match=r"no engine 'xyz'; there are dem, cd, yade"):
+    with pytest.raises(UnknownIdError, match=r"no engine 'xyz'\. `ninedisk list engines` shows all \d+$"):
         get_engine("xyz")
 
 
