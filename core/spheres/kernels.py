@@ -58,6 +58,8 @@ CHUNK = 64
 """Contacts that go through the loops together."""
 AHEAD, MOST_FETCHED = 64, 400
 """Rows, of some 50 ns, by which spheres are asked for before they are wanted, and most of them at once: beyond that lists jump."""
+PAIRS_AHEAD = 256
+"""Pairs of the list, likewise."""
 FETCH_FROM = 30_000
 """Spheres from which the numbers of a step are too many for the caches; with fewer, asking costs more than it spares."""
 
@@ -892,6 +894,22 @@ def fetch_partners(state: State, pairs: Contacts, i: int, reached: np.uint64) ->
 
 
 @inline_kernel
+def fetch_pairs(pairs: Contacts, k: np.uint64) -> None:
+    """Ask for a chunk of the list: a processor foresees that its columns are read in order, but not from one page of memory to the next."""
+    first = k + np.uint64(PAIRS_AHEAD)
+    kept, noted = np.uint64(pairs.memory.shape[1]), np.uint64(pairs.notes.shape[1])
+    if first + NEXT < np.uint64(pairs.row.shape[0]):
+        for q in range(np.uint64(0), kept * NEXT, np.uint64(8)):
+            fetch(pairs.memory, kept * first + q)
+        for q in range(np.uint64(0), noted * NEXT, np.uint64(8)):
+            fetch(pairs.notes, noted * first + q)
+        for q in range(np.uint64(0), NEXT, np.uint64(16)):
+            fetch(pairs.row, first + q)
+            fetch(pairs.other, first + q)
+            fetch(pairs.law, first + q)
+
+
+@inline_kernel
 def holds(contacts: Contacts, k: np.uint64, overlap: float, q: np.uint64, scratch: Floats) -> bool:
     """Whether a listed pair touches, or its neck still holds, which goes to place q of the scratch; if it does not there is none."""
     neck = contacts.notes[k, NECK]
@@ -982,6 +1000,7 @@ def forces_of_spheres(
     while k < end_of_list:
         if far:
             reached = fetch_partners(state, pairs, int(np.int64(rows[k])) + AHEAD, reached)
+            fetch_pairs(pairs, k)
         if sticky:
             k, count = pick_with_necks(pairs, x, radius, k, end_of_list, picked, scratch)
         else:
