@@ -216,7 +216,7 @@
       figure.setAttribute("role", "group");
       figure.setAttribute("aria-label", `${figure.dataset.alt} Arrow keys read values, plus and minus zoom, 0 shows everything.`);
       const below = this.spec.error;
-      this.plots = [this.plot(below ? 190 : 240, this.held.series.map(s => s.y), this.spec.y, this.spec.ylog, this.spec.y_label, !below)];
+      this.plots = [this.plot(below ? 190 : 240, this.held.series.map(s => s.y), this.spec.y, this.spec.ylog, this.spec.title === this.spec.y_label ? undefined : this.spec.y_label, !below)];
       if (below) {
         const floor = this.spec.floor;
         this.plots.push(this.plot(185, this.held.series.map(s => s.error && s.error.map(e => e === null ? null : Math.max(e, floor))), this.spec.error, true, this.spec.error_label, true));
