@@ -58,6 +58,8 @@ CHUNK = 64
 """Contacts that go through the loops together."""
 AHEAD, MOST_FETCHED = 64, 400
 """Rows, of some 50 ns, by which spheres are asked for before they are wanted, and most of them at once: beyond that lists jump."""
+PAIRS_AHEAD = 256
+"""Pairs of the list, likewise."""
 FETCH_FROM = 30_000
 """Spheres from which the numbers of a step are too many for the caches; with fewer, asking costs more than it spares."""
 
@@ -67,9 +69,9 @@ class State(NamedTuple):
 
     Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE` numbers
     each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the
-    lists, ``v_now`` has the velocities that dashpots see where these are not ``v``. Rows of ``now`` (at t_n), ``middle`` (t_{n-1/2}) and
-    ``before`` (t_{n-1}) are point, normal, pivot, its velocity, spin of a plane (3 each). ``load`` is the force on each plane, ``share``
-    what the stripes add to it, ``behind`` tells for each stripe 1 + sphere and plane where a centre is behind one.
+    lists, ``v_now`` and ``omega_now`` have what dashpots see where that is not ``v`` and ``omega``. Rows of ``now`` (at t_n), ``middle``
+    (t_{n-1/2}) and ``before`` (t_{n-1}) are point, normal, pivot, its velocity, spin of a plane (3 each). ``load`` is the force on each
+    plane, ``share`` what the stripes add to it, ``behind`` tells for each stripe 1 + sphere and plane where a centre is behind one.
     """
 
     x: Floats
@@ -77,6 +79,7 @@ class State(NamedTuple):
     omega: Floats
     angle: Floats
     v_now: Floats
+    omega_now: Floats
     force: Floats
     torque: Floats
     mass: Floats
@@ -450,14 +453,16 @@ def resistance(
     twist_drag: float,
     spin: Vector,
     turn: Vector,
+    dashpot_turn: Vector,
     rolled: Vector,
     twisted: float,
 ) -> tuple[Vector, Vector, float]:
     """Torque of both resistances on the second body [N m], and what is remembered of them.
 
-    ``spin`` and ``turn`` are the sum of the spins and the first one relative to the second one [rad/s].
+    ``spin`` and ``turn`` are the sum of the spins and the first one relative to the second one [rad/s], ``dashpot_turn`` that which the
+    dashpots see.
     """
-    about = dot(turn, n)
+    about, damped_about = dot(turn, n), dot(dashpot_turn, n)
     across = plus(turn, -about, n)
     way = across
     m = (0.0, 0.0, 0.0)
@@ -477,7 +482,7 @@ def resistance(
             rolled = plus(rolled, law[ROLL + 2] * slip_dt, way)
             free = dot(rolled, rolled) < limit * limit
             rolled = capped(rolled, limit)
-            m = plus(rolled, roll_drag if free else 0.0, across)
+            m = plus(rolled, roll_drag if free else 0.0, plus(dashpot_turn, -damped_about, n))
     if law[TWIST] > 0.0:
         limit = law[TWIST + 1] * reduced * repulsive
         if law[TWIST] == CONSTANT:
@@ -487,7 +492,7 @@ def resistance(
             twisted += law[TWIST + 2] * slip_dt * about
             free = abs(twisted) < limit
             twisted = min(max(twisted, -limit), limit)
-            torque = twisted + (twist_drag * about if free else 0.0)
+            torque = twisted + (twist_drag * damped_about if free else 0.0)
         m = plus(m, torque, n)
     return m, rolled, twisted
 
@@ -508,7 +513,10 @@ D_ROWS, DV_ROWS, ROLLS_ROWS, SPINS_ROWS, SPRINGS_ROWS, DASHPOT_ROWS, TURNS_ROWS,
 )
 PUSH_ROWS, CROSSED_ROWS, MOMENT_ROWS = D_ROWS, DV_ROWS, ROLLS_ROWS
 ITS_NECK = np.uint64((13 * WIDE + 6 + 8 * WIDE) * CHUNK)
-SCRATCH = (13 * WIDE + 7 + 8 * WIDE) * CHUNK
+# Spins of the first body relative to the second one, as dashpots see them.
+DASHPOT_TURNS = np.uint64((13 * WIDE + 7 + 8 * WIDE) * CHUNK)
+DASHPOT_TURNS_ROWS = np.uint64((13 * WIDE + 7 + 9 * WIDE) * CHUNK // WIDE)
+SCRATCH = (13 * WIDE + 7 + 10 * WIDE) * CHUNK
 OLD_SPRINGS, OLD_ROLLED = np.uint64(SCRATCH), np.uint64(SCRATCH + WIDE * CHUNK)
 SCRATCH_COUNTED = SCRATCH + 2 * WIDE * CHUNK
 """Room with what contacts remembered before the step, which losses are counted from."""
@@ -620,6 +628,7 @@ def run_of_resistances(law: Floats, slip_dt: float, begin: int, end: int, scratc
             scratch[ITS_TWIST_DRAG + q],
             vector(scratch, SPINS + q),
             vector(scratch, TURNS + q),
+            vector(scratch, DASHPOT_TURNS + q),
             rolled,
             twisted,
         )
@@ -762,7 +771,7 @@ def resistance_losses(law: Floats, slip_dt: float, loss_dt: float, q: Index, scr
             angle -= (kept_twist - twisted) * compliance(law[TWIST + 2])
         lost += taken(scaled(n, twisted), scaled(n, kept_twist), scaled(n, angle))
     damped = plus(plus(vector(scratch, MOMENT + q), -1.0, kept), -kept_twist, n)
-    return lost, loss_dt * dot(damped, turn)
+    return lost, loss_dt * dot(damped, vector(scratch, DASHPOT_TURNS + q))
 
 
 @inline_kernel
@@ -892,6 +901,22 @@ def fetch_partners(state: State, pairs: Contacts, i: int, reached: np.uint64) ->
 
 
 @inline_kernel
+def fetch_pairs(pairs: Contacts, k: np.uint64) -> None:
+    """Ask for a chunk of the list: a processor foresees that its columns are read in order, but not from one page of memory to the next."""
+    first = k + np.uint64(PAIRS_AHEAD)
+    kept, noted = np.uint64(pairs.memory.shape[1]), np.uint64(pairs.notes.shape[1])
+    if first + NEXT < np.uint64(pairs.row.shape[0]):
+        for q in range(np.uint64(0), kept * NEXT, np.uint64(8)):
+            fetch(pairs.memory, kept * first + q)
+        for q in range(np.uint64(0), noted * NEXT, np.uint64(8)):
+            fetch(pairs.notes, noted * first + q)
+        for q in range(np.uint64(0), NEXT, np.uint64(16)):
+            fetch(pairs.row, first + q)
+            fetch(pairs.other, first + q)
+            fetch(pairs.law, first + q)
+
+
+@inline_kernel
 def holds(contacts: Contacts, k: np.uint64, overlap: float, q: np.uint64, scratch: Floats) -> bool:
     """Whether a listed pair touches, or its neck still holds, which goes to place q of the scratch; if it does not there is none."""
     neck = contacts.notes[k, NECK]
@@ -982,6 +1007,7 @@ def forces_of_spheres(
     while k < end_of_list:
         if far:
             reached = fetch_partners(state, pairs, int(np.int64(rows[k])) + AHEAD, reached)
+            fetch_pairs(pairs, k)
         if sticky:
             k, count = pick_with_necks(pairs, x, radius, k, end_of_list, picked, scratch)
         else:
@@ -996,6 +1022,8 @@ def forces_of_spheres(
                 blend(scratch, DASHPOT_ROWS + q, 1.0, state.v_now, i, -1.0, state.v_now, j)
             if resisted:
                 blend(scratch, TURNS_ROWS + q, 1.0, omega, i, -1.0, omega, j)
+                if central:
+                    blend(scratch, DASHPOT_TURNS_ROWS + q, 1.0, state.omega_now, i, -1.0, state.omega_now, j)
             recall(pairs, m, q, resisted, scratch)
         to_columns(scratch, D, D_ROWS, count)
         to_columns(scratch, DV, DV_ROWS, count)
@@ -1003,6 +1031,11 @@ def forces_of_spheres(
         to_columns(scratch, SPINS, SPINS_ROWS, count)
         if resisted:
             to_columns(scratch, TURNS, TURNS_ROWS, count)
+            if central:
+                to_columns(scratch, DASHPOT_TURNS, DASHPOT_TURNS_ROWS, count)
+            else:
+                for c in range(np.uint64(3 * CHUNK)):
+                    scratch[DASHPOT_TURNS + c] = scratch[TURNS + c]
         memories_to_columns(scratch, resisted, count)
         for c in range(np.uint64(3 * CHUNK)):
             scratch[D_BEFORE + c] = scratch[D + c] + slip_dt * scratch[DV + c]
@@ -1112,6 +1145,10 @@ def beside_plane(
     put(scratch, ROLLS + q, scaled(wi, ri))
     put(scratch, SPINS + q, plus(wi, 1.0, wj))
     put(scratch, TURNS + q, plus(wi, -1.0, wj))
+    spin_seen = wi
+    if central and state.omega_now.shape[0] > 0:
+        spin_seen, wj = xyz(state.omega_now, i), row(state.now, w, 12)
+    put(scratch, DASHPOT_TURNS + q, plus(spin_seen, -1.0, wj))
     recall(contacts, k, q, contacts.memory.shape[1] > MEMORY_WIDTH, scratch)
     return float(overlap), True
 

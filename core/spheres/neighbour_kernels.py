@@ -161,7 +161,7 @@ def begin_lists(
         return -1.0
     order, scratch = cells.order, state.force
     if in_order:
-        for values in (state.x, state.v, state.omega, state.angle, state.v_now, state.mobility):
+        for values in (state.x, state.v, state.omega, state.angle, state.v_now, state.omega_now, state.mobility):
             permute_vectors(values, order, scratch)
         for column in (state.mass, state.inv_mass, state.inv_inertia, state.radius):
             permute(column, order, scratch)
@@ -348,7 +348,7 @@ def widen_by_necks(contacts: Contacts, laws: Floats, overlap: Floats, radius: Fl
 def stiffest(state: State, contacts: Contacts, laws: Floats, at_planes: bool, share: float, sums: Floats) -> None:
     """Adds stiffness [1/s^2] and dashpots in C' [1/s] over the masses of listed pairs that touch to those of their spheres, shape (n, 2).
 
-    ``share`` of the normal dashpots is in C', and half of the others (`ninedisk.core.spheres.critical`).
+    ``share`` of the dashpots is in C' (`ninedisk.core.spheres.critical`).
 
     With p and q the ends of one spring and a, b its stiffnesses over the masses, ``(p - q)^2 <= (1 + b/a) p^2 + (1 + a/b) q^2``: no
     eigenvalue of the contacts together exceeds the largest sum of ``a + b`` over those of one sphere. Of a single contact it is that sum.
@@ -391,10 +391,10 @@ def stiffest(state: State, contacts: Contacts, laws: Floats, at_planes: bool, sh
         if law[ROLL] == SPRING:
             # Shear and rolling move the same spins, twisting those about the normal.
             across += law[ROLL + 2] * turn
-            slowed = 0.5 * contacts.notes[k, ROLL_DRAG] * turn
+            slowed = share * contacts.notes[k, ROLL_DRAG] * turn
         if law[TWIST] == SPRING:
             twist = law[TWIST + 2] * turn
-            slowed = max(slowed, 0.5 * contacts.notes[k, TWIST_DRAG] * turn)
+            slowed = max(slowed, share * contacts.notes[k, TWIST_DRAG] * turn)
         stiffness, dashpots = max(normal, max(across, twist)), max(drag, slowed)
         sums[i, 0] += stiffness
         sums[i, 1] += dashpots

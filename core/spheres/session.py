@@ -126,7 +126,7 @@ class SphereSession:
         self.contact_dt, self.critical_dt = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
         self._central = numerics.damping_form == "central"
-        # Of the normal dashpots in the limit of the step, see `ninedisk.core.dem.critical`; those of resistances see the last half step.
+        # Of the dashpots in the limit of the step, see `ninedisk.core.dem.critical`.
         self._share = 1.0 if self._central else 0.5
         spheres = scene.spheres
         in_order = n >= SORT_FROM
@@ -134,12 +134,14 @@ class SphereSession:
         free = ~spheres.held
         inv_mass = np.where(free.any(axis=1), 1.0 / spheres.mass, 0.0)
         stripes = STRIPES if in_order else 1
+        resisted = any(law.rolling or law.twisting for law in scene.laws_in_use)
         self._state = State(
             x=_wide(spheres.x),
             v=_wide(spheres.v),
             omega=_wide(spheres.omega),
             angle=np.zeros(WIDE * n),
             v_now=_wide(spheres.v) if self._central else np.zeros(0),
+            omega_now=_wide(spheres.omega) if self._central and resisted else np.zeros(0),
             force=np.zeros(WIDE * n),
             torque=np.zeros(WIDE * n),
             mass=np.where(inv_mass > 0.0, spheres.mass, 0.0),
@@ -158,7 +160,7 @@ class SphereSession:
         )
         self._motion = compile_motion(scene.walls)
         self._laws, self._materials = _law_tables(scene)
-        mean, resisted = float(spheres.radius.mean()), any(law.rolling or law.twisting for law in scene.laws_in_use)
+        mean = float(spheres.radius.mean())
         widest = float(spheres.radius.max())
         # A neck must be listed as long as it holds.
         necks = [3.0 * float(law[kernels.STICKS]) * widest ** (1.0 / 3.0) for law in self._laws]
@@ -430,7 +432,7 @@ class SphereSession:
             sprung = laws[:, first] == kernels.SPRING
             springs[sprung, k] = laws[sprung, first + 2]
             if notes.shape[1] > kernels.NOTES_WIDTH:
-                dashpots[sprung, k] = 0.5 * notes[sprung, kernels.DRAG + k - 1]
+                dashpots[sprung, k] = self._share * notes[sprung, kernels.DRAG + k - 1]
         bodies = np.column_stack([number[:, 0], np.minimum(number[:, 1], n)])
         mobility = _xyz(state.mobility)
         return Network(bodies, normal, springs, dashpots, mobility, state.inv_inertia, state.radius)

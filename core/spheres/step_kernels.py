@@ -74,6 +74,7 @@ def kick_and_drift(state: State, gravity: Floats, dt: float, first: bool, centra
     mobility, inv_inertia, mass, moved, v_now = state.mobility, state.inv_inertia, state.mass, state.moved, state.v_now
     kick, ahead = (0.5 * dt, 1.0) if first else (dt, 0.5)
     low, high = FOUR * np.uint64(begin), FOUR * np.uint64(end)
+    sees_spins = state.omega_now.shape[0] > 0
     if central:
         for q in range(low, high):
             gain = kick * mobility[q] * force[q]
@@ -88,6 +89,8 @@ def kick_and_drift(state: State, gravity: Floats, dt: float, first: bool, centra
         moved[q] = np.float32(moved[q] + way)
     for i in range(np.uint64(begin), np.uint64(end)):
         blend(omega, i, 1.0, omega, i, kick * inv_inertia[i], torque, i)
+        if sees_spins:
+            blend(state.omega_now, i, 1.0, omega, i, ahead * kick * inv_inertia[i], torque, i)
         blend(angle, i, 1.0, angle, i, dt, omega, i)
         scale(force, i, mass[i], gravity, np.uint64(0))
     for q in range(low, high):

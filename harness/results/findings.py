@@ -309,7 +309,7 @@ def known_size(row: Row) -> float:
 
 
 def _declared(described: set[str], cells: Mapping[CellKey, Sequence[Kept]]) -> list[EvaluatedFinding]:
-    """Differences that checks allow for and that no finding describes, each at the row where it is largest."""
+    """Differences that checks need and that no finding describes, each at the row where it is largest."""
     rows: dict[str, list[tuple[Row, Kept]]] = {}
     for held in cells.values():
         for row in held[0].measurements:
@@ -318,21 +318,19 @@ def _declared(described: set[str], cells: Mapping[CellKey, Sequence[Kept]]) -> l
     found = []
     for name, named in rows.items():
         beyond = [each for each in named if _number(each[0], "abs_error") > row_tolerance(each[0])]
-        row, kept = max(
-            beyond or named, key=lambda each: -1.0 if math.isnan(_relative(each[0])) else _relative(each[0])
-        )
+        if not beyond:
+            continue
+        row, kept = max(beyond, key=lambda each: -1.0 if math.isnan(_relative(each[0])) else _relative(each[0]))
         worst = max(_unexplained(each) for each, _ in named)
-        verdict = "larger" if worst > 1.0 else "there" if beyond else "gone"
-        reason = {
-            "larger": f"{worst:.3g} times what is declared",
-            "gone": "every check that allows for it passes without",
-        }
+        larger = worst > 1.0
         version = str(kept.cell["engine_version"])
         found.append(
             EvaluatedFinding(
-                id=name, engine=row["engine"], versions=version, engine_version=version, verdict=verdict,
+                id=name, engine=row["engine"], versions=version, engine_version=version,
+                verdict="larger" if larger else "there",
                 what=str(row["reason"]).removeprefix(f"{name}: ") or "declared by its adapter, not described",
-                reason=reason.get(verdict, ""), size=_relative(row), case=row["case"], variant=row["variant"],
+                reason=f"{worst:.3g} times what is declared" if larger else "",
+                size=_relative(row), case=row["case"], variant=row["variant"],
                 quantity=row["quantity"], unit=row["unit"], truth=row["truth"], value=_number(row, "value"),
                 expected=_number(row, "expected"), scale=_number(row, "scale"), of=_number(row, "scale"),
                 per=f"largest {row['quantity']}", run_id=kept.run_id, over_why="the tolerance of its check",

@@ -11,14 +11,14 @@
     return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(3).replace(/\.?0+e/, "e").replace("+", "") : String(+value.toPrecision(6));
   };
 
-  /* Decades of a log axis, at most seven of them; where none lies inside, round numbers. */
+  /* Decades of a log axis, at most seven of them; where one or none lies inside, round numbers. */
   const decades = (u, axis, low, high) => {
     const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9), every = Math.ceil((last - first + 1) / 7) || 1;
     const marks = [];
     for (let k = first; k <= last; k += every) marks.push(10 ** k);
-    if (marks.length) return marks;
-    const below = 10 ** Math.floor(Math.log10(low));
-    return [2, 3, 5, 7].map(m => m * below).filter(value => value >= low && value <= high);
+    if (marks.length > 1) return marks;
+    const below = 10 ** Math.floor(Math.log10(low)), round = marks.length ? [1, 2, 5, 10, 20, 50] : [2, 3, 5, 7];
+    return round.map(m => m * below).filter(value => value >= low && value <= high);
   };
   const power = value => Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-9 ? decade(value) : short(value);
 
@@ -216,7 +216,7 @@
       figure.setAttribute("role", "group");
       figure.setAttribute("aria-label", `${figure.dataset.alt} Arrow keys read values, plus and minus zoom, 0 shows everything.`);
       const below = this.spec.error;
-      this.plots = [this.plot(below ? 190 : 240, this.held.series.map(s => s.y), this.spec.y, this.spec.ylog, this.spec.y_label, !below)];
+      this.plots = [this.plot(below ? 190 : 240, this.held.series.map(s => s.y), this.spec.y, this.spec.ylog, this.spec.title === this.spec.y_label ? undefined : this.spec.y_label, !below)];
       if (below) {
         const floor = this.spec.floor;
         this.plots.push(this.plot(185, this.held.series.map(s => s.error && s.error.map(e => e === null ? null : Math.max(e, floor))), this.spec.error, true, this.spec.error_label, true));
@@ -333,10 +333,12 @@
       const { ctx } = u, named = this.held.series.filter(s => s.guide && s.name), end = s => s.heights[s.heights.length - 1];
       const low = Math.min(...named.map(end));
       ctx.save();
-      Object.assign(ctx, { font: `${10 * devicePixelRatio}px system-ui, sans-serif`, fillStyle: style("--soft"), textAlign: "right" });
+      Object.assign(ctx, { font: `${10 * devicePixelRatio}px system-ui, sans-serif`, fillStyle: style("--soft"), strokeStyle: style("--card"), lineWidth: 4 * devicePixelRatio, lineJoin: "round", textAlign: "right" });
       for (const s of named) {
         ctx.textBaseline = end(s) === low ? "top" : "bottom";
-        ctx.fillText(s.name, u.valToPos(s.x[s.x.length - 1], "x", true), u.valToPos(end(s), "y", true));
+        const place = [s.name, u.valToPos(s.x[s.x.length - 1], "x", true), u.valToPos(end(s), "y", true)];
+        ctx.strokeText(...place);
+        ctx.fillText(...place);
       }
       ctx.restore();
     }

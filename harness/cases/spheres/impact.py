@@ -138,8 +138,8 @@ def _known(name: str, atol: float, contact: Contact, engine: EngineInfo, setup: 
     if Difference.FRICTION_WHILE_PULLED in engine.differences and contact.beta > 0.0 and not normal:
         known.append(("friction-while-pulled", contact.mu * contact.speed * turn * pulled))
     law = setup.scene.law((0, 1))
-    springs = engine.contact == "spring"
-    if springs and LEVER_ARMS[law.lever_arm] not in engine.capabilities and contact.mu > 0.0 and not normal:
+    arm = engine.contact == "spring" and LEVER_ARMS[law.lever_arm] not in engine.capabilities
+    if arm and contact.mu > 0.0 and not normal:
         slip = abs(contact.first[1] - contact.second[1]) + contact.radius * (
             abs(contact.first[2]) + abs(contact.second[2])
         )

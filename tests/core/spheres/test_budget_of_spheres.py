@@ -45,7 +45,7 @@ def unbalanced(history: History) -> float:
         ({"unloading": "rescale", **UNDAMPED}, "central", 2.0),
         ({"unloading": "none", "lever_arm": "overlap", **CONSTANT}, "central", 2.0),
         ({"lever_arm": "torque-overlap"}, "central", 2.0),
-        ({**SPRING, **TWIST}, "central", 1.0),  # dashpots of resistances see the spin of half a step before
+        ({**SPRING, **TWIST}, "central", 2.0),
         ({"slip_at": "end"}, "lagged", 1.0),
         ({"surface_energy": 2.0, "mu": 0.0}, "central", 1.0),  # a pull that is there or not
     ],

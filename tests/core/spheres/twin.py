@@ -98,7 +98,7 @@ class Twin:
         self.moves = ~s.held
         self.inv_mass = np.where(s.held.all(axis=1), 0.0, 1.0 / s.mass)
         self.inv_inertia = np.where(s.rotating, 1.0 / s.inertia, 0.0)
-        self.forces(self.v, 0.0)
+        self.forces(self.v, self.omega, 0.0)
 
     def step(self) -> None:
         kick = self.dt if self.steps else 0.5 * self.dt
@@ -109,8 +109,9 @@ class Twin:
         self.x = self.x + self.dt * self.v
         self.angle = self.angle + self.dt * self.omega
         self.steps += 1
-        # Velocity at the step's end, extrapolated by the force at its beginning.
-        self.forces(self.v if self.lagged else self.v + 0.5 * self.dt * a, self.dt)
+        # Velocities at the step's end, extrapolated by the force at its beginning.
+        ahead = 0.0 if self.lagged else 0.5 * self.dt
+        self.forces(self.v + ahead * a, self.omega + ahead * alpha, self.dt)
 
     def now(self) -> tuple[Vector, Vector]:
         """Velocities and spins at the present time."""
@@ -120,7 +121,7 @@ class Twin:
             self.omega + half * self.inv_inertia[:, None] * self.torque,
         )
 
-    def forces(self, seen: Vector, dt: float) -> None:
+    def forces(self, seen: Vector, seen_spin: Vector, dt: float) -> None:
         spheres, n, t = self.scene.spheres, len(self.x), self.steps * self.dt
         self.force = np.outer(np.where(self.inv_mass > 0.0, spheres.mass, 0.0), self.scene.gravity)
         self.torque, self.load = np.zeros((n, 3)), np.zeros((len(self.scene.walls), 3))
@@ -132,12 +133,15 @@ class Twin:
                 if fixed[i] and (j >= n or fixed[j]):
                     continue
                 there = (poses[j - n], middles[j - n]) if j >= n else None
-                found = self.touch(i, j, there, seen, dt)
+                found = self.touch(i, j, there, (seen, seen_spin), dt)
                 if found is not None:
                     fresh[i, j] = found
         self.touches = fresh
 
-    def touch(self, i: int, j: int, planes: tuple[Pose, Pose] | None, seen: Vector, dt: float) -> Touch | None:
+    def touch(
+        self, i: int, j: int, planes: tuple[Pose, Pose] | None, by_dashpots: tuple[Vector, Vector], dt: float
+    ) -> Touch | None:
+        seen, seen_spin = by_dashpots
         spheres, law = self.scene.spheres, self.scene.law((i, j))
         x, ri = self.x[i], float(spheres.radius[i])
         if planes is None:
@@ -218,6 +222,8 @@ class Twin:
         about = float(spin @ n)
         moment, rolled, twisted = np.zeros(3), rolled, old.twisted
         across = spin - about * n
+        other = seen_spin[j] if planes is None else planes[1 if self.lagged else 0].spin
+        damped = seen_spin[i] - other
         inv_i = self.inv_inertia
         if (law_r := law.rolling) is not None:
             cap = law_r.mu * reduced * max(repulsive, 0.0)
@@ -229,7 +235,7 @@ class Twin:
                 rolled = moment = shortened(rolled, cap)
                 inverse = sum(self.about_contact(b) for b in ((i, j) if planes is None else (i,)))
                 if not slides and inverse > 0.0:
-                    moment = moment + 2.0 * law_r.beta * np.sqrt(law_r.kr / inverse) * across
+                    moment = moment + 2.0 * law_r.beta * np.sqrt(law_r.kr / inverse) * (damped - (damped @ n) * n)
         if (law_t := law.twisting) is not None:
             cap = law_t.mu * reduced * max(repulsive, 0.0)
             if law_t.model == "constant":
@@ -240,7 +246,7 @@ class Twin:
                 twist = twisted = float(np.clip(twisted, -cap, cap))
                 inverse = inv_i[i] + (inv_i[j] if planes is None else 0.0)
                 if not slides and inverse > 0.0:
-                    twist += 2.0 * law_t.beta * np.sqrt(law_t.kr / inverse) * about
+                    twist += 2.0 * law_t.beta * np.sqrt(law_t.kr / inverse) * float(damped @ n)
             moment = moment + twist * n
         # On the bodies.
         push = fs - fn * n

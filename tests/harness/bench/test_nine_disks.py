@@ -21,8 +21,16 @@ from ninedisk.harness.results.schema import Row
 from ninedisk.references.converged_tables import load_converged
 
 pytestmark = pytest.mark.xdist_group("nine-disks")  # they share the limit
-limit_of = cache(nine_disks.limit_of)
+limit = nine_disks.limit_of
 NEEDS_YADE = pytest.mark.skipif(not get_engine("yade").info().installed, reason="YADE is not installed")
+
+
+@cache
+def limit_of(arm: str) -> Limit:
+    """The limit for all `DIVISIONS`, whichever a test has left of them."""
+    with pytest.MonkeyPatch.context() as whole:
+        whole.setattr(nine_disks, "DIVISIONS", DIVISIONS)
+        return limit(arm)
 
 
 @pytest.fixture(autouse=True)

@@ -349,6 +349,17 @@ def test_dashpots_inertia_and_regimes_are_graded_honestly() -> None:
     assert (many.level, many.missing) == (SupportLevel.NO, (Capability.CONTACT_DAMPING,))
 
 
+@needs_lammps
+def test_a_run_leaves_no_shared_memory_behind() -> None:
+    def left() -> set[Path]:
+        found = Path("/dev/shm").glob("mpich_shm_*")
+        return {path for path in found if not Path("/proc", str(int(path.name.split("_")[2], 16))).exists()}
+
+    before, setup = left(), variant("nine-disk/compression")
+    Lammps().run(setup.scene, setup.numerics.replace(n_steps=1), [])
+    assert left() <= before
+
+
 @pytest.mark.parametrize("absent", ["lammps", "mpich"])
 def test_missing_packages_are_no_failure(absent: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adapter, "package_version", lambda name: (None, "gone") if name == absent else ("1.0", ""))
