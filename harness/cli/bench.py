@@ -73,17 +73,21 @@ def bench(
 ) -> None:
     """Measure our engines and others on the same problems: same scene, same contact parameters, same step count.
 
-    Suite dem: settled packings, a flowing one and the nine disks (ours with 1, 2, .. threads, LAMMPS, YADE and all
-    engines with springs that know the variant), these also with finer steps, error beside time. Suite spheres: settled
-    boxes of 1,000 and 10,000 spheres, Hertz-Mindlin (ours with 1, 2, .. threads, LAMMPS; YADE in the short ones). Suite cd: contact
-    problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10 (our solvers,
-    Clarabel, PIQP, Siconos), cold and warm. Suite coulomb: the open set of `ninedisk cd-problems make`, some 160 problems
-    of 10, 30 and 100 disks (--size: 300, 1000 and 3000, too), by ours and Siconos' NSGS, Lemke and CPG, the associated
-    problems by ours, Clarabel and PIQP: shares solved to 1e-3 .. 1e-12 as an independent judge sees it, and performance
-    profiles. Suite flow: a drum, a hopper and a collapsing column stepped in time
-    (contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more and more iterations,
-    engines by their commands), time per simulated second beside the penetration. Suite harness: `ninedisk run` on dem, cd
-    and pymunk, the appendix's cases (kernels cached, and from an empty cache) and all cases.
+    \b
+    Suites:
+      dem      settled packings, a flowing one and the nine disks, these also with finer steps, error beside time:
+               ours with 1, 2, .. threads, LAMMPS, YADE and all engines with springs that know the variant
+      spheres  settled boxes of 1,000 and 10,000 spheres, Hertz-Mindlin:
+               ours with 1, 2, .. threads, LAMMPS; YADE in the short ones
+      cd       contact problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10,
+               cold and warm: our solvers, Clarabel, PIQP, Siconos
+      coulomb  the open set of `ninedisk cd-problems make`, some 160 problems of 10, 30 and 100 disks (--size: 300,
+               1000 and 3000, too), shares solved to 1e-3 .. 1e-12 as an independent judge sees it, and performance
+               profiles: ours, Siconos' NSGS, Lemke and CPG; of the associated rule ours, Clarabel and PIQP
+      flow     a drum, a hopper and a collapsing column stepped in time, time per simulated second beside the
+               penetration: contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more
+               and more iterations, engines by their commands
+      harness  `ninedisk run` on dem, cd and pymunk: the appendix's cases (kernels cached, and not), and all cases
 
     Physics is checked first: an engine that computes something else gets no time. Repeats are interleaved (A B A B)
     on one core for one thread; the ratio to ours, repeat by repeat, is the result, absolute times stand beside it.

@@ -49,10 +49,12 @@ def findings(
     """Hold every finding against the stored results: is it still there, gone, or larger than before?
 
     A finding is something that an engine does otherwise than the physics or its own documentation says, or an erratum of the source. It
-    holds no measured number: its size is read anew from the newest result of each cell, relative to a scale that the case states, and the
-    table has the largest first. Nothing is run, but of an engine given by --engine-cmd: of all that is known of others, does it
-    show the same? Its cells of those cases are run and stored, and are held against what a right engine shows. What the store does not
-    hold is `not-measured`, and the command that would measure it is part of the finding.
+    holds no measured number: its size is read anew from the newest result of each cell, relative to a scale that the case states. The
+    largest come first; what the store does not hold is `not-measured`. `ninedisk findings ID` tells one in full, with the command that
+    measures it.
+
+    Nothing is run, except with --engine-cmd: then cases in which other engines have findings are run on that engine and stored, and
+    the table tells which of these findings it shows, too.
 
     \b
     Verdicts:
@@ -105,12 +107,16 @@ def execute(
     with CellProgress() as progress:
         found = evaluate(store, known, progress)
     chosen = _chosen(found, known, globs, engines)
-    _details(chosen) if globs else _table(chosen)
     counts = Counter(each.verdict for each in chosen)
+    if globs:
+        _details(chosen)
+    elif set(counts) != {"not-measured"}:
+        _table(chosen)
     console().print(", ".join(f"{counts[verdict]} {verdict}" for verdict in FINDING_VERDICTS if counts[verdict]))
     if set(counts) == {"not-measured"}:
+        run = chosen[0].command if len(chosen) == 1 else "ninedisk run"
         raise UsageError(
-            f"the store {str(store)!r} can tell of none of these findings ({chosen[0].reason}); `{chosen[0].command} --store {store}` would"
+            f"the store {str(store)!r} can tell of none of these findings ({chosen[0].reason}); `{run} --store {store}` would"
         )
     if json_file is not None:
         write_rows(json_file, [asdict(each) for each in chosen])
