@@ -213,7 +213,7 @@ def execute(
     from ninedisk.harness.run.gaps import GapFile, read_gaps, write_gaps
     from ninedisk.harness.run.isolation import time_limit_from_environment
     from ninedisk.harness.run.judge import exit_code
-    from ninedisk.harness.run.memory import read_size
+    from ninedisk.harness.run.memory import memory_limit, read_size
     from ninedisk.harness.run.plan import plan_matrix, run_command
     from ninedisk.harness.run.provenance import command_line, provenance
     from ninedisk.harness.run.published import check_folder
@@ -225,7 +225,8 @@ def execute(
     if known_gaps is not None and new_gaps is not None:
         raise UsageError("--known-gaps and --write-known-gaps exclude each other: a first file is made without one")
     at_once = read_jobs(jobs)
-    time_limit_from_environment()
+    for variable in (time_limit_from_environment, memory_limit):
+        variable()  # a wrong one is told before anything runs
     new_here = not any(Path(cache_folder()).iterdir())  # scenes compile some already
     limit = None if memory is None else read_size(memory, "--memory-limit")
     gaps = GapFile() if known_gaps is None else read_gaps(known_gaps)

@@ -12,7 +12,6 @@ from contextlib import suppress
 from math import inf
 from pathlib import Path
 
-from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.api.errors import UsageError
 
 VARIABLE = "NINEDISK_MEMORY_LIMIT"
@@ -55,16 +54,11 @@ def memory_limit() -> float:
 
     Raises
     ------
-    EngineError
+    UsageError
         If the variable is no size.
     """
     text = os.environ.get(VARIABLE)
-    if not text:
-        return default_limit()
-    try:
-        return read_size(text, f"{VARIABLE}=")
-    except UsageError as error:
-        raise EngineError(str(error)) from error
+    return read_size(text, f"{VARIABLE} =") if text else default_limit()
 
 
 def resident(pid: int, *, children: bool = True) -> int:

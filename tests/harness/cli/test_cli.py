@@ -202,6 +202,15 @@ def test_something_unforeseen_is_one_line(monkeypatch: pytest.MonkeyPatch) -> No
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("name", ["NINEDISK_TIME_LIMIT", "NINEDISK_MEMORY_LIMIT"])
+def test_a_limit_that_is_none_is_wrong_usage(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(name, "-2")
+    done = ninedisk("run", "fake/fall", "-e", "fake-good")
+    assert done.exit_code == 2
+    assert name in done.stderr
+    assert "internal" not in done.stderr
+
+
 def test_interrupt(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
