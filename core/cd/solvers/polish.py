@@ -27,6 +27,7 @@ for solving nonlinear resistor networks", Bell Syst. Tech. J. 44 (1965) 1605-162
 from __future__ import annotations
 
 from functools import cached_property
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,8 @@ SAME = 1e-7
 REFINEMENTS = 8
 """Solutions with a factorisation: each leaves of an error the compliance's share of its resistance. Most is below 1e-6; of the few
 directions that resist as little as the compliance, one falls away with each further solution."""
+DEPENDENT = 1e-12
+"""Part of a change at right angles to those before that is round-off."""
 
 
 class Polish:
@@ -168,17 +171,25 @@ class Polish:
         """Forces with these statuses that differ least from ``r``; None if the matrix cannot be factorised."""
         if not self.factorise(status):
             return None
-        forces, steps, changes = self.inside(r, status), np.empty((0, r.size)), np.empty((0, r.size))
-        rest = self._rest(forces, status)
+        forces = self.inside(r, status)
+        rest, pairs = self._rest(forces, status), list[tuple[FloatArray, FloatArray]]()
         for _ in range(REFINEMENTS):
             # Less those of the steps so far that together leave least: each of them leaves the same of what resists least.
-            part = np.linalg.lstsq(changes.T, rest.ravel(), rcond=None)[0]
-            step = rest.ravel() - part @ (steps + changes)
-            tried = self.inside(forces + step.reshape(r.shape), status)
+            step = rest
+            for change, cause in pairs:
+                step = step - float((change * rest).sum()) * (change + cause)
+            tried = self.inside(forces + step, status)
             left = self._rest(tried, status)
-            steps, changes = np.vstack([steps, step]), np.vstack([changes, (left - rest).ravel()])
-            if np.linalg.norm(left) >= np.linalg.norm(rest):
+            if norm(left) >= norm(rest):
                 break
+            # Changes of the rest are kept at right angles, by Gram and Schmidt, and with each the steps that make it.
+            new, cause = left - rest, step
+            whole = norm(new)
+            for change, other in pairs:
+                part = float((change * new).sum())
+                new, cause = new - part * change, cause - part * other
+            if (size := norm(new)) > DEPENDENT * whole:
+                pairs.append((new / size, cause / size))
             forces, rest = tried, left
         return self.inside(forces + rest, status)
 
@@ -295,9 +306,14 @@ def statuses(problem: ContactProblem, z: FloatArray) -> IntArray:
     return np.where(z[:, 0] <= 0.0, OPEN, np.where(stick, STICK, slip))
 
 
+def norm(x: FloatArray) -> float:
+    """Euclidean norm. NumPy's, and its least squares, take BLAS, whose threads cost more than a pivot where cores are busy."""
+    return sqrt((x * x).sum())
+
+
 def _steady(before: FloatArray, drift: FloatArray) -> bool:
     """Whether the second of two changes of the forces goes on as the first did, in direction and length."""
-    old, new = float(np.linalg.norm(before)), float(np.linalg.norm(drift))
+    old, new = norm(before), norm(drift)
     return bool(0.0 < PARALLEL * old <= new <= old / PARALLEL and (before * drift).sum() >= PARALLEL * old * new)
 
 

@@ -23,7 +23,7 @@ from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError, check_feasible
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch, not_converged
-from ninedisk.core.cd.solvers.polish import SOFT, Polish, statuses
+from ninedisk.core.cd.solvers.polish import SOFT, Polish, norm, statuses
 from ninedisk.core.errors import SolverNotConvergedError
 
 MAX_ITERATIONS = 50_000
@@ -184,7 +184,7 @@ class _Walk:
         self.search, self.law, self.problem = search, search.law, search.problem
         rho = self.problem.rho[:, None]
         self.z = r - rho * self.law.velocity(r)
-        self.size = max(float(np.linalg.norm(r)), float(np.linalg.norm(rho * self.problem.b)) * 1e-3)
+        self.size = max(norm(r), norm(rho * self.problem.b) * 1e-3)
         self.soft, self.nearest, self.steps = FIRST_SOFT, np.inf, 0
 
     def go(self, limit: int) -> None:
@@ -259,4 +259,4 @@ class _Walk:
         rho = self.problem.rho[:, None]
         r = self.law.inside(z, statuses(self.problem, z))
         error: FloatArray = self._wrong(r, held) + (z - r) / rho
-        return error, float(np.linalg.norm(rho * error)) / self.size
+        return error, norm(rho * error) / self.size
