@@ -69,19 +69,6 @@ def audit(
       2  wrong usage, or a file that cannot be read: file, line and column are named
       130  interrupted; nothing was written
     """
-    raise typer.Exit(execute(file, scene, json_file, out, example))
-
-
-def execute(
-    file: Path | None, scene: Path | None, json_file: Path | None, out: Path | None, example: Path | None
-) -> int:
-    """Check the request, audit, print, write; the exit code.
-
-    Raises
-    ------
-    UsageError, StoreError, ReportError
-        With the message to show.
-    """
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.audit.example import write_example
     from ninedisk.harness.audit.run import VIOLATED
@@ -97,7 +84,7 @@ def execute(
         check_folder("--example", example)
         typer.echo(f"written: {', '.join(str(path) for path in write_example(example))}")
         typer.echo(f"next: ninedisk audit {example / 'trajectory.csv'}")
-        return 0
+        raise typer.Exit(0)
     assert file is not None
     if json_file is not None:
         check_writable("--json", json_file)
@@ -111,7 +98,7 @@ def execute(
     _show(record)
     if out is not None:
         typer.echo(f"page: {write_audit(record, out)}")
-    return WRONG if any(check["verdict"] == VIOLATED for check in record["checks"]) else 0
+    raise typer.Exit(WRONG if any(check["verdict"] == VIOLATED for check in record["checks"]) else 0)
 
 
 def _beside(file: Path) -> Path:

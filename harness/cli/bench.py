@@ -112,39 +112,6 @@ def bench(
       3  an engine failed or crashed
       130  interrupted; the record and the page hold what was measured until then
     """
-    code = execute(
-        suites or list(SUITES),
-        problems=problem or [],
-        engines=engine or [],
-        commands=engine_cmd or [],
-        sizes=size or [],
-        large=large,
-        repeats=repeats,
-        time_limit=time_limit,
-        out=out,
-    )
-    raise typer.Exit(code)
-
-
-def execute(
-    suites: list[str],
-    *,
-    problems: list[str],
-    engines: list[str],
-    commands: list[str],
-    sizes: list[int],
-    large: bool,
-    repeats: int | None,
-    time_limit: float | None,
-    out: Path,
-) -> int:
-    """Check the request, measure, write, print; the exit code.
-
-    Raises
-    ------
-    UsageError, StoreError, CoreError
-        With the message to show.
-    """
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.bench.plan import Request, run_suites
     from ninedisk.harness.bench.records import prepare_folder, show, write_records
@@ -153,6 +120,7 @@ def execute(
     from ninedisk.harness.wire.command import engines_given
     from ninedisk.reports.bench import write_bench
 
+    suites, commands = suites or list(SUITES), engine_cmd or []
     for suite in suites:
         if suite not in SUITES:
             raise UsageError(f"there is no suite {suite!r}: use {', '.join(SUITES)}")
@@ -162,10 +130,10 @@ def execute(
         raise UsageError("--engine-cmd is for the suite flow: add it, or leave the command out")
     request = Request(
         suites=tuple(dict.fromkeys(suites)),
-        problem_wanted=_matcher(problems),
-        engine_wanted=_matcher(engines),
+        problem_wanted=_matcher(problem or []),
+        engine_wanted=_matcher(engine or []),
         brought=tuple(each for each in engines_given([], commands) if not isinstance(each, str)) if commands else (),
-        sizes=tuple(dict.fromkeys(sizes)),
+        sizes=tuple(dict.fromkeys(size or [])),
         large=large,
         repeats=repeats,
         time_limit=time_limit,
@@ -194,7 +162,7 @@ def execute(
         )
     show(rows, [*paths, page])
     found = {row["status"] for row in rows}
-    return BROKEN if "error" in found else FAILED if "fail" in found else 0
+    raise typer.Exit(BROKEN if "error" in found else FAILED if "fail" in found else 0)
 
 
 @contextmanager

@@ -57,38 +57,6 @@ def converge(
       2  wrong usage: unknown id or parameter, value out of range, an engine that cannot run the case
       3  a level's run failed, crashed or ran out of time
     """
-    raise typer.Exit(
-        execute(
-            case,
-            engine=engine,
-            command=engine_cmd,
-            settings=settings or [],
-            options=options or [],
-            halvings=halvings,
-            json_file=json_file,
-            html=html,
-        )
-    )
-
-
-def execute(
-    case: str,
-    *,
-    engine: str | None,
-    command: str | None,
-    settings: list[str],
-    options: list[str],
-    halvings: int,
-    json_file: Path | None,
-    html: Path | None,
-) -> int:
-    """Check the request, run, print, write; the exit code.
-
-    Raises
-    ------
-    UsageError, ParameterError, CoreError, StoreError
-        With the message to show.
-    """
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.results.tables import plain_json
     from ninedisk.harness.results.whole_file import check_writable, write_whole
@@ -97,10 +65,13 @@ def execute(
     from ninedisk.harness.wire.command import CommandEngine
     from ninedisk.reports.studies import converge_page
 
-    if engine is not None and command is not None:
+    if engine is not None and engine_cmd is not None:
         raise UsageError("--engine and --engine-cmd exclude each other: orders are measured on one engine")
-    chosen_engine = CommandEngine(command) if command is not None else "dem" if engine is None else engine
-    params, chosen = parse_settings(settings), parse_settings(options, flag="--option", example="siconos.theta=1")
+    chosen_engine = CommandEngine(engine_cmd) if engine_cmd is not None else "dem" if engine is None else engine
+    params, chosen = (
+        parse_settings(settings or []),
+        parse_settings(options or [], flag="--option", example="siconos.theta=1"),
+    )
     for flag, path in (("--json", json_file), ("--html", html)):
         if path is not None:
             check_writable(flag, path)
@@ -116,7 +87,7 @@ def execute(
         write_whole("--json", json_file, plain_json(record) + "\n")
     if html is not None:
         write_whole("--html", html, converge_page(record))
-    return WRONG if any(row["verdict"] in BAD for row in record["rows"]) else 0
+    raise typer.Exit(WRONG if any(row["verdict"] in BAD for row in record["rows"]) else 0)
 
 
 def _show(record: Mapping[str, Any]) -> None:

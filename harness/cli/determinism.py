@@ -82,19 +82,6 @@ def determinism(
       2  wrong usage: an unknown engine, one that is not installed or can run no such scene
       130  interrupted; engines that were done are stored
     """
-    raise typer.Exit(execute(engine or [], engine_cmd or [], store, json_file, spheres=spheres))
-
-
-def execute(
-    engines: Sequence[str], commands: Sequence[str], store: Path, json_file: Path | None, *, spheres: bool = False
-) -> int:
-    """Measure, print, write; the exit code of the command.
-
-    Raises
-    ------
-    UsageError, StoreError
-        With the message to show.
-    """
     from ninedisk.harness.api.errors import StoreError
     from ninedisk.harness.api.registry import check_engine_ids, engines_that_load, get_engine
     from ninedisk.harness.results.schema import worse_than_promised
@@ -104,6 +91,7 @@ def execute(
     from ninedisk.harness.run.determinism import measure
     from ninedisk.harness.wire.command import engines_given
 
+    engines, commands = engine or [], engine_cmd or []
     check_engine_ids(engines)
     if json_file is not None:
         check_writable("--json", json_file)
@@ -140,7 +128,7 @@ def execute(
     if json_file is not None:
         write_rows(json_file, rows)
     _show(rows)
-    return WORSE if any(worse_than_promised(row) for row in rows) else 0
+    raise typer.Exit(WORSE if any(worse_than_promised(row) for row in rows) else 0)
 
 
 def _installed(engine: Engine, spheres: bool) -> bool:

@@ -78,32 +78,20 @@ def findings(
          (of an engine given by --engine-cmd this is about differences that it declares; what it shows besides is told, not judged)
       2  wrong usage, a store that cannot be read, or one that cannot tell of any of these findings
     """
-    raise typer.Exit(execute(globs or [], engine or [], engine_cmd or [], store, json_file))
-
-
-def execute(
-    globs: Sequence[str], engines: Sequence[str], commands: Sequence[str], store: Path, json_file: Path | None
-) -> int:
-    """Evaluate, print, write; the exit code of the command.
-
-    Raises
-    ------
-    UsageError, StoreError
-        With the message to show.
-    """
     from ninedisk.harness.api.finding import finding_problems, known_findings
     from ninedisk.harness.results.findings import evaluate, exit_code
     from ninedisk.harness.results.whole_file import check_writable
 
     if json_file is not None:
         check_writable("--json", json_file)
+    globs, engines, commands = globs or [], engine or [], engine_cmd or []
     known = known_findings()
     for problem in finding_problems():
         typer.echo(f"warning: {problem}", err=True)
     if commands:
         if globs or engines:
             raise UsageError("--engine-cmd holds its engine against all findings: leave ids and --engine out")
-        return _alike(commands, known, store, json_file)
+        raise typer.Exit(_alike(commands, known, store, json_file))
     with CellProgress() as progress:
         found = evaluate(store, known, progress)
     chosen = _chosen(found, known, globs, engines)
@@ -120,7 +108,7 @@ def execute(
         )
     if json_file is not None:
         write_rows(json_file, [asdict(each) for each in chosen])
-    return exit_code(chosen)
+    raise typer.Exit(exit_code(chosen))
 
 
 def _alike(commands: Sequence[str], known: Sequence[Finding], store: Path, json_file: Path | None) -> int:

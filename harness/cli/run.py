@@ -160,51 +160,6 @@ def run(
     """
     if engine and all_engines:
         raise UsageError("--engine and --all-engines exclude each other: give one of them")
-    code = execute(
-        globs=globs or [],
-        engines=engine or [],
-        settings=settings or [],
-        options=options or [],
-        store=store,
-        json_file=json_file,
-        published=published,
-        commands=engine_cmd or [],
-        all_engines=all_engines,
-        jobs=jobs,
-        dask=dask,
-        known_gaps=known_gaps,
-        new_gaps=write_known_gaps,
-        memory=memory_limit,
-    )
-    raise typer.Exit(code)
-
-
-def execute(
-    *,
-    globs: Sequence[str],
-    engines: Sequence[str],
-    settings: Sequence[str],
-    options: Sequence[str] = (),
-    store: Path,
-    json_file: Path | None,
-    published: Path | None,
-    commands: Sequence[str] = (),
-    all_engines: bool = False,
-    jobs: str | None = None,
-    dask: str | None = None,
-    known_gaps: Path | None = None,
-    new_gaps: Path | None = None,
-    memory: str | None = None,
-) -> int:
-    """Run, store, print; the exit code of the command.
-
-    Every mistake in the request is found before the first cell runs, the store's and the JSON file's included.
-
-    Raises
-    ------
-    UsageError, ParameterError, CoreError
-        With the message to show.
-    """
     from ninedisk.core.compile import cache_folder
     from ninedisk.harness.api.registry import match_cases, problems
     from ninedisk.harness.results.claims import judge_claims
@@ -213,7 +168,8 @@ def execute(
     from ninedisk.harness.run.gaps import GapFile, read_gaps, write_gaps
     from ninedisk.harness.run.isolation import time_limit_from_environment
     from ninedisk.harness.run.judge import exit_code
-    from ninedisk.harness.run.memory import memory_limit, read_size
+    from ninedisk.harness.run.memory import memory_limit as memory_limit_from_environment
+    from ninedisk.harness.run.memory import read_size
     from ninedisk.harness.run.plan import plan_matrix, run_command
     from ninedisk.harness.run.provenance import command_line, provenance
     from ninedisk.harness.run.published import check_folder
@@ -222,19 +178,20 @@ def execute(
 
     if jobs is not None and dask is not None:
         raise UsageError("--jobs and --dask exclude each other: a cluster has the workers that it has")
-    if known_gaps is not None and new_gaps is not None:
+    if known_gaps is not None and write_known_gaps is not None:
         raise UsageError("--known-gaps and --write-known-gaps exclude each other: a first file is made without one")
+    # Every mistake in the request is found before the first cell runs, the store's and the JSON file's included.
     at_once = read_jobs(jobs)
-    for variable in (time_limit_from_environment, memory_limit):
+    for variable in (time_limit_from_environment, memory_limit_from_environment):
         variable()  # a wrong one is told before anything runs
     new_here = not any(Path(cache_folder()).iterdir())  # scenes compile some already
-    limit = None if memory is None else read_size(memory, "--memory-limit")
+    limit = None if memory_limit is None else read_size(memory_limit, "--memory-limit")
     gaps = GapFile() if known_gaps is None else read_gaps(known_gaps)
     cells = plan_matrix(
-        match_cases(globs),
-        engines_given(engines, commands, everything=all_engines),
-        parse_settings(settings),
-        parse_settings(options, flag="--option", example="siconos.theta=1"),
+        match_cases(globs or []),
+        engines_given(engine or [], engine_cmd or [], everything=all_engines),
+        parse_settings(settings or []),
+        parse_settings(options or [], flag="--option", example="siconos.theta=1"),
     )
     gaps.check((cell.engine_id for cell in cells), cells)
     for note in (*(f"warning: {problem}" for problem in problems()), *check_folder(published, cells)):
@@ -242,11 +199,11 @@ def execute(
     prepare_store(store)
     if json_file is not None:
         check_writable("--json", json_file)
-    if new_gaps is not None:
-        check_writable("--write-known-gaps", new_gaps)
-        if new_gaps.exists():
+    if write_known_gaps is not None:
+        check_writable("--write-known-gaps", write_known_gaps)
+        if write_known_gaps.exists():
             raise UsageError(
-                f"--write-known-gaps {str(new_gaps)!r} exists: give another file, or use it with --known-gaps"
+                f"--write-known-gaps {str(write_known_gaps)!r} exists: give another file, or use it with --known-gaps"
             )
     if new_here and {"dem", "cd"} & {cell.engine_id for cell in cells}:
         typer.echo("note: our engines' kernels are compiled first, once: about half a minute for each engine", err=True)
@@ -272,8 +229,8 @@ def execute(
         folder: Path | None = write_run(store, new_run_id(), results, claims, facts)
         if json_file is not None:
             write_rows(json_file, rows)
-        if new_gaps is not None:
-            write_gaps(new_gaps, results)
+        if write_known_gaps is not None:
+            write_gaps(write_known_gaps, results)
     except StoreError as error:
         show_summary(shown, rows, None, headlines)
         fail(str(error), FAILURE)
@@ -283,9 +240,9 @@ def execute(
         typer.echo(f"the first of these again: {run_command(cells[min(bad)[1]])}")
     if all(cell["status"] in _NOT_RUN for cell in shown):
         typer.echo("warning: nothing ran, so that nothing is shown: the reasons are above", err=True)
-    if new_gaps is not None:
-        typer.echo(f"known gaps: {new_gaps}; write a cause into each reason")
-    return code
+    if write_known_gaps is not None:
+        typer.echo(f"known gaps: {write_known_gaps}; write a cause into each reason")
+    raise typer.Exit(code)
 
 
 def read_jobs(text: str | None) -> int:

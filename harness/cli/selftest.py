@@ -75,34 +75,16 @@ def selftest(
       3  a defect no longer fits the source that it was written for
       130  interrupted; nothing was written
     """
-    raise typer.Exit(execute(only or [], jobs, quick, show, json_file, html))
-
-
-def execute(
-    only: Sequence[str],
-    jobs: int | None,
-    quick: bool,
-    show: bool,
-    json_file: Path | None,
-    html: Path | None,
-) -> int:
-    """Check the request, run, print, write; the exit code.
-
-    Raises
-    ------
-    UsageError
-        With the message to show.
-    """
     from ninedisk.harness.results.whole_file import check_writable
     from ninedisk.harness.selftest.defect import StaleEditError
     from ninedisk.harness.selftest.gallery import chosen_defects
     from ninedisk.harness.selftest.run import fine, run_selftest
     from ninedisk.reports.selftest import write_selftest
 
-    defects = chosen_defects(only)
+    defects = chosen_defects(only or [])
     if show:
         _list(defects)
-        return 0
+        raise typer.Exit(0)
     for flag, path in (("--json", json_file), ("--html", html)):
         if path is not None:
             check_writable(flag, path)
@@ -116,7 +98,7 @@ def execute(
     if html is not None:
         write_selftest(rows, html)
     _show(rows)
-    return 0 if all(fine(row) for row in rows) else MISSED
+    raise typer.Exit(0 if all(fine(row) for row in rows) else MISSED)
 
 
 def _list(defects: Sequence[Defect]) -> None:

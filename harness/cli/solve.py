@@ -72,19 +72,6 @@ def solve(
       1  not solved, or no solution exists
       2  wrong usage: no such problem in the file, a value out of range, h5py missing
     """
-    raise typer.Exit(execute(file, solver, sliding, tolerance, time_limit, check=check, out=out))
-
-
-def execute(
-    file: Path, solver: str, sliding: str, tolerance: float, time_limit: float, *, check: bool, out: Path | None
-) -> int:
-    """Check the request, solve, judge, print, write; the exit code.
-
-    Raises
-    ------
-    UsageError, CoreError
-        With the message to show.
-    """
     from dataclasses import replace
 
     from ninedisk.core.cd.delassus import DelassusProblem
@@ -120,7 +107,7 @@ def execute(
             for share in (1.0, 0.1):  # solvers stop by figures of their own, which may be somewhat smaller
                 reached, said = _solved(found, solver, replace(options, tolerance=share * tolerance), rule)
                 if reached is None:
-                    return UNSOLVED
+                    raise typer.Exit(UNSOLVED)
                 answer, errors = reached, judge(found, reached, rule)
                 if not said or errors.solved(tolerance) or errors.worst > 10.0 * tolerance:
                     break
@@ -130,7 +117,7 @@ def execute(
     console().print(f"{verdict} (worst error {errors.worst:.2g})")
     if out is not None:
         replace(found, answer=answer).save(out)
-    return 0 if good else UNSOLVED
+    raise typer.Exit(0 if good else UNSOLVED)
 
 
 def judge(found: ProblemFile, answer: Answer, sliding: Sliding) -> Errors:

@@ -67,10 +67,9 @@ STALE_SECONDS = 86400.0
 """Age from which on a half-written folder is no longer anyone's: the longest main job takes a fraction of a day."""
 
 
-def new_run_id(now: datetime | None = None) -> str:
+def new_run_id() -> str:
     """UTC time and a random tail: sorts by time, unique across machines."""
-    moment = (now or datetime.now(UTC)).astimezone(UTC)
-    return f"{moment:%Y%m%dT%H%M%SZ}-{secrets.token_hex(3)}"
+    return f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{secrets.token_hex(3)}"
 
 
 def prepare_store(store: Path) -> None:

@@ -406,7 +406,7 @@ def check_ids(pairs: Iterable[tuple[str, str]]) -> list[str]:
     return ids
 
 
-def dry_checks(cell: Cell, info: EngineInfo, published: Path | None = None) -> list[Check]:
+def dry_checks(cell: Cell, info: EngineInfo) -> list[Check]:
     """The checks of a cell over a history without numbers: quantities and truths are right, values are NaN.
 
     Which truths bind a cell follows from its parameters, its set-up and the engine's facts, never from the numbers that
@@ -415,4 +415,4 @@ def dry_checks(cell: Cell, info: EngineInfo, published: Path | None = None) -> l
     if isinstance(cell.setup, Exception):
         raise cell.setup
     observed = cell.case.observe(cell.variant.params, cell.setup, blank_history(cell.setup))
-    return all_checks(cell, cell.setup, observed, info, published)
+    return all_checks(cell, cell.setup, observed, info, None)

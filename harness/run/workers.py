@@ -75,7 +75,6 @@ def run_matrix(
     overrides: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
     *,
-    published: Path | None = None,
     jobs: int = 0,
 ) -> list[CaseResult]:
     """Run every (case variant, engine) cell; see `ninedisk.harness.run.plan.plan_matrix` for the variants and the errors.
@@ -83,7 +82,7 @@ def run_matrix(
     A cell that fails, hangs or crashes is a status and never the end of the run. Where the user's own parameters make
     the only cell impossible, the `CoreError` is raised, because there is nothing else to show. ``jobs`` as in `run_cells`.
     """
-    return run_cells(plan_matrix(case_ids, engine_ids, overrides or {}), progress, published=published, jobs=jobs)
+    return run_cells(plan_matrix(case_ids, engine_ids, overrides or {}), progress, jobs=jobs)
 
 
 def run_cells(

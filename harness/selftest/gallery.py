@@ -41,7 +41,7 @@ GALLERY: tuple[Defect, ...] = tuple(
 )
 
 
-def chosen_defects(globs: Sequence[str], gallery: Sequence[Defect] | None = None) -> list[Defect]:
+def chosen_defects(globs: Sequence[str]) -> list[Defect]:
     """Defects whose id or name matches any of the patterns; all without a pattern.
 
     Raises
@@ -49,15 +49,14 @@ def chosen_defects(globs: Sequence[str], gallery: Sequence[Defect] | None = None
     UsageError
         If a pattern matches nothing.
     """
-    gallery = GALLERY if gallery is None else gallery
     for glob in globs:
-        if not any(_matches(defect, glob) for defect in gallery):
-            known = [defect.id for defect in gallery]
+        if not any(_matches(defect, glob) for defect in GALLERY):
+            known = [defect.id for defect in GALLERY]
             raise UsageError(
                 f"no planted defect matches {glob!r}.{close_matches(glob, known)} ninedisk selftest --list shows all "
                 f"{len(known)} (quote patterns such as 'dem/torque-*')"
             )
-    return [defect for defect in gallery if not globs or any(_matches(defect, glob) for glob in globs)]
+    return [defect for defect in GALLERY if not globs or any(_matches(defect, glob) for glob in globs)]
 
 
 def repeated(gallery: Sequence[Defect]) -> list[str]:

@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.references._validate import count, not_negative, positive, slope, theta_in_range
+from ninedisk.references.exact_steps.sliding import SlidingSteps
 
 FloatArray = NDArray[np.float64]
 Extended = NDArray[np.longdouble]
 
 
-class InclineSteps(NamedTuple):
-    """State after each step 0..n_steps, every array of shape (n_steps + 1,).
-
-    ``x`` [m] and ``vx`` [m/s] along the incline (down positive), ``gap`` [m] and ``vy`` [m/s] normal to it,
-    ``fn`` and ``fs`` [N] the contact forces of the step that ends there (NaN in row 0, before any step).
-    """
-
-    x: FloatArray
-    vx: FloatArray
-    gap: FloatArray
-    vy: FloatArray
-    fn: FloatArray
-    fs: FloatArray
-
-
-def associated_incline(*, mu: float, angle: float, g: float, mass: float, dt: float, n_steps: int) -> InclineSteps:
+def associated_incline(*, mu: float, angle: float, g: float, mass: float, dt: float, n_steps: int) -> SlidingSteps:
     """Theta = 1 with the associated sliding rule, starting in touch (gap 0).
 
     Every sliding step ends with ``gap_n = mu dt vx_n``, so the normal velocity is ``vy_n = mu (vx_n - vx_{n-1})`` and
@@ -57,7 +41,7 @@ def associated_incline(*, mu: float, angle: float, g: float, mass: float, dt: fl
 
     Returns
     -------
-    InclineSteps
+    SlidingSteps
 
     Raises
     ------
@@ -89,7 +73,7 @@ def associated_incline(*, mu: float, angle: float, g: float, mass: float, dt: fl
 
 def coulomb_incline_theta(
     *, mu: float, angle: float, g: float, mass: float, dt: float, n_steps: int, theta: float
-) -> InclineSteps:
+) -> SlidingSteps:
     """Theta scheme with Coulomb friction without dilation: ``x_n = a t^2/2 (1 + (2 theta - 1) dt/t)``, gap 0.
 
     ``theta`` in [1/2, 1]; other parameters, result and errors as in `associated_incline`.
@@ -101,7 +85,7 @@ def coulomb_incline_theta(
 
 def semi_implicit_euler_incline(
     *, mu: float, angle: float, g: float, mass: float, dt: float, n_steps: int
-) -> InclineSteps:
+) -> SlidingSteps:
     """Velocity first, then position with the new velocity: ``x_n = a t^2/2 (1 + dt/t)``, exact Coulomb friction.
 
     Parameters, result and errors as in `associated_incline`.
@@ -111,7 +95,7 @@ def semi_implicit_euler_incline(
 
 def position_first_euler_incline(
     *, mu: float, angle: float, g: float, mass: float, dt: float, n_steps: int
-) -> InclineSteps:
+) -> SlidingSteps:
     """Position with the old velocity first, then velocity: ``x_n = a t^2/2 (1 - dt/t)``, exact Coulomb friction.
 
     The order of Chipmunk (pymunk). Parameters, result and errors as in `associated_incline`.
@@ -121,7 +105,7 @@ def position_first_euler_incline(
 
 def _coulomb(
     mu: float, angle: float, g: float, mass: float, dt: float, n_steps: int, *, offset: np.longdouble
-) -> InclineSteps:
+) -> SlidingSteps:
     n, a = _steps_and_acceleration(mu, angle, g, mass, dt, n_steps)
     if a is None:
         return _stick(angle, g, mass, n_steps)
@@ -147,7 +131,7 @@ def _steps_and_acceleration(
     return np.arange(n_steps + 1).astype(ext), ext(g) * excess if excess > 0 else None
 
 
-def _stick(angle: float, g: float, mass: float, n_steps: int) -> InclineSteps:
+def _stick(angle: float, g: float, mass: float, n_steps: int) -> SlidingSteps:
     ext = np.longdouble
     zero = np.zeros(n_steps + 1, dtype=ext)
     weight = ext(mass) * ext(g)
@@ -155,7 +139,7 @@ def _stick(angle: float, g: float, mass: float, n_steps: int) -> InclineSteps:
     return _rounded(x=zero, vx=zero, gap=zero, vy=zero, fn=zero + fn, fs=zero + fs)
 
 
-def _rounded(*, x: Extended, vx: Extended, gap: Extended, vy: Extended, fn: Extended, fs: Extended) -> InclineSteps:
-    steps = InclineSteps(*(column.astype(np.float64) for column in (x, vx, gap, vy, fn, fs)))
+def _rounded(*, x: Extended, vx: Extended, gap: Extended, vy: Extended, fn: Extended, fs: Extended) -> SlidingSteps:
+    steps = SlidingSteps(*(column.astype(np.float64) for column in (x, vx, gap, vy, fn, fs)))
     steps.fn[0] = steps.fs[0] = np.nan
     return steps

@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 class SlidingSteps(NamedTuple):
     """State after each step 0..n_steps, every array of shape (n_steps + 1,).
 
-    ``x`` [m] and ``vx`` [m/s] along the plane, ``gap`` [m] and ``vy`` [m/s] normal to it (velocities NaN in the
+    ``x`` [m] and ``vx`` [m/s] along the plane (down an incline), ``gap`` [m] and ``vy`` [m/s] normal to it (velocities NaN in the
     quasi-static case, which has no time), ``fn`` and ``fs`` [N] of the step that ends there (NaN in row 0).
     """
 

@@ -91,6 +91,13 @@ def bits() -> Callable[[CaseResult], bytes]:
     return of
 
 
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working directory, that of child processes too."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 def _children() -> set[int]:
     tasks = Path(f"/proc/{os.getpid()}/task")
     return {int(word) for task in tasks.iterdir() for word in (task / "children").read_text().split()}

@@ -46,12 +46,12 @@ from ninedisk.harness.cases.common import (
 from ninedisk.harness.cases.incline.shown import BLOCK_CLAIMS, BLOCK_FIGURES
 from ninedisk.references.analytic.incline import acceleration, critical_mu, incline
 from ninedisk.references.exact_steps.incline import (
-    InclineSteps,
     associated_incline,
     coulomb_incline_theta,
     position_first_euler_incline,
     semi_implicit_euler_incline,
 )
+from ninedisk.references.exact_steps.sliding import SlidingSteps
 
 RADIUS = 0.5
 PAIR = (0, 1)
@@ -555,7 +555,7 @@ def exact_step_checks(params: Mapping[str, Any], setup: Setup, observed: Observe
     return series_and_final(NAMES, expected, truth="exact-step", source=scheme, tolerance=tolerance, sizes=sizes)
 
 
-def _scheme_solution(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> tuple[InclineSteps | None, str]:
+def _scheme_solution(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> tuple[SlidingSteps | None, str]:
     """Exact steps of the engine's scheme and their name; None where no closed form is known."""
     numerics = setup.numerics
     block = {

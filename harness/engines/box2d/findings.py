@@ -1,28 +1,10 @@
 """What Box2D is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
+from ninedisk.harness.api.shared_findings import elastic_bounces_grow
 
 FINDINGS = (
-    Finding(
-        id="box2d/elastic-bounces-grow",
-        versions="2.3.10",
-        what=(
-            "A disk with restitution 1 bounces higher every time: the step of the impact adds gravity's whole step to the approach, and "
-            "restitution gives it back."
-        ),
-        size=Size(
-            case="impact/bouncing-disk",
-            variant="restitution=1",
-            quantity="energy",
-            truth="analytic",
-            over=0.02,
-            over_why=(
-                "a step's fall is g dt = 0.7 % of the speed of impact: 1.3 % of the energy, once; what exceeds that has grown from bounce"
-                " to bounce"
-            ),
-        ),
-        thread="https://github.com/erincatto/box2d/issues/167",
-    ),
+    elastic_bounces_grow("box2d", "2.3.10", thread="https://github.com/erincatto/box2d/issues/167"),
     Finding(
         id="box2d/single-precision",
         versions="2.3.10",

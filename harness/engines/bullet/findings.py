@@ -1,46 +1,11 @@
 """What Bullet is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
+from ninedisk.harness.api.shared_findings import elastic_bounces_grow, overlap_of_impact_stays
 
 FINDINGS = (
-    Finding(
-        id="bullet/elastic-bounces-grow",
-        versions="3.2.7",
-        what=(
-            "A disk with restitution 1 bounces higher every time: the step of the impact adds gravity's whole step to the approach, and "
-            "restitution gives it back."
-        ),
-        size=Size(
-            case="impact/bouncing-disk",
-            variant="restitution=1",
-            quantity="energy",
-            truth="analytic",
-            over=0.02,
-            over_why=(
-                "a step's fall is g dt = 0.7 % of the speed of impact: 1.3 % of the energy, once; what exceeds that has grown from bounce"
-                " to bounce"
-            ),
-        ),
-    ),
-    Finding(
-        id="bullet/overlap-of-impact-stays",
-        versions="3.2.7",
-        what=(
-            "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
-            "alone are made to vanish."
-        ),
-        size=Size(
-            case="impact/bouncing-disk",
-            variant="restitution=0",
-            column="abs_error",
-            quantity="gap_final",
-            per="gap",
-            over=0.0001,
-            over_why=(
-                "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
-            ),
-        ),
-    ),
+    elastic_bounces_grow("bullet", "3.2.7"),
+    overlap_of_impact_stays("bullet", "3.2.7"),
     Finding(
         id="bullet/own-erp-adds-energy",
         versions="3.2.7",

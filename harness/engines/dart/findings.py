@@ -1,6 +1,7 @@
 """What DART is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
+from ninedisk.harness.api.shared_findings import creeps_at_rest, elastic_bounces_grow, overlap_of_impact_stays
 
 FINDINGS = (
     Finding(
@@ -19,57 +20,9 @@ FINDINGS = (
         ),
         command="ninedisk run gas/elastic --engine dart",
     ),
-    Finding(
-        id="dart/elastic-bounces-grow",
-        versions="6.20.0",
-        what=(
-            "A disk with restitution 1 bounces higher every time: the step of the impact adds gravity's whole step to the approach, and "
-            "restitution gives it back."
-        ),
-        size=Size(
-            case="impact/bouncing-disk",
-            variant="restitution=1",
-            quantity="energy",
-            truth="analytic",
-            over=0.02,
-            over_why=(
-                "a step's fall is g dt = 0.7 % of the speed of impact: 1.3 % of the energy, once; what exceeds that has grown from bounce"
-                " to bounce"
-            ),
-        ),
-    ),
-    Finding(
-        id="dart/overlap-of-impact-stays",
-        versions="6.20.0",
-        what=(
-            "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
-            "alone are made to vanish."
-        ),
-        size=Size(
-            case="impact/bouncing-disk",
-            variant="restitution=0",
-            column="abs_error",
-            quantity="gap_final",
-            per="gap",
-            over=0.0001,
-            over_why=(
-                "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
-            ),
-        ),
-    ),
-    Finding(
-        id="dart/creeps-at-rest",
-        versions="6.20.0",
-        what="Friction is regularised (constraint force mixing): a block that should stick creeps down the incline at a steady rate.",
-        size=Size(
-            table="headlines",
-            case="incline-block",
-            variant="mu=0.4,dt=0.01",
-            quantity="distance down the incline",
-            over=1e-9,
-            over_why="a stuck block rests; engines with rigid contacts or shear springs leave it where it is, to round-off",
-        ),
-    ),
+    elastic_bounces_grow("dart", "6.20.0"),
+    overlap_of_impact_stays("dart", "6.20.0"),
+    creeps_at_rest("dart", "6.20.0", "Friction is regularised (constraint force mixing)"),
     Finding(
         id="dart/arm-less-the-overlap",
         versions="6.20.0",

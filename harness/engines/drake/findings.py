@@ -1,6 +1,7 @@
 """What Drake is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
+from ninedisk.harness.api.shared_findings import creeps_at_rest, overlap_of_impact_stays
 
 FINDINGS = (
     Finding(
@@ -52,51 +53,17 @@ FINDINGS = (
         ),
         command="ninedisk run incline-block --engine drake-lagged --set mu=0.36 --set dt=0.01 --set preload=false --set kn=1e8",
     ),
-    Finding(
-        id="drake-lagged/overlap-of-impact-stays",
-        versions="1.51.1",
-        what=(
-            "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
-            "alone are made to vanish."
-        ),
-        size=Size(
-            case="impact/bouncing-disk",
-            variant="restitution=0",
-            column="abs_error",
-            quantity="gap_final",
-            per="gap",
-            over=0.0001,
-            over_why=(
-                "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
-            ),
-        ),
-    ),
-    Finding(
-        id="drake-sap/creeps-at-rest",
-        versions="1.51.1",
-        what="Friction is a regularised function of the slip velocity: a block that should stick creeps down the incline at a steady rate.",
-        size=Size(
-            table="headlines",
-            case="incline-block",
-            variant="mu=0.4,dt=0.01",
-            quantity="distance down the incline",
-            over=1e-9,
-            over_why="a stuck block rests; engines with rigid contacts or shear springs leave it where it is, to round-off",
-        ),
+    overlap_of_impact_stays("drake-lagged", "1.51.1"),
+    creeps_at_rest(
+        "drake-sap",
+        "1.51.1",
+        "Friction is a regularised function of the slip velocity",
         documented="https://drake.mit.edu/doxygen_cxx/group__stribeck__approximation.html",
     ),
-    Finding(
-        id="drake-lagged/creeps-at-rest",
-        versions="1.51.1",
-        what="Friction is a regularised function of the slip velocity: a block that should stick creeps down the incline at a steady rate.",
-        size=Size(
-            table="headlines",
-            case="incline-block",
-            variant="mu=0.4,dt=0.01",
-            quantity="distance down the incline",
-            over=1e-9,
-            over_why="a stuck block rests; engines with rigid contacts or shear springs leave it where it is, to round-off",
-        ),
+    creeps_at_rest(
+        "drake-lagged",
+        "1.51.1",
+        "Friction is a regularised function of the slip velocity",
         documented="https://drake.mit.edu/doxygen_cxx/group__stribeck__approximation.html",
     ),
     Finding(

@@ -47,7 +47,22 @@ def write(request, answer):
         out.write(json.dumps(answer))  # dump() would take the slow encoder
 
 
-class Run:
+class Bodies:
+    """What runs of disks and of spheres share: ``n`` bodies, ``material``, ``law``, ``laws``, ``walls`` and their ``path``."""
+
+    def law_of(self, i, j):
+        """Law of the contact of two bodies, which the table of their materials has or their kinds."""
+        if j < self.n:
+            return self.laws.get(frozenset((self.material[i], self.material[j])), self.law)
+        wall = self.walls[j - self.n]
+        return self.laws.get(frozenset((self.material[i], wall.get("material", ""))), wall["law"])
+
+    def pose(self, step):
+        """The walls' row of the path at a contact step: points and normals of the walls and more, shape (m, columns)."""
+        return self.path[min(step, len(self.path) - 1)]
+
+
+class Run(Bodies):
     """One simulation: what the request says, and the samples.
 
     A subclass gives `start`, which ends at time 0 with everything but the first step done, `advance`, `version` and `settings`, and
@@ -88,13 +103,6 @@ class Run:
         self.cell = Cell(scene["cell"]) if "cell" in scene else None
         self.samples, self.static = [], []
 
-    def law_of(self, i, j):
-        """Law of the contact of two bodies, which the table of their materials has or their kinds."""
-        if j < self.n:
-            return self.laws.get(frozenset((self.material[i], self.material[j])), self.law)
-        wall = self.walls[j - self.n]
-        return self.laws.get(frozenset((self.material[i], wall.get("material", ""))), wall["law"])
-
     def loads(self, begin, end):
         """Mean force [N] on each disk and torque [N m] on it between two times [s], shape (n, 3)."""
         mean = np.zeros((self.n, 3))
@@ -102,10 +110,6 @@ class Run:
             part = max(0.0, min(end, force["end"]) - max(begin, force["begin"])) / (end - begin)
             mean[force["disk"]] += part * np.array([*force["force"], force["torque"]])
         return mean
-
-    def pose(self, step):
-        """Points and normals of the walls and more at a step, shape (m, columns)."""
-        return self.path[min(step, len(self.path) - 1)]
 
     def sample(self, step, x, v, omega, angle, forces, pose, wall_force, elastic=None):
         """Append one sample.

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from driver_parts import known
+from driver_parts import Bodies, known
 
 LAW = {
     "kn": 0.0,
@@ -22,7 +22,7 @@ LAW = {
 """What the wire leaves out of a law."""
 
 
-class SpaceRun:
+class SpaceRun(Bodies):
     """One simulation of spheres with contact springs: what the request says, and the samples.
 
     Velocities are those of half steps, forces at positions of t_n; ``start`` reaches ``v_{1/2} = v_0 + dt/2 F_0/m``. A subclass gives
@@ -70,22 +70,11 @@ class SpaceRun:
         self.pairs = [tuple(pair) for pair in request["watch"]]
         self.samples = []
 
-    def law_of(self, i, j):
-        """Law of the contact of two bodies, which the table of their materials has or their kinds."""
-        if j < self.n:
-            return self.laws.get(frozenset((self.material[i], self.material[j])), self.law)
-        wall = self.walls[j - self.n]
-        return self.laws.get(frozenset((self.material[i], wall.get("material", ""))), wall["law"])
-
     def reduced(self, i, j):
         """Reduced mass [kg] and radius [m] of a contact."""
         if j >= self.n:
             return self.mass[i], self.radius[i]
         return tuple(1.0 / (1.0 / values[i] + 1.0 / values[j]) for values in (self.mass, self.radius))
-
-    def pose(self, step):
-        """The walls' row of the path at a contact step."""
-        return self.path[min(step, len(self.path) - 1)]
 
     def check_in_front(self, x, pose):
         """Raise if a sphere's centre is behind a wall."""

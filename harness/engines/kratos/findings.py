@@ -1,28 +1,10 @@
 """What Kratos DEM is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
+from ninedisk.harness.api.shared_findings import ratchet, shear_keeps_twist
 
 FINDINGS = (
-    Finding(
-        id="kratos/ratchet",
-        versions="10.4.4",
-        what=(
-            "A contact that goes to and fro on one path does not return to the shear force that it began with: slip of half steps is "
-            "added along the normal of the step's end, an error of first order that grows with every cycle."
-        ),
-        size=Size(
-            case="contact/retraced-loop",
-            variant="kind=pair,*",
-            column="value",
-            quantity="drift",
-            per="1",
-            over=1e-05,
-            over_why=(
-                "net slip is 0; with the normal of the middle of a step O(dt^4) remains, 1e-10 of the amplitude here, and 2e-6 of an "
-                "iterative solver"
-            ),
-        ),
-    ),
+    ratchet("kratos", "10.4.4", variant="kind=pair,*"),
     Finding(
         id="kratos/arm-at-walls",
         versions="10.4.4",
@@ -89,22 +71,5 @@ FINDINGS = (
             over_why="energies are sums over contacts: round-off",
         ),
     ),
-    Finding(
-        id="kratos/shear-keeps-twist",
-        engine="kratos",
-        versions="10.4.4",
-        what=(
-            "Shear forces of spheres turn with the normal and not about it: where bodies in contact turn as one about an axis along the "
-            "normal, the force keeps a direction that both have left."
-        ),
-        size=Size(
-            table="headlines",
-            case="spheres/turned",
-            variant="kind=spun,axis=across",
-            quantity="shear force that turned",
-            over=0.02,
-            over_why="forces turned to first order are off by half the square of each step's rotation, 1 % of the force in a turn",
-        ),
-        command="ninedisk run spheres/turned --engine kratos --set kind=spun",
-    ),
+    shear_keeps_twist("kratos", "10.4.4"),
 )

@@ -1,6 +1,7 @@
 """What Siconos is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
+from ninedisk.harness.api.shared_findings import overlap_of_impact_stays
 
 FINDINGS = (
     Finding(
@@ -37,23 +38,5 @@ FINDINGS = (
         ),
         command="ninedisk run strength/hexagonal --engine siconos --set speed=0.01 --option siconos.solver=lemke",
     ),
-    Finding(
-        id="siconos/overlap-of-impact-stays",
-        versions="4.5.0",
-        what=(
-            "An inelastic impact leaves the overlap that the step of the impact made, up to the speed times dt, for good: velocities "
-            "alone are made to vanish."
-        ),
-        size=Size(
-            case="impact/bouncing-disk",
-            variant="restitution=0",
-            column="abs_error",
-            quantity="gap_final",
-            per="gap",
-            over=0.0001,
-            over_why=(
-                "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
-            ),
-        ),
-    ),
+    overlap_of_impact_stays("siconos", "4.5.0"),
 )

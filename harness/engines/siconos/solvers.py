@@ -79,7 +79,6 @@ def solve_saved(
     *,
     tolerance: float = 1e-12,
     max_iterations: int = 100_000,
-    time_limit: float | None = None,
 ) -> list[Solution]:
     """Solve problems that `ContactProblem.save` wrote, in their order.
 
@@ -91,8 +90,6 @@ def solve_saved(
     tolerance : float
         Of Siconos' own criterion: for Gauss-Seidel the consistency of the velocities, relative to ``|q|``.
     max_iterations : int
-    time_limit : float, optional
-        Seconds for all problems together; None: as for engines.
 
     Raises
     ------
@@ -102,7 +99,7 @@ def solve_saved(
         If the process is stopped at its time limit, or fails.
     """
     jobs = [{"problem": os.fspath(Path(file).resolve()), "solver": solver, "reaction": []} for file in files]
-    answers = _run(jobs, tolerance, max_iterations, time_limit)
+    answers = _run(jobs, tolerance, max_iterations)
     return [
         Solution(
             **_evaluated(answer),
@@ -116,15 +113,13 @@ def solve_saved(
     ]
 
 
-def evaluate_saved(
-    files: Sequence[ProblemFile], forces: Sequence[FloatArray], *, time_limit: float | None = None
-) -> list[Evaluation]:
+def evaluate_saved(files: Sequence[ProblemFile], forces: Sequence[FloatArray]) -> list[Evaluation]:
     """Siconos' error function on saved problems at given contact forces, each of shape (c, 2); raises as `solve_saved`."""
     jobs = [
         {"problem": os.fspath(Path(file).resolve()), "solver": None, "reaction": np.ravel(r).tolist()}
         for file, r in zip(files, forces, strict=True)
     ]
-    return [Evaluation(**_evaluated(answer)) for answer in _run(jobs, 1.0, 1, time_limit)]
+    return [Evaluation(**_evaluated(answer)) for answer in _run(jobs, 1.0, 1)]
 
 
 def judge(problem: ContactProblem, answer: Evaluation) -> Residuals:
@@ -137,9 +132,7 @@ def _evaluated(answer: dict[str, Any]) -> dict[str, Any]:
     return {"r": r, "u": u, "error": answer["error"], "scaled_error": answer["scaled_error"]}
 
 
-def _run(
-    jobs: list[dict[str, Any]], tolerance: float, max_iterations: int, time_limit: float | None
-) -> list[dict[str, Any]]:
+def _run(jobs: list[dict[str, Any]], tolerance: float, max_iterations: int) -> list[dict[str, Any]]:
     version, reason = installed_siconos(SYSTEM_PYTHON)
     if version is None:
         raise EngineNotInstalledError(f"Siconos is not installed ({reason}): {INSTALL}")
@@ -154,7 +147,6 @@ def _run(
         done = run_isolated(
             system_python(str(DRIVER)),
             stdin=json.dumps(request, allow_nan=False),
-            time_limit=time_limit,
             cwd=folder,
             env={**clean_environment(), "TMPDIR": folder},
         )

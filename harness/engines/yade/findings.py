@@ -1,6 +1,7 @@
 """What YADE is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
+from ninedisk.harness.api.shared_findings import ratchet
 
 FINDINGS = (
     Finding(
@@ -19,26 +20,7 @@ FINDINGS = (
             over_why="forces turn with the box unchanged: 1e-13 where the rotation is exact, 2e-6 of an iterative solver",
         ),
     ),
-    Finding(
-        id="yade/ratchet",
-        versions="2023.02a",
-        what=(
-            "A contact that goes to and fro on one path does not return to the shear force that it began with: slip of half steps is "
-            "added along the normal of the step's end, an error of first order that grows with every cycle."
-        ),
-        size=Size(
-            case="contact/retraced-loop",
-            variant="kind=wall,slip_at=middle,*",
-            column="value",
-            quantity="drift",
-            per="1",
-            over=1e-05,
-            over_why=(
-                "net slip is 0; with the normal of the middle of a step O(dt^4) remains, 1e-10 of the amplitude here, and 2e-6 of an "
-                "iterative solver"
-            ),
-        ),
-    ),
+    ratchet("yade", "2023.02a", variant="kind=wall,slip_at=middle,*"),
     Finding(
         id="yade/one-lever-arm",
         versions="2023.02a",

@@ -20,11 +20,7 @@ from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.schema import Row
 from ninedisk.reports.bench import charts, write_bench
 
-
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("here")
 
 
 def ninedisk(*arguments: str) -> Result:

@@ -13,13 +13,6 @@ from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.reader import run_facts, run_ids
 from ninedisk.harness.results.schema import MEASUREMENT_COLUMNS
 
-
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 pytestmark = pytest.mark.usefixtures("fakes", "here")
 
 

@@ -16,13 +16,7 @@ from ninedisk.harness.suite.reuse import open_store
 FILE = Path("gaps.toml")
 
 
-pytestmark = pytest.mark.usefixtures("fakes", "cells_here")
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("fakes", "cells_here", "here")
 
 
 def ninedisk(*arguments: str) -> Result:

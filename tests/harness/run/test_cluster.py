@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import ninedisk
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.cli.run import execute
+from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.reader import run_facts, run_ids
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.cluster import connected
@@ -37,11 +38,19 @@ def test_the_same_results_as_here(address: str, bits: Callable[[CaseResult], byt
     with connected(address) as cluster:
         found = run_cells(cells, cluster=cluster)
     assert [bits(result) for result in found] == [bits(result) for result in run_cells(cells)]
-    code = execute(
-        globs=["binary-collision"], engines=["dem"], settings=["kind=elastic"], store=tmp_path, json_file=None, published=None,
-        dask=address,
-    )  # fmt: skip
-    assert code == 0
+    words = [
+        "run",
+        "binary-collision",
+        "--engine",
+        "dem",
+        "--set",
+        "kind=elastic",
+        "--store",
+        str(tmp_path),
+        "--dask",
+        address,
+    ]
+    assert CliRunner().invoke(app, words).exit_code == 0
     about = json.loads((tmp_path / "runs" / run_ids(tmp_path)[0] / "run.json").read_text())
     assert about["provenance"]["jobs"] == 2
     assert run_facts(about).machine.endswith(", 2 cells at once on a Dask cluster")

@@ -23,13 +23,6 @@ from ninedisk.harness.run.plan import plan_matrix
 from ninedisk.harness.run.workers import crash_place, run_cells
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty working directory: that of the workers, too."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def test_results_do_not_depend_on_the_number_of_jobs(bits: Callable[[CaseResult], bytes]) -> None:
     """Round-off included: warm kernels, other cells before and beside do not show."""
     cells = plan_matrix(["binary-collision"], ["pymunk", "cd", "dem"], {"kind": "elastic"})[:3]

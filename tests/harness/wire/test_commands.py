@@ -19,9 +19,7 @@ BAD = Path(__file__).parent / "bad_engine.py"
 SPRINGS = Path(__file__).resolve().parents[3] / "docs" / "examples" / "spring_dem.py"
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("here")
 
 
 def ninedisk(*arguments: str) -> Result:
