@@ -145,7 +145,7 @@ def write_table(table: Columns, columns: Mapping[str, str], path: Path) -> None:
 
 
 # Arrow is handed the bytes of its arrays: `pyarrow.array` loads pandas, which takes longer than many a run.
-def _arrow_of_numbers(values: Sequence[Any], kind: str) -> pa.Array:
+def _arrow_of_numbers(values: Any, kind: str) -> pa.Array:
     import pyarrow as pa
 
     # A float never becomes an integer; of no values NumPy does not know the kind.
