@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import sys
 from collections.abc import Iterator
@@ -18,6 +19,19 @@ pytest_plugins = ["ninedisk.harness.suite.plugin", "pytester"]
 
 MADE_ONCE = ("panel_report", "browser", "built", "measured")
 """Fixtures that take seconds to make: a report, a browser, the documentation, a store."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[object]:
+    """What collecting makes stays to the end: the garbage collector, which would look through a million objects again and again, leaves
+    it out. That took a fifth of the time of tests in this process, and a quarter of the collecting.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)

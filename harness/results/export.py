@@ -14,7 +14,7 @@ from ninedisk.harness.api.errors import StoreError
 from ninedisk.harness.results.reader import cell_key, check_schema
 from ninedisk.harness.results.schema import CELL_COLUMNS, EMPTY, MEASUREMENT_COLUMNS, SCHEMA_VERSION, Row, RunFacts
 from ninedisk.harness.results.store import Snapshot, in_order, snapshot
-from ninedisk.harness.results.tables import plain_json, write_table
+from ninedisk.harness.results.tables import of_rows, plain_json, write_table
 
 RUN_COLUMNS = {
     "schema_version": "int64",
@@ -163,9 +163,7 @@ def _write_json(rows: Sequence[Row], path: Path) -> None:
 
 
 def _write_parquet(rows: Sequence[Row], path: Path) -> None:
-    import pandas as pd
-
-    write_table(pd.DataFrame(rows, columns=list(COLUMNS)), COLUMNS, path)
+    write_table(of_rows(rows, COLUMNS), COLUMNS, path)
 
 
 def _read_csv(path: Path) -> list[Row]:

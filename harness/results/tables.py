@@ -24,12 +24,17 @@ from ninedisk.harness.results.schema import (
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
     from ninedisk.core.history import History
     from ninedisk.harness.api.case import Check, Observed, Setup
 
 CurveColumns = Mapping[str, Any]
 """A curve as columns of its table: arrays of one value a sample (``step`` is one), and what all of its rows share."""
+
+
+Columns = Mapping[str, Any]
+"""A table by columns: a sequence of values each, None or NaN where a value is unknown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,12 +91,16 @@ class CaseResult:
     @property
     def measurements(self) -> pd.DataFrame:
         """A row per checked quantity, columns of `schema.MEASUREMENT_COLUMNS`."""
-        return _of_rows(self.rows, MEASUREMENT_COLUMNS)
+        import pandas as pd
+
+        return pd.DataFrame(of_rows(self.rows, MEASUREMENT_COLUMNS))
 
     @property
     def series(self) -> pd.DataFrame:
         """A row per quantity and sampled step, columns of `schema.SERIES_COLUMNS`."""
-        return _of_curves(self.curves, SERIES_COLUMNS)
+        import pandas as pd
+
+        return pd.DataFrame(_of_curves(self.curves, SERIES_COLUMNS))
 
 
 def complete(row: Mapping[str, Any], columns: Mapping[str, str]) -> Row:
@@ -102,15 +111,15 @@ def complete(row: Mapping[str, Any], columns: Mapping[str, str]) -> Row:
     return {name: row.get(name, EMPTY[kind]) for name, kind in columns.items()}
 
 
-def tables(results: Sequence[CaseResult], claims: Sequence[Row]) -> dict[str, pd.DataFrame]:
+def tables(results: Sequence[CaseResult], claims: Sequence[Row]) -> dict[str, Columns]:
     """Every table of `schema.TABLES`, with exactly its columns; KeyError where a row lacks one."""
     return {
-        "cells": _of_rows([result.cell for result in results], CELL_COLUMNS),
-        "measurements": _of_rows([row for result in results for row in result.rows], MEASUREMENT_COLUMNS),
+        "cells": of_rows([result.cell for result in results], CELL_COLUMNS),
+        "measurements": of_rows([row for result in results for row in result.rows], MEASUREMENT_COLUMNS),
         "series": _of_curves([curve for result in results for curve in result.curves], SERIES_COLUMNS),
         "references": _of_curves(distinct_curves(results), REFERENCE_COLUMNS),
-        "claims": _of_rows(claims, CLAIM_COLUMNS),
-        "headlines": _of_rows([row for result in results for row in result.headlines], HEADLINE_COLUMNS),
+        "claims": of_rows(claims, CLAIM_COLUMNS),
+        "headlines": of_rows([row for result in results for row in result.headlines], HEADLINE_COLUMNS),
     }
 
 
@@ -123,33 +132,55 @@ def distinct_curves(results: Sequence[CaseResult]) -> list[CurveColumns]:
     return list(kept.values())
 
 
-def write_table(table: pd.DataFrame, columns: Mapping[str, str], path: Path) -> None:
+def write_table(table: Columns, columns: Mapping[str, str], path: Path) -> None:
     """Write a table as Parquet, its columns of the kinds that the schema names; an unknown number is null in the file."""
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
-    types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
-    schema = pa.schema([(name, types[kind]) for name, kind in columns.items()])
-    table.to_parquet(path, engine="pyarrow", compression="zstd", index=False, schema=schema)
-
-
-def _of_rows(rows: Sequence[Row], columns: Mapping[str, str]) -> pd.DataFrame:
-    import pandas as pd
-
-    return pd.DataFrame({name: [_storable(row[name]) for row in rows] for name in columns})
+    found = {
+        name: _arrow_of_texts(table[name]) if kind == "string" else _arrow_of_numbers(table[name], kind)
+        for name, kind in columns.items()
+    }
+    pq.write_table(pa.table(found), path, compression="zstd")
 
 
-def _of_curves(curves: Sequence[CurveColumns], columns: Mapping[str, str]) -> pd.DataFrame:
-    import pandas as pd
+# Arrow is handed the bytes of its arrays: `pyarrow.array` loads pandas, which takes longer than many a run.
+def _arrow_of_numbers(values: Any, kind: str) -> pa.Array:
+    import pyarrow as pa
 
+    # A float never becomes an integer; of no values NumPy does not know the kind.
+    held = np.asarray(values, dtype=kind if kind == "float64" or not len(values) else None).astype(kind, casting="safe")
+    unknown = np.isnan(held)
+    valid = pa.py_buffer(np.packbits(~unknown, bitorder="little")) if unknown.any() else None
+    return pa.Array.from_buffers(pa.from_numpy_dtype(held.dtype), len(held), [valid, pa.py_buffer(held)])
+
+
+def _arrow_of_texts(values: Sequence[str]) -> pa.Array:
+    import pyarrow as pa
+
+    places = {text: place for place, text in enumerate(dict.fromkeys(values))}  # the rows of a curve share theirs
+    codes = np.fromiter(map(places.__getitem__, values), np.int64, len(values))
+    texts = [text.encode() for text in places]
+    ends, data = np.cumsum([0, *map(len, texts)], dtype=np.int32), pa.py_buffer(b"".join(texts))
+    each = pa.Array.from_buffers(pa.string(), len(texts), [None, pa.py_buffer(ends), data])
+    return pa.DictionaryArray.from_arrays(_arrow_of_numbers(codes, "int64"), each).dictionary_decode()
+
+
+def of_rows(rows: Sequence[Row], columns: Mapping[str, str]) -> Columns:
+    """The columns of a table from its rows; KeyError where a row lacks one."""
+    return {name: [_storable(row[name]) for row in rows] for name in columns}
+
+
+def _of_curves(curves: Sequence[CurveColumns], columns: Mapping[str, str]) -> Columns:
     lengths = [len(curve["step"]) for curve in curves]
 
     def column(name: str) -> Any:
         values = [_storable(curve[name]) for curve in curves]
         if values and isinstance(values[0], np.ndarray):
             return np.concatenate(values)
-        return pd.Series(values, dtype=object).repeat(lengths).to_numpy()
+        return np.repeat(np.array(values, dtype=object), lengths)
 
-    return pd.DataFrame({name: column(name) for name in columns})
+    return {name: column(name) for name in columns}
 
 
 def _storable(value: Any) -> Any:

@@ -67,24 +67,32 @@ class MovingEllipse:
         return 1.0 / radius, 3.0 * slope / height / radius**2
 
 
+def _separation(one: MovingEllipse, two: MovingEllipse, t: float, way: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Gap between the two tangents with normals at the angles ``way`` [m], and its derivative; the distance is the largest."""
+    apart = two.centre(t) - one.centre(t)
+    h1, s1 = one.support(way, t)
+    h2, s2 = two.support(way + math.pi, t)
+    along = np.cos(way) * apart[0] + np.sin(way) * apart[1]
+    return along - h1 - h2, np.cos(way) * apart[1] - np.sin(way) * apart[0] - s1 - s2
+
+
+def _coarse(one: MovingEllipse, two: MovingEllipse, t: float) -> tuple[FloatArray, FloatArray]:
+    """Some angles about the line of centres, and the separations there."""
+    apart = two.centre(t) - one.centre(t)
+    ways = math.atan2(apart[1], apart[0]) + np.linspace(-0.5, 0.5, DIRECTIONS) * math.pi
+    return ways, _separation(one, two, t, ways)[0]
+
+
 def gap_and_way(one: MovingEllipse, two: MovingEllipse, t: float) -> tuple[float, float]:
     """Distance of two ellipses that are apart [m], and the direction of their common normal [rad]: that of the largest separation."""
     finite(t=t)
-    apart = two.centre(t) - one.centre(t)
-
-    def separation(way: FloatArray) -> tuple[FloatArray, FloatArray]:
-        h1, s1 = one.support(way, t)
-        h2, s2 = two.support(way + math.pi, t)
-        along = np.cos(way) * apart[0] + np.sin(way) * apart[1]
-        return along - h1 - h2, np.cos(way) * apart[1] - np.sin(way) * apart[0] - s1 - s2
-
-    ways = math.atan2(apart[1], apart[0]) + np.linspace(-0.5, 0.5, DIRECTIONS) * math.pi
-    k = int(np.argmax(separation(ways)[0]))
+    ways, separations = _coarse(one, two, t)
+    k = int(np.argmax(separations))
     low, high = float(ways[max(k - 1, 0)]), float(ways[min(k + 1, DIRECTIONS - 1)])
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if separation(np.array(middle))[1] > 0.0 else (low, middle)
-    return float(separation(np.array(low))[0]), low
+        low, high = (middle, high) if _separation(one, two, t, np.array(middle))[1] > 0.0 else (low, middle)
+    return float(_separation(one, two, t, np.array(low))[0]), low
 
 
 def touching_time(one: MovingEllipse, two: MovingEllipse, until: float) -> float:
@@ -97,7 +105,12 @@ def touching_time(one: MovingEllipse, two: MovingEllipse, until: float) -> float
     """
     positive(until=until)
     times = np.linspace(0.0, until, 1001)
-    k = next((k for k in range(1, 1001) if gap_and_way(one, two, float(times[k]))[0] < 0.0), 0)
+
+    def meet(t: float) -> bool:
+        # One tangent between the two tells that they are apart; the largest separation is needed about the first touch alone.
+        return bool(_coarse(one, two, t)[1].max() <= 0.0) and gap_and_way(one, two, t)[0] < 0.0
+
+    k = next((k for k in range(1, 1001) if meet(float(times[k]))), 0)
     if k == 0 or gap_and_way(one, two, 0.0)[0] <= 0.0:
         raise ValueError(f"until = {until!r} s is not allowed: the ellipses must be apart at time 0 and touch before")
     low, high = float(times[k - 1]), float(times[k])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -17,6 +18,14 @@ def test_the_command_line_loads_no_heavy_library() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []
+
+
+def test_a_run_stores_its_tables_without_pandas(tmp_path: Path) -> None:
+    words = ["run", "incline-block", "-e", "pymunk", "--set", "duration=0.05", "--store", str(tmp_path)]
+    code = f"import sys\nfrom ninedisk.harness.cli.app import app\napp({words}, standalone_mode=False)\nassert 'pandas' not in sys.modules"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.glob("runs/*/series.parquet"))
 
 
 @pytest.mark.timing
