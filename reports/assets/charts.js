@@ -335,8 +335,9 @@
       ctx.save();
       Object.assign(ctx, { font: `${10 * devicePixelRatio}px system-ui, sans-serif`, fillStyle: style("--soft"), strokeStyle: style("--card"), lineWidth: 4 * devicePixelRatio, lineJoin: "round", textAlign: "right" });
       for (const s of named) {
-        ctx.textBaseline = end(s) === low ? "top" : "bottom";
-        const place = [s.name, u.valToPos(s.x[s.x.length - 1], "x", true), u.valToPos(end(s), "y", true)];
+        const below = end(s) === low, apart = (below ? 6 : -6) * devicePixelRatio; // clear of marks on the line
+        ctx.textBaseline = below ? "top" : "bottom";
+        const place = [s.name, u.valToPos(s.x[s.x.length - 1], "x", true), u.valToPos(end(s), "y", true) + apart];
         ctx.strokeText(...place);
         ctx.fillText(...place);
       }
