@@ -116,7 +116,7 @@ class Numerics:
         if (last - self.sample_from) // self.sample_every > MOST_SAMPLES:
             raise InvalidNumericsError(
                 f"n_steps = {self.n_steps} with sample_every = {self.sample_every} is not allowed: a run has at most "
-                f"{MOST_SAMPLES} samples; raise sample_every"
+                f"{MOST_SAMPLES} samples; raise sample_every, or take fewer steps, of a larger dt"
             )
         if self.contact_dt is not None:
             self.substeps(self.contact_dt)
@@ -273,6 +273,6 @@ def check_room(numerics: Numerics, n_chosen: int, n_walls: int, n_pairs: int) ->
     if needed > here:
         raise InvalidNumericsError(
             f"n_steps = {numerics.n_steps} with sample_every = {numerics.sample_every} is not allowed: {samples} samples of "
-            f"{n_chosen} disks need {needed / 2**30:.3g} GiB, and this machine has {here / 2**30:.3g} GiB; raise sample_every, or "
-            "record fewer particles"
+            f"{n_chosen} disks need {needed / 2**30:.3g} GiB, and this machine has {here / 2**30:.3g} GiB; raise sample_every, "
+            "take fewer steps, of a larger dt, or record fewer particles"
         )
