@@ -75,7 +75,9 @@ class _Box:
     def __init__(
         self, x: FloatArray, v: FloatArray, radius: float, side: float, restitution: float, end: float
     ) -> None:
-        self.x, self.v, self.radius, self.side, self.e, self.end = x, v, radius, side, restitution, end
+        # A row for each axis: what is asked of all disks at once is then read in order.
+        self.x, self.v = np.ascontiguousarray(x.T), np.ascontiguousarray(v.T)
+        self.radius, self.side, self.e, self.end = radius, side, restitution, end
         self.n, self.t, self.pairs = len(x), 0.0, 0
         self.count = [0] * self.n  # collisions of each disk: what was foreseen before is void
         self.heap: list[tuple[float, int, int, int, int]] = []
@@ -91,10 +93,10 @@ class _Box:
                     self._move(at)
                     self._collide(i, j)
             self._move(t)
-            xs.append(self.x.copy())
-            vs.append(self.v.copy())
+            xs.append(self.x.T.copy())
+            vs.append(self.v.T.copy())
             collisions.append(self.pairs)
-        shape = (len(xs), *self.x.shape)
+        shape = (len(xs), *self.x.T.shape)
         return Flight(np.array(xs).reshape(shape), np.array(vs).reshape(shape), np.array(collisions, dtype=np.int64))
 
     def _move(self, t: float) -> None:
@@ -104,35 +106,35 @@ class _Box:
     def _collide(self, i: int, j: int) -> None:
         self.count[i] += 1
         if j < 0:  # a wall: -1 and -2 across x, -3 and -4 across y, and so on
-            self.v[i, (-1 - j) // 2] *= -1.0
+            self.v[(-1 - j) // 2, i] *= -1.0
             self._foresee(i)
             return
         self.count[j] += 1
         self.pairs += 1
-        normal = self.x[j] - self.x[i]
+        normal = self.x[:, j] - self.x[:, i]
         normal /= math.hypot(*normal)
-        approach = float((self.v[j] - self.v[i]) @ normal)
+        approach = float((self.v[:, j] - self.v[:, i]) @ normal)
         impulse = 0.5 * (1.0 + self.e) * approach * normal
-        self.v[i] += impulse
-        self.v[j] -= impulse
+        self.v[:, i] += impulse
+        self.v[:, j] -= impulse
         self._foresee(i)
         self._foresee(j)
 
     def _foresee(self, i: int, after: int = -1) -> None:
         """Put the collisions of disk i with walls and with the disks numbered above ``after`` on the heap."""
-        x, v = self.x[i], self.v[i]
-        for axis in range(self.x.shape[1]):
-            speed, place = float(v[axis]), float(x[axis])
+        x, v = self.x[:, i, None], self.v[:, i, None]
+        for axis, (place, speed) in enumerate(zip(x[:, 0].tolist(), v[:, 0].tolist(), strict=True)):
             if speed != 0.0:
                 room = place - self.radius if speed < 0.0 else self.side - self.radius - place
                 self._wait(self.t + max(room, 0.0) / abs(speed), i, -1 - 2 * axis - (speed > 0.0))
-        dx, dv = self.x[after + 1 :] - x, self.v[after + 1 :] - v
-        closing = np.einsum("kd,kd->k", dx, dv)
-        square = np.einsum("kd,kd->k", dv, dv)
-        room2 = np.maximum(np.einsum("kd,kd->k", dx, dx) - 4.0 * self.radius**2, 0.0)
-        root = closing**2 - square * room2
-        for k in np.flatnonzero((closing < 0.0) & (root > 0.0)).tolist():
-            self._wait(self.t + float(room2[k] / (math.sqrt(root[k]) - closing[k])), i, after + 1 + k)
+        dx, dv = self.x[:, after + 1 :] - x, self.v[:, after + 1 :] - v
+        closing = np.einsum("dk,dk->k", dx, dv)
+        near = np.flatnonzero(closing < 0.0)
+        dx, dv, closing = dx.take(near, axis=1), dv.take(near, axis=1), closing[near]
+        room2 = np.maximum(np.einsum("dk,dk->k", dx, dx) - 4.0 * self.radius**2, 0.0)
+        root = closing**2 - np.einsum("dk,dk->k", dv, dv) * room2
+        for k in np.flatnonzero(root > 0.0).tolist():
+            self._wait(self.t + float(room2[k] / (math.sqrt(root[k]) - closing[k])), i, after + 1 + int(near[k]))
 
     def _wait(self, t: float, i: int, j: int) -> None:
         if t <= self.end:

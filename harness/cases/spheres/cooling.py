@@ -21,6 +21,8 @@ from ninedisk.references.analytic.spring_dashpot import restitution_of_beta
 
 CHANGED = {"rows": 4, "spacing": 4.2, "duration": 2.0}
 """64 spheres that fill 6 % of a cube."""
+MOST_ROWS = 9
+"""729 spheres are mixed in a second; of a cube of 12 rows, 1,728, it takes four."""
 
 
 class CoolingSpheres(CoolingGas):
@@ -32,7 +34,12 @@ class CoolingSpheres(CoolingGas):
     requirement = CoolingGas.requirement.replace("disk", "sphere")
     figures = tuple(replace(each, allows=each.allows.replace("disk", "sphere")) for each in CoolingGas.figures)
     parameters = tuple(
-        replace(each, default=CHANGED.get(each.name, each.default), help=each.help.replace("disk", "sphere"))
+        replace(
+            each,
+            default=CHANGED.get(each.name, each.default),
+            high=MOST_ROWS if each.name == "rows" else each.high,
+            help=each.help.replace("disk", "sphere"),
+        )
         for each in CoolingGas.parameters
         if each.name not in {known.name for known in CONTACT_DYNAMICS}
     )
