@@ -1,4 +1,4 @@
-"""A barrier for threads that run kernels side by side, built from atomic loads and stores."""
+"""What threads that run kernels side by side wait for each other with, built from atomic loads and stores."""
 
 from __future__ import annotations
 
@@ -50,6 +50,23 @@ def _store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:  # noqa: 
 
 
 @inline_kernel
+def tell(progress: NDArray[np.int64], at: int, value: int) -> None:
+    """Set ``progress[at]``: a thread that sees the value also sees what this one wrote before."""
+    _store(progress, at, value)  # type: ignore[call-arg]
+
+
+@inline_kernel
+def reached(progress: NDArray[np.int64], at: int, value: int) -> None:
+    """Return when ``progress[at]`` is ``value`` or more."""
+    polls = 0
+    while _load(progress, at) < value:  # type: ignore[call-arg]
+        polls += 1
+        if polls == SPINS:
+            polls = 0
+            sched_yield()
+
+
+@inline_kernel
 def wait_for_all(flags: NDArray[np.int64], thread: int, threads: int) -> None:
     """Barrier: returns when all ``threads`` threads have arrived.
 
@@ -65,11 +82,6 @@ def wait_for_all(flags: NDArray[np.int64], thread: int, threads: int) -> None:
     if threads == 1:
         return
     phase = flags[thread * PAD] + 1
-    _store(flags, thread * PAD, phase)  # type: ignore[call-arg]
+    tell(flags, thread * PAD, phase)
     for other in range(threads):
-        polls = 0
-        while _load(flags, other * PAD) < phase:
-            polls += 1
-            if polls == SPINS:
-                polls = 0
-                sched_yield()
+        reached(flags, other * PAD, phase)

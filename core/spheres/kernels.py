@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel, kernel
-from ninedisk.core.spheres.registers import INTERPRETED, WIDE, blend, fetch, scale, transpose
+from ninedisk.core.spheres.registers import INTERPRETED, WIDE, blend, scale, transpose
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -56,22 +56,16 @@ LANES = 1 if INTERPRETED else 8
 """Numbers in the widest vectors of processors; `CHUNK` is a multiple."""
 CHUNK = 64
 """Contacts that go through the loops together."""
-AHEAD, MOST_FETCHED = 64, 400
-"""Rows, of some 50 ns, by which spheres are asked for before they are wanted, and most of them at once: beyond that lists jump."""
-PAIRS_AHEAD = 256
-"""Pairs of the list, likewise."""
-FETCH_FROM = 30_000
-"""Spheres from which the numbers of a step are too many for the caches; with fewer, asking costs more than it spares."""
 
 
 class State(NamedTuple):
-    """Bodies: n spheres and m planes; s stripes.
+    """Bodies: n spheres and m planes; a slot for each stripe in each of the steps that are done at once, those of one step in a row.
 
     Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE` numbers
     each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the
     lists, ``v_now`` and ``omega_now`` have what dashpots see where that is not ``v`` and ``omega``. Rows of ``now`` (at t_n), ``middle``
     (t_{n-1/2}) and ``before`` (t_{n-1}) are point, normal, pivot, its velocity, spin of a plane (3 each). ``load`` is the force on each
-    plane, ``share`` what the stripes add to it, ``behind`` tells for each stripe 1 + sphere and plane where a centre is behind one.
+    plane, ``share`` what the slots add to it, ``behind`` tells for each slot 1 + sphere and plane where a centre is behind one.
     """
 
     x: Floats
@@ -114,9 +108,9 @@ class Contacts(NamedTuple):
 
 
 class Losses(NamedTuple):
-    """Energy that contacts have lost since time 0 [J], by channels above; s stripes, m planes.
+    """Energy that contacts of each stripe have lost since time 0 [J], by channels above; m planes.
 
-    ``before`` has the sums before the step that `advance` ended with. ``torque`` is what the stripes add to the torque on each plane about
+    ``before`` has that before the step that `advance` ended with. ``torque`` is what the slots add to the torque on each plane about
     the origin; ``loads``, force and torque, those of the last step and of the one before; ``work`` that of the planes on spheres [J].
     """
 
@@ -875,48 +869,6 @@ def clear_kept(contacts: Contacts, begin: np.uint64, end: np.uint64) -> None:
 
 
 @inline_kernel
-def farthest_partner(pairs: Contacts, i: int) -> np.uint64:
-    """The last sphere that row ``i``, or the last one before it with any, is listed with."""
-    k = pairs.start[min(i + 1, pairs.start.shape[0] - 1)]
-    return np.uint64(pairs.other[k - 1] if k > 0 else 0)
-
-
-@inline_kernel
-def fetch_partners(state: State, pairs: Contacts, i: int, reached: np.uint64) -> np.uint64:
-    """Ask for the state of the spheres that rows up to ``i`` are listed with, from ``reached`` on; return where that ends.
-
-    Partners of a row ascend, and so, but for the cells' width, do the farthest ones of rows: what no row before has wanted comes in a row
-    of memory, which pairs read in no order that a processor foresees. Those of many spheres are not in its caches.
-    """
-    end = max(farthest_partner(pairs, i), reached)
-    if end - reached < np.uint64(MOST_FETCHED):
-        for j in range(reached, end, TWO):
-            fetch(state.x, FOUR * j)
-            fetch(state.v, FOUR * j)
-            fetch(state.omega, FOUR * j)
-            fetch(state.force, FOUR * j)
-            fetch(state.torque, FOUR * j)
-            fetch(state.radius, j)
-    return end
-
-
-@inline_kernel
-def fetch_pairs(pairs: Contacts, k: np.uint64) -> None:
-    """Ask for a chunk of the list: a processor foresees that its columns are read in order, but not from one page of memory to the next."""
-    first = k + np.uint64(PAIRS_AHEAD)
-    kept, noted = np.uint64(pairs.memory.shape[1]), np.uint64(pairs.notes.shape[1])
-    if first + NEXT < np.uint64(pairs.row.shape[0]):
-        for q in range(np.uint64(0), kept * NEXT, np.uint64(8)):
-            fetch(pairs.memory, kept * first + q)
-        for q in range(np.uint64(0), noted * NEXT, np.uint64(8)):
-            fetch(pairs.notes, noted * first + q)
-        for q in range(np.uint64(0), NEXT, np.uint64(16)):
-            fetch(pairs.row, first + q)
-            fetch(pairs.other, first + q)
-            fetch(pairs.law, first + q)
-
-
-@inline_kernel
 def holds(contacts: Contacts, k: np.uint64, overlap: float, q: np.uint64, scratch: Floats) -> bool:
     """Whether a listed pair touches, or its neck still holds, which goes to place q of the scratch; if it does not there is none."""
     neck = contacts.notes[k, NECK]
@@ -974,7 +926,7 @@ def forces_of_spheres(
     keep: bool,
     begin: int,
     end: int,
-    stripe: int,
+    slot: int,
     scratch: Floats,
     picked: Integers,
 ) -> None:
@@ -990,6 +942,8 @@ def forces_of_spheres(
         Whether dashpots see ``v_now``.
     keep : bool
         Whether the forces of the contacts are to be kept.
+    slot : int
+        Of the stripe in this step, see `State`.
     scratch : ndarray, shape (SCRATCH,)
     picked : ndarray of int64, shape (CHUNK,)
         This thread's own, as the scratch.
@@ -1002,12 +956,7 @@ def forces_of_spheres(
     if keep:
         clear_kept(pairs, first, end_of_list)
     k = first
-    far = radius.shape[0] >= FETCH_FROM
-    reached = farthest_partner(pairs, begin + AHEAD)
     while k < end_of_list:
-        if far:
-            reached = fetch_partners(state, pairs, int(np.int64(rows[k])) + AHEAD, reached)
-            fetch_pairs(pairs, k)
         if sticky:
             k, count = pick_with_necks(pairs, x, radius, k, end_of_list, picked, scratch)
         else:
@@ -1048,6 +997,7 @@ def forces_of_spheres(
             keep_memories(resisted, scratch)
         laws_of_chunk(pairs, laws, slip_dt, picked, int(np.int64(count)), scratch)
         if losses is not None:
+            stripe = slot % losses.contacts.shape[0]
             losses_of_chunk(pairs, laws, losses, stripe, slip_dt, loss_dt, False, picked, int(np.int64(count)), scratch)
         results_to_rows(scratch, resisted, count)
         for q in range(count):
@@ -1165,7 +1115,7 @@ def forces_of_planes(
     keep: bool,
     begin: int,
     end: int,
-    stripe: int,
+    slot: int,
     scratch: Floats,
     picked: Integers,
 ) -> None:
@@ -1193,7 +1143,7 @@ def forces_of_planes(
                 state, contacts, laws[contacts.law[k]], slip_dt, central, moves, w, k, count, scratch
             )
             if overlap >= radius[contacts.other[k]]:
-                state.behind[stripe, 0], state.behind[stripe, 1] = 1 + state.name[contacts.other[k]], w
+                state.behind[slot, 0], state.behind[slot, 1] = 1 + state.name[contacts.other[k]], w
             elif touches:
                 picked[count] = k
                 count += np.uint64(1)
@@ -1203,6 +1153,7 @@ def forces_of_planes(
             keep_memories(resisted, scratch)
         laws_of_chunk(contacts, laws, slip_dt, picked, int(np.int64(count)), scratch)
         if losses is not None:
+            stripe = slot % losses.contacts.shape[0]
             losses_of_chunk(
                 contacts, laws, losses, stripe, slip_dt, loss_dt, True, picked, int(np.int64(count)), scratch
             )
@@ -1216,11 +1167,11 @@ def forces_of_planes(
             if resisted:
                 blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)
             for c in range(3):
-                share[stripe, plane, c] -= push[c]
+                share[slot, plane, c] -= push[c]
             if losses is not None:
                 moment = cross(plus(xyz(state.x, i), 1.0, vector(scratch, D + q)), scaled(push, -1.0))
                 if resisted:
                     moment = plus(moment, 1.0, vector(scratch, MOMENT + q))
                 for c in range(3):
-                    losses.torque[stripe, plane, c] += moment[c]
+                    losses.torque[slot, plane, c] += moment[c]
             remember(contacts, m, q, resisted, keep, scratch)

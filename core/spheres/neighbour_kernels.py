@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.dem.neighbour_kernels import divide, next_skin, order_by_cell, permute
-from ninedisk.core.dem.state import Cells, Team
+from ninedisk.core.dem.neighbour_kernels import next_skin, order_by_cell, permute
+from ninedisk.core.dem.state import Cells
 from ninedisk.core.spheres.kernels import (
     BETA,
     DRAG,
@@ -46,6 +46,9 @@ from ninedisk.core.spheres.registers import WIDE
 REBUILD_COST = 10.0
 """Cost of a rebuild over that of the pairs out of contact in a step, per sphere, with a skin of a mean radius (measured: 200 ns over 8
 pairs of 2.5 ns), see `next_skin`."""
+
+STRIPE = 100
+"""Spheres that a stripe has at least, so that what each costs beside its contacts does not count."""
 
 IN_LAYER, LAYERS, IN_ROW = 3, 4, 5
 """Entries of the grid after the lower corner: cells of a layer, layers, cells of a row."""
@@ -126,12 +129,32 @@ def permute_vectors(values: Floats, order: Numbers, scratch: Floats) -> None:
             values[q] = scratch[q]
 
 
+@inline_kernel
+def divide(n: int, cells: Cells, stripe: Integers) -> None:
+    """Stripes of whole layers of cells, as many as there are; of fewer layers the more there is room for. Unused stripes are empty.
+
+    The division depends on the positions alone, never on the number of threads.
+    """
+    room = stripe.shape[0] - 1
+    in_layer, layers = int(cells.grid[IN_LAYER]), int(cells.grid[LAYERS])
+    used = 0
+    stripe[0] = 0
+    least = max(STRIPE, n // room)
+    for layer in range(1, layers if room > 1 else 0):
+        first = cells.start[layer * in_layer]
+        if used < room - 1 and first - stripe[used] >= least and n - first >= STRIPE:
+            used += 1
+            stripe[used] = first
+    for s in range(used + 1, room + 1):
+        stripe[s] = n
+
+
 @kernel
 def begin_lists(
     state: State,
     listed: Integers,
     cells: Cells,
-    team: Team,
+    stripe: Integers,
     in_order: bool,
     skin: float,
     steps: int,
@@ -143,6 +166,8 @@ def begin_lists(
     ----------
     listed : ndarray of int64, shape (n,)
         Row that each sphere has in the lists in use.
+    stripe : ndarray of int64, shape (s + 1,)
+        Out: first row of each stripe.
     in_order : bool
         Whether spheres are kept in the order of the cells.
     skin, steps
@@ -176,7 +201,7 @@ def begin_lists(
                 order[k], cells.cell[k] = k, c
     for q in range(state.moved.shape[0]):
         state.moved[q] = 0.0
-    divide(order.shape[0], cells, team)
+    divide(order.shape[0], cells, stripe)
     return skin
 
 

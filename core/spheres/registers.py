@@ -82,22 +82,6 @@ def _transpose(typingctx: Any, values: Any, out: Any, apart_out: Any, at: Any, a
     return types.none(values, *[types.uint64] * 4), build
 
 
-def _fetch(typingctx: Any, values: Any, i: Any) -> Any:  # noqa: ARG001
-    """Ask for the line of the caches with ``values[i]`` and go on."""
-
-    def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        data = context.make_array(signature.args[0])(context, builder, args[0]).data
-        byte, number = ir.IntType(8).as_pointer(), ir.IntType(32)
-        kind = ir.FunctionType(ir.VoidType(), [byte, number, number, number])
-        ask = builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
-        builder.call(
-            ask, [builder.bitcast(builder.gep(data, [args[1]]), byte), *(ir.Constant(number, c) for c in (0, 3, 1))]
-        )
-        return context.get_dummy_value()
-
-    return types.none(values, types.uint64), build
-
-
 def _vector(values: Any, first: Any) -> Any:
     return values.reshape(-1)[int(first) :][:WIDE]
 
@@ -116,11 +100,6 @@ def _plain_transpose(values: Any, out: Any, apart_out: Any, at: Any, apart: Any)
         _vector(values, int(out) + row * int(apart_out))[:] = rows[:, row]
 
 
-def _plain_fetch(values: Any, i: Any) -> None:
-    """Nothing: what is fetched changes no number."""
-
-
 scale: Any = _plain_scale if INTERPRETED else intrinsic(_scale)
 blend: Any = _plain_blend if INTERPRETED else intrinsic(_blend)
 transpose: Any = _plain_transpose if INTERPRETED else intrinsic(_transpose)
-fetch: Any = _plain_fetch if INTERPRETED else intrinsic(_fetch)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.dem.arrays import STRIPES, aligned, team_arrays
+from ninedisk.core.dem.arrays import aligned
 from ninedisk.core.dem.files import read_checkpoint, restore, state_arrays, write_checkpoint
 from ninedisk.core.dem.session import Counts
 from ninedisk.core.dem.state import Cells
@@ -47,7 +47,20 @@ from ninedisk.core.spheres.neighbour_kernels import (
 )
 from ninedisk.core.spheres.registers import WIDE
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
-from ninedisk.core.spheres.step_kernels import BEHIND, BUILT, FAR, PENDING, REBUILDS, STEP, advance
+from ninedisk.core.spheres.step_kernels import (
+    AGAIN,
+    BATCH,
+    BEHIND,
+    BUILT,
+    DUE,
+    FAR,
+    PENDING,
+    REBUILDS,
+    STEP,
+    Batch,
+    Plan,
+    advance,
+)
 from ninedisk.core.thread_kernels import PAD
 from ninedisk.core.threads import check_threads, together
 from ninedisk.core.validate import kind_of, whole
@@ -61,6 +74,12 @@ FIRST_SKIN, LEAST_SKIN, MOST_SKIN = 0.05, 0.02, 0.4
 SORT_FROM = 2_000
 """Spheres from which a run keeps them in the order of their places, and shares them out to threads: neighbours in space are then
 neighbours in memory."""
+
+STRIPES = 128
+"""Most stripes of a run that keeps the spheres in order."""
+
+FRONT, FRONT_FROM = 4, 30_000
+"""Steps that threads together take through the stripes side by side, and spheres from which they do: fewer stay in the caches anyway."""
 
 PAIRS_PER_SPHERE = 4
 """First guess of the listed pairs."""
@@ -154,8 +173,8 @@ class SphereSession:
             middle=np.zeros((m, kernels.POSE_WIDTH)),
             before=np.zeros((m, kernels.POSE_WIDTH)),
             load=np.zeros((m, 3)),
-            share=np.zeros((stripes, m, 3)),
-            behind=np.zeros((stripes, 2), dtype=np.int64),
+            share=np.zeros((BATCH * stripes, m, 3)),
+            behind=np.zeros((BATCH * stripes, 2), dtype=np.int64),
             moved=np.zeros(WIDE * n, dtype=np.float32),
         )
         self._motion = compile_motion(scene.walls)
@@ -183,10 +202,10 @@ class SphereSession:
         self._pairs = [_empty_list(n, room, *width) for room in [PAIRS_PER_SPHERE * n + 16] * 2]
         self._at_planes = [_empty_list(m, room, *width) for room in [n // 4 + 16] * 2]
         counted = numerics.energy_budget
-        self._team = team_arrays(stripes, self._threads, room=SCRATCH_COUNTED if counted else SCRATCH)
+        self._batch = _batch_arrays(stripes, m, self._threads, SCRATCH_COUNTED if counted else SCRATCH)
         self._losses = _no_losses(stripes, m) if counted else None
-        self._picked = np.zeros((self._threads, CHUNK + PAD), dtype=np.int64)
-        self._clock = np.array([0, 1, 0, -1])
+        self._clock = np.array([0, 1, 0, -1, 0])
+        self._front = max(1, FRONT // self._threads) if n >= FRONT_FROM else 1
         self._samples = numerics.sampled_steps()
         self._row = 0
         self._history = History.empty(
@@ -314,11 +333,12 @@ class SphereSession:
         for lists, name in ((session._pairs, "pairs"), (session._at_planes, "wall_pairs")):
             lists[0] = _list_of({field: arrays[f"{name}.{field}"] for field in Contacts._fields})
         session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))
+        session._remember()
         return session
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         single: dict[str, NDArray[Any]] = {"clock": self._clock, "row": np.array([self._row]), "skin": self._skin}
-        single |= {"stripe": self._team.stripe, "border": self._team.border}
+        single["stripe"] = self._batch.stripe
         samples = {name: array for name, array in vars(self._history).items() if isinstance(array, np.ndarray)}
         samples |= {f"energy.{name}": array for name, array in self._history.energy.items()}
         pairs = np.array(self.pairs, dtype=np.int64).reshape(len(self.pairs), 2)
@@ -334,14 +354,41 @@ class SphereSession:
         clock = self._clock
         while clock[STEP] < goal or clock[PENDING]:
             shared = (
-                self._state, self._pairs[0], self._at_planes[0], self._laws, self._motion, self._team, self._picked, clock,
-                self._gravity, goal, self.contact_dt, float(self._skin[0]), self._central, self._losses,
+                self._state, self._pairs[0], self._at_planes[0], self._laws, self._motion, self._batch, clock, self._gravity,
+                Plan(goal, 1 if self._one_by_one else BATCH, self._front), self.contact_dt, float(self._skin[0]), self._central,
+                self._losses,
             )  # fmt: skip
             status = together(advance, self._threads, shared)
-            if status == BEHIND:
-                self._behind()
             if status == FAR:
                 self._rebuild()
+            elif status == AGAIN or (status == BEHIND and clock[STEP] < goal):
+                # Where a centre gets behind a plane is known of a last step, which kicks nothing.
+                goal = int(clock[STEP]) if status == BEHIND else goal
+                self._return()
+            elif status == BEHIND:
+                self._behind()
+
+    def _changing(self) -> dict[str, NDArray[Any]]:
+        """What steps change and do not find anew."""
+        state = self._state._asdict()
+        names = ("x", "v", "omega", "angle", "v_now", "omega_now", "force", "torque", "moved", "behind")
+        arrays: dict[str, NDArray[Any]] = {"clock": self._clock, **{name: state[name] for name in names}}
+        for name, contacts in (("pairs", self._pairs[0]), ("planes", self._at_planes[0])):
+            used = contacts.start[-1]
+            arrays |= {f"{name}.notes": contacts.notes[:used], f"{name}.memory": contacts.memory[:used]}
+        losses = {} if self._losses is None else self._losses._asdict()
+        return {**arrays, **{f"losses.{name}": array for name, array in losses.items()}}
+
+    def _remember(self) -> None:
+        """Keep the state, to return to it where several steps at once have gone too far."""
+        self._kept = {name: array.copy() for name, array in self._changing().items()}
+        self._one_by_one = False
+
+    def _return(self) -> None:
+        """Back to where the lists were new; from there steps are done one by one."""
+        for name, array in self._changing().items():
+            array[...] = self._kept[name]
+        self._one_by_one = True
 
     def _not_finite(self, finite: NDArray[np.bool_]) -> NonFiniteStateError:
         bad = self._state.name[~finite.reshape(-1, WIDE).all(axis=1)].min()
@@ -362,7 +409,7 @@ class SphereSession:
         self._check_step()
         state, clock, laws, materials, cells = self._state, self._clock, self._laws, self._materials, self._cells
         steps, listed, old = int(clock[STEP] - clock[BUILT]), self._listed, float(self._skin[0])
-        skin = begin_lists(state, listed, cells, self._team, self._in_order, old, steps, self._sizes)
+        skin = begin_lists(state, listed, cells, self._batch.stripe, self._in_order, old, steps, self._sizes)
         if skin < 0.0:
             raise self._not_finite(np.abs(state.x) < np.finfo(np.float64).max / 8.0)
         pairs, planes = self._pairs, self._at_planes
@@ -375,8 +422,9 @@ class SphereSession:
         planes.reverse()
         state.force[:], state.torque[:] = np.outer(state.mass, self._gravity).ravel(), 0.0
         listed[:] = np.arange(len(listed))
-        self._skin[0], clock[BUILT] = skin, clock[STEP]
+        self._skin[0], clock[BUILT], clock[DUE] = skin, clock[STEP], clock[STEP] + BATCH
         clock[REBUILDS] += 1
+        self._remember()
 
     def _contacts(self) -> Listed:
         """Pairs in the lists: bodies by rows of the state and numbers of the planes, and what is known of them."""
@@ -477,7 +525,7 @@ class SphereSession:
         if self._losses is not None:
             so_far = self._losses.contacts.sum(axis=0)
             # To the time of a sample belongs but half of a step of forces that depend on velocities.
-            now = 0.5 * (self._losses.before + so_far) if self._clock[STEP] else np.zeros(len(so_far))
+            now = 0.5 * (self._losses.before.sum(axis=0) + so_far) if self._clock[STEP] else np.zeros(len(so_far))
             energy["friction_loss"][k], energy["dashpot_loss"][k] = so_far[kernels.FRICTION], now[kernels.DASHPOT]
             energy["rolling_loss"][k] = so_far[kernels.ROLLED_ON] + now[kernels.ROLLING_DASHPOT]
             energy["law_loss"][k], energy["wall_work"][k] = so_far[kernels.OF_LAW], self._losses.work[0]
@@ -556,11 +604,23 @@ def _empty_list(rows: int, room: int, notes: int, memory: int) -> Contacts:
     )
 
 
+def _batch_arrays(stripes: int, planes: int, threads: int, scratch: int) -> Batch:
+    return Batch(
+        stripe=np.zeros(stripes + 1, dtype=np.int64),
+        flags=np.zeros(threads * PAD, dtype=np.int64),
+        done=np.zeros(threads * PAD, dtype=np.int64),
+        far=np.zeros(threads * PAD),
+        pose=np.zeros((BATCH, 3, planes, kernels.POSE_WIDTH)),
+        scratch=np.zeros((threads, scratch + 2 * PAD)),
+        picked=np.zeros((threads, CHUNK + PAD), dtype=np.int64),
+    )
+
+
 def _no_losses(stripes: int, planes: int) -> Losses:
     return Losses(
         contacts=np.zeros((stripes, 5)),
-        before=np.zeros(5),
-        torque=np.zeros((stripes, planes, 3)),
+        before=np.zeros((stripes, 5)),
+        torque=np.zeros((BATCH * stripes, planes, 3)),
         loads=np.zeros((planes, 2, 6)),
         work=np.zeros(1),
     )

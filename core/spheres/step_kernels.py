@@ -1,19 +1,27 @@
-"""Kernels of the steps of the DEM of spheres, side by side in threads.
+"""Kernels of the steps of the DEM of spheres, several at once, side by side in threads.
 
 Leapfrog: ``v_{n+1/2} = v_{n-1/2} + dt F_n/m``, ``x_{n+1} = x_n + dt v_{n+1/2}``, begun by half a kick.
 
-Spheres are divided into stripes of layers of cells as disks are into stripes of rows (`ninedisk.core.dem.state.Team`): even stripes at
-once, then odd ones, and every sum is formed in an order that does not depend on the number of threads.
+Spheres are divided into stripes of layers of cells, whose pairs reach no further than the next stripe. A step goes through the stripes in
+ascending order and kicks the spheres of a stripe as soon as their forces are complete. Step n of stripe s thus needs of the step before
+nothing but stripe s + 1, so that a step can follow the one before at a distance of a stripe:
+
+- in one thread, which takes `Plan.front` steps through the stripes together, so that a stripe's numbers are used so many times before
+  others drive them out of the caches;
+- in several ones, each with its own steps.
+
+Every sum is formed in an order that depends on neither.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
 from ninedisk.core.dem.kick_kernels import NUMBER, farther
-from ninedisk.core.dem.state import Team
 from ninedisk.core.spheres.kernels import (
     FOUR,
     ONE,
@@ -34,7 +42,7 @@ from ninedisk.core.spheres.kernels import (
     scaled,
 )
 from ninedisk.core.spheres.registers import blend, scale
-from ninedisk.core.thread_kernels import PAD, wait_for_all
+from ninedisk.core.thread_kernels import PAD, reached, tell, wait_for_all
 
 SURE = 1.001
 """Displacements since a rebuild are summed in single precision: ten thousand roundings of 6e-8 each stay below a thousandth."""
@@ -42,11 +50,56 @@ SURE = 1.001
 BLOCK = 512
 """Spheres whose forces are found before they are kicked, so many as stay in the second cache."""
 
-STEP, PENDING, BUILT, REBUILDS = range(4)
-"""Entries of the clock: contact steps done, 1 while the forces of this step are missing, step of the last rebuild, rebuilds so far."""
+STEP, PENDING, BUILT, REBUILDS, DUE = range(5)
+"""Entries of the clock: contact steps done, 1 while the forces of this step are missing, step of the last rebuild, rebuilds so far, step
+at which displacements are foreseen next."""
 
-OK, FAR, BEHIND = 0, 1, 2
-"""Why `advance` ended: all steps done, the lists of neighbours are too old, a centre is behind a plane."""
+BATCH = 8
+"""Steps from one look at the displacements to the next, which can be done at once."""
+
+FORESEEN = 2 * BATCH + 2
+"""Steps that a look foresees at the present velocities: more than are left to the next one, since spheres are accelerated on the way."""
+
+OK, FAR, BEHIND, AGAIN = range(4)
+"""Why `advance` ended: all steps done; the lists of neighbours are too old; a centre is behind a plane; one of the two happened within
+steps that were done at once, from which there is no way back to it."""
+
+NOW, MIDDLE, BEFORE = range(3)
+"""Poses of a step: at its end, in its middle, at its begin."""
+
+
+class Plan(NamedTuple):
+    """What `advance` is to do: steps until ``target``, at most ``at_once`` of them (1..BATCH) at a time, ``front`` in a thread."""
+
+    target: int
+    at_once: int
+    front: int
+
+
+class Batch(NamedTuple):
+    """What the threads of a run share; s stripes, t threads, m planes.
+
+    Attributes
+    ----------
+    stripe : ndarray of int64, shape (s + 1,)
+        First row of each stripe; unused stripes are empty.
+    flags, done : ndarray of int64, shape (t * PAD,)
+        Barrier, and how far each thread is in the present steps.
+    far : ndarray, shape (t * PAD,)
+        Largest squared displacement since the last rebuild [m^2] among those of each thread: within its steps, and after the last one.
+    pose : ndarray, shape (BATCH, 3, m, POSE_WIDTH)
+        Planes in each step: `NOW`, `MIDDLE`, `BEFORE`.
+    scratch, picked : ndarray
+        Each thread's own, see `ninedisk.core.spheres.kernels.forces_of_spheres`; the rest keeps two threads' apart.
+    """
+
+    stripe: Integers
+    flags: Integers
+    done: Integers
+    far: Floats
+    pose: Floats
+    scratch: Floats
+    picked: Integers
 
 
 @inline_kernel
@@ -57,6 +110,18 @@ def farthest(moved: NDArray[np.float32], begin: int, end: int) -> float:
         a, b, c = moved[FOUR * i], moved[FOUR * i + ONE], moved[FOUR * i + TWO]
         bits = max(bits, np.int32(np.float32(a * a + b * b + c * c).view(np.int32) & NUMBER))
     return float(np.int32(bits).view(np.float32))
+
+
+@kernel
+def foreseen(state: State, way: float, begin: int, end: int) -> float:
+    """Largest squared displacement since the last rebuild [m^2] of the spheres ``begin .. end-1``, now or after another time ``way`` [s] at
+    their present velocities; NaN if any is NaN."""
+    far, moved, v = farthest(state.moved, begin, end), state.moved, state.v
+    for i in range(np.uint64(begin), np.uint64(end)):
+        a, b = moved[FOUR * i] + way * v[FOUR * i], moved[FOUR * i + ONE] + way * v[FOUR * i + ONE]
+        c = moved[FOUR * i + TWO] + way * v[FOUR * i + TWO]
+        far = farther(far, a * a + b * b + c * c)
+    return far
 
 
 @fused_kernel
@@ -99,102 +164,185 @@ def kick_and_drift(state: State, gravity: Floats, dt: float, first: bool, centra
 
 
 @inline_kernel
-def stripe_forces(
+def with_planes(state: State, pose: Floats) -> State:
+    """The state with the planes of a step, shape (3, m, POSE_WIDTH)."""
+    return State(
+        state.x, state.v, state.omega, state.angle, state.v_now, state.omega_now, state.force, state.torque, state.mass, state.mobility,
+        state.inv_mass, state.inv_inertia, state.radius, state.name, pose[NOW], pose[MIDDLE], pose[BEFORE], state.load, state.share,
+        state.behind, state.moved,
+    )  # fmt: skip
+
+
+@inline_kernel
+def step_of_stripe(
     state: State,
     pairs: Contacts,
     at_planes: Contacts,
     laws: Floats,
     losses: Losses | None,
-    team: Team,
-    picked: Integers,
+    batch: Batch,
     gravity: Floats,
     dt: float,
-    slip_dt: float,
+    step: int,
+    plan: Plan,
     central: bool,
-    moves_on: bool,
-    parity: int,
+    level: int,
+    s: int,
     thread: int,
-    threads: int,
 ) -> float:
-    """Forces of every ``threads``-th even (parity 0) or odd (1) stripe, beginning with the first one of this thread.
+    """Forces of the rows of a stripe; unless ``step`` is the last one its spheres are kicked, too.
 
-    Spheres that have been a row of the list have all their forces, and no later row reads them. So, if the step ``moves_on``, they are
-    kicked block by block: all in odd stripes, whose even neighbours are done; in even ones all but those of the border, which the odd
-    stripe before still touches.
+    Rows ascend, and so do those of the stripe before: a sphere that has been a row has all its forces, and no later row reads it.
 
     Returns
     -------
     float
-        What `kick_and_drift` does.
+        What `kick_and_drift` does, 0 if the step is the last one.
     """
-    loss_dt = dt if slip_dt > 0.0 else 0.5 * dt
-    stripe, scratch, mine = team.stripe, team.scratch[thread], picked[thread]
-    far = 0.0
-    for s in range(parity + 2 * thread, stripe.shape[0] - 1, 2 * threads):
-        end = stripe[s + 1]
-        kicked_from = team.border[s] if parity == 0 else stripe[s]
-        for w in range(state.share.shape[1]):
-            for c in range(3):
-                state.share[s, w, c] = 0.0
-                if losses is not None:
-                    losses.torque[s, w, c] = 0.0
-        for low in range(stripe[s], end, BLOCK):
-            high = min(low + BLOCK, end)
-            forces_of_spheres(
-                state, pairs, laws, losses, slip_dt, loss_dt, central, not moves_on, low, high, s, scratch, mine
-            )
-            forces_of_planes(
-                state, at_planes, laws, losses, slip_dt, loss_dt, central, not moves_on, low, high, s, scratch, mine
-            )
-            if moves_on:
-                far = farther(far, kick_and_drift(state, gravity, dt, False, central, max(low, kicked_from), high))
+    slip_dt = dt if step > 0 else 0.0
+    loss_dt = dt if step > 0 else 0.5 * dt
+    stripes, moves_on = batch.stripe.shape[0] - 1, step < plan.target
+    slot, scratch, mine = level * stripes + s, batch.scratch[thread], batch.picked[thread]
+    for w in range(state.share.shape[1]):
+        for c in range(3):
+            state.share[slot, w, c] = 0.0
+            if losses is not None:
+                losses.torque[slot, w, c] = 0.0
+    if losses is not None and not moves_on:
+        for c in range(losses.before.shape[1]):
+            losses.before[s, c] = losses.contacts[s, c]
+    far, end = 0.0, batch.stripe[s + 1]
+    for low in range(batch.stripe[s], end, BLOCK):
+        high = min(low + BLOCK, end)
+        forces_of_spheres(
+            state, pairs, laws, losses, slip_dt, loss_dt, central, not moves_on, low, high, slot, scratch, mine
+        )
+        forces_of_planes(
+            state, at_planes, laws, losses, slip_dt, loss_dt, central, not moves_on, low, high, slot, scratch, mine
+        )
+        if moves_on:
+            far = farther(far, kick_and_drift(state, gravity, dt, step == 0, central, low, high))
     return far
 
 
 @inline_kernel
 def any_behind(state: State) -> bool:
-    """Whether a stripe has noted a centre behind a plane."""
+    """Whether a stripe has noted a centre behind a plane in a step."""
     found = False
-    for s in range(state.behind.shape[0]):
-        found = found or state.behind[s, 0] > 0
+    for slot in range(state.behind.shape[0]):
+        found = found or state.behind[slot, 0] > 0
     return found
 
 
 @inline_kernel
-def gather_loads(state: State) -> None:
-    """Loads of the planes, from the shares in the order of the stripes."""
+def too_far(far: float, skin: float) -> bool:
+    """Whether a squared displacement [m^2] exceeds half of the skin, or is NaN."""
+    return not 4.0 * SURE * far < skin * skin
+
+
+@inline_kernel
+def farthest_of_all(batch: Batch, which: int, threads: int) -> float:
+    """Largest squared displacement that the threads have noted [m^2]."""
+    far = 0.0
+    for other in range(threads):
+        far = farther(far, batch.far[other * PAD + which])
+    return far
+
+
+@inline_kernel
+def gather_loads(state: State, level: int, stripes: int) -> None:
+    """Loads of the planes in a step, from the shares in the order of the stripes."""
     for w in range(state.load.shape[0]):
         for c in range(3):
             total = 0.0
-            for s in range(state.share.shape[0]):
-                total += state.share[s, w, c]
+            for s in range(stripes):
+                total += state.share[level * stripes + s, w, c]
             state.load[w, c] = total
 
 
 @inline_kernel
-def lost(losses: Losses, channel: int) -> float:
-    """Energy lost in a channel since time 0 [J], in an order that does not depend on the number of threads."""
-    total = 0.0
-    for s in range(losses.contacts.shape[0]):
-        total += losses.contacts[s, channel]
-    return total
-
-
-@inline_kernel
-def work_of_planes(state: State, losses: Losses, dt: float) -> None:
-    """Add the work of the planes on the spheres in the last step, forces and torques by the trapezoidal rule."""
+def work_of_planes(state: State, losses: Losses, dt: float, level: int, stripes: int) -> None:
+    """Add the work of the planes on the spheres in a step, forces and torques by the trapezoidal rule."""
     loads = losses.loads
     for w in range(state.load.shape[0]):
         for c in range(6):
             loads[w, 1, c] = loads[w, 0, c]
         for c in range(3):
             loads[w, 0, c], loads[w, 0, 3 + c] = state.load[w, c], 0.0
-            for s in range(losses.torque.shape[0]):
-                loads[w, 0, 3 + c] += losses.torque[s, w, c]
+            for s in range(stripes):
+                loads[w, 0, 3 + c] += losses.torque[level * stripes + s, w, c]
         force = scaled(plus(row(loads[w], 0, 0), 1.0, row(loads[w], 1, 0)), 0.5)
         torque = scaled(plus(row(loads[w], 0, 3), 1.0, row(loads[w], 1, 3)), 0.5)
         torque = plus(torque, -1.0, cross(row(state.middle, w, 6), force))
         losses.work[0] -= dt * (dot(force, row(state.middle, w, 9)) + dot(torque, row(state.middle, w, 12)))
+
+
+@inline_kernel
+def begin_batch(batch: Batch, motion: Motion, n: int, count: int, dt: float) -> None:
+    """Planes of the ``count`` steps from n on."""
+    for level in range(count):
+        step, pose = n + level, batch.pose[level]
+        place_planes(motion, step * dt, pose[NOW])
+        place_planes(motion, max((step - 0.5) * dt, 0.0), pose[MIDDLE])
+        place_planes(motion, max((step - 1) * dt, 0.0), pose[BEFORE])
+
+
+@inline_kernel
+def end_batch(state: State, losses: Losses | None, batch: Batch, n: int, count: int, dt: float) -> None:
+    """Loads of the planes after ``count`` steps from n on, and what they have worked in each."""
+    stripes = batch.stripe.shape[0] - 1
+    if losses is not None:
+        for level in range(count):
+            then = with_planes(state, batch.pose[level])
+            gather_loads(then, level, stripes)
+            work_of_planes(then, losses, dt if n + level > 0 else 0.0, level, stripes)
+    gather_loads(state, count - 1, stripes)
+
+
+@inline_kernel
+def steps_at_once(
+    state: State,
+    pairs: Contacts,
+    at_planes: Contacts,
+    laws: Floats,
+    losses: Losses | None,
+    batch: Batch,
+    gravity: Floats,
+    dt: float,
+    plan: Plan,
+    central: bool,
+    n: int,
+    count: int,
+    thread: int,
+    threads: int,
+) -> None:
+    """The ``count`` steps from n on: this thread's.
+
+    Threads take ``front`` steps in turn. At its place p the first of a front is at stripe p, the next one at p - 1, and so on. The last
+    step of the front before must have been at stripe p + 1.
+    """
+    batch.far[thread * PAD], batch.far[thread * PAD + 1] = 0.0, 0.0
+    stripes = 0
+    while stripes < batch.stripe.shape[0] - 1 and batch.stripe[stripes] < state.radius.shape[0]:
+        stripes += 1
+    places = stripes + plan.front - 1
+    for turn in range(thread, (count + plan.front - 1) // plan.front, threads):
+        first = turn * plan.front
+        steps = min(plan.front, count - first)
+        for p in range(places):
+            if threads > 1 and turn > 0:
+                before = (turn - 1) % threads
+                reached(batch.done, before * PAD, (turn - 1) * places + min(p + plan.front + 1, places))
+            for k in range(max(0, p - stripes + 1), min(steps, p + 1)):
+                level = first + k
+                far = step_of_stripe(
+                    with_planes(state, batch.pose[level]), pairs, at_planes, laws, losses, batch, gravity, dt, n + level, plan, central,
+                    level, p - k, thread,
+                )  # fmt: skip
+                at = thread * PAD + int(level == count - 1)
+                batch.far[at] = farther(batch.far[at], far)
+            if threads > 1:
+                tell(batch.done, thread * PAD, turn * places + p + 1)
 
 
 @kernel
@@ -206,98 +354,64 @@ def advance(
     at_planes: Contacts,
     laws: Floats,
     motion: Motion,
-    team: Team,
-    picked: Integers,
+    batch: Batch,
     clock: Integers,
     gravity: Floats,
-    target: int,
+    plan: Plan,
     dt: float,
     skin: float,
     central: bool,
     losses: Losses | None,
 ) -> int:
-    """Steps until ``clock[STEP]`` is ``target``, with its forces; all threads call it with the same arguments but their number.
+    """Steps until ``clock[STEP]`` is ``plan.target``, with its forces; all threads call it with the same arguments but their number.
+
+    Lists are too old where a sphere has moved by more than half of the skin, or at ``clock[DUE]`` is foreseen to: that depends on the
+    motion alone, not on how many steps are done at once.
 
     Returns
     -------
     int
-        OK; FAR if step ``clock[STEP]`` wants new lists before its forces; BEHIND, with ``state.behind``.
+        OK; FAR if step ``clock[STEP]`` wants new lists before its forces; BEHIND, with ``state.behind``; AGAIN.
     """
-    n, pending = clock[STEP], clock[PENDING] == 1
-    count, stripe, border = state.radius.shape[0], team.stripe, team.border
-    moved_on = False
-    far = 0.0
-    wait_for_all(team.flags, thread, threads)
-    while n < target or pending:
-        if not pending:
-            if not moved_on:
-                begin, end = count * thread // threads, count * (thread + 1) // threads
-                far = kick_and_drift(state, gravity, dt, n == 0, central, begin, end)
-            team.far[thread * PAD] = far
-            n += 1
+    n, moved, due = clock[STEP], clock[PENDING] == 0, clock[DUE]
+    begin, end = state.radius.shape[0] * thread // threads, state.radius.shape[0] * (thread + 1) // threads
+    mine = thread * PAD
+    wait_for_all(batch.flags, thread, threads)
+    if moved:
+        batch.far[mine + 1] = kick_and_drift(state, gravity, dt, n == 0, central, begin, end)
+        n += 1
+    while True:
         if thread == 0:
             clock[STEP], clock[PENDING] = n, 1
             place_planes(motion, n * dt, state.now)
-            place_planes(motion, max((n - 0.5) * dt, 0.0), state.middle)
-            place_planes(motion, max((n - 1) * dt, 0.0), state.before)
-            if losses is not None and n == target:
-                for c in range(losses.before.shape[0]):
-                    losses.before[c] = lost(losses, c)
-        wait_for_all(team.flags, thread, threads)
-        if not pending:
-            for other in range(threads):
-                far = farther(far, team.far[other * PAD])
-            if not 4.0 * SURE * far < skin * skin:
-                return FAR
-        pending = False
-        moved_on = 0 < n < target
-        slip_dt = dt if n > 0 else 0.0
-        far = stripe_forces(
-            state,
-            pairs,
-            at_planes,
-            laws,
-            losses,
-            team,
-            picked,
-            gravity,
-            dt,
-            slip_dt,
-            central,
-            moved_on,
-            0,
-            thread,
-            threads,
+        if n == due:
+            batch.far[mine + 1] = foreseen(state, FORESEEN * dt, begin, end)
+        wait_for_all(batch.flags, thread, threads)
+        if (moved or n == due) and too_far(farthest_of_all(batch, 1, threads), skin):
+            return FAR
+        if n == due:
+            due = n + BATCH
+        count = min(min(plan.target, due - 1) - n + 1, plan.at_once)
+        if thread == 0:
+            clock[DUE] = due
+            begin_batch(batch, motion, n, count, dt)
+        batch.done[mine] = 0
+        wait_for_all(batch.flags, thread, threads)
+        steps_at_once(
+            state, pairs, at_planes, laws, losses, batch, gravity, dt, plan, central, n, count, thread, threads
         )
-        wait_for_all(team.flags, thread, threads)
-        odd = stripe_forces(
-            state,
-            pairs,
-            at_planes,
-            laws,
-            losses,
-            team,
-            picked,
-            gravity,
-            dt,
-            slip_dt,
-            central,
-            moved_on,
-            1,
-            thread,
-            threads,
-        )
-        far = farther(far, odd)
-        wait_for_all(team.flags, thread, threads)
-        if any_behind(state):
+        wait_for_all(batch.flags, thread, threads)
+        behind = any_behind(state)
+        if count > 1 and (behind or too_far(farthest_of_all(batch, 0, threads), skin)):
+            return AGAIN
+        if behind:
             return BEHIND
         if thread == 0:
-            gather_loads(state)
-            if losses is not None:
-                work_of_planes(state, losses, slip_dt)
-            clock[PENDING] = 0
-        if moved_on:
-            for s in range(2 * thread, stripe.shape[0] - 1, 2 * threads):
-                far = farther(far, kick_and_drift(state, gravity, dt, False, central, stripe[s], border[s]))
-    wait_for_all(team.flags, thread, threads)
-    return OK
+            end_batch(state, losses, batch, n, count, dt)
+        n += count
+        moved = True
+        if n > plan.target:
+            if thread == 0:
+                clock[STEP], clock[PENDING] = plan.target, 0
+                place_planes(motion, plan.target * dt, state.now)
+            return OK
