@@ -171,6 +171,46 @@ def errors_of_motion(
     return _errors(b, push, diagonal, friction, forces, claimed, max(off, balance), noise, associated)
 
 
+def friction_error(fn: ArrayLike, fs: ArrayLike, slip: ArrayLike, mu: ArrayLike) -> float:
+    """How far friction is from Coulomb's law at the normal forces and slips that go with it, over what it could bear in all.
+
+    The law asks for ``-mu fn sign(slip)`` of a contact that slips, and of one that sticks for the nearest force with ``|fs| <= mu fn``.
+    The error is the sum of ``|fs - asked|`` over the sum of ``mu fn``: 0 is exact, 1 a slide without friction, 2 one pushed along.
+
+    A natural map ``|fs - clip(fs - rho slip, -mu fn, mu fn)|`` is the same for rho without bound. Any other rho is a mass over a time
+    that somebody has to choose, and decides how much of the error a slow slip is forgiven; here nothing is chosen. The price is a
+    jump at slip 0, which no rounded velocity hits: who measures slips knows how well, and hands over 0 for those that it cannot tell
+    from none. Such a contact is held to the cone alone, so that the error is a lower bound as far as slips that slow go. Weights
+    are forces and not works ``fs slip``, or else a few fast slips would be all that counts, and contacts that stick outside the cone
+    nothing. Whether ``fn`` itself is right is asked by `errors_of_forces`, with the bodies' equations.
+
+    Parameters
+    ----------
+    fn, fs : array_like, shape (..., k)
+        Normal forces, pressing > 0 (less counts as 0), and friction, or the impulses of a step; any one unit.
+    slip : array_like, shape (..., k)
+        Velocity, or displacement in a step, in the direction in which fs > 0 pushes; 0: sticks.
+    mu : array_like, shape (k,)
+
+    Returns
+    -------
+    float
+        NaN if a number is; infinite if there is friction and no pressure at all.
+
+    Raises
+    ------
+    ValueError
+        If mu is negative.
+    """
+    pressure, friction, moved, factor = (np.asarray(each, dtype=np.float64) for each in (fn, fs, slip, mu))
+    if not (factor >= 0.0).all():
+        raise ValueError("mu must be >= 0")
+    most = factor * np.maximum(pressure, 0.0)
+    asked = np.where(moved == 0.0, np.clip(friction, -most, most), -np.sign(moved) * most)
+    error = float(np.abs(friction - asked).sum())
+    return error if np.isnan(error) else _ratio(error, most.sum())
+
+
 class Planar(NamedTuple):
     """``m``, ``h`` and ``f``, ``w`` of `errors_of_motion`."""
 

@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 
 from ninedisk.core import packings
 from ninedisk.core.dem.neighbours import PairFinder
-from ninedisk.core.history import History
+from ninedisk.core.history import History, Pair
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall
-from ninedisk.harness.api.engine import Engine, SupportLevel
+from ninedisk.harness.api.engine import Engine, EngineRun, SupportLevel
 from ninedisk.harness.bench.dem import kept, packing
+from ninedisk.harness.bench.friction import SOLVED_AT, friction_of, near_pairs
 from ninedisk.harness.bench.measure import (
     Contender,
     Measured,
@@ -66,6 +67,11 @@ ACCEPTED, STEP_LIMIT = 0.9, 20.0
 timed."""
 SAMPLES = 20
 """Samples on the way."""
+LEAST_PENETRATION = 1e-14
+"""Rounding of coordinates that are tens of radii large, over the radii."""
+LEAST_FRICTION = 1e-4
+"""Less than one of some 100 loaded contacts with friction the wrong way in one of 40 steps, which counts 5e-4: smaller errors say which
+contact's slip was just above the threshold."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -270,24 +276,50 @@ def run_problem(
     found = interleave(contenders, repeats=repeats, time_limit=time_limit, tell=tell)
     base = found[chosen[0].name]
     rows = [new_row(**_row(problem, each, found[each.name], base)) for each in chosen]
+    # Neither springs nor engines that are not there are judged; and nobody's time has the telling of forces in it.
+    judged = [
+        Contender(name=each.name, run=partial(_watch, problem, each, engines[each.engine]))
+        for each, row in zip(chosen, rows, strict=True)
+        if row["status"] == "pass" and engines[each.engine].info().scheme in SOLVED_AT
+    ]
+    watched = interleave(judged, repeats=1, time_limit=time_limit, tell=lambda text: tell(f"friction, {text}"))
+    for row in rows:
+        for sample in watched[row["engine"]].samples if row["engine"] in watched else ():
+            row["friction_error"] = sample.facts["friction_error"]
+    ladder = [row for row in rows if row["engine"].startswith(BASE)]
     for entry, row in zip(chosen, rows, strict=True):
-        row["equal_ratio"] = at_equal_penetration(row, [ours for ours in rows if ours["engine"].startswith(BASE)])
+        row["equal_ratio"] = at_equal("penetration", row, ladder, LEAST_PENETRATION)
+        row["equal_friction_ratio"] = at_equal("friction_error", row, ladder, LEAST_FRICTION)
         if entry.engine == "cd":
             row["tolerance"] = entry.options["cd.tolerance"]
     yield rows
 
 
-def at_equal_penetration(row: Row, ladder: Sequence[Row]) -> float:
-    """Time of a row over that of ours, between the two rungs of the ladder of tolerances next to its penetration.
+def at_equal(error: str, row: Row, ladder: Sequence[Row], least: float) -> float:
+    """Time of a row over that of ours, between the two rungs of the ladder of tolerances next to its error.
 
-    Both logarithms are interpolated. NaN where the row has no time, or penetrates less than every rung; beyond the deepest rung ours is
-    taken as that is, which has both less penetration and its time.
+    Both logarithms are interpolated. NaN where the row has no time or no such error, or a smaller one than every rung; beyond the rung
+    with the largest ours is taken as that is, which has both less error and its time.
+
+    Parameters
+    ----------
+    error : str
+        Column of an error.
+    row : Row
+    ladder : sequence of Row
+        Ours.
+    least : float
+        What the error cannot be told from 0 by: a smaller one counts as this, and of several such rungs the fastest.
     """
-    timed = sorted((each["penetration"], each["median_s"]) for each in ladder if math.isfinite(each["median_s"]))
-    deep = row["penetration"]
-    if not (timed and math.isfinite(row["median_s"]) and deep >= timed[0][0] > 0.0):
+    times: dict[float, float] = {}
+    for each in ladder:
+        if math.isfinite(each["median_s"]) and math.isfinite(each[error]):
+            size = max(each[error], least)
+            times[size] = min(each["median_s"], times.get(size, math.inf))
+    size = max(row[error], least) if math.isfinite(row[error]) else math.nan
+    if not (times and math.isfinite(row["median_s"]) and size >= min(times)):
         return math.nan
-    ours = np.exp(np.interp(math.log(deep), *np.log(np.array(timed)).T))
+    ours = np.exp(np.interp(math.log(size), *np.log(np.array(sorted(times.items()))).T))
     return float(row["median_s"] / ours)
 
 
@@ -310,17 +342,8 @@ def energy_gained(history: History, scene: Scene) -> float:
 
 def _run(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sample:
     info = installed(engine.info())
-    scene = problem.with_stiffness(entry.stiffness * problem.scene.disk_disk.kn)
-    numerics: Numerics = problem.numerics().replace(**entry.numerics, options=dict(entry.options))
-    support = engine.supports(scene, numerics)
-    if support.level is SupportLevel.NO:
-        lacks = [f"{info.name} lacks " + ", ".join(support.missing)] if support.missing else []
-        raise UnsupportedProblemError("; ".join([*lacks, *support.notes]))
-    if isinstance(engine, ExternalEngine):  # one in a process of its own can be stopped
-        engine = copy(engine)
-        engine.time_limit = limit
-    done = engine.run(scene, numerics, ())
-    history = done.history
+    done = _ended(problem, entry, engine, limit, problem.numerics(), ())
+    history, scene = done.history, problem.scene
     deep = [-relative_gaps(scene, x, t) for x, t in zip(history.x[1:], history.t[1:], strict=True)]
     facts = {
         "version": info.version,
@@ -331,6 +354,28 @@ def _run(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sa
         "settings": dict(done.settings),
     }
     return Sample(seconds=done.timings.advance, whole=done.timings.setup + done.timings.advance, facts=facts)
+
+
+def _watch(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sample:
+    """The same run again, every step sampled and contacts watched."""
+    done = _ended(problem, entry, engine, limit, problem.numerics().replace(sample_every=1), near_pairs(problem.scene))
+    error = friction_of(done.history, problem.scene, engine.info().scheme)
+    return Sample(seconds=done.timings.advance, facts={"friction_error": error})
+
+
+def _ended(
+    problem: FlowProblem, entry: Entry, engine: Engine, limit: float, plain: Numerics, watch: Sequence[Pair]
+) -> EngineRun:
+    scene = problem.with_stiffness(entry.stiffness * problem.scene.disk_disk.kn)
+    numerics = plain.replace(**entry.numerics, options=dict(entry.options))
+    support = engine.supports(scene, numerics)
+    if support.level is SupportLevel.NO:
+        lacks = [f"{engine.info().name} lacks " + ", ".join(support.missing)] if support.missing else []
+        raise UnsupportedProblemError("; ".join([*lacks, *support.notes]))
+    if isinstance(engine, ExternalEngine):  # one in a process of its own can be stopped
+        engine = copy(engine)
+        engine.time_limit = limit
+    return engine.run(scene, numerics, watch)
 
 
 def _row(problem: FlowProblem, entry: Entry, measured: Measured, base: Measured) -> Row:

@@ -18,7 +18,7 @@ from ninedisk.harness.cli.support import console, table
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import complete
 
-BENCH_VERSION = 6
+BENCH_VERSION = 7
 
 COLUMNS: dict[str, str] = {
     "suite": "string",  # dem | spheres | cd | coulomb | flow | harness
@@ -60,6 +60,8 @@ COLUMNS: dict[str, str] = {
     "missed": "int64",  # suite flow: steps of contact dynamics that missed their tolerance and were accepted
     "worst_missed": "float64",  # larger one of natural map and duality gap of the worst of them
     "equal_ratio": "float64",  # suite flow: time over that of ours at the same penetration
+    "friction_error": "float64",  # suite flow: friction off Coulomb's law over what it could bear, watched contacts, all steps
+    "equal_friction_ratio": "float64",  # suite flow: time over that of ours at the same friction_error
     "settings": "string",  # JSON object; suite flow, under "steps that missed the tolerance": each with its error
     "samples_s": "string",  # JSON list: seconds of every repeat
 }
@@ -142,24 +144,20 @@ def show(rows: Sequence[Row], paths: Sequence[Path]) -> None:
         chosen = [row for row in rows if row["suite"] == suite]
         solver, flow = suite == "cd", suite == "flow"
         numbers = ("median", "spread", "ratio", "rate", "iterations", "residual", "gap")
-        right = (
-            *numbers,
-            "with start-up",
-            "bytes/disk",
+        of_flow = (
             "penetration",
             "deepest",
+            "residual",
+            "gap",
             "missed",
             "energy gained",
             "ratio at equal penetration",
+            "friction error",
+            "ratio at equal friction error",
         )
+        right = (*numbers, "with start-up", "bytes/disk", *of_flow)
         extra = ("start", "to", "iterations", "residual", "gap") if solver else ("threads", "disks", "steps")
-        more = (
-            ()
-            if solver
-            else ("penetration", "deepest", "residual", "gap", "missed", "energy gained", "ratio at equal penetration")
-            if flow
-            else ("with start-up", "processors", "bytes/disk")
-        )
+        more = () if solver else of_flow if flow else ("with start-up", "processors", "bytes/disk")
         shown = table("problem", "engine", *extra, "status", "median", "spread", "ratio", "rate", *more, right=right)
         for row in chosen:
             shown.add_row(*(printable(text) for text in _cells(row, solver)))
@@ -218,7 +216,7 @@ def _cells(row: Row, solver: bool) -> list[str]:
         more += [
             str(row["missed"]) if row["missed"] >= 0 else "-",
             _number(row["energy_gained"]),
-            _number(row["equal_ratio"]),
+            *(_number(row[name]) for name in ("equal_ratio", "friction_error", "equal_friction_ratio")),
         ]
     return [
         row["problem"], row["engine"], *extra, row["status"], _seconds(row["median_s"]), spread, _number(row["ratio"]), rate,

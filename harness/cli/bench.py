@@ -85,8 +85,8 @@ def bench(
                1000 and 3000, too), shares solved to 1e-3 .. 1e-12 as an independent judge sees it, and performance
                profiles: ours, Siconos' NSGS, Lemke and CPG; of the associated rule ours, Clarabel and PIQP
       flow     a drum, a hopper and a collapsing column stepped in time, time per simulated second beside the
-               penetration: contact dynamics, the DEM at three stiffnesses, pymunk, Box2D, Bullet, MuJoCo with more
-               and more iterations, engines by their commands
+               penetration and the error of friction: contact dynamics, the DEM at three stiffnesses, pymunk, Box2D,
+               Bullet, MuJoCo with more and more iterations, engines by their commands
       harness  `ninedisk run` on dem, cd and pymunk: the appendix's cases (kernels cached, and not), and all cases
 
     Physics is checked first: an engine that computes something else gets no time. Repeats are interleaved (A B A B)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ninedisk.references.contact_law import Errors, errors_of_forces, errors_of_motion, planar_bodies
+from ninedisk.references.contact_law import Errors, errors_of_forces, errors_of_motion, friction_error, planar_bodies
 
 # Three blocks of mass 2 without rotation, each on a floor of its own, in a step of 1 s: the first is pushed less than mu times its
 # weight and sticks, the second more and slides, the third is lifted. v = M^-1 (f + H r), by hand.
@@ -128,3 +128,40 @@ def test_what_does_not_fit_is_named(arguments, said):
 def test_rounding_excuses_little():
     assert not Errors(1e-7, 0, 0, 0, 0, 0, np.nan, 1e-8).solved(1e-12)
     assert errors_of_forces(W * 1e-20, Q, MU, R * 1e20 * (1 + 1e-6)).floor < 1e-8
+
+
+# Contacts that bear 10, 10, 20 and 0 with mu = 0.5: one slips ahead, one back, one sticks, one is open.
+FN, SLIP = np.array([10.0, 10.0, 20.0, 0.0]), np.array([3.0, -1e-9, 0.0, 2.0])
+FS = np.array([-5.0, 5.0, 7.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("fs", "expected"),
+    [
+        (FS, 0.0),
+        (np.array([0.0, 5.0, 7.0, 0.0]), 5.0 / 20.0),  # slides without friction
+        (np.array([5.0, 5.0, 7.0, 0.0]), 10.0 / 20.0),  # pushed along
+        (np.array([-5.0, 4.0, -13.0, 0.0]), (1.0 + 3.0) / 20.0),  # too weak in a slow slip; sticks outside the cone
+        (np.array([-5.0, 5.0, 7.0, 1.0]), 1.0 / 20.0),  # rubs without pressure
+    ],
+)
+def test_friction_error_in_closed_form(fs, expected):
+    assert friction_error(FN, fs, SLIP, 0.5) == pytest.approx(expected, abs=1e-15)
+    assert friction_error(1e6 * FN, 1e6 * fs, 1e-3 * SLIP, 0.5) == pytest.approx(expected, abs=1e-15), "no units"
+    # The natural map with a rho that makes the slowest slip large beside the forces.
+    natural = np.abs(fs - np.clip(fs - 1e12 * SLIP, -0.5 * FN, 0.5 * FN)).sum() / (0.5 * FN).sum()
+    assert natural == pytest.approx(expected, abs=1e-15)
+
+
+def test_friction_error_of_a_sign_turned_everywhere_is_two():
+    assert friction_error(FN[:2], -FS[:2], SLIP[:2], [0.5, 0.5]) == pytest.approx(2.0)
+
+
+def test_friction_error_at_the_edges():
+    assert friction_error([], [], [], []) == 0.0
+    assert friction_error([0.0, -1.0], [0.0, 0.0], [1.0, 1.0], 0.5) == 0.0
+    assert friction_error([-1.0], [0.5], [1.0], 0.5) == np.inf  # tension bears nothing
+    for lost in ((np.nan, 1.0, 1.0), (1.0, np.nan, 1.0), (1.0, 1.0, np.nan)):
+        assert np.isnan(friction_error(*([10.0, each] for each in lost), 0.5))
+    with pytest.raises(ValueError, match="mu must be"):
+        friction_error(FN, FS, SLIP, -0.5)

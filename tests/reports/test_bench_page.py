@@ -162,3 +162,21 @@ def test_the_race_counts_all_problems_and_shows_the_hardest_first(tmp_path: Path
     assert "33.3 %" in page
     assert "at most 3 s for one answer, 2 repeat(s)" in page
     assert "<b>off</b>" not in page
+
+
+def test_records_of_flows_from_before_friction_was_judged_are_read(tmp_path: Path) -> None:
+    told = {
+        "suite": "flow",
+        "penetration": 1e-3,
+        "equal_ratio": 2.5,
+        "friction_error": 0.0125,
+        "equal_friction_ratio": 3.75,
+    }
+    springs = row("drum-300", "dem, kn x 1", 300, suite="flow", penetration=1e-3)  # has neither
+    new = [row("drum-300", "pymunk, 10 iterations", 300, **told), springs]
+    page = page_of(new, tmp_path)
+    assert all(text in page for text in ("Friction error", "2.5", "0.013", "3.8"))
+    added = ("friction_error", "equal_friction_ratio")
+    page = page_of([{name: each[name] for name in each if name not in added} for each in new], tmp_path)
+    assert "2.5" in page
+    assert "0.013" not in page

@@ -74,7 +74,10 @@ def test_rows_of_ours_and_of_another_flow(problem: FlowProblem) -> None:
     assert ours["penetration"] < 1e-5 < springs["penetration"], "springs overlap, rigid contacts hardly"
     assert 0.0 <= ours["natural_map"] <= flow.TOLERANCE
     assert ours["missed"] == 0
-    assert ours["equal_ratio"] == pytest.approx(1.0)
+    assert ours["equal_ratio"] == ours["equal_friction_ratio"] == pytest.approx(1.0)
+    assert 0.0 <= ours["friction_error"] < 1e-2
+    assert math.isnan(springs["friction_error"]), "springs have no rigid law"
+    assert math.isnan(springs["equal_friction_ratio"])
     assert springs["missed"] == -1
     assert ours["rate"] == pytest.approx(ours["median_s"] / problem.seconds)
 
@@ -109,14 +112,23 @@ def test_energy_gained_in_closed_form(problem: FlowProblem) -> None:
 
 
 @pytest.mark.parametrize(
-    ("deep", "expected"), [(1e-3, 5.0 / 4.0), (1e-2, 5.0 / 2.0), (1e-1, 5.0 / 1.0), (1.0, 5.0), (1e-5, math.nan)]
+    ("size", "expected"), [(1e-3, 5.0 / 4.0), (1e-2, 5.0 / 2.0), (1e-1, 5.0 / 1.0), (1.0, 5.0), (1e-5, math.nan)]
 )
-def test_ratio_at_equal_penetration_in_closed_form(deep: float, expected: float) -> None:
+def test_ratio_at_equal_error_in_closed_form(size: float, expected: float) -> None:
     ladder = [
-        {"penetration": 1e-3, "median_s": 4.0},
-        {"penetration": 1e-1, "median_s": 1.0},
-        {"penetration": 1e-9, "median_s": math.nan},
+        {"friction_error": 1e-3, "median_s": 4.0},
+        {"friction_error": 1e-1, "median_s": 1.0},
+        {"friction_error": 1e-9, "median_s": math.nan},
+        {"friction_error": math.nan, "median_s": 2.0},
     ]
-    row = {"penetration": deep, "median_s": 5.0}
-    assert flow.at_equal_penetration(row, ladder) == pytest.approx(expected, rel=1e-12, nan_ok=True)
-    assert math.isnan(flow.at_equal_penetration(row | {"median_s": math.nan}, ladder))
+    row = {"friction_error": size, "median_s": 5.0}
+    assert flow.at_equal("friction_error", row, ladder, 1e-8) == pytest.approx(expected, rel=1e-12, nan_ok=True)
+    assert math.isnan(flow.at_equal("friction_error", row | {"median_s": math.nan}, ladder, 1e-8))
+    assert math.isnan(flow.at_equal("friction_error", row | {"friction_error": math.nan}, ladder, 1e-8))
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-9, 1e-4])
+def test_errors_that_cannot_be_told_from_none_meet_the_fastest_rung_without_any(size: float) -> None:
+    ladder = [{"penetration": error, "median_s": each} for error, each in ((0.0, 9.0), (1e-5, 3.0), (1e-2, 1.0))]
+    row = {"penetration": size, "median_s": 6.0}
+    assert flow.at_equal("penetration", row, ladder, 1e-4) == pytest.approx(2.0)
