@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
-from ninedisk.harness.cases.impact.cooling import CASE, haffs_law, law_at_end
+from ninedisk.harness.cases.impact.cooling import CASE, _fed_at_walls, haffs_law, law_at_end
+from ninedisk.harness.cases.impact.gas import MASS, RADIUS
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
@@ -74,3 +77,13 @@ def test_the_start_is_that_of_the_seed_and_the_law_that_of_the_box():
     assert 0.9 < law.elapsed < 1.1
     with pytest.raises(ParameterError, match="not allowed"):
         CASE.build(resolve(CASE, {"kn": 1e3}).params)
+
+
+@pytest.mark.parametrize(("gap_of_wall", "fed"), [(0.0, 1.0), (1.0, 0.0)])
+def test_what_newtons_law_feeds_at_a_wall_is_no_fault_and_away_from_walls_it_is(gap_of_wall, fed):
+    """Two disks in contact in x, one of which touches the left wall or not; a third one, far off, feeds too and is not excused."""
+    x = np.array([[RADIUS + gap_of_wall, 10.0], [3.0 * RADIUS + gap_of_wall, 10.0], [20.0, 20.0]])
+    v = np.array([[[-1.0, 0.0], [-2.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [2.5, 0.0], [1.5, 0.0]]])
+    history = SimpleNamespace(x=np.stack([x, x]), v=v, t=np.array([0.0, 0.01]))
+    params = {"rows": 8, "spacing": 5.6}
+    assert _fed_at_walls(params, history) == pytest.approx([0.0, fed * 0.5 * MASS * (2.5**2 - 2.0**2)])
