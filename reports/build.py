@@ -153,7 +153,7 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     progress("planning figures", len(cases), len(cases))
     jobs = [job for drawing in drawings for job in drawing.jobs]
     render(jobs, lambda done, count: progress("drawing figures", done, count))
-    total = len(cases) + len(engines) + 1
+    found, total = uses(stored, panel.engines), len(cases) + len(engines) + 1
     for done, (case, drawing) in enumerate(zip(cases, drawings, strict=True)):
         progress("writing pages", done, total)
         page = pages.case_page(env, panel, case, drawing.values())
@@ -161,7 +161,7 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     for done, engine in enumerate(engines, start=len(cases)):
         progress("writing pages", done, total)
         speed = engine_speed(panel, engine.id)
-        page = pages.engine_page(env, panel, engine, on_page(speed) if speed else None)
+        page = pages.engine_page(env, panel, engine, found[0], on_page(speed) if speed else None)
         (folder / "engine" / f"{engine.slug}.html").write_text(page, encoding="utf-8")
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
     if stored.findings:
@@ -170,7 +170,7 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
         (folder / "determinism.html").write_text(determinism_page(env, panel), encoding="utf-8")
     if stored.changes:
         (folder / "changes.html").write_text(comparison_page(stored.changes), encoding="utf-8")
-    (folder / "index.html").write_text(pages.index_page(env, panel, uses=uses(stored, panel.engines)), encoding="utf-8")
+    (folder / "index.html").write_text(pages.index_page(env, panel, found), encoding="utf-8")
     progress("writing pages", total, total)
 
 

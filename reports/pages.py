@@ -9,7 +9,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -51,6 +51,7 @@ from ninedisk.reports.model import (
     summarise,
 )
 from ninedisk.reports.text import SOURCE_WRONG, as_float, number, pair_shade, parameters, shade, symbol
+from ninedisk.reports.uses import Use
 
 HERE = Path(__file__).parent
 
@@ -208,11 +209,8 @@ def verdict_counts(panel: Panel) -> dict[str, int]:
     return told | dict(counts)
 
 
-def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
-    """The overview: what is wrong with whom, the matrix, what to take for what; the largest errors come first.
-
-    ``uses`` is what ``uses.html`` shows.
-    """
+def index_page(env: Environment, panel: Panel, uses: Sequence[Use] = ()) -> str:
+    """The overview: verdicts by use, what is wrong with whom, the matrix, what to take for what; the largest errors come first."""
     rows, filled = panel.open_rows(), squares(panel)
     engines, cases = _matrix(panel, filled)
     worst = sorted(
@@ -243,7 +241,7 @@ def index_page(env: Environment, panel: Panel, uses: Any = None) -> str:
         determinism=panel.stored.determinism,
         n_findings=len(panel.stored.findings),
         described={each.id for each in panel.stored.findings},
-        uses=uses,
+        uses=uses if any(use.headlines for use in uses) else (),
         changes=panel.stored.changes,
         **_moved(panel.stored.changes),
         counts=verdict_counts(panel),
@@ -340,8 +338,11 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
     )
 
 
-def engine_page(env: Environment, panel: Panel, engine: EngineFacts, speed: Chart | None) -> str:
-    """An engine: what it does well, what otherwise, what was never asked of it; ``speed`` is its chart of accuracy against speed."""
+def engine_page(env: Environment, panel: Panel, engine: EngineFacts, overall: Use, speed: Chart | None) -> str:
+    """An engine: how wrong and how fast it is, what it does well, what otherwise, what was never asked of it.
+
+    ``overall`` is the use that has all headlines, ``speed`` the engine's chart of accuracy against speed.
+    """
     mine = [row for row in panel.measurements if row["engine"] == engine.id]
     rated = _by(mine, "case", "variant")
     lines, groups = [], []
@@ -357,12 +358,16 @@ def engine_page(env: Environment, panel: Panel, engine: EngineFacts, speed: Char
     ranked = standings(panel, engine.id)
     first = [each for each in ranked if each.rank == 1]
     differences = _by([row for row in mine if row["status"] == "known-difference"], "reason")
+    findings = [each for each in of_engines(panel.stored) if each.engine == engine.id]
     return env.get_template("engine.html").render(
         root="../",
         engine=engine,
         lines=lines,
         cell_groups=groups,
         speed=speed,
+        overall=overall,
+        rank=next((rank for rank in (*overall.ranks, *overall.little) if rank.engine == engine), None),
+        declared=bool(findings) and not (ranked and ranked[-1].error > findings[0].size),
         ranked=ranked,
         n_near=sum(each.error <= AGREES for each in ranked),
         n_first=len(first),
@@ -370,7 +375,7 @@ def engine_page(env: Environment, panel: Panel, engine: EngineFacts, speed: Char
         otherwise=[each for each in reversed(ranked) if each.error > AGREES],
         listed=LISTED,
         siblings=[other for other in panel.engines.values() if other != engine and other.program == engine.program],
-        findings=[each for each in of_engines(panel.stored) if each.engine == engine.id],
+        findings=findings,
         differences=[(reason, rows) for (reason,), rows in differences.items()],
         determinism=[row for row in panel.stored.determinism if row["engine"] == engine.id],
         kinds=DETERMINISM_KINDS,

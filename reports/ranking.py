@@ -25,9 +25,9 @@ _PRINT = re.compile(r"the [\w-]+ truth is \S+, the print says \S+ \((?P<law>.*)\
 
 
 def percent(value: float) -> str:
-    """A relative error in per cent; below a thousandth of one in decades, ``1e-9``; above ten as a factor."""
+    """A relative error in per cent; below a thousandth of one in decades, ``1e-9``; above ten as a factor; an infinite one is a number."""
     if not math.isfinite(value):
-        return NOTHING
+        return NOTHING if math.isnan(value) else "∞"
     if value == 0.0:
         return "0"
     if value < 1e-5:

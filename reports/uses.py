@@ -1,10 +1,11 @@
-"""Which engine for what: for each use the engines by headline error, and by the time that an error of 1 % takes them.
+"""Which engine for what: of everything and of each use the engines by headline error, and by the time that an error of 1 % takes them.
 
 The figure of an engine is its *worst* headline error in a use, not a mean. A mean of decades hides one result that is off by half
 behind nine that are exact, and who takes the engine meets that one as well; which headline it is stands beside. Engines are compared on
 what they share: of a headline the variants count that two engines or more have a number on (all, where only one engine has any), so that
 settings that one engine alone has neither spoil nor save it. What an engine covers is the share of these variants that it has a number on,
-mean over the headlines; one that covers less than half of a use, as one that knows plastic impacts only, stands apart.
+mean over the headlines; one that covers less than half of a use, as one that knows plastic impacts only, stands apart and is neither the
+most accurate nor the fastest nor the farthest. A variant that an engine does not support leaves no number and is covered by others alone.
 
 Time at 1 % is that of stepping: between two stored steps by the logarithms, of the largest step where that is good enough
 (`ninedisk.reports.ranking.time_at`). Absolute times depend on the case; an engine's figure is the geometric mean, over all it reaches,
@@ -22,11 +23,14 @@ from ninedisk.harness.results.schema import ROUND_OFF, USES, Row
 from ninedisk.reports.figures import STEPS
 from ninedisk.reports.load import Stored
 from ninedisk.reports.model import EngineFacts
-from ninedisk.reports.ranking import EQUAL, time_at
-from ninedisk.reports.text import as_float, decade, decoded
+from ninedisk.reports.ranking import EQUAL, percent, time_at
+from ninedisk.reports.text import as_float, decade, decoded, times
 
 LITTLE = 0.5
 """What an engine has to cover of a use to be ranked."""
+
+OVERALL = {"all": "everything"}
+"""The use that has all headlines, whatever use each of them names."""
 
 Place = tuple[str, str]
 """Case and headline."""
@@ -72,6 +76,11 @@ class Rank:
         """That error's decade, as its colour has it: 0 for round-off."""
         return int(decade(self.error)[1:])
 
+    @property
+    def measure(self) -> str:
+        """The error as pages print it, all of round-off alike: engines tie that a reader could not tell apart by it."""
+        return percent(max(self.error, ROUND_OFF))
+
 
 @dataclass(frozen=True)
 class Use:
@@ -88,18 +97,35 @@ class Use:
 
     @property
     def best(self) -> Sequence[Rank]:
-        """The ranked engines of the most accurate decade."""
-        return [rank for rank in self.ranks if rank.decade == self.ranks[0].decade]
+        """The ranked engines of the least error, all that tie."""
+        return [rank for rank in self.ranks if rank.measure == self.ranks[0].measure]
 
     @property
-    def fastest(self) -> Rank | None:
-        """The ranked engine that comes to 1 % wherever it was tried and takes the least time; None if there is none."""
-        able = [rank for rank in self.ranks if rank.timed and rank.reached == rank.timed]
-        return min(able, key=lambda rank: rank.slower, default=None)
+    def able(self) -> Sequence[Rank]:
+        """The ranked engines that come to 1 % wherever they were tried."""
+        return [rank for rank in self.ranks if rank.timed and rank.reached == rank.timed]
+
+    @property
+    def fastest(self) -> Sequence[Rank]:
+        """Those of `able` that take the least time, all whose factors print alike."""
+        least = times(min((rank.slower for rank in self.able), default=math.nan))
+        return [rank for rank in self.able if times(rank.slower) == least]
+
+    @property
+    def farthest(self) -> Sequence[Rank]:
+        """The ranked engines of the largest error, all that tie; none where all of them do, as nobody is farther off than another.
+
+        An engine counts as in `best`: with numbers on half of the use at least. What it does not support is no error.
+        """
+        return [rank for rank in self.ranks if self.ranks[0].measure != rank.measure == self.ranks[-1].measure]
+
+    def place(self, rank: Rank) -> int:
+        """Place of a ranked engine; those that tie share one."""
+        return 1 + [other.measure for other in self.ranks].index(rank.measure)
 
 
 def uses(stored: Stored, engines: Mapping[str, EngineFacts]) -> list[Use]:
-    """Every use of `schema.USES` in its order; one that no stored headline serves has no ranks.
+    """Everything together, then every use of `schema.USES` in its order; one that no stored headline serves has no ranks.
 
     No case is large: what large scenes cost, and how deep disks overlap there, is measured by ``ninedisk bench flow``, whose
     records are no part of a store.
@@ -114,7 +140,8 @@ def uses(stored: Stored, engines: Mapping[str, EngineFacts]) -> list[Use]:
     took = {(cell["case"], cell["variant"], cell["engine"]): as_float(cell["advance_s"]) for cell in stored.cells}
     rows = [row for row in stored.headlines if row["engine"] in engines and not math.isnan(as_float(row["rel_error"]))]
     return [
-        _use(name, title, [row for row in rows if row["use"] == name], took, engines) for name, title in USES.items()
+        _use(name, title, [row for row in rows if name in OVERALL or row["use"] == name], took, engines)
+        for name, title in (OVERALL | USES).items()
     ]
 
 
