@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.references._validate import finite, not_negative, positive, positive_or_inf
-from ninedisk.references.analytic.hertz import Impact, hertz_impact
+from ninedisk.references.analytic.impact.hertz import Impact, hertz_impact
 
 FloatArray = NDArray[np.float64]
 

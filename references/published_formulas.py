@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ninedisk.references.analytic.sliding import critical_dt, normal_displacement_as_printed
+from ninedisk.references.analytic.on_plane.sliding import critical_dt, normal_displacement_as_printed
 
 SOURCE_GRAVITY = 10.0
 """Acceleration of gravity of A.3.4 [m/s^2], where the variant has no parameter ``g``."""

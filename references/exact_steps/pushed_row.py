@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.references._validate import MOST, count, finite, form_in_range, not_negative, positive, theta_in_range
-from ninedisk.references.analytic.pushed_row import MOST_DISKS, ChainModes, chain_modes, forces_of
+from ninedisk.references.analytic.assembly.pushed_row import MOST_DISKS, ChainModes, chain_modes, forces_of
 
 FloatArray = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def chain_central(
     Parameters
     ----------
     n, kn, mass, xi, v_wall
-        As in `ninedisk.references.analytic.pushed_row.chain_forces`.
+        As in `ninedisk.references.analytic.assembly.pushed_row.chain_forces`.
     dt : float
         Time step [s], > 0.
     n_load : int

@@ -70,7 +70,7 @@ def pair_shear(d: FloatArray, *, slip_at: str) -> FloatArray:
 def turning_wall_steps(
     *, radius: float, overlap: float, way: float, angle: float, half: int, cycles: int, mid_overlap: bool, slip_at: str
 ) -> FloatArray:
-    """``fs/ks`` [m] at every step of the disk at rest of `ninedisk.references.analytic.retraced_loop.turning_wall_shear`.
+    """``fs/ks`` [m] at every step of the disk at rest of `ninedisk.references.analytic.contact.retraced_loop.turning_wall_shear`.
 
     The wall takes ``half`` steps to go there, and as many back; in each of them it goes and turns by the same, which is its velocity in
     the middle of the step, and the pose is that of the middle of the step or of its end.

@@ -21,7 +21,7 @@ from ninedisk.core import (
 )
 from ninedisk.core.dem.arrays import SAFETY, contact_step
 from ninedisk.core.dem.critical import _network_rate, critical_time_step, packed_time_step
-from ninedisk.references.analytic.critical_step import row_frequencies
+from ninedisk.references.analytic.contact.critical_step import row_frequencies
 
 SMOOTH = ContactLaw(kn=KN)
 LOW = 1.1e-4

@@ -28,8 +28,8 @@ from scenes import (
 
 from ninedisk.core import BehindWallError, ContactLaw, Disks, History, Scene, Wall, WallSegment
 from ninedisk.core.dem.session import DemSession
-from ninedisk.references.analytic.compression import continuous_row
-from ninedisk.references.analytic.spring_dashpot import contact_history, restitution_of_beta
+from ninedisk.references.analytic.assembly.compression import continuous_row
+from ninedisk.references.analytic.impact.spring_dashpot import contact_history, restitution_of_beta
 
 DT = 1e-3
 ROUND_OFF = 2e-12

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.hertz import contact_moduli, solitary_speed
+from ninedisk.references.analytic.impact.hertz import contact_moduli, solitary_speed
 from ninedisk.references.hertz_chain import stepped_row, struck_row
 from ninedisk.references.hertz_mindlin import UNLOADING, Contact, impact, scheme_errors
 

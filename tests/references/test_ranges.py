@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 
 from ninedisk.references import analytic, exact_steps
-from ninedisk.references.analytic.ellipse_collision import MovingEllipse
-from ninedisk.references.analytic.ellipse_contact import Ellipse
-from ninedisk.references.analytic.rolling_grain import EllipseShape
+from ninedisk.references.analytic.contact.ellipse_contact import Ellipse
+from ninedisk.references.analytic.impact.ellipse_collision import MovingEllipse
+from ninedisk.references.analytic.on_plane.rolling_grain import EllipseShape
 from ninedisk.references.exact_steps.normal_contact import Plane
 
 SHAPE = EllipseShape(2.0, 1.0)
@@ -109,7 +109,7 @@ MOST_SECONDS, MOST_BYTES = 20.0, 400_000_000
 
 def functions() -> Iterator[tuple[str, Callable[..., Any]]]:
     for package in (analytic, exact_steps):
-        for found in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             module = importlib.import_module(found.name)
             for name, value in vars(module).items():
                 if inspect.isfunction(value) and value.__module__ == module.__name__ and not name.startswith("_"):
@@ -123,7 +123,7 @@ CHECKED = sorted(set(FUNCTIONS) - INTERNAL)
 def right(name: str) -> dict[str, Any]:
     given = {**RIGHT_VALUES, **OWN.get(name, {})}
     if name == "rolling_incline.roll_down":
-        from ninedisk.references.analytic.rolling_incline import RollRates
+        from ninedisk.references.analytic.on_plane.rolling_incline import RollRates
 
         given["rates"] = RollRates(*given["rates"])
     return {

@@ -23,7 +23,7 @@ from ninedisk.harness.api.case import Check, FloatArray, Norm, Observed, Paramet
 from ninedisk.harness.api.engine import SOFTEST, EngineInfo
 from ninedisk.harness.cases.nurbs.grains import grains
 from ninedisk.harness.run.judge import blank_history
-from ninedisk.references.analytic.spring_dashpot import beta_of_restitution, contact_duration, contact_history
+from ninedisk.references.analytic.impact.spring_dashpot import beta_of_restitution, contact_duration, contact_history
 
 SHALLOW = 1e-4
 """Overlap over radius at which all lever arms are the same to that part."""

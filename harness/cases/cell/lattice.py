@@ -16,7 +16,7 @@ from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import round_off_speed, where_observed
-from ninedisk.references.analytic.lattice import moduli, sheared, stretched
+from ninedisk.references.analytic.assembly.lattice import moduli, sheared, stretched
 
 RADIUS, MASS, KN, KS = 0.5, 1.0, 1e4, 5e3
 OVERLAP, STRAIN = 4e-3, 1e-3

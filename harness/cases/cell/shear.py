@@ -17,7 +17,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import where_observed
-from ninedisk.references.analytic.dense_flow import simple_shear
+from ninedisk.references.analytic.assembly.dense_flow import simple_shear
 
 RADIUS, MASS, KN, RATE = 0.5, 1.0, 1e4, 0.5
 """Means of radii [m] and masses [kg], stiffness [N/m], shear rate [1/s]."""

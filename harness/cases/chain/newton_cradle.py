@@ -30,7 +30,7 @@ from ninedisk.harness.cases.common import (
     whole_steps,
 )
 from ninedisk.harness.cases.impact.binary import ROUND_OFF, beta_for
-from ninedisk.references.analytic.chain import ChainHistory, chain_of_collisions, chain_of_springs, touching_row
+from ninedisk.references.analytic.impact.chain import ChainHistory, chain_of_collisions, chain_of_springs, touching_row
 from ninedisk.references.exact_steps.chain import ChainSteps, chain_theta
 
 RADIUS = 1.0

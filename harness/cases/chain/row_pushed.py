@@ -25,7 +25,7 @@ from ninedisk.harness.api.case import (
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nine_disk.compression import step_error
 from ninedisk.harness.cases.nine_disk.scene import DAMPING_FORM, NINE_DISK_CD, cd_settings
-from ninedisk.references.analytic.pushed_row import chain_forces, chain_modes, mode_forces, static_force
+from ninedisk.references.analytic.assembly.pushed_row import chain_forces, chain_modes, mode_forces, static_force
 from ninedisk.references.exact_steps.pushed_row import chain_central, chain_theta
 
 RADIUS, MASS = 0.5, 1.0

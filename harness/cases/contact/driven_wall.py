@@ -26,8 +26,8 @@ from ninedisk.harness.cases.common import (
 )
 from ninedisk.harness.cases.impact.binary import beta_for
 from ninedisk.harness.cases.impact.held_disk import impact_error
-from ninedisk.references.analytic.prescribed_partner import Carried, Struck, carried, struck_by_turning_wall
-from ninedisk.references.analytic.spring_dashpot import contact_duration
+from ninedisk.references.analytic.impact.prescribed_partner import Carried, Struck, carried, struck_by_turning_wall
+from ninedisk.references.analytic.impact.spring_dashpot import contact_duration
 
 RADIUS, MASS, MU, GRAVITY = 0.5, 1.0, 0.5, 10.0
 AMPLITUDE, FREQUENCY = 0.02, 10.0

@@ -25,8 +25,8 @@ from ninedisk.harness.cases.common import (
 )
 from ninedisk.harness.cases.impact.binary import beta_for
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.collision import final_velocities
-from ninedisk.references.analytic.slip_to_roll import slide_to_stop
+from ninedisk.references.analytic.impact.collision import final_velocities
+from ninedisk.references.analytic.on_plane.slip_to_roll import slide_to_stop
 
 RADIUS, MASS, GRAVITY, SPEED = 0.5, 1.0, 10.0, 2.0
 """Of each disk [m], [kg]; gravity [m/s^2]; speed of all that are thrown or fly [m/s]."""

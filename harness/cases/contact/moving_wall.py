@@ -26,8 +26,8 @@ from ninedisk.harness.api.case import (
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import where_observed
 from ninedisk.harness.cases.nine_disk.scene import DAMPING_FORM, NINE_DISK_CD, cd_settings
-from ninedisk.references.analytic.driven_contact import shaken_contact
-from ninedisk.references.analytic.spring_dashpot import contact_duration, contact_history
+from ninedisk.references.analytic.contact.driven_contact import shaken_contact
+from ninedisk.references.analytic.impact.spring_dashpot import contact_duration, contact_history
 from ninedisk.references.exact_steps.normal_contact import (
     NormalSteps,
     Plane,

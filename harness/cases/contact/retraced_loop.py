@@ -18,7 +18,7 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import allowing, excused
 from ninedisk.harness.cases.matched import slip_of
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
-from ninedisk.references.analytic.retraced_loop import (
+from ninedisk.references.analytic.contact.retraced_loop import (
     passing_drift,
     passing_shear,
     turning_wall_drift,

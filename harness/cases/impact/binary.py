@@ -33,8 +33,12 @@ from ninedisk.harness.cases.common import (
     whole_steps,
 )
 from ninedisk.harness.cases.impact.shown import BINARY_CLAIMS, BINARY_FIGURES
-from ninedisk.references.analytic.collision import collision_history
-from ninedisk.references.analytic.spring_dashpot import beta_of_restitution, contact_duration, restitution_of_beta
+from ninedisk.references.analytic.impact.collision import collision_history
+from ninedisk.references.analytic.impact.spring_dashpot import (
+    beta_of_restitution,
+    contact_duration,
+    restitution_of_beta,
+)
 from ninedisk.references.exact_steps.impact import collision_step_theta
 
 RADIUS = 1.0

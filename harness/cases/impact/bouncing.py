@@ -34,7 +34,13 @@ from ninedisk.harness.cases.common import (
     whole_steps,
 )
 from ninedisk.harness.cases.impact.binary import beta_for
-from ninedisk.references.analytic.bouncing import Bounces, landing_speed, rigid_bounces, spring_bounces, zeno_time
+from ninedisk.references.analytic.impact.bouncing import (
+    Bounces,
+    landing_speed,
+    rigid_bounces,
+    spring_bounces,
+    zeno_time,
+)
 from ninedisk.references.exact_steps.plane_contact import plane_contact_theta
 
 RADIUS, MASS = 1.0, math.pi

@@ -15,7 +15,7 @@ from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setu
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import phase_error
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.cohesion import captures, cohesive_contact, cohesive_rebound
+from ninedisk.references.analytic.impact.cohesion import captures, cohesive_contact, cohesive_rebound
 
 RADIUS, MASS, HEAVY, SPEED = 0.5, 1.0, 3.0, 2.0
 """Of the disk that flies [m], [kg], mass of the other one [kg], speed of approach [m/s]."""

@@ -44,9 +44,9 @@ from ninedisk.harness.cases.impact.gas import (
     room_at_walls,
 )
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.gas import haff_spread, haff_time, pair_rate, rate_in_box
-from ninedisk.references.analytic.hard_disks import hard_disks
-from ninedisk.references.analytic.spring_dashpot import contact_duration
+from ninedisk.references.analytic.impact.gas import haff_spread, haff_time, pair_rate, rate_in_box
+from ninedisk.references.analytic.impact.hard_disks import hard_disks
+from ninedisk.references.analytic.impact.spring_dashpot import contact_duration
 
 MIXED = 10.0
 """Collisions of each disk, elastic ones, between the lattice and the start: the density and the velocities are those of equilibrium."""

@@ -41,7 +41,7 @@ from ninedisk.harness.cases.common import (
     softness,
     whole_steps,
 )
-from ninedisk.references.analytic.gas import pair_rate, wall_rate
+from ninedisk.references.analytic.impact.gas import pair_rate, wall_rate
 
 RADIUS, MASS = 1.0, math.pi
 """Unit radius and density."""

@@ -23,8 +23,8 @@ from ninedisk.harness.cases.common import (
     softness,
 )
 from ninedisk.harness.cases.impact.binary import beta_for
-from ninedisk.references.analytic.prescribed_partner import Struck, rebound_from_held_disk
-from ninedisk.references.analytic.spring_dashpot import contact_duration
+from ninedisk.references.analytic.impact.prescribed_partner import Struck, rebound_from_held_disk
+from ninedisk.references.analytic.impact.spring_dashpot import contact_duration
 
 RADIUS, MASS = 0.5, 1.0
 PLACE, SPEED, RESTITUTION = (-0.95, 0.5), 1.0, 0.5

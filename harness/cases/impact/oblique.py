@@ -46,9 +46,9 @@ from ninedisk.harness.cases.common import (
 )
 from ninedisk.harness.cases.impact.binary import ROUND_OFF, beta_for
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.oblique_impact import Rebound, rigid_rebound, spring_rebound
-from ninedisk.references.analytic.slip_to_roll import UNIFORM_DISK
-from ninedisk.references.analytic.spring_dashpot import contact_duration, restitution_of_beta
+from ninedisk.references.analytic.impact.oblique_impact import Rebound, rigid_rebound, spring_rebound
+from ninedisk.references.analytic.impact.spring_dashpot import contact_duration, restitution_of_beta
+from ninedisk.references.analytic.on_plane.slip_to_roll import UNIFORM_DISK
 from ninedisk.references.exact_steps.plane_contact import PlaneSteps, plane_contact_theta
 
 RADIUS, MASS = 1.0, math.pi

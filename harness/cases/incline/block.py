@@ -44,7 +44,7 @@ from ninedisk.harness.cases.common import (
     whole_steps,
 )
 from ninedisk.harness.cases.incline.shown import BLOCK_CLAIMS, BLOCK_FIGURES
-from ninedisk.references.analytic.incline import acceleration, critical_mu, incline
+from ninedisk.references.analytic.on_plane.incline import acceleration, critical_mu, incline
 from ninedisk.references.exact_steps.incline import (
     associated_incline,
     coulomb_incline_theta,

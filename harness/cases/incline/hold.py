@@ -32,7 +32,7 @@ from ninedisk.harness.cases.common import (
 )
 from ninedisk.harness.cases.incline.block import PHASE, RADIUS, chatters, first_order_bounds, spring_bounds
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.incline import acceleration
+from ninedisk.references.analytic.on_plane.incline import acceleration
 
 RATIOS = (0.5, 0.9, 0.99, 1.01, 1.1, 1.5)
 """Slopes tan(angle) over mu: as many that hold as that slide; Drake 1.51.1 crashes on scenes of more disks and planes than these."""

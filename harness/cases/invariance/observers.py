@@ -27,9 +27,9 @@ from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES
 from ninedisk.harness.cases.rolling import incline_disk as rolling_incline
 from ninedisk.harness.cases.rolling import slip_to_roll
 from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS
-from ninedisk.references.analytic.incline import acceleration
-from ninedisk.references.analytic.rolling_incline import roll_rates
-from ninedisk.references.analytic.slip_to_roll import rolling_speed
+from ninedisk.references.analytic.on_plane.incline import acceleration
+from ninedisk.references.analytic.on_plane.rolling_incline import roll_rates
+from ninedisk.references.analytic.on_plane.slip_to_roll import rolling_speed
 
 Scenes = Mapping[str, tuple[Any, Mapping[str, Value], frozenset[str]]]
 

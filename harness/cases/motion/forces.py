@@ -15,7 +15,7 @@ from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Par
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import single, single_precision
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.segments import Driven, under_segments
+from ninedisk.references.analytic.contact.segments import Driven, under_segments
 
 RADIUS, MASS = 0.5, 2.0
 """Of each disk [m], [kg]."""

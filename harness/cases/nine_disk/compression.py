@@ -36,7 +36,12 @@ from ninedisk.harness.cases.nine_disk.scene import (
 )
 from ninedisk.harness.cases.nine_disk.shown import COMPRESSION_CLAIMS, COMPRESSION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
-from ninedisk.references.analytic.compression import continuous_row, row_frequency, steady_force, undamped_amplitude
+from ninedisk.references.analytic.assembly.compression import (
+    continuous_row,
+    row_frequency,
+    steady_force,
+    undamped_amplitude,
+)
 from ninedisk.references.exact_steps.cd_row import smooth_row_cd
 from ninedisk.references.exact_steps.compression import smooth_row
 

@@ -38,7 +38,7 @@ from ninedisk.harness.cases.nine_disk.scene import (
 )
 from ninedisk.harness.cases.nine_disk.shown import DISTORTION_CLAIMS, DISTORTION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
-from ninedisk.references.analytic.compression import row_frequency, steady_force
+from ninedisk.references.analytic.assembly.compression import row_frequency, steady_force
 
 COMPRESS, SETTLE, DISTORT = 4000, 1000, 500
 """Cycles of the three stages."""

@@ -15,7 +15,7 @@ from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setu
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import contact_step, where_observed
 from ninedisk.harness.cases.nurbs.grains import grains
-from ninedisk.references.analytic.ellipse_collision import ChordWork, MovingEllipse, chord_work
+from ninedisk.references.analytic.impact.ellipse_collision import ChordWork, MovingEllipse, chord_work
 
 A, B, DENSITY = 1.0, 0.6, 1.0
 SPEED = 0.5
@@ -37,7 +37,7 @@ class Collision:
     force is that of the step's end, multiplies the energy of an oscillation by ``1/(1 + theta (omega dt)^2)`` a step, over a
     contact's half period by ``exp(-pi theta omega dt)``. Energy is not: the chord's
     force ``kn overlap`` has no potential away from circles, so that work on the way in and out differ by a part of the order of
-    overlap over size, whatever the step (`ninedisk.references.analytic.ellipse_collision`); the law of the common area has one and
+    overlap over size, whatever the step (`ninedisk.references.analytic.impact.ellipse_collision`); the law of the common area has one and
     loses what the step makes it lose.
     """
 

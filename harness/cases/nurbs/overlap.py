@@ -15,7 +15,7 @@ from ninedisk.harness.api.case import Check, FloatArray, Headline, Norm, Observe
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nurbs.grains import disk_gap, grains
 from ninedisk.harness.cases.nurbs.shown import OVERLAP_CLAIMS
-from ninedisk.references.analytic.ellipse_contact import Ellipse, ellipse_overlap
+from ninedisk.references.analytic.contact.ellipse_contact import Ellipse, ellipse_overlap
 
 KN, DENSITY = 1e4, 1000.0
 

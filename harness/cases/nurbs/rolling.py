@@ -41,7 +41,7 @@ from ninedisk.harness.cases.common import (
 )
 from ninedisk.harness.cases.matched import slip_of
 from ninedisk.harness.cases.nurbs.grains import grains
-from ninedisk.references.analytic.rolling_grain import (
+from ninedisk.references.analytic.on_plane.rolling_grain import (
     NODES,
     WEIGHTS,
     EllipseShape,
@@ -53,7 +53,7 @@ from ninedisk.references.analytic.rolling_grain import (
     time_to,
     tipping_slope,
 )
-from ninedisk.references.analytic.rolling_incline import roll_rates
+from ninedisk.references.analytic.on_plane.rolling_incline import roll_rates
 
 if TYPE_CHECKING:
     from ninedisk.core.nurbs.mass import UniformGrain
@@ -91,7 +91,7 @@ class RollingGrain:
     id = "nurbs/rolling"
     version = 1
     title = "Angular grains on an incline"
-    source = "rigid-body statics and dynamics, by the support function (references.analytic.rolling_grain)"
+    source = "rigid-body statics and dynamics, by the support function (references.analytic.on_plane.rolling_grain)"
     requirement = (
         "a regular polygon of m faces rests up to tan(angle) = (1 - roundness) tan(pi/m) and rolls beyond, an ellipse at "
         "(a^2 - b^2)/(2 a b); a disk rolls at once with 2/3 g sin"
@@ -320,7 +320,7 @@ class Release(NamedTuple):
     angle : float
         Of the incline [rad].
     phi : float
-        Place of the outline that touches (`ninedisk.references.analytic.rolling_grain`) [rad].
+        Place of the outline that touches (`ninedisk.references.analytic.on_plane.rolling_grain`) [rad].
     height : float
         Of the centroid above the plane [m].
     reach : float

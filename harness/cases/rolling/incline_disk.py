@@ -37,8 +37,8 @@ from ninedisk.harness.cases.common import (
 )
 from ninedisk.harness.cases.incline.block import chatters
 from ninedisk.harness.cases.rolling.slip_to_roll import shear_frequency
-from ninedisk.references.analytic.rolling_incline import RollRates, roll_down, roll_rates, rolling_mu
-from ninedisk.references.analytic.slip_to_roll import UNIFORM_DISK
+from ninedisk.references.analytic.on_plane.rolling_incline import RollRates, roll_down, roll_rates, rolling_mu
+from ninedisk.references.analytic.on_plane.slip_to_roll import UNIFORM_DISK
 from ninedisk.references.exact_steps.rolling import associated_rolling
 
 RADIUS, MASS = 0.5, 7.854

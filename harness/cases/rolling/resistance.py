@@ -27,7 +27,7 @@ from ninedisk.harness.cases.common import (
 )
 from ninedisk.harness.cases.rolling.slip_to_roll import shear_frequency
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.rolling_resistance import (
+from ninedisk.references.analytic.on_plane.rolling_resistance import (
     EquivalentDisk,
     Rolled,
     against_constant_torque,
@@ -36,7 +36,7 @@ from ninedisk.references.analytic.rolling_resistance import (
     equivalent_disk,
     oscillation,
 )
-from ninedisk.references.analytic.slip_to_roll import UNIFORM_DISK
+from ninedisk.references.analytic.on_plane.slip_to_roll import UNIFORM_DISK
 
 RADIUS, MASS, MU, GRAVITY = 0.5, 1.0, 0.5, 10.0
 """Of the disk [m], [kg], the friction coefficient, and gravity [m/s^2]: friction is three times what rolling needs, and more."""

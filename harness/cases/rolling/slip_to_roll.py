@@ -38,7 +38,7 @@ from ninedisk.harness.cases.common import (
     whole_steps,
 )
 from ninedisk.harness.cases.rolling.shown import SLIP_TO_ROLL_CLAIMS, SLIP_TO_ROLL_FIGURES
-from ninedisk.references.analytic.slip_to_roll import (
+from ninedisk.references.analytic.on_plane.slip_to_roll import (
     UNIFORM_DISK,
     slide_to_stop,
     slip_end,

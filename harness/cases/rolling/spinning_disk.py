@@ -45,8 +45,8 @@ from ninedisk.harness.cases.rolling.slip_to_roll import (
     shear_frequency,
     slip_tolerance,
 )
-from ninedisk.references.analytic.slip_to_roll import UNIFORM_DISK
-from ninedisk.references.analytic.spinning_disk import SpinHistory, energy_kept, slip_end, spinning_disk
+from ninedisk.references.analytic.on_plane.slip_to_roll import UNIFORM_DISK
+from ninedisk.references.analytic.on_plane.spinning_disk import SpinHistory, energy_kept, slip_end, spinning_disk
 
 TURN = 1.0 / (UNIFORM_DISK * RADIUS)
 """Change of spin that goes with a unit change of velocity [1/m]."""

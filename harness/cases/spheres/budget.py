@@ -25,7 +25,7 @@ from ninedisk.harness.cases.energy.budget import (
     Budget,
 )
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.hertz import hertz_impact
+from ninedisk.references.analytic.impact.hertz import hertz_impact
 
 LOSSES, OWN = ("friction_loss", "dashpot_loss"), ("law_loss",)
 """Channels of spheres; what the law of the shear spring takes as the contact radius changes may be of either sign."""

@@ -18,7 +18,7 @@ from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import single, single_precision
 from ninedisk.harness.cases.spheres.impact import MARGIN
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.hertz import contact_moduli, solitary_speed
+from ninedisk.references.analytic.impact.hertz import contact_moduli, solitary_speed
 from ninedisk.references.hertz_chain import stepped_row, struck_row
 
 STEEL, DENSITY, RADIUS = (2e11, 0.3), 7800.0, 0.01

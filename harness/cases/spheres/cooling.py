@@ -17,7 +17,7 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import CONTACT_DYNAMICS, FINDING_WORDS, whole_steps
 from ninedisk.harness.cases.impact.cooling import CoolingGas, law_at_end, own_step
 from ninedisk.harness.cases.impact.gas import MASS, RADIUS
-from ninedisk.references.analytic.spring_dashpot import restitution_of_beta
+from ninedisk.references.analytic.impact.spring_dashpot import restitution_of_beta
 
 CHANGED = {"rows": 4, "spacing": 4.2, "duration": 2.0}
 """64 spheres that fill 6 % of a cube."""

@@ -14,7 +14,7 @@ from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, FloatArray, KnownDifference, Observed, SphereSetup, TruthKind
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import single, single_precision
-from ninedisk.references.analytic.spring_dashpot import restitution_of_beta
+from ninedisk.references.analytic.impact.spring_dashpot import restitution_of_beta
 from ninedisk.references.hertz_mindlin import Contact, Spun, impact, scheme_errors
 
 PLANE = np.array([[0.0, 0.0, -1.0], [0.8, 0.6, 0.0]])

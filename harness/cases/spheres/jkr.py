@@ -17,8 +17,8 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import FINDING_WORDS
 from ninedisk.harness.cases.spheres.impact import SPHERES
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.hertz import hertz_impact
-from ninedisk.references.analytic.jkr import neck, restitution, stable_contact, sticking_speed
+from ninedisk.references.analytic.impact.hertz import hertz_impact
+from ninedisk.references.analytic.impact.jkr import neck, restitution, stable_contact, sticking_speed
 
 RADII, MASSES, E_STAR, ENERGY = (0.01, 0.02), (0.01, 0.05), 1e7, 0.05
 REDUCED, M_EFF = RADII[0] * RADII[1] / sum(RADII), MASSES[0] * MASSES[1] / sum(MASSES)

@@ -43,11 +43,16 @@ from ninedisk.harness.cases.common import (
     softness,
 )
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.ball_on_plane import BallHistory, against_twisting, slide_and_roll, slip_of
-from ninedisk.references.analytic.rolling_incline import roll_down, roll_rates
-from ninedisk.references.analytic.rolling_resistance import Rolled, against_constant_torque, against_spring, oscillation
-from ninedisk.references.analytic.slip_to_roll import slip_to_roll
-from ninedisk.references.analytic.turntable import UNIFORM_SPHERE, turntable
+from ninedisk.references.analytic.on_plane.ball_on_plane import BallHistory, against_twisting, slide_and_roll, slip_of
+from ninedisk.references.analytic.on_plane.rolling_incline import roll_down, roll_rates
+from ninedisk.references.analytic.on_plane.rolling_resistance import (
+    Rolled,
+    against_constant_torque,
+    against_spring,
+    oscillation,
+)
+from ninedisk.references.analytic.on_plane.slip_to_roll import slip_to_roll
+from ninedisk.references.analytic.on_plane.turntable import UNIFORM_SPHERE, turntable
 
 RADIUS, MASS, G = 0.5, 2.0, 10.0
 KN, KS_OVER_KN, BETA = 1e8, 0.8, 0.3

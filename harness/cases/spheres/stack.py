@@ -37,7 +37,7 @@ from ninedisk.harness.cases.common import (
     softness,
 )
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.sphere_ring import RingForces, fallen, ring_angle, ring_forces
+from ninedisk.references.analytic.assembly.sphere_ring import RingForces, fallen, ring_angle, ring_forces
 
 RADIUS, MASS, G = 0.5, 2.0, 10.0
 KN, KS_OVER_KN, BETA = 1e7, 0.8, 0.3

@@ -24,9 +24,9 @@ from ninedisk.harness.cases.common import (
 )
 from ninedisk.harness.cases.spheres.impact import ROUND_OFF, observed_of, rebound_checks, rebound_within, setup_of
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.hertz import contact_moduli
-from ninedisk.references.analytic.oblique_impact import Rebound, rigid_rebound, spring_rebound
-from ninedisk.references.analytic.spring_dashpot import contact_duration
+from ninedisk.references.analytic.impact.hertz import contact_moduli
+from ninedisk.references.analytic.impact.oblique_impact import Rebound, rigid_rebound, spring_rebound
+from ninedisk.references.analytic.impact.spring_dashpot import contact_duration
 from ninedisk.references.hertz_mindlin import Contact, Spun, impact
 
 RADIUS, MASS, MU, SPEED = 1.0, 4.0 / 3.0 * math.pi, 0.3, 1.0

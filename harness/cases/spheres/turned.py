@@ -31,7 +31,7 @@ from ninedisk.harness.api.case import (
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import FINDING_WORDS, single, single_precision
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.turned_shear import turned_by, turned_shear
+from ninedisk.references.analytic.contact.turned_shear import turned_by, turned_shear
 
 RADIUS, KN, MU = 0.5, 1e3, 1.0
 MASS = 1e12

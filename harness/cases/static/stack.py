@@ -31,7 +31,7 @@ from ninedisk.harness.cases.common import (
     softness,
     whole_steps,
 )
-from ninedisk.references.analytic.stack import column_forces, pyramid_forces
+from ninedisk.references.analytic.assembly.stack import column_forces, pyramid_forces
 
 RADIUS, MASS = 0.5, 1.0
 TILT = math.radians(35.0)

@@ -24,7 +24,7 @@ from ninedisk.harness.cases.common import (
     soft_reason,
     softness,
 )
-from ninedisk.references.analytic.wedge import Wedge, wedge
+from ninedisk.references.analytic.assembly.wedge import Wedge, wedge
 
 RADIUS, MASS = 0.5, 1.0
 PHASE = 0.1

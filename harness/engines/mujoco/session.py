@@ -36,7 +36,7 @@ from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.engines.mujoco.adapter import OPTIONS
 from ninedisk.harness.engines.plane import WallPoses, finite_state, mean_loads, three, write_contacts
-from ninedisk.references.analytic.spring_dashpot import beta_of_restitution
+from ninedisk.references.analytic.impact.spring_dashpot import beta_of_restitution
 
 ENGINE_VERSION = version("mujoco")
 

@@ -146,7 +146,7 @@ def test_friction_loses_what_slip_to_roll_says() -> None:
 
 
 def test_dashpots_lose_what_impacts_lose_and_the_scheme_first_order() -> None:
-    from ninedisk.references.analytic.spring_dashpot import restitution_of_beta
+    from ninedisk.references.analytic.impact.spring_dashpot import restitution_of_beta
 
     off = []
     for dt in (4e-4, 2e-4, 1e-4):

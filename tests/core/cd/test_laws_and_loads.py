@@ -17,7 +17,7 @@ from ninedisk.core.law import ContactLaw
 from ninedisk.core.loads import BodyForce
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
-from ninedisk.references.analytic.spring_dashpot import restitution_of_beta
+from ninedisk.references.analytic.impact.spring_dashpot import restitution_of_beta
 from ninedisk.references.exact_steps.normal_contact import Plane, normal_contact_theta
 
 SOFT = ContactLaw(kn=1e4)

@@ -23,7 +23,7 @@ from ninedisk.core.nurbs.shapes import (
     regular_polygon,
     traced,
 )
-from ninedisk.references.analytic.rolling_grain import RoundedPolygon
+from ninedisk.references.analytic.on_plane.rolling_grain import RoundedPolygon
 
 UNIT = 2.0**-52
 

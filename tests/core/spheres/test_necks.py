@@ -13,7 +13,7 @@ from ninedisk.core.spheres import session
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.core.spheres.session import SphereSession
-from ninedisk.references.analytic.jkr import neck, stable_contact, sticking_speed
+from ninedisk.references.analytic.impact.jkr import neck, stable_contact, sticking_speed
 
 R, M, G, E = 0.01, 0.01, 0.05, 1e7
 LAW = SphereLaw(e_star=E, surface_energy=G, surface="jkr")

@@ -20,7 +20,7 @@ from ninedisk.harness.cases.nine_disk.scene import LOAD_CASES, MASS
 from ninedisk.harness.engines import package
 from ninedisk.harness.engines.drake import adapter as adapter
 from ninedisk.harness.engines.drake.adapter import ENGINES, no_contact_can_slip, shares_in_series
-from ninedisk.references.analytic.compression import continuous_row
+from ninedisk.references.analytic.assembly.compression import continuous_row
 
 G = 10.0
 CONTINUOUS, SAP, LAGGED = ENGINES

@@ -13,7 +13,7 @@ from ninedisk.harness import run_case
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineError, SupportLevel, run_session
 from ninedisk.harness.engines.mujoco.adapter import ENGINE, OPTIONS
-from ninedisk.references.analytic.spring_dashpot import beta_of_restitution
+from ninedisk.references.analytic.impact.spring_dashpot import beta_of_restitution
 
 G, MASS, DT = 10.0, 2.0, 0.01
 H = DT / OPTIONS["substeps"].default

@@ -23,7 +23,7 @@ from ninedisk.harness.api.support import NOTE_PRELOAD, NOTE_RESTITUTION
 from ninedisk.harness.engines import process
 from ninedisk.harness.engines.siconos import adapter as siconos
 from ninedisk.harness.engines.siconos.adapter import NOTE_THETA, Siconos, installed_siconos
-from ninedisk.references.analytic.slip_to_roll import slip_to_roll
+from ninedisk.references.analytic.on_plane.slip_to_roll import slip_to_roll
 from ninedisk.references.exact_steps.incline import coulomb_incline_theta
 
 VERSION, REASON = installed_siconos(process.SYSTEM_PYTHON)

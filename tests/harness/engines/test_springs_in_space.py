@@ -25,7 +25,7 @@ from ninedisk.harness.engines.lammps.adapter import Lammps
 from ninedisk.harness.engines.liggghts.adapter import Liggghts
 from ninedisk.harness.engines.spring import SpringEngine
 from ninedisk.harness.engines.yade.adapter import Yade
-from ninedisk.references.analytic.jkr import neck, stable_contact
+from ninedisk.references.analytic.impact.jkr import neck, stable_contact
 
 OVERLAP = {"torque": "overlap", "slip": "overlap", "wall": "overlap"}
 GRANULAR = {"torque": "overlap", "slip": "radius", "wall": "radius"}

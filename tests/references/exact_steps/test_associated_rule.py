@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from ninedisk.references.analytic.incline import incline
+from ninedisk.references.analytic.on_plane.incline import incline
 from ninedisk.references.exact_steps.incline import (
     associated_incline,
     coulomb_incline_theta,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.chain import touching_row
+from ninedisk.references.analytic.impact.chain import touching_row
 from ninedisk.references.exact_steps.chain import chain_theta
 from ninedisk.references.exact_steps.impact import collision_step_theta
 

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.compression import continuous_row, steady_force
+from ninedisk.references.analytic.assembly.compression import continuous_row, steady_force
 from ninedisk.references.exact_steps.compression import smooth_row
 
 MASS = 1000.0 * math.pi * 50.0**2

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.collision import final_velocities
+from ninedisk.references.analytic.impact.collision import final_velocities
 from ninedisk.references.exact_steps.impact import collision_step_theta, effective_restitution
 
 NAMES = ("x_1", "x_2", "vx_1", "vx_2", "gap", "fn")

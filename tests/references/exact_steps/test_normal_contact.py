@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.spring_dashpot import restitution_of_beta
+from ninedisk.references.analytic.impact.spring_dashpot import restitution_of_beta
 from ninedisk.references.exact_steps.normal_contact import Plane, normal_contact_central, normal_contact_theta
 
 

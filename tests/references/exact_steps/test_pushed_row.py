@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.critical_step import row_frequencies
-from ninedisk.references.analytic.pushed_row import chain_forces, chain_modes, static_force
+from ninedisk.references.analytic.assembly.pushed_row import chain_forces, chain_modes, static_force
+from ninedisk.references.analytic.contact.critical_step import row_frequencies
 from ninedisk.references.exact_steps.pushed_row import chain_central, chain_theta
 
 CHAIN = {"n": 5, "kn": 1e6, "mass": 1.0, "v_wall": 0.01}

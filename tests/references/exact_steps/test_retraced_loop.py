@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.retraced_loop import (
+from ninedisk.references.analytic.contact.retraced_loop import (
     passing_drift,
     passing_shear,
     turning_wall_drift,

@@ -1,0 +1,1 @@
+"""Closed forms of many bodies: rows, stacks, lattices, dense flows."""

@@ -1,0 +1,1 @@
+"""Closed forms of collisions: one, rows of them, gases."""

@@ -1,0 +1,1 @@
+"""Closed forms of one body on a plane: it slides, rolls, spins."""
