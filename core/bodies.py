@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
+
+import numpy as np
 
 from ninedisk.core.errors import BehindWallError, InvalidSceneError
 from ninedisk.core.validate import body_numbers, items_of, kind_of, shown, whole
@@ -39,6 +41,34 @@ class BodiesAndWalls(ABC, Generic[Law]):
     @abstractmethod
     def law_of_bodies(self) -> Law:
         """Law between two bodies that no materials decide."""
+
+    @classmethod
+    @abstractmethod
+    def _fields_of(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        """Fields of the scene whose `to_dict` gave ``data``."""
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Build a scene from `to_dict` data.
+
+        Raises
+        ------
+        InvalidSceneError
+            If a key is missing or unknown, or a value is not allowed.
+        """
+        try:
+            scene = cls(**cls._fields_of(data))
+        except KeyError as error:
+            raise InvalidSceneError(f"the scene lacks the key {error.args[0]!r}") from error
+        except InvalidSceneError:
+            raise
+        except (TypeError, AttributeError, ValueError) as error:
+            raise InvalidSceneError(f"the scene's data have the wrong form: {error}") from error
+        known = {each.name for each in fields(cls)}  # type: ignore[arg-type]
+        unknown = set(data) - known - ({"dimension"} if cls.dimension == 3 else set())
+        if unknown:
+            raise InvalidSceneError(f"unknown key(s) in the scene: {', '.join(sorted(map(str, unknown)))}")
+        return scene
 
     @property
     def n_bodies(self) -> int:
@@ -106,6 +136,32 @@ class BodiesAndWalls(ABC, Generic[Law]):
         if len(set(names)) != len(names):
             raise InvalidSceneError(f"wall names must be unique: {', '.join(names)}")
 
+    def _check_centres(self) -> None:
+        for wall in self.walls:
+            height = (self.bodies.x - np.array(wall.point)) @ np.array(wall.normal)
+            if len(height) and height.min() <= 0.0:
+                i = int(np.argmin(height))
+                raise InvalidSceneError(
+                    f"the centre of {self.noun} {i} lies {-height[i]:g} m behind wall {wall.name!r}: a centre must lie on the side that "
+                    "the wall's normal points to"
+                )
+
+    def _plain_walls(self) -> list[dict[str, Any]]:
+        return [
+            {
+                "name": wall.name,
+                "point": list(wall.point),
+                "normal": list(wall.normal),
+                "law": wall.law.to_dict(),
+                "motion": [plain(segment) for segment in wall.motion],
+                **({"material": wall.material} if wall.material else {}),
+            }
+            for wall in self.walls
+        ]
+
+    def _plain_laws(self) -> list[list[Any]]:
+        return [[*pair, law.to_dict()] for pair, law in self.laws.items()]  # type: ignore[attr-defined]
+
     def _checked_laws(self, kind: type[Law]) -> dict[tuple[str, str], Law]:
         """Laws of materials that somebody has, each pair of names in alphabetical order."""
         used = {*self.bodies.material, *(wall.material for wall in self.walls)}
@@ -131,3 +187,33 @@ class BodiesAndWalls(ABC, Generic[Law]):
 def ordered(one: str, two: str) -> tuple[str, str]:
     """Names of two materials in alphabetical order."""
     return (one, two) if one <= two else (two, one)
+
+
+def plain(record: Any) -> dict[str, Any]:
+    """Fields of a flat record as JSON data; an infinite time becomes the string ``"inf"``."""
+
+    def told(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return list(value)
+        return "inf" if isinstance(value, float) and np.isinf(value) else value
+
+    return {name: told(value) for name, value in vars(record).items()}
+
+
+def endless(record: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The same fields, with the time ``name`` infinite where it is the string ``"inf"``."""
+    return {**record, name: np.inf} if record.get(name) == "inf" else dict(record)
+
+
+def walls_of(data: Sequence[Mapping[str, Any]], wall: Any, segment: Any, law: Any) -> tuple[Any, ...]:
+    """Walls of these classes, from their part of a scene's data."""
+    return tuple(
+        wall(
+            **{
+                **each,
+                "law": law.from_dict(each["law"]),
+                "motion": tuple(segment(**endless(part, "duration")) for part in each["motion"]),
+            }
+        )
+        for each in data
+    )

@@ -15,13 +15,13 @@ Conventions (see ``docs/notation.md``)
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.core.bodies import BodiesAndWalls
+from ninedisk.core.bodies import BodiesAndWalls, endless, plain, walls_of
 from ninedisk.core.disks import Disks, check_outlines, outlines_from, plain_outline
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, Rolling, SlipAt, WallVelocityAt
@@ -142,15 +142,7 @@ class Scene(BodiesAndWalls[ContactLaw]):
                         f"walls {one.name!r} and {two.name!r} overlap: they face each other and the room between them is "
                         f"{room:g} m; it must be > 0 (move one of them or turn its normal)"
                     )
-        x = self.disks.x
-        for wall in self.walls:
-            height = (x - np.array(wall.point)) @ np.array(wall.normal)
-            if len(height) and height.min() <= 0.0:
-                i = int(np.argmin(height))
-                raise InvalidSceneError(
-                    f"the centre of disk {i} lies {-height[i]:g} m behind wall {wall.name!r}: a centre must lie on the "
-                    f"side that the wall's normal points to"
-                )
+        self._check_centres()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; `from_dict` is its inverse, to the last bit.
@@ -171,17 +163,7 @@ class Scene(BodiesAndWalls[ContactLaw]):
                 "held": disks.held.tolist(),
             },
             "disk_disk": self.disk_disk.to_dict(),
-            "walls": [
-                {
-                    "name": wall.name,
-                    "point": list(wall.point),
-                    "normal": list(wall.normal),
-                    "law": wall.law.to_dict(),
-                    "motion": [_plain(segment) for segment in wall.motion],
-                    **({"material": wall.material} if wall.material else {}),
-                }
-                for wall in self.walls
-            ],
+            "walls": self._plain_walls(),
             "gravity": list(self.gravity),
             "xi": self.xi,
             "initial_shear": [[i, j, force] for (i, j), force in self.initial_shear.items()],
@@ -195,65 +177,24 @@ class Scene(BodiesAndWalls[ContactLaw]):
         if any(disks.material):
             data["disks"]["material"] = list(disks.material)
         if self.laws:
-            data["laws"] = [[*pair, law.to_dict()] for pair, law in self.laws.items()]
+            data["laws"] = self._plain_laws()
         if self.forces:
-            data["forces"] = [_plain(force) for force in self.forces]
+            data["forces"] = [plain(force) for force in self.forces]
         if self.cell is not None:
             data["cell"] = {"size": list(self.cell.size), "rate": [list(row) for row in self.cell.rate]}
         return data
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Scene:
-        """Build a scene from `to_dict` data.
-
-        Raises
-        ------
-        InvalidSceneError
-            If a key is missing or unknown, or a value is not allowed.
-        """
-        try:
-            walls = []
-            for wall in data["walls"]:
-                law = ContactLaw.from_dict(wall["law"])
-                motion = tuple(WallSegment(**_endless(segment, "duration")) for segment in wall["motion"])
-                walls.append(Wall(**{**wall, "law": law, "motion": motion}))
-            scene = cls(
-                disks=Disks(**data["disks"]),
-                disk_disk=ContactLaw.from_dict(data["disk_disk"]),
-                walls=tuple(walls),
-                gravity=data["gravity"],
-                xi=data["xi"],
-                initial_shear={(i, j): force for i, j, force in data["initial_shear"]},
-                outlines=outlines_from(data.get("outlines", ())),
-                laws={(one, two): ContactLaw.from_dict(law) for one, two, law in data.get("laws", ())},
-                forces=tuple(BodyForce(**_endless(force, "end")) for force in data.get("forces", ())),
-                cell=Cell(**data["cell"]) if "cell" in data else None,
-            )
-        except KeyError as error:
-            raise InvalidSceneError(f"the scene lacks the key {error.args[0]!r}") from error
-        except InvalidSceneError:
-            raise
-        except (TypeError, AttributeError, ValueError) as error:
-            raise InvalidSceneError(f"the scene's data have the wrong form: {error}") from error
-        unknown = set(data) - {name.name for name in fields(cls)}
-        if unknown:
-            raise InvalidSceneError(f"unknown key(s) in the scene: {', '.join(sorted(map(str, unknown)))}")
-        return scene
-
-
-def _plain(record: WallSegment | BodyForce) -> dict[str, Any]:
-    """Fields of a flat record as JSON data; an infinite time becomes the string ``"inf"``."""
-    plain: dict[str, Any] = {}
-    for name, value in vars(record).items():
-        if isinstance(value, tuple):
-            plain[name] = list(value)
-        elif isinstance(value, float) and np.isinf(value):
-            plain[name] = "inf"
-        else:
-            plain[name] = value
-    return plain
-
-
-def _endless(record: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The same fields, with the time ``name`` infinite where it is the string ``"inf"``."""
-    return {**record, name: np.inf} if record.get(name) == "inf" else dict(record)
+    def _fields_of(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            "walls": walls_of(data["walls"], Wall, WallSegment, ContactLaw),
+            "disks": Disks(**data["disks"]),
+            "disk_disk": ContactLaw.from_dict(data["disk_disk"]),
+            "gravity": data["gravity"],
+            "xi": data["xi"],
+            "initial_shear": {(i, j): force for i, j, force in data["initial_shear"]},
+            "outlines": outlines_from(data.get("outlines", ())),
+            "laws": {(one, two): ContactLaw.from_dict(law) for one, two, law in data.get("laws", ())},
+            "forces": tuple(BodyForce(**endless(force, "end")) for force in data.get("forces", ())),
+            "cell": Cell(**data["cell"]) if "cell" in data else None,
+        }

@@ -11,7 +11,7 @@ from ninedisk.core.validate import whole
 MOST_THREADS = 64
 
 
-def check_threads(threads: int, name: str = "threads") -> int:
+def check_threads(threads: int) -> int:
     """The number itself.
 
     Raises
@@ -19,7 +19,7 @@ def check_threads(threads: int, name: str = "threads") -> int:
     InvalidNumericsError
         If it is no whole number 1..`MOST_THREADS`.
     """
-    return whole(name, threads, 1, MOST_THREADS)
+    return whole("threads", threads, 1, MOST_THREADS)
 
 
 def together(kernel: Callable[..., int], threads: int, shared: tuple[Any, ...]) -> int:

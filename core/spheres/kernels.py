@@ -63,9 +63,9 @@ class State(NamedTuple):
 
     Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE` numbers
     each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the
-    lists, ``v_now`` and ``omega_now`` have what dashpots see where that is not ``v`` and ``omega``. Rows of ``now`` (at t_n), ``middle``
-    (t_{n-1/2}) and ``before`` (t_{n-1}) are point, normal, pivot, its velocity, spin of a plane (3 each). ``load`` is the force on each
-    plane, ``share`` what the slots add to it, ``behind`` tells for each slot 1 + sphere and plane where a centre is behind one.
+    lists, ``v_now`` and ``omega_now`` have what dashpots see where that is not ``v`` and ``omega``. ``now`` is where planes are, as in
+    `Planes`, ``load`` the force on each, ``share`` what the slots add to it; ``behind`` tells for each slot 1 + sphere and plane where a
+    centre is behind one.
     """
 
     x: Floats
@@ -83,12 +83,18 @@ class State(NamedTuple):
     radius: Floats
     name: Integers
     now: Floats
-    middle: Floats
-    before: Floats
     load: Floats
     share: Floats
     behind: Integers
     moved: NDArray[np.float32]
+
+
+class Planes(NamedTuple):
+    """Planes in a step: at its end t_n, in its middle and at its begin; rows are point, normal, pivot, its velocity, spin (3 each)."""
+
+    now: Floats
+    middle: Floats
+    before: Floats
 
 
 class Contacts(NamedTuple):
@@ -119,6 +125,43 @@ class Losses(NamedTuple):
     torque: Floats
     loads: Floats
     work: Floats
+
+
+class Step(NamedTuple):
+    """A step as its contacts see it.
+
+    Attributes
+    ----------
+    slip_dt, loss_dt : float
+        Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0; and forces that depend on velocities, then dt/2.
+    central : bool
+        Whether dashpots see ``v_now``.
+    keep : bool
+        Whether the forces of the contacts are to be kept.
+    """
+
+    slip_dt: float
+    loss_dt: float
+    central: bool
+    keep: bool
+
+
+class Desk(NamedTuple):
+    """What a thread writes to while it finds the forces of a stripe.
+
+    Attributes
+    ----------
+    slot : int
+        Of the stripe in this step, see `State`.
+    scratch : ndarray, shape (SCRATCH,) or (SCRATCH_COUNTED,)
+        The contacts of a chunk, by columns below.
+    picked : ndarray of int64, shape (CHUNK,)
+        Where they stand in their list.
+    """
+
+    slot: int
+    scratch: Floats
+    picked: Integers
 
 
 class Motion(NamedTuple):
@@ -296,87 +339,11 @@ def neck_of(overlap: float, gap: float, reduced: float) -> tuple[float, float]:
     return sqrt(gap * reduced / 3.0), 1.0 + t
 
 
-@fused_inline_kernel
-def pose(
-    middle: bool, sticks: bool, neck: float, d: Vector, d_before: Vector, reach: float, spring: Vector
-) -> tuple[Vector, float, Vector, float, Vector]:
-    """Normal and overlap [m] now and a step before, and the spring, of a contact as in `contact`; one that was open begins now."""
-    apart2, apart2_before = dot(d, d), dot(d_before, d_before)
-    inv_apart = 1.0 / sqrt(apart2)
-    # Squares that touch by a rounding do not always: that contact has no overlap, and no root of a negative number.
-    n, overlap = scaled(d, inv_apart), max(reach - apart2 * inv_apart, -abs(neck) if sticks else 0.0)
-    before, overlap_before = n, reach - sqrt(apart2_before)
-    if middle:
-        inv_before = 1.0 / sqrt(apart2_before)
-        before, overlap_before = scaled(d_before, inv_before), reach - apart2_before * inv_before
-    if neck < 0.0 if sticks else overlap_before <= 0.0:
-        before, overlap_before, spring = n, overlap, (0.0, 0.0, 0.0)
-    return n, overlap, before, overlap_before, spring
+class Touch(NamedTuple):
+    """Two bodies in contact, as a law sees them.
 
-
-@fused_inline_kernel
-def slip(
-    middle: bool,
-    slip_mid: float,
-    slip_dt: float,
-    n: Vector,
-    overlap: float,
-    before: Vector,
-    overlap_before: float,
-    dv: Vector,
-    roll: Vector,
-    spin: Vector,
-    spring: Vector,
-) -> tuple[Vector, Vector]:
-    """Speed of slip [m/s] of the step that ends now, and the spring turned into the present tangent plane, in the mid-step form also with
-    the bodies' mean spin about the normal; arguments as in `contact`.
-
-    Both turn on the shortest way, where 1 + a.b of unit vectors is half the square of |a + b|.
-    """
-    if middle:
-        both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
-        inv_both = 1.0 / sqrt(dot(both, both))
-        shown = scaled(both, inv_both)
-        cut = 0.25 * (overlap + overlap_before) * slip_mid
-        u = plus(dv, 1.0, cross(plus(roll, -cut, spin), shown))
-        u = plus(u, -dot(u, shown), shown)
-        u = plus(u, -dot(u, n) / (1.0 + dot(shown, n)), (shown[0] + n[0], shown[1] + n[1], shown[2] + n[2]))
-        spring = plus(spring, -2.0 * inv_both * inv_both * dot(spring, n), both)
-        twist = 0.5 * slip_dt * dot(spin, shown)
-        spring, u = spun(spring, n, twist), half_spun(u, n, twist)
-    else:
-        u = plus(dv, 1.0, cross(plus(roll, -0.5 * overlap * slip_mid, spin), n))
-        u = plus(u, -dot(u, n), n)
-        spring = projected(spring, n)
-    return u, spring
-
-
-@fused_inline_kernel
-def contact(
-    hertz: bool,
-    middle: bool,
-    in_force: bool,
-    sticks: bool,
-    neck: float,
-    law: Law,
-    slip_dt: float,
-    d: Vector,
-    d_before: Vector,
-    reach: float,
-    reduced: float,
-    drag: float,
-    dv: Vector,
-    dashpot_dv: Vector,
-    roll: Vector,
-    spin: Vector,
-    spring: Vector,
-) -> tuple[float, float, float, Vector, Vector, Vector]:
-    """The law of one contact without its resistances; the first four arguments are those of the law, known to the compiler.
-
-    Parameters
+    Attributes
     ----------
-    hertz, middle, in_force, sticks : bool
-        Whether the law is Hertz', slip that of mid-step, the spring remembered as a force, the law JKR's.
     neck : float
         `NECK` of its notes, with the sign of the step before.
     d, d_before : vector
@@ -391,7 +358,87 @@ def contact(
         ``R_i w_i + R_j w_j`` [m/s] and ``w_i + w_j`` [rad/s].
     spring : vector
         What it remembers [N or m]; counts for nothing if the contact was open.
+    """
 
+    neck: float
+    d: Vector
+    d_before: Vector
+    reach: float
+    reduced: float
+    drag: float
+    dv: Vector
+    dashpot_dv: Vector
+    roll: Vector
+    spin: Vector
+    spring: Vector
+
+
+class Pose(NamedTuple):
+    """Normal and overlap [m] of a contact now and a step before, and its spring."""
+
+    n: Vector
+    overlap: float
+    before: Vector
+    overlap_before: float
+    spring: Vector
+
+
+@fused_inline_kernel
+def pose_of(middle: bool, sticks: bool, touch: Touch) -> Pose:
+    """The pose of a contact; one that was open begins now. ``middle`` and ``sticks`` as in `contact`."""
+    d, d_before, reach, neck, spring = touch.d, touch.d_before, touch.reach, touch.neck, touch.spring
+    apart2, apart2_before = dot(d, d), dot(d_before, d_before)
+    inv_apart = 1.0 / sqrt(apart2)
+    # Squares that touch by a rounding do not always: that contact has no overlap, and no root of a negative number.
+    n, overlap = scaled(d, inv_apart), max(reach - apart2 * inv_apart, -abs(neck) if sticks else 0.0)
+    before, overlap_before = n, reach - sqrt(apart2_before)
+    if middle:
+        inv_before = 1.0 / sqrt(apart2_before)
+        before, overlap_before = scaled(d_before, inv_before), reach - apart2_before * inv_before
+    if neck < 0.0 if sticks else overlap_before <= 0.0:
+        before, overlap_before, spring = n, overlap, (0.0, 0.0, 0.0)
+    return Pose(n, overlap, before, overlap_before, spring)
+
+
+@fused_inline_kernel
+def slip(middle: bool, slip_mid: float, slip_dt: float, pose: Pose, touch: Touch) -> tuple[Vector, Vector]:
+    """Speed of slip [m/s] of the step that ends now, and the spring turned into the present tangent plane, in the mid-step form also with
+    the bodies' mean spin about the normal.
+
+    Both turn on the shortest way, where 1 + a.b of unit vectors is half the square of |a + b|.
+    """
+    n, before, spring, dv, roll, spin = pose.n, pose.before, pose.spring, touch.dv, touch.roll, touch.spin
+    if middle:
+        both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
+        inv_both = 1.0 / sqrt(dot(both, both))
+        shown = scaled(both, inv_both)
+        cut = 0.25 * (pose.overlap + pose.overlap_before) * slip_mid
+        u = plus(dv, 1.0, cross(plus(roll, -cut, spin), shown))
+        u = plus(u, -dot(u, shown), shown)
+        u = plus(u, -dot(u, n) / (1.0 + dot(shown, n)), (shown[0] + n[0], shown[1] + n[1], shown[2] + n[2]))
+        spring = plus(spring, -2.0 * inv_both * inv_both * dot(spring, n), both)
+        twist = 0.5 * slip_dt * dot(spin, shown)
+        spring, u = spun(spring, n, twist), half_spun(u, n, twist)
+    else:
+        u = plus(dv, 1.0, cross(plus(roll, -0.5 * pose.overlap * slip_mid, spin), n))
+        u = plus(u, -dot(u, n), n)
+        spring = projected(spring, n)
+    return u, spring
+
+
+@fused_inline_kernel
+def contact(
+    hertz: bool, middle: bool, in_force: bool, sticks: bool, law: Law, slip_dt: float, touch: Touch
+) -> tuple[float, float, float, Vector, Vector, Vector]:
+    """The law of one contact without its resistances.
+
+    Parameters
+    ----------
+    hertz, middle, in_force, sticks : bool
+        Known to the compiler, so arguments of their own: whether the law is Hertz', slip that of mid-step, the spring remembered as a
+        force, the law JKR's.
+    slip_dt : float
+        As in `Step`.
     Returns
     -------
     fn, repulsive, arm_loss : float
@@ -399,13 +446,15 @@ def contact(
     fs, spring, n : vector
         Shear force on the first body [N], spring to be remembered, normal.
     """
-    n, overlap, before, overlap_before, spring = pose(middle, sticks, neck, d, d_before, reach, spring)
+    pose = pose_of(middle, sticks, touch)
+    n, overlap, overlap_before, reduced, drag = pose.n, pose.overlap, pose.overlap_before, touch.reduced, touch.drag
     stiffness, damping, ks, gain = law.kn, drag, law.ks, law.ks
     shrunk = overlap / overlap_before
     pushed = stiffness * overlap
     if sticks:
-        a_c, s = neck_of(overlap, abs(neck), reduced)
-        radius, s_before = a_c * s * s, neck_of(max(overlap_before, -abs(neck)), abs(neck), reduced)[1]
+        neck = abs(touch.neck)
+        a_c, s = neck_of(overlap, neck, reduced)
+        radius, s_before = a_c * s * s, neck_of(max(overlap_before, -neck), neck, reduced)[1]
         damping, ks, shrunk = drag * sqrt(radius), law.ks * radius, (s * s / (s_before * s_before)) ** 2
         gain = 0.5 * law.ks * a_c * (s * s + s_before * s_before) if middle else ks
         pushed = law.kn * a_c * a_c * a_c / reduced * (s * s * s) * (s * s * s - 6.0)
@@ -415,10 +464,10 @@ def contact(
         if middle:
             gain = 0.5 * law.ks * (radius + sqrt(reduced * overlap_before))
         pushed = stiffness * overlap
-    pushed = pushed + damping * dot(dashpot_dv, n)
+    pushed = pushed + damping * dot(touch.dashpot_dv, n)
     repulsive = max(pushed + law.held * reduced, 0.0)
     fn = pushed - law.pull * reduced
-    u, spring = slip(middle, law.slip_mid, slip_dt, n, overlap, before, overlap_before, dv, roll, spin, spring)
+    u, spring = slip(middle, law.slip_mid, slip_dt, pose, touch)
     cap = law.mu * repulsive
     if in_force:
         spring = capped(plus(spring, -slip_dt * gain, u), cap)
@@ -431,67 +480,7 @@ def contact(
     return fn, repulsive, 0.5 * overlap * law.torque_mid, fs, spring, n
 
 
-STEEP = 1e30
-"""Torque over spin [N m s] below the limit of a constant torque, which makes it the limit wherever anything turns."""
-
-
-@inline_kernel
-def resistance(
-    law: Floats,
-    slip_dt: float,
-    n: Vector,
-    before: Vector,
-    reduced: float,
-    repulsive: float,
-    roll_drag: float,
-    twist_drag: float,
-    spin: Vector,
-    turn: Vector,
-    dashpot_turn: Vector,
-    rolled: Vector,
-    twisted: float,
-) -> tuple[Vector, Vector, float]:
-    """Torque of both resistances on the second body [N m], and what is remembered of them.
-
-    ``spin`` and ``turn`` are the sum of the spins and the first one relative to the second one [rad/s], ``dashpot_turn`` that which the
-    dashpots see.
-    """
-    about, damped_about = dot(turn, n), dot(dashpot_turn, n)
-    across = plus(turn, -about, n)
-    way = across
-    m = (0.0, 0.0, 0.0)
-    if law[ROLL] > 0.0:
-        if law[MIDDLE] > 0.0:
-            both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
-            shown = scaled(both, 1.0 / sqrt(dot(both, both)))
-            angle = 0.5 * slip_dt * dot(spin, shown)
-            rolled, way = spun(carried(rolled, before, n), n, angle), half_spun(across, n, angle)
-        else:
-            rolled = projected(rolled, n)
-        limit = law[ROLL + 1] * reduced * repulsive
-        if law[ROLL] == CONSTANT:
-            rolled = capped(scaled(across, STEEP), limit)
-            m = rolled
-        else:
-            rolled = plus(rolled, law[ROLL + 2] * slip_dt, way)
-            free = dot(rolled, rolled) < limit * limit
-            rolled = capped(rolled, limit)
-            m = plus(rolled, roll_drag if free else 0.0, plus(dashpot_turn, -damped_about, n))
-    if law[TWIST] > 0.0:
-        limit = law[TWIST + 1] * reduced * repulsive
-        if law[TWIST] == CONSTANT:
-            twisted = min(max(STEEP * about, -limit), limit)
-            torque = twisted
-        else:
-            twisted += law[TWIST + 2] * slip_dt * about
-            free = abs(twisted) < limit
-            twisted = min(max(twisted, -limit), limit)
-            torque = twisted + (twist_drag * damped_about if free else 0.0)
-        m = plus(m, torque, n)
-    return m, rolled, twisted
-
-
-# Columns of the scratch, `WIDE` for each vector of the contacts: differences of their bodies as `contact` wants them; springs, with the
+# Columns of the scratch, `WIDE` for each vector of the contacts: differences of their bodies as in `Touch`; springs, with the
 # reduced radius; force on the first body, n x fs, fs with fn; for resistances spins of the first body relative to the second one, torque
 # on the latter, rolling torque with the twisting one.
 D, DV, ROLLS, SPINS, SPRINGS, DASHPOT_DV, D_BEFORE, PUSH, CROSSED, FS, TURNS, MOMENT, ROLLED = (
@@ -556,41 +545,33 @@ def to_rows(scratch: Floats, rows: np.uint64, column: np.uint64, count: np.uint6
         transpose(scratch, FOUR * (rows + q), FOUR, column + q, NEXT)
 
 
+@inline_kernel
+def touch_of(sticks: bool, springs: np.uint64, q: Index, scratch: Floats) -> Touch:
+    """The contact at place q of the scratch, with what it remembers from the column ``springs``."""
+    return Touch(
+        neck=scratch[ITS_NECK + q] if sticks else 0.0,
+        d=vector(scratch, D + q),
+        d_before=vector(scratch, D_BEFORE + q),
+        reach=scratch[REACH + q],
+        reduced=last(scratch, SPRINGS + q),
+        drag=scratch[ITS_DRAG + q],
+        dv=vector(scratch, DV + q),
+        dashpot_dv=vector(scratch, DASHPOT_DV + q),
+        roll=vector(scratch, ROLLS + q),
+        spin=vector(scratch, SPINS + q),
+        spring=vector(scratch, springs + q),
+    )
+
+
 @fused_inline_kernel
 def run_of_contacts(
-    hertz: bool,
-    middle: bool,
-    in_force: bool,
-    sticks: bool,
-    law: Floats,
-    slip_dt: float,
-    begin: int,
-    end: int,
-    scratch: Floats,
-) -> None:
+    hertz: bool, middle: bool, in_force: bool, sticks: bool, law: Floats, slip_dt: float, begin: int, end: int, scratch: Floats
+) -> None:  # fmt: skip
     """`contact` for ``begin .. end-1`` of the scratch, which have the same law."""
     its = law_of(law)
     for q in range(np.uint64(begin), np.uint64(end)):
-        reduced = last(scratch, SPRINGS + q)
-        fn, repulsive, arm_loss, fs, spring, n = contact(
-            hertz,
-            middle,
-            in_force,
-            sticks,
-            scratch[ITS_NECK + q] if sticks else 0.0,
-            its,
-            slip_dt,
-            vector(scratch, D + q),
-            vector(scratch, D_BEFORE + q),
-            scratch[REACH + q],
-            reduced,
-            scratch[ITS_DRAG + q],
-            vector(scratch, DV + q),
-            vector(scratch, DASHPOT_DV + q),
-            vector(scratch, ROLLS + q),
-            vector(scratch, SPINS + q),
-            vector(scratch, SPRINGS + q),
-        )
+        touch = touch_of(sticks, SPRINGS, q, scratch)
+        fn, repulsive, arm_loss, fs, spring, n = contact(hertz, middle, in_force, sticks, its, slip_dt, touch)
         put(scratch, PUSH + q, plus(fs, -fn, n))
         put(scratch, CROSSED + q, cross(n, fs))
         put(scratch, FS + q, fs)
@@ -598,48 +579,77 @@ def run_of_contacts(
         scratch[FS + LAST * NEXT + q], scratch[REPULSIVE + q], scratch[ARM_LOSS + q] = fn, repulsive, arm_loss
 
 
+STEEP = 1e30
+"""Torque over spin [N m s] below the limit of a constant torque, which makes it the limit wherever anything turns."""
+
+
+@inline_kernel
+def resistance(law: Floats, slip_dt: float, q: Index, scratch: Floats) -> tuple[Vector, Vector, float]:
+    """Torque of both resistances on the second body [N m], and what is remembered of them, after `run_of_contacts`."""
+    d, before = vector(scratch, D + q), vector(scratch, D_BEFORE + q)
+    rolled, twisted = vector(scratch, ROLLED + q), last(scratch, ROLLED + q)
+    n, apart = scaled(d, 1.0 / sqrt(dot(d, d))), sqrt(dot(before, before))
+    before = scaled(before, 1.0 / apart)
+    begins = apart >= scratch[REACH + q]
+    if law[STICKS] > 0.0:
+        begins = scratch[ITS_NECK + q] < 0.0
+    if begins:
+        before, rolled, twisted = n, (0.0, 0.0, 0.0), 0.0
+    reduced, repulsive = last(scratch, SPRINGS + q), scratch[REPULSIVE + q]
+    turn, dashpot_turn = vector(scratch, TURNS + q), vector(scratch, DASHPOT_TURNS + q)
+    about, damped_about = dot(turn, n), dot(dashpot_turn, n)
+    across = plus(turn, -about, n)
+    way = across
+    m = (0.0, 0.0, 0.0)
+    if law[ROLL] > 0.0:
+        if law[MIDDLE] > 0.0:
+            both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
+            shown = scaled(both, 1.0 / sqrt(dot(both, both)))
+            angle = 0.5 * slip_dt * dot(vector(scratch, SPINS + q), shown)
+            rolled, way = spun(carried(rolled, before, n), n, angle), half_spun(across, n, angle)
+        else:
+            rolled = projected(rolled, n)
+        limit = law[ROLL + 1] * reduced * repulsive
+        if law[ROLL] == CONSTANT:
+            rolled = capped(scaled(across, STEEP), limit)
+            m = rolled
+        else:
+            rolled = plus(rolled, law[ROLL + 2] * slip_dt, way)
+            free = dot(rolled, rolled) < limit * limit
+            rolled = capped(rolled, limit)
+            m = plus(rolled, scratch[ITS_ROLL_DRAG + q] if free else 0.0, plus(dashpot_turn, -damped_about, n))
+    if law[TWIST] > 0.0:
+        limit = law[TWIST + 1] * reduced * repulsive
+        if law[TWIST] == CONSTANT:
+            twisted = min(max(STEEP * about, -limit), limit)
+            torque = twisted
+        else:
+            twisted += law[TWIST + 2] * slip_dt * about
+            free = abs(twisted) < limit
+            twisted = min(max(twisted, -limit), limit)
+            torque = twisted + (scratch[ITS_TWIST_DRAG + q] * damped_about if free else 0.0)
+        m = plus(m, torque, n)
+    return m, rolled, twisted
+
+
 @inline_kernel
 def run_of_resistances(law: Floats, slip_dt: float, begin: int, end: int, scratch: Floats) -> None:
     """`resistance` for ``begin .. end-1`` of the scratch, after `run_of_contacts`."""
     for q in range(np.uint64(begin), np.uint64(end)):
-        d, before = vector(scratch, D + q), vector(scratch, D_BEFORE + q)
-        rolled, twisted = vector(scratch, ROLLED + q), last(scratch, ROLLED + q)
-        n, apart = scaled(d, 1.0 / sqrt(dot(d, d))), sqrt(dot(before, before))
-        before = scaled(before, 1.0 / apart)
-        begins = apart >= scratch[REACH + q]
-        if law[STICKS] > 0.0:
-            begins = scratch[ITS_NECK + q] < 0.0
-        if begins:
-            before, rolled, twisted = n, (0.0, 0.0, 0.0), 0.0
-        m, rolled, twisted = resistance(
-            law,
-            slip_dt,
-            n,
-            before,
-            last(scratch, SPRINGS + q),
-            scratch[REPULSIVE + q],
-            scratch[ITS_ROLL_DRAG + q],
-            scratch[ITS_TWIST_DRAG + q],
-            vector(scratch, SPINS + q),
-            vector(scratch, TURNS + q),
-            vector(scratch, DASHPOT_TURNS + q),
-            rolled,
-            twisted,
-        )
+        m, rolled, twisted = resistance(law, slip_dt, q, scratch)
         put(scratch, MOMENT + q, m)
         put(scratch, ROLLED + q, rolled)
         scratch[ROLLED + LAST * NEXT + q] = twisted
 
 
 @inline_kernel
-def laws_of_chunk(
-    contacts: Contacts, laws: Floats, slip_dt: float, picked: Integers, count: int, scratch: Floats
-) -> None:
+def laws_of_chunk(contacts: Contacts, laws: Floats, slip_dt: float, count: int, desk: Desk) -> None:
     """Both laws for the first ``count`` contacts of the scratch, run by run.
 
     A run that is all of the chunk goes on to the end of the last vector: what is there is of no use and of no harm, and one by one they
     would take as long as whole vectors.
     """
+    scratch, picked = desk.scratch, desk.picked
     resisted = contacts.memory.shape[1] > MEMORY_WIDTH
     begin = 0
     while begin < count:
@@ -695,24 +705,13 @@ def shear_losses(law: Floats, slip_dt: float, at_planes: bool, q: Index, scratch
     difference to what the spring gains of ``f^2/(2 ks)`` the law's: none of constant stiffness, if slip and torque have the same arms.
     """
     middle, hertz = law[MIDDLE] > 0.0, law[HERTZ] > 0.0
-    n, overlap, before, overlap_before, spring = pose(
-        middle,
-        False,
-        0.0,
-        vector(scratch, D + q),
-        vector(scratch, D_BEFORE + q),
-        scratch[REACH + q],
-        vector(scratch, OLD_SPRINGS + q),
-    )
-    spin = vector(scratch, SPINS + q)
-    u, spring = slip(
-        middle, law[SLIP_MID], slip_dt, n, overlap, before, overlap_before, vector(scratch, DV + q),
-        vector(scratch, ROLLS + q), spin, spring,
-    )  # fmt: skip
+    touch = touch_of(False, OLD_SPRINGS, q, scratch)
+    pose = pose_of(middle, False, touch)
+    n, overlap, overlap_before, spin = pose.n, pose.overlap, pose.overlap_before, touch.spin
+    u, spring = slip(middle, law[SLIP_MID], slip_dt, pose, touch)
     ks, ks_before = law[KS], law[KS]
     if hertz:
-        reduced = last(scratch, SPRINGS + q)
-        ks, ks_before = ks * sqrt(reduced * overlap), ks * sqrt(reduced * overlap_before)
+        ks, ks_before = ks * sqrt(touch.reduced * overlap), ks * sqrt(touch.reduced * overlap_before)
     f, kept = vector(scratch, FS + q), vector(scratch, SPRINGS + q)
     if hertz and law[UNLOADING] != FORCE:
         f_before = scaled(spring, ks_before)
@@ -733,26 +732,18 @@ def shear_losses(law: Floats, slip_dt: float, at_planes: bool, q: Index, scratch
 
 
 @inline_kernel
-def resistance_losses(law: Floats, slip_dt: float, loss_dt: float, q: Index, scratch: Floats) -> tuple[float, float]:
+def resistance_losses(law: Floats, step: Step, q: Index, scratch: Floats) -> tuple[float, float]:
     """Energy that the resistances have taken beyond their springs, and in their dashpots, in this step [J], after `run_of_resistances`."""
-    n, _, before, _, rolled = pose(
-        True,
-        False,
-        0.0,
-        vector(scratch, D + q),
-        vector(scratch, D_BEFORE + q),
-        scratch[REACH + q],
-        vector(scratch, OLD_ROLLED + q),
-    )
+    n, _, before, _, rolled = pose_of(True, False, touch_of(False, OLD_ROLLED, q, scratch))
     both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
     shown = scaled(both, 1.0 / sqrt(dot(both, both)))
     turn, kept, kept_twist = vector(scratch, TURNS + q), vector(scratch, ROLLED + q), last(scratch, ROLLED + q)
     about = dot(turn, n)
-    way = scaled(plus(turn, -about, n), slip_dt)
+    way = scaled(plus(turn, -about, n), step.slip_dt)
     lost = 0.0
     if law[ROLL] > 0.0:
         if law[MIDDLE] > 0.0:
-            angle = 0.5 * slip_dt * dot(vector(scratch, SPINS + q), shown)
+            angle = 0.5 * step.slip_dt * dot(vector(scratch, SPINS + q), shown)
             rolled, way = spun(carried(rolled, before, n), n, angle), half_spun(way, n, angle)
         else:
             rolled = projected(vector(scratch, OLD_ROLLED + q), n)
@@ -760,12 +751,12 @@ def resistance_losses(law: Floats, slip_dt: float, loss_dt: float, q: Index, scr
             way = plus(way, -compliance(law[ROLL + 2]), plus(kept, -1.0, rolled))
         lost += taken(rolled, kept, way)
     if law[TWIST] > 0.0:
-        twisted, angle = last(scratch, OLD_ROLLED + q), slip_dt * about
+        twisted, angle = last(scratch, OLD_ROLLED + q), step.slip_dt * about
         if law[TWIST] == SPRING:
             angle -= (kept_twist - twisted) * compliance(law[TWIST + 2])
         lost += taken(scaled(n, twisted), scaled(n, kept_twist), scaled(n, angle))
     damped = plus(plus(vector(scratch, MOMENT + q), -1.0, kept), -kept_twist, n)
-    return lost, loss_dt * dot(damped, vector(scratch, DASHPOT_TURNS + q))
+    return lost, step.loss_dt * dot(damped, vector(scratch, DASHPOT_TURNS + q))
 
 
 @inline_kernel
@@ -780,36 +771,27 @@ def keep_memories(resisted: bool, scratch: Floats) -> None:
 
 @fused_kernel
 def losses_of_chunk(
-    contacts: Contacts,
-    laws: Floats,
-    losses: Losses,
-    stripe: int,
-    slip_dt: float,
-    loss_dt: float,
-    at_planes: bool,
-    picked: Integers,
-    count: int,
-    scratch: Floats,
+    contacts: Contacts, laws: Floats, losses: Losses, step: Step, at_planes: bool, count: int, desk: Desk
 ) -> None:
     """Add what the first ``count`` contacts of the scratch have lost in this step to the stripe's; after the laws.
 
-    It stands apart from these: a product with two uses would be rounded otherwise than where no losses are counted. ``loss_dt`` [s] is
-    that of forces which depend on velocities.
+    It stands apart from these: a product with two uses would be rounded otherwise than where no losses are counted.
     """
-    resisted = contacts.memory.shape[1] > MEMORY_WIDTH
+    resisted, scratch = contacts.memory.shape[1] > MEMORY_WIDTH, desk.scratch
+    stripe = desk.slot % losses.contacts.shape[0]
     for q in range(np.uint64(count)):
-        law = laws[contacts.law[picked[q]]]
-        friction, own = shear_losses(law, slip_dt, at_planes, q, scratch)
+        law = laws[contacts.law[desk.picked[q]]]
+        friction, own = shear_losses(law, step.slip_dt, at_planes, q, scratch)
         d = vector(scratch, D + q)
         apart = sqrt(dot(d, d))
         rate, drag = dot(vector(scratch, DASHPOT_DV + q), d) / apart, scratch[ITS_DRAG + q]
         if law[HERTZ] > 0.0:
             drag *= sqrt(sqrt(last(scratch, SPRINGS + q) * max(scratch[REACH + q] - apart, 0.0)))
         losses.contacts[stripe, FRICTION] += friction
-        losses.contacts[stripe, DASHPOT] += loss_dt * drag * rate * rate
+        losses.contacts[stripe, DASHPOT] += step.loss_dt * drag * rate * rate
         losses.contacts[stripe, OF_LAW] += own
         if resisted:
-            rolled, damped = resistance_losses(law, slip_dt, loss_dt, q, scratch)
+            rolled, damped = resistance_losses(law, step, q, scratch)
             losses.contacts[stripe, ROLLED_ON] += rolled
             losses.contacts[stripe, ROLLING_DASHPOT] += damped
 
@@ -879,10 +861,9 @@ def holds(contacts: Contacts, k: np.uint64, overlap: float, q: np.uint64, scratc
 
 
 @inline_kernel
-def pick(
-    pairs: Contacts, x: Floats, radius: Floats, k: np.uint64, end: np.uint64, picked: Integers, scratch: Floats
-) -> tuple[np.uint64, np.uint64]:
+def pick(state: State, pairs: Contacts, k: np.uint64, end: np.uint64, desk: Desk) -> tuple[np.uint64, np.uint64]:
     """The next listed pairs from k on that touch, a chunk of them at most, with their distances; the next k, and how many they are."""
+    x, radius, scratch, picked = state.x, state.radius, desk.scratch, desk.picked
     rows, other, count = pairs.row, pairs.other, np.uint64(0)
     while k < end and count < NEXT:
         i, j = np.uint64(rows[k]), np.uint64(other[k])
@@ -898,9 +879,10 @@ def pick(
 
 @inline_kernel
 def pick_with_necks(
-    pairs: Contacts, x: Floats, radius: Floats, k: np.uint64, end: np.uint64, picked: Integers, scratch: Floats
+    state: State, pairs: Contacts, k: np.uint64, end: np.uint64, desk: Desk
 ) -> tuple[np.uint64, np.uint64]:
     """`pick` where a pair touches as long as its neck holds, too."""
+    x, radius, scratch, picked = state.x, state.radius, desk.scratch, desk.picked
     rows, other, count = pairs.row, pairs.other, np.uint64(0)
     while k < end and count < NEXT:
         i, j = np.uint64(rows[k]), np.uint64(other[k])
@@ -916,62 +898,36 @@ def pick_with_necks(
 
 @fused_kernel
 def forces_of_spheres(
-    state: State,
-    pairs: Contacts,
-    laws: Floats,
-    losses: Losses | None,
-    slip_dt: float,
-    loss_dt: float,
-    central: bool,
-    keep: bool,
-    begin: int,
-    end: int,
-    slot: int,
-    scratch: Floats,
-    picked: Integers,
+    state: State, pairs: Contacts, laws: Floats, losses: Losses | None, step: Step, begin: int, end: int, desk: Desk
 ) -> None:
     """Add the forces of the listed pairs of the rows ``begin .. end-1``; update their memory.
 
-    Parameters
-    ----------
-    losses : Losses or None
-        None: they are not counted, and the compiler leaves out whatever concerns them.
-    slip_dt, loss_dt : float
-        Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0; and forces that depend on velocities, then dt/2.
-    central : bool
-        Whether dashpots see ``v_now``.
-    keep : bool
-        Whether the forces of the contacts are to be kept.
-    slot : int
-        Of the stripe in this step, see `State`.
-    scratch : ndarray, shape (SCRATCH,)
-    picked : ndarray of int64, shape (CHUNK,)
-        This thread's own, as the scratch.
+    ``losses`` None: they are not counted, and the compiler leaves out whatever concerns them.
     """
-    x, v, omega, radius, force, torque = state.x, state.v, state.omega, state.radius, state.force, state.torque
-    rows, other = pairs.row, pairs.other
+    v, omega, radius, force, torque = state.v, state.omega, state.radius, state.force, state.torque
+    rows, other, scratch, picked = pairs.row, pairs.other, desk.scratch, desk.picked
     resisted = pairs.memory.shape[1] > MEMORY_WIDTH
     sticky = pairs.notes.shape[1] == NOTES_WIDTH_STICKY
     first, end_of_list = np.uint64(pairs.start[begin]), np.uint64(pairs.start[end])
-    if keep:
+    if step.keep:
         clear_kept(pairs, first, end_of_list)
     k = first
     while k < end_of_list:
         if sticky:
-            k, count = pick_with_necks(pairs, x, radius, k, end_of_list, picked, scratch)
+            k, count = pick_with_necks(state, pairs, k, end_of_list, desk)
         else:
-            k, count = pick(pairs, x, radius, k, end_of_list, picked, scratch)
+            k, count = pick(state, pairs, k, end_of_list, desk)
         for q in range(count):
             m = np.uint64(picked[q])
             i, j = np.uint64(rows[m]), np.uint64(other[m])
             blend(scratch, DV_ROWS + q, 1.0, v, i, -1.0, v, j)
             blend(scratch, ROLLS_ROWS + q, radius[i], omega, i, radius[j], omega, j)
             blend(scratch, SPINS_ROWS + q, 1.0, omega, i, 1.0, omega, j)
-            if central:
+            if step.central:
                 blend(scratch, DASHPOT_ROWS + q, 1.0, state.v_now, i, -1.0, state.v_now, j)
             if resisted:
                 blend(scratch, TURNS_ROWS + q, 1.0, omega, i, -1.0, omega, j)
-                if central:
+                if step.central:
                     blend(scratch, DASHPOT_TURNS_ROWS + q, 1.0, state.omega_now, i, -1.0, state.omega_now, j)
             recall(pairs, m, q, resisted, scratch)
         to_columns(scratch, D, D_ROWS, count)
@@ -980,25 +936,24 @@ def forces_of_spheres(
         to_columns(scratch, SPINS, SPINS_ROWS, count)
         if resisted:
             to_columns(scratch, TURNS, TURNS_ROWS, count)
-            if central:
+            if step.central:
                 to_columns(scratch, DASHPOT_TURNS, DASHPOT_TURNS_ROWS, count)
             else:
                 for c in range(np.uint64(3 * CHUNK)):
                     scratch[DASHPOT_TURNS + c] = scratch[TURNS + c]
         memories_to_columns(scratch, resisted, count)
         for c in range(np.uint64(3 * CHUNK)):
-            scratch[D_BEFORE + c] = scratch[D + c] + slip_dt * scratch[DV + c]
-        if central:
+            scratch[D_BEFORE + c] = scratch[D + c] + step.slip_dt * scratch[DV + c]
+        if step.central:
             to_columns(scratch, DASHPOT_DV, DASHPOT_ROWS, count)
         else:
             for c in range(np.uint64(3 * CHUNK)):
                 scratch[DASHPOT_DV + c] = scratch[DV + c]
         if losses is not None:
             keep_memories(resisted, scratch)
-        laws_of_chunk(pairs, laws, slip_dt, picked, int(np.int64(count)), scratch)
+        laws_of_chunk(pairs, laws, step.slip_dt, int(np.int64(count)), desk)
         if losses is not None:
-            stripe = slot % losses.contacts.shape[0]
-            losses_of_chunk(pairs, laws, losses, stripe, slip_dt, loss_dt, False, picked, int(np.int64(count)), scratch)
+            losses_of_chunk(pairs, laws, losses, step, False, int(np.int64(count)), desk)
         results_to_rows(scratch, resisted, count)
         for q in range(count):
             m = np.uint64(picked[q])
@@ -1011,7 +966,7 @@ def forces_of_spheres(
             if resisted:
                 blend(torque, i, 1.0, torque, i, -1.0, scratch, MOMENT_ROWS + q)
                 blend(torque, j, 1.0, torque, j, 1.0, scratch, MOMENT_ROWS + q)
-            remember(pairs, m, q, resisted, keep, scratch)
+            remember(pairs, m, q, resisted, step.keep, scratch)
 
 
 @inline_kernel
@@ -1033,34 +988,26 @@ def above(table: Floats, w: int, place: Vector) -> float:
 
 
 @inline_kernel
-def at_rest(state: State, w: int) -> bool:
+def at_rest(planes: Planes, w: int) -> bool:
     """Whether a plane stays where it is in this step."""
     rests = True
     for c in range(9, POSE_WIDTH):
-        rests = rests and state.middle[w, c] == 0.0 and state.now[w, c] == 0.0
+        rests = rests and planes.middle[w, c] == 0.0 and planes.now[w, c] == 0.0
     for c in range(6):
-        rests = rests and state.before[w, c] == state.now[w, c]
+        rests = rests and planes.before[w, c] == planes.now[w, c]
     return rests
 
 
 @inline_kernel
 def beside_plane(
-    state: State,
-    contacts: Contacts,
-    law: Floats,
-    slip_dt: float,
-    central: bool,
-    moves: bool,
-    w: int,
-    k: np.uint64,
-    q: np.uint64,
+    state: State, planes: Planes, contacts: Contacts, law: Floats, step: Step, moves: bool, w: int, k: np.uint64, q: np.uint64,
     scratch: Floats,
-) -> tuple[float, bool]:
+) -> tuple[float, bool]:  # fmt: skip
     """Differences and memory of the listed pair k to place q of the scratch, if it touches; its overlap [m], the radius if it is behind,
     and whether it touches."""
-    i = np.uint64(contacts.other[k])
+    i, slip_dt = np.uint64(contacts.other[k]), step.slip_dt
     xi, vi, ri = xyz(state.x, i), xyz(state.v, i), state.radius[i]
-    height = above(state.now, w, xi)
+    height = above(planes.now, w, xi)
     overlap = ri - height
     touches, keeps = overlap > 0.0, False
     if contacts.notes.shape[1] == NOTES_WIDTH_STICKY:
@@ -1068,15 +1015,15 @@ def beside_plane(
         touches = holds(contacts, k, overlap, q, scratch)
     if height <= 0.0 or not touches:
         return float(overlap), False
-    wi, wj, n = xyz(state.omega, i), row(state.middle, w, 12), scaled(row(state.now, w, 3), -1.0)
-    seen = xyz(state.v_now, i) if central else vi
+    wi, wj, n = xyz(state.omega, i), row(planes.middle, w, 12), scaled(row(planes.now, w, 3), -1.0)
+    seen = xyz(state.v_now, i) if step.central else vi
     before, height_before, vj, dashpot_vj = n, height + slip_dt * dot(vi, n), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if moves:
-        height_before, before = above(state.before, w, plus(xi, -slip_dt, vi)), scaled(row(state.before, w, 3), -1.0)
+        height_before, before = above(planes.before, w, plus(xi, -slip_dt, vi)), scaled(row(planes.before, w, 3), -1.0)
         # Where spheres have velocities of the half step, planes have theirs of its middle, about the pivot of its end.
         half, foot = 0.5 * slip_dt, plus(xi, height, n)
-        vj = plane_velocity(state.middle, w, foot, half)
-        dashpot_vj = plane_velocity(state.now, w, foot, 0.0) if central else vj
+        vj = plane_velocity(planes.middle, w, foot, half)
+        dashpot_vj = plane_velocity(planes.now, w, foot, 0.0) if step.central else vj
         mean_overlap = overlap
         shown = n
         if law[MIDDLE] > 0.0:
@@ -1084,7 +1031,7 @@ def beside_plane(
                 both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
                 shown = scaled(both, 1.0 / sqrt(dot(both, both)))
                 mean_overlap = 0.5 * (overlap + ri - height_before)
-            vj = plane_velocity(state.middle, w, plus(plus(xi, -half, vi), ri - mean_overlap, shown), 0.0)
+            vj = plane_velocity(planes.middle, w, plus(plus(xi, -half, vi), ri - mean_overlap, shown), 0.0)
         # The plane's velocity is that of the very place: what its spin adds with the overlap's middle is taken back.
         vj = plus(vj, -0.5 * mean_overlap * law[SLIP_MID], cross(wj, shown))
     put(scratch, D + q, scaled(n, height))
@@ -1096,8 +1043,8 @@ def beside_plane(
     put(scratch, SPINS + q, plus(wi, 1.0, wj))
     put(scratch, TURNS + q, plus(wi, -1.0, wj))
     spin_seen = wi
-    if central and state.omega_now.shape[0] > 0:
-        spin_seen, wj = xyz(state.omega_now, i), row(state.now, w, 12)
+    if step.central and state.omega_now.shape[0] > 0:
+        spin_seen, wj = xyz(state.omega_now, i), row(planes.now, w, 12)
     put(scratch, DASHPOT_TURNS + q, plus(spin_seen, -1.0, wj))
     recall(contacts, k, q, contacts.memory.shape[1] > MEMORY_WIDTH, scratch)
     return float(overlap), True
@@ -1105,42 +1052,31 @@ def beside_plane(
 
 @fused_kernel
 def forces_of_planes(
-    state: State,
-    contacts: Contacts,
-    laws: Floats,
-    losses: Losses | None,
-    slip_dt: float,
-    loss_dt: float,
-    central: bool,
-    keep: bool,
-    begin: int,
-    end: int,
-    slot: int,
-    scratch: Floats,
-    picked: Integers,
-) -> None:
+    state: State, planes: Planes, contacts: Contacts, laws: Floats, losses: Losses | None, step: Step, begin: int, end: int, desk: Desk
+) -> None:  # fmt: skip
     """Add the forces of the contacts of the spheres ``begin .. end-1`` with planes, and the stripe's share of the planes' loads.
 
-    Parameters are those of `forces_of_spheres`.
+    ``losses`` as in `forces_of_spheres`.
     """
     force, torque, radius, share = state.force, state.torque, state.radius, state.share
     resisted = contacts.memory.shape[1] > MEMORY_WIDTH
-    planes = state.now.shape[0]
+    scratch, picked, slot = desk.scratch, desk.picked, desk.slot
+    number = planes.now.shape[0]
     w, k, end_of_rows, moves = -1, np.uint64(0), np.uint64(0), False
-    while w < planes:
+    while w < number:
         count = np.uint64(0)
-        while w < planes and count < NEXT:
+        while w < number and count < NEXT:
             if k == end_of_rows:
                 w += 1
-                if w < planes:
+                if w < number:
                     k = np.uint64(first_from(contacts, contacts.start[w], contacts.start[w + 1], begin))
                     end_of_rows = np.uint64(first_from(contacts, int(np.int64(k)), contacts.start[w + 1], end))
-                    moves = not at_rest(state, w)
-                    if keep:
+                    moves = not at_rest(planes, w)
+                    if step.keep:
                         clear_kept(contacts, k, end_of_rows)
                 continue
             overlap, touches = beside_plane(
-                state, contacts, laws[contacts.law[k]], slip_dt, central, moves, w, k, count, scratch
+                state, planes, contacts, laws[contacts.law[k]], step, moves, w, k, count, scratch
             )
             if overlap >= radius[contacts.other[k]]:
                 state.behind[slot, 0], state.behind[slot, 1] = 1 + state.name[contacts.other[k]], w
@@ -1151,12 +1087,9 @@ def forces_of_planes(
         memories_to_columns(scratch, resisted, count)
         if losses is not None:
             keep_memories(resisted, scratch)
-        laws_of_chunk(contacts, laws, slip_dt, picked, int(np.int64(count)), scratch)
+        laws_of_chunk(contacts, laws, step.slip_dt, int(np.int64(count)), desk)
         if losses is not None:
-            stripe = slot % losses.contacts.shape[0]
-            losses_of_chunk(
-                contacts, laws, losses, stripe, slip_dt, loss_dt, True, picked, int(np.int64(count)), scratch
-            )
+            losses_of_chunk(contacts, laws, losses, step, True, int(np.int64(count)), desk)
         results_to_rows(scratch, resisted, count)
         for q in range(count):
             m = np.uint64(picked[q])
@@ -1174,4 +1107,4 @@ def forces_of_planes(
                     moment = plus(moment, 1.0, vector(scratch, MOMENT + q))
                 for c in range(3):
                     losses.torque[slot, plane, c] += moment[c]
-            remember(contacts, m, q, resisted, keep, scratch)
+            remember(contacts, m, q, resisted, step.keep, scratch)

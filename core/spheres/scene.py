@@ -7,14 +7,14 @@ body i is ``-fn n + fs``, with ``fn >= 0`` in compression and the vector ``fs`` 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.core.bodies import BodiesAndWalls
+from ninedisk.core.bodies import BodiesAndWalls, walls_of
 from ninedisk.core.disks import flags_of, materials_of, rows_of, sizes_in_range
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.spheres.law import SphereLaw
@@ -230,14 +230,7 @@ class SphereScene(BodiesAndWalls[SphereLaw]):
         object.__setattr__(self, "walls", all_of_kind("walls", self.walls, PlaneWall))
         object.__setattr__(self, "gravity", _three("gravity", self.gravity))
         self._check_names()
-        for wall in self.walls:
-            height = (self.spheres.x - np.array(wall.point)) @ np.array(wall.normal)
-            if len(height) and height.min() <= 0.0:
-                i = int(np.argmin(height))
-                raise InvalidSceneError(
-                    f"the centre of sphere {i} lies {-height[i]:g} m behind wall {wall.name!r}: a centre must lie on the side that the "
-                    "wall's normal points to"
-                )
+        self._check_centres()
         object.__setattr__(self, "laws", self._checked_laws(SphereLaw))
 
     @property
@@ -261,66 +254,24 @@ class SphereScene(BodiesAndWalls[SphereLaw]):
             "dimension": 3,
             "spheres": spheres,
             "sphere_sphere": self.sphere_sphere.to_dict(),
-            "walls": [
-                {
-                    "name": wall.name,
-                    "point": list(wall.point),
-                    "normal": list(wall.normal),
-                    "law": wall.law.to_dict(),
-                    "motion": [_plain(segment) for segment in wall.motion],
-                    **({"material": wall.material} if wall.material else {}),
-                }
-                for wall in self.walls
-            ],
+            "walls": self._plain_walls(),
             "gravity": list(self.gravity),
         }
         if self.laws:
-            data["laws"] = [[*pair, law.to_dict()] for pair, law in self.laws.items()]
+            data["laws"] = self._plain_laws()
         return data
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> SphereScene:
-        """Build a scene from `to_dict` data.
-
-        Raises
-        ------
-        InvalidSceneError
-            If a key is missing or unknown, or a value is not allowed.
-        """
-        try:
-            walls = []
-            for wall in data["walls"]:
-                motion = tuple(
-                    PlaneSegment(**{**segment, **({"duration": np.inf} if segment["duration"] == "inf" else {})})
-                    for segment in wall["motion"]
-                )
-                walls.append(PlaneWall(**{**wall, "law": SphereLaw.from_dict(wall["law"]), "motion": motion}))
-            scene = cls(
-                spheres=Spheres(**data["spheres"]),
-                sphere_sphere=SphereLaw.from_dict(data["sphere_sphere"]),
-                walls=tuple(walls),
-                gravity=data["gravity"],
-                laws={(one, two): SphereLaw.from_dict(law) for one, two, law in data.get("laws", ())},
-            )
-        except KeyError as error:
-            raise InvalidSceneError(f"the scene lacks the key {error.args[0]!r}") from error
-        except InvalidSceneError:
-            raise
-        except (TypeError, AttributeError, ValueError) as error:
-            raise InvalidSceneError(f"the scene's data have the wrong form: {error}") from error
-        unknown = set(data) - {name.name for name in fields(cls)} - {"dimension"}
-        if unknown:
-            raise InvalidSceneError(f"unknown key(s) in the scene: {', '.join(sorted(map(str, unknown)))}")
-        return scene
+    def _fields_of(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            "walls": walls_of(data["walls"], PlaneWall, PlaneSegment, SphereLaw),
+            "spheres": Spheres(**data["spheres"]),
+            "sphere_sphere": SphereLaw.from_dict(data["sphere_sphere"]),
+            "gravity": data["gravity"],
+            "laws": {(one, two): SphereLaw.from_dict(law) for one, two, law in data.get("laws", ())},
+        }
 
 
 def _three(name: str, value: Any) -> tuple[float, float, float]:
     x, y, z = finite(name, value, (3,), most=LARGEST)
     return float(x), float(y), float(z)
-
-
-def _plain(segment: PlaneSegment) -> dict[str, Any]:
-    plain = {name: list(value) if isinstance(value, tuple) else value for name, value in vars(segment).items()}
-    if segment.duration == np.inf:
-        plain["duration"] = "inf"
-    return plain

@@ -57,8 +57,10 @@ from ninedisk.core.spheres.step_kernels import (
     PENDING,
     REBUILDS,
     STEP,
+    Assembly,
     Batch,
     Plan,
+    Scheme,
     advance,
 )
 from ninedisk.core.thread_kernels import PAD
@@ -170,8 +172,6 @@ class SphereSession:
             radius=np.array(spheres.radius),
             name=np.arange(n),
             now=np.zeros((m, kernels.POSE_WIDTH)),
-            middle=np.zeros((m, kernels.POSE_WIDTH)),
-            before=np.zeros((m, kernels.POSE_WIDTH)),
             load=np.zeros((m, 3)),
             share=np.zeros((BATCH * stripes, m, 3)),
             behind=np.zeros((BATCH * stripes, 2), dtype=np.int64),
@@ -353,11 +353,10 @@ class SphereSession:
     def _to(self, goal: int) -> None:
         clock = self._clock
         while clock[STEP] < goal or clock[PENDING]:
-            shared = (
-                self._state, self._pairs[0], self._at_planes[0], self._laws, self._motion, self._batch, clock, self._gravity,
-                Plan(goal, 1 if self._one_by_one else BATCH, self._front), self.contact_dt, float(self._skin[0]), self._central,
-                self._losses,
-            )  # fmt: skip
+            bodies = Assembly(self._state, self._pairs[0], self._at_planes[0], self._laws)
+            scheme = Scheme(self._gravity, self.contact_dt, float(self._skin[0]), self._central)
+            plan = Plan(goal, 1 if self._one_by_one else BATCH, self._front)
+            shared = (bodies, self._losses, self._motion, self._batch, clock, scheme, plan)
             status = together(advance, self._threads, shared)
             if status == FAR:
                 self._rebuild()

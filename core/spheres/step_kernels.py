@@ -27,11 +27,14 @@ from ninedisk.core.spheres.kernels import (
     ONE,
     TWO,
     Contacts,
+    Desk,
     Floats,
     Integers,
     Losses,
     Motion,
+    Planes,
     State,
+    Step,
     cross,
     dot,
     forces_of_planes,
@@ -68,6 +71,24 @@ NOW, MIDDLE, BEFORE = range(3)
 """Poses of a step: at its end, in its middle, at its begin."""
 
 
+class Assembly(NamedTuple):
+    """What moves, the lists of what may touch, and the rows of the laws."""
+
+    state: State
+    pairs: Contacts
+    at_planes: Contacts
+    laws: Floats
+
+
+class Scheme(NamedTuple):
+    """How a run steps: gravity [m/s^2], contact step [s], skin [m], and whether dashpots see the velocities of the step's end."""
+
+    gravity: Floats
+    dt: float
+    skin: float
+    central: bool
+
+
 class Plan(NamedTuple):
     """What `advance` is to do: steps until ``target``, at most ``at_once`` of them (1..BATCH) at a time, ``front`` in a thread."""
 
@@ -90,7 +111,7 @@ class Batch(NamedTuple):
     pose : ndarray, shape (BATCH, 3, m, POSE_WIDTH)
         Planes in each step: `NOW`, `MIDDLE`, `BEFORE`.
     scratch, picked : ndarray
-        Each thread's own, see `ninedisk.core.spheres.kernels.forces_of_spheres`; the rest keeps two threads' apart.
+        Each thread's own, see `ninedisk.core.spheres.kernels.Desk`; the rest keeps two threads' apart.
     """
 
     stripe: Integers
@@ -125,7 +146,7 @@ def foreseen(state: State, way: float, begin: int, end: int) -> float:
 
 
 @fused_kernel
-def kick_and_drift(state: State, gravity: Floats, dt: float, first: bool, central: bool, begin: int, end: int) -> float:
+def kick_and_drift(state: State, scheme: Scheme, first: bool, begin: int, end: int) -> float:
     """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the spheres ``begin .. end-1``; their forces become their weights.
 
     ``first``: from ``t_0``, by half a kick. Each loop writes to few arrays, so that the compiler can take several spheres at a time.
@@ -137,10 +158,11 @@ def kick_and_drift(state: State, gravity: Floats, dt: float, first: bool, centra
     """
     x, v, omega, angle, force, torque = state.x, state.v, state.omega, state.angle, state.force, state.torque
     mobility, inv_inertia, mass, moved, v_now = state.mobility, state.inv_inertia, state.mass, state.moved, state.v_now
+    dt, gravity = scheme.dt, scheme.gravity
     kick, ahead = (0.5 * dt, 1.0) if first else (dt, 0.5)
     low, high = FOUR * np.uint64(begin), FOUR * np.uint64(end)
     sees_spins = state.omega_now.shape[0] > 0
-    if central:
+    if scheme.central:
         for q in range(low, high):
             gain = kick * mobility[q] * force[q]
             v[q] += gain
@@ -164,33 +186,16 @@ def kick_and_drift(state: State, gravity: Floats, dt: float, first: bool, centra
 
 
 @inline_kernel
-def with_planes(state: State, pose: Floats) -> State:
-    """The state with the planes of a step, shape (3, m, POSE_WIDTH)."""
-    return State(
-        state.x, state.v, state.omega, state.angle, state.v_now, state.omega_now, state.force, state.torque, state.mass, state.mobility,
-        state.inv_mass, state.inv_inertia, state.radius, state.name, pose[NOW], pose[MIDDLE], pose[BEFORE], state.load, state.share,
-        state.behind, state.moved,
-    )  # fmt: skip
+def planes_of(pose: Floats) -> Planes:
+    """Planes of a step, from a table of shape (3, m, POSE_WIDTH)."""
+    return Planes(pose[NOW], pose[MIDDLE], pose[BEFORE])
 
 
 @inline_kernel
 def step_of_stripe(
-    state: State,
-    pairs: Contacts,
-    at_planes: Contacts,
-    laws: Floats,
-    losses: Losses | None,
-    batch: Batch,
-    gravity: Floats,
-    dt: float,
-    step: int,
-    plan: Plan,
-    central: bool,
-    level: int,
-    s: int,
-    thread: int,
-) -> float:
-    """Forces of the rows of a stripe; unless ``step`` is the last one its spheres are kicked, too.
+    bodies: Assembly, losses: Losses | None, batch: Batch, scheme: Scheme, plan: Plan, n: int, level: int, s: int, thread: int
+) -> float:  # fmt: skip
+    """Forces of the rows of a stripe in step n; unless it is the last one the stripe's spheres are kicked, too.
 
     Rows ascend, and so do those of the stripe before: a sphere that has been a row has all its forces, and no later row reads it.
 
@@ -199,29 +204,30 @@ def step_of_stripe(
     float
         What `kick_and_drift` does, 0 if the step is the last one.
     """
-    slip_dt = dt if step > 0 else 0.0
-    loss_dt = dt if step > 0 else 0.5 * dt
-    stripes, moves_on = batch.stripe.shape[0] - 1, step < plan.target
-    slot, scratch, mine = level * stripes + s, batch.scratch[thread], batch.picked[thread]
+    state, laws, planes = bodies.state, bodies.laws, planes_of(batch.pose[level])
+    moves_on = n < plan.target
+    step = Step(
+        slip_dt=scheme.dt if n > 0 else 0.0,
+        loss_dt=scheme.dt if n > 0 else 0.5 * scheme.dt,
+        central=scheme.central,
+        keep=not moves_on,
+    )
+    desk = Desk(level * (batch.stripe.shape[0] - 1) + s, batch.scratch[thread], batch.picked[thread])
     for w in range(state.share.shape[1]):
         for c in range(3):
-            state.share[slot, w, c] = 0.0
+            state.share[desk.slot, w, c] = 0.0
             if losses is not None:
-                losses.torque[slot, w, c] = 0.0
+                losses.torque[desk.slot, w, c] = 0.0
     if losses is not None and not moves_on:
         for c in range(losses.before.shape[1]):
             losses.before[s, c] = losses.contacts[s, c]
     far, end = 0.0, batch.stripe[s + 1]
     for low in range(batch.stripe[s], end, BLOCK):
         high = min(low + BLOCK, end)
-        forces_of_spheres(
-            state, pairs, laws, losses, slip_dt, loss_dt, central, not moves_on, low, high, slot, scratch, mine
-        )
-        forces_of_planes(
-            state, at_planes, laws, losses, slip_dt, loss_dt, central, not moves_on, low, high, slot, scratch, mine
-        )
+        forces_of_spheres(state, bodies.pairs, laws, losses, step, low, high, desk)
+        forces_of_planes(state, planes, bodies.at_planes, laws, losses, step, low, high, desk)
         if moves_on:
-            far = farther(far, kick_and_drift(state, gravity, dt, step == 0, central, low, high))
+            far = farther(far, kick_and_drift(state, scheme, n == 0, low, high))
     return far
 
 
@@ -261,7 +267,7 @@ def gather_loads(state: State, level: int, stripes: int) -> None:
 
 
 @inline_kernel
-def work_of_planes(state: State, losses: Losses, dt: float, level: int, stripes: int) -> None:
+def work_of_planes(state: State, planes: Planes, losses: Losses, dt: float, level: int, stripes: int) -> None:
     """Add the work of the planes on the spheres in a step, forces and torques by the trapezoidal rule."""
     loads = losses.loads
     for w in range(state.load.shape[0]):
@@ -273,8 +279,8 @@ def work_of_planes(state: State, losses: Losses, dt: float, level: int, stripes:
                 loads[w, 0, 3 + c] += losses.torque[level * stripes + s, w, c]
         force = scaled(plus(row(loads[w], 0, 0), 1.0, row(loads[w], 1, 0)), 0.5)
         torque = scaled(plus(row(loads[w], 0, 3), 1.0, row(loads[w], 1, 3)), 0.5)
-        torque = plus(torque, -1.0, cross(row(state.middle, w, 6), force))
-        losses.work[0] -= dt * (dot(force, row(state.middle, w, 9)) + dot(torque, row(state.middle, w, 12)))
+        torque = plus(torque, -1.0, cross(row(planes.middle, w, 6), force))
+        losses.work[0] -= dt * (dot(force, row(planes.middle, w, 9)) + dot(torque, row(planes.middle, w, 12)))
 
 
 @inline_kernel
@@ -293,29 +299,15 @@ def end_batch(state: State, losses: Losses | None, batch: Batch, n: int, count: 
     stripes = batch.stripe.shape[0] - 1
     if losses is not None:
         for level in range(count):
-            then = with_planes(state, batch.pose[level])
-            gather_loads(then, level, stripes)
-            work_of_planes(then, losses, dt if n + level > 0 else 0.0, level, stripes)
+            gather_loads(state, level, stripes)
+            work_of_planes(state, planes_of(batch.pose[level]), losses, dt if n + level > 0 else 0.0, level, stripes)
     gather_loads(state, count - 1, stripes)
 
 
 @inline_kernel
 def steps_at_once(
-    state: State,
-    pairs: Contacts,
-    at_planes: Contacts,
-    laws: Floats,
-    losses: Losses | None,
-    batch: Batch,
-    gravity: Floats,
-    dt: float,
-    plan: Plan,
-    central: bool,
-    n: int,
-    count: int,
-    thread: int,
-    threads: int,
-) -> None:
+    bodies: Assembly, losses: Losses | None, batch: Batch, scheme: Scheme, plan: Plan, n: int, count: int, thread: int, threads: int
+) -> None:  # fmt: skip
     """The ``count`` steps from n on: this thread's.
 
     Threads take ``front`` steps in turn. At its place p the first of a front is at stripe p, the next one at p - 1, and so on. The last
@@ -323,7 +315,7 @@ def steps_at_once(
     """
     batch.far[thread * PAD], batch.far[thread * PAD + 1] = 0.0, 0.0
     stripes = 0
-    while stripes < batch.stripe.shape[0] - 1 and batch.stripe[stripes] < state.radius.shape[0]:
+    while stripes < batch.stripe.shape[0] - 1 and batch.stripe[stripes] < bodies.state.radius.shape[0]:
         stripes += 1
     places = stripes + plan.front - 1
     for turn in range(thread, (count + plan.front - 1) // plan.front, threads):
@@ -335,10 +327,7 @@ def steps_at_once(
                 reached(batch.done, before * PAD, (turn - 1) * places + min(p + plan.front + 1, places))
             for k in range(max(0, p - stripes + 1), min(steps, p + 1)):
                 level = first + k
-                far = step_of_stripe(
-                    with_planes(state, batch.pose[level]), pairs, at_planes, laws, losses, batch, gravity, dt, n + level, plan, central,
-                    level, p - k, thread,
-                )  # fmt: skip
+                far = step_of_stripe(bodies, losses, batch, scheme, plan, n + level, level, p - k, thread)
                 at = thread * PAD + int(level == count - 1)
                 batch.far[at] = farther(batch.far[at], far)
             if threads > 1:
@@ -347,22 +336,9 @@ def steps_at_once(
 
 @kernel
 def advance(
-    thread: int,
-    threads: int,
-    state: State,
-    pairs: Contacts,
-    at_planes: Contacts,
-    laws: Floats,
-    motion: Motion,
-    batch: Batch,
-    clock: Integers,
-    gravity: Floats,
+    thread: int, threads: int, bodies: Assembly, losses: Losses | None, motion: Motion, batch: Batch, clock: Integers, scheme: Scheme,
     plan: Plan,
-    dt: float,
-    skin: float,
-    central: bool,
-    losses: Losses | None,
-) -> int:
+) -> int:  # fmt: skip
     """Steps until ``clock[STEP]`` is ``plan.target``, with its forces; all threads call it with the same arguments but their number.
 
     Lists are too old where a sphere has moved by more than half of the skin, or at ``clock[DUE]`` is foreseen to: that depends on the
@@ -373,12 +349,13 @@ def advance(
     int
         OK; FAR if step ``clock[STEP]`` wants new lists before its forces; BEHIND, with ``state.behind``; AGAIN.
     """
+    state, dt, skin = bodies.state, scheme.dt, scheme.skin
     n, moved, due = clock[STEP], clock[PENDING] == 0, clock[DUE]
     begin, end = state.radius.shape[0] * thread // threads, state.radius.shape[0] * (thread + 1) // threads
     mine = thread * PAD
     wait_for_all(batch.flags, thread, threads)
     if moved:
-        batch.far[mine + 1] = kick_and_drift(state, gravity, dt, n == 0, central, begin, end)
+        batch.far[mine + 1] = kick_and_drift(state, scheme, n == 0, begin, end)
         n += 1
     while True:
         if thread == 0:
@@ -397,9 +374,7 @@ def advance(
             begin_batch(batch, motion, n, count, dt)
         batch.done[mine] = 0
         wait_for_all(batch.flags, thread, threads)
-        steps_at_once(
-            state, pairs, at_planes, laws, losses, batch, gravity, dt, plan, central, n, count, thread, threads
-        )
+        steps_at_once(bodies, losses, batch, scheme, plan, n, count, thread, threads)
         wait_for_all(batch.flags, thread, threads)
         behind = any_behind(state)
         if count > 1 and (behind or too_far(farthest_of_all(batch, 0, threads), skin)):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,6 +164,34 @@ class _Contacts:
     groups: int
 
 
+class _Interval(NamedTuple):
+    """From frame ``b`` to ``c``, ``h`` [s] later, in engine's steps of ``dt`` [s].
+
+    Attributes
+    ----------
+    use : ndarray of bool, shape (n,)
+        Disks that move and are in both frames.
+    touch : _Contacts
+    dv, ev : ndarray, shape (n, 2) and (n,)
+        Change of velocity beyond those of gravity and damping, and its digits [m/s].
+    hidden : float
+        Round-off of the engine's steps, relative.
+    squeeze : ndarray, shape (n,)
+        Sum of the spring forces on each disk [N], the larger of both frames'.
+    """
+
+    b: State
+    c: State
+    h: float
+    dt: float
+    use: NDArray[np.bool_]
+    touch: _Contacts
+    dv: FloatArray
+    ev: FloatArray
+    hidden: float
+    squeeze: FloatArray
+
+
 class Auditor:
     """Takes the states of a trajectory one after the other; three are held.
 
@@ -254,13 +282,14 @@ class Auditor:
             if (wider <= bulge).all():
                 break
             bulge = wider
-        self._motion(a, b, c, d, use, touch, r, ex, squeeze, resolved, reach, h, dt)
-        self._momentum(b, c, use, touch, dv, ev + lag)
+        whole = _Interval(b, c, h, dt, use, touch, dv, ev, hidden, squeeze)
+        self._motion(a, whole, d, r, ex, resolved, reach)
+        self._momentum(whole, ev + lag)
         if c.omega is not None and b.omega is not None:
-            self._spin(b, c, use, touch, dv, ev, hidden)
+            self._spin(whole)
         else:
             self.tallies["spin"].skip(1, "the file has no spins: add a column omega")
-        gain = self._energy(b, c, use, touch, dv, ev, dt, hidden)
+        gain = self._energy(whole)
         self._state(c, gain)
         vrel = float(2.0 * np.nanmax(speed, initial=0.0))
         self._growth.append(
@@ -382,12 +411,12 @@ class Auditor:
         return who, members
 
     def _motion(
-        self, a: State | None, b: State, c: State, d: State | None, use: NDArray[np.bool_], touch: _Contacts,
-        r: FloatArray, ex: FloatArray,
-        squeeze: FloatArray, resolved: NDArray[np.bool_], reach: FloatArray, h: float, dt: float,
+        self, a: State | None, interval: _Interval, d: State | None, r: FloatArray, ex: FloatArray, resolved: NDArray[np.bool_],
+        reach: FloatArray,
     ) -> None:  # fmt: skip
-        """Trapezoid of the velocities against the way; the same of spins and angles."""
+        """Trapezoid of the velocities against the way, ``r`` and its digits ``ex`` [m]; the same of spins and angles."""
         scene, bodies = self.scene, self.bodies
+        b, c, h, dt, use, touch, *_ = interval
         jump = c.v - b.v
         before = jump if a is None else (b.v - a.v) * (h / (b.t - a.t) if b.t > a.t else 1.0)
         after = jump if d is None else (d.v - c.v) * (h / (d.t - c.t) if d.t > c.t else 1.0)
@@ -404,7 +433,7 @@ class Auditor:
         # A spring whose force comes and goes within the interval bends the way by at most h^2/4 of its acceleration, unseen by differences.
         pulse = np.where(
             met & resolved & (scene.kn is not None),
-            0.25 * h * h * squeeze * np.hypot(1.0, scene.mu or 0.0) / bodies.mass,
+            0.25 * h * h * interval.squeeze * np.hypot(1.0, scene.mu or 0.0) / bodies.mass,
             0.0,
         )
         tally = self.tallies["motion"]
@@ -482,11 +511,10 @@ class Auditor:
                 found.append((two.omega - one.omega) * (h / (two.t - one.t)))
         return found
 
-    def _momentum(
-        self, b: State, c: State, use: NDArray[np.bool_], touch: _Contacts, dv: FloatArray, ev: FloatArray
-    ) -> None:
+    def _momentum(self, interval: _Interval, ev: FloatArray) -> None:
+        b, c, use, touch = interval.b, interval.c, interval.use, interval.touch
         m = np.where(use, self.bodies.mass, 0.0)
-        got = _groups(touch, m[:, None] * dv, use)
+        got = _groups(touch, m[:, None] * interval.dv, use)
         allowed = _groups(touch, m * ev, use)
         size = np.bincount(touch.label, use, touch.groups)
         walls = _wall_sets(touch, len(self.scene.walls))
@@ -567,17 +595,9 @@ class Auditor:
                     angles += [middle - half, middle + half]
         return _hull(angles)
 
-    def _spin(
-        self,
-        b: State,
-        c: State,
-        use: NDArray[np.bool_],
-        touch: _Contacts,
-        dv: FloatArray,
-        ev: FloatArray,
-        hidden: float,
-    ) -> None:
+    def _spin(self, interval: _Interval) -> None:
         scene, bodies, tally = self.scene, self.bodies, self.tallies["spin"]
+        b, c, h, _, use, touch, dv, ev, hidden, squeeze = interval
         assert b.omega is not None
         assert c.omega is not None
         m, inertia = np.where(use, bodies.mass, 0.0), np.where(use, bodies.inertia, 0.0)
@@ -609,7 +629,7 @@ class Auditor:
             arms = np.maximum(arms, _norm(xi))
         noise += _groups(touch, m * arms * np.maximum(ev - b.ev - c.ev, 0.0), use)
         # An engine forms arms out of coordinates: their rounding times the impulses.
-        passed = m * _norm(dv) + self._squeeze(b, c) * (c.t - b.t)
+        passed = m * _norm(dv) + squeeze * h
         noise += _groups(touch, 2.0 * self.eps * np.maximum(_norm(b.x), _norm(c.x)) * passed, use)
         clear = np.flatnonzero((walls == 0) & ~anchored & (size > 0))
         who, members = self._group_words(touch, clear, use)
@@ -699,12 +719,10 @@ class Auditor:
         }
         return {name: np.bincount(i, values, n).astype(float) for name, values in made.items()}
 
-    def _energy(
-        self, b: State, c: State, use: NDArray[np.bool_], touch: _Contacts, dv: FloatArray, ev: FloatArray, dt: float,
-        hidden: float,
-    ) -> dict[str, float] | None:  # fmt: skip
+    def _energy(self, interval: _Interval) -> dict[str, float] | None:
         """Energy of each group, and the most that may have come into all: ``work`` of walls and ``order``, errors of the scheme."""
         scene, bodies = self.scene, self.bodies
+        b, c, _, dt, use, touch, dv, ev, hidden, squeeze = interval
         m, g = np.where(use, bodies.mass, 0.0), scene.gravity
         tally = self.tallies["energy"]
         mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
@@ -721,7 +739,6 @@ class Auditor:
         )
         blind = np.zeros(touch.groups, dtype=bool)
         before = np.zeros(touch.groups, dtype=bool)
-        squeeze = self._squeeze(b, c)
         for state, sign in ((c, 1.0), (b, -1.0)):
             own, err = self._own(state, use)
             store = self._stored(state, mu)

@@ -107,16 +107,20 @@ def contact_step(dt: float, target: float) -> float:
     return dt / max(1, math.ceil(dt / target * (1.0 - 1e-12)))
 
 
-def numerics_of(params: Mapping[str, Any], *, n_steps: int, contact_dt: float, theta: float) -> Numerics:
-    """Numerics of one variant; a ``contact_dt`` that the user set replaces the proposed one."""
+def numerics_of(params: Mapping[str, Any], *, n_steps: int, contact_dt: float, theta: float = 1.0) -> Numerics:
+    """Numerics of one variant; a ``contact_dt`` that the user set replaces the proposed one.
+
+    Cases that leave no choice among the laws of contact dynamics have Newton's impacts and Coulomb's sliding.
+    """
+    own = params.get("contact_dt")
     return Numerics(
         dt=params["dt"],
         n_steps=n_steps,
-        contact_dt=contact_dt if params["contact_dt"] is None else params["contact_dt"],
+        contact_dt=contact_dt if own is None else own,
         theta=theta,
-        impact=params["impact"],
-        sliding=params["sliding"],
-        solver=params["solver"],
+        impact=params.get("impact", "newton"),
+        sliding=params.get("sliding", "coulomb"),
+        solver=params.get("solver", "auto"),
     )
 
 

@@ -155,34 +155,16 @@ def _errors(base: Snapshot, head: Snapshot, different: set[CellKey]) -> Iterator
         for check in {**before, **after}:
             if check[2] == HEADLINE and not told:
                 continue
-            if check not in before:
-                yield _one_sided(after[check], check, "new", "no such check in BASE")
-            elif check not in after:
-                yield _one_sided(before[check], check, "lost", "no such check in HEAD")
-            else:
-                yield _error(before[check], after[check], check)
+            yield _error(before.get(check), after.get(check), check)
 
 
-def _error(before: Row, after: Row, check: CheckKey) -> Change:
-    verdict, reason = judge_errors(before, after)
-    return _change(
-        after,
-        kind="error",
-        verdict=verdict,
-        reason=reason,
-        quantity=check[0],
-        unit=after["unit"],
-        truth=check[2],
-        base=error_of(before),
-        head=error_of(after),
-        tolerance=row_tolerance(after),
-        base_status=before["status"],
-        head_status=after["status"],
-    )
-
-
-def _one_sided(row: Row, check: CheckKey, verdict: str, reason: str) -> Change:
-    new = verdict == "new"
+def _error(before: Row | None, after: Row | None, check: CheckKey) -> Change:
+    row = after or before
+    assert row is not None
+    if before and after:
+        verdict, reason = judge_errors(before, after)
+    else:
+        verdict, reason = ("new", "no such check in BASE") if after else ("lost", "no such check in HEAD")
     return _change(
         row,
         kind="error",
@@ -192,10 +174,10 @@ def _one_sided(row: Row, check: CheckKey, verdict: str, reason: str) -> Change:
         unit=row["unit"],
         truth=check[2],
         tolerance=row_tolerance(row),
-        base=NAN if new else error_of(row),
-        head=error_of(row) if new else NAN,
-        base_status="" if new else row["status"],
-        head_status=row["status"] if new else "",
+        base=error_of(before) if before else NAN,
+        head=error_of(after) if after else NAN,
+        base_status=before["status"] if before else "",
+        head_status=after["status"] if after else "",
     )
 
 

@@ -6,9 +6,7 @@ from functools import partial
 
 from ninedisk.harness.selftest.defect import planted
 
-FORCES, MEMORY = "dem.grain_kernels", "dem.grain_kernels"
-LENS, AREA, WALL = "nurbs.lens_kernels", "nurbs.lens_kernels", "nurbs.wall_kernels"
-
+FORCES, LENS, WALL = "dem.grain_kernels", "nurbs.lens_kernels", "nurbs.wall_kernels"
 MEETINGS, FEATURES = "cd.contact_kernels", "nurbs.features_kernels"
 
 _kernel, _cd_kernel = partial(planted, "dem", "kernel"), partial(planted, "cd", "kernel")
@@ -25,7 +23,7 @@ DEFECTS = (
     _kernel("grain-beyond-at-walls", "lever arms at walls end at the wall instead of the outline", "stand",
             (FORCES, "arm, side = found.beyond[m] - rx", "arm, side = -rx")),
     _kernel("grain-memory", "contacts of grains forget their shear force in every step", "press-outlines",
-            (MEMORY, "carried[best] += contact[FS]", "carried[best] += 0.0 * contact[FS]")),
+            (FORCES, "carried[best] += contact[FS]", "carried[best] += 0.0 * contact[FS]")),
     _kernel("grain-chord-end", "contacts of grains are where the first outline enters, not in the chord's middle", "press-outlines",
             (LENS, "0.5 * (ax + bx + x), 0.5 * (ay + by + y)", "0.5 * (ax + bx), 0.5 * (ay + by)")),
     _kernel("grain-wall-chord-end", "contacts of grains with walls are where the outline enters the wall", "stand",

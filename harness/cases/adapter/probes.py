@@ -198,9 +198,9 @@ def on_floor(
     return Scene(disks=moved, disk_disk=contact, walls=(floor,), gravity=gravity)
 
 
-def resting_overlap(info: EngineInfo, mass: float = M, kn: float = KN) -> float:
+def resting_overlap(info: EngineInfo, mass: float = M) -> float:
     """Overlap at which springs carry a disk [m]; 0 for rigid contacts."""
-    return mass * G / kn if has_springs(info) else 0.0
+    return mass * G / KN if has_springs(info) else 0.0
 
 
 def free_flight(info: EngineInfo, **sampling: int) -> Probe:

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
-from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     around_contact,
     contact_step,
+    numerics_of,
     round_off_speed,
     single,
     single_precision,
@@ -94,13 +94,10 @@ class DrivenWall:
             initial_shear={PAIR: -MASS * AMPLITUDE * FREQUENCY**2} if shakes else {},
         )
         until = 2.0 * math.pi / FREQUENCY if shakes else _struck().time + AFTER * dt
-        numerics = Numerics(
-            dt=dt,
+        numerics = numerics_of(
+            params,
             n_steps=math.ceil(until / dt),
             contact_dt=contact_step(dt, PHASE / (math.sqrt(kn / MASS) * max(1.0, beta))),
-            theta=1.0,
-            impact="newton",
-            sliding="coulomb",
         )
         return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
 

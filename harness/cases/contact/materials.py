@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
-from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     contact_step,
+    numerics_of,
     phase_error,
     round_off_speed,
     single,
@@ -22,6 +22,7 @@ from ninedisk.harness.cases.common import (
     slack_time,
     soft_reason,
     softness,
+    whole_steps,
 )
 from ninedisk.harness.cases.impact.binary import beta_for
 from ninedisk.harness.results.schema import Figure, Plotted
@@ -103,13 +104,10 @@ class Materials:
             gravity=(0.0, -GRAVITY),
             laws=laws,
         )
-        numerics = Numerics(
-            dt=params["dt"],
-            n_steps=math.ceil(params["duration"] / params["dt"] * (1.0 - 1e-12)),
+        numerics = numerics_of(
+            params,
+            n_steps=whole_steps(params, params["duration"]),
             contact_dt=contact_step(params["dt"], PHASE / math.sqrt(2.0 * kn / MASS)),
-            theta=1.0,
-            impact="newton",
-            sliding="coulomb",
         )
         n = len(x)
         watch = tuple((k, n) for k in range(len(SLIDERS)))

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
-from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     around_contact,
     contact_step,
+    numerics_of,
     phase_error,
     single,
     single_precision,
@@ -72,13 +72,10 @@ class HeldDisk:
             rotating=np.array([True, False]),
             held=np.array([[False, False], [True, True]]),
         )
-        numerics = Numerics(
-            dt=dt,
+        numerics = numerics_of(
+            params,
             n_steps=math.ceil(_struck().time / dt) + AFTER,
             contact_dt=contact_step(dt, PHASE / (math.sqrt(kn / MASS) * max(1.0, beta))),
-            theta=1.0,
-            impact="newton",
-            sliding="coulomb",
         )
         return Setup(
             scene=Scene(disks=disks, disk_disk=law), numerics=numerics, watch=(PAIR,), labels={"contact": PAIR}

@@ -10,7 +10,6 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.law import ROLLING_MODELS
-from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import BodyForce, ContactLaw, Disks, Rolling, Scene, Wall
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
@@ -18,6 +17,7 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     contact_step,
     last,
+    numerics_of,
     round_off_speed,
     single,
     single_precision,
@@ -134,14 +134,10 @@ class Resistance:
             gravity=(GRAVITY * math.sin(angle), -GRAVITY * math.cos(angle)),
             initial_shear={PAIR: -friction} if friction and params["preload"] else {},
         )
-        own = contact_step(params["dt"], PHASE / shear_frequency(kn, MASS, UNIFORM_DISK))
-        numerics = Numerics(
-            dt=params["dt"],
+        numerics = numerics_of(
+            params,
             n_steps=whole_steps(params, params["duration"]),
-            contact_dt=own if params["contact_dt"] is None else params["contact_dt"],
-            theta=1.0,
-            impact="newton",
-            sliding="coulomb",
+            contact_dt=contact_step(params["dt"], PHASE / shear_frequency(kn, MASS, UNIFORM_DISK)),
         )
         return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
 
@@ -244,14 +240,10 @@ def _pair(params: Mapping[str, Any], rolling: Rolling) -> Setup:
         forces=(BodyForce(disk=0, force=(PRESS, 0.0)), BodyForce(disk=1, force=(-PRESS, 0.0))),
     )
     stiff = math.sqrt(kn * sum(1.0 / mass for mass in MASSES))
-    own = contact_step(params["dt"], PHASE / stiff)
-    numerics = Numerics(
-        dt=params["dt"],
+    numerics = numerics_of(
+        params,
         n_steps=whole_steps(params, params["duration"]),
-        contact_dt=own if params["contact_dt"] is None else params["contact_dt"],
-        theta=1.0,
-        impact="newton",
-        sliding="coulomb",
+        contact_dt=contact_step(params["dt"], PHASE / stiff),
     )
     return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
 
