@@ -55,9 +55,14 @@ def run(scene: Scene, method: Any = "cd", **numerics: Any) -> History:
     return simulate(scene, Numerics(**given), WATCH, method=method)
 
 
-@pytest.mark.parametrize("xi", [0.0, 3.0])
-@pytest.mark.parametrize("theta", [0.5, 0.75, 1.0])
-@pytest.mark.parametrize("solver", ["auto", "interior-point", "gauss-seidel"])
+@pytest.mark.parametrize(
+    ("solver", "theta", "xi"),
+    [
+        *itertools.product(["auto"], [0.5, 0.75, 1.0], [0.0, 3.0]),
+        ("interior-point", 0.75, 3.0),
+        ("gauss-seidel", 0.75, 3.0),
+    ],
+)
 def test_smooth_rows_follow_their_recurrence(solver: str, theta: float, xi: float) -> None:
     """To 1e-10 of the largest force: 200 solves to 1e-12, and kn times the rounding of positions near 300 m, 1e-12 a step."""
     history = run(box(mu=0.3, wall_mu=0.0, xi=xi), theta=theta, solver=solver)
