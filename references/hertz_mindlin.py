@@ -141,8 +141,15 @@ class _Law:
         return {"force": 0.0, "none": 1.0, "rescale": 2.0 if rate < 0.0 else 1.0}[self.unloading]
 
 
-def impact(contact: Contact, tolerances: tuple[float, float] = (FINE, COARSE)) -> tuple[Spun, Spun]:
-    """Rebound and its uncertainty, by what two integrations of the relative ``tolerances`` differ, the first of which is the rebound.
+def impact(contact: Contact) -> tuple[Spun, Spun]:
+    """Rebound and its uncertainty, by what two integrations differ, of `FINE`, which is the rebound, and `COARSE`."""
+    fine, coarse = rebound(contact), rebound(contact, COARSE)
+    off = np.abs(np.subtract(fine, coarse))
+    return fine, Spun(_three(off[0]), _three(off[1]))
+
+
+def rebound(contact: Contact, tolerance: float = FINE) -> Spun:
+    """Velocities after an impact, integrated to a relative ``tolerance``.
 
     The law is that of `Contact`: with the overlap delta, the contact radius ``a = sqrt(R delta)`` and the slip u of the surfaces
 
@@ -155,10 +162,8 @@ def impact(contact: Contact, tolerances: tuple[float, float] = (FINE, COARSE)) -
     on the integration's dense output.
     """
     contact.checked()
-    positive(**dict(zip(("tolerance", "coarse tolerance"), tolerances, strict=True)))
-    fine, coarse = (_integrated(contact, each) for each in tolerances)
-    off = np.abs(np.subtract(fine, coarse))
-    return fine, Spun(_three(off[0]), _three(off[1]))
+    positive(tolerance=tolerance)
+    return _integrated(contact, tolerance)
 
 
 def _three(row: FloatArray) -> tuple[float, float, float]:
@@ -308,11 +313,11 @@ def stepped(contact: Contact, dt: float, place: float, *, lagged: bool) -> Spun:
 
 
 def scheme_errors(contact: Contact, dt: float, *, lagged: bool = True) -> tuple[float, float, float]:
-    """What central differences err by at a step of ``dt`` [s]: largest difference of `stepped` from `impact` over `PLACES`.
+    """What central differences err by at a step of ``dt`` [s]: largest difference of `stepped` from `rebound` over `PLACES`.
 
     Along n and along t [m/s], and of the spins [rad/s].
     """
-    fine, _ = impact(contact)
+    fine = rebound(contact)
     worst = np.zeros(3)
     for place in PLACES:
         found = stepped(contact, dt, place + 0.01, lagged=lagged)

@@ -103,7 +103,8 @@ def parameters(plan: Plan) -> Iterator[object]:
     levels = plan.tiers()
     for cell in plan.cells:
         group = f"{cell.case.id}[{cell.variant.id}]-{cell.engine_id}"
-        shared = [pytest.mark.xdist_group(group), *(getattr(pytest.mark, tier) for tier in levels[place(cell)])]
+        together = group.replace("[", " ").replace("]", " ")  # pytest-xdist looks for a group after the last bracket
+        shared = [pytest.mark.xdist_group(together), *(getattr(pytest.mark, tier) for tier in levels[place(cell)])]
         for check in plan.checks(cell):
             yield pytest.param(check, id=f"{group}-{check.name}", marks=shared)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from argparse import ArgumentError
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -93,6 +93,18 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         names = ("case", "engine", "engine_cmd", "known_gaps", "store")
         config.stash[_PLAN] = make_plan(*(config.getoption(f"ninedisk_{name}") for name in names))
     metafunc.parametrize("ninedisk_check", list(parameters(config.stash[_PLAN])))
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[Any]) -> None:
+    """Tests have the names that pytest-xdist has just given them for their groups.
+
+    It writes them to ``_nodeid`` (3.8), where pytest looks until 9.1; later versions look at ``_id``, and the groups would be scattered.
+    """
+    for item in items:
+        name = vars(item).get("_nodeid", item.nodeid)
+        if name != item.nodeid:
+            item._id = type(item._id).parse(name)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

@@ -142,13 +142,13 @@ def small_tables(engine: str = "dem", case: str = "demo/one", **changes: Any) ->
     }
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def write() -> Callable[..., Path]:
     """`write_run`."""
     return write_run
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def small() -> Callable[..., dict[str, list[Row]]]:
     """`small_tables`."""
     return small_tables

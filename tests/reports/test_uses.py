@@ -25,8 +25,8 @@ ERRORS = {  # by engine: case, step (its variant) -> error; "own" is a variant o
 SECONDS = {"exact": 8.0, "first": 1.0, "blunder": 2.0, "little": 1.0, "half": 9.0, "coarse": 1.0}
 
 
-@pytest.fixture
-def make(tmp_path, write, small):
+@pytest.fixture(scope="module")
+def make(tmp_path_factory, write, small):
     """Writes a store of errors by engine, case and step; a case is named by its use, one letter stands for sliding."""
 
     def stored(errors, seconds, **named):
@@ -44,15 +44,22 @@ def make(tmp_path, write, small):
                 row = {"case_version": 1, **place, "engine": engine, "headline": "way", "scale_is": "way"}
                 row |= {"use": case.split("/")[0] if "/" in case else "sliding", **named.get("headlines", {})}
                 tables["headlines"].append({**row, "value": error, "expected": 0.0, "scale": 1.0, "rel_error": error})
-        write(tmp_path / "store", "a", tables)
-        return tmp_path / "store"
+        store = tmp_path_factory.mktemp("store")
+        write(store, "a", tables)
+        return store
 
     return stored
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def store(make):
     return make(ERRORS, SECONDS)
+
+
+@pytest.fixture(scope="module")
+def report(store, tmp_path_factory):
+    """Folder of the store's report."""
+    return build_report(store, tmp_path_factory.mktemp("out") / "report").parent
 
 
 def found_in(store):
@@ -193,8 +200,8 @@ def card_of(html):
     return {name: plain(told) for name, told in found}
 
 
-def test_the_first_page_begins_with_verdicts(store, tmp_path):
-    html = (build_report(store, tmp_path / "out").parent / "index.html").read_text()
+def test_the_first_page_begins_with_verdicts(report):
+    html = (report / "index.html").read_text()
     head, *rows = table_of(html)
     assert head == ["Use", "Most accurate", "Fastest to 1 %", "Farthest"]
     assert [row[0] for row in rows] == ["Everything", *(title.capitalize() for title in USES.values())]
@@ -218,8 +225,8 @@ def test_the_first_page_begins_with_verdicts(store, tmp_path):
     assert "Most accurate:" not in html
 
 
-def test_the_first_page_has_the_engines_of_each_use(store, tmp_path):
-    html = (build_report(store, tmp_path / "out").parent / "index.html").read_text()
+def test_the_first_page_has_the_engines_of_each_use(report):
+    html = (report / "index.html").read_text()
     assert (
         '<li class="d0"><a href="engine/exact.html">EXACT</a> <b>1.0e-13</b> <small>5.7 ×</small> <small>2 of 3 headlines</small></li>'
         in html
@@ -266,9 +273,8 @@ def test_a_store_without_headlines_has_no_verdicts(tmp_path, write, small):
     }
 
 
-def test_an_engines_page_begins_with_how_wrong_how_fast_and_its_largest_finding(store, tmp_path):
-    folder = build_report(store, tmp_path / "out").parent / "engine"
-    html = {name: (folder / f"{name}.html").read_text() for name in ERRORS}
+def test_an_engines_page_begins_with_how_wrong_how_fast_and_its_largest_finding(report):
+    html = {name: (report / "engine" / f"{name}.html").read_text() for name in ERRORS}
     cards = {name: card_of(page) for name, page in html.items()}
     wrong = {name: card["How wrong"] for name, card in cards.items()}
     assert wrong["blunder"] == "50 % at the worst of what another engine ran as well: place 4 of 4 in everything"
@@ -318,17 +324,16 @@ def test_names_are_escaped(make, tmp_path):
     assert card_of(own)["Largest finding"].startswith(f"50 % of the {escaped}: {escaped} 0.5")
 
 
-@pytest.mark.parametrize("width", [390, 1440])
-def test_verdicts_need_no_sideways_scroll(tab, make, tmp_path, width):
+def test_verdicts_need_no_sideways_scroll(tab, make, tmp_path):
     """Six engines that tie, one of them with a long name, in a row: the row wraps, the page stays as wide as the window."""
     names = {f"e{k}": {"engine_name": f"engine of a long name {k}" + 40 * "x" * (k == 0)} for k in range(6)}
     report = build_report(make(one_step(**dict.fromkeys(names, 0.1), far=0.5), {}, **names), tmp_path / "out").parent
-    for page in (report / "index.html", report / "engine" / "e0.html"):
-        tab.open(page, width)
-        inside = "[...document.querySelectorAll('.verdicts *, .card *')].every(e => e.getBoundingClientRect().right <= innerWidth)"
-        assert tab.run(inside), page
-        assert tab.run("document.documentElement.scrollWidth <= document.documentElement.clientWidth"), page
-    tab.open(report / "index.html", width)
+    inside = "[...document.querySelectorAll('.verdicts *, .card *')].every(e => e.getBoundingClientRect().right <= innerWidth)"
     lefts = "new Set([...document.querySelectorAll('.verdicts tbody tr:first-child > *')].map(e => e.getBoundingClientRect().left)).size"
-    assert tab.run(lefts) == (1 if width == 390 else 4), "verdicts stand below one another where there is no room"
+    for width, columns in ((390, 1), (1440, 4)):
+        for page in (report / "engine" / "e0.html", report / "index.html"):
+            tab.open(page, width)
+            assert tab.run(inside), page
+            assert tab.run("document.documentElement.scrollWidth <= document.documentElement.clientWidth"), page
+        assert tab.run(lefts) == columns, "verdicts stand below one another where there is no room"
     assert tab.complaints == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -179,8 +180,12 @@ def expected_gaps(params: Mapping[str, Any], setup: Setup, history: History) -> 
         if np.isfinite(history.x[row]).all():
             pair = history.pairs[column]
             one, two = (_ellipse(axes[disks.outline[k]], history.x[row, k], disks.angle[k]) for k in pair)
-            found[row, column] = -ellipse_overlap(one, two)
+            found[row, column] = -_overlap(one, two)
     return found
+
+
+_overlap = lru_cache(maxsize=4096)(ellipse_overlap)
+"""Grains at rest are in the same place at every sample and on every engine."""
 
 
 def _ellipse(axes: tuple[float, float], x: FloatArray, angle: float) -> Ellipse:

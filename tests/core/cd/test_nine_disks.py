@@ -55,9 +55,14 @@ def run(scene: Scene, method: Any = "cd", **numerics: Any) -> History:
     return simulate(scene, Numerics(**given), WATCH, method=method)
 
 
-@pytest.mark.parametrize("xi", [0.0, 3.0])
-@pytest.mark.parametrize("theta", [0.5, 0.75, 1.0])
-@pytest.mark.parametrize("solver", ["auto", "interior-point", "gauss-seidel"])
+@pytest.mark.parametrize(
+    ("solver", "theta", "xi"),
+    [
+        *itertools.product(["auto"], [0.5, 0.75, 1.0], [0.0, 3.0]),
+        ("interior-point", 0.75, 3.0),
+        ("gauss-seidel", 0.75, 3.0),
+    ],
+)
 def test_smooth_rows_follow_their_recurrence(solver: str, theta: float, xi: float) -> None:
     """To 1e-10 of the largest force: 200 solves to 1e-12, and kn times the rounding of positions near 300 m, 1e-12 a step."""
     history = run(box(mu=0.3, wall_mu=0.0, xi=xi), theta=theta, solver=solver)
@@ -113,7 +118,7 @@ def test_static_compression_and_the_gear_mode() -> None:
 
 
 def test_static_distortion_is_the_limit_of_slow_walls() -> None:
-    """DEM with ever slower walls against the static curve (Coulomb, 200 increments), after the start-up of the distortion.
+    """DEM with ever slower walls against the static curve (Coulomb, 100 increments), after the start-up of the distortion.
 
     The walls' speed enters through global damping, hence at first order: a quarter of the speed has to leave less than a third
     of the distance. Static increments are of first order too, but so small that they stay below what is compared.
@@ -127,13 +132,11 @@ def test_static_distortion_is_the_limit_of_slow_walls() -> None:
         turned = (history.t - begin) / slow
         return np.array([np.interp(np.linspace(0.3, 1.0, 100), turned, history.fn[:, k]) for k in range(4)]) / STEADY
 
-    static = distortion("cd", 16.0, 200, regime="quasi-static", sliding="coulomb")
+    static = distortion("cd", 16.0, 100, regime="quasi-static", sliding="coulomb")
     distances = [float(np.abs(distortion("dem", slow, 200) - static).max()) for slow in (4.0, 16.0, 64.0)]
     ratios = [a / b for a, b in itertools.pairwise(distances)]
     assert min(ratios) > 3.0, (distances, ratios)
     assert distances[-1] < 0.01
-    associated = [
-        float(np.abs(distortion("cd", 16.0, n, regime="quasi-static") - static).max()) for n in (50, 100, 200)
-    ]
+    associated = [float(np.abs(distortion("cd", 16.0, n, regime="quasi-static") - static).max()) for n in (25, 50, 100)]
     orders = [math.log2(a / b) for a, b in itertools.pairwise(associated)]
     assert min(orders) > 0.8, (associated, orders)

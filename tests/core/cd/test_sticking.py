@@ -110,18 +110,18 @@ def test_cohesive_rebound_and_duration(beta: float) -> None:
     omega = math.sqrt(6e3 / MASS * (1.0 - zeta**2))
     expected, lasts = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)), math.pi / omega
     found, lowest = [], []
-    for dt in (8e-5, 4e-5, 2e-5):
+    for dt in (1.6e-4, 4e-5):
         scene = at_wall((0.0, 1.0), replace(SOFT, beta=beta), v=[0.0, -1.0], gravity=(0.0, 0.0))
         history = run(scene, dt=dt, n_steps=round(1.2 * lasts / dt), theta=0.5)
         touching = history.t[1:][history.fn[1:, 0] != 0.0]
         assert touching[-1] - touching[0] == pytest.approx(lasts, rel=0.01)
         found.append(history.v[-1, 0, 1] - expected)
         lowest.append(history.fn.min())
-    assert abs(found[2]) < 0.01
-    assert found[2] == pytest.approx(0.25 * found[0], rel=0.2)
+    assert abs(found[1]) < 0.02
+    assert found[1] == pytest.approx(0.25 * found[0], rel=0.2)
     # When the overlap ends the dashpot alone pulls, by c e v.
     pull = -2.0 * beta * math.sqrt(MASS * 1e4) * expected
-    assert lowest[2] == pytest.approx(pull, rel=0.02)
+    assert lowest[1] == pytest.approx(pull, rel=0.02)
 
 
 def test_what_cannot_stick_is_refused() -> None:

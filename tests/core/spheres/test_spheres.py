@@ -142,7 +142,7 @@ def test_bits_do_not_depend_on_threads_and_on_how_the_run_is_cut(tmp_path: Path,
 
 
 def test_bits_do_not_depend_on_how_many_steps_go_at_once(column: SphereScene, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Singly, eight at a time, and those by twos and threes through the stripes; light spheres that heavy ones hit are not foreseen."""
+    """Singly, eight at a time, and those by threes through the stripes; light spheres that heavy ones hit are not foreseen."""
     light = np.where(np.arange(640) % 5 == 0, 5e-4, 0.3)
     hit = replace(column.spheres, v=5.0 * column.spheres.v, mass=light, inertia=0.4 * light * column.spheres.radius**2)
     returns: list[SphereSession] = []
@@ -151,12 +151,12 @@ def test_bits_do_not_depend_on_how_many_steps_go_at_once(column: SphereScene, mo
 
     def run(scene: SphereScene, threads: int, most: int, front: int) -> History:
         monkeypatch.setattr(sessions, "Plan", lambda target, at_once, _: Plan(target, min(at_once, most), front))
-        return SphereSession(scene, THROWN, threads=threads).run()
+        return SphereSession(scene, THROWN.replace(n_steps=20), threads=threads).run()
 
     for scene in (column, replace(column, spheres=hit)):
         exact = run(scene, 1, 1, 1)
         assert not returns
-        for threads, front in ((1, 1), (1, 2), (1, 4), (2, 1), (2, 2), (3, 1), (3, 3)):
+        for threads, front in ((1, 1), (1, 3), (2, 3), (3, 1)):
             assert_same_bits(run(scene, threads, BATCH, front), exact)
     assert returns
 

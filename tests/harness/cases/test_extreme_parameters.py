@@ -17,8 +17,9 @@ EXTREMES = (1e-30, 1e-6, 1e6, 1e30, 1e99)
 
 STEPS, CONTACT_STEPS, NUMBERS = 1e6, 1e7, 1e8
 """What a run of minutes takes, and 0.8 GB hold."""
-SECONDS = 3.0
-"""Of this process to build one variant; on an idle machine none takes half a second."""
+SECONDS = 20.0
+"""Of this process to build one variant. An idle machine needs a second at most, a slow and busy one several; what grows with a value as
+far out as `EXTREMES` takes minutes or all memory."""
 
 
 def extremes(parameter: Parameter) -> list[float]:

@@ -28,7 +28,7 @@ def ninedisk(folder: Path, environment: dict[str, str], *arguments: str) -> subp
 
 def wait_for(path: Path) -> None:
     """Until a cell runs."""
-    end = time.monotonic() + 30.0
+    end = time.monotonic() + 120.0
     while not path.exists():
         assert time.monotonic() < end, "the engine did not start"
         time.sleep(0.02)
@@ -41,8 +41,8 @@ def test_the_shell_sees_the_exit_code(tmp_path: Path, fake_environment: dict[str
 
 
 def ended(pid: int) -> bool:
-    """Whether a process is gone within the grace that workers have."""
-    end = time.monotonic() + 10.0
+    """Whether a process is gone within the grace that workers have, and what a busy machine adds."""
+    end = time.monotonic() + 30.0
     while time.monotonic() < end:
         try:
             os.kill(pid, 0)
@@ -66,7 +66,7 @@ def test_ctrl_c(tmp_path: Path, fake_environment: dict[str, str], hears_signals:
     worker = int((tmp_path / "slow.started").read_text())
     assert worker != process.pid
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=20)
+    _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert errors.strip().endswith("interrupted: nothing was stored")
     assert ended(worker)
@@ -80,7 +80,7 @@ def test_kill_in_the_middle_of_a_run(tmp_path: Path, fake_environment: dict[str,
     process = subprocess.Popen(command("run", "fake/fall", "-e", "fake-slow"), cwd=tmp_path, env=fake_environment)
     wait_for(tmp_path / "slow.started")
     process.kill()
-    process.wait(timeout=20)
+    process.wait(timeout=60)
     assert ended(int((tmp_path / "slow.started").read_text()))
     assert run_ids(tmp_path / "results") == []
     assert ninedisk(tmp_path, fake_environment, "run", "fake/fall", "-e", "fake-good").returncode == 0

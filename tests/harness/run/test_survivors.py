@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-SECONDS = 2.0
-"""After the end of a command; see `ninedisk.harness.run.warden`."""
+SECONDS = 10.0
+"""After the end of a command. The warden takes 1.5 s, twice its grace, and what a busy machine adds; who survives it stays for good."""
 
 ALL = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL)
 HARD = (signal.SIGTERM, signal.SIGKILL)
@@ -87,7 +87,7 @@ def test_nothing_outlives_a_command(
         time.sleep(0.05)
     assert len(carrying(mark)) > count
     process.send_signal(number)
-    process.wait(timeout=10)
+    process.wait(timeout=60)
     left_at = time.monotonic() + SECONDS
     while carrying(mark) and time.monotonic() < left_at:
         time.sleep(0.02)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -122,9 +123,12 @@ def test_workers_share_the_cells_of_a_group(
 ) -> None:
     pytest.importorskip("xdist")
     monkeypatch.setenv("PYTHONPATH", str(fake_folder))
-    flags = ("--engine", "fake-good", "--engine", "fake-wrong", "-n", "2", "--dist", "loadgroup")
-    done = suite.runpytest_subprocess(*PLUGIN, *FALL, *flags, timeout=60)
+    flags = ("--engine", "fake-good", "--engine", "fake-wrong", "-v", "-n", "2", "--dist", "loadgroup")
+    done = suite.runpytest_subprocess(*PLUGIN, *FALL, *flags, timeout=120)
     done.assert_outcomes(passed=8, failed=4)
+    ran = re.findall(r"^\[(gw\d)\] .*test_check\[(fake/fall\[a=\d\]-fake-\w+)-", "\n".join(done.outlines), re.MULTILINE)
+    assert len(ran) == 12
+    assert len(set(ran)) == 4, "a cell's tests ran in two processes"
 
 
 GAP = """

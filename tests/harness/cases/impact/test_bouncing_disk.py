@@ -23,33 +23,33 @@ def test_other_drops_pass(run_cell, params):
         assert run_cell(CASE, CD, {**params, "impact": impact, "dt": 8e-3}).failures == []
 
 
-def errors(run_cell, engine, name, steps, heights):
-    """Mean error of a number over drops from several heights, for each step."""
+def errors(run_cell, engine, names, steps, heights):
+    """Mean errors of numbers over drops from several heights, for each step."""
     means = []
     for step in steps:
         found = []
         for height in heights:
             cell = run_cell(CASE, engine, {"height": height, **step})
             assert cell.failures == []
-            check = next(c for c in cell.checks if c.quantity == name)
-            found.append(abs(cell.observed.scalars[name][1] - check.expected))
-        means.append(float(np.mean(found)))
+            expected = {c.quantity: c.expected for c in cell.checks}
+            found.append([abs(cell.observed.scalars[name][1] - expected[name]) for name in names])
+        means.append(np.mean(found, axis=0))
     return means
 
 
 HEIGHTS = 0.4 + np.array([0.0, 0.0077, 0.0151, 0.0239, 0.0331, 0.0423])
 
 
-@pytest.mark.parametrize("name", ["apex_time_2", "apex_2"])
-def test_rigid_bounces_are_first_order(run_cell, name):
-    means = errors(run_cell, PYMUNK, name, [{"dt": 2e-3}, {"dt": 2.5e-4}], HEIGHTS)
-    assert 0.7 < np.log2(means[0] / means[1]) / 3.0 < 1.4
+def test_rigid_bounces_are_first_order(run_cell):
+    means = errors(run_cell, PYMUNK, ["apex_time_2", "apex_2"], [{"dt": 2e-3}, {"dt": 5e-4}], HEIGHTS)
+    orders = np.log2(means[0] / means[1]) / 2.0
+    assert ((orders > 0.7) & (orders < 1.4)).all(), orders
 
 
 def test_damped_springs_are_first_order_and_elastic_ones_second(run_cell):
     for e, low, high in ((0.5, 0.6, 1.4), (1.0, 1.4, 2.5)):
         steps = [{"restitution": e, "contact_dt": dt, "bounces": 1} for dt in (2e-4, 2.5e-5)]
-        means = errors(run_cell, DEM, "apex_1", steps, np.linspace(0.4, 0.45, 12))
+        means = errors(run_cell, DEM, ["apex_1"], steps, np.linspace(0.4, 0.45, 12))
         assert low < np.log2(means[0] / means[1]) / 3.0 < high
 
 

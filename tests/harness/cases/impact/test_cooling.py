@@ -62,10 +62,10 @@ class Of:
 
 
 def test_the_law_is_confirmed_over_seeds_and_contradicted_by_a_gas_that_cools_otherwise(run_cell):
-    right = [Of(run_cell(CASE, PYMUNK, {"seed": seed})) for seed in (1, 2, 3, 4)]
+    right = [Of(run_cell(CASE, PYMUNK, {"seed": seed})) for seed in (1, 2)]
     holds, text = haffs_law(right)
     assert holds, text
-    wrong = [Of(run_cell(CASE, PYMUNK, {"seed": seed}, law={"restitution": 0.9})) for seed in (1, 2, 3, 4)]
+    wrong = [Of(run_cell(CASE, PYMUNK, {"seed": seed}, law={"restitution": 0.9})) for seed in (1, 2)]
     assert not haffs_law(wrong)[0]
 
 

@@ -83,18 +83,12 @@ def test_disks_are_not_held_against_themselves(run_cell: Judge) -> None:
     assert np.isfinite(cell.observed.scalars["overlap_error"][1])
 
 
-def test_overlaps_are_the_closed_form_s(run_cell: Judge) -> None:
-    for params in OVERLAP.matrix():
-        cell = run_cell(OVERLAP, ENGINE, params)
-        assert cell.failures == []
-        assert len(cell.checks) == 5
-
-
 def test_overlaps_off_by_round_off_times_a_hundred_are_seen(run_cell: Judge, judge_history: Judge) -> None:
     """Of a single pair of each grade, and of all of them by outlines that are too small, or turned by another angle."""
     few = {"pairs": 12}
     for shape in ("disk", "ellipse"):
         run = run_cell(OVERLAP, ENGINE, {"shape": shape, **few})
+        assert run.failures == []
         gap, fn = run.history.gap[-1].copy(), run.history.fn.copy()
 
         def found(cell: Any = run) -> set[str]:
@@ -113,14 +107,6 @@ def test_overlaps_off_by_round_off_times_a_hundred_are_seen(run_cell: Judge, jud
 
     assert spoilt(judge_history, OVERLAP, {"shape": "disk", **few}, turned).failures == []
     assert "gap_error" in quantities(spoilt(judge_history, OVERLAP, {"shape": "ellipse", **few}, turned), "analytic")
-
-
-@pytest.mark.parametrize("case", [COLLISION, SETTLE], ids=lambda case: case.id)
-def test_matrix(run_cell: Judge, case: Case) -> None:
-    for params in case.matrix():
-        cell = run_cell(case, ENGINE, params)
-        assert cell.failures == [], params
-        assert len(cell.checks) >= 2
 
 
 def test_what_the_chord_s_force_loses_is_the_law_s_and_proportional_to_the_overlap(run_cell: Judge) -> None:
