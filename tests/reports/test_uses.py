@@ -57,8 +57,7 @@ def store(make):
 
 def found_in(store):
     """The uses of a store by their id."""
-    stored = load_store(store)
-    return {use.id: use for use in uses(stored, build_panel(stored).engines)}
+    return {use.id: use for use in uses(build_panel(load_store(store)))}
 
 
 def ids(ranks):
@@ -118,6 +117,23 @@ def test_everything_takes_the_headlines_of_all_uses_together(make):
     assert told == {"sliding": (["one"], ["two"]), "impacts": (["two"], ["one"]), "all": (["two"], ["one"])}
     assert [(rank.error, rank.worst["case"]) for rank in use["all"].ranks] == [(0.1, "sliding/a"), (0.2, "impacts/a")]
     assert (use["all"].title, use["all"].headlines) == ("everything", 2)
+
+
+def test_what_is_in_space_is_told_apart_where_a_store_has_both(make):
+    """One engine is exact in the plane and off by a tenth in space; with either alone there is nothing to tell apart."""
+    plane, space = ("sliding/a", 0.1), ("impacts/a", 0.1)
+    store = make({"one": {plane: 1e-13, space: 0.1}, "two": {plane: 0.2, space: 1e-3}}, {})
+    assert "space" not in found_in(store)
+    panel = build_panel(load_store(store))
+    for cell in panel.cases["impacts/a"].cells:
+        cell["setup"] = json.dumps({"scene": {"dimension": 3}})
+    found = {use.id: use for use in uses(panel)}
+    assert list(found)[:2] == ["all", "space"]
+    assert (ids(found["space"].best), ids(found["space"].farthest), found["space"].headlines) == (["two"], ["one"], 1)
+    assert (ids(found["all"].best), found["all"].headlines) == (["one"], 2)
+    for cell in panel.cases["sliding/a"].cells:
+        cell["setup"] = json.dumps({"scene": {"dimension": 3}})
+    assert "space" not in {use.id for use in uses(panel)}
 
 
 def test_a_headline_of_an_unknown_use_counts_in_everything_alone(make):
@@ -196,11 +212,13 @@ def card_of(html):
 def test_the_first_page_begins_with_verdicts(store, tmp_path):
     html = (build_report(store, tmp_path / "out").parent / "index.html").read_text()
     head, *rows = table_of(html)
-    assert head == ["Use", "Most accurate", "Fastest to 1 %", "Farthest"]
-    assert [row[0] for row in rows] == ["Everything", *(title.capitalize() for title in USES.values())]
+    assert head == ["Use", "Most accurate", "Fastest to 1 %", "Least accurate"]
+    rated = {"all": " 3 headlines, 4 engines", "sliding": " 3 headlines, 4 engines"}
+    titles = {"all": "Everything"} | {name: title.capitalize() for name, title in USES.items()}
+    assert [row[0] for row in rows] == [title + rated.get(name, "") for name, title in titles.items()]
     told = [
         "EXACT 2 of 3 headlines 1.0e-13",
-        "FIRST 2 of 3 headlines 1 × 2 of 4 engines come to it wherever they ran",
+        "FIRST 2 of 3 headlines 1 × 2 of 4 engines reach it wherever they ran",
         "BLUNDER 2 of 3 headlines 50 % Demo : way",
     ]
     assert rows[0][1:] == rows[2][1:] == told
@@ -238,7 +256,7 @@ def test_the_first_page_has_the_engines_of_each_use(store, tmp_path):
 )
 def test_a_verdict_that_cannot_be_given_says_why(make, tmp_path, errors, seconds, told):
     html = (build_report(make(one_step(**errors), seconds), tmp_path / "out").parent / "index.html").read_text()
-    told = told or ["ONE , TWO 1.0e-13", "ONE 1 × 1 of 2 engines come to it wherever they ran", "all are alike"]
+    told = told or ["ONE , TWO 1.0e-13", "ONE 1 × 1 of 2 engines reach it wherever they ran", "all are alike"]
     assert table_of(html)[1][1:] == told
 
 
