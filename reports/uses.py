@@ -101,6 +101,15 @@ class Use:
         return [rank for rank in self.ranks if rank.measure == self.ranks[0].measure]
 
     @property
+    def widest(self) -> Sequence[Rank]:
+        """The ranked engines of the least error among those with a number on the most headlines, all that tie; none where `best` has it."""
+        most = max((rank.rated for rank in self.ranks), default=0)
+        told = [rank for rank in self.ranks if rank.rated == most]
+        return [
+            rank for rank in told if rank.measure == told[0].measure if max(each.rated for each in self.best) < most
+        ]
+
+    @property
     def able(self) -> Sequence[Rank]:
         """The ranked engines that come to 1 % wherever they were tried."""
         return [rank for rank in self.ranks if rank.timed and rank.reached == rank.timed]

@@ -136,6 +136,17 @@ def test_what_is_in_space_is_told_apart_where_a_store_has_both(make):
     assert "space" not in {use.id for use in uses(panel)}
 
 
+def test_beside_the_most_accurate_stands_who_has_numbers_on_more(make, tmp_path):
+    """`few` has no number on the hard headline, which `all` and `far` are off on."""
+    errors = {"few": {("a", 0.1): 1e-3, ("b", 0.1): 1e-3}}
+    errors |= {name: {(case, 0.1): error for case in "abc"} for name, error in (("all", 0.1), ("far", 0.2))}
+    store = make(errors, {})
+    sliding = found_in(store)["sliding"]
+    assert (ids(sliding.best), ids(sliding.widest)) == (["few"], ["all"])
+    html = (build_report(store, tmp_path / "out").parent / "index.html").read_text()
+    assert table_of(html)[1][1] == "FEW 2 of 3 headlines 0.1 % on 3 headlines: ALL 10 %"
+
+
 def test_a_headline_of_an_unknown_use_counts_in_everything_alone(make):
     found = found_in(make(one_step(one=0.1, two=0.2), {}, headlines={"use": "of a later version"}))
     assert [name for name, use in found.items() if use.ranks] == ["all"]
@@ -213,19 +224,16 @@ def test_the_first_page_begins_with_verdicts(store, tmp_path):
     html = (build_report(store, tmp_path / "out").parent / "index.html").read_text()
     head, *rows = table_of(html)
     assert head == ["Use", "Most accurate", "Fastest to 1 %", "Least accurate"]
-    rated = {"all": " 3 headlines, 4 engines", "sliding": " 3 headlines, 4 engines"}
-    titles = {"all": "Everything"} | {name: title.capitalize() for name, title in USES.items()}
-    assert [row[0] for row in rows] == [title + rated.get(name, "") for name, title in titles.items()]
+    assert [row[0] for row in rows] == [f"{title} 3 headlines, 4 engines" for title in ("Everything", "Sliding")]
     told = [
         "EXACT 2 of 3 headlines 1.0e-13",
         "FIRST 2 of 3 headlines 1 × 2 of 4 engines reach it wherever they ran",
         "BLUNDER 2 of 3 headlines 50 % Demo : way",
     ]
-    assert rows[0][1:] == rows[2][1:] == told
-    assert rows[1][1:] == ["no stored headline"]
+    assert rows[0][1:] == rows[1][1:] == told
     main = html[html.index("<main") :]
     assert main.index('<table class="verdicts"') < main.index('<div class="headline') < main.index('class="toc"')
-    assert re.findall(r'<th scope="row"><a href="#(use-[^"]*)"', main) == [f"use-{name}" for name in ("all", *USES)]
+    assert re.findall(r'<th scope="row"><a href="#(use-[^"]*)"', main) == ["use-all", "use-sliding"]
     assert re.findall(r'<section id="([^"]*)"', main) == [f"use-{name}" for name in ("all", *USES)]
     assert (
         main.count(
