@@ -153,7 +153,7 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     progress("planning figures", len(cases), len(cases))
     jobs = [job for drawing in drawings for job in drawing.jobs]
     render(jobs, lambda done, count: progress("drawing figures", done, count))
-    found, total = uses(stored, panel.engines), len(cases) + len(engines) + 1
+    found, total = uses(panel), len(cases) + len(engines) + 1
     for done, (case, drawing) in enumerate(zip(cases, drawings, strict=True)):
         progress("writing pages", done, total)
         page = pages.case_page(env, panel, case, drawing.values())

@@ -117,7 +117,7 @@ class PointChart:
 
     ``limits``, (low, high) of either axis, replaces those that the points suggest. Few points have their own marks on a
     logarithmic horizontal axis, unless ``decades`` are asked for, as for what has been measured. A ``bare`` chart leaves the names
-    of its lines to the legend.
+    of its lines to the legend. An ``equal`` one has the same scale on both axes, so that a circle is one.
     """
 
     title: str
@@ -130,6 +130,7 @@ class PointChart:
     limits: tuple[tuple[float, float], tuple[float, float]] | None = None
     decades: bool = False
     bare: bool = False
+    equal: bool = False
 
     @property
     def x_limits(self) -> tuple[float, float]:
@@ -140,10 +141,13 @@ class PointChart:
 
     @property
     def y_limits(self) -> tuple[float, float]:
-        """Limits of the vertical axis with some room; levels to compare with are inside."""
+        """Limits of the vertical axis with some room; what is to compare with is inside, as far as the horizontal axis goes."""
         if self.limits is not None:
             return self.limits[1]
-        level = [] if self.y_log else [y for _, _, ys in self.guides for y in ys]
+        low, high = self.x_limits
+        level = [
+            y for _, xs, ys in self.guides for x, y in zip(xs, ys, strict=True) if low <= x <= high and not self.y_log
+        ]
         return _limits([y for d in self.dots for y in d.y] + level, self.y_log)
 
     @property
@@ -176,7 +180,7 @@ class PointChart:
         return {
             "kind": "points", "title": self.title, "x_label": self.x_label, "y_label": self.y_label, "unit": "",
             "points": guides + data, "xlog": self.x_log, "ylog": self.y_log, "limits": {"x": self.x_limits},
-            "y": self.y_limits, "error": None, "marks": self.marks, "bare": self.bare,
+            "y": self.y_limits, "error": None, "marks": self.marks, "bare": self.bare, "equal": self.equal,
         }  # fmt: skip
 
     def alt(self) -> str:

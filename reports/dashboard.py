@@ -18,10 +18,11 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from ninedisk.harness.results.schema import Line, Point, RunFacts, Shift, StoreHistory
+from ninedisk.harness.results.schema import ROUND_OFF, Line, Point, RunFacts, Shift, StoreHistory
 from ninedisk.reports import studies, text
 from ninedisk.reports.folder import fresh_folder
 from ninedisk.reports.pages import HERE, sheet
+from ninedisk.reports.ranking import percent
 
 MARKER = ".ninedisk-dashboard"
 """File that says: this folder is a dashboard and may be replaced."""
@@ -165,6 +166,8 @@ def value(line: Line, point: Point) -> str:
             return f"{point.value:.4g} × usual"
         usual = f", {text.seconds(point.value / point.shared)} at the machine's usual speed"
         return text.seconds(point.value) + (usual if point.shared != 1.0 else "")
+    if line.kind == "headline":
+        return percent(point.value)
     ratio = over_tolerance(point.value, point.tolerance)
     unit = f" {line.unit}" if line.unit not in ("", "-", "1") else ""
     amount = "no number" if math.isinf(point.value) else f"{point.value:.6g}{unit}"
@@ -187,6 +190,8 @@ def _height(line: Line, point: Point) -> float:
         return math.nan
     if line.kind == "timing":
         return math.log10(point.value / point.shared)
+    if line.kind == "headline":
+        return math.log10(max(point.value, ROUND_OFF))
     return math.log10(max(over_tolerance(point.value, point.tolerance), BOTTOM))
 
 
@@ -198,6 +203,8 @@ def _limits(line: Line, heights: Sequence[float]) -> tuple[float, float]:
     if line.kind == "timing":  # a factor of two at least, so that noise of ten per cent looks like that
         middle, half = (low + high) / 2.0, max(0.16, 0.56 * (high - low))
         return middle - half, middle + half
+    if line.kind == "headline":
+        return low - 0.6, high + 0.6
     return min(low, -1.2) - 0.15, max(high, 0.0) + 0.35
 
 
@@ -267,6 +274,9 @@ def _ticks(line: Line, low: float, high: float) -> list[tuple[float, str]]:
         middle = (low + high) / 2.0
         heights = [middle - 0.7 * (middle - low), middle, middle + 0.7 * (high - middle)]
         return [(h, text.seconds(10**h) if line.unit == "s" else f"{10**h:.2f}") for h in heights]
+    if line.kind == "headline":
+        step = max(1, math.ceil((high - low) / 4))
+        return [(float(k), percent(10.0**k)) for k in range(math.ceil(low), math.floor(high) + 1) if k % step == 0]
     names = {-4: "≤1e-4", -3: "1/1000", -2: "1/100", -1: "1/10", 0: "tolerance", 1: "10 ×", 2: "100 ×"}
     step = max(1, math.ceil((high - low) / 4))
     return [
@@ -377,6 +387,8 @@ def level(line: Line, value: float, at: int) -> str:
     """A value of a line in words, at its point number ``at``."""
     if line.kind == "timing":
         return text.seconds(value) if line.unit == "s" else f"{value:.2f} × usual"
+    if line.kind == "headline":
+        return percent(value)
     tolerance = line.points[at].tolerance
     if tolerance > 0.0:
         return f"{text.ratio(value / tolerance)} × tolerance"
@@ -392,7 +404,7 @@ def marks(history: StoreHistory) -> list[Mark]:
 
 @dataclass(frozen=True)
 class Step:
-    """A line between the newest run of its machine and the one before: a factor of its error over tolerance, or of its time."""
+    """A line between the newest run of its machine and the one before: a factor of its error (over tolerance if a check's) or time."""
 
     line: Line
     before: float
@@ -403,13 +415,15 @@ class Step:
         """The factor and both ends: ``1.02 × (0.53 → 0.54 × tolerance)``."""
         if self.line.kind == "timing":
             told = f"{text.seconds(self.before)} → {text.seconds(self.after)}"
+        elif self.line.kind == "headline":
+            told = f"{percent(self.before)} → {percent(self.after)}"
         else:
             told = f"{text.ratio(self.before)} → {text.ratio(self.after)} × tolerance"
         return f"{text.factor(self.after / self.before)} × ({told})"
 
     @property
     def size(self) -> float:
-        """What ranks changes: tolerances by which an error moved, or the factor of a timing, as its logarithm; 0 for none."""
+        """What ranks changes: how far an error moved, a check's in tolerances, or the logarithm of a timing's factor; 0 for none."""
         if self.line.kind == "timing":
             return abs(math.log(self.after / self.before))
         return abs(self.after - self.before)
@@ -503,6 +517,7 @@ class Pages:
             better=groups(better),
             shown=SHOWN,
             n_lines=len(lines),
+            n_headlines=sum(line.kind == "headline" for line in lines),
             n_timings=sum(line.kind == "timing" for line in lines),
             matrix=self._matrix(standing),
             engines=self._engines(),
@@ -521,7 +536,14 @@ class Pages:
         found = [mark for mark in self._marks if (mark.line.case, mark.line.engine) == place]
         by_machine: dict[tuple[str, int], list[Line]] = {}
         for line in sorted(
-            held, key=lambda line: (not line.shifts, line.kind == "timing", line.variant, line.quantity)
+            held,
+            key=lambda line: (
+                not line.shifts,
+                line.kind == "timing",
+                line.kind != "headline",
+                line.variant,
+                line.quantity,
+            ),
         ):
             by_machine.setdefault((line.machine, line.case_version), []).append(line)
         return self._env.get_template("dashboard_lines.html").render(

@@ -521,8 +521,15 @@ def draw_projection(picture: Projection) -> str:
                 foot = centre - (radius * along + 0.6 * size * along if few else 0.0)
                 _arrow(axes, foot, foot + (0.6 * size if few else 1.6 * radius) * along, MOTION, label)
             if few and omega[k].any():
-                axes.annotate(_spin(omega[k]), tuple(centre - [0.0, radius]), (0, -3), textcoords="offset points", ha="center", va="top",
-                              fontsize=7.5, color=SPIN, annotation_clip=False, zorder=6)  # fmt: skip
+                axes.text(
+                    *(centre - [0.0, 0.5 * radius]),
+                    _spin(omega[k]),
+                    ha="center",
+                    va="center",
+                    fontsize=7.5,
+                    color=SPIN,
+                    zorder=6,
+                )
         for cut in lines:
             _motion(axes, cut, lines, low, high, size)
         turning = [f"{wall.name} turns: {_spin(wall.spin)}" for wall in scene.walls if wall.spin.any()]
@@ -542,7 +549,7 @@ def draw_projection(picture: Projection) -> str:
 
 
 def _spin(omega: FloatArray) -> str:
-    return "(" + ", ".join(f"{each:.3g}" for each in omega) + ") rad/s"
+    return "(" + ", ".join(f"{each + 0.0:.3g}" for each in np.round(omega, 12)) + ") rad/s"
 
 
 def _draw_cell(scene: SceneView, cell: CellView) -> str:

@@ -532,7 +532,7 @@ def speed_points(case: CaseData) -> dict[str, list[Point]]:
 def case_speed(case: CaseData, looks: dict[str, Look]) -> PointChart | None:
     """All engines on one case; None where nothing was timed."""
     dots = [_dots(engine, looks[engine], points) for engine, points in speed_points(case).items()]
-    return _chart("Accuracy against speed", dots) if dots else None
+    return _chart(dots) if dots else None
 
 
 def engine_speed(panel: Panel, engine: str) -> PointChart | None:
@@ -550,7 +550,7 @@ def engine_speed(panel: Panel, engine: str) -> PointChart | None:
     if not own:
         return None
     behind = [_dots("others", grey, others)] if others else []
-    return _chart("Accuracy against speed", [*behind, *own])
+    return _chart([*behind, *own])
 
 
 def _dots(key: str, look: Look, points: list[Point]) -> Dots:
@@ -558,5 +558,8 @@ def _dots(key: str, look: Look, points: list[Point]) -> Dots:
     return Dots(key, look, x, y, joined=False, names=names)
 
 
-def _chart(title: str, dots: list[Dots]) -> PointChart:
-    return PointChart(title, "stepping [s]", "largest relative error of a headline", tuple(dots))
+def _chart(dots: list[Dots]) -> PointChart:
+    """Bare: names beside many points would cover some."""
+    return PointChart(
+        "Accuracy against speed", "stepping [s]", "largest relative error of a headline", tuple(dots), bare=True
+    )

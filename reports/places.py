@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import quote
@@ -125,10 +126,16 @@ def _points(
                     off, truth = abs(math.log(y / level)), level if truth else math.nan
                 if "x" not in plan.log or x > 0.0:
                     found.append(_Point(x, y, truth, str(row["source"]), off, engine, variant))
-    measured = {plotted.at for plotted in quantities if any(plotted.at in held for held in rows.values())}
-    if measured and len({plotted.at for plotted in quantities}) > 1:
+    if _is_way(quantities) and any(plotted.at in held for plotted in quantities for held in rows.values()):
         return found
     return sorted(found, key=lambda point: point.x)
+
+
+def _is_way(quantities: Sequence[Plotted]) -> bool:
+    """Whether quantities have places that are quantities, each its own: points of a curve in the plane."""
+    return len({plotted.at for plotted in quantities}) > 1 and all(
+        math.isnan(_number(plotted.at)) for plotted in quantities
+    )
 
 
 def _number(given: Any) -> float:
@@ -243,5 +250,5 @@ def _chart(
 ) -> PointChart:  # fmt: skip
     return PointChart(
         title, plan.at_label, label, tuple(dots), guides, x_log="x" in plan.log, y_log="y" in plan.log, limits=limits,
-        decades=True, bare=plan.apart or bool(plan.curves),
+        decades=True, bare=plan.apart or bool(plan.curves), equal=plan.apart and _is_way(plan.quantities),
     )  # fmt: skip

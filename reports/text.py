@@ -43,7 +43,7 @@ def number(value: Any) -> str:
 
 
 def ratio(value: Any) -> str:
-    """Error over tolerance: plain near 1 (and never rounded across it), scientific elsewhere."""
+    """Error over tolerance: plain near 1, where what is larger never reads as 1, scientific elsewhere."""
     x = as_float(value)
     if math.isinf(x):
         return "∞"
@@ -51,9 +51,9 @@ def ratio(value: Any) -> str:
         return NOTHING
     if x == 0.0:
         return "0"
-    if x != 1.0 and f"{x:.2g}" == "1":
-        told = next((told for digits in (3, 4) if (told := f"{x:.{digits}g}") != "1"), "")
-        return told or f"1{'−' if x < 1.0 else '+'}{abs(x - 1.0):.0e}".replace("e-0", "e-")
+    if f"{x:.2g}" == "1":
+        told = f"{x:.4g}"
+        return told if told != "1" or x <= 1.0 else "> 1"
     return f"{x:.2g}" if 0.01 <= float(f"{x:.1e}") < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else _scientific(x)
 
 

@@ -21,16 +21,16 @@ from statistics import median
 
 from ninedisk.harness.results.schema import ROUND_OFF, USES, Row
 from ninedisk.reports.figures import STEPS
-from ninedisk.reports.load import Stored
-from ninedisk.reports.model import EngineFacts
+from ninedisk.reports.headlines import has_number
+from ninedisk.reports.model import EngineFacts, Panel
 from ninedisk.reports.ranking import EQUAL, percent, time_at
 from ninedisk.reports.text import as_float, decade, decoded, times
 
 LITTLE = 0.5
 """What an engine has to cover of a use to be ranked."""
 
-OVERALL = {"all": "everything"}
-"""The use that has all headlines, whatever use each of them names."""
+OVERALL = {"all": "everything", "space": "all of spheres in space"}
+"""Uses of all headlines, whatever use each of them names; that in space where a store has both."""
 
 Place = tuple[str, str]
 """Case and headline."""
@@ -101,6 +101,15 @@ class Use:
         return [rank for rank in self.ranks if rank.measure == self.ranks[0].measure]
 
     @property
+    def widest(self) -> Sequence[Rank]:
+        """The ranked engines of the least error among those with a number on the most headlines, all that tie; none where `best` has it."""
+        most = max((rank.rated for rank in self.ranks), default=0)
+        told = [rank for rank in self.ranks if rank.rated == most]
+        return [
+            rank for rank in told if rank.measure == told[0].measure if max(each.rated for each in self.best) < most
+        ]
+
+    @property
     def able(self) -> Sequence[Rank]:
         """The ranked engines that come to 1 % wherever they were tried."""
         return [rank for rank in self.ranks if rank.timed and rank.reached == rank.timed]
@@ -124,24 +133,26 @@ class Use:
         return 1 + [other.measure for other in self.ranks].index(rank.measure)
 
 
-def uses(stored: Stored, engines: Mapping[str, EngineFacts]) -> list[Use]:
-    """Everything together, then every use of `schema.USES` in its order; one that no stored headline serves has no ranks.
+def uses(panel: Panel) -> list[Use]:
+    """Everything together, all in space, then every use of `schema.USES` in its order; one that no stored headline serves has no ranks.
 
     No case is large: what large scenes cost, and how deep disks overlap there, is measured by ``ninedisk bench flow``, whose
     records are no part of a store.
 
     Parameters
     ----------
-    stored : Stored
-        Its headlines and the cells' times.
-    engines : mapping from id to EngineFacts
-        Engines that are shown; others are left out.
+    panel : Panel
+        Its headlines, the cells' times, and the engines that are shown; others are left out.
     """
-    took = {(cell["case"], cell["variant"], cell["engine"]): as_float(cell["advance_s"]) for cell in stored.cells}
-    rows = [row for row in stored.headlines if row["engine"] in engines and not math.isnan(as_float(row["rel_error"]))]
+    took = {(cell["case"], cell["variant"], cell["engine"]): as_float(cell["advance_s"]) for cell in panel.stored.cells}
+    rows = [row for row in panel.stored.headlines if row["engine"] in panel.engines and has_number(row)]
+    within = {case.id for case in panel.cases.values() if case.in_space}
+    chosen = {"all": rows, "space": [row for row in rows if row["case"] in within]}
+    chosen |= {name: [row for row in rows if row["use"] == name] for name in USES}
     return [
-        _use(name, title, [row for row in rows if name in OVERALL or row["use"] == name], took, engines)
+        _use(name, title, chosen[name], took, panel.engines)
         for name, title in (OVERALL | USES).items()
+        if name != "space" or 0 < len(chosen[name]) < len(rows)
     ]
 
 

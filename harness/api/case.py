@@ -174,7 +174,7 @@ class Headline:
     Parameters
     ----------
     name : str
-        In a physicist's words ("restitution", "way after 1 s"), the same in every variant.
+        In a physicist's words ("restitution", "distance after 1 s"), the same in every variant.
     use : str
         What it matters for, one of `ninedisk.harness.results.schema.USES`.
     quantity : str

@@ -76,10 +76,11 @@ def _points(number: int, key: CellKey, cell: Row, run: Snapshot) -> Iterator[tup
     )
     for (quantity, norm, truth, k), row in run.checks.get(key, {}).items():
         error = error_of(row)
-        if not math.isnan(error) and truth != HEADLINE:  # lines are drawn over a tolerance
+        if not math.isnan(error):
             shown = Point(number, error, row_tolerance(row), str(row["status"]), own, str(row["reason"]))
-            kind = f"{truth}, {norm}" if norm == "max" else truth
-            yield ("error", case, version, variant, engine, quantity, kind, k), shown, str(row["unit"])
+            kind = "headline" if truth == HEADLINE else "error"
+            against = "" if truth == HEADLINE else f"{truth}, {norm}" if norm == "max" else truth
+            yield (kind, case, version, variant, engine, quantity, against, k), shown, str(row["unit"])
     of, seconds = timing(cell)
     if math.isfinite(seconds) and seconds > 0.0:
         yield ("timing", case, version, variant, engine, of, "", 0), Point(number, seconds, nan, status, own), "s"
@@ -98,7 +99,7 @@ def _marked(lines: Sequence[Line], n_timings: int) -> Iterator[Line]:
                        points=tuple(Point(k, math.exp(log), math.nan, "", "") for k, log in factors.items()),
                        shifts=timing_shifts(logs, n_timings + len(shared), drifts=True))  # fmt: skip
     for line in lines:
-        if line.kind == "error":
+        if line.kind in ("error", "headline"):
             shifts = error_shifts(line.points)
         elif line.kind == "cell":
             shifts = cell_shifts(line.points, BROKEN)

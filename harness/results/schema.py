@@ -633,7 +633,8 @@ class Shift:
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """History of one check (``error``), timing (``timing``) or status (``cell``) on one machine, of one case version."""
+    """History of one check (``error``), headline error (``headline``), timing (``timing``) or status (``cell``) on one machine, of one
+    case version."""
 
     kind: str
     case: str

@@ -144,25 +144,6 @@
     return { stroke, fill: null, clip: null, flags: 3 };
   };
 
-  /* Where the names of engines stand that have points alone, in CSS pixels from the plot's corner. */
-  function nameSpots(u, shown, width) {
-    const wide = u.bbox.width / devicePixelRatio, taken = [], found = [];
-    const free = box => taken.every(other => box[1] < other[0] || other[1] < box[0] || box[3] < other[2] || other[3] < box[2]);
-    shown.forEach((s, index) => {
-      if (s.guide || !u.series[index + 1].show) return;
-      const ends = s.x.map((x, k) => [u.valToPos(x, "x"), u.valToPos(s.heights[k], "y")]).sort((a, b) => b[0] - a[0]);
-      for (const [x, y] of ends) {
-        const size = width(s.name), left = x + 8 + size > wide, at = left ? x - 8 : x + 8;
-        const box = [left ? at - size : at, left ? at : at + size, y - 5.5, y + 5.5];
-        if (box[0] < 0 || !free(box)) continue;
-        taken.push(box);
-        found.push({ text: s.name, x: at, y, left });
-        break;
-      }
-    });
-    return found;
-  }
-
   /* Where the point leads to that is nearest to the pointer, if any is near it. */
   const NEAR = 16;
   function nearest(u, event) {
@@ -258,11 +239,13 @@
         }))],
         cursor: { drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => { chart.zoom(null); return null; } } },
         hooks: {
+          ready: [u => chart.square(u)],
+          setSize: [u => chart.square(u)],
           setCursor: [u => chart.point(u)],
           setSelect: [u => { if (u.select.width > 4) chart.zoom([u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")]); u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false); }],
           draw: [
             ...(this.spec.kind === "points" ? [u => chart.guides(u)] : log ? [u => chart.tolerances(u, shown)] : []),
-            ...(this.spec.bare ? [] : this.lines ? [u => chart.ends(u, shown)] : [u => chart.names(u, shown)]),
+            ...(this.lines && !this.spec.bare ? [u => chart.ends(u, shown)] : []),
           ],
         },
       };
@@ -294,19 +277,13 @@
       ctx.restore();
     }
 
-    /* Names beside points that no line joins: of each engine at the one farthest right where there is room. */
-    names(u, shown) {
-      const { ctx, bbox } = u, ratio = devicePixelRatio;
-      ctx.save();
-      Object.assign(ctx, { font: `${10 * ratio}px system-ui, sans-serif`, textBaseline: "middle" });
-      for (const { text, x, y, left } of nameSpots(u, shown, text => ctx.measureText(text).width / ratio)) {
-        ctx.fillStyle = style("--ink");
-        ctx.textAlign = left ? "right" : "left";
-        ctx.fillText(text, bbox.left + x * ratio, bbox.top + y * ratio);
-      }
-      ctx.restore();
+    /* The same scale on both axes, where a chart asks for it and is not too flat or too tall for that. */
+    square(u) {
+      if (!this.spec.equal) return;
+      const tall = u.bbox.height / devicePixelRatio, wide = u.bbox.width / devicePixelRatio, { x } = this.spec.limits, { y } = this.spec;
+      const fit = Math.min(2, Math.max(0.3, (y[1] - y[0]) / (x[1] - x[0]))) * wide;
+      if (Math.abs(fit - tall) > 1) queueMicrotask(() => u.setSize({ width: u.width, height: Math.round(u.height + fit - tall) })); // within a draw it is lost
     }
-
     width() { return Math.max(200, this.box.clientWidth); }
     resize() { for (const u of this.plots || []) if (Math.abs(u.width - this.width()) > 1) u.setSize({ width: this.width(), height: u.height }); }
     zoom(window) {
@@ -397,7 +374,7 @@
     }
   }
 
-  ninedisk.charts = { endsOf, nameSpots, decades, power, short, apart, GUTTER };
+  ninedisk.charts = { endsOf, decades, power, short, apart, GUTTER };
 
   function start() {
     const waiting = new Set([...document.querySelectorAll("figure[data-chart]")].filter(figure => ninedisk.data || !figure.dataset.chart.startsWith('{"kind": "history"')));

@@ -24,7 +24,7 @@
 
   /* The plots of a chart in its present window, without what is switched off, in dark ink on nothing. */
   ninedisk.svg = chart => {
-    const { endsOf, nameSpots, decades, power, short: told } = ninedisk.charts, ratio = devicePixelRatio, parts = [];
+    const { endsOf, decades, power, short: told } = ninedisk.charts, ratio = devicePixelRatio, parts = [];
     const text = (x, y, words, more = "") => parts.push(`<text x="${short(x)}" y="${short(y)}" ${more}>${escape(words)}</text>`);
     let top = 22, width = 0;
     text(4, 14, chart.spec.title, `font-size="12"`);
@@ -67,9 +67,7 @@
         if (s.tolerance > 0 && u.series[index + 1].show) parts.push(`<path d="M${short(left + 0.94 * wide)} ${short(py(s.tolerance))}h${short(0.06 * wide)}" stroke="${s.colour}" stroke-width="2"/>`);
       }
       parts.push("</g>");
-      if (chart.spec.bare) { /* the legend tells */ }
-      else if (chart.lines) for (const { y, text: words, colour } of endsOf(u, u.shown)) text(left + wide + 4, y - above + top + 3.5, words, colour ? `fill="${colour}"` : "");
-      else for (const { text: words, x: at, y, left: before } of nameSpots(u, u.shown, words => 5.6 * words.length)) text(left + at, top + y + 3.5, words, before ? `text-anchor="end"` : "");
+      if (chart.lines && !chart.spec.bare) for (const { y, text: words, colour } of endsOf(u, u.shown)) text(left + wide + 4, y - above + top + 3.5, words, colour ? `fill="${colour}"` : "");
       const guides = u.shown.filter(s => s.guide && s.name), end = s => s.heights[s.heights.length - 1], least = Math.min(...guides.map(end));
       for (const s of guides) text(px(s.x[s.x.length - 1]), py(end(s)) + (end(s) === least ? 11 : -3), s.name, `text-anchor="end" fill="${SOFT}"`);
       top = base + 14;

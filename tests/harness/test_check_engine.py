@@ -225,7 +225,7 @@ PLANTED = {
     "walls at rest": (
         "supports: MOVING_WALLS",
         Planted(scene=plain(lambda d: [w.update(motion=[]) for w in d["walls"]])),
-        "way of the disk",
+        "disk displacement",
     ),
     "walls that do not turn": (
         "supports: ROTATING_WALLS",
@@ -235,7 +235,7 @@ PLANTED = {
     "a chord for a curve": (
         "supports: CURVED_WALL_MOTION",
         Planted(scene=motion(amplitude=[0.0, 0.0], velocity=[0.0, 0.1])),
-        "way of the disk",
+        "disk displacement",
     ),
     "gravity along y only": (
         "supports: GRAVITY",

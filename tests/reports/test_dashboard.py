@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from types import ModuleType
@@ -13,6 +14,7 @@ import pytest
 from ninedisk.harness.results.compare import compare, side
 from ninedisk.harness.results.history import history
 from ninedisk.harness.results.schema import StoreHistory
+from ninedisk.harness.results.store import HEADLINE, as_check
 from ninedisk.reports.dashboard import build_dashboard, groups, last_steps, marks
 from ninedisk.reports.folder import ReportError
 from ninedisk.reports.studies import comparison_page
@@ -178,12 +180,42 @@ def test_the_largest_change_is_named_even_when_all_is_steady(synthetic: ModuleTy
     assert (step.line.case, step.line.variant, step.line.engine, step.line.quantity) == place
     assert step.after / step.before == pytest.approx(1.02, rel=1e-9)
     index = build_dashboard(steady(5), tmp_path / "out", silent).read_text(encoding="utf-8")
-    assert f"Largest change since the last run: an error, <b>{step.words}</b>" in index
+    assert f"Largest change since the last run: a check, <b>{step.words}</b>" in index
     assert step.words.startswith("1.02 × (")
     after = last_steps(steady(6, round_off=False))
     assert after["error"].size == 0.0
     assert 0.0 < after["timing"].size < 0.02
     assert last_steps(steady(1)) == {}
+
+
+def test_a_headline_has_a_line_of_its_own_in_per_cent(synthetic: ModuleType, tmp_path: Path) -> None:
+    """From 0.2 % to 3 % of the weight in the third of four runs: marked there, though no check has moved."""
+    runs = synthetic.snapshots(synthetic.Plan(runs=4, noise=1e-3, outliers=0.0, drift=0.0, machines=("here",)))
+    key = ("incline-block", "k=0", "dem")
+    told = []
+    for number, run in enumerate(runs):
+        row = {
+            "headline": "force at rest",
+            "quantity": "fn",
+            "scale_is": "weight",
+            "rel_error": 2e-3 if number < 2 else 3e-2,
+        }
+        check = as_check(dict(zip(("case", "variant", "engine"), key, strict=True)) | row)
+        own = {**run.checks[key], ("force at rest", "scalar", HEADLINE, 0): check}
+        told.append(replace(run, checks={**run.checks, key: own}))
+    found = history(told)
+    (line,) = [line for line in found.lines if line.kind == "headline"]
+    (mark,) = marks(found)
+    assert mark.line == line
+    assert (mark.severity, mark.runs, mark.levels) == ("larger", (1, 2), ("0.2 %", "3 %"))
+    assert last_steps(found)["headline"].size == 0.0
+    index = build_dashboard(found, tmp_path / "out", silent).read_text(encoding="utf-8")
+    assert "1 headline," in index
+    assert "no headline moved" in index
+    (page,) = (tmp_path / "out" / "lines").glob("incline-block-dem.html")
+    words = page.read_text(encoding="utf-8")
+    assert "<b>force at rest</b>, headline error" in words
+    assert "now: 3 %" in words
 
 
 def test_a_foreign_folder_is_left_alone(planted: StoreHistory, tmp_path: Path) -> None:

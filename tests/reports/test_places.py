@@ -66,6 +66,7 @@ def test_a_picture_an_engine_the_farthest_first_on_common_axes(store):
     assert dem.dots[0].y == (LEAST, 1.0)
     assert [unquote(link) for link in cd.dots[1].links] == ["#cell-cd-k=2"] * 2
     assert set(found.legend) == {"variant k=1", "variant k=2"}
+    assert not any(chart.equal for chart in found.charts), "places that are no quantities have a scale of their own"
 
 
 def test_one_chart_for_all_at_the_place_that_was_measured_with_a_line_for_each_rule(store):
@@ -147,3 +148,18 @@ def test_a_way_whose_places_were_measured_each_keeps_its_order(store):
     (found,) = charts_of(store(way))
     cd = next(chart for chart in found.charts if chart.title == "CD")
     assert [dots.x for dots in cd.dots] == [(1.0, 1e-3), (2.0, 2e-3)]
+    assert cd.equal
+
+
+def test_a_circle_is_drawn_as_one(store, tab, tmp_path):
+    """Equal scales on both axes, at two widths of the window."""
+    way = Figure(quantities=(Plotted("b", "way", at="b"), Plotted("a", "way", at="a")), apart=True, **TOLD)
+    report = build_report(store(way), tmp_path / "out").parent
+    for width in (390, 1440):
+        tab.open(report / "case" / "demo-one.html", width)
+        tab.wait("document.querySelector('figure.chart.drawn .u-over')")
+        tab.run("window.f = document.querySelector('figure.chart.drawn'); window.s = JSON.parse(f.dataset.chart)")
+        over = "f.querySelector('.u-over')"
+        x, y = f"{over}.clientWidth / (s.limits.x[1] - s.limits.x[0])", f"{over}.clientHeight / (s.y[1] - s.y[0])"
+        tab.wait(f"Math.abs(({x}) / ({y}) - 1) < 0.02")
+    assert tab.complaints == []

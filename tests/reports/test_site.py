@@ -31,7 +31,7 @@ def site(synthetic, tmp_path_factory):
             for row in rows:
                 row["engine_version"] = version
         tables["headlines"] = [
-            {**{k: row[k] for k in ("case", "variant", "engine", "engine_version")}, "headline": "way after 1 s", "quantity": "x",
+            {**{k: row[k] for k in ("case", "variant", "engine", "engine_version")}, "headline": "distance after 1 s", "quantity": "x",
              "use": "sliding", "scale": 1.0, "value": 1.0, "expected": 1.0, "rel_error": ERRORS[number] * (1 + (row["variant"] == "k=1"))}
             for row in tables["cells"] if row["case"] == "incline-block"
         ]  # fmt: skip

@@ -64,8 +64,7 @@ def report(store, tmp_path_factory):
 
 def found_in(store):
     """The uses of a store by their id."""
-    stored = load_store(store)
-    return {use.id: use for use in uses(stored, build_panel(stored).engines)}
+    return {use.id: use for use in uses(build_panel(load_store(store)))}
 
 
 def ids(ranks):
@@ -125,6 +124,34 @@ def test_everything_takes_the_headlines_of_all_uses_together(make):
     assert told == {"sliding": (["one"], ["two"]), "impacts": (["two"], ["one"]), "all": (["two"], ["one"])}
     assert [(rank.error, rank.worst["case"]) for rank in use["all"].ranks] == [(0.1, "sliding/a"), (0.2, "impacts/a")]
     assert (use["all"].title, use["all"].headlines) == ("everything", 2)
+
+
+def test_what_is_in_space_is_told_apart_where_a_store_has_both(make):
+    """One engine is exact in the plane and off by a tenth in space; with either alone there is nothing to tell apart."""
+    plane, space = ("sliding/a", 0.1), ("impacts/a", 0.1)
+    store = make({"one": {plane: 1e-13, space: 0.1}, "two": {plane: 0.2, space: 1e-3}}, {})
+    assert "space" not in found_in(store)
+    panel = build_panel(load_store(store))
+    for cell in panel.cases["impacts/a"].cells:
+        cell["setup"] = json.dumps({"scene": {"dimension": 3}})
+    found = {use.id: use for use in uses(panel)}
+    assert list(found)[:2] == ["all", "space"]
+    assert (ids(found["space"].best), ids(found["space"].farthest), found["space"].headlines) == (["two"], ["one"], 1)
+    assert (ids(found["all"].best), found["all"].headlines) == (["one"], 2)
+    for cell in panel.cases["sliding/a"].cells:
+        cell["setup"] = json.dumps({"scene": {"dimension": 3}})
+    assert "space" not in {use.id for use in uses(panel)}
+
+
+def test_beside_the_most_accurate_stands_who_has_numbers_on_more(make, tmp_path):
+    """`few` has no number on the hard headline, which `all` and `far` are off on."""
+    errors = {"few": {("a", 0.1): 1e-3, ("b", 0.1): 1e-3}}
+    errors |= {name: {(case, 0.1): error for case in "abc"} for name, error in (("all", 0.1), ("far", 0.2))}
+    store = make(errors, {})
+    sliding = found_in(store)["sliding"]
+    assert (ids(sliding.best), ids(sliding.widest)) == (["few"], ["all"])
+    html = (build_report(store, tmp_path / "out").parent / "index.html").read_text()
+    assert table_of(html)[1][1] == "FEW 2 of 3 headlines 0.1 % on 3 headlines: ALL 10 %"
 
 
 def test_a_headline_of_an_unknown_use_counts_in_everything_alone(make):
@@ -203,18 +230,17 @@ def card_of(html):
 def test_the_first_page_begins_with_verdicts(report):
     html = (report / "index.html").read_text()
     head, *rows = table_of(html)
-    assert head == ["Use", "Most accurate", "Fastest to 1 %", "Farthest"]
-    assert [row[0] for row in rows] == ["Everything", *(title.capitalize() for title in USES.values())]
+    assert head == ["Use", "Most accurate", "Fastest to 1 %", "Least accurate"]
+    assert [row[0] for row in rows] == [f"{title} 3 headlines, 4 engines" for title in ("Everything", "Sliding")]
     told = [
         "EXACT 2 of 3 headlines 1.0e-13",
-        "FIRST 2 of 3 headlines 1 × 2 of 4 engines come to it wherever they ran",
+        "FIRST 2 of 3 headlines 1 × 2 of 4 engines reach it wherever they ran",
         "BLUNDER 2 of 3 headlines 50 % Demo : way",
     ]
-    assert rows[0][1:] == rows[2][1:] == told
-    assert rows[1][1:] == ["no stored headline"]
+    assert rows[0][1:] == rows[1][1:] == told
     main = html[html.index("<main") :]
     assert main.index('<table class="verdicts"') < main.index('<div class="headline') < main.index('class="toc"')
-    assert re.findall(r'<th scope="row"><a href="#(use-[^"]*)"', main) == [f"use-{name}" for name in ("all", *USES)]
+    assert re.findall(r'<th scope="row"><a href="#(use-[^"]*)"', main) == ["use-all", "use-sliding"]
     assert re.findall(r'<section id="([^"]*)"', main) == [f"use-{name}" for name in ("all", *USES)]
     assert (
         main.count(
@@ -245,7 +271,7 @@ def test_the_first_page_has_the_engines_of_each_use(report):
 )
 def test_a_verdict_that_cannot_be_given_says_why(make, tmp_path, errors, seconds, told):
     html = (build_report(make(one_step(**errors), seconds), tmp_path / "out").parent / "index.html").read_text()
-    told = told or ["ONE , TWO 1.0e-13", "ONE 1 × 1 of 2 engines come to it wherever they ran", "all are alike"]
+    told = told or ["ONE , TWO 1.0e-13", "ONE 1 × 1 of 2 engines reach it wherever they ran", "all are alike"]
     assert table_of(html)[1][1:] == told
 
 

@@ -539,7 +539,7 @@ def driven(info: EngineInfo, motion: str) -> Probe:
         bound += speed * end * float(turned[-1])
         mend = "a wall pushes where it is at t_n, pose by WallSegment: move it every step"
         return [
-            ClosedForm(quantity="way of the disk", unit="m", value=history.x[:, 0, 1] - R, expected=carried,
+            ClosedForm(quantity="disk displacement", unit="m", value=history.x[:, 0, 1] - R, expected=carried,
                        bound=bound, why=why, mend=mend),
             ClosedForm(quantity="wall_point", unit="m", value=history.wall_point[:, 0], expected=np.column_stack([0.0 * t, height]),
                   bound=10 * eps, why="a prescribed motion", mend="wall_point is the wall's reference point, moved with it"),
@@ -573,7 +573,7 @@ def squeezed(info: EngineInfo) -> Probe:
         return [
             ClosedForm(quantity="fn", unit="N", value=history.fn, expected=np.column_stack([KN * down, KN * down]),
                   bound=bound * KN * float(down[-1]), why="the solver's tolerance", mend="each step ends in equilibrium"),
-            ClosedForm(quantity="way of the disk", unit="m", value=R - history.x[:, 0, 1], expected=down, bound=bound * float(down[-1]),
+            ClosedForm(quantity="disk displacement", unit="m", value=R - history.x[:, 0, 1], expected=down, bound=bound * float(down[-1]),
                   why="the solver's tolerance"),
         ]  # fmt: skip
 

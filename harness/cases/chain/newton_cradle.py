@@ -142,10 +142,10 @@ class NewtonCradle:
         elif e in (0.0, 1.0):
             last_speed, kept = (math.nan, 1.0) if e else (speed / n, 1.0 / n)
         return (
-            Headline(name="speed handed on", use="impacts", quantity=f"vx_{n}_final", expected=last_speed,
+            Headline(name="speed of the last disk", use="impacts", quantity=f"vx_{n}_final", expected=last_speed,
                      source="one collision after the other, Newton's restitution", scale=speed, scale_is="speed of the first disk"),
             Headline(name="energy kept", use="impacts", quantity="energy_final", expected=kept * first,
-                     source="Newton's restitution", scale=first, scale_is="first energy"),
+                     source="Newton's restitution", scale=first, scale_is="initial energy"),
         )  # fmt: skip
 
     def checks(

@@ -137,7 +137,7 @@ class DrivenWall:
         if params["motion"] == "shake":
             return (
                 Headline(name="motion that the wall gives", use="moving-walls", quantity="x", expected=_carried(observed).x,
-                         source="the floor's own path", scale=2.0 * AMPLITUDE, scale_is="way of the floor"),
+                         source="the floor's own path", scale=2.0 * AMPLITUDE, scale_is="stroke of the floor"),
             )  # fmt: skip
         speed = math.hypot(*_struck().velocity)
         return (

@@ -133,7 +133,7 @@ class Materials:
         truth = _slides(observed.t, SLIDERS[1][1])
         return (
             Headline(name="distance of the second material", use="sliding", quantity="x_rubber_final", expected=float(truth.x[-1]),
-                     source=self.source, scale=float(truth.x[-1]), scale_is="way of the rigid disk"),
+                     source=self.source, scale=float(truth.x[-1]), scale_is="distance of the rigid disk"),
             Headline(name="rebound of unlike materials", use="impacts", quantity="parting_steel_rubber", expected=_parting(PAIRS[1][1]),
                      source=self.source, scale=2.0 * SPEED, scale_is="speed of approach"),
         )  # fmt: skip

@@ -131,7 +131,9 @@ class Reopening:
         depth = (2.0 if params["pair"] == "disks" else 1.0) * params["speed"] / _omega(params, first=True)
         # Half a sine has the mean 2/pi.
         slips = abs(float(_slip(params, np.array([2.0 * depth / math.pi]))[0])) * lasts
-        way, scale_is = (slips, "slip in a contact") if slips else (params["speed"] * lasts, "way in a contact's time")
+        way, scale_is = (
+            (slips, "slip in a contact") if slips else (params["speed"] * lasts, "distance in a contact's time")
+        )
         ks = params["ks_over_kn"] * params["kn"]
         return (
             Headline(name="largest shear force", use="impacts", quantity="fs_largest", expected=ks * slips,

@@ -138,7 +138,7 @@ class Budget:
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """What the channels together do not account for, at worst."""
         return (
-            Headline(name="energy that no channel tells", use="energy", quantity="energy_missing", expected=0.0,
+            Headline(name="energy missing from the budget", use="energy", quantity="energy_missing", expected=0.0,
                      source="balance of energy", scale=_exchanged(setup.scene), scale_is="energy that the disks exchange"),
         )  # fmt: skip
 

@@ -219,7 +219,7 @@ class CoolingGas:
             Headline(name="energy lost in a collision", use="impacts", quantity="loss", expected=1.0 - params["restitution"] ** 2,
                      source="Newton's restitution", scale=1.0, scale_is="energy of approach"),
             Headline(name="energy fed by collisions", use="energy", quantity="kinetic_level_rise", expected=0.0,
-                     source="Newton's restitution", scale=1.0, scale_is="first energy"),
+                     source="Newton's restitution", scale=1.0, scale_is="initial energy"),
         )  # fmt: skip
 
     def checks(

@@ -171,7 +171,7 @@ class ElasticGas:
         """Energy and momentum of elastic disks, whatever the engine does in a contact."""
         return (
             Headline(name="energy kept", use="energy", quantity="energy_kept", expected=1.0, source="conservation of energy",
-                     scale=1.0, scale_is="first energy"),
+                     scale=1.0, scale_is="initial energy"),
             Headline(name="momentum between hits of the walls", use="energy", quantity="momentum_jump", expected=0.0,
                      source="conservation of momentum", scale=MASS * params["speed"], scale_is="momentum of a disk"),
         )  # fmt: skip

@@ -99,7 +99,7 @@ class HeldDisk:
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """How far the impact turns the disk aside."""
         return (
-            Headline(name="velocity aside after hitting a held disk", use="impacts", quantity="vy_final",
+            Headline(name="transverse velocity after hitting a held disk", use="impacts", quantity="vy_final",
                      expected=_struck().velocity[1], source=self.source, scale=SPEED, scale_is="speed of approach"),
         )  # fmt: skip
 

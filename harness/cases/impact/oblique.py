@@ -225,7 +225,7 @@ class ObliqueImpact:
             Headline(name="restitution", use="impacts", quantity="restitution_effective", expected=params["restitution"],
                      source="Newton's restitution", scale=1.0, scale_is="speed of approach"),
             Headline(name="speed along the plane", use="impacts", quantity="vx_final", expected=rigid.vx if agree else math.nan,
-                     source="Coulomb's law for the impulses: mu (1 + e) vn is lost", scale=first, scale_is="first speed"),
+                     source="Coulomb's law for the impulses: mu (1 + e) vn is lost", scale=first, scale_is="initial speed"),
         )  # fmt: skip
 
     def checks(

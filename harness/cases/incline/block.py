@@ -189,9 +189,11 @@ class InclineBlock:
         """
         angle, t_end = math.radians(params["angle_deg"]), float(observed.t[-1])
         truth = incline(observed.t, mu=params["mu"], angle=angle, g=params["g"], mass=params["mass"])
-        way, scale_is = float(truth.x[-1]), "way of the sliding block"
+        way, scale_is = float(truth.x[-1]), "distance of the sliding block"
         free = 0.5 * params["g"] * math.sin(angle) * t_end**2
-        scale, scale_is = (free, "way without friction") if sticks(params) else (way, "way of the sliding block")
+        scale, scale_is = (
+            (free, "distance without friction") if sticks(params) else (way, "distance of the sliding block")
+        )
         return (
             Headline(name="distance down the incline", use="rest" if sticks(params) else "sliding", quantity="x_final", expected=way,
                      source="(A.7)", scale=scale, scale_is=scale_is),

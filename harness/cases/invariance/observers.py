@@ -164,7 +164,7 @@ class Invariance:
             source = "the two contacts of a half row are closed by their wall's way: kn v T"
         elif scene == "belt":
             quantity, expected, source = "vx_final", rolling_speed(speed=full["speed"]), "disk that rolls in the end"
-            scale_is = "speed in the end, seen from the belt"
+            scale_is = "final speed, seen from the belt"
         else:
             case = {"mu": full["mu"], "angle": math.radians(full["angle_deg"]), "g": full["g"]}
             rolls = roll_rates(mass=rolling_incline.MASS, radius=rolling_incline.RADIUS, **case).along
@@ -174,7 +174,7 @@ class Invariance:
                 rate * float(observed.t[-1]),
                 "Newton and Euler with Coulomb friction",
             )
-            scale_is = "speed in the end"
+            scale_is = "final speed"
         return (
             Headline(name="motion seen by the observer", use="invariance", quantity=quantity, expected=expected, source=source,
                      scale=expected, scale_is=scale_is),

@@ -117,7 +117,7 @@ class Collision:
         momentum = float(setup.scene.disks.mass[0]) * SPEED
         return (
             Headline(name="energy kept", use="impacts", quantity="energy_change", expected=math.nan if params["mu"] else 0.0,
-                     source="conservation of energy", scale=1.0, scale_is="first energy"),
+                     source="conservation of energy", scale=1.0, scale_is="initial energy"),
             Headline(name="momentum kept", use="impacts", quantity="momentum_drift", expected=0.0,
                      source="conservation of momentum", scale=momentum, scale_is="momentum of an ellipse"),
             Headline(name="angular momentum kept", use="impacts", quantity="angular_momentum_drift", expected=0.0,

@@ -87,7 +87,7 @@ class Resistance:
     figures = (
         Figure(
             title="Against rolling resistance",
-            quantities=(Plotted("x", "way along the plane"), Plotted("vx", "velocity along the plane")),
+            quantities=(Plotted("x", "distance along the plane"), Plotted("vx", "velocity along the plane")),
             compare="model",
             shows="A disk thrown along a level plane, rolling, and one put at rest on inclines.",
             allows="A constant torque stops it, a viscous one never does and lets it creep down any slope; a spring holds it, swinging.",

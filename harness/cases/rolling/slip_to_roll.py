@@ -177,8 +177,8 @@ class SlipToRoll:
         return (
             Headline(name="distance", use="rolling", quantity="x_final", expected=math.nan if falls else way, source=source,
                      scale=way, scale_is="distance of the rigid disk"),
-            Headline(name="speed in the end", use="rolling", quantity="vx_final", expected=float(truth_end["vx"][0]),
-                     source=source, scale=params["speed"], scale_is="first speed"),
+            Headline(name="final speed", use="rolling", quantity="vx_final", expected=float(truth_end["vx"][0]),
+                     source=source, scale=params["speed"], scale_is="initial speed"),
             Headline(name="lift of the sliding disk", use="sliding", quantity="lift", expected=math.nan if falls else 0.0,
                      source="Coulomb's law: no dilation", scale=way, scale_is="distance of the rigid disk"),
         )  # fmt: skip

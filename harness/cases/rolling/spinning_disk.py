@@ -158,10 +158,10 @@ class SpinningDisk:
         return (
             Headline(name="distance", use="rolling", quantity="x_final", expected=float(history.x[-1]), source=source,
                      scale=float(history.x[-1]), scale_is="distance of the rigid disk"),
-            Headline(name="speed in the end", use="rolling", quantity="vx_final", expected=float(history.vx[-1]), source=source,
-                     scale=rim, scale_is="first speed of the rim"),
+            Headline(name="final speed", use="rolling", quantity="vx_final", expected=float(history.vx[-1]), source=source,
+                     scale=rim, scale_is="initial speed of the rim"),
             Headline(name="energy kept", use="rolling", quantity="energy_kept", expected=float(energy) / _first_energy(params, setup),
-                     source=source, scale=1.0, scale_is="first energy"),
+                     source=source, scale=1.0, scale_is="initial energy"),
         )  # fmt: skip
 
     def checks(

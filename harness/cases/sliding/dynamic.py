@@ -94,7 +94,7 @@ class DynamicSliding:
                 expected=params["g0"],
                 source="Newton's first law",
                 scale=params["speed"] * float(observed.t[-1]),
-                scale_is="way along the plane",
+                scale_is="distance along the plane",
             ),
         )
 

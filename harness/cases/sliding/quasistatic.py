@@ -80,7 +80,7 @@ class QuasistaticSliding:
         source = "Coulomb's law, equilibrium"
         return (
             Headline(name="lift of the sliding particle", use="sliding", quantity="gap_final", expected=0.0, source=source,
-                     scale=params["increment"] * steps, scale_is="way along the plane"),
+                     scale=params["increment"] * steps, scale_is="distance along the plane"),
             Headline(name="friction force", use="sliding", quantity="fs", expected=params["mu"] * params["normal_load"],
                      source=source, scale=params["normal_load"], scale_is="load", window=(steps, steps)),
         )  # fmt: skip

@@ -245,10 +245,10 @@ class Thrown:
         """Speed in the end; what has left the direction of the throw."""
         speed, source = params["speed"], "rigid sphere with Coulomb friction"
         return (
-            Headline(name="speed in the end", use="rolling", quantity="vx_final", expected=5.0 / 7.0 * speed, source=source,
-                     scale=speed, scale_is="first speed"),
+            Headline(name="final speed", use="rolling", quantity="vx_final", expected=5.0 / 7.0 * speed, source=source,
+                     scale=speed, scale_is="initial speed"),
             Headline(name="speed across the throw", use="rolling", quantity="beside_max", expected=0.0, source=source, scale=speed,
-                     scale_is="first speed"),
+                     scale_is="initial speed"),
         )  # fmt: skip
 
     def checks(
@@ -478,7 +478,7 @@ class Turntable:
     )  # fmt: skip
     figures = (
         _way_figure(
-            "The way on the turntable",
+            "The path on the turntable",
             "A quarter of the circle on which the sphere goes round, from above.",
             "Whatever friction, radius and gravity are, the circle is run through with 2/7 of the plane's angular speed; slip that is let "
             "through, or a first-order step, shows as a spiral.",
@@ -642,8 +642,8 @@ class Top:
         ),
         _way_figure(
             "A throw with spin",
-            "The way of a sphere thrown with a spin across its velocity, from above.",
-            "Friction keeps its direction, so that the way is a parabola, and straight once the sphere rolls.",
+            "The path of a sphere thrown with a spin across its velocity, from above.",
+            "Friction keeps its direction, so that the path is a parabola, and straight once the sphere rolls.",
             kind=("thrown",),
         ),
     )  # fmt: skip
@@ -692,10 +692,10 @@ class Top:
         truth = self._truth(params, observed.t)
         return (
             Headline(name="spin about the normal", use="rolling", quantity="spin_z", expected=truth.spin[:, 2], source=self.source,
-                     scale=SPIN, scale_is="first spin"),
-            Headline(name="way of a throw with spin", use="rolling", quantity="way_final",
+                     scale=SPIN, scale_is="initial spin"),
+            Headline(name="displacement of a throw with spin", use="rolling", quantity="way_final",
                      expected=float(np.hypot(*truth.x[-1])) if self._thrown(params) else math.nan, source=self.source, scale=LASTS,
-                     scale_is="first speed for 0.6 s"),
+                     scale_is="initial speed times 0.6 s"),
         )  # fmt: skip
 
     def checks(
@@ -765,7 +765,7 @@ class Resisted:
     figures = (
         Figure(
             title="Against rolling resistance",
-            quantities=(Plotted("way", "way along the plane"), Plotted("along", "velocity along the plane")),
+            quantities=(Plotted("way", "distance along the plane"), Plotted("along", "velocity along the plane")),
             compare="model",
             shows="A sphere that rolls along a level plane, and one put at rest on inclines.",
             allows="A constant torque stops it after 7 v^2/(10 mu_r g); a spring holds it, swinging.",

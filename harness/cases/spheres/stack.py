@@ -96,7 +96,7 @@ class Stack:
         ),
         Figure(
             title="How far the top comes down",
-            quantities=(Plotted("down", "way of the top"),),
+            quantities=(Plotted("down", "displacement of the top"),),
             compare="share",
             shows="Way of the top with a fifth more friction than the heap needs to stand, and with a fifth less.",
             allows="Between both lies tan(angle/2). An engine that creeps comes down with enough friction, too.",
@@ -164,7 +164,7 @@ class Stack:
         return (
             Headline(name="friction in a heap", use="rest", quantity="top_s_mean", expected=forces.top_s if stands else math.nan,
                      source="statics", scale=MASS * G, scale_is="weight of a sphere"),
-            Headline(name="way of the top of a heap", use="rest", quantity="down_final",
+            Headline(name="displacement of the top of a heap", use="rest", quantity="down_final",
                      expected=float(_down(params, observed.t)[-1]), source="Newton and Euler for rigid spheres", scale=RADIUS,
                      scale_is="radius"),
         )  # fmt: skip

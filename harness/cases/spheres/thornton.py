@@ -137,7 +137,7 @@ class Thornton:
             Headline(name="restitution", use="impacts", quantity="restitution_effective", expected=params["restitution"],
                      source="Newton's restitution", scale=1.0, scale_is="speed of approach"),
             Headline(name="speed along the plane", use="impacts", quantity="vt_final", expected=along, source=source, scale=first,
-                     scale_is="first speed"),
+                     scale_is="initial speed"),
         )  # fmt: skip
 
     def checks(
