@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ninedisk_tests_comparison import variant
 from ninedisk_tests_plain_spheres import HERTZ, LINEAR, RUN, pile, plain_dem
 
 from ninedisk.core.history import History
@@ -20,12 +21,14 @@ from ninedisk.core.spheres.law import SphereLaw, damping_ratio
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.engines.esys_particle.adapter import EsysParticle
 from ninedisk.harness.engines.kratos.adapter import Kratos
 from ninedisk.harness.engines.lammps.adapter import Lammps
 from ninedisk.harness.engines.liggghts.adapter import Liggghts
 from ninedisk.harness.engines.spring import SpringEngine
 from ninedisk.harness.engines.yade.adapter import Yade
 from ninedisk.references.analytic.jkr import neck, stable_contact
+from ninedisk.references.analytic.turned_shear import kept_shear
 
 OVERLAP = {"torque": "overlap", "slip": "overlap", "wall": "overlap"}
 GRANULAR = {"torque": "overlap", "slip": "radius", "wall": "radius"}
@@ -118,6 +121,101 @@ def test_kratos_without_friction_is_the_core_step_by_step(law: SphereLaw) -> Non
     scene = scene.replace(walls=tuple(replace(w, law=smooth) for w in scene.walls))
     assert Kratos().supports(scene, RUN).level is SupportLevel.EXACT
     assert_core(Kratos, scene, ROUND_OFF)
+
+
+def smooth_walls(scene: SphereScene, law: SphereLaw) -> SphereScene:
+    return scene.replace(walls=tuple(replace(w, law=replace(law, mu=0.0, beta=0.0)) for w in scene.walls))
+
+
+def test_esys_particle_without_friction_is_the_core_step_by_step() -> None:
+    """Planes' stiffnesses by radius, on a plane that also turns over; three contacts and more on a sphere."""
+    smooth = replace(LINEAR, mu=0.0, beta=0.0)
+    scene = smooth_walls(pile(smooth), smooth)
+    turning = PlaneSegment(velocity=(0.1, 0.0, 0.05), angular_velocity=(2.0, -3.0, 0.5), pivot=(0.01, 0.02, 0.0))
+    scene = scene.replace(walls=(replace(scene.walls[0], motion=(turning,)), *scene.walls[1:]))
+    assert EsysParticle().supports(scene, RUN).level is SupportLevel.EXACT
+    assert_core(EsysParticle, scene, ROUND_OFF)
+
+
+def test_dashpots_of_esys_particle_are_those_of_the_law() -> None:
+    """Beside Hertz' law, with 3.1415926 for pi: a damping ratio off by 1.7e-8."""
+    law = replace(HERTZ, mu=0.0, beta=damping_ratio(0.4))
+    scene = pile(law).replace(walls=())
+    assert EsysParticle().supports(scene, RUN).level is SupportLevel.EXACT
+    watch = [(i, j) for i in range(8) for j in range(i + 1, 8)]
+    core, found = simulate(scene, RUN, watch), run(EsysParticle, scene, RUN, watch)
+    assert (core.fn > 0.0).any()
+    for name in ("x", "v", "omega", "angle", "fn"):
+        assert off(getattr(found, name), getattr(core, name)) <= 1e-7, name
+
+
+def test_esys_particle_with_friction_is_a_plain_dem_that_keeps_directions() -> None:
+    """Two materials, a fixed sphere and one that does not turn; another rule of turning is off by 1e-5 or more."""
+    law = replace(LINEAR, beta=0.0, lever_arm="overlap", slip_at="end")
+    held, rotating, still = np.zeros((8, 3), dtype=bool), np.ones(8, dtype=bool), [2, 5]
+    held[2], rotating[still] = True, False
+    scene = smooth_walls(pile(law, material=["a", "b"] * 4, held=held, rotating=rotating), law)
+    v, omega = np.array(scene.spheres.v), np.array(scene.spheres.omega)
+    v[2], omega[still] = 0.0, 0.0
+    spheres = replace(
+        scene.spheres, v=v, omega=omega, radius=np.full(8, 0.0103), inertia=0.4 * scene.spheres.mass * 0.0103**2
+    )
+    scene = scene.replace(
+        spheres=spheres, laws={("a", "b"): replace(law, mu=0.1), ("b", "b"): replace(law, kn=1.2e4, ks=8e3, mu=0.05)}
+    )
+    told = EsysParticle().supports(scene, RUN)
+    assert (told.level, told.missing) == (SupportLevel.APPROXIMATE, ())
+    watch = [(i, j) for i in range(8) for j in range(i + 1, scene.n_bodies)]
+    found = run(EsysParticle, scene, RUN, watch)
+    for turn, same in (("keep", True), ("project", False)):
+        plain = zip(*plain_dem(scene, RUN, arms=OVERLAP, turn=turn), strict=True)
+        for name, rows in zip(("x", "v", "omega"), plain, strict=True):
+            assert (off(getattr(found, name), np.array(rows)) <= ROUND_OFF) is same or name == "x", (name, turn)
+    assert np.abs(found.omega[-1] - found.omega[0]).max() > 1.0  # friction did something
+    pairs = [(c, i, j) for c, (i, j) in enumerate(watch) if j < 8]
+    columns, ones, others = (list(each) for each in zip(*pairs, strict=True))
+    apart, shear = found.x[:, others] - found.x[:, ones], found.fs[:, columns]
+    assert shear.any()
+    beside = np.einsum("scj,scj->sc", shear, apart / np.linalg.norm(apart, axis=2, keepdims=True))
+    assert np.abs(beside).max() <= 1e-15 * np.abs(shear).max()
+
+
+@pytest.mark.parametrize("kind", ["spun", "passed"])
+def test_shear_of_esys_particle_keeps_its_direction(kind: str) -> None:
+    """Its own truth, first order in the step: slip of half steps with the normal of the step's end."""
+    setup = variant("spheres/turned", kind=kind)
+    (one, two), spheres = setup.scene.bodies.x, setup.scene.spheres
+    found = run(EsysParticle, setup.scene, setup.numerics, setup.watch)
+    kept = kept_shear(apart=two - one, v=spheres.v[1] - spheres.v[0], roll=spheres.radius @ spheres.omega, t=found.t)
+    assert off(found.fs[:, 0], setup.scene.sphere_sphere.ks * kept) <= 1e-3
+
+
+def test_forces_that_esys_particle_does_not_tell_are_not_observed() -> None:
+    """Six spheres about a small one, 18 contacts in 15 directions of motion: the motion is the core's, normal forces are NaN. A sphere
+    between two planes is told apart by these."""
+    law = SphereLaw(kn=1e4)
+    corners = np.concatenate([np.eye(3), -np.eye(3)])
+    spheres = Spheres(x=np.concatenate([0.01 * corners, np.zeros((1, 3))]), radius=[*[0.0072] * 6, 0.003], mass=0.01)
+    scene, numerics = SphereScene(spheres=spheres, sphere_sphere=law), Numerics(dt=1e-5, n_steps=30, contact_dt=1e-5)
+    watch = [(0, 1), (0, 6)]
+    core, found = simulate(scene, numerics, watch), run(EsysParticle, scene, numerics, watch)
+    assert off(found.v, core.v) <= ROUND_OFF
+    assert core.fn[0].min() > 0.0
+    assert np.isnan(found.fn[0]).all()
+    planes = [
+        PlaneWall(name=name, point=(0, 0, z), normal=(0, 0, -z), law=law) for name, z in (("up", 9e-3), ("down", -8e-3))
+    ]
+    squeezed = SphereScene(spheres=Spheres(x=[(0, 0, 0)], radius=0.01, mass=0.01), sphere_sphere=law, walls=planes)
+    assert_core(EsysParticle, squeezed, ROUND_OFF, numerics)
+
+
+def test_planes_of_esys_particle_meet_spheres_that_did_not_move() -> None:
+    """A plane comes from afar: it would look for spheres only where one of them has moved."""
+    law = SphereLaw(kn=1e6)
+    motion = (PlaneSegment(velocity=(0.0, 0.0, 10.0)),)
+    floor = PlaneWall(name="floor", point=(0, 0, -0.1), normal=(0, 0, 1), law=law, motion=motion)
+    scene = SphereScene(spheres=Spheres(x=[(0, 0, 0)], radius=0.01, mass=0.01), sphere_sphere=law, walls=(floor,))
+    assert_core(EsysParticle, scene, ROUND_OFF, Numerics(dt=1e-5, n_steps=915, contact_dt=1e-5, sample_every=305))
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -241,6 +339,9 @@ def test_materials_and_held_spheres() -> None:
         (Liggghts, {"unloading": "none", "g_star": 1e7}, Capability.HERTZ_MINDLIN),
         (Kratos, {"beta": 0.0}, Capability.SHEAR_SPRING),
         (Kratos, {"mu": 0.0}, Capability.CONTACT_DAMPING),
+        (EsysParticle, {"beta": 0.0}, Capability.SHEAR_SPRING),
+        (EsysParticle, {"mu": 0.0}, Capability.CONTACT_DAMPING),
+        (EsysParticle, {"mu": 0.0, "beta": 0.0}, Capability.HERTZ_MINDLIN),
         (Lammps, {"beta": 1.0}, Capability.CONTACT_DAMPING),
         (Lammps, {"surface_energy": 0.1}, Capability.CONTACT_DAMPING),
         (Lammps, {"twisting": Rolling(model="constant", mu=0.1)}, Capability.TWISTING_CONSTANT),
