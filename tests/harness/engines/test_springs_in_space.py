@@ -113,26 +113,29 @@ def test_dashpots_of_lammps_are_those_of_the_core() -> None:
     assert_core(Lammps, scene.replace(walls=tuple(replace(w, law=law) for w in scene.walls)), ROUND_OFF)
 
 
-@pytest.mark.parametrize("law", [LINEAR, HERTZ])
-def test_kratos_without_friction_is_the_core_step_by_step(law: SphereLaw) -> None:
-    """Moduli of materials that give each contact its E*; two walls at once on a sphere."""
-    smooth = replace(law, mu=0.0, beta=0.0)
-    scene = pile(smooth, moving=False)
-    scene = scene.replace(walls=tuple(replace(w, law=smooth) for w in scene.walls))
-    assert Kratos().supports(scene, RUN).level is SupportLevel.EXACT
-    assert_core(Kratos, scene, ROUND_OFF)
-
-
 def smooth_walls(scene: SphereScene, law: SphereLaw) -> SphereScene:
     return scene.replace(walls=tuple(replace(w, law=replace(law, mu=0.0, beta=0.0)) for w in scene.walls))
+
+
+def turning_over(scene: SphereScene) -> SphereScene:
+    """The floor moves, and turns about an axis that is neither its normal nor across it."""
+    motion = PlaneSegment(velocity=(0.1, 0.0, 0.05), angular_velocity=(2.0, -3.0, 0.5), pivot=(0.01, 0.02, 0.0))
+    return scene.replace(walls=(replace(scene.walls[0], motion=(motion,)), *scene.walls[1:]))
+
+
+@pytest.mark.parametrize("law", [LINEAR, HERTZ])
+def test_kratos_without_friction_is_the_core_step_by_step(law: SphereLaw) -> None:
+    """Moduli of materials that give each contact its E*; two walls at once on a sphere, one of which moves and turns over."""
+    smooth = replace(law, mu=0.0, beta=0.0)
+    scene = turning_over(smooth_walls(pile(smooth), smooth))
+    assert Kratos().supports(scene, RUN).level is SupportLevel.EXACT
+    assert_core(Kratos, scene, ROUND_OFF)
 
 
 def test_esys_particle_without_friction_is_the_core_step_by_step() -> None:
     """Planes' stiffnesses by radius, on a plane that also turns over; three contacts and more on a sphere."""
     smooth = replace(LINEAR, mu=0.0, beta=0.0)
-    scene = smooth_walls(pile(smooth), smooth)
-    turning = PlaneSegment(velocity=(0.1, 0.0, 0.05), angular_velocity=(2.0, -3.0, 0.5), pivot=(0.01, 0.02, 0.0))
-    scene = scene.replace(walls=(replace(scene.walls[0], motion=(turning,)), *scene.walls[1:]))
+    scene = turning_over(smooth_walls(pile(smooth), smooth))
     assert EsysParticle().supports(scene, RUN).level is SupportLevel.EXACT
     assert_core(EsysParticle, scene, ROUND_OFF)
 
@@ -218,16 +221,21 @@ def test_planes_of_esys_particle_meet_spheres_that_did_not_move() -> None:
     assert_core(EsysParticle, scene, ROUND_OFF, Numerics(dt=1e-5, n_steps=915, contact_dt=1e-5, sample_every=305))
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_friction_of_kratos_is_that_of_the_core(count: int) -> None:
-    """On a stiff plane, where arms hardly differ, and between spheres; slip by rotation is that of a step's both ends, first order."""
+@pytest.mark.parametrize(("count", "moves"), [(1, False), (1, True), (2, False)])
+def test_friction_of_kratos_is_that_of_the_core(count: int, moves: bool) -> None:
+    """On a stiff plane, where arms hardly differ, also on one that moves; between spheres; slip by rotation is that of a step's both ends,
+    first order."""
     law = replace(LINEAR, beta=0.0, slip_at="end", lever_arm="overlap")
     places, spins = [(0, 0, 0.01), (0.003, 0.001, 0.0296)], [(30.0, 300.0, 0.0), (-100.0, 20.0, 0.0)]
     moving = [(0.1, 0.0, -0.01), (0.0, 0.0, 0.0)]
     spheres = Spheres(x=places[:count], radius=0.01, mass=0.01, v=moving[:count], omega=spins[:count])
     # Of two spheres it is out of reach.
     floor = PlaneWall(
-        name="floor", point=(0, 0, 1e-8 if count == 1 else -1.0), normal=(0, 0, 1), law=replace(law, kn=1e8, mu=0.3)
+        name="floor",
+        point=(0, 0, 1e-8 if count == 1 else -1.0),
+        normal=(0, 0, 1),
+        law=replace(law, kn=1e8, mu=0.3),
+        motion=(PlaneSegment(velocity=(-0.3, 0.5, 0.0)),) if moves else (),
     )
     scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,))
     assert_core(Kratos, scene, 1e-3, Numerics(dt=1e-6, n_steps=100, contact_dt=1e-6))
@@ -245,6 +253,26 @@ def test_dashpots_of_kratos_are_those_of_the_law(law: SphereLaw) -> None:
     )
     assert core.fn[-1, 0] > 0.0
     assert off(found.v, core.v) <= ROUND_OFF
+
+
+@pytest.mark.parametrize("law", [LINEAR, HERTZ])
+def test_dashpots_of_kratos_at_planes_are_those_of_the_law(law: SphereLaw) -> None:
+    """A sphere between a plane at rest and one that comes, until a dashpot would pull; forces of both are told apart."""
+    smooth = replace(law, mu=0.0, beta=0.2)
+    walls = (
+        PlaneWall(name="floor", point=(0, 0, 0), normal=(0, 0, 1), law=smooth),
+        PlaneWall(
+            name="side",
+            point=(0, 0, 0),
+            normal=(1, 1, 0),
+            law=replace(smooth, beta=0.1),
+            motion=(PlaneSegment(velocity=(0.02, 0.03, 0)),),
+        ),
+    )
+    spheres = Spheres(x=[(0.015, -0.000858, 0.00999999)], radius=0.01, mass=0.01, v=[(-0.05, -0.02, -0.1)])
+    scene = SphereScene(spheres=spheres, sphere_sphere=smooth, walls=walls)
+    assert Kratos().supports(scene, RUN).level is SupportLevel.APPROXIMATE
+    assert_core(Kratos, scene, ROUND_OFF, Numerics(dt=1e-6, n_steps=300, contact_dt=1e-6, damping_form="lagged"))
 
 
 def test_rolling_of_lammps_is_that_of_the_core() -> None:
@@ -338,6 +366,7 @@ def test_materials_and_held_spheres() -> None:
         (Liggghts, {"unloading": "force"}, Capability.UNLOADING_FORCE),
         (Liggghts, {"unloading": "none", "g_star": 1e7}, Capability.HERTZ_MINDLIN),
         (Kratos, {"beta": 0.0}, Capability.SHEAR_SPRING),
+        (Kratos, {"beta": 0.0}, Capability.UNLOADING_FORCE),
         (Kratos, {"mu": 0.0}, Capability.CONTACT_DAMPING),
         (EsysParticle, {"beta": 0.0}, Capability.SHEAR_SPRING),
         (EsysParticle, {"mu": 0.0}, Capability.CONTACT_DAMPING),
@@ -378,6 +407,15 @@ def test_spheres_that_touch_again_begin_without_shear(
     )
     assert off(found.omega, right) <= ROUND_OFF
     assert off(found.omega, other) > 1e-3
+
+
+def test_rough_planes_that_turn_are_not_kratos() -> None:
+    law = replace(LINEAR, beta=0.0)
+    scene = pile(law)
+    scene = scene.replace(walls=tuple(replace(w, law=law) for w in scene.walls))
+    assert Capability.ROTATING_WALLS in Kratos().supports(scene, RUN).missing
+    slid = replace(scene.walls[0], motion=(PlaneSegment(velocity=(0.1, 0.2, 0.0)),))
+    assert Kratos().supports(scene.replace(walls=(slid,)), RUN).level is SupportLevel.APPROXIMATE  # arms
 
 
 def test_planes_that_turn_about_two_axes_are_not_lammps() -> None:
