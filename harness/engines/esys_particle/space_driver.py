@@ -4,7 +4,7 @@ What contacts do is read from ESyS-Particle, which tells the forces on planes an
 force of each contact, to the last bit. Normal forces are those along the normals of touching contacts that give the bodies these forces;
 where that leaves several answers they are not observed.
 
-A step with all velocities 0 gives the forces at time 0 and no slip; half of what it adds makes v_{1/2}.
+The first step gives the forces at time 0; half of what it adds makes v_{1/2}.
 """
 
 import math
@@ -52,7 +52,7 @@ class Run(SpaceRun):
     def __init__(self, engine, request):
         super().__init__(request)
         self.engine, self.steps_done = engine, 0
-        self.hertz = bool(self.law["e_star"])
+        self.hertz = self.n > 1 and bool(self.law_of(0, 1)["e_star"])  # then there is no other law
         self.kinds()
         self._build(request["extra"]["reach"])
 
@@ -105,7 +105,7 @@ class Run(SpaceRun):
     def _contacts(self):
         """Of spheres: Hertz' law, whose E is E* and whose nu without friction is nothing, or the linear one by tags."""
         if self.hertz:
-            law = self.law
+            law = self.law_of(0, 1)
             rebound = math.exp(-math.pi * law["beta"] / math.sqrt(1.0 - law["beta"] ** 2))
             contact = HertzMindlinViscoPrms(
                 name="spheres", youngsModulus=law["e_star"], poissonsRatio=0.0, dynamicMu=0.0, restitution=rebound
@@ -131,8 +131,8 @@ class Run(SpaceRun):
                 self.engine.createInteractionGroupTagged(contact, k + 1, ALL_BITS, other + 1, ALL_BITS)
 
     def start(self):
-        """The step at time 0: from rest, so that nothing slips, or with v_0 where dashpots see it, beside which nothing rubs."""
-        begin = self.v0 if self.damped else np.zeros((self.n, 3))
+        """The step at time 0: from rest, so that nothing slips, or with v_0, which Hertz' dashpots see, beside which nothing rubs."""
+        begin = self.v0 if self.hertz else np.zeros((self.n, 3))
         self._set(begin, np.zeros((self.n, 3)))
         self.angle, self.moved = np.zeros((self.n, 3)), 0.0
         forces = self._step(True)
