@@ -69,6 +69,9 @@ class Difference(StrEnum):
         "shear forces of spheres turn with the normal and not about it: where spheres spin about their normal the force keeps a direction "
         "that the bodies have left"
     )
+    SHEAR_KEEPS_DIRECTION = (
+        "shear forces of spheres keep their direction in space: they turn neither with the normal nor about it"
+    )
     RESISTANCES_SHARE_CONE = (
         "resistances to rolling and twisting share one cone: both together are as large as one alone"
     )

@@ -52,6 +52,27 @@ def friction_while_pulled(engine: str, versions: str) -> Finding:
     )
 
 
+def dashpot_never_pulls(engine: str, versions: str, laws: str) -> Finding:
+    """Rebounds of dashpots without tension; ``laws`` names those of the engine."""
+    return Finding(
+        id=f"{engine}/dashpot-never-pulls",
+        versions=versions,
+        what=(
+            f"Dashpots of spheres ({laws}) are cut off where they would pull, though their damping ratio is derived for dashpots that do: "
+            "rebounds are faster than the restitution asked for."
+        ),
+        size=Size(
+            case="spheres/chung-ooi/3",
+            variant="*restitution=0.2*",
+            quantity="restitution_effective",
+            truth="converged",
+            over=0.01,
+            over_why="the step's own error is below 2e-3 of the restitution, and the damping ratio has it exactly where dashpots may pull",
+            fails=True,
+        ),
+    )
+
+
 def plane_at_rest_at_first(engine: str, versions: str) -> Finding:
     """A moving plane that the first step takes for one at rest."""
     return Finding(

@@ -91,6 +91,7 @@ FINDING_WORDS: Mapping[Difference, str] = {
     Difference.FRICTION_WHILE_PULLED: "friction-while-pulled",
     Difference.SPRINGS_TURN_WITH_TWIST: "springs-turn-with-twist",
     Difference.SHEAR_KEEPS_TWIST: "shear-keeps-twist",
+    Difference.SHEAR_KEEPS_DIRECTION: "shear-keeps-direction",
     Difference.RESISTANCES_SHARE_CONE: "resistances-share-cone",
     Difference.NECK_PARTS_AT_LARGEST_PULL: "neck-parts-at-largest-pull",
     Difference.NORMAL_TURNS_IN_IMPACT: "elastic-gas-gains-energy",

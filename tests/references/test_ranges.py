@@ -64,6 +64,7 @@ OWN: dict[str, dict[str, Any]] = {
     "ball_on_plane.slide_and_roll": {"spin": (1.0, 2.0, 3.0)},
     "ball_on_plane.slip_of": {"spin": (1.0, 2.0, 3.0)},
     "turntable.turntable": {"start": (1.0, 2.0), "v": (0.7, 0.0)},
+    "turned_shear.kept_shear": {"v": (0.1, 0.2, 0.0), "apart": (0.0, 0.0, 1.0), "roll": (1.0, 0.0, 0.0)},
     "turned_shear.turned_by": {"spin": (1.0, 2.0, 3.0), "vectors": [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]},
     "turned_shear.turned_shear": {
         "v": (0.1, 0.2, 0.0),

@@ -31,7 +31,7 @@ from ninedisk.harness.api.case import (
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import FINDING_WORDS, single, single_precision
 from ninedisk.harness.results.schema import Figure, Plotted
-from ninedisk.references.analytic.contact.turned_shear import turned_by, turned_shear
+from ninedisk.references.analytic.contact.turned_shear import kept_shear, turned_by, turned_shear
 
 RADIUS, KN, MU = 0.5, 1e3, 1.0
 MASS = 1e12
@@ -157,6 +157,20 @@ class Turned:
         shear = turned_by(turned_by(loaded, about, later), spin, later)
         return shear, np.stack([turned_by(frame[:, k], spin, later) for k in (0, 1)], axis=1)
 
+    def _kept(self, params: Mapping[str, Any], setup: SphereSetup, t: FloatArray) -> FloatArray:
+        """The spring [m] of an engine that does not turn it, in the tangent plane, shape (s, 3)."""
+        spheres = setup.scene.spheres
+        spins = spheres.omega
+        if params["kind"] != "plane":
+            return kept_shear(
+                apart=spheres.x[1] - spheres.x[0], v=spheres.v[1] - spheres.v[0], roll=RADIUS * spins.sum(axis=0), t=t
+            )
+        # It begins on a plane at rest and stays as it was then, while the normal turns.
+        spin, n, later = spins[0], np.array([0.0, 0.0, -1.0]), np.maximum(t - LOADED, 0.0)
+        spring = -np.minimum(t, LOADED)[:, None] * np.cross(RADIUS * spin, n)
+        turned = turned_by(np.tile(n, (len(t), 1)), spin, later)
+        return np.asarray(spring - np.einsum("sj,sj->s", spring, turned)[:, None] * turned)
+
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:
         """The spring's parts along a frame that turns with the contact, and out of the tangent plane; ``astray``, the way off the truth."""
         shear = history.fs[:, 0] / KS
@@ -212,6 +226,10 @@ class Turned:
                 words = FINDING_WORDS[Difference.SHEAR_KEEPS_TWIST]
                 reason += "; what a spring lacks that does not turn about the normal"
             known += off
+        if Difference.SHEAR_KEEPS_DIRECTION in engine.differences:
+            known += float(np.linalg.norm(self._kept(params, setup, t) - truth, axis=1).max())
+            words = FINDING_WORDS[Difference.SHEAR_KEEPS_DIRECTION]
+            reason += "; what a spring is off that turns neither with the normal nor about it"
         excuse = KnownDifference(finding=f"{engine.id}/{words}", size=exact + known, why=reason) if known else None
         return [
             Check(quantity=name, norm="max", truth="analytic", expected=np.einsum("sj,sj->s", truth, axis), source=SOURCE, atol=exact,

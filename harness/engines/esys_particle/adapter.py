@@ -1,4 +1,5 @@
-"""Adapter of ESyS-Particle (explicit DEM of spheres, Apache): a process under mpirun, non-rotating spheres, smooth infinite walls."""
+"""Adapter of ESyS-Particle (explicit DEM of spheres, Apache): a process under mpirun; in the plane spheres without rotation, smooth
+infinite walls."""
 
 from __future__ import annotations
 
@@ -9,8 +10,10 @@ from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import Capability, capabilities_needed
-from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.harness.api.capabilities import SPACE, Capability, capabilities_needed
+from ninedisk.harness.api.engine import Difference, EngineInfo
+from ninedisk.harness.engines.esys_particle.space import ESYS_IN_SPACE
 from ninedisk.harness.engines.plane import OF_SLIP, no_contact_can_slip, wall_reach
 from ninedisk.harness.engines.process import clean_environment, system_python, system_version, without_mpi
 from ninedisk.harness.engines.spring import Fit, SpringEngine
@@ -27,7 +30,7 @@ CAPABILITIES = frozenset(
         Capability.GRAVITY,
         Capability.BLOCKED_ROTATION,
     }
-)
+) | (SPACE & ESYS_IN_SPACE.capabilities)
 NEEDLESS = OF_SLIP | {Capability.DISK_INERTIA}
 """What no engine needs where no contact can slip: nothing turns the disks either."""
 
@@ -50,15 +53,17 @@ FACTS = EngineInfo(
     how_it_runs="subprocess `mpirun -np 2 esysparticle`, scene and history as JSON",
     install="apt-get install esys-particle python3-numpy",
     capabilities=CAPABILITIES,
+    differences={Difference.SHEAR_KEEPS_DIRECTION: str(Difference.SHEAR_KEEPS_DIRECTION)},
 )
 
 
 class EsysParticle(SpringEngine):
-    """ESyS-Particle: linear elastic contacts of non-rotating spheres, leap-frog, one worker process."""
+    """ESyS-Particle: in the plane linear elastic contacts of non-rotating spheres, leap-frog, one worker process."""
 
     id = "esys-particle"
     facts = FACTS
     driver = DRIVER
+    in_space = ESYS_IN_SPACE
     chosen: Mapping[str, Any] = {
         "global damping": "velocities scaled by the driver between steps, masses times 1 + xi dt/2 in the central form; "
         "LinDamping is implicit and iterates to 3e-5 only",
@@ -111,7 +116,7 @@ class EsysParticle(SpringEngine):
             fit.lacks(Capability.DISK_INERTIA, NOTE_SPIN)
         fit.notes += [] if fit.missing else [NOTE_FORCES]
 
-    def extra(self, scene: Any, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
+    def extra(self, scene: Scene | SphereScene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Also the size of the domain."""
         return {**super().extra(scene, numerics, folder), "reach": wall_reach(scene, numerics, self.id)}
 

@@ -19,7 +19,8 @@ import sys
 import time
 
 # ESyS-Particle runs this file without a folder on the path.
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(sys.argv[0])), "..", "drivers"))
+sys.path.insert(0, os.path.dirname(os.path.abspath(sys.argv[0])))
+sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
 
 import numpy as np
 from driver_parts import SpringRun, serve
@@ -188,7 +189,15 @@ def vector(values):
 def main():
     """One master process, one worker."""
     engine = LsmMpi(numWorkerProcesses=1, mpiDimList=[1, 1, 1])
-    serve(lambda request: Run(engine, request))
+
+    def make(request):
+        if request["scene"].get("dimension") == 3:
+            import space_driver
+
+            return space_driver.Run(engine, request)
+        return Run(engine, request)
+
+    serve(make)
     engine.exit()  # without it the worker process waits for ever
 
 

@@ -89,6 +89,7 @@ FACTS = EngineInfo(
         Difference.FIXED_WALL_SHEAR: NOTE_TURNING,
         Difference.KEEPS_OPENED_SHEAR: NOTE_KEPT,
         Difference.SHEAR_KEEPS_TWIST: str(Difference.SHEAR_KEEPS_TWIST),
+        Difference.DASHPOT_NEVER_PULLS: str(Difference.DASHPOT_NEVER_PULLS),
     },
 )
 

@@ -1,7 +1,7 @@
 """What Kratos DEM is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
-from ninedisk.harness.api.shared_findings import ratchet, shear_keeps_twist
+from ninedisk.harness.api.shared_findings import dashpot_never_pulls, ratchet, shear_keeps_twist
 
 FINDINGS = (
     ratchet("kratos", "10.4.4", variant="kind=pair,*"),
@@ -72,4 +72,5 @@ FINDINGS = (
         ),
     ),
     shear_keeps_twist("kratos", "10.4.4"),
+    dashpot_never_pulls("kratos", "10.4.4", "Hertz_viscous_Coulomb, Linear_Custom_Constants"),
 )

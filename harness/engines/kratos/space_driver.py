@@ -1,7 +1,8 @@
-"""Spheres in space in Kratos DEM: the scheme and the linear law of the plane's driver, planes as one triangle each.
+"""Spheres in space in Kratos DEM: the scheme and the linear law of the plane's driver, planes as one triangle each, moved by its nodes.
 
-Kratos keeps the sum of the forces of walls on a sphere. Planes have no dashpots here, so that normal forces follow from overlaps; what is
-left is the shear force of the one rough plane, and of several it is not observed.
+Kratos keeps the sum of the forces of walls on a sphere. Where no plane has a dashpot, normal forces follow from overlaps; what is left is
+the shear force of the one rough plane, and of several it is not observed. Planes with dashpots are all smooth: their normal forces are what
+the sum is made of, where that is so in one way only.
 
 Without friction there is Hertz' law, too: of materials with nu = 0, whose moduli give each contact its E*.
 """
@@ -32,6 +33,7 @@ class Run(SpaceRun):
         self.elastic = request["extra"]["elastic"]  # Young's modulus of the spheres, then of each wall
         self.model = {"DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": HERTZ if self.elastic else LAW}
         self.middle = 0.5 * (self.x0.min(axis=0) + self.x0.max(axis=0))
+        self.corners = [self._corners(row) for row in self.path[0]]
         self._build()
 
     def version(self):
@@ -49,9 +51,7 @@ class Run(SpaceRun):
         kinds, kind = np.unique(density, return_inverse=True)
         files = {
             f"{NAME}DEM.mdpa": spheres_file(self.x0, self.radius, kind.reshape(-1).tolist()),
-            f"{NAME}DEM_FEM_boundary.mdpa": planes_file(
-                [self._corners(self.path[0, w]) for w in range(len(self.walls))]
-            ),
+            f"{NAME}DEM_FEM_boundary.mdpa": planes_file(self.corners),
             "MaterialsDEM.json": materials(self, kinds.tolist()),
         }
         for name, text in files.items():
@@ -69,12 +69,16 @@ class Run(SpaceRun):
             self.solver.cplusplus_strategy,
         )
         self.nodes = sorted(self.part.Nodes, key=lambda node: node.Id)
+        faces = self.stage.rigid_face_model_part
+        self.wall_nodes = [
+            sorted(faces.GetSubModelPart(f"wall{w}").Nodes, key=lambda node: node.Id) for w in range(len(self.walls))
+        ]
         # Hertz' dashpot here is 2 gamma sqrt(m S), with the tangent stiffness S.
-        damping = self.law["beta"] * (math.sqrt(5.0 / 6.0) if self.elastic else 1.0)
+        share = math.sqrt(5.0 / 6.0) if self.elastic else 1.0
         for properties in self.part.Properties:
             for pair in properties.GetSubProperties():
                 wall = max(properties.Id, pair.Id) - len(kinds) - 1
-                pair[Dem.DAMPING_GAMMA] = damping if wall < 0 else 0.0
+                pair[Dem.DAMPING_GAMMA] = share * (self.law if wall < 0 else self.walls[wall]["law"])["beta"]
         for i, node in enumerate(self.nodes):
             node.SetSolutionStepValue(Kratos.NODAL_MASS, float(self.mass[i]))
             node.SetSolutionStepValue(Dem.PARTICLE_MOMENT_OF_INERTIA, float(self.inertia[i]))
@@ -87,6 +91,22 @@ class Run(SpaceRun):
         one /= np.linalg.norm(one)
         two = np.cross(normal, one)
         return [foot + 2.0 * self.reach * (np.cos(a) * one + np.sin(a) * two) for a in 2.0 * np.pi / 3.0 * np.arange(3)]
+
+    def _place_walls(self, step):
+        """Put the triangles, material points of planes, where these are at a contact step, with what they moved by in it."""
+        if step > len(self.path):
+            return  # at rest, and known to Kratos as such
+        here, there = self.pose(max(step - 1, 0)), self.pose(step)
+        for w, nodes in enumerate(self.wall_nodes):
+            turned = rotation(here[w, 3:6], there[w, 3:6], self.dt * there[w, 9:12])
+            for k, node in enumerate(nodes):
+                new = there[w, 0:3] + turned @ (self.corners[w][k] - here[w, 0:3])
+                displacement = new - self.corners[w][k]
+                velocity = there[w, 6:9] + np.cross(there[w, 9:12], new - there[w, 0:3])
+                self.corners[w][k] = new
+                node.X, node.Y, node.Z = (float(c) for c in new)
+                node.SetSolutionStepValue(Dem.DELTA_DISPLACEMENT, vector(displacement))
+                node.SetSolutionStepValue(Kratos.VELOCITY, vector(velocity))
 
     def start(self):
         """Initial velocities."""
@@ -107,6 +127,7 @@ class Run(SpaceRun):
             sampling = step in wanted
             if sampling:
                 before = self.state()
+            self._place_walls(step)
             self._step(sampling)
             if step == 0:
                 self._correct_start()
@@ -156,7 +177,11 @@ class Run(SpaceRun):
             touching = np.flatnonzero(overlap > 0.0).tolist()
             if not touching:
                 continue
-            push = [normal_force(self.law_of(i, self.n + w), self.radius[i], float(overlap[w])) for w in touching]
+            laws = [self.law_of(i, self.n + w) for w in touching]
+            push = [normal_force(law, self.radius[i], float(overlap[w])) for w, law in zip(touching, laws, strict=True)]
+            if any(law["beta"] for law in laws):  # beside which no plane is rough
+                push, _, rank, _ = np.linalg.lstsq(pose[touching, 3:6].T, total[i], rcond=1e-9)
+                push = push if rank == len(touching) else np.full(len(touching), np.nan)
             left = total[i] - np.array(push) @ pose[touching, 3:6]
             shearing = [w for w in touching if rough(self.law_of(i, self.n + w))]
             unknown = np.full(3, np.nan)  # of several
@@ -196,6 +221,18 @@ def normal_force(law, radius, overlap):
     if law["e_star"]:
         return 4.0 / 3.0 * law["e_star"] * np.sqrt(radius * overlap) * overlap
     return law["kn"] * overlap
+
+
+def rotation(one, two, turn):
+    """Matrix of a rotation by ``turn`` [rad] that takes the normal ``one`` to ``two``: the shortest that does, after the twist about it."""
+    angle = float(np.linalg.norm(turn))
+    along = float(turn @ one) / angle if angle else 0.0
+    twist = 2.0 * math.atan2(math.sin(0.5 * angle) * along, math.cos(0.5 * angle))
+    x, y, z = one
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    about = np.eye(3) + math.sin(twist) * across + (1.0 - math.cos(twist)) * across @ across
+    both = one + two
+    return (np.eye(3) - np.outer(both, both) / (1.0 + one @ two) + 2.0 * np.outer(two, one)) @ about
 
 
 def vector(values):

@@ -1,7 +1,7 @@
 """What YADE is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
-from ninedisk.harness.api.shared_findings import ratchet
+from ninedisk.harness.api.shared_findings import dashpot_never_pulls, ratchet
 
 FINDINGS = (
     Finding(
@@ -40,23 +40,7 @@ FINDINGS = (
             ),
         ),
     ),
-    Finding(
-        id="yade/dashpot-never-pulls",
-        versions="2023.02a",
-        what=(
-            "Dashpots of spheres (MindlinPhys, ViscElPhys) are cut off where they would pull, though their damping ratio is derived for "
-            "dashpots that do: rebounds are faster than the restitution asked for."
-        ),
-        size=Size(
-            case="spheres/chung-ooi/3",
-            variant="*restitution=0.2*",
-            quantity="restitution_effective",
-            truth="converged",
-            over=0.01,
-            over_why="the step's own error is below 2e-3 of the restitution, and the damping ratio has it exactly where dashpots may pull",
-            fails=True,
-        ),
-    ),
+    dashpot_never_pulls("yade", "2023.02a", "MindlinPhys, ViscElPhys"),
     Finding(
         id="yade/springs-turn-with-twist",
         versions="2023.02a",

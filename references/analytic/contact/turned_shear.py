@@ -1,4 +1,4 @@
-"""Shear of a contact of spheres that sticks while the spheres move and turn as prescribed: the spring turns with its contact."""
+"""Shear of a contact of spheres that sticks while the spheres move and turn as prescribed: the spring turns with its contact, or not."""
 
 from __future__ import annotations
 
@@ -105,3 +105,34 @@ def turned_shear(
     _, tangent = seen(times)
     frame = np.stack([tangent, np.broadcast_to(binormal, tangent.shape)], axis=1)
     return z.real[:, None] * frame[:, 0] + z.imag[:, None] * frame[:, 1], frame
+
+
+def kept_shear(*, apart: ArrayLike, v: ArrayLike, roll: ArrayLike, t: ArrayLike) -> FloatArray:
+    """Displacement of a spring as in `turned_shear` that keeps its direction in space while the contact turns, shape (s, 3) [m].
+
+    ``s' = -u`` with the same slip u, by the same rule; what is left along the normal is taken off at the end.
+
+    Notes
+    -----
+    Source: derived above.
+    """
+    d0, u2, rolled = (
+        array(name, value, dimensions=(1,)) for name, value in (("apart", apart), ("v", v), ("roll", roll))
+    )
+    times = times_of(t)
+    if {d0.shape, u2.shape, rolled.shape} != {(3,)} or not d0.any() or (np.diff(times) < 0.0).any():
+        raise ValueError(
+            f"apart = {apart!r}, v = {v!r}, roll = {roll!r} are not allowed: three components each, apart not 0, and times t that ascend"
+        )
+
+    def normals(at: FloatArray) -> FloatArray:
+        n = d0 + at[..., None] * u2
+        return np.asarray(n / np.linalg.norm(n, axis=-1, keepdims=True))
+
+    edges = np.concatenate([[0.0], times])
+    half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
+    n = normals(middle[:, None] + half[:, None] * NODES)
+    slip = np.cross(rolled, n) - u2 + (n @ u2)[..., None] * n
+    spring = -np.cumsum(half[:, None] * np.einsum("ijk,j->ik", slip, WEIGHTS), axis=0)
+    end = normals(times)
+    return np.asarray(spring - np.einsum("ij,ij->i", spring, end)[:, None] * end)

@@ -55,8 +55,8 @@ def plain_dem(
     """(x, v, omega) at the sampled steps; velocities of half steps, slip at the step's end, dashpots of v_{n-1/2}.
 
     ``arms`` are those of "torque", "slip" between spheres and of "wall", each "radius", "overlap" (R - overlap/2) or "whole" (R -
-    overlap). ``turn`` is "project": a shear is projected on the new tangent plane with its size kept; "shrink": without that; or
-    "rotate": it is turned with the normal, and about it by the mean spin, to first order.
+    overlap). ``turn`` is "project": a shear is projected on the new tangent plane with its size kept; "shrink": without that;
+    "rotate": it is turned with the normal, and about it by the mean spin, to first order; "keep": it keeps its direction in space.
     ``keeps``: two spheres that part keep their shear for the next time they touch.
     """
     spheres, n, dt = scene.spheres, len(scene.spheres), numerics.contact_dt
@@ -120,7 +120,7 @@ def plain_dem(
                 along = shear - (shear @ normal) * normal
                 size = float(np.linalg.norm(along))
                 shear = along * (np.linalg.norm(shear) / size) if size else shear
-            else:
+            elif turn == "rotate":
                 shear = shear + np.cross(np.cross(old, normal), shear)
                 shear = shear + np.cross(h * (mean @ old) * old, shear)
             if law.hertz and law.unloading == "none":

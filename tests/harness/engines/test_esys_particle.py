@@ -6,6 +6,7 @@ they are skipped only where ESyS-Particle is absent.
 
 from __future__ import annotations
 
+import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -81,6 +82,24 @@ def test_contact_forces_that_its_momenta_contradict_are_an_error(
     monkeypatch.setattr(EsysParticle, "driver", tmp_path / "planted" / "driver.py")
     setup = variant("nine-disk/compression", settle_cycles=0)
     with pytest.raises(EngineError, match=r"at step \d+ the contact forces .* differ by .* N"):
+        EsysParticle().run(setup.scene, setup.numerics, setup.watch)
+
+
+@needs_esys
+def test_forces_on_spheres_that_its_contacts_cannot_make_are_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The check of every sample in space, seen failing: the driver takes no shear force off."""
+    folder, own = tmp_path / "esys_particle", adapter.DRIVER.parent
+    shutil.copytree(own, folder)
+    shutil.copytree(own.parent / "drivers", tmp_path / "drivers")
+    text = (own / "space_driver.py").read_text()
+    altered = text.replace("rest[body] -= sign", "rest[body] -= 0.0 * sign")
+    assert altered != text
+    (folder / "space_driver.py").write_text(altered)
+    monkeypatch.setattr(EsysParticle, "driver", folder / "driver.py")
+    setup = variant("spheres/turned", kind="passed")
+    with pytest.raises(EngineError, match=r"at step 1 ESyS-Particle pushes spheres otherwise .* N are left"):
         EsysParticle().run(setup.scene, setup.numerics, setup.watch)
 
 

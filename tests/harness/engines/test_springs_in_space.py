@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ninedisk_tests_comparison import variant
 from ninedisk_tests_plain_spheres import HERTZ, LINEAR, RUN, pile, plain_dem
 
 from ninedisk.core.history import History
@@ -20,11 +21,13 @@ from ninedisk.core.spheres.law import SphereLaw, damping_ratio
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.engines.esys_particle.adapter import EsysParticle
 from ninedisk.harness.engines.kratos.adapter import Kratos
 from ninedisk.harness.engines.lammps.adapter import Lammps
 from ninedisk.harness.engines.liggghts.adapter import Liggghts
 from ninedisk.harness.engines.spring import SpringEngine
 from ninedisk.harness.engines.yade.adapter import Yade
+from ninedisk.references.analytic.contact.turned_shear import kept_shear
 from ninedisk.references.analytic.impact.jkr import neck, stable_contact
 
 OVERLAP = {"torque": "overlap", "slip": "overlap", "wall": "overlap"}
@@ -110,26 +113,129 @@ def test_dashpots_of_lammps_are_those_of_the_core() -> None:
     assert_core(Lammps, scene.replace(walls=tuple(replace(w, law=law) for w in scene.walls)), ROUND_OFF)
 
 
+def smooth_walls(scene: SphereScene, law: SphereLaw) -> SphereScene:
+    return scene.replace(walls=tuple(replace(w, law=replace(law, mu=0.0, beta=0.0)) for w in scene.walls))
+
+
+def turning_over(scene: SphereScene) -> SphereScene:
+    """The floor moves, and turns about an axis that is neither its normal nor across it."""
+    motion = PlaneSegment(velocity=(0.1, 0.0, 0.05), angular_velocity=(2.0, -3.0, 0.5), pivot=(0.01, 0.02, 0.0))
+    return scene.replace(walls=(replace(scene.walls[0], motion=(motion,)), *scene.walls[1:]))
+
+
 @pytest.mark.parametrize("law", [LINEAR, HERTZ])
 def test_kratos_without_friction_is_the_core_step_by_step(law: SphereLaw) -> None:
-    """Moduli of materials that give each contact its E*; two walls at once on a sphere."""
+    """Moduli of materials that give each contact its E*; two walls at once on a sphere, one of which moves and turns over."""
     smooth = replace(law, mu=0.0, beta=0.0)
-    scene = pile(smooth, moving=False)
-    scene = scene.replace(walls=tuple(replace(w, law=smooth) for w in scene.walls))
+    scene = turning_over(smooth_walls(pile(smooth), smooth))
     assert Kratos().supports(scene, RUN).level is SupportLevel.EXACT
     assert_core(Kratos, scene, ROUND_OFF)
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_friction_of_kratos_is_that_of_the_core(count: int) -> None:
-    """On a stiff plane, where arms hardly differ, and between spheres; slip by rotation is that of a step's both ends, first order."""
+def test_esys_particle_without_friction_is_the_core_step_by_step() -> None:
+    """Planes' stiffnesses by radius, on a plane that also turns over; three contacts and more on a sphere."""
+    smooth = replace(LINEAR, mu=0.0, beta=0.0)
+    scene = turning_over(smooth_walls(pile(smooth), smooth))
+    assert EsysParticle().supports(scene, RUN).level is SupportLevel.EXACT
+    assert_core(EsysParticle, scene, ROUND_OFF)
+
+
+def test_dashpots_of_esys_particle_are_those_of_the_law() -> None:
+    """Beside Hertz' law, with 3.1415926 for pi: a damping ratio off by 1.7e-8."""
+    law = replace(HERTZ, mu=0.0, beta=damping_ratio(0.4))
+    scene = pile(law).replace(walls=())
+    assert EsysParticle().supports(scene, RUN).level is SupportLevel.EXACT
+    watch = [(i, j) for i in range(8) for j in range(i + 1, 8)]
+    core, found = simulate(scene, RUN, watch), run(EsysParticle, scene, RUN, watch)
+    assert (core.fn > 0.0).any()
+    for name in ("x", "v", "omega", "angle", "fn"):
+        assert off(getattr(found, name), getattr(core, name)) <= 1e-7, name
+
+
+def test_esys_particle_with_friction_is_a_plain_dem_that_keeps_directions() -> None:
+    """Two materials, a fixed sphere and one that does not turn; another rule of turning is off by 1e-5 or more."""
+    law = replace(LINEAR, beta=0.0, lever_arm="overlap", slip_at="end")
+    held, rotating, still = np.zeros((8, 3), dtype=bool), np.ones(8, dtype=bool), [2, 5]
+    held[2], rotating[still] = True, False
+    scene = smooth_walls(pile(law, material=["a", "b"] * 4, held=held, rotating=rotating), law)
+    v, omega = np.array(scene.spheres.v), np.array(scene.spheres.omega)
+    v[2], omega[still] = 0.0, 0.0
+    spheres = replace(
+        scene.spheres, v=v, omega=omega, radius=np.full(8, 0.0103), inertia=0.4 * scene.spheres.mass * 0.0103**2
+    )
+    scene = scene.replace(
+        spheres=spheres, laws={("a", "b"): replace(law, mu=0.1), ("b", "b"): replace(law, kn=1.2e4, ks=8e3, mu=0.05)}
+    )
+    told = EsysParticle().supports(scene, RUN)
+    assert (told.level, told.missing) == (SupportLevel.APPROXIMATE, ())
+    watch = [(i, j) for i in range(8) for j in range(i + 1, scene.n_bodies)]
+    found = run(EsysParticle, scene, RUN, watch)
+    for turn, same in (("keep", True), ("project", False)):
+        plain = zip(*plain_dem(scene, RUN, arms=OVERLAP, turn=turn), strict=True)
+        for name, rows in zip(("x", "v", "omega"), plain, strict=True):
+            assert (off(getattr(found, name), np.array(rows)) <= ROUND_OFF) is same or name == "x", (name, turn)
+    assert np.abs(found.omega[-1] - found.omega[0]).max() > 1.0  # friction did something
+    pairs = [(c, i, j) for c, (i, j) in enumerate(watch) if j < 8]
+    columns, ones, others = (list(each) for each in zip(*pairs, strict=True))
+    apart, shear = found.x[:, others] - found.x[:, ones], found.fs[:, columns]
+    assert shear.any()
+    beside = np.einsum("scj,scj->sc", shear, apart / np.linalg.norm(apart, axis=2, keepdims=True))
+    assert np.abs(beside).max() <= 1e-15 * np.abs(shear).max()
+
+
+@pytest.mark.parametrize("kind", ["spun", "passed"])
+def test_shear_of_esys_particle_keeps_its_direction(kind: str) -> None:
+    """Its own truth, first order in the step: slip of half steps with the normal of the step's end."""
+    setup = variant("spheres/turned", kind=kind)
+    (one, two), spheres = setup.scene.bodies.x, setup.scene.spheres
+    found = run(EsysParticle, setup.scene, setup.numerics, setup.watch)
+    kept = kept_shear(apart=two - one, v=spheres.v[1] - spheres.v[0], roll=spheres.radius @ spheres.omega, t=found.t)
+    assert off(found.fs[:, 0], setup.scene.sphere_sphere.ks * kept) <= 1e-3
+
+
+def test_forces_that_esys_particle_does_not_tell_are_not_observed() -> None:
+    """Six spheres about a small one, 18 contacts in 15 directions of motion: the motion is the core's, normal forces are NaN. A sphere
+    between two planes is told apart by these."""
+    law = SphereLaw(kn=1e4)
+    corners = np.concatenate([np.eye(3), -np.eye(3)])
+    spheres = Spheres(x=np.concatenate([0.01 * corners, np.zeros((1, 3))]), radius=[*[0.0072] * 6, 0.003], mass=0.01)
+    scene, numerics = SphereScene(spheres=spheres, sphere_sphere=law), Numerics(dt=1e-5, n_steps=30, contact_dt=1e-5)
+    watch = [(0, 1), (0, 6)]
+    core, found = simulate(scene, numerics, watch), run(EsysParticle, scene, numerics, watch)
+    assert off(found.v, core.v) <= ROUND_OFF
+    assert core.fn[0].min() > 0.0
+    assert np.isnan(found.fn[0]).all()
+    planes = [
+        PlaneWall(name=name, point=(0, 0, z), normal=(0, 0, -z), law=law) for name, z in (("up", 9e-3), ("down", -8e-3))
+    ]
+    squeezed = SphereScene(spheres=Spheres(x=[(0, 0, 0)], radius=0.01, mass=0.01), sphere_sphere=law, walls=planes)
+    assert_core(EsysParticle, squeezed, ROUND_OFF, numerics)
+
+
+def test_planes_of_esys_particle_meet_spheres_that_did_not_move() -> None:
+    """A plane comes from afar: it would look for spheres only where one of them has moved."""
+    law = SphereLaw(kn=1e6)
+    motion = (PlaneSegment(velocity=(0.0, 0.0, 10.0)),)
+    floor = PlaneWall(name="floor", point=(0, 0, -0.1), normal=(0, 0, 1), law=law, motion=motion)
+    scene = SphereScene(spheres=Spheres(x=[(0, 0, 0)], radius=0.01, mass=0.01), sphere_sphere=law, walls=(floor,))
+    assert_core(EsysParticle, scene, ROUND_OFF, Numerics(dt=1e-5, n_steps=915, contact_dt=1e-5, sample_every=305))
+
+
+@pytest.mark.parametrize(("count", "moves"), [(1, False), (1, True), (2, False)])
+def test_friction_of_kratos_is_that_of_the_core(count: int, moves: bool) -> None:
+    """On a stiff plane, where arms hardly differ, also on one that moves; between spheres; slip by rotation is that of a step's both ends,
+    first order."""
     law = replace(LINEAR, beta=0.0, slip_at="end", lever_arm="overlap")
     places, spins = [(0, 0, 0.01), (0.003, 0.001, 0.0296)], [(30.0, 300.0, 0.0), (-100.0, 20.0, 0.0)]
     moving = [(0.1, 0.0, -0.01), (0.0, 0.0, 0.0)]
     spheres = Spheres(x=places[:count], radius=0.01, mass=0.01, v=moving[:count], omega=spins[:count])
     # Of two spheres it is out of reach.
     floor = PlaneWall(
-        name="floor", point=(0, 0, 1e-8 if count == 1 else -1.0), normal=(0, 0, 1), law=replace(law, kn=1e8, mu=0.3)
+        name="floor",
+        point=(0, 0, 1e-8 if count == 1 else -1.0),
+        normal=(0, 0, 1),
+        law=replace(law, kn=1e8, mu=0.3),
+        motion=(PlaneSegment(velocity=(-0.3, 0.5, 0.0)),) if moves else (),
     )
     scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,))
     assert_core(Kratos, scene, 1e-3, Numerics(dt=1e-6, n_steps=100, contact_dt=1e-6))
@@ -147,6 +253,26 @@ def test_dashpots_of_kratos_are_those_of_the_law(law: SphereLaw) -> None:
     )
     assert core.fn[-1, 0] > 0.0
     assert off(found.v, core.v) <= ROUND_OFF
+
+
+@pytest.mark.parametrize("law", [LINEAR, HERTZ])
+def test_dashpots_of_kratos_at_planes_are_those_of_the_law(law: SphereLaw) -> None:
+    """A sphere between a plane at rest and one that comes, until a dashpot would pull; forces of both are told apart."""
+    smooth = replace(law, mu=0.0, beta=0.2)
+    walls = (
+        PlaneWall(name="floor", point=(0, 0, 0), normal=(0, 0, 1), law=smooth),
+        PlaneWall(
+            name="side",
+            point=(0, 0, 0),
+            normal=(1, 1, 0),
+            law=replace(smooth, beta=0.1),
+            motion=(PlaneSegment(velocity=(0.02, 0.03, 0)),),
+        ),
+    )
+    spheres = Spheres(x=[(0.015, -0.000858, 0.00999999)], radius=0.01, mass=0.01, v=[(-0.05, -0.02, -0.1)])
+    scene = SphereScene(spheres=spheres, sphere_sphere=smooth, walls=walls)
+    assert Kratos().supports(scene, RUN).level is SupportLevel.APPROXIMATE
+    assert_core(Kratos, scene, ROUND_OFF, Numerics(dt=1e-6, n_steps=300, contact_dt=1e-6, damping_form="lagged"))
 
 
 def test_rolling_of_lammps_is_that_of_the_core() -> None:
@@ -240,7 +366,11 @@ def test_materials_and_held_spheres() -> None:
         (Liggghts, {"unloading": "force"}, Capability.UNLOADING_FORCE),
         (Liggghts, {"unloading": "none", "g_star": 1e7}, Capability.HERTZ_MINDLIN),
         (Kratos, {"beta": 0.0}, Capability.SHEAR_SPRING),
+        (Kratos, {"beta": 0.0}, Capability.UNLOADING_FORCE),
         (Kratos, {"mu": 0.0}, Capability.CONTACT_DAMPING),
+        (EsysParticle, {"beta": 0.0}, Capability.SHEAR_SPRING),
+        (EsysParticle, {"mu": 0.0}, Capability.CONTACT_DAMPING),
+        (EsysParticle, {"mu": 0.0, "beta": 0.0}, Capability.HERTZ_MINDLIN),
         (Lammps, {"beta": 1.0}, Capability.CONTACT_DAMPING),
         (Lammps, {"surface_energy": 0.1}, Capability.CONTACT_DAMPING),
         (Lammps, {"twisting": Rolling(model="constant", mu=0.1)}, Capability.TWISTING_CONSTANT),
@@ -277,6 +407,15 @@ def test_spheres_that_touch_again_begin_without_shear(
     )
     assert off(found.omega, right) <= ROUND_OFF
     assert off(found.omega, other) > 1e-3
+
+
+def test_rough_planes_that_turn_are_not_kratos() -> None:
+    law = replace(LINEAR, beta=0.0)
+    scene = pile(law)
+    scene = scene.replace(walls=tuple(replace(w, law=law) for w in scene.walls))
+    assert Capability.ROTATING_WALLS in Kratos().supports(scene, RUN).missing
+    slid = replace(scene.walls[0], motion=(PlaneSegment(velocity=(0.1, 0.2, 0.0)),))
+    assert Kratos().supports(scene.replace(walls=(slid,)), RUN).level is SupportLevel.APPROXIMATE  # arms
 
 
 def test_planes_that_turn_about_two_axes_are_not_lammps() -> None:
