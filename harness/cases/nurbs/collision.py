@@ -14,7 +14,7 @@ from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import contact_step, where_observed
-from ninedisk.harness.cases.nurbs.grains import grains
+from ninedisk.harness.cases.nurbs.grains import grains, uniform
 from ninedisk.references.analytic.impact.ellipse_collision import ChordWork, MovingEllipse, chord_work
 
 A, B, DENSITY = 1.0, 0.6, 1.0
@@ -68,7 +68,6 @@ class Collision:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Two ellipses, closing at 1 m/s."""
-        from ninedisk.core.nurbs.mass import uniform_grain
         from ninedisk.core.nurbs.shapes import ellipse
 
         kn, mu = params["kn"], params["mu"]
@@ -79,7 +78,7 @@ class Collision:
             "omega": [0.3, -0.2],
             "angle": [0.5, -0.9],
         }
-        scene = Scene(**grains([uniform_grain(ellipse(A, B), DENSITY)], [0, 0], **state), disk_disk=law)
+        scene = Scene(**grains([uniform(DENSITY, ellipse, A, B)], [0, 0], **state), disk_disk=law)
         numerics = Numerics(
             dt=DT, n_steps=round(END / DT), contact_dt=contact_step(DT, params["phase"] / frequency(scene))
         )

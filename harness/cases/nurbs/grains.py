@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from ninedisk.core.scene import Disks, Scene
 from ninedisk.harness.api.case import FloatArray, Parameter, Setup
 
 if TYPE_CHECKING:
+    from ninedisk.core.nurbs.curve import NurbsCurve
     from ninedisk.core.nurbs.mass import UniformGrain
 SHAPE = Parameter(
     name="shape",
@@ -32,6 +34,14 @@ def as_outlines(scene: Scene) -> Scene:
     radii, number = np.unique(scene.disks.radius, return_inverse=True)
     turned: dict[str, Any] = {"outline": number, "angle": TURN * np.arange(len(scene.disks))}
     return scene.replace(disks=replace(scene.disks, **turned), outlines=tuple(disk(float(radius)) for radius in radii))
+
+
+@lru_cache(maxsize=64)
+def uniform(density: float, shape: Callable[..., NurbsCurve], *sizes: float, **more: float) -> UniformGrain:
+    """The uniform grain [kg/m^2] of an outline, made once: variants and engines ask for the same few, which take 0.1 s each."""
+    from ninedisk.core.nurbs.mass import uniform_grain
+
+    return uniform_grain(shape(*sizes, **more), density)
 
 
 def as_disks(setup: Setup) -> Setup:

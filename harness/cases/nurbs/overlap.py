@@ -15,7 +15,8 @@ from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Norm, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.claims import Cells, Claim, UndecidedError, Verdict, series
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.nurbs.grains import disk_gap, grains
+from ninedisk.harness.cases.nurbs.grains import disk_gap, grains, uniform
+from ninedisk.harness.cases.nurbs.shown import OVERLAP_CLAIMS
 from ninedisk.references.analytic.contact.ellipse_contact import Ellipse, ellipse_overlap
 
 KN, DENSITY = 1e4, 1000.0
@@ -91,11 +92,10 @@ class Overlap:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Pairs in the squares of a grid about the origin."""
-        from ninedisk.core.nurbs.mass import uniform_grain
         from ninedisk.core.nurbs.shapes import disk, ellipse
 
         axes, rng, count = AXES[params["shape"]], np.random.default_rng(params["seed"]), params["pairs"]
-        kinds = [uniform_grain(disk(a) if a == b else ellipse(a, b), DENSITY) for a, b in axes]
+        kinds = [uniform(DENSITY, disk, a) if a == b else uniform(DENSITY, ellipse, a, b) for a, b in axes]
         number = rng.integers(0, len(kinds), 2 * count).tolist()
         angle = rng.uniform(-math.pi, math.pi, 2 * count)
         side, x = math.ceil(math.sqrt(count)), np.empty((2 * count, 2))

@@ -40,7 +40,7 @@ from ninedisk.harness.cases.common import (
     whole_steps,
 )
 from ninedisk.harness.cases.matched import slip_of
-from ninedisk.harness.cases.nurbs.grains import grains
+from ninedisk.harness.cases.nurbs.grains import grains, uniform
 from ninedisk.references.analytic.on_plane.rolling_grain import (
     NODES,
     WEIGHTS,
@@ -280,12 +280,11 @@ class RollingGrain:
 
 def kind_of(params: Mapping[str, Any]) -> UniformGrain:
     """The grain."""
-    from ninedisk.core.nurbs.mass import uniform_grain
     from ninedisk.core.nurbs.shapes import ellipse, regular_polygon
 
     if params["grain"] == "ellipse":
-        return uniform_grain(ellipse(*AXES), DENSITY)
-    return uniform_grain(regular_polygon(params["faces"], APOTHEM, roundness=params["roundness"]), DENSITY)
+        return uniform(DENSITY, ellipse, *AXES)
+    return uniform(DENSITY, regular_polygon, params["faces"], APOTHEM, roundness=params["roundness"])
 
 
 def half_way(params: Mapping[str, Any], start: Release) -> float:

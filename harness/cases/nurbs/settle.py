@@ -14,7 +14,7 @@ from ninedisk.core.scene import ContactLaw, Scene, Wall
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import contact_step, round_off_speed
-from ninedisk.harness.cases.nurbs.grains import grains
+from ninedisk.harness.cases.nurbs.grains import grains, uniform
 
 if TYPE_CHECKING:
     from ninedisk.core.nurbs.curve import NurbsCurve
@@ -67,9 +67,7 @@ class Settle:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """One grain above a plane, axes along it."""
-        from ninedisk.core.nurbs.mass import uniform_grain
-
-        grain = uniform_grain(waisted(), DENSITY)
+        grain = uniform(DENSITY, waisted)
         height = FALL - lowest(grain.outline, TILT)[1]
         law = ContactLaw(kn=KN, ks=0.5 * KN, mu=MU, beta=BETA, lever_arm="overlap", regularised=True, restitution=0.0)
         plane = Wall(name="plane", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
