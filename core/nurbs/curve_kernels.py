@@ -74,7 +74,7 @@ class Pose(NamedTuple):
     y: float
 
 
-@inline_kernel
+@kernel
 def diamond_angle(x: float, y: float) -> float:
     """Monotone stand-in of the direction's angle, in [0, 4): exact multiples of 1 on the axes, no trigonometry."""
     total = abs(x) + abs(y)

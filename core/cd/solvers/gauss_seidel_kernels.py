@@ -36,7 +36,7 @@ ROW = 16
 """Numbers in a row: two cache lines."""
 
 
-@inline_kernel
+@kernel
 def next_batch(done: int) -> int:
     """Sweeps until the next measurement: it costs about one and sets v anew from r; the distance grows with the number of sweeps."""
     return max(FEWEST, done // 4)
