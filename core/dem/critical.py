@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray, IntArray
-from ninedisk.core.dem.critical_kernels import lanczos
+from ninedisk.core.dem.critical_kernels import Network, lanczos
 from ninedisk.core.dem.grains import equal_radii, needs_outlines, outline_arrays
 from ninedisk.core.dem.images import close_images
 from ninedisk.core.dem.neighbours import PairFinder
@@ -293,9 +293,9 @@ def _network_rate(scene: Scene, form: DampingForm) -> float:
     if norm == 0.0:
         return 0.0
     vector /= norm
+    network = Network(springs, bodies, rolls, rolling, root, drag)
     while done < MOST:
-        network = (springs, bodies, rolls, rolling)
-        grown = lanczos(*network, root, drag, vector, before, work, diagonal, beside, done, done + BATCH)
+        grown = lanczos(network, vector, before, work, diagonal, beside, done, done + BATCH)
         matrix = np.diag(diagonal[:grown]) + np.diag(beside[: grown - 1], 1) + np.diag(beside[: grown - 1], -1)
         values, vectors = np.linalg.eigh(matrix)
         value, residual = float(values[-1]), float(beside[grown - 1] * abs(vectors[-1, -1]))
@@ -311,7 +311,7 @@ def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     Returns
     -------
     springs : ndarray, shape (c, 9)
-        As `critical_kernels.lanczos` reads them, but with kn, ks [N/m] in the place of half their roots, and ``2 beta sqrt(kn)`` in that
+        As `critical_kernels.Network` has them, but with kn, ks [N/m] in the place of half their roots, and ``2 beta sqrt(kn)`` in that
         of the dashpot.
     bodies : ndarray of int64, shape (c, 2)
     """
@@ -332,7 +332,7 @@ def rolling_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     Returns
     -------
     rolls : ndarray, shape (c, 2)
-        As `critical_kernels.lanczos` reads them, but with kr [N m/rad] in the place of half its root, and ``2 beta sqrt(kr)`` in that of
+        As `critical_kernels.Network` has them, but with kr [N m/rad] in the place of half its root, and ``2 beta sqrt(kr)`` in that of
         the dashpot.
     bodies : ndarray of int64, shape (c, 2)
         The second one is -1 for a wall.

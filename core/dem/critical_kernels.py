@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,18 +14,38 @@ ROUND_OFF = 1e-14
 """Length of a new vector, over the largest entry of the tridiagonal matrix, below which there is no further direction."""
 
 
+class Network(NamedTuple):
+    """Springs and dashpots of all contacts, the masses, global damping.
+
+    Attributes
+    ----------
+    springs : ndarray, shape (c, 9)
+        Normal x, y from the first to the second body, ``sqrt(kn)/2``, ``sqrt(ks)/2`` [sqrt(N/m)], lever arms [m] of the shear force about
+        both bodies, and of the normal force (0 on disks; signs as in `grain_kernels`), and the dashpot's part in C' [N s/m].
+    bodies : ndarray of int64, shape (c, 2)
+        Bodies of each contact; the second is -1 for a wall.
+    rolls : ndarray, shape (r, 2)
+        ``sqrt(kr)/2`` [sqrt(N m)] of rolling springs, and the dashpot's part in C' [N m s].
+    rolling : ndarray of int64, shape (r, 2)
+        Bodies of each; the second is -1 for a wall.
+    root : ndarray, shape (n, 3)
+        ``M^-1/2`` per degree of freedom x, y, rotation; 0 where blocked.
+    drag : float
+        What global damping adds to C' [1/s].
+    """
+
+    springs: NDArray[np.float64]
+    bodies: NDArray[np.int64]
+    rolls: NDArray[np.float64]
+    rolling: NDArray[np.int64]
+    root: NDArray[np.float64]
+    drag: float
+
+
 @inline_kernel
-def apply(
-    springs: NDArray[np.float64],
-    bodies: NDArray[np.int64],
-    rolls: NDArray[np.float64],
-    rolling: NDArray[np.int64],
-    root: NDArray[np.float64],
-    drag: float,
-    given: NDArray[np.float64],
-    out: NDArray[np.float64],
-) -> None:
-    """``out = [[C', B/2], [B'/2, 0]] given``; see `lanczos` and `ninedisk.core.dem.critical`."""
+def apply(network: Network, given: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    """``out = [[C', B/2], [B'/2, 0]] given``; see `ninedisk.core.dem.critical`."""
+    springs, bodies, rolls, rolling, root, drag = network
     first = root.size
     for i in range(root.shape[0]):
         for d in range(3):
@@ -71,12 +92,7 @@ def apply(
 
 @kernel
 def lanczos(
-    springs: NDArray[np.float64],
-    bodies: NDArray[np.int64],
-    rolls: NDArray[np.float64],
-    rolling: NDArray[np.int64],
-    root: NDArray[np.float64],
-    drag: float,
+    network: Network,
     vector: NDArray[np.float64],
     before: NDArray[np.float64],
     work: NDArray[np.float64],
@@ -91,19 +107,7 @@ def lanczos(
 
     Parameters
     ----------
-    springs : ndarray, shape (c, 9)
-        Normal x, y from the first to the second body, ``sqrt(kn)/2``, ``sqrt(ks)/2`` [sqrt(N/m)], lever arms [m] of the shear force about
-        both bodies, and of the normal force (0 on disks; signs as in `grain_kernels`), and the dashpot's part in C' [N s/m].
-    bodies : ndarray of int64, shape (c, 2)
-        Bodies of each contact; the second is -1 for a wall.
-    rolls : ndarray, shape (r, 2)
-        ``sqrt(kr)/2`` [sqrt(N m)] of rolling springs, and the dashpot's part in C' [N m s].
-    rolling : ndarray of int64, shape (r, 2)
-        Bodies of each; the second is -1 for a wall.
-    root : ndarray, shape (n, 3)
-        ``M^-1/2`` per degree of freedom x, y, rotation; 0 where blocked.
-    drag : float
-        What global damping adds to C' [1/s].
+    network : Network
     vector, before, work : ndarray, shape (3 n + 2 c + r,)
         Present vector, of length 1 and without blocked entries; the one before; scratch. In and out.
     diagonal, beside : ndarray, shape (at least end,)
@@ -120,7 +124,7 @@ def lanczos(
     for k in range(begin):
         largest = max(largest, abs(diagonal[k]), beside[k])
     for k in range(begin, end):
-        apply(springs, bodies, rolls, rolling, root, drag, vector, work)
+        apply(network, vector, work)
         along = 0.0
         for q in range(size):
             along += vector[q] * work[q]
