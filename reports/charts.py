@@ -117,7 +117,8 @@ class PointChart:
 
     ``limits``, (low, high) of either axis, replaces those that the points suggest. Few points have their own marks on a
     logarithmic horizontal axis, unless ``decades`` are asked for, as for what has been measured. A ``bare`` chart leaves the names
-    of its lines to the legend. An ``equal`` one has the same scale on both axes, so that a circle is one.
+    of its lines to the legend. An ``equal`` one has the same scale on both axes, so that a circle is one; ``engine`` is whose it
+    is, if its points do not tell.
     """
 
     title: str
@@ -131,6 +132,7 @@ class PointChart:
     decades: bool = False
     bare: bool = False
     equal: bool = False
+    engine: str = ""
 
     @property
     def x_limits(self) -> tuple[float, float]:
@@ -180,7 +182,7 @@ class PointChart:
         return {
             "kind": "points", "title": self.title, "x_label": self.x_label, "y_label": self.y_label, "unit": "",
             "points": guides + data, "xlog": self.x_log, "ylog": self.y_log, "limits": {"x": self.x_limits},
-            "y": self.y_limits, "error": None, "marks": self.marks, "bare": self.bare, "equal": self.equal,
+            "y": self.y_limits, "error": None, "marks": self.marks, "bare": self.bare, "equal": self.equal, "engine": self.engine,
         }  # fmt: skip
 
     def alt(self) -> str:

@@ -238,7 +238,7 @@ def _apart(
     whole = _chart(plan, label, "", [each for _, _, dots, _ in drawn for each in dots], ()) if drawn else None
     drawn.sort(key=lambda each: (-each[0], each[1]))
     return [
-        _chart(plan, label, looks[engine].label, dots, truths, (whole.x_limits, whole.y_limits))
+        replace(_chart(plan, label, looks[engine].label, dots, truths, (whole.x_limits, whole.y_limits)), engine=engine)
         for _, engine, dots, truths in drawn
         if whole is not None
     ]

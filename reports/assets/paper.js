@@ -7,12 +7,13 @@
   const held = () => JSON.parse(document.querySelector("[data-cite]")?.dataset.cite || "null");
   const visible = chart => chart.held.series.filter(s => !ninedisk.hidden.has(s.key));
 
-  /* What the figure shows, by which versions, and whom to cite. */
-  ninedisk.caption = (title, keys, note = "") => {
-    const from = held();
+  /* What the figure shows, by which versions, and whom to cite; its heading, where the title does not say as much. */
+  const told = chart => {
+    const from = held(), { title, note, engine } = chart.spec;
     if (!from) return title;
-    const engines = [...new Set(keys)].map(key => from.engines[key]).filter(Boolean);
-    return [`${title}.`, note, engines.length ? `Engines: ${engines.join(", ")}.` : "", `Case ${from.case}, ${from.run}.`, `Cite: ${from.text}`].filter(Boolean).join(" ");
+    const above = [...document.querySelectorAll("main h2")].filter(h2 => h2.compareDocumentPosition(chart.figure) & Node.DOCUMENT_POSITION_FOLLOWING).pop()?.textContent;
+    const engines = [...new Set([engine, ...visible(chart).map(s => s.key)])].map(key => from.engines[key]).filter(Boolean);
+    return [above && above !== title ? `${above}.` : "", `${title}.`, note, engines.length ? `Engines: ${engines.join(", ")}.` : "", `Case ${from.case}, ${from.run}.`, `Cite: ${from.text}`].filter(Boolean).join(" ");
   };
 
   /* Round marks of a linear axis, about five of them. */
@@ -24,27 +25,28 @@
 
   /* The plots of a chart in its present window, without what is switched off, in dark ink on nothing. */
   ninedisk.svg = chart => {
-    const { endsOf, decades, power, short: told } = ninedisk.charts, ratio = devicePixelRatio, parts = [];
+    const { endsOf, decades, power, short: plain } = ninedisk.charts, ratio = devicePixelRatio, parts = [];
     const text = (x, y, words, more = "") => parts.push(`<text x="${short(x)}" y="${short(y)}" ${more}>${escape(words)}</text>`);
     let top = 22, width = 0;
     text(4, 14, chart.spec.title, `font-size="12"`);
     chart.plots.forEach((u, number) => {
       const left = u.bbox.left / ratio, wide = u.bbox.width / ratio, above = u.bbox.top / ratio, tall = u.bbox.height / ratio, log = u.scales.y.distr === 3;
-      const px = x => left + u.valToPos(x, "x"), py = y => top + u.valToPos(y, "y"), clip = `c${number}`, base = top + tall;
+      const px = x => left + u.valToPos(x, "x"), py = y => top + u.valToPos(y, "y"), clip = `${file(chart)}-${number}`, base = top + tall;
       width = Math.max(width, u.width);
       parts.push(`<clipPath id="${clip}"><rect x="${short(left)}" y="${short(top)}" width="${short(wide)}" height="${short(tall)}"/></clipPath>`);
       const { min, max } = u.scales.y;
       for (const y of log ? decades(u, 1, min, max) : round(min, max)) {
         parts.push(`<path d="M${short(left)} ${short(py(y))}h${short(wide)}" stroke="${LINE}"/>`);
-        text(left - 5, py(y) + 3.5, (log ? power : told)(y), `text-anchor="end"`);
+        text(left - 5, py(y) + 3.5, (log ? power : plain)(y), `text-anchor="end"`);
       }
       const x = u.scales.x, marks = chart.spec.xlog ? chart.spec.marks || decades(u, 0, x.min, x.max) : round(x.min, x.max);
       for (const at of marks) {
         parts.push(`<path d="M${short(px(at))} ${short(top)}v${short(tall)}" stroke="${LINE}"/>`);
-        if (number === chart.plots.length - 1) text(px(at), base + 13, (chart.spec.xlog ? power : told)(at), `text-anchor="middle"`);
+        if (number === chart.plots.length - 1) text(px(at), base + 13, (chart.spec.xlog ? power : plain)(at), `text-anchor="middle"`);
       }
       parts.push(`<path d="M${short(left)} ${short(top)}v${short(tall)}h${short(wide)}" fill="none" stroke="${INK}"/>`);
-      parts.push(`<text transform="translate(11 ${short(top + tall / 2)}) rotate(-90)" text-anchor="middle">${escape(u.label)}</text>`, `<g clip-path="url(#${clip})">`);
+      if (u.label) parts.push(`<text transform="translate(11 ${short(top + tall / 2)}) rotate(-90)" text-anchor="middle">${escape(u.label)}</text>`);
+      parts.push(`<g clip-path="url(#${clip})">`);
       u.shown.forEach((s, index) => {
         if (!u.series[index + 1].show) return;
         const y = u.data[index + 1], spots = [], joins = u.series[index + 1].spanGaps, history = chart.spec.kind === "history";
@@ -88,7 +90,7 @@
       right += long + 12;
     }
     if (chart.spec.kind === "history" && chart.spec.error) text(4, row += 14, "short bars at the right: tolerances", `fill="${SOFT}"`);
-    const tall = Math.ceil(row + 8), about = ninedisk.caption(chart.spec.title, visible(chart).map(s => s.key), chart.spec.note);
+    const tall = Math.ceil(row + 8), about = told(chart);
     return `<svg xmlns="http://www.w3.org/2000/svg" width="${width}" height="${tall}" viewBox="0 0 ${width} ${tall}" font-family="system-ui, sans-serif" font-size="${FONT}" fill="${INK}"><title>${escape(chart.spec.title)}</title><desc>${escape(about)}</desc>${parts.join("")}</svg>\n`;
   };
 
@@ -100,7 +102,7 @@
   /* The numbers behind the chart in its present window, exactly as stored; comment lines say what they are. */
   ninedisk.csv = chart => {
     const { spec } = chart, [low, high] = chart.window || [-Infinity, Infinity], shown = visible(chart).filter(s => !s.guide);
-    const lines = [`# ${ninedisk.caption(spec.title, shown.map(s => s.key), spec.note)}`.replaceAll("\n", " ")];
+    const lines = [`# ${told(chart)}`.replaceAll("\n", " ")];
     if (spec.kind === "points") {
       lines.push(["series", "point", spec.x_label, spec.y_label].map(cell).join(","));
       for (const s of shown) s.x.forEach((x, k) => { if (x >= low && x <= high) lines.push([s.name, s.told[k], x, s.heights[k]].map(cell).join(",")); });
@@ -140,7 +142,7 @@
     add("caption", "Show a caption with versions", button => {
       about.hidden = !about.hidden;
       button.setAttribute("aria-expanded", String(!about.hidden));
-      about.textContent = ninedisk.caption(chart.spec.title, visible(chart).map(s => s.key), chart.spec.note);
+      about.textContent = told(chart);
     });
     bar.append(about);
     figure.append(bar);

@@ -202,6 +202,7 @@ def test_lists_tell_what_they_leave_out_and_engines_of_one_program_know_each_oth
     out = build_report(tmp_path / "store", tmp_path / "out").parent
     own = (out / "engine" / "demo-one.html").read_text(encoding="utf-8")
     assert "10 of 12 shown; the other 2</summary>" in own
+    assert own.index('id="otherwise"') < own.index('id="well"'), "what is worst comes first"
     assert re.findall(r'Of the same program: <a href="(.*?)">', own) == ["demo-two.html"]
     assert "Of the same program" not in (out / "engine" / "other.html").read_text(encoding="utf-8")
     first = (out / "index.html").read_text(encoding="utf-8")

@@ -148,13 +148,13 @@ def test_a_way_whose_places_were_measured_each_keeps_its_order(store):
     (found,) = charts_of(store(way))
     cd = next(chart for chart in found.charts if chart.title == "CD")
     assert [dots.x for dots in cd.dots] == [(1.0, 1e-3), (2.0, 2e-3)]
-    assert cd.equal
+    assert (cd.equal, cd.engine) == (True, "cd")
 
 
 def test_a_circle_is_drawn_as_one(store, tab, tmp_path):
     """Equal scales on both axes, at two widths of the window."""
     way = Figure(quantities=(Plotted("b", "way", at="b"), Plotted("a", "way", at="a")), apart=True, **TOLD)
-    report = build_report(store(way), tmp_path / "out").parent
+    report = build_report(store(way, TOGETHER), tmp_path / "out").parent
     for width in (390, 1440):
         tab.open(report / "case" / "demo-one.html", width)
         tab.wait("document.querySelector('figure.chart.drawn .u-over')")
@@ -162,4 +162,16 @@ def test_a_circle_is_drawn_as_one(store, tab, tmp_path):
         over = "f.querySelector('.u-over')"
         x, y = f"{over}.clientWidth / (s.limits.x[1] - s.limits.x[0])", f"{over}.clientHeight / (s.y[1] - s.y[0])"
         tab.wait(f"Math.abs(({x}) / ({y}) - 1) < 0.02")
+    tab.click("figure.chart.drawn .paper button:nth-of-type(3)")
+    assert tab.run("document.querySelector('.paper p').textContent").startswith("Places. CD. Engines: CD")
+    tab.run("URL.createObjectURL = blob => { blob.text().then(text => { window.svg = text; }); return '#'; }")
+    tab.run(
+        "HTMLAnchorElement.prototype.click = function () {}; window.last = [...document.querySelectorAll('figure.chart')].pop()"
+    )
+    tab.run("last.scrollIntoView()")
+    tab.wait("last.querySelector('.paper button')")
+    tab.run("last.querySelector('.paper button').click()")
+    tab.wait("window.svg")
+    assert ">speed</text>" in tab.run("svg")
+    assert "undefined" not in tab.run("svg"), "an axis whose label is the title has none"
     assert tab.complaints == []

@@ -33,7 +33,7 @@ OWN = ("scheme_loss",)
 """What an implicit scheme loses itself and tells; it may be of either sign."""
 FED = ("wall_work", "force_work")
 WORDS = {
-    "kinetic": "kinetic energy", "elastic": "energy of the contact springs", "gravity": "energy of position",
+    "kinetic": "kinetic energy", "elastic": "energy of the contact springs", "gravity": "potential energy",
     "friction_loss": "lost by friction", "dashpot_loss": "lost in dashpots", "impact_loss": "lost in impacts",
     "damping_loss": "lost by global damping", "scheme_loss": "lost by the scheme",
     "wall_work": "work of the wall",
@@ -75,7 +75,7 @@ class Budget:
                 Plotted("energy_wall_work", WORDS["wall_work"], "-"),
             ),
             shows="Energies and losses of each engine that tells them all, stacked, less the work of the wall: what there was at the "
-            "beginning, wherever it went. The heap falls, is squeezed, and comes to rest.",
+            "start, wherever it went. The heap falls, is squeezed, and comes to rest.",
             allows="A flat top is a balance that closes. A band that narrows with time where it is a loss feeds energy.",
         ),
     )

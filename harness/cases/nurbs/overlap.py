@@ -16,7 +16,6 @@ from ninedisk.harness.api.case import Check, FloatArray, Headline, Norm, Observe
 from ninedisk.harness.api.claims import Cells, Claim, UndecidedError, Verdict, series
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nurbs.grains import disk_gap, grains, uniform
-from ninedisk.harness.cases.nurbs.shown import OVERLAP_CLAIMS
 from ninedisk.references.analytic.contact.ellipse_contact import Ellipse, ellipse_overlap
 
 KN, DENSITY = 1e4, 1000.0

@@ -515,7 +515,7 @@ class Turntable:
         """The angular speed."""
         return (
             Headline(name="angular speed on a turntable", use="rolling", quantity="rate", expected=2.0 / 7.0,
-                     source="rolling without slip", scale=2.0 / 7.0, scale_is="2/7 of the plane's"),
+                     source="rolling without slip", scale=2.0 / 7.0, scale_is="2/7 of the table's angular speed"),
         )  # fmt: skip
 
     def checks(
