@@ -206,6 +206,7 @@ class SphereSession:
         self._losses = _no_losses(stripes, m) if counted else None
         self._clock = np.array([0, 1, 0, -1, 0])
         self._front = max(1, FRONT // self._threads) if n >= FRONT_FROM else 1
+        self._kept: dict[str, NDArray[Any]] = {}
         self._samples = numerics.sampled_steps()
         self._row = 0
         self._history = History.empty(
@@ -379,14 +380,18 @@ class SphereSession:
         return {**arrays, **{f"losses.{name}": array for name, array in losses.items()}}
 
     def _remember(self) -> None:
-        """Keep the state, to return to it where several steps at once have gone too far."""
-        self._kept = {name: array.copy() for name, array in self._changing().items()}
+        """Keep the state, to return to it where several steps at once have gone too far; in memory that has been used before."""
+        for name, array in self._changing().items():
+            kept = self._kept.get(name)
+            if kept is None or len(kept) < len(array):
+                kept = self._kept[name] = np.empty((len(array) + len(array) // 8, *array.shape[1:]), dtype=array.dtype)
+            kept[: len(array)] = array
         self._one_by_one = False
 
     def _return(self) -> None:
         """Back to where the lists were new; from there steps are done one by one."""
         for name, array in self._changing().items():
-            array[...] = self._kept[name]
+            array[...] = self._kept[name][: len(array)]
         self._one_by_one = True
 
     def _not_finite(self, finite: NDArray[np.bool_]) -> NonFiniteStateError:
