@@ -99,12 +99,14 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def pytest_collection_modifyitems(items: list[Any]) -> None:
     """Tests have the names that pytest-xdist has just given them for their groups.
 
-    It writes them to ``_nodeid`` (3.8), where pytest looks until 9.1; later versions look at ``_id``, and the groups would be scattered.
+    It writes them to ``_nodeid`` (3.8), where pytest looks until 9.1; later versions look at ``_id``, and the groups would be scattered,
+    which costs time and no more: where a name stands elsewhere again they are.
     """
     for item in items:
         name = vars(item).get("_nodeid", item.nodeid)
-        if name != item.nodeid:
-            item._id = type(item._id).parse(name)
+        held: Any = getattr(item, "_id", None)
+        if name != item.nodeid and hasattr(held, "parse"):
+            item._id = held.parse(name)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
