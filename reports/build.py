@@ -232,7 +232,7 @@ class CaseDrawing:
 
     def values(self) -> dict[str, Any]:
         """Images, charts, legends and difference tables for the template."""
-        names, differences = difference_matrix(self.panel.stored.series, self.case.id)
+        names, differences = difference_matrix(self.panel.stored.series, self.case.id, self.case.measurements)
         blocks = [
             {
                 "plan": block.plan,

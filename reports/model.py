@@ -276,14 +276,16 @@ class Difference:
     quantity: str
 
 
-def difference_matrix(series: Series, case: str) -> tuple[list[str], dict[tuple[str, str], Difference]]:
+def difference_matrix(
+    series: Series, case: str, measurements: Iterable[Row]
+) -> tuple[list[str], dict[tuple[str, str], Difference]]:
     """Engines with histories of a case, the one that differs most first, and every pair that shares a history.
 
     A difference is ``max |a - b|`` over the common steps of one history, over the largest ``|truth|`` of the quantity in
-    the whole case (of the values themselves where no truth speaks): in a variant where nothing should move, round-off
-    is then no difference. Both orders of a pair are keys.
+    the whole case, or the size that its checks are relative to where that is larger (over the values themselves where neither
+    speaks): where nothing should move, round-off is then no difference. Both orders of a pair are keys.
     """
-    scale = _scales(series, case)
+    scale = _scales(series, case, measurements)
     held: dict[tuple[str, str], dict[str, Curve]] = {}
     for (name, variant, engine, quantity), curve in series.items():
         if name == case:
@@ -303,16 +305,19 @@ def difference_matrix(series: Series, case: str) -> tuple[list[str], dict[tuple[
     return sorted(middle, key=lambda engine: -middle[engine]), worst
 
 
-def _scales(series: Series, case: str) -> dict[str, float]:
-    """Largest finite ``|truth|`` of each quantity of a case; of the values where there is none, or it is zero."""
-    truth: dict[str, float] = {}
+def _scales(series: Series, case: str, measurements: Iterable[Row]) -> dict[str, float]:
+    """Largest finite ``|truth|`` of each quantity of a case, or size of its checks; of the values where neither is above 0."""
+    told: dict[str, float] = {}
     value: dict[str, float] = {}
+    for row in measurements:
+        if math.isfinite(size := as_float(row["scale"])):
+            told[row["quantity"]] = max(told.get(row["quantity"], 0.0), size)
     for (name, _, _, quantity), curve in series.items():
         if name == case:
-            truth[quantity] = max(truth.get(quantity, 0.0), curve.scale)
+            told[quantity] = max(told.get(quantity, 0.0), curve.scale)
             finite = np.abs(curve.value[np.isfinite(curve.value)])
             value[quantity] = max(value.get(quantity, 0.0), float(finite.max(initial=0.0)))
-    return {quantity: truth[quantity] or value[quantity] for quantity in truth}
+    return {quantity: told[quantity] or size for quantity, size in value.items()}
 
 
 SHOWN = 40

@@ -139,11 +139,20 @@ def test_round_off_where_nothing_moves_is_no_difference():
         ("c", "sticks", "b", "x"): history([0.0, -1e-16], 0.0),
         ("other", "v", "a", "x"): history([0.0, 9e9], 9e9),
     }
-    names, found = difference_matrix(series, "c")
+    names, found = difference_matrix(series, "c", [])
     assert sorted(names) == ["a", "b"]
     assert found["a", "b"] == found["b", "a"]
     assert found["a", "b"].size == pytest.approx(1e-16)
     assert found["a", "b"].variant == "sticks"
+
+
+def test_round_off_of_what_is_0_in_all_variants_is_held_against_the_size_that_its_checks_state():
+    series = {("c", "v", engine, "off"): curve([0, 1], [0.0, value]) for engine, value in (("a", 1e-15), ("b", 4e-15))}
+    assert difference_matrix(series, "c", [])[1]["a", "b"].size == pytest.approx(0.75)
+    rows = [{"quantity": "off", "scale": scale} for scale in (2.0, math.nan, None)] + [
+        {"quantity": "no_history", "scale": 9.0}
+    ]
+    assert difference_matrix(series, "c", rows)[1]["a", "b"].size == pytest.approx(1.5e-15)
 
 
 def test_what_no_engine_was_asked_to_run_does_not_decide():
