@@ -6,6 +6,7 @@ import importlib
 import os
 import shutil
 import signal
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -72,6 +73,25 @@ def hears_signals() -> Callable[[], None]:
             signal.signal(number, signal.SIG_DFL)
 
     return set_default
+
+
+@pytest.fixture(scope="session")
+def dies() -> Callable[[int], bool]:
+    """Whether a process is gone, or a zombie that waits for init, within the time that a killed one may take on a busy machine."""
+
+    def of(pid: int) -> bool:
+        end = time.monotonic() + 30.0
+        while time.monotonic() < end:
+            try:
+                state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+            except (FileNotFoundError, ProcessLookupError):
+                return True
+            if state == "Z":
+                return True
+            time.sleep(0.02)
+        return False
+
+    return of
 
 
 @pytest.fixture(scope="session")

@@ -209,7 +209,7 @@ class FakeEngine:
         elif self.behaviour == "slow":
             Path("slow.writing").write_text(str(os.getpid()))
             Path("slow.writing").rename("slow.started")
-            time.sleep(30.0)
+            time.sleep(300.0)
         elif self.behaviour == "stubborn":
             run_isolated([sys.executable, "-c", STUBBORN])
         elif self.behaviour == "segfault":

@@ -24,20 +24,6 @@ def python(code: str, *arguments: str) -> list[str]:
     return [sys.executable, "-c", code, *arguments]
 
 
-def wait_until_dead(pid: int, seconds: float = 30.0) -> bool:
-    """Whether the process is gone, or a zombie that waits for init."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        try:
-            state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-        except (FileNotFoundError, ProcessLookupError):
-            return True
-        if state == "Z":
-            return True
-        time.sleep(0.02)
-    return False
-
-
 def test_stdin_comes_back_on_stdout() -> None:
     text = "caf\u00e9 " * 50_000  # far more than a pipe holds
     done = run_isolated(python("import sys; sys.stdout.write(sys.stdin.read())"), stdin=text, keep=1 << 20)
@@ -61,21 +47,21 @@ def test_signal_is_named() -> None:
     assert "here" in str(caught.value)
 
 
-def test_time_limit_stops_the_whole_group(tmp_path: Path) -> None:
+def test_time_limit_stops_the_whole_group(tmp_path: Path, dies: Callable[[int], bool]) -> None:
     code = (
         "import subprocess, sys, time\n"
         "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
         "open(sys.argv[1], 'w').write(str(child.pid)); print('started', flush=True); time.sleep(600)"
     )
     begin = time.monotonic()
-    with pytest.raises(EngineTimeoutError, match=r"time limit of 1\.5 s") as caught:
-        run_isolated(python(code, str(tmp_path / "pid")), time_limit=1.5)
+    with pytest.raises(EngineTimeoutError, match=r"time limit of 4 s") as caught:
+        run_isolated(python(code, str(tmp_path / "pid")), time_limit=4.0)
     assert time.monotonic() - begin < 60.0  # the child sleeps ten times as long
     assert "started" in str(caught.value)
-    assert wait_until_dead(int((tmp_path / "pid").read_text()))
+    assert dies(int((tmp_path / "pid").read_text()))
 
 
-def test_child_that_outlives_its_parent_is_killed(tmp_path: Path) -> None:
+def test_child_that_outlives_its_parent_is_killed(tmp_path: Path, dies: Callable[[int], bool]) -> None:
     code = (
         "import subprocess, sys\n"
         "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
@@ -83,7 +69,7 @@ def test_child_that_outlives_its_parent_is_killed(tmp_path: Path) -> None:
     )
     done = run_isolated(python(code, str(tmp_path / "pid")), time_limit=60.0)  # the child sleeps longer
     assert done.stdout == "parent done\n"
-    assert wait_until_dead(int((tmp_path / "pid").read_text()))
+    assert dies(int((tmp_path / "pid").read_text()))
 
 
 def test_child_in_another_session_cannot_hold_the_call() -> None:
@@ -118,7 +104,9 @@ def test_unknown_command() -> None:
         run_isolated(["no-such-engine", "-x"])
 
 
-def test_interrupt_kills_the_command(tmp_path: Path, hears_signals: Callable[[], None]) -> None:
+def test_interrupt_kills_the_command(
+    tmp_path: Path, hears_signals: Callable[[], None], dies: Callable[[int], bool]
+) -> None:
     """Ctrl-C in the middle of a run: the exception passes on, the engine is gone."""
     code = (
         "import sys\n"
@@ -128,12 +116,12 @@ def test_interrupt_kills_the_command(tmp_path: Path, hears_signals: Callable[[],
     )
     pid_file = tmp_path / "pid"
     parent = subprocess.Popen(python(code, str(pid_file)), stderr=subprocess.DEVNULL, preexec_fn=hears_signals)
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 60.0
     while not (pid_file.exists() and pid_file.read_text()) and time.monotonic() < end:
         time.sleep(0.02)
     parent.send_signal(signal.SIGINT)
-    assert parent.wait(timeout=10.0) != 0
-    assert wait_until_dead(int(pid_file.read_text()))
+    assert parent.wait(timeout=60.0) != 0
+    assert dies(int(pid_file.read_text()))
 
 
 @pytest.mark.usefixtures("no_child_left")
@@ -177,7 +165,7 @@ if __name__ == "__main__":
 
 
 def test_a_driver_runs_in_copies_of_what_has_loaded_its_imports(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dies: Callable[[int], bool]
 ) -> None:
     nurseries: dict[tuple[str, ...], isolation.Nursery] = {}
     monkeypatch.setattr(isolation, "_nurseries", nurseries)
@@ -211,9 +199,9 @@ def test_a_driver_runs_in_copies_of_what_has_loaded_its_imports(
         with pytest.raises(EngineError, match="ended by SIGSEGV"):
             run("fourth", "import signal; os.kill(os.getpid(), signal.SIGSEGV)")
         marker = tmp_path / "child"
-        with pytest.raises(EngineTimeoutError, match=r"time limit of 1 s"):
-            run("fifth", f"open({str(marker)!r}, 'w').write(str(os.getpid())); time.sleep(60)", time_limit=1.0)
-        assert wait_until_dead(int(marker.read_text()))
+        with pytest.raises(EngineTimeoutError, match=r"time limit of 3 s"):
+            run("fifth", f"open({str(marker)!r}, 'w').write(str(os.getpid())); time.sleep(60)", time_limit=3.0)
+        assert dies(int(marker.read_text()))
         # The driver is read anew by each run.
         driver.write_text(DRIVER.replace("os.getcwd()", "os.getcwd() + '/new'"))
         with pytest.raises(AssertionError, match="/new"):

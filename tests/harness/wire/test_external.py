@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -92,15 +92,14 @@ def test_bad_engines_end_as_clear_errors(mode: str, message: str) -> None:
 
 
 def test_hanging_engine_is_stopped() -> None:
-    with pytest.raises(EngineTimeoutError, match=r"time limit of 0.7 s .*\nabout to hang"):
-        Fake("hang", time_limit=0.7).run(scene(), NUMERICS, [])
+    with pytest.raises(EngineTimeoutError, match=r"time limit of 3 s .*\nabout to hang"):
+        Fake("hang", time_limit=3.0).run(scene(), NUMERICS, [])
 
 
-def test_flooding_engine_and_orphans_do_no_harm(tmp_path: Path) -> None:
+def test_flooding_engine_and_orphans_do_no_harm(tmp_path: Path, dies: Callable[[int], bool]) -> None:
     Fake("flood").run(scene(), NUMERICS, [])
     Fake("orphan", str(tmp_path / "pid")).run(scene(), NUMERICS, [])
-    stat = Path(f"/proc/{(tmp_path / 'pid').read_text()}/stat")
-    assert not stat.exists() or stat.read_text().rsplit(")", 1)[1].split()[0] == "Z"
+    assert dies(int((tmp_path / "pid").read_text()))
 
 
 def test_nothing_stays_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
