@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import cos, pi, sin, tan
 
 import numpy as np
@@ -296,7 +297,13 @@ def body_shapes(
     is_disk = outline < 0
     radii, circle = np.unique(radius[is_disk], return_inverse=True)
     tables = [shape_table([powers(curve.spans) for curve in outlines])] if outlines else []
-    tables += [table_of_circles(disk(1.0).table, radii)] if len(radii) else []
+    tables += [table_of_circles(_unit_disk().table, radii)] if len(radii) else []
     shape = outline.copy()
     shape[is_disk] = len(outlines) + circle
     return tables_together(tables), shape, radii
+
+
+@cache
+def _unit_disk() -> NurbsCurve:
+    """Its own table takes longer to make than those of a pack's circles."""
+    return disk(1.0)

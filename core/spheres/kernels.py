@@ -32,7 +32,6 @@ ROLL, TWIST = 10, 14
 """First columns of the two resistances, four each: model, mu, stiffness [N m/rad], damping ratio."""
 HELD, STICKS = 18, 19
 """What friction has beside fn and `PULL`, over the reduced radius [N/m]; of JKR's law ``(pi g/(4 E*))^(2/3)`` [m^(2/3)], else 0."""
-LAW_WIDTH = 20
 
 NO_RESISTANCE, CONSTANT, SPRING = 0, 1, 2
 KEEPS, FORCE, RESCALE = 0, 1, 2

@@ -11,9 +11,6 @@ from ninedisk.references._validate import pair_of, positive, times_of
 
 FloatArray = NDArray[np.float64]
 
-UNIFORM_SPHERE = 0.4
-"""Inertia ratio ``I/(m R^2)``."""
-
 
 class Round(NamedTuple):
     """Place [m] and velocity [m/s] in the plane, each of shape (s, 2), and the angular speed [rad/s] on the circle."""
@@ -23,12 +20,10 @@ class Round(NamedTuple):
     rate: float
 
 
-def turntable(
-    *, start: ArrayLike, v: ArrayLike, turn: float, t: ArrayLike, inertia_ratio: float = UNIFORM_SPHERE
-) -> Round:
-    """The centre goes round on a circle at ``Omega k/(1 + k)``: 2/7 of the plane's angular speed for a uniform sphere.
+def turntable(*, start: ArrayLike, v: ArrayLike, turn: float, t: ArrayLike) -> Round:
+    """The centre goes round on a circle at 2/7 of the plane's angular speed.
 
-    Friction F in the plane gives ``m v' = F`` and ``k m R^2 w' = -R z x F``, with z the normal. No slip at the foot,
+    Inertia is ``k m R^2`` with k = 2/5. Friction F in the plane gives ``m v' = F`` and ``k m R^2 w' = -R z x F``, with z the normal. No slip at the foot,
     ``v - R w x z = Omega z x x``, differentiated: ``v' - R w' x z = Omega z x v``, and ``(z x F) x z = F`` makes the second term
     ``v'/k``. So ``v' = (k/(1 + k)) Omega z x v``: v turns at that rate and keeps its size, whatever friction, mass and radius.
 
@@ -40,16 +35,14 @@ def turntable(
         Angular speed Omega of the plane about its normal [rad/s], > 0.
     t : array_like, shape (s,)
         [s].
-    inertia_ratio : float
-        k, > 0.
 
     Notes
     -----
     Source: derived above; E. J. Routh, Dynamics of a System of Rigid Bodies, art. 240; K. Weckesser, Am. J. Phys. 65 (1997) 736.
     """
-    positive(turn=turn, inertia_ratio=inertia_ratio)
+    positive(turn=turn)
     times = times_of(t)
-    rate = turn * inertia_ratio / (1.0 + inertia_ratio)
+    rate = turn * 2.0 / 7.0
     x, u = pair_of("start", start), pair_of("v", v)
     c, s = np.cos(rate * times)[:, None], np.sin(rate * times)[:, None]
     across = np.array([-u[1], u[0]])

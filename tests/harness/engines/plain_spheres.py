@@ -59,83 +59,87 @@ def plain_dem(
     "rotate": it is turned with the normal, and about it by the mean spin, to first order; "keep": it keeps its direction in space.
     ``keeps``: two spheres that part keep their shear for the next time they touch.
     """
-    spheres, n, dt = scene.spheres, len(scene.spheres), numerics.contact_dt
+    spheres, n, m, dt = scene.spheres, len(scene.spheres), len(scene.walls), numerics.contact_dt
     x, v, w = np.array(spheres.x), np.array(spheres.v), np.array(spheres.omega)
     substeps = numerics.substeps(dt)
     path = plane_path(scene, dt, substeps * numerics.n_steps)
-    near = spheres.radius.max()  # further than any sphere moves in these runs
-    pairs = [
-        (i, j)
-        for i in range(n)
-        for j in range(i + 1, n + len(scene.walls))
-        if j >= n or np.linalg.norm(x[i] - x[j]) < spheres.radius[i] + spheres.radius[j] + near
-    ]
-    memory: dict[tuple[int, int], tuple[np.ndarray, float, np.ndarray]] = {}
-    inflow, rows = np.tile(scene.gravity, (n, 1)), []
+    path = path.reshape(len(path), m, 4, 3)
+    # All pairs that may meet: no sphere moves further than the largest radius in these runs.
+    i, j = np.triu_indices(n, 1)
+    near = np.linalg.norm(x[i] - x[j], axis=1) < spheres.radius[i] + spheres.radius[j] + spheres.radius.max()
+    i = np.concatenate([i[near], np.tile(np.arange(n), m)])
+    j = np.concatenate([j[near], np.repeat(n + np.arange(m), n)])
+    laws = [scene.law(pair) for pair in zip(i.tolist(), j.tolist(), strict=True)]
+    kn, ks, e_star, g_star, mu, beta = (
+        np.array([getattr(law, name) for law in laws]) for name in ("kn", "ks", "e_star", "g_star", "mu", "beta")
+    )
+    unloading = np.array([law.unloading if law.hertz else "" for law in laws])
+    rule = [(np.flatnonzero(unloading == name), power) for name, power in (("none", 1), ("rescale", 2))]
+    wall = j >= n
     share = {"radius": 0.0, "overlap": 0.5, "whole": 1.0}
+    torque_share, slip_share = (
+        np.where(wall, share[arms["wall"]], share[arms[name]])[:, None] for name in ("torque", "slip")
+    )
+    # A wall is a body that is infinitely large and heavy.
+    radius, mass = (np.concatenate([of, np.full(m, np.inf)]) for of in (spheres.radius, spheres.mass))
+    radius_j, reduced, small = radius[j][:, None], *(1.0 / (1.0 / of[i] + 1.0 / of[j]) for of in (mass, radius))
+    radius_i = radius[i][:, None]
+    shear, old, before = np.zeros((len(i), 3)), np.zeros((len(i), 3)), np.ones(len(i))  # shear is the force, whatever the law keeps
+    new = np.ones(len(i), dtype=bool)
+    rows = []
     for step in range(substeps * numerics.n_steps + 1):
         h = dt if step else 0.0
-        force, torque = inflow * spheres.mass[:, None], np.zeros((n, 3))
-        planes = path[min(step, len(path) - 1)]
-        for i, j in pairs:
-            law, wall = scene.law((i, j)), j >= n
-            if wall:
-                point, facing, speed, spin = planes[j - n].reshape(4, 3)
-                normal, gap = -facing, float((x[i] - point) @ facing - spheres.radius[i])
-                mass, radius = spheres.mass[i], spheres.radius[i]
-            else:
-                d = x[j] - x[i]
-                distance = float(np.linalg.norm(d))
-                normal, gap = d / distance, distance - spheres.radius[i] - spheres.radius[j]
-                mass, radius = (1.0 / (1.0 / a[i] + 1.0 / a[j]) for a in (spheres.mass, spheres.radius))
-            if gap >= 0.0:
-                if wall or not keeps:
-                    memory.pop((i, j), None)
-                continue
-            overlap = -gap
-            torque_arm, slip_arm = (share[arms["wall" if wall else name]] * overlap for name in ("torque", "slip"))
-            arm = (spheres.radius[i] - slip_arm) * normal
-            at_i = v[i] + np.cross(w[i], arm)
-            if wall:
-                other = speed + np.cross(spin, x[i] + arm - point)
-                mean = 0.5 * (w[i] + spin)
-            else:
-                other = v[j] - np.cross(w[j], (spheres.radius[j] - slip_arm) * normal)
-                mean = 0.5 * (w[i] + w[j])
-            relative = at_i - other
-            approach = float((v[i] - (other if wall else v[j])) @ normal)
-            slip = relative - (relative @ normal) * normal
-            a = np.sqrt(radius * overlap)
-            if law.hertz:
-                elastic, c = 4.0 / 3.0 * law.e_star * a * overlap, np.sqrt(5.0 / 6.0 * mass * 2.0 * law.e_star * a)
-                stiffness = 8.0 * law.g_star * a
-            else:
-                elastic, c, stiffness = law.kn * overlap, np.sqrt(mass * law.kn), law.ks
-            fn = elastic + 2.0 * law.beta * c * approach
-            fn = fn if pulls else max(fn, 0.0)
-            shear, before, old = memory.get((i, j), (np.zeros(3), a, normal))  # the force, whatever the law keeps
-            if turn == "shrink":
-                shear = shear - (shear @ normal) * normal
-            elif turn == "project":
-                along = shear - (shear @ normal) * normal
-                size = float(np.linalg.norm(along))
-                shear = along * (np.linalg.norm(shear) / size) if size else shear
-            elif turn == "rotate":
-                shear = shear + np.cross(np.cross(old, normal), shear)
-                shear = shear + np.cross(h * (mean @ old) * old, shear)
-            if law.hertz and law.unloading == "none":
-                shear = shear * (a / before)
-            elif law.hertz and law.unloading == "rescale":
-                shear = shear * (a / before) * min(1.0, a / before)
-            shear = shear - stiffness * h * slip
-            size, most = float(np.linalg.norm(shear)), law.mu * abs(fn)
-            shear = shear * (most / size) if size > most else shear
-            memory[i, j] = shear, a, normal
-            force[i] += shear - fn * normal
-            torque[i] += np.cross((spheres.radius[i] - torque_arm) * normal, shear)
-            if not wall:
-                force[j] -= shear - fn * normal
-                torque[j] += np.cross((spheres.radius[j] - torque_arm) * normal, shear)
+        point, facing, speed, spin = np.moveaxis(path[min(step, len(path) - 1)], 1, 0)
+        at, moves, spins = np.concatenate([x, point]), np.concatenate([v, speed]), np.concatenate([w, spin])
+        d = at[j] - at[i]
+        d[wall] = -facing[j[wall] - n]
+        distance = np.linalg.norm(d, axis=1)
+        normal = d / distance[:, None]
+        gap = distance - radius[i] - np.where(wall, 0.0, radius[j])
+        gap[wall] = ((point[j[wall] - n] - x[i[wall]]) * normal[wall]).sum(axis=1) - radius[i[wall]]
+        touch = gap < 0.0
+        new |= ~touch if not keeps else ~touch & wall
+        overlap = np.maximum(-gap, 0.0)
+        arm = (radius_i - slip_share * overlap[:, None]) * normal
+        arm_j = at[i] + arm - at[j]
+        arm_j[~wall] = (slip_share * overlap[:, None] - radius_j)[~wall] * normal[~wall]
+        other = moves[j] + np.cross(spins[j], arm_j)
+        relative = moves[i] + np.cross(spins[i], arm) - other
+        approach = ((moves[i] - np.where(wall[:, None], other, moves[j])) * normal).sum(axis=1)
+        slip = relative - (relative * normal).sum(axis=1)[:, None] * normal
+        a = np.sqrt(small * overlap)
+        hertz = e_star > 0.0
+        elastic = np.where(hertz, 4.0 / 3.0 * e_star * a, kn) * overlap
+        c = np.sqrt(reduced * np.where(hertz, 5.0 / 3.0 * e_star * a, kn))
+        fn = elastic + 2.0 * beta * c * approach
+        fn = fn if pulls else np.maximum(fn, 0.0)
+        shear[new], old[new], before[new] = 0.0, normal[new], a[new]
+        kept = shear.copy()
+        along = shear - (shear * normal).sum(axis=1)[:, None] * normal
+        if turn == "shrink":
+            shear = along
+        elif turn == "project":
+            size = np.linalg.norm(along, axis=1)
+            longer = np.divide(np.linalg.norm(shear, axis=1), size, out=np.zeros(len(i)), where=size > 0.0)
+            shear = np.where((size > 0.0)[:, None], along * longer[:, None], shear)
+        elif turn == "rotate":
+            mean = 0.5 * (spins[i] + spins[j])
+            shear = shear + np.cross(np.cross(old, normal), shear)
+            shear = shear + np.cross(h * (mean * old).sum(axis=1)[:, None] * old, shear)
+        for which, power in rule:
+            ratio = np.divide(a, before, out=np.ones(len(i)), where=before > 0.0)[which, None]
+            shear[which] = shear[which] * (ratio if power == 1 else ratio * np.minimum(1.0, ratio))
+        shear = shear - (np.where(hertz, 8.0 * g_star * a, ks) * h)[:, None] * slip
+        size, most = np.linalg.norm(shear, axis=1), mu * np.abs(fn)
+        shear = shear * np.divide(most, size, out=np.ones(len(i)), where=size > most)[:, None]
+        shear, old = np.where(touch[:, None], shear, kept), np.where(touch[:, None], normal, old)
+        before, new = np.where(touch, a, before), new & ~touch
+        force, torque = spheres.mass[:, None] * scene.gravity, np.zeros((n, 3))
+        pull, twist = shear - fn[:, None] * normal, np.cross(normal, shear)
+        for body, sign, r in ((i, 1.0, radius_i), (j, -1.0, radius_j)):
+            k = np.flatnonzero(touch & (body < n))
+            np.add.at(force, body[k], sign * pull[k])
+            np.add.at(torque, body[k], (r[k] - (torque_share * overlap[:, None])[k]) * twist[k])
         ahead = 0.5 * dt * force / spheres.mass[:, None], 0.5 * dt * torque / spheres.inertia[:, None]
         ahead = np.where(spheres.held, 0.0, ahead[0]), np.where(spheres.rotating[:, None], ahead[1], 0.0)
         if step == 0:

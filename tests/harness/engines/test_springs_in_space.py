@@ -493,7 +493,7 @@ def test_a_settled_box_of_200_spheres_in_yade_is_a_plain_dem(
 ) -> None:
     """In YADE's own conventions, which the core has not: it turns shear to first order, with the mean spin, and lets no dashpot pull."""
     scene = in_the_box(settled, law)
-    numerics = Numerics(dt=1e-5, n_steps=20, contact_dt=1e-5, sample_every=10, damping_form="lagged")
+    numerics = Numerics(dt=1e-5, n_steps=1000, contact_dt=1e-5, sample_every=100, damping_form="lagged")
     found = run(Yade, scene, numerics)
     x, v, omega = (
         np.array(rows)
