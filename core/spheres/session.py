@@ -160,11 +160,11 @@ class SphereSession:
             x=_wide(spheres.x),
             v=_wide(spheres.v),
             omega=_wide(spheres.omega),
-            angle=np.zeros(WIDE * n),
+            angle=aligned(np.zeros(WIDE * n)),
             v_now=_wide(spheres.v) if self._central else np.zeros(0),
             omega_now=_wide(spheres.omega) if self._central and resisted else np.zeros(0),
-            force=np.zeros(WIDE * n),
-            torque=np.zeros(WIDE * n),
+            force=aligned(np.zeros(WIDE * n)),
+            torque=aligned(np.zeros(WIDE * n)),
             mass=np.where(inv_mass > 0.0, spheres.mass, 0.0),
             mobility=_wide(free * inv_mass[:, None]),
             inv_mass=inv_mass,
@@ -175,7 +175,7 @@ class SphereSession:
             load=np.zeros((m, 3)),
             share=np.zeros((BATCH * stripes, m, 3)),
             behind=np.zeros((BATCH * stripes, 2), dtype=np.int64),
-            moved=np.zeros(WIDE * n, dtype=np.float32),
+            moved=aligned(np.zeros(WIDE * n, dtype=np.float32)),
         )
         self._motion = compile_motion(scene.walls)
         self._laws, self._materials = _law_tables(scene)
@@ -615,7 +615,7 @@ def _batch_arrays(stripes: int, planes: int, threads: int, scratch: int) -> Batc
         done=np.zeros(threads * PAD, dtype=np.int64),
         far=np.zeros(threads * PAD),
         pose=np.zeros((BATCH, 3, planes, kernels.POSE_WIDTH)),
-        scratch=np.zeros((threads, scratch + 2 * PAD)),
+        scratch=aligned(np.zeros((threads, scratch + 2 * PAD))),
         picked=np.zeros((threads, CHUNK + PAD), dtype=np.int64),
     )
 
