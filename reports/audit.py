@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.reports import pages
-from ninedisk.reports.charts import Dots, Look, PointChart, numbered_look, on_page
+from ninedisk.reports.drawing.charts import Dots, Look, PointChart, numbered_look, on_page
 from ninedisk.reports.folder import fresh_folder
 
 MARKER = ".ninedisk-audit"

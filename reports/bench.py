@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ninedisk.reports import pages, text
-from ninedisk.reports.charts import Dots, Look, PointChart, engine_looks, on_page
-from ninedisk.reports.race import TARGET, races
-from ninedisk.reports.text import as_float
+from ninedisk.reports import pages
+from ninedisk.reports.drawing.charts import Dots, Look, PointChart, engine_looks, on_page
+from ninedisk.reports.drawing.race import TARGET, races
+from ninedisk.reports.panel import text
+from ninedisk.reports.panel.text import as_float
 
 Row = Mapping[str, Any]
 SUITES = {

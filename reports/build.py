@@ -21,10 +21,10 @@ import numpy as np
 
 from ninedisk.harness.results.schema import Comparison, EvaluatedFinding
 from ninedisk.reports import pages
-from ninedisk.reports.charts import Chart, Image, on_page
 from ninedisk.reports.citation import caption_facts
 from ninedisk.reports.determinism import determinism_page
-from ninedisk.reports.draw import (
+from ninedisk.reports.drawing.charts import Chart, Image, on_page
+from ninedisk.reports.drawing.draw import (
     Configuration,
     HistoryPanel,
     Projection,
@@ -40,7 +40,7 @@ from ninedisk.reports.draw import (
     read_scene,
     read_space,
 )
-from ninedisk.reports.figures import (
+from ninedisk.reports.drawing.figures import (
     LEAST,
     Shown,
     case_budgets,
@@ -51,15 +51,15 @@ from ninedisk.reports.figures import (
     looks_of,
     values_against_step,
 )
+from ninedisk.reports.drawing.places import place_figures
+from ninedisk.reports.drawing.scenes import Arrays, case_configurations, moving_scenes, pack_case, spaces
 from ninedisk.reports.findings import findings_page
 from ninedisk.reports.folder import fresh_folder
-from ninedisk.reports.load import Stored, load_store
-from ninedisk.reports.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
-from ninedisk.reports.places import place_figures
-from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes, pack_case, spaces
+from ninedisk.reports.panel.load import Stored, load_store
+from ninedisk.reports.panel.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
+from ninedisk.reports.panel.text import decoded
+from ninedisk.reports.panel.uses import uses
 from ninedisk.reports.studies import comparison_page
-from ninedisk.reports.text import decoded
-from ninedisk.reports.uses import uses
 
 Progress = Callable[[str, int, int], None]
 Picture = HistoryPanel | StackPanel | SceneView | Projection | Configuration

@@ -6,7 +6,7 @@ from importlib.metadata import PackageNotFoundError, metadata
 from typing import Any
 
 from ninedisk.harness.results.schema import Row
-from ninedisk.reports.model import CaseData, Panel
+from ninedisk.reports.panel.model import CaseData, Panel
 
 AUTHORS = "the ninedisk developers"
 """As in LICENSE."""

@@ -19,10 +19,11 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from ninedisk.harness.results.schema import ROUND_OFF, Line, Point, RunFacts, Shift, StoreHistory
-from ninedisk.reports import studies, text
+from ninedisk.reports import studies
 from ninedisk.reports.folder import fresh_folder
 from ninedisk.reports.pages import HERE, sheet
-from ninedisk.reports.ranking import percent
+from ninedisk.reports.panel import text
+from ninedisk.reports.panel.ranking import percent
 
 MARKER = ".ninedisk-dashboard"
 """File that says: this folder is a dashboard and may be replaced."""

@@ -7,7 +7,7 @@ from typing import Any
 from jinja2 import Environment
 
 from ninedisk.harness.results.schema import DETERMINISM_KINDS, DETERMINISM_VERDICTS, Row, worse_than_promised
-from ninedisk.reports.model import Panel
+from ninedisk.reports.panel.model import Panel
 
 
 def shade(row: Row) -> str:

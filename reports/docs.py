@@ -12,10 +12,10 @@ from typing import Any
 from markupsafe import Markup
 
 from ninedisk.reports import pages
-from ninedisk.reports.draw import Projection, draw_projection, draw_sketch, numeral, read_scene, read_space
+from ninedisk.reports.drawing.draw import Projection, draw_projection, draw_sketch, numeral, read_scene, read_space
 from ninedisk.reports.folder import ReportError, fresh_folder
 from ninedisk.reports.pages import HERE
-from ninedisk.reports.text import Slugs
+from ninedisk.reports.panel.text import Slugs
 
 MARKER = ".ninedisk-docs"
 

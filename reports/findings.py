@@ -13,9 +13,9 @@ from collections import Counter
 from jinja2 import Environment
 
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding
-from ninedisk.reports.load import Stored
-from ninedisk.reports.model import Panel
-from ninedisk.reports.text import as_float
+from ninedisk.reports.panel.load import Stored
+from ninedisk.reports.panel.model import Panel
+from ninedisk.reports.panel.text import as_float
 
 COLOURS = {"larger": "out3", "gone": "in0", "there": "out1", "not-measured": "none"}
 """Colour class of each verdict; the word itself stands beside it."""

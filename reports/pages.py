@@ -26,10 +26,11 @@ from ninedisk.harness.results.schema import (
     Row,
     worse_than_promised,
 )
-from ninedisk.reports import citation, ranking, text
-from ninedisk.reports.charts import Chart
+from ninedisk.reports import citation
+from ninedisk.reports.drawing.charts import Chart
 from ninedisk.reports.findings import of_engines
-from ninedisk.reports.headlines import (
+from ninedisk.reports.panel import ranking, text
+from ninedisk.reports.panel.headlines import (
     AGREES,
     Rating,
     disagreements,
@@ -39,7 +40,7 @@ from ninedisk.reports.headlines import (
     standings,
     worst_headline,
 )
-from ninedisk.reports.model import (
+from ninedisk.reports.panel.model import (
     NOT_RUN,
     SHOWN,
     CaseData,
@@ -50,8 +51,8 @@ from ninedisk.reports.model import (
     is_wide,
     summarise,
 )
-from ninedisk.reports.text import SOURCE_WRONG, as_float, number, pair_shade, parameters, shade, symbol
-from ninedisk.reports.uses import Use
+from ninedisk.reports.panel.text import SOURCE_WRONG, as_float, number, pair_shade, parameters, shade, symbol
+from ninedisk.reports.panel.uses import Use
 
 HERE = Path(__file__).parent
 

@@ -30,9 +30,9 @@ from ninedisk.harness.results.schema import (
     row_tolerance,
     worst_status,
 )
-from ninedisk.reports import text
 from ninedisk.reports.folder import ReportError, fresh_folder
 from ninedisk.reports.pages import environment, sheet
+from ninedisk.reports.panel import text
 
 MARKER = ".ninedisk-site"
 """File that says: this folder is a site and may be replaced."""

@@ -9,8 +9,9 @@ from typing import Any
 from jinja2 import Environment
 
 from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison
-from ninedisk.reports import pages, text
-from ninedisk.reports.charts import Dots, PointChart, engine_looks, on_page, slopes
+from ninedisk.reports import pages
+from ninedisk.reports.drawing.charts import Dots, PointChart, engine_looks, on_page, slopes
+from ninedisk.reports.panel import text
 
 SHOWN = 200
 """Rows of one verdict that the page lists."""

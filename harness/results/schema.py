@@ -86,7 +86,7 @@ WIDE = 0.05
 """A check that passes is wide where its tolerance exceeds this part of what it is held against (`allowed_shares`)."""
 
 ROUND_OFF = 1e-12
-"""A reference smaller than this part of the largest one of its case and unit is zero but for round-off."""
+"""A reference below this part of the largest one of its case and unit is zero but for round-off; an error below it has no order."""
 
 
 def allowed_shares(rows: Sequence[Mapping[str, Any]]) -> list[float]:

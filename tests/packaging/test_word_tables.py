@@ -21,7 +21,7 @@ from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.cases.adapter.space import probe_of
 from ninedisk.harness.results.schema import CHANGE_VERDICTS, STATUSES, WORST_FIRST
 from ninedisk.harness.run.converge import VERDICTS
-from ninedisk.reports import text as words
+from ninedisk.reports.panel import text as words
 
 OUTSIDE = ("driver", "space_driver", "solver_driver", "yade_parts", "drivers", "template", "pytest_plugin", "__main__")
 """Modules that run inside other programs."""

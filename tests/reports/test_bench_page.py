@@ -10,7 +10,7 @@ import pytest
 
 from ninedisk.harness.bench.records import new_row
 from ninedisk.reports.bench import charts, write_bench
-from ninedisk.reports.race import races
+from ninedisk.reports.drawing.race import races
 
 
 def row(problem: str, engine: str = "dem", disks: int = 10_000, seconds: float = 0.5, **more: Any) -> dict[str, Any]:

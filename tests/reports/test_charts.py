@@ -7,11 +7,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from ninedisk.reports import charts
-from ninedisk.reports.draw import end_labels
-from ninedisk.reports.figures import case_figures
-from ninedisk.reports.load import load_store
-from ninedisk.reports.model import build_panel
+from ninedisk.reports.drawing import charts
+from ninedisk.reports.drawing.draw import end_labels
+from ninedisk.reports.drawing.figures import case_figures
+from ninedisk.reports.panel.load import load_store
+from ninedisk.reports.panel.model import build_panel
 
 PAGES = ("#ffffff", "#1b1f23")
 

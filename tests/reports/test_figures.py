@@ -13,13 +13,13 @@ import pytest
 from ninedisk.harness.api.case import figures_of
 from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
 from ninedisk.harness.results.schema import figures_from_text, figures_to_text
-from ninedisk.reports import draw as draw_history
 from ninedisk.reports.build import CaseDrawing, Job, render
-from ninedisk.reports.draw import error_limits, read_scene, round_off, thin, value_limits
-from ninedisk.reports.figures import GENERIC, case_budgets, case_figures, looks_of
-from ninedisk.reports.load import Curve, load_store
-from ninedisk.reports.model import build_panel
-from ninedisk.reports.scenes import Arrays, case_configurations, moving_scenes
+from ninedisk.reports.drawing import draw as draw_history
+from ninedisk.reports.drawing.draw import error_limits, read_scene, round_off, thin, value_limits
+from ninedisk.reports.drawing.figures import GENERIC, case_budgets, case_figures, looks_of
+from ninedisk.reports.drawing.scenes import Arrays, case_configurations, moving_scenes
+from ninedisk.reports.panel.load import Curve, load_store
+from ninedisk.reports.panel.model import build_panel
 
 FIGURES = {f"A.{k}" for k in (2, 3, 4, *range(6, 14), *range(17, 27))} | {
     "A.1",
@@ -176,8 +176,8 @@ def test_grains_are_drawn_as_their_outlines():
     """An ellipse's polygon has its extent, turned as given; its forces are not those of the circle around it."""
     from ninedisk.harness.api.params import resolve
     from ninedisk.harness.cases.nurbs.collision import CASE
-    from ninedisk.reports.draw import Configuration, draw_configuration, draw_sketch, turned
-    from ninedisk.reports.scenes import springs
+    from ninedisk.reports.drawing.draw import Configuration, draw_configuration, draw_sketch, turned
+    from ninedisk.reports.drawing.scenes import springs
 
     setup = CASE.build(resolve(CASE, {}).params)
     stored = {"scene": setup.scene.to_dict(), "labels": setup.labels}

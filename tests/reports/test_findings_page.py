@@ -9,7 +9,7 @@ import pytest
 from ninedisk.harness.results.schema import EvaluatedFinding
 from ninedisk.reports.build import build_report
 from ninedisk.reports.findings import of_engines
-from ninedisk.reports.load import load_store
+from ninedisk.reports.panel.load import load_store
 
 HOSTILE = "<script>alert('x')</script>"
 

@@ -8,10 +8,10 @@ import math
 import pytest
 
 from ninedisk.harness.results.schema import allowed_shares
-from ninedisk.reports.headlines import disagreements, never_asked, ratings, standings
-from ninedisk.reports.load import load_store
-from ninedisk.reports.model import build_panel
 from ninedisk.reports.pages import environment, index_page, squares, verdict_counts
+from ninedisk.reports.panel.headlines import disagreements, never_asked, ratings, standings
+from ninedisk.reports.panel.load import load_store
+from ninedisk.reports.panel.model import build_panel
 
 
 @pytest.fixture

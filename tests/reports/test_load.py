@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from ninedisk.harness.api.errors import StoreError
-from ninedisk.reports import load
 from ninedisk.reports.folder import ReportError
-from ninedisk.reports.load import load_store
+from ninedisk.reports.panel import load
+from ninedisk.reports.panel.load import load_store
 
 
 def test_newest_run_wins_cell_by_cell(tmp_path, write, small):

@@ -14,13 +14,22 @@ import pytest
 
 from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.results.schema import figures_to_text
-from ninedisk.reports import draw as svg
-from ninedisk.reports.charts import engine_looks, spread
-from ninedisk.reports.figures import case_speed, convergences, engine_speed, looks_of, values_against_step
-from ninedisk.reports.load import load_store
-from ninedisk.reports.model import build_panel
+from ninedisk.reports.drawing import draw as svg
+from ninedisk.reports.drawing.charts import engine_looks, spread
+from ninedisk.reports.drawing.figures import case_speed, convergences, engine_speed, looks_of, values_against_step
+from ninedisk.reports.drawing.scenes import (
+    Arrays,
+    Springs,
+    contact_forces,
+    ends,
+    moving_scenes,
+    pack_case,
+    springs,
+    unpack,
+)
 from ninedisk.reports.pages import errata
-from ninedisk.reports.scenes import Arrays, Springs, contact_forces, ends, moving_scenes, pack_case, springs, unpack
+from ninedisk.reports.panel.load import load_store
+from ninedisk.reports.panel.model import build_panel
 
 
 @pytest.fixture(scope="module")

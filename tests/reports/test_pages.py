@@ -10,11 +10,11 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from ninedisk.reports import text
 from ninedisk.reports.build import build_report
-from ninedisk.reports.load import load_store
-from ninedisk.reports.model import build_panel
-from ninedisk.reports.ranking import percent
+from ninedisk.reports.panel import text
+from ninedisk.reports.panel.load import load_store
+from ninedisk.reports.panel.model import build_panel
+from ninedisk.reports.panel.ranking import percent
 
 
 class Page(HTMLParser):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ninedisk.harness.results.schema import STATUSES
-from ninedisk.reports import text
-from ninedisk.reports.load import Curve, differences
-from ninedisk.reports.model import difference_matrix, error_ratio, summarise, worst_first
-from ninedisk.reports.text import SHADES, SOURCE_WRONG, STATUS_MEANING, STATUS_SYMBOL, shade, symbol
+from ninedisk.reports.panel import text
+from ninedisk.reports.panel.load import Curve, differences
+from ninedisk.reports.panel.model import difference_matrix, error_ratio, summarise, worst_first
+from ninedisk.reports.panel.text import SHADES, SOURCE_WRONG, STATUS_MEANING, STATUS_SYMBOL, shade, symbol
 
 
 def row(**changes):

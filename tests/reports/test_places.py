@@ -12,11 +12,11 @@ import pytest
 
 from ninedisk.harness.results.schema import Drawn, Figure, Plotted, figures_to_text
 from ninedisk.reports.build import build_report
-from ninedisk.reports.charts import engine_looks
-from ninedisk.reports.figures import LEAST
-from ninedisk.reports.load import Curve, load_store
-from ninedisk.reports.model import build_panel
-from ninedisk.reports.places import place_figures
+from ninedisk.reports.drawing.charts import engine_looks
+from ninedisk.reports.drawing.figures import LEAST
+from ninedisk.reports.drawing.places import place_figures
+from ninedisk.reports.panel.load import Curve, load_store
+from ninedisk.reports.panel.model import build_panel
 
 ENGINES = {"dem": "DEM", "cd": "CD", "soft": "SOFT"}
 TOLD = {"title": "Places", "shows": "All.", "allows": "Nothing.", "kind": "places", "at_label": "where"}

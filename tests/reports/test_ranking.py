@@ -8,9 +8,9 @@ import math
 import pytest
 
 from ninedisk.harness.results.schema import EvaluatedFinding
-from ninedisk.reports import ranking
-from ninedisk.reports.load import load_store
-from ninedisk.reports.model import build_panel, case_tables
+from ninedisk.reports.panel import ranking
+from ninedisk.reports.panel.load import load_store
+from ninedisk.reports.panel.model import build_panel, case_tables
 
 
 def headline(engine, dt, error, name="lift"):

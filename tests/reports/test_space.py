@@ -13,8 +13,8 @@ from ninedisk.core.law import Rolling
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.reports.build import build_report
-from ninedisk.reports.draw import Projection, draw_projection, numbers_of, read_scene, read_space
-from ninedisk.reports.scenes import Arrays, read_frames, spaces
+from ninedisk.reports.drawing.draw import Projection, draw_projection, numbers_of, read_scene, read_space
+from ninedisk.reports.drawing.scenes import Arrays, read_frames, spaces
 
 LAW = SphereLaw(kn=1e5, ks=1e5, mu=0.3, twisting=Rolling(model="constant", mu=0.1))
 

@@ -10,9 +10,9 @@ import pytest
 
 from ninedisk.harness.results.schema import USES, EvaluatedFinding
 from ninedisk.reports.build import build_report
-from ninedisk.reports.load import load_store
-from ninedisk.reports.model import build_panel
-from ninedisk.reports.uses import uses
+from ninedisk.reports.panel.load import load_store
+from ninedisk.reports.panel.model import build_panel
+from ninedisk.reports.panel.uses import uses
 
 ERRORS = {  # by engine: case, step (its variant) -> error; "own" is a variant of one engine alone
     "exact": {("a", 0.1): 1e-15, ("a", 0.2): 3e-14, ("b", 0.1): 0.0, ("b", 0.2): 1e-13},

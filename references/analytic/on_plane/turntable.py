@@ -12,6 +12,10 @@ from ninedisk.references._validate import pair_of, positive, times_of
 FloatArray = NDArray[np.float64]
 
 
+UNIFORM_SPHERE = 0.4
+"""Inertia ratio ``I/(m R^2)``."""
+
+
 class Round(NamedTuple):
     """Place [m] and velocity [m/s] in the plane, each of shape (s, 2), and the angular speed [rad/s] on the circle."""
 
@@ -23,7 +27,8 @@ class Round(NamedTuple):
 def turntable(*, start: ArrayLike, v: ArrayLike, turn: float, t: ArrayLike) -> Round:
     """The centre goes round on a circle at 2/7 of the plane's angular speed.
 
-    Inertia is ``k m R^2`` with k = 2/5. Friction F in the plane gives ``m v' = F`` and ``k m R^2 w' = -R z x F``, with z the normal. No slip at the foot,
+    With k the inertia ratio of a uniform sphere, friction F in the plane gives ``m v' = F`` and ``k m R^2 w' = -R z x F``, with z the
+    normal. No slip at the foot,
     ``v - R w x z = Omega z x x``, differentiated: ``v' - R w' x z = Omega z x v``, and ``(z x F) x z = F`` makes the second term
     ``v'/k``. So ``v' = (k/(1 + k)) Omega z x v``: v turns at that rate and keeps its size, whatever friction, mass and radius.
 
@@ -42,7 +47,7 @@ def turntable(*, start: ArrayLike, v: ArrayLike, turn: float, t: ArrayLike) -> R
     """
     positive(turn=turn)
     times = times_of(t)
-    rate = turn * 2.0 / 7.0
+    rate = turn * UNIFORM_SPHERE / (1.0 + UNIFORM_SPHERE)
     x, u = pair_of("start", start), pair_of("v", v)
     c, s = np.cos(rate * times)[:, None], np.sin(rate * times)[:, None]
     across = np.array([-u[1], u[0]])

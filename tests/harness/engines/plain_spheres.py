@@ -84,7 +84,8 @@ def plain_dem(
     radius, mass = (np.concatenate([of, np.full(m, np.inf)]) for of in (spheres.radius, spheres.mass))
     radius_j, reduced, small = radius[j][:, None], *(1.0 / (1.0 / of[i] + 1.0 / of[j]) for of in (mass, radius))
     radius_i = radius[i][:, None]
-    shear, old, before = np.zeros((len(i), 3)), np.zeros((len(i), 3)), np.ones(len(i))  # shear is the force, whatever the law keeps
+    # What contacts remember: shear is the force, whatever the law keeps; the normal and the contact's radius.
+    shear, old, before = np.zeros((len(i), 3)), np.zeros((len(i), 3)), np.ones(len(i))
     new = np.ones(len(i), dtype=bool)
     rows = []
     for step in range(substeps * numerics.n_steps + 1):

@@ -22,10 +22,10 @@ from ninedisk.harness.results.claims import judge_claims
 from ninedisk.harness.results.reader import read_rows, read_run, run_ids
 from ninedisk.harness.results.schema import RUN_KEYS, SCHEMA_VERSION, TABLES
 from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
-from ninedisk.reports.figures import case_figures
-from ninedisk.reports.load import load_store
-from ninedisk.reports.model import build_panel
+from ninedisk.reports.drawing.figures import case_figures
 from ninedisk.reports.pages import errata
+from ninedisk.reports.panel.load import load_store
+from ninedisk.reports.panel.model import build_panel
 
 pytestmark = pytest.mark.usefixtures("fakes")
 

@@ -15,7 +15,7 @@ from ninedisk.harness.run.gaps import KnownGap, matches
 from ninedisk.harness.run.runner import check_ids
 from ninedisk.harness.suite import plugin as pytest_plugin
 from ninedisk.harness.suite.items import TIERS, page
-from ninedisk.reports.text import Slugs
+from ninedisk.reports.panel.text import Slugs
 
 MODULE = """
 def test_check(ninedisk_check):

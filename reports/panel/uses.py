@@ -8,8 +8,8 @@ mean over the headlines; one that covers less than half of a use, as one that kn
 most accurate nor the fastest nor the farthest. A variant that an engine does not support leaves no number and is covered by others alone.
 
 Time at 1 % is that of stepping: between two stored steps by the logarithms, of the largest step where that is good enough
-(`ninedisk.reports.ranking.time_at`). Absolute times depend on the case; an engine's figure is the geometric mean, over all it reaches,
-of its time over that of the fastest engine there.
+(`ninedisk.reports.panel.ranking.time_at`). Absolute times depend on the case; an engine's figure is the geometric mean, over all it
+reaches, of its time over that of the fastest engine there.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ from dataclasses import dataclass
 from statistics import median
 
 from ninedisk.harness.results.schema import ROUND_OFF, USES, Row
-from ninedisk.reports.figures import STEPS
-from ninedisk.reports.headlines import has_number
-from ninedisk.reports.model import EngineFacts, Panel
-from ninedisk.reports.ranking import EQUAL, percent, time_at
-from ninedisk.reports.text import as_float, decade, decoded, times
+from ninedisk.reports.panel.headlines import has_number
+from ninedisk.reports.panel.model import STEPS, EngineFacts, Panel
+from ninedisk.reports.panel.ranking import EQUAL, percent, time_at
+from ninedisk.reports.panel.text import as_float, decade, decoded, times
 
 LITTLE = 0.5
 """What an engine has to cover of a use to be ranked."""

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.harness.results.schema import Figure, Row
-from ninedisk.reports.charts import Look
-from ninedisk.reports.draw import Configuration, SpaceView, WallView, read_scene, read_space
-from ninedisk.reports.figures import Looks, tolerances, varying
-from ninedisk.reports.load import Curve
-from ninedisk.reports.model import CaseData, Panel
-from ninedisk.reports.text import decoded, parameters
+from ninedisk.reports.drawing.charts import Look
+from ninedisk.reports.drawing.draw import Configuration, SpaceView, WallView, read_scene, read_space
+from ninedisk.reports.drawing.figures import Looks, tolerances, varying
+from ninedisk.reports.panel.load import Curve
+from ninedisk.reports.panel.model import CaseData, Panel
+from ninedisk.reports.panel.text import decoded, parameters
 
 FloatArray = NDArray[np.float64]
 

@@ -13,23 +13,31 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.results.schema import Figure, Plotted, Row
-from ninedisk.reports.charts import (
+from ninedisk.harness.results.schema import ROUND_OFF, Figure, Plotted, Row
+from ninedisk.reports.drawing.charts import (
     SOFT,
     Dots,
     Look,
     PointChart,
     engine_looks,
-    fitted_order,
     numbered_look,
     reference_looks,
     slopes,
     spread,
 )
-from ninedisk.reports.draw import HistoryPanel, Line, StackPanel, error_label, error_limits, round_off, value_limits
-from ninedisk.reports.load import Curve
-from ninedisk.reports.model import CaseData, Panel
-from ninedisk.reports.text import as_float, parameter, parameters
+from ninedisk.reports.drawing.draw import (
+    HistoryPanel,
+    Line,
+    StackPanel,
+    error_label,
+    error_limits,
+    round_off,
+    value_limits,
+)
+from ninedisk.reports.panel.load import Curve
+from ninedisk.reports.panel.model import STEPS, CaseData, Panel
+from ninedisk.reports.panel.ranking import fitted_order
+from ninedisk.reports.panel.text import as_float, parameter, parameters
 
 MOST_GENERIC = 24
 """Groups of the generic figure on one page; further variants are in the tables only, and the page says so."""
@@ -374,14 +382,8 @@ GENERIC = Figure(
 )
 
 
-STEPS = ("dt", "increment")
-"""Parameters of cases that are step sizes."""
-
 CONTINUOUS = ("analytic", "converged")
 """Truths of the continuous problem: the error against them is what shrinks with the step."""
-
-ROUND_OFF = 1e-12
-"""Errors below this share of the quantity are round-off of some hundred steps: they have no order."""
 
 ABSOLUTE = 1e-15
 """The same where the truth is zero; the cases' lengths and speeds are of order one."""

@@ -10,11 +10,21 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from ninedisk.harness.results.schema import Row
-from ninedisk.reports.charts import fitted_order
-from ninedisk.reports.figures import ROUND_OFF, STEPS
-from ninedisk.reports.model import NOT_TRIED, SUPPORT, CaseData, EngineFacts, Panel, Summary, summarise, worst_first
-from ninedisk.reports.text import NOTHING, as_float, decoded, error, number, seconds
+import numpy as np
+
+from ninedisk.harness.results.schema import ROUND_OFF, Row
+from ninedisk.reports.panel.model import (
+    NOT_TRIED,
+    STEPS,
+    SUPPORT,
+    CaseData,
+    EngineFacts,
+    Panel,
+    Summary,
+    summarise,
+    worst_first,
+)
+from ninedisk.reports.panel.text import NOTHING, as_float, decoded, error, number, seconds
 
 EQUAL = 0.01
 """Relative error at which the engines' times are compared."""
@@ -206,6 +216,13 @@ def _order(case: CaseData, rows: list[Row], decides: Row) -> tuple[float, bool]:
         return math.nan, False
     _, own, signal = max(found)
     return fitted_order([step for step, _ in signal], [size for _, size in signal]), own
+
+
+def fitted_order(steps: list[float], errors: list[float]) -> float:
+    """Slope of ``log error`` over ``log step`` by least squares; NaN with fewer than two points."""
+    if len(steps) < 2:
+        return math.nan
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
 def _time(case: CaseData, cells: list[Row], rows: list[Row]) -> str:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from statistics import median
 
 from ninedisk.harness.results.schema import ROUND_OFF, Row
-from ninedisk.reports.model import NOT_RUN, CaseData, EngineFacts, Panel
-from ninedisk.reports.text import as_float, decoded
+from ninedisk.reports.panel.model import NOT_RUN, CaseData, EngineFacts, Panel
+from ninedisk.reports.panel.text import as_float, decoded
 
 AGREES = 0.01
 """Relative error up to which an engine is said to agree with the truth."""

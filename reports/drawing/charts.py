@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 SOFT = "#8a9099"
 """Colour of grids and hatches, readable on white and on black."""
 PALETTE = ("#1470b5", "#f86507", "#2ca45a", "#fd44b3", "#a00bfe", "#826710", "#a55c89", "#9582f9")
@@ -210,13 +208,6 @@ def slopes(dots: list[Dots]) -> tuple[tuple[str, tuple[float, ...], tuple[float,
         (f"order {order}", (low, high), (level * (low / high) ** (order / 2), level * (high / low) ** (order / 2)))
         for order in (1, 2)
     )
-
-
-def fitted_order(steps: list[float], errors: list[float]) -> float:
-    """Slope of ``log error`` over ``log step`` by least squares; NaN with fewer than two points."""
-    if len(steps) < 2:
-        return math.nan
-    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
 def _holds_decade(low: float, high: float) -> bool:

@@ -11,11 +11,11 @@ from urllib.parse import quote
 import numpy as np
 
 from ninedisk.harness.results.schema import Figure, Plotted, Row
-from ninedisk.reports.charts import MARKERS, SOFT, Dots, Look, PointChart, numbered_look
-from ninedisk.reports.figures import LEAST, varying
-from ninedisk.reports.load import Series
-from ninedisk.reports.model import CaseData
-from ninedisk.reports.text import as_float, parameters
+from ninedisk.reports.drawing.charts import MARKERS, SOFT, Dots, Look, PointChart, numbered_look
+from ninedisk.reports.drawing.figures import LEAST, varying
+from ninedisk.reports.panel.load import Series
+from ninedisk.reports.panel.model import CaseData
+from ninedisk.reports.panel.text import as_float, parameters
 
 Cell = tuple[str, str]
 """Engine and variant."""

@@ -26,9 +26,9 @@ from ninedisk.harness.results.schema import (
     row_tolerance,
     worst_status,
 )
-from ninedisk.reports import text
-from ninedisk.reports.load import Curve, Series, Stored, differences
-from ninedisk.reports.text import Slugs, as_float, decoded, shade, symbol
+from ninedisk.reports.panel import text
+from ninedisk.reports.panel.load import Curve, Series, Stored, differences
+from ninedisk.reports.panel.text import Slugs, as_float, decoded, shade, symbol
 
 NOT_RUN = frozenset({"error", "timeout", "unsupported", "not-installed"})
 """Statuses of cells that left no numbers."""
@@ -38,6 +38,9 @@ NOT_TRIED = frozenset({"unsupported", "not-installed"})
 
 EXPLAINED = frozenset({"known-gap", "gap-closed", "known-difference"})
 """Statuses of measurements whose truth is itself known to be off; they are ranked apart."""
+
+STEPS = ("dt", "increment")
+"""Parameters of cases that are step sizes."""
 
 SUPPORT = ("exact", "equivalent", "approximate", "no")
 

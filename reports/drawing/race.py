@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ninedisk.reports.charts import Dots, PointChart, engine_looks
-from ninedisk.reports.text import as_float
+from ninedisk.reports.drawing.charts import Dots, PointChart, engine_looks
+from ninedisk.reports.panel.text import as_float
 
 Row = Mapping[str, Any]
 RULES = {"coulomb": "Coulomb's law", "associated": "Associated rule"}

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.reports.charts import PALETTE, SOFT, Look
+from ninedisk.reports.drawing.charts import PALETTE, SOFT, Look
 
 FloatArray = NDArray[np.float64]
 EPS = float(np.finfo(np.float64).eps)

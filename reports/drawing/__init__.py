@@ -1,0 +1,1 @@
+"""Pictures: charts, sketches, configurations of a run, on common scales, in colours that tell engines apart."""
