@@ -83,11 +83,16 @@ class Page:
         self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **button)
 
     def click(self, selector: str) -> None:
-        """Scroll an element into view and click its middle."""
-        box = self.run(
+        """Scroll an element into view and click its middle, once the page has come to rest: charts are drawn when they are seen."""
+        place = (
             f"(e => {{ e.scrollIntoView({{block: 'center'}}); const r = e.getBoundingClientRect();"
             f" return [r.x + r.width / 2, r.y + r.height / 2]; }})(document.querySelector({json.dumps(selector)}))"
         )
+        end, before, box = time.monotonic() + PATIENCE, None, self.run(place)
+        while box != before:
+            assert time.monotonic() < end, f"{selector} never stands still"
+            time.sleep(0.05)
+            before, box = box, self.run(place)
         for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
             self.mouse(*box, kind)
 
