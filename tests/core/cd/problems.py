@@ -269,3 +269,14 @@ def problem(index: int) -> ContactProblem:
         force=rng.normal(0.0, 1.0, (b, 3)) * [1.0, 1.0, 0.2] + weight if made.force is None else made.force,
         **{name: value[kept] for name, value in fields.items()},
     )
+
+
+def law_broken(problem: ContactProblem, r: FloatArray) -> float:
+    """Largest violation of Coulomb's law, contact by contact, written out: relative to the largest velocity and force without contacts."""
+    u = problem.contact_velocity(problem.body_velocity(r), r)
+    speed, force = float(np.abs(problem.b).max()), float(np.abs(r).max()) or 1.0
+    p, q, un, ut = r[:, 0] / force, r[:, 1] / force, u[:, 0] / speed, u[:, 1] / speed
+    mu = problem.mu
+    room = mu * p - np.abs(q)
+    wrong = [-p, -un, p * un, -room, np.where(mu > 0.0, room * np.abs(ut), np.abs(q)), q * ut]
+    return float(max(each.max() for each in wrong))

@@ -8,7 +8,7 @@ import numpy as np
 import problems
 import pytest
 from numpy.typing import NDArray
-from problems import FLOOR
+from problems import FLOOR, law_broken
 from scipy.linalg import block_diag
 
 from ninedisk.core.cd.problem import ContactProblem, measure
@@ -59,17 +59,6 @@ def heap(contacts: int) -> ContactProblem:
         offset=np.zeros((c, 2)),
         mu=np.full(c, 0.3),
     )
-
-
-def law_broken(problem: ContactProblem, r: FloatArray) -> float:
-    """Largest violation of Coulomb's law, contact by contact, written out: relative to the largest velocity and force without contacts."""
-    u = problem.contact_velocity(problem.body_velocity(r), r)
-    speed, force = float(np.abs(problem.b).max()), float(np.abs(r).max()) or 1.0
-    p, q, un, ut = r[:, 0] / force, r[:, 1] / force, u[:, 0] / speed, u[:, 1] / speed
-    mu = problem.mu
-    room = mu * p - np.abs(q)
-    wrong = [-p, -un, p * un, -room, np.where(mu > 0.0, room * np.abs(ut), np.abs(q)), q * ut]
-    return float(max(each.max() for each in wrong))
 
 
 @pytest.mark.parametrize(

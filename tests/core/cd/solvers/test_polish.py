@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from problems import law_broken
 from scipy.linalg import block_diag
 from scipy.optimize import linprog
-from test_coulomb_solver import law_broken
 
 from ninedisk.core.cd.problem import ContactProblem, measure
 from ninedisk.core.cd.session import CdSession
