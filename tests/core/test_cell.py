@@ -86,6 +86,7 @@ class Images(Oracle):
         super().find_forces()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("sort_from", "form", "steps"), [(1, "central", 200), (10**9, "lagged", 50)])
 def test_disks_and_images_follow_the_twin(
     sort_from: int, form: str, steps: int, monkeypatch: pytest.MonkeyPatch

@@ -279,6 +279,7 @@ def fingerprint() -> str:
     return hashlib.sha256(b"".join(getattr(history, name).tobytes() for name in names)).hexdigest()
 
 
+@pytest.mark.long
 def test_same_input_gives_the_same_bits_also_in_a_fresh_process() -> None:
     here = fingerprint()
     assert fingerprint() == here
@@ -510,6 +511,7 @@ def assert_twins(scene: Scene, steps: int = STEPS, **how: object) -> Counter[str
     return twin.events
 
 
+@pytest.mark.long
 def test_random_scenes() -> None:
     events: Counter[str] = Counter()
     for seed in range(60):

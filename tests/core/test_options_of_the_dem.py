@@ -55,6 +55,7 @@ def assert_twins(scene: Scene, steps: int = STEPS, **how: Any) -> Counter[str]:
     return twin.events
 
 
+@pytest.mark.long
 def test_random_scenes_with_options() -> None:
     events: Counter[str] = Counter()
     for seed in range(60):
@@ -91,6 +92,7 @@ def mixed(scene: Scene) -> Scene:
     return scene.replace(disks=disks, walls=walls, laws=laws, forces=forces)
 
 
+@pytest.mark.long
 def test_sorted_and_striped_disks_with_options_follow_the_twin(monkeypatch: pytest.MonkeyPatch) -> None:
     """Disks change their order in the lists, and with it the sign of the torque that a contact remembers."""
     monkeypatch.setattr(session_module, "SORT_FROM", 1)
@@ -104,6 +106,7 @@ def test_sorted_and_striped_disks_with_options_follow_the_twin(monkeypatch: pyte
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("threads", [2, 3])
 def test_any_number_of_threads_gives_the_same_bits(threads: int) -> None:
     scene, how = mixed(pouring(46)), numerics(2e-4, 200, sample_every=50, energy_budget=True)

@@ -855,6 +855,7 @@ def test_every_argument_of_the_public_classes_is_tried() -> None:
         assert not missing, f"{kind.__name__}: {missing}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "argument"), sorted({case[:2] for case in CASES}))
 def test_every_odd_value_is_refused_by_name_or_right(name: str, argument: str) -> None:
     wrong = []

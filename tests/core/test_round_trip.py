@@ -162,6 +162,7 @@ def text(one: Scene | Numerics) -> str:
     return json.dumps(one.to_dict(), allow_nan=False)
 
 
+@pytest.mark.long
 @settings(max_examples=200, deadline=None)
 @given(scenes())
 def test_scene_comes_back_to_the_last_bit(scene: Scene) -> None:
@@ -277,6 +278,7 @@ def paths(data: Any, here: tuple[str | int, ...] = ()) -> list[tuple[str | int, 
     return [place for key in keys for place in ((*here, key), *paths(data[key], (*here, key)))]
 
 
+@pytest.mark.long
 @settings(max_examples=600, deadline=None)
 @given(st.data(), JUNK)
 @pytest.mark.filterwarnings("ignore:overflow encountered")

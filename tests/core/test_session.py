@@ -319,6 +319,7 @@ def test_a_disk_that_touches_nothing_costs_nothing() -> None:
     assert session.counts == Counts(rebuilds=0, pairs=0, wall_pairs=0, contacts=0, wall_contacts=0)
 
 
+@pytest.mark.long
 def test_neither_threads_nor_checkpoints_change_a_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session_module, "SORT_FROM", 1)
     scene, how = falling(12), numerics(2e-4, 300)

@@ -156,6 +156,7 @@ def wall_shear(s: Array, loop: dict[str, float], steps: int, law: ContactLaw, ou
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("body", ["disk", "grain"])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_wall_that_retraces_its_path_returns(seed: int, body: str) -> None:
@@ -177,6 +178,7 @@ def test_a_wall_that_retraces_its_path_returns(seed: int, body: str) -> None:
         assert drift(STEPS, "end", "surface")[1] <= 0.05
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 def test_grains_that_retrace_their_path_return(seed: int) -> None:
     def drift(steps: int, slip_at: str) -> float:

@@ -69,6 +69,7 @@ def assert_same_bits(one: History, two: History) -> None:
         np.testing.assert_array_equal(two.energy[name], value, err_msg=name)
 
 
+@pytest.mark.long
 def test_sorted_and_striped_disks_follow_the_twin(monkeypatch: pytest.MonkeyPatch) -> None:
     """64 disks kept in the order of the cells, in stripes: only the order of sums differs from the plain-Python twin."""
     monkeypatch.setattr(session_module, "SORT_FROM", 1)
@@ -118,6 +119,7 @@ def test_the_threads_have_equally_many_disks(threads: int) -> None:
         assert max(shares) < 1.15 * np.mean(shares)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("threads", [2, 3, 4, 7])
 def test_any_number_of_threads_gives_the_same_bits(threads: int) -> None:
     scene = pouring(46)

@@ -68,6 +68,7 @@ def foreign(module: str, names: set[str]) -> set[str]:
     return set() if allowed is None else {name for name in names if not within(name, ours | allowed)}
 
 
+@pytest.mark.long
 def test_the_core_imports_only_its_third_parties(sources: dict[str, Path]) -> None:
     found = {module: foreign(module, imported(path)) for module, path in sources.items()}
     assert {module: names for module, names in found.items() if names} == {}
@@ -86,6 +87,7 @@ def cycle(sources: dict[str, Path]) -> list[str]:
     return []
 
 
+@pytest.mark.long
 def test_no_module_imports_what_imports_it(sources: dict[str, Path]) -> None:
     """A cycle cannot be read from either end; one that a function's import hides is one all the same."""
     assert cycle(sources) == []

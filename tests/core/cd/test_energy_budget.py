@@ -77,6 +77,7 @@ def run(scene: Scene, *, singly: bool = False, **numerics: Any) -> History:
     return session.run()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sliding", ["associated", "coulomb"])
 @pytest.mark.parametrize("contacts", ["soft", "rigid", "newton", "mixed"])
 def test_the_budget_closes(contacts: str, sliding: Any) -> None:

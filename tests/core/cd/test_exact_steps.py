@@ -72,6 +72,7 @@ def particle(history: History) -> dict[str, np.ndarray]:
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dt", [0.01, 0.0025])
 @pytest.mark.parametrize("mu", [0.36, 0.4])
 @pytest.mark.parametrize(("sliding", "solver"), RULES)
@@ -102,6 +103,7 @@ def test_the_sources_statement_on_the_blocks_forces_is_contradicted() -> None:
     assert abs(history.fn[-1, 0] - MASS * G) > 4.7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("theta", [0.5, 0.6, 0.75, 1.0])
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_restitution_over_fifty_gaps(theta: float, solver: str) -> None:

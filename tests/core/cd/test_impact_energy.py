@@ -70,6 +70,7 @@ def smooth_run(seed: int, *, same: bool, singly: bool) -> None:
     assert history.energy["impact_gain"][-1] == 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("singly", [False, True])
 def test_smooth_impacts_never_raise_the_energy(singly: bool) -> None:
     for seed in range(4 if singly else 12):

@@ -157,6 +157,7 @@ def struck(beta: float, theta: float, dt: float, seed: int) -> tuple[Scene, Nume
     return scene, Numerics(dt=dt, n_steps=steps, theta=theta), planes, y
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("solver", "singly"), [("gauss-seidel", False), ("gauss-seidel", True), ("interior-point", True)]
 )

@@ -117,6 +117,7 @@ def test_static_compression_and_the_gear_mode() -> None:
     assert session.remarks[0].startswith("1 displacement mode(s) without energy")
 
 
+@pytest.mark.long
 def test_static_distortion_is_the_limit_of_slow_walls() -> None:
     """DEM with ever slower walls against the static curve (Coulomb, 100 increments), after the start-up of the distortion.
 

@@ -103,6 +103,7 @@ def test_cohesion_deepens_the_overlap_and_the_cone() -> None:
     assert history.energy["elastic_normal"] == pytest.approx(np.full(151, 0.5 * 6e3 * overlap**2), rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("beta", [0.0, 0.2155])
 def test_cohesive_rebound_and_duration(beta: float) -> None:
     """``e(zeta)`` with ``zeta = beta/sqrt(1 - c/kn)``, the dashpot pulling before the contact opens, as the overlap ends; first order."""

@@ -221,6 +221,7 @@ DEFECTS: dict[str, tuple[Callable[[Run], Run], Callable[[World, Run], None]]] = 
 BOTH = [(name, method) for name in DEFECTS for method in METHODS if method == "cd" or name not in ("gap", "restart")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "method"), BOTH)
 def test_planted_defects_are_found(name: str, method: str) -> None:
     plant, law = DEFECTS[name]

@@ -38,6 +38,7 @@ def unbalanced(history: History) -> float:
     return float(np.abs(total - total[0]).max() / energy["kinetic"][0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("law", "form", "order"),
     [

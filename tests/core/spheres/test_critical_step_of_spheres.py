@@ -60,6 +60,7 @@ def test_a_row_between_planes_has_the_step_of_its_highest_mode(n: int) -> None:
     assert 1.0 - 2e-4 <= found <= 1.0 + 1e-12  # the residual that is enough, to the safe side; round-off
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", ["central", "lagged"])
 @pytest.mark.parametrize("law", [LINEAR, replace(LINEAR, beta=0.3), HERTZ, replace(HERTZ, beta=0.2)])
 def test_the_step_is_sharp_on_both_sides(law: SphereLaw, form: str) -> None:

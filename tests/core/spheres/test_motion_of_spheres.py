@@ -63,6 +63,7 @@ def test_hertz_impact_is_the_closed_form_to_second_order() -> None:
     assert fine[2] < coarse[2] / 4.0  # the force's root at the end leaves the time more than first order
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("e", [0.9, 0.4])
 @pytest.mark.parametrize("stiffness", [{"e_star": E}, {"kn": 1e5}], ids=["hertz", "linear"])
 def test_the_damping_ratio_gives_the_restitution(e: float, stiffness: dict[str, float]) -> None:
@@ -92,6 +93,7 @@ def test_a_sliding_sphere_keeps_its_momentum_about_the_floor_and_rolls_at_five_s
     assert h.omega[-1, 0] @ n == pytest.approx(7.0, rel=1e-12)  # nothing turns it about the normal
 
 
+@pytest.mark.long
 def test_springs_of_the_surface_keep_the_energy_to_second_order() -> None:
     springs = {
         name: Rolling(model="elastic-plastic", mu=9.0, kr=kr) for name, kr in (("rolling", 0.05), ("twisting", 0.02))

@@ -124,6 +124,7 @@ def assert_same_bits(found: History, exact: History) -> None:
         assert found.energy[name][-1] == values[-1], name
 
 
+@pytest.mark.long
 def test_bits_do_not_depend_on_threads_and_on_how_the_run_is_cut(tmp_path: Path, column: SphereScene) -> None:
     whole = SphereSession(column, THROWN)
     assert np.count_nonzero(np.diff(whole._batch.stripe)) >= 4
@@ -141,6 +142,7 @@ def test_bits_do_not_depend_on_threads_and_on_how_the_run_is_cut(tmp_path: Path,
     assert np.array_equal(simulate(column, THROWN, particles=[3, 1]).v, exact.v[:, [3, 1]])
 
 
+@pytest.mark.long
 def test_bits_do_not_depend_on_how_many_steps_go_at_once(column: SphereScene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Singly, eight at a time, and those by threes through the stripes; light spheres that heavy ones hit are not foreseen."""
     light = np.where(np.arange(640) % 5 == 0, 5e-4, 0.3)

@@ -119,6 +119,7 @@ GIVEN = {
 }
 
 
+@pytest.mark.long
 def test_contact_dynamics_takes_all_its_options_from_the_command_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

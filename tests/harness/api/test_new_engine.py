@@ -54,12 +54,14 @@ def installed(package: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     return run
 
 
+@pytest.mark.long
 def test_it_is_listed_with_its_origin(installed: Callable[..., subprocess.CompletedProcess[str]]) -> None:
     done = installed("ninedisk", "list", "engines")
     (row,) = (line for line in done.stdout.splitlines() if line.split()[:1] == ["acme-dem"])
     assert "ninedisk-acme-dem" in row
 
 
+@pytest.mark.long
 def test_it_passes_check_engine(installed: Callable[..., subprocess.CompletedProcess[str]]) -> None:
     done = installed("ninedisk", "check-engine", "acme-dem")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -68,6 +70,7 @@ def test_it_passes_check_engine(installed: Callable[..., subprocess.CompletedPro
     )  # what it does not declare is refused
 
 
+@pytest.mark.long
 def test_it_passes_its_own_tests(installed: Callable[..., subprocess.CompletedProcess[str]]) -> None:
     cases = [f"--ninedisk-case={name}" for name in ("binary-collision", "motion/*", "impact/*", "slip-to-roll")]
     chosen = ("-m", "not full or smoke", "-p", "ninedisk.harness.suite.plugin", "-p", "no:cacheprovider", *cases)
@@ -78,6 +81,7 @@ def test_it_passes_its_own_tests(installed: Callable[..., subprocess.CompletedPr
     assert "failed" not in counts
 
 
+@pytest.mark.long
 def test_a_defect_in_it_is_found(installed: Callable[..., subprocess.CompletedProcess[str]], package: Path) -> None:
     solver = package / "ninedisk_acme_dem" / "solver.py"
     sound = solver.read_text()
@@ -113,6 +117,7 @@ def test_the_example_in_its_known_gaps_is_one(package: Path, tmp_path: Path) -> 
     assert found.gaps[0].explains("slip-to-roll", "mu=0.3,dt=0.01", "any", "spin", "analytic")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "spheres"), [*((each, False) for each in LANGUAGES), pytest.param("python", True, id="spheres")]
 )

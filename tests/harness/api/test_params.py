@@ -23,6 +23,7 @@ RATIO = parameter(default=1.0, choices=(1.0, 2 / 3))
 MAYBE = parameter(default=None, optional=True, low=0.0, high=1.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("which", "given", "value"),
     [

@@ -38,6 +38,7 @@ def told(case_id: str, overrides: Mapping[str, Any]) -> Mapping[str, Any]:
     return {headline.name: headline for headline in found}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case_id", list(case_table()))
 def test_every_variant_tells_the_same_one_to_three(case_id: str) -> None:
     """On a blank history: a scale above 0 and a known use (`headline_row` refuses others), and a truth in some variant."""

@@ -170,6 +170,7 @@ def test_cross_checks_see_small_differences(case: Any) -> None:
     assert any(name.endswith(":consensus") for name in failing(case, params, setup, wrong, YADE))
 
 
+@pytest.mark.long
 def test_half_rows_bear_their_wall_s_way_whoever_shares_it() -> None:
     """Between rough walls, moving or in the static limit, the sums see what the step's own error hides in each force."""
     for engine, regime in ((ENGINE, "dynamic"), (CD, "quasi-static")):

@@ -20,6 +20,7 @@ def ninedisk(*arguments: str) -> Result:
     return CliRunner().invoke(app, list(arguments), prog_name="ninedisk")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("cells_here")
 @pytest.mark.parametrize(
     ("engines", "code"),
@@ -44,6 +45,7 @@ def test_exit_codes(here: Path, engines: tuple[str, ...], code: int) -> None:
     assert ("warning: nothing ran" in done.stderr) == ("good" not in engines and code == 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("truth", "code"), [("gap", 0), ("nan", 0), ("none", 0), ("broken", 3)])
 def test_exit_codes_of_truths(truth: str, code: int) -> None:
     assert ninedisk("run", "fake/fall", "-e", "fake-good", "--set", f"truth={truth}").exit_code == code

@@ -83,6 +83,7 @@ def test_under_noise_more_runs_find_it(synthetic: ModuleType) -> None:
     assert (found.base_runs, found.head_runs) == (15, 15)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_raises_no_alarm(synthetic: ModuleType, seed: int) -> None:
     """50 unchanged runs on two drifting machines: each against the one before it on its machine, and in two halves."""

@@ -61,6 +61,7 @@ def test_ids_are_unique_and_name_their_engine() -> None:
     assert all(each.id.partition("/")[0] in (each.engine, "source") for each in FINDINGS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("each", FINDINGS, ids=lambda each: each.id)
 def test_what_a_finding_says_exists(each: Finding) -> None:
     """Its case, column, quantity and command; the command runs cells of that engine that the size is read from."""
@@ -106,6 +107,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return store
 
 
+@pytest.mark.long
 def test_the_commands_show_what_they_should(measured: Path) -> None:
     found = {each.id: each for each in evaluate(measured, FINDINGS)}
     assert set(found) == {each.id for each in FINDINGS}, "a check allows for a difference that no finding describes"

@@ -24,6 +24,7 @@ def run_of(line: Line, shift: Shift) -> int:
     return line.points[shift.at].run
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(2))
 def test_fifty_noisy_runs_raise_no_alarm(synthetic: ModuleType, seed: int) -> None:
     """Log-normal noise of 10 %, 2 % doubled timings, drifting machines of different speed; 300 timings."""
@@ -65,6 +66,7 @@ def test_planted_changes_are_marked_at_their_commit(synthetic: ModuleType) -> No
     assert worse == {"timing"}, "the comparison around the mark takes the neighbours' timings, too"
 
 
+@pytest.mark.long
 def test_a_slowdown_is_placed_within_one_run_in_most_histories(synthetic: ModuleType) -> None:
     key = ("slip-to-roll", "k=1", "pymunk")
     places = []

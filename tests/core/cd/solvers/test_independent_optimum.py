@@ -112,6 +112,7 @@ def wrong(problem: ContactProblem, found: SolverResult, optimum: Optimum) -> str
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("index", [pytest.param(i, id=f"{i}-{problems.builder_of(i)}") for i in range(problems.COUNT)])
 def test_interior_point_agrees_with_clarabel_on_all(index: int) -> None:
     """Not one of the problems may be left unsolved, and the stated duality gap has to be a bound.

@@ -212,6 +212,7 @@ def enumerated(problem: ContactProblem) -> list[FloatArray]:
     return solutions
 
 
+@pytest.mark.long
 def test_the_path_from_nothing_finds_one_of_the_solutions_that_exist() -> None:
     found = slid = 0
     for seed in range(300):
@@ -276,6 +277,7 @@ def check_settling(scene: Scene, dt: float, steps: int) -> CdSession:
     return session
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "mu"), [(5, 0.3), (3, 0.6)])
 def test_settling_disks(seed: int, mu: float) -> None:
     session = check_settling(settling(seed, mu), 0.01, 240)

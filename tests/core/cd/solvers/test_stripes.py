@@ -120,6 +120,7 @@ def test_a_sweep_is_that_of_the_reordered_contacts(sliding: Sliding, relaxation:
     assert found[order] == pytest.approx(given, abs=1e-12 * float(np.abs(given).max()))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sliding", ["associated", "coulomb"])
 @pytest.mark.parametrize("relaxation", [1.0, 1.5])
 def test_threads_do_not_change_a_bit(sliding: Sliding, relaxation: float) -> None:

@@ -27,6 +27,7 @@ def test_the_wave_reaches_the_stop_when_it_should(run_cell):
     assert stop[80] > 110.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("spoil", "seen"),
     [

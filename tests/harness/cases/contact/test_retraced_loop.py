@@ -108,6 +108,7 @@ def test_an_engine_is_judged_by_its_own_form_and_its_drift_is_told(run_cell, jud
     assert judge_history(CASE, claiming, {"slip_at": "middle"}, ours.history).seen == {"shear", "astray", "drift"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("engine", "params"),
     [

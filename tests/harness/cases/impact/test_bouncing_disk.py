@@ -40,6 +40,7 @@ def errors(run_cell, engine, names, steps, heights):
 HEIGHTS = 0.4 + np.array([0.0, 0.0077, 0.0151, 0.0239, 0.0331, 0.0423])
 
 
+@pytest.mark.long
 def test_rigid_bounces_are_first_order(run_cell):
     means = errors(run_cell, PYMUNK, ["apex_time_2", "apex_2"], [{"dt": 2e-3}, {"dt": 5e-4}], HEIGHTS)
     orders = np.log2(means[0] / means[1]) / 2.0

@@ -61,6 +61,7 @@ class Of:
         self.params, self.setup, self.observed = cell.params, cell.setup, cell.observed
 
 
+@pytest.mark.long
 def test_the_law_is_confirmed_over_seeds_and_contradicted_by_a_gas_that_cools_otherwise(run_cell):
     right = [Of(run_cell(CASE, PYMUNK, {"seed": seed})) for seed in (1, 2)]
     holds, text = haffs_law(right)

@@ -61,6 +61,7 @@ def test_soft_contacts_may_lose_energy_and_gain_none(run_cell):
     assert "energy_gain" in run_cell(CASE, Declared("soft"), params, lambda h: h.v.__imul__(1.0 + 1e-9)).seen
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not SICONOS.info().installed, reason="siconos is not installed")
 def test_siconos_gains_energy_first_order_in_the_step(run_cell, judge_history):
     gains = []

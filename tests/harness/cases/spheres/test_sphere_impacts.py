@@ -55,6 +55,7 @@ def test_arms_of_springs_excuse_no_rigid_contact() -> None:
             assert not [each for each in known if each.finding.endswith("one-lever-arm")], variant
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("number", "params"),
     [(4, {"angle": 17.5}), (5, {"angle": 30.0}), (6, {"spin": 3.0}), (7, {"spin": 5.0}), (8, {"spin": 2.2})],

@@ -36,6 +36,7 @@ def test_slip_of_the_end_does_not_twist(run_cell: Any) -> None:
     assert cell.observed.scalars["astray"][1] == pytest.approx(np.sqrt(3.0), abs=0.06)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["plane", "spun", "passed"])
 def test_a_force_that_keeps_its_direction_is_known_and_twice_its_opposite_is_not(
     judge_history: Any, run_cell: Any, kind: str

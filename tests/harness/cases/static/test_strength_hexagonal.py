@@ -32,6 +32,7 @@ def test_a_contact_that_hops_reports_the_impulse_of_its_last_touch(run_cell):
     assert float(np.nanmax(cell.observed.series["fn_side"][1])) < 12.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("spoil", "seen"),
     [

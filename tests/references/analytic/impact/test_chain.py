@@ -68,6 +68,7 @@ def integrated(gaps, beta, t_end, n=30_000):
     return v
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("gaps", "beta"), [((0.0, 0.0), 0.0), ((0.0,) * 4, 0.0), ((2e-4, 1e-4), 0.0), ((0.0, 0.0), 0.3)]
 )
