@@ -822,26 +822,31 @@ def hung(info: EngineInfo) -> Probe:
     )
 
 
+THROWN_MU, THROWN_SPEED = 0.1, 1.0
+
+
 def told_losses(info: EngineInfo, own: LeverArm) -> Probe:
     """A disk thrown along a floor: friction takes mu m g times the slip, which shrinks by 3 mu g t."""
-    mu, speed = 0.1, 1.0
-    scene = on_floor(law(info, mu=mu, lever_arm=own), overlap=resting_overlap(info), v=[[speed, 0.0]])
+    scene = on_floor(law(info, mu=THROWN_MU, lever_arm=own), overlap=resting_overlap(info), v=[[THROWN_SPEED, 0.0]])
+    return thrown("energy budget", lambda numerics: Setup(scene=scene, numerics=numerics, watch=()), 3.0, info)
+
+
+def thrown(title: str, setup: Callable[[Numerics], Setup], rate: float, info: EngineInfo) -> Probe:
+    """What friction takes of a body that is thrown along a floor, whose slip shrinks by ``rate`` mu g t."""
     numerics = Numerics(dt=0.002, n_steps=50, sample_from=50, sliding="coulomb", energy_budget=True)
     end = numerics.dt * numerics.n_steps
-    lost = mu * M * G * (speed * end - 1.5 * mu * G * end**2)
+    lost = THROWN_MU * M * G * (THROWN_SPEED * end - 0.5 * rate * THROWN_MU * G * end**2)
 
     def closed_forms(history: History) -> list[ClosedForm]:
         found = history.energy.get("friction_loss", np.full(len(history.step), np.nan))
         return [
             ClosedForm(quantity="friction_loss", unit="J", value=found[-1], expected=lost,
-                       bound=2.0 * mu * M * G * speed * numerics.dt + contact_error(info) * lost,
+                       bound=2.0 * THROWN_MU * M * G * THROWN_SPEED * numerics.dt + contact_error(info) * lost,
                        why="friction may act one step less, in the first",
                        mend="History.energy holds the losses since time 0 where Numerics.energy_budget asks for them"),
         ]  # fmt: skip
 
-    return Probe(
-        title="energy budget", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms
-    )
+    return Probe(title=title, setup=setup(numerics), closed_forms=closed_forms)
 
 
 def across_the_edge(info: EngineInfo) -> Probe:

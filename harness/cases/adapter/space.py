@@ -20,6 +20,8 @@ from ninedisk.harness.cases.adapter.probes import (
     FLOOR,
     KN,
     STEPS,
+    THROWN_MU,
+    THROWN_SPEED,
     WHY,
     ClosedForm,
     G,
@@ -31,6 +33,7 @@ from ninedisk.harness.cases.adapter.probes import (
     probe_in_plane,
     resting_overlap,
     round_off,
+    thrown,
 )
 
 UP = np.array([2.0, -1.0, 2.0]) / 3.0
@@ -130,22 +133,8 @@ def sliding(info: EngineInfo) -> Probe:
 
 def told_losses(info: EngineInfo) -> Probe:
     """The same: friction takes mu m g times the slip, which shrinks by 7/2 mu g t."""
-    mu, speed = 0.1, 1.0
-    numerics = Numerics(dt=0.002, n_steps=50, sample_from=50, sliding="coulomb", energy_budget=True)
-    scene = on_floor(law(info, mu=mu), resting_overlap(info), v=[speed * ALONG])
-    end = numerics.dt * numerics.n_steps
-    lost = mu * M * G * (speed * end - 1.75 * mu * G * end**2)
-
-    def closed_forms(history: History) -> list[ClosedForm]:
-        found = history.energy.get("friction_loss", np.full(len(history.step), np.nan))
-        return [
-            ClosedForm(quantity="friction_loss", unit="J", value=found[-1], expected=lost,
-                       bound=2.0 * mu * M * G * speed * numerics.dt + contact_error(info) * lost,
-                       why="friction may act one step less, in the first",
-                       mend="History.energy holds the losses since time 0 where Numerics.energy_budget asks for them"),
-        ]  # fmt: skip
-
-    return _probe("energy budget in space", scene, numerics, closed_forms)
+    scene = on_floor(law(info, mu=THROWN_MU), resting_overlap(info), v=[THROWN_SPEED * ALONG])
+    return thrown("energy budget in space", lambda numerics: _setup(scene, numerics), 3.5, info)
 
 
 def elastic_impact() -> Probe:
@@ -257,10 +246,11 @@ def sticky(info: EngineInfo, surface: Surface) -> Probe:
 
 
 def _probe(title: str, scene: SphereScene, numerics: Numerics, closed_forms: Any) -> Probe:
-    number = (FLOOR[0], len(scene.spheres))
-    return Probe(
-        title=title, setup=SphereSetup(scene=scene, numerics=numerics, watch=(number,)), closed_forms=closed_forms
-    )
+    return Probe(title=title, setup=_setup(scene, numerics), closed_forms=closed_forms)
+
+
+def _setup(scene: SphereScene, numerics: Numerics) -> SphereSetup:
+    return SphereSetup(scene=scene, numerics=numerics, watch=((FLOOR[0], len(scene.spheres)),))
 
 
 def probe_in_space(capability: Capability, info: EngineInfo) -> Probe | None:
