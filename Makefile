@@ -53,7 +53,7 @@ report: $(INSTALLED) ## Run the main job, build its page and say where it is
 # What a change of the core, of a case or of the judgement breaks first. Left out are the matrix, other programs (engines, browsers,
 # workers, commands in processes), pages, grains with outlines, random inputs, and tests that take seconds, marked `long`.
 QUICK := core references harness/api harness/cases harness/results harness/run/test_runner.py harness/cli/test_cli.py packaging/test_imports.py
-quick: $(DEVELOPED) ## Pass the tests that take little: the loop while one works, under 90 s with kernels cached
+quick: $(DEVELOPED) ## Pass the tests that take little: the loop while one works, one to two minutes with kernels cached
 	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not (timing or slow or long)" $(addprefix tests/,$(QUICK)) \
 	  --ignore=tests/core/nurbs --ignore=tests/core/cd/test_outlines.py --ignore=tests/core/test_critical_step.py --ignore=tests/core/test_kernels.py \
 	  --ignore=tests/harness/cases/nurbs --ignore-glob="*/cases/test_e*"
