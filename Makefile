@@ -55,7 +55,7 @@ report: $(INSTALLED) ## Run the main job, build its page and say where it is
 QUICK := core references harness/api harness/cases harness/results harness/run/test_runner.py harness/cli/test_cli.py packaging/test_imports.py
 quick: $(DEVELOPED) ## Pass the tests that take little: the loop while one works, one to two minutes with kernels cached
 	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not (timing or slow or long)" $(addprefix tests/,$(QUICK)) \
-	  --ignore=tests/core/nurbs --ignore=tests/core/cd/test_outlines.py --ignore=tests/core/test_critical_step.py --ignore=tests/core/test_kernels.py \
+	  --ignore=tests/core/nurbs --ignore=tests/core/cd/test_outlines.py --ignore=tests/core/dem/test_critical_step.py --ignore=tests/core/test_kernels.py \
 	  --ignore=tests/harness/cases/nurbs --ignore-glob="*/cases/test_e*"
 
 # As many workers as cores, each with as many threads of BLAS, would be in each other's way.

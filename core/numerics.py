@@ -10,10 +10,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.bodies import BodiesAndWalls
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError
 from ninedisk.core.history import Pair
 from ninedisk.core.scene import Scene
+from ninedisk.core.scene.bodies import BodiesAndWalls
 from ninedisk.core.validate import at_least, body_numbers, flag, items_of, kind_of, one_of, shown, whole, within
 
 DampingForm = Literal["central", "lagged"]

@@ -56,7 +56,7 @@ def one_tree_of_commands() -> Iterator[None]:
         yield
 
 
-WARM = {"cases", "engines", "verification"}
+WARM = {"cases", "engines", "kinds", "verification"}
 """Folders whose tests run other programs' engines many times."""
 
 

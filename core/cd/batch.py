@@ -33,7 +33,7 @@ from ninedisk.core.cd.problem_kernels import SUMS, Contacts
 from ninedisk.core.cd.solvers.solver import LOOSE, WARM_FROM, ContactSolver
 from ninedisk.core.cd.step import dynamic_mass
 from ninedisk.core.dem.neighbours import PairFinder
-from ninedisk.core.motion_kernels import WallMotion
+from ninedisk.core.scene.motion_kernels import WallMotion
 
 SKIN = 0.1
 """Extra reach of the list of pairs over the smallest radius: it outlasts many steps, and adds hardly a pair in a packing."""

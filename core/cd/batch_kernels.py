@@ -56,7 +56,7 @@ from ninedisk.core.cd.problem_kernels import (
 )
 from ninedisk.core.cd.solvers.gauss_seidel_kernels import next_batch, sweep
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.motion_kernels import WallMotion, place_walls
+from ninedisk.core.scene.motion_kernels import WallMotion, place_walls
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

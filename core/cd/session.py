@@ -67,9 +67,9 @@ from ninedisk.core.errors import (
 )
 from ninedisk.core.history import History, Pair
 from ninedisk.core.law import ContactLaw
-from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics, check_progress, check_room, check_run, chosen_particles, watched_pairs
 from ninedisk.core.scene import Disks, Scene, Wall
+from ninedisk.core.scene.motion import compile_motion, wall_poses
 
 NEAR = 1e-3
 """Gap over radius of the pairs that a static step considers at once."""

@@ -39,10 +39,10 @@ from ninedisk.core.dem.state import (
 )
 from ninedisk.core.errors import BehindWallError, NonFiniteStateError, UnstableTimeStepError
 from ninedisk.core.law import RollingModel
-from ninedisk.core.motion import wall_poses
-from ninedisk.core.motion_kernels import WallMotion
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Rolling, Scene
+from ninedisk.core.scene.motion import wall_poses
+from ninedisk.core.scene.motion_kernels import WallMotion
 from ninedisk.core.thread_kernels import PAD
 
 SORT_FROM = 2_000

@@ -34,8 +34,6 @@ from ninedisk.core.dem.grains import equal_radii, needs_outlines, outline_arrays
 from ninedisk.core.dem.images import close_images
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.motion import compile_motion, wall_poses
-from ninedisk.core.motion_kernels import NORMAL_X, PIVOT_X, POINT_X, POSE
 from ninedisk.core.numerics import DampingForm
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.intersect import NurbsGrains
@@ -43,6 +41,8 @@ from ninedisk.core.nurbs.mass import farthest
 from ninedisk.core.nurbs.state import ContactRows
 from ninedisk.core.nurbs.table import outline_points
 from ninedisk.core.scene import ContactLaw, Scene
+from ninedisk.core.scene.motion import compile_motion, wall_poses
+from ninedisk.core.scene.motion_kernels import NORMAL_X, PIVOT_X, POINT_X, POSE
 
 NEAR = 1e-3
 """Pairs with a gap below this fraction of the smaller radius count as contacts of the network."""

@@ -52,7 +52,7 @@ from ninedisk.core.dem.state import (
     Views,
     WallArrays,
 )
-from ninedisk.core.motion_kernels import (
+from ninedisk.core.scene.motion_kernels import (
     DASHPOT_VX,
     DASHPOT_VY,
     NORMAL_X,

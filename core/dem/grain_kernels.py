@@ -66,7 +66,12 @@ from ninedisk.core.dem.state import (
     System,
     WallArrays,
 )
-from ninedisk.core.motion_kernels import (
+from ninedisk.core.nurbs.curve_kernels import Pose
+from ninedisk.core.nurbs.intersect_kernels import pair_contacts
+from ninedisk.core.nurbs.lens_kernels import segment_area
+from ninedisk.core.nurbs.state import CROSSED
+from ninedisk.core.nurbs.wall_kernels import wall_contacts
+from ninedisk.core.scene.motion_kernels import (
     DASHPOT_VX,
     DASHPOT_VY,
     NORMAL_X,
@@ -79,11 +84,6 @@ from ninedisk.core.motion_kernels import (
     POINT_Y,
     TURN_RATE,
 )
-from ninedisk.core.nurbs.curve_kernels import Pose
-from ninedisk.core.nurbs.intersect_kernels import pair_contacts
-from ninedisk.core.nurbs.lens_kernels import segment_area
-from ninedisk.core.nurbs.state import CROSSED
-from ninedisk.core.nurbs.wall_kernels import wall_contacts
 
 
 @inline_kernel

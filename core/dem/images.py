@@ -10,9 +10,9 @@ from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, check_crowd, empty_cell
 from ninedisk.core.dem.preload import check_preload
 from ninedisk.core.dem.state import OK, DiskArrays, Images, NeighbourList
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError
-from ninedisk.core.loads import Cell
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.scene.loads import Cell
 
 
 def first_images(cell: Cell, n: int, capacity: int, stripes: int) -> Images:

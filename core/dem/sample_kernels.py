@@ -39,7 +39,9 @@ from ninedisk.core.dem.state import (
     System,
     WallArrays,
 )
-from ninedisk.core.motion_kernels import (
+from ninedisk.core.nurbs.curve_kernels import Pose
+from ninedisk.core.nurbs.features_kernels import gap_of_shapes, reach_of_shape
+from ninedisk.core.scene.motion_kernels import (
     DASHPOT_VX,
     DASHPOT_VY,
     NORMAL_X,
@@ -50,8 +52,6 @@ from ninedisk.core.motion_kernels import (
     POINT_Y,
     TURN_RATE,
 )
-from ninedisk.core.nurbs.curve_kernels import Pose
-from ninedisk.core.nurbs.features_kernels import gap_of_shapes, reach_of_shape
 
 TINY = 1e-300
 """Below every inverse mass, in the place of that of a fixed disk."""

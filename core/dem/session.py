@@ -61,8 +61,6 @@ from ninedisk.core.dem.state import (
 from ninedisk.core.dem.step_kernels import advance
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.history import History, Pair
-from ninedisk.core.motion import compile_motion
-from ninedisk.core.motion_kernels import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from ninedisk.core.numerics import (
     MOST_STEPS,
     Numerics,
@@ -74,6 +72,8 @@ from ninedisk.core.numerics import (
 )
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene
+from ninedisk.core.scene.motion import compile_motion
+from ninedisk.core.scene.motion_kernels import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from ninedisk.core.threads import check_threads, together
 from ninedisk.core.validate import whole
 

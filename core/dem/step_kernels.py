@@ -46,7 +46,7 @@ from ninedisk.core.dem.state import (
     System,
     WallArrays,
 )
-from ninedisk.core.motion_kernels import (
+from ninedisk.core.scene.motion_kernels import (
     NORMAL_X,
     NORMAL_Y,
     PIVOT_VX,

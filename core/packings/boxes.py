@@ -22,8 +22,8 @@ from ninedisk.core.packings.parts import (
     uniform_disks,
 )
 from ninedisk.core.scene import Scene
+from ninedisk.core.scene.walls import Wall, WallSegment
 from ninedisk.core.validate import kind_of, shown, within
-from ninedisk.core.walls import Wall, WallSegment
 
 
 def poured(columns: int, rows: int, *, seed: int = 0, mu: float = 0.5, overlap: float = 0.005) -> Scene:

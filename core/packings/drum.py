@@ -9,8 +9,8 @@ import numpy as np
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.packings.parts import GRAVITY, SPREAD, contact_law, count, random, uniform_disks
 from ninedisk.core.scene import Scene
+from ninedisk.core.scene.walls import Wall, WallSegment
 from ninedisk.core.validate import LARGEST, finite, within
-from ninedisk.core.walls import Wall, WallSegment
 
 MOST_SIDES = 1_000
 """Walls are compared with each other, and every disk with every wall."""

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.core.disks import Disks
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.packings.parts import DENSITY, GRAVITY, MOST_DISKS, SPREAD, contact_law, count, random
 from ninedisk.core.scene import Scene
+from ninedisk.core.scene.disks import Disks
+from ninedisk.core.scene.walls import Wall, WallSegment
 from ninedisk.core.validate import kind_of, within
-from ninedisk.core.walls import Wall, WallSegment
 
 FUNNEL = 0.5
 """Radius of the funnel's disks [m]: that of a mean grain, and no grain fits between two of them that touch."""

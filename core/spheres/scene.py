@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.core.bodies import BodiesAndWalls, walls_of
-from ninedisk.core.disks import flags_of, materials_of, rows_of, sizes_in_range
 from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.scene.bodies import BodiesAndWalls, walls_of
+from ninedisk.core.scene.disks import flags_of, materials_of, rows_of, sizes_in_range
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.validate import LARGEST, SMALLEST, all_of_kind, finite, kind_of, numbers, real, shown
 

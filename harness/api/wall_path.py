@@ -39,8 +39,8 @@ def wall_path(scene: Scene, dt: float, n_steps: int) -> NDArray[np.float64]:
         rate [rad/s] at ``(n - 1/2) dt``, the middle of the step that ends there. The last row has no velocity if the
         motion ends before the run does.
     """
-    from ninedisk.core.motion import compile_motion
-    from ninedisk.core.motion_kernels import place_walls
+    from ninedisk.core.scene.motion import compile_motion
+    from ninedisk.core.scene.motion_kernels import place_walls
 
     end = moving_until(scene)
     last = n_steps if not np.isfinite(end) else min(n_steps, int(np.ceil(end / dt)) + 1)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.core.motion import compile_motion, wall_poses
+from ninedisk.core.scene.motion import compile_motion, wall_poses
 from ninedisk.harness.audit.scene import AuditScene
 
 EPS = 2.0**-52

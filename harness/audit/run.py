@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.core.motion import wall_poses
+from ninedisk.core.scene.motion import wall_poses
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.checks import TITLES, Auditor, Bodies, State, Tally
 from ninedisk.harness.audit.read import Frame, Rounding, Trajectory, read_trajectory

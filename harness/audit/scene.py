@@ -14,7 +14,7 @@ import numpy as np
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
-from ninedisk.core.walls import Wall, WallSegment
+from ninedisk.core.scene.walls import Wall, WallSegment
 from ninedisk.harness.api.errors import UsageError, close_matches
 
 COLUMNS = ("step", "t", "id", "type", "x", "y", "vx", "vy", "angle", "omega", "radius", "mass")

@@ -34,13 +34,13 @@ from ninedisk.core.cd.solvers.gauss_seidel import STRIPED_FROM, solve_gauss_seid
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.cd.solvers.proximal import ProximalPoint
-from ninedisk.core.disks import Disks
 from ninedisk.core.errors import CoreError, SolverNotConvergedError
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.packings import DENSITY, GRAVITY
 from ninedisk.core.scene import Scene
-from ninedisk.core.walls import Wall
+from ninedisk.core.scene.disks import Disks
+from ninedisk.core.scene.walls import Wall
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
 from ninedisk.harness.bench.dem import packing
 from ninedisk.harness.bench.measure import (
@@ -142,7 +142,7 @@ def step_problem(scene: Scene, *, mu: float, elastic: bool = False, moving: bool
     from ninedisk.core.cd.solvers.solver import ContactSolver
     from ninedisk.core.cd.step import DynamicStep, bodies_of
     from ninedisk.core.dem.neighbours import PairFinder
-    from ninedisk.core.motion import compile_motion, wall_poses
+    from ninedisk.core.scene.motion import compile_motion, wall_poses
 
     def law(own: ContactLaw) -> ContactLaw:
         return replace(own, mu=mu, beta=0.0) if elastic else ContactLaw(kn=1.0, mu=mu, regularised=True)

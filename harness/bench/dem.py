@@ -26,11 +26,11 @@ from ninedisk.core import packings
 from ninedisk.core.compile import source_hash
 from ninedisk.core.dem.arrays import SORT_FROM
 from ninedisk.core.dem.session import Counts
-from ninedisk.core.disks import Disks
 from ninedisk.core.errors import CoreError, InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+from ninedisk.core.scene.disks import Disks
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.bench.measure import (

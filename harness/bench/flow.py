@@ -20,9 +20,9 @@ from ninedisk.core import packings
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.history import History, Pair
 from ninedisk.core.law import ContactLaw
-from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall
+from ninedisk.core.scene.motion import compile_motion, wall_poses
 from ninedisk.harness.api.engine import Engine, EngineRun, SupportLevel
 from ninedisk.harness.bench.dem import kept, packing
 from ninedisk.harness.bench.friction import SOLVED_AT, friction_of, near_pairs

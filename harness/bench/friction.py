@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.history import History, Pair
-from ninedisk.core.motion import compile_motion, wall_poses
 from ninedisk.core.scene import Scene
+from ninedisk.core.scene.motion import compile_motion, wall_poses
 from ninedisk.references.contact_law import friction_error
 
 FloatArray = NDArray[np.float64]

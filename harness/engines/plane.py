@@ -51,7 +51,7 @@ class WallPoses:
             walls = self.scene.walls
             point, normal = [wall.point for wall in walls], [wall.normal for wall in walls]
             return np.array(point).reshape(-1, 2), np.array(normal).reshape(-1, 2)
-        from ninedisk.core.motion import compile_motion, wall_poses
+        from ninedisk.core.scene.motion import compile_motion, wall_poses
 
         if not hasattr(self, "table"):
             self.table = compile_motion(self.scene.walls)

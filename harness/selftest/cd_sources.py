@@ -23,7 +23,7 @@ STEPS = (
             (CONTACT, "out[j, 2] += weight[j, 2] * (arms[k, 1] * p + arms[k, 3] * q)",
              "out[j, 2] += 0.0 * weight[j, 2] * (arms[k, 1] * p + arms[k, 3] * q)")),
     _kernel("wall-turn", "walls turn the other way", "turn",
-            ("motion_kernels", "c, s = cos(motion.spin[k] * tau), sin(motion.spin[k] * tau)",
+            ("scene.motion_kernels", "c, s = cos(motion.spin[k] * tau), sin(motion.spin[k] * tau)",
              "c, s = cos(motion.spin[k] * tau), -sin(motion.spin[k] * tau)")),
     _kernel("wall-late", "contacts see the walls where they were at the start of the step", "press",
             (SHARED, _OPENING, _OPENING.replace("gap[k]", "gap_before[k]"))),

@@ -8,7 +8,7 @@ from functools import partial
 from ninedisk.harness.selftest.defect import planted
 
 FORCES, KICK, STEP = "dem.force_kernels", "dem.kick_kernels", "dem.step_kernels"
-SEARCH, MOTION, IMAGES = "dem.neighbour_kernels", "motion_kernels", "dem.image_kernels"
+SEARCH, MOTION, IMAGES = "dem.neighbour_kernels", "scene.motion_kernels", "dem.image_kernels"
 
 
 _kernel, _python = partial(planted, "dem", "kernel"), partial(planted, "dem", "python")
@@ -102,7 +102,7 @@ STEPPING = (
             (STEP, "t, t_half = n * step.kick.dt, (n - 0.5) * step.kick.dt",
              "t, t_half = (n - 1) * step.kick.dt, (n - 0.5) * step.kick.dt")),
     _python("wall-pivot", "walls turn about their own point instead of the pivot", "shear",
-            ("motion", "point if seg.pivot is None else seg.pivot", "point")),
+            ("scene.motion", "point if seg.pivot is None else seg.pivot", "point")),
     _kernel("wall-turn", "walls turn the other way", "shear",
             (MOTION, "c, s = cos(motion.spin[k] * tau), sin(motion.spin[k] * tau)",
              "c, s = cos(motion.spin[k] * tau), -sin(motion.spin[k] * tau)")),

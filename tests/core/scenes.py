@@ -177,3 +177,15 @@ def orders(errors: list[float], ratio: float = 2.0) -> np.ndarray:
     """Observed orders of convergence between successive refinements by ``ratio``."""
     e = np.asarray(errors)
     return np.log(e[:-1] / e[1:]) / np.log(ratio)
+
+
+def imploding(n: int, walls: tuple[Wall, ...] = ()) -> Scene:
+    """Disks on a loose grid that all fly to the middle: at first no pair, later nearly all."""
+    rng = np.random.default_rng(2)
+    side = int(np.ceil(np.sqrt(n)))
+    x = 3.0 * np.array([[k % side, k // side] for k in range(n)]) + rng.uniform(-0.1, 0.1, (n, 2))
+    x += 2.0 - np.array([0.0, x[:, 1].min()])
+    # Beside walls all come down to y = -0.5 by step 12, within the overlaps of those walls.
+    v = -60.0 * (x - x.mean(axis=0)) if not walls else np.array([0.0, -1.0]) * (x[:, 1:] + 0.5) / 12e-3
+    soft = ContactLaw(kn=1.0, ks=0.5, mu=0.5)
+    return Scene(disks=Disks(x=x, v=v, radius=1.0, mass=1.0), disk_disk=soft, walls=walls)

@@ -77,8 +77,8 @@ import sys
 import numba
 before = numba.config.CACHE_DIR
 from ninedisk.core import ContactLaw, Wall
-from ninedisk.core.motion import compile_motion, wall_poses
-from ninedisk.core.motion_kernels import place_walls
+from ninedisk.core.scene.motion import compile_motion, wall_poses
+from ninedisk.core.scene.motion_kernels import place_walls
 wall = Wall(name="w", point=(3.0, 2.0), normal=(0.0, 1.0), law=ContactLaw(kn=1.0))
 pose = wall_poses(compile_motion([wall]), 1.0)
 stats = place_walls.stats

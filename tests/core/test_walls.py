@@ -11,10 +11,10 @@ from scenes import KN, numerics, random_motion, run
 
 from ninedisk.core import BehindWallError, ContactLaw, Disks, Numerics, Scene, Wall, WallSegment, simulate
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.motion import compile_motion, wall_poses
-from ninedisk.core.motion_kernels import place_walls
 from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
+from ninedisk.core.scene.motion import compile_motion, wall_poses
+from ninedisk.core.scene.motion_kernels import place_walls
 
 LAW = ContactLaw(kn=KN)
 

@@ -12,9 +12,9 @@ from ninedisk.core.cd.session import CdSession
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.history import History
 from ninedisk.core.law import ContactLaw
-from ninedisk.core.loads import BodyForce
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
+from ninedisk.core.scene.loads import BodyForce
 
 ROUND_OFF = 1e-12
 """Of what all channels together exchange: a step's forces are exact to the solver's tolerance, 1e-12, and enter all channels alike."""

@@ -14,9 +14,9 @@ from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.history import History
 from ninedisk.core.law import ContactLaw
-from ninedisk.core.loads import BodyForce
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Disks, Scene, Wall, WallSegment
+from ninedisk.core.scene.loads import BodyForce
 from ninedisk.references.analytic.impact.spring_dashpot import restitution_of_beta
 from ninedisk.references.exact_steps.normal_contact import Plane, normal_contact_theta
 

@@ -13,9 +13,9 @@ from ninedisk.core.cd.session import CdSession
 from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError
 from ninedisk.core.history import History
 from ninedisk.core.law import ContactLaw
-from ninedisk.core.loads import BodyForce
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Disks, Scene, Wall
+from ninedisk.core.scene.loads import BodyForce
 
 RIGID = ContactLaw(kn=1e6, ks=1e6, mu=0.5, restitution=0.0, regularised=True)
 MASS, G = 2.0, 10.0

@@ -14,7 +14,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Disks, Scene, Wall
-from ninedisk.core.walls import WallSegment
+from ninedisk.core.scene.walls import WallSegment
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench import friction
 from ninedisk.harness.bench.flow import apart

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ninedisk.core.history import History
-from ninedisk.core.motion import compile_motion, wall_poses
+from ninedisk.core.scene.motion import compile_motion, wall_poses
 from ninedisk.core.simulate import simulate
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.cases.nine_disk.compression import CASE as COMPRESSION

@@ -7,16 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import Oracle
-from scenes import KN, difference, numerics, run
+from scenes import KN, difference, imploding, numerics, run
 
 from ninedisk.core import ContactLaw, Disks, History, Scene, Wall
 from ninedisk.core.dem import arrays as arrays_module
-from ninedisk.core.dem import arrays as constants
 from ninedisk.core.dem.neighbour_kernels import build_pairs, build_wall_pairs, sort_into_cells
 from ninedisk.core.dem.neighbours import empty_cells, empty_list
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import NOT_FINITE, OK, PAIRS_FULL, REBUILDS, WALL_PAIRS_FULL
-from ninedisk.core.motion import compile_motion, wall_poses
+from ninedisk.core.scene.motion import compile_motion, wall_poses
 
 LAW = ContactLaw(kn=KN, ks=0.5 * KN, mu=0.5, beta=0.05)
 FIELDS = ("x", "v", "angle", "omega", "gap", "fn", "fs")
@@ -126,18 +125,6 @@ def test_wall_lists_equal_brute_force(n: int, m: int, seed: int, skin: float) ->
         assert found.other[found.start[w] : found.start[w + 1]].tolist() == np.flatnonzero(gap < skin).tolist()
 
 
-def imploding(n: int, walls: tuple[Wall, ...] = ()) -> Scene:
-    """Disks on a loose grid that all fly to the middle: at first no pair, later nearly all."""
-    rng = np.random.default_rng(2)
-    side = int(np.ceil(np.sqrt(n)))
-    x = 3.0 * np.array([[k % side, k // side] for k in range(n)]) + rng.uniform(-0.1, 0.1, (n, 2))
-    x += 2.0 - np.array([0.0, x[:, 1].min()])
-    # Beside walls all come down to y = -0.5 by step 12, within the overlaps of those walls.
-    v = -60.0 * (x - x.mean(axis=0)) if not walls else np.array([0.0, -1.0]) * (x[:, 1:] + 0.5) / 12e-3
-    soft = ContactLaw(kn=1.0, ks=0.5, mu=0.5)
-    return Scene(disks=Disks(x=x, v=v, radius=1.0, mass=1.0), disk_disk=soft, walls=walls)
-
-
 def with_room(scene: Scene, steps: int, monkeypatch: pytest.MonkeyPatch) -> History:
     """The same run with lists that never have to grow."""
     n = len(scene.disks)
@@ -202,7 +189,7 @@ def test_shear_history_survives_rebuilds(monkeypatch: pytest.MonkeyPatch) -> Non
     histories, rebuilds = [], []
     for skin in (1e-6, 0.05, 0.4, 3.0):
         for name in ("FIRST_SKIN", "LEAST_SKIN", "MOST_SKIN"):
-            monkeypatch.setattr(constants, name, skin)
+            monkeypatch.setattr(arrays_module, name, skin)
         session = DemSession(scene, how, [(i, j) for i in range(36) for j in range(i + 1, 38)])
         histories.append(session.run())
         rebuilds.append(int(session._progress.clock[REBUILDS]))

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.motion_kernels import NORMAL_X, PIVOT_X, POINT_X, POSE, WallMotion, place_walls
 from ninedisk.core.scene import Wall, WallSegment
+from ninedisk.core.scene.motion_kernels import NORMAL_X, PIVOT_X, POINT_X, POSE, WallMotion, place_walls
 
 
 def compile_motion(walls: Sequence[Wall]) -> WallMotion:
@@ -41,7 +41,7 @@ def compile_motion(walls: Sequence[Wall]) -> WallMotion:
 
 
 def wall_poses(motion: WallMotion, t: float) -> NDArray[np.float64]:
-    """Wall table at time ``t``, shape (m, 11), columns of `ninedisk.core.motion_kernels`."""
+    """Wall table at time ``t``, shape (m, 11), columns of `ninedisk.core.scene.motion_kernels`."""
     table = np.empty((len(motion.first) - 1, POSE))
     place_walls(motion, t, t, t, table)
     return table

@@ -23,10 +23,10 @@ from ninedisk.core.dem.grain_kernels import grain_forces
 from ninedisk.core.dem.grains import outline_arrays
 from ninedisk.core.dem.neighbours import empty_list
 from ninedisk.core.dem.state import NeighbourList, System
-from ninedisk.core.motion import compile_motion
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
+from ninedisk.core.scene.motion import compile_motion
 
 KS = 1e4
 LAW = ContactLaw(kn=KS, ks=KS, mu=1e6)

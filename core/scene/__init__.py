@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.core.bodies import BodiesAndWalls, endless, plain, walls_of
-from ninedisk.core.disks import Disks, check_outlines, outlines_from, plain_outline
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, Rolling, SlipAt, WallVelocityAt
-from ninedisk.core.loads import BodyForce, Cell
+from ninedisk.core.scene.bodies import BodiesAndWalls, endless, plain, walls_of
+from ninedisk.core.scene.disks import Disks, check_outlines, outlines_from, plain_outline
+from ninedisk.core.scene.loads import BodyForce, Cell
+from ninedisk.core.scene.walls import Wall, WallSegment
 from ninedisk.core.validate import all_of_kind, at_least, finite, kind_of, whole
-from ninedisk.core.walls import Wall, WallSegment
 
 if TYPE_CHECKING:
     from ninedisk.core.nurbs.curve import NurbsCurve

@@ -10,9 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 from oracle import Oracle
-from scenes import KN, all_pairs, difference, numerics, orders, pair_scene, random_law, random_scene, run, with_options
+from scenes import (
+    KN,
+    all_pairs,
+    difference,
+    imploding,
+    numerics,
+    orders,
+    pair_scene,
+    random_law,
+    random_scene,
+    run,
+    with_options,
+)
 from test_laws_of_motion import ENERGIES, FIELDS, STEP, STEPS, TOLERANCE, steps_behind_walls
-from test_search import imploding
 from test_threads import assert_same_bits, pouring
 
 from ninedisk.core import (
