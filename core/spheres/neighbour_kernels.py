@@ -14,7 +14,9 @@ import numpy as np
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.neighbour_kernels import next_skin, order_by_cell, permute
 from ninedisk.core.dem.state import Cells
-from ninedisk.core.spheres.kernels import (
+from ninedisk.core.spheres.law_kernels import neck_of
+from ninedisk.core.spheres.registers import WIDE
+from ninedisk.core.spheres.state import (
     BETA,
     DRAG,
     HERTZ,
@@ -38,10 +40,8 @@ from ninedisk.core.spheres.kernels import (
     Integers,
     Numbers,
     State,
-    neck_of,
 )
-from ninedisk.core.spheres.kernels import MEMORY_WIDTH_RESISTED as ALL
-from ninedisk.core.spheres.registers import WIDE
+from ninedisk.core.spheres.state import MEMORY_WIDTH_RESISTED as ALL
 
 REBUILD_COST = 10.0
 """Cost of a rebuild over that of the pairs out of contact in a step, per sphere, with a skin of a mean radius (measured: 200 ns over 8

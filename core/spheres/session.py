@@ -22,31 +22,32 @@ from ninedisk.core.errors import (
     UnstableTimeStepError,
 )
 from ninedisk.core.history import History, Pair
-from ninedisk.core.law import Rolling
 from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_room, chosen_particles, watched_pairs
-from ninedisk.core.spheres import kernels
-from ninedisk.core.spheres.critical import Network, critical_time_step
-from ninedisk.core.spheres.kernels import (
-    CHUNK,
-    SCRATCH,
-    SCRATCH_COUNTED,
-    Contacts,
-    Losses,
-    Motion,
-    State,
-    place_planes,
+from ninedisk.core.spheres import state as columns
+from ninedisk.core.spheres.arrays import (
+    batch_arrays,
+    compile_motion,
+    empty_list,
+    law_tables,
+    list_of,
+    no_losses,
+    roomier,
+    wide,
+    xyz_rows,
 )
-from ninedisk.core.spheres.law import SphereLaw
+from ninedisk.core.spheres.critical import Network, critical_time_step
 from ninedisk.core.spheres.neighbour_kernels import (
-    Materials,
     begin_lists,
     list_pairs,
     list_planes,
     stiffest,
     widen_by_necks,
 )
+from ninedisk.core.spheres.plane_kernels import place_planes
 from ninedisk.core.spheres.registers import WIDE
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
+from ninedisk.core.spheres.scene import PlaneWall, SphereScene
+from ninedisk.core.spheres.scratch_kernels import SCRATCH, SCRATCH_COUNTED
+from ninedisk.core.spheres.state import Contacts, State
 from ninedisk.core.spheres.step_kernels import (
     AGAIN,
     BATCH,
@@ -58,12 +59,10 @@ from ninedisk.core.spheres.step_kernels import (
     REBUILDS,
     STEP,
     Assembly,
-    Batch,
     Plan,
     Scheme,
     advance,
 )
-from ninedisk.core.thread_kernels import PAD
 from ninedisk.core.threads import check_threads, together
 from ninedisk.core.validate import kind_of, whole
 
@@ -89,10 +88,8 @@ PAIRS_PER_SPHERE = 4
 SAFETY = 0.1
 """Contact step over the critical one where the numerics leave it open."""
 
-RULES = {"none": kernels.KEEPS, "force": kernels.FORCE, "rescale": kernels.RESCALE}
 LOSSES = ("friction_loss", "dashpot_loss", "rolling_loss", "law_loss", "wall_work")
 """Energies that are sampled with `Numerics.energy_budget`."""
-MODELS = {"constant": kernels.CONSTANT, "elastic-plastic": kernels.SPRING}
 
 
 class SphereSession:
@@ -157,32 +154,32 @@ class SphereSession:
         stripes = STRIPES if in_order else 1
         resisted = any(law.rolling or law.twisting for law in scene.laws_in_use)
         self._state = State(
-            x=_wide(spheres.x),
-            v=_wide(spheres.v),
-            omega=_wide(spheres.omega),
+            x=wide(spheres.x),
+            v=wide(spheres.v),
+            omega=wide(spheres.omega),
             angle=aligned(np.zeros(WIDE * n)),
-            v_now=_wide(spheres.v) if self._central else np.zeros(0),
-            omega_now=_wide(spheres.omega) if self._central and resisted else np.zeros(0),
+            v_now=wide(spheres.v) if self._central else np.zeros(0),
+            omega_now=wide(spheres.omega) if self._central and resisted else np.zeros(0),
             force=aligned(np.zeros(WIDE * n)),
             torque=aligned(np.zeros(WIDE * n)),
             mass=np.where(inv_mass > 0.0, spheres.mass, 0.0),
-            mobility=_wide(free * inv_mass[:, None]),
+            mobility=wide(free * inv_mass[:, None]),
             inv_mass=inv_mass,
             inv_inertia=np.where(spheres.rotating, 1.0 / spheres.inertia, 0.0),
             radius=np.array(spheres.radius),
             name=np.arange(n),
-            now=np.zeros((m, kernels.POSE_WIDTH)),
+            now=np.zeros((m, columns.POSE_WIDTH)),
             load=np.zeros((m, 3)),
             share=np.zeros((BATCH * stripes, m, 3)),
             behind=np.zeros((BATCH * stripes, 2), dtype=np.int64),
             moved=aligned(np.zeros(WIDE * n, dtype=np.float32)),
         )
         self._motion = compile_motion(scene.walls)
-        self._laws, self._materials = _law_tables(scene)
+        self._laws, self._materials = law_tables(scene)
         mean = float(spheres.radius.mean())
         widest = float(spheres.radius.max())
         # A neck must be listed as long as it holds.
-        necks = [3.0 * float(law[kernels.STICKS]) * widest ** (1.0 / 3.0) for law in self._laws]
+        necks = [3.0 * float(law[columns.STICKS]) * widest ** (1.0 / 3.0) for law in self._laws]
         longest, sticky = 1.01 * max(necks), max(necks) > 0.0
         self._sizes = (mean, widest, max(LEAST_SKIN * mean, longest), max(MOST_SKIN * mean, 2.0 * longest))
         self._skin = np.array([max(FIRST_SKIN * mean, longest)])
@@ -193,17 +190,17 @@ class SphereSession:
             grid=np.zeros(6),
         )
         self._listed = np.arange(n)
-        self._gravity = _wide(np.array([scene.gravity]))
-        notes = kernels.NOTES_WIDTH_RESISTED if resisted else kernels.NOTES_WIDTH
+        self._gravity = wide(np.array([scene.gravity]))
+        notes = columns.NOTES_WIDTH_RESISTED if resisted else columns.NOTES_WIDTH
         width = (
-            kernels.NOTES_WIDTH_STICKY if sticky else notes,
-            kernels.MEMORY_WIDTH_RESISTED if resisted else kernels.MEMORY_WIDTH,
+            columns.NOTES_WIDTH_STICKY if sticky else notes,
+            columns.MEMORY_WIDTH_RESISTED if resisted else columns.MEMORY_WIDTH,
         )
-        self._pairs = [_empty_list(n, room, *width) for room in [PAIRS_PER_SPHERE * n + 16] * 2]
-        self._at_planes = [_empty_list(m, room, *width) for room in [n // 4 + 16] * 2]
+        self._pairs = [empty_list(n, room, *width) for room in [PAIRS_PER_SPHERE * n + 16] * 2]
+        self._at_planes = [empty_list(m, room, *width) for room in [n // 4 + 16] * 2]
         counted = numerics.energy_budget
-        self._batch = _batch_arrays(stripes, m, self._threads, SCRATCH_COUNTED if counted else SCRATCH)
-        self._losses = _no_losses(stripes, m) if counted else None
+        self._batch = batch_arrays(stripes, m, self._threads, SCRATCH_COUNTED if counted else SCRATCH)
+        self._losses = no_losses(stripes, m) if counted else None
         self._clock = np.array([0, 1, 0, -1, 0])
         self._front = max(1, FRONT // self._threads) if n >= FRONT_FROM else 1
         self._kept: dict[str, NDArray[Any]] = {}
@@ -283,7 +280,7 @@ class SphereSession:
         Positions and angles belong to this time, velocities and spins to half a contact step before it.
         """
         state, place = self._state, np.argsort(self._state.name)
-        found = {name: _xyz(getattr(state, name))[place] for name in ("x", "v", "angle", "omega")}
+        found = {name: xyz_rows(getattr(state, name))[place] for name in ("x", "v", "angle", "omega")}
         return int(self._clock[STEP]) * self.contact_dt, {**found, "radius": state.radius[place]}
 
     @property
@@ -332,7 +329,7 @@ class SphereSession:
                 f"n_steps = {numerics.n_steps} is not allowed: the checkpoint has done {done // session.substeps} steps"
             )
         for lists, name in ((session._pairs, "pairs"), (session._at_planes, "wall_pairs")):
-            lists[0] = _list_of({field: arrays[f"{name}.{field}"] for field in Contacts._fields})
+            lists[0] = list_of({field: arrays[f"{name}.{field}"] for field in Contacts._fields})
         session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))
         session._remember()
         return session
@@ -403,7 +400,7 @@ class SphereSession:
     def _behind(self) -> None:
         sphere, w = (int(each) for each in self._state.behind[np.argmax(self._state.behind[:, 0] > 0)])
         pose, i = self._state.now[w], int(np.flatnonzero(self._state.name == sphere - 1)[0])
-        height = float((_xyz(self._state.x)[i] - pose[:3]) @ pose[3:6])
+        height = float((xyz_rows(self._state.x)[i] - pose[:3]) @ pose[3:6])
         raise self.scene.behind_wall(
             sphere - 1, w, height, f"t = {self._clock[STEP] * self.contact_dt:g} s", "contact_dt"
         )
@@ -418,10 +415,10 @@ class SphereSession:
             raise self._not_finite(np.abs(state.x) < np.finfo(np.float64).max / 8.0)
         pairs, planes = self._pairs, self._at_planes
         while not list_pairs(state, listed, cells, materials, laws, self._in_order, skin, *pairs):
-            pairs[1] = _roomier(pairs[1])
+            pairs[1] = roomier(pairs[1])
         place = np.empty(len(listed), dtype=np.int64)
         while not list_planes(state, listed, materials, laws, skin, place, *planes):
-            planes[1] = _roomier(planes[1])
+            planes[1] = roomier(planes[1])
         pairs.reverse()
         planes.reverse()
         state.force[:], state.torque[:] = np.outer(state.mass, self._gravity).ravel(), 0.0
@@ -433,7 +430,7 @@ class SphereSession:
     def _contacts(self) -> Listed:
         """Pairs in the lists: bodies by rows of the state and numbers of the planes, and what is known of them."""
         state, parts = self._state, []
-        x, n = _xyz(state.x), len(self._listed)
+        x, n = xyz_rows(state.x), len(self._listed)
         for contacts, at_planes in ((self._pairs[0], False), (self._at_planes[0], True)):
             row, other, law, notes, memory, force = (array[: contacts.start[-1]] for array in contacts[1:])
             if at_planes:
@@ -471,22 +468,22 @@ class SphereSession:
             values[contacts.radius > 0.0] for values in (contacts.law, contacts.bodies, contacts.radius, contacts.notes)
         )
         laws, at_plane = self._laws[law], number[:, 1] >= n
-        hertz = laws[:, kernels.HERTZ] > 0.0
-        x, normal = _xyz(state.x), np.empty((len(law), 3))
+        hertz = laws[:, columns.HERTZ] > 0.0
+        x, normal = xyz_rows(state.x), np.empty((len(law), 3))
         normal[at_plane] = -state.now[number[at_plane, 1] - n, 3:6]
         i, j = number[~at_plane].T
         normal[~at_plane] = (x[j] - x[i]) / np.linalg.norm(x[j] - x[i], axis=1)[:, None]
         springs, dashpots = np.zeros((2, len(law), 4))
-        springs[:, 0] = laws[:, kernels.KN] * np.where(hertz, 1.5 * radius, 1.0)
-        springs[:, 1] = laws[:, kernels.KS] * np.where(hertz, radius, 1.0) * (laws[:, kernels.MU] > 0.0)
-        dashpots[:, 0] = self._share * notes[:, kernels.DRAG] * np.where(hertz, np.sqrt(radius), 1.0)
-        for k, first in ((2, kernels.ROLL), (3, kernels.TWIST)):
-            sprung = laws[:, first] == kernels.SPRING
+        springs[:, 0] = laws[:, columns.KN] * np.where(hertz, 1.5 * radius, 1.0)
+        springs[:, 1] = laws[:, columns.KS] * np.where(hertz, radius, 1.0) * (laws[:, columns.MU] > 0.0)
+        dashpots[:, 0] = self._share * notes[:, columns.DRAG] * np.where(hertz, np.sqrt(radius), 1.0)
+        for k, first in ((2, columns.ROLL), (3, columns.TWIST)):
+            sprung = laws[:, first] == columns.SPRING
             springs[sprung, k] = laws[sprung, first + 2]
-            if notes.shape[1] > kernels.NOTES_WIDTH:
-                dashpots[sprung, k] = self._share * notes[sprung, kernels.DRAG + k - 1]
+            if notes.shape[1] > columns.NOTES_WIDTH:
+                dashpots[sprung, k] = self._share * notes[sprung, columns.DRAG + k - 1]
         bodies = np.column_stack([number[:, 0], np.minimum(number[:, 1], n)])
-        mobility = _xyz(state.mobility)
+        mobility = xyz_rows(state.mobility)
         return Network(bodies, normal, springs, dashpots, mobility, state.inv_inertia, state.radius)
 
     def _sample(self, k: int) -> None:
@@ -496,8 +493,8 @@ class SphereSession:
         chosen = place[self.chosen]
         mass, inertia = self.scene.spheres.mass[state.name], self.scene.spheres.inertia[state.name]
         half = 0.5 * self.contact_dt if self._clock[STEP] else 0.0
-        x, angle, omega, torque = map(_xyz, (state.x, state.angle, state.omega, state.torque))
-        v = _xyz(state.v + half * state.mobility * state.force)
+        x, angle, omega, torque = map(xyz_rows, (state.x, state.angle, state.omega, state.torque))
+        v = xyz_rows(state.v + half * state.mobility * state.force)
         omega = omega + half * state.inv_inertia[:, None] * torque
         finite = np.isfinite(x) & np.isfinite(v)
         if not finite.all():
@@ -530,13 +527,13 @@ class SphereSession:
             so_far = self._losses.contacts.sum(axis=0)
             # To the time of a sample belongs but half of a step of forces that depend on velocities.
             now = 0.5 * (self._losses.before.sum(axis=0) + so_far) if self._clock[STEP] else np.zeros(len(so_far))
-            energy["friction_loss"][k], energy["dashpot_loss"][k] = so_far[kernels.FRICTION], now[kernels.DASHPOT]
-            energy["rolling_loss"][k] = so_far[kernels.ROLLED_ON] + now[kernels.ROLLING_DASHPOT]
-            energy["law_loss"][k], energy["wall_work"][k] = so_far[kernels.OF_LAW], self._losses.work[0]
+            energy["friction_loss"][k], energy["dashpot_loss"][k] = so_far[columns.FRICTION], now[columns.DASHPOT]
+            energy["rolling_loss"][k] = so_far[columns.ROLLED_ON] + now[columns.ROLLING_DASHPOT]
+            energy["law_loss"][k], energy["wall_work"][k] = so_far[columns.OF_LAW], self._losses.work[0]
 
     def _gap(self, i: int, j: int) -> float:
         state, n = self._state, len(self.scene.spheres)
-        x = _xyz(state.x)
+        x = xyz_rows(state.x)
         if j < n:
             return float(np.linalg.norm(x[j] - x[i]) - state.radius[i] - state.radius[j])
         pose = state.now[j - n]
@@ -545,42 +542,30 @@ class SphereSession:
     def _elastic(self, contacts: Listed) -> tuple[float, float, float]:
         """Energies [J] of the normal springs, the shear springs, and those of rolling and twisting."""
         memory, law, overlap, radius = contacts.memory, self._laws[contacts.law], contacts.overlap, contacts.radius
-        hertz = law[:, kernels.HERTZ] > 0.0
-        normal = np.where(hertz, 0.4 * radius, 0.5) * law[:, kernels.KN] * overlap**2
-        reduced = memory[:, kernels.REDUCED]
-        normal -= law[:, kernels.PULL] * reduced * overlap
-        sticks = (law[:, kernels.STICKS] > 0.0) & (radius > 0.0)
+        hertz = law[:, columns.HERTZ] > 0.0
+        normal = np.where(hertz, 0.4 * radius, 0.5) * law[:, columns.KN] * overlap**2
+        reduced = memory[:, columns.REDUCED]
+        normal -= law[:, columns.PULL] * reduced * overlap
+        sticks = (law[:, columns.STICKS] > 0.0) & (radius > 0.0)
         if sticks.any():
             # The work of JKR's force from overlap 0, where s^3 = 4: (6 kn a_c^5/R^2) [s^10/15 - 2 s^7/3 + s^4].
-            k, r = law[sticks, kernels.KN], reduced[sticks]
-            a_c = np.sqrt(law[sticks, kernels.STICKS] * r ** (4.0 / 3.0))
+            k, r = law[sticks, columns.KN], reduced[sticks]
+            a_c = np.sqrt(law[sticks, columns.STICKS] * r ** (4.0 / 3.0))
             s = np.sqrt(radius[sticks] / a_c)
             normal[sticks] = (
                 6.0 * k * a_c**5 / r**2 * (s**10 / 15.0 - 2.0 * s**7 / 3.0 + s**4 + 2.4 * 4.0 ** (1.0 / 3.0))
             )
-        stiff = np.where(hertz, radius, 1.0) * law[:, kernels.KS]
+        stiff = np.where(hertz, radius, 1.0) * law[:, columns.KS]
         force = np.sum(contacts.force[:, 1:] ** 2, axis=1)
         shear = np.where(stiff > 0.0, 0.5 * force / np.where(stiff > 0.0, stiff, 1.0), 0.0)
         turned = np.zeros(len(law))
-        if memory.shape[1] == kernels.MEMORY_WIDTH:
+        if memory.shape[1] == columns.MEMORY_WIDTH:
             return float(np.sum(normal)), float(np.sum(shear)), 0.0
-        for first, column, width in ((kernels.ROLL, kernels.ROLLING, 3), (kernels.TWIST, kernels.TWISTING, 1)):
-            sprung = (law[:, first] == kernels.SPRING) & (radius > 0.0)
+        for first, column, width in ((columns.ROLL, columns.ROLLING, 3), (columns.TWIST, columns.TWISTING, 1)):
+            sprung = (law[:, first] == columns.SPRING) & (radius > 0.0)
             moment = np.sum(memory[:, column : column + width] ** 2, axis=1)
             turned[sprung] += 0.5 * moment[sprung] / law[sprung, first + 2]
         return float(np.sum(normal)), float(np.sum(shear)), float(np.sum(turned))
-
-
-def _wide(rows: NDArray[Any]) -> NDArray[np.float64]:
-    """Vectors as the kernels have them, from rows of three."""
-    found = np.zeros((len(rows), WIDE))
-    found[:, :3] = rows
-    return aligned(found.ravel())
-
-
-def _xyz(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors of the kernels as rows of three, shape (n, 3)."""
-    return values.reshape(-1, WIDE)[:, :3]
 
 
 class Listed(NamedTuple):
@@ -593,125 +578,6 @@ class Listed(NamedTuple):
     notes: NDArray[np.float64]
     memory: NDArray[np.float64]
     force: NDArray[np.float64]
-
-
-def _empty_list(rows: int, room: int, notes: int, memory: int) -> Contacts:
-    """A list of ``rows`` empty rows with ``room`` for pairs, with so many columns of both."""
-    return _list_of(
-        {
-            "start": np.zeros(rows + 1, dtype=np.int64),
-            **{name: np.zeros(room, dtype=np.uint32) for name in ("row", "other", "law")},
-            "notes": np.zeros((room, notes)),
-            "memory": np.zeros((room, memory)),
-            "force": np.zeros((room, 4)),
-        }
-    )
-
-
-def _batch_arrays(stripes: int, planes: int, threads: int, scratch: int) -> Batch:
-    return Batch(
-        stripe=np.zeros(stripes + 1, dtype=np.int64),
-        flags=np.zeros(threads * PAD, dtype=np.int64),
-        done=np.zeros(threads * PAD, dtype=np.int64),
-        far=np.zeros(threads * PAD),
-        pose=np.zeros((BATCH, 3, planes, kernels.POSE_WIDTH)),
-        scratch=aligned(np.zeros((threads, scratch + 2 * PAD))),
-        picked=np.zeros((threads, CHUNK + PAD), dtype=np.int64),
-    )
-
-
-def _no_losses(stripes: int, planes: int) -> Losses:
-    return Losses(
-        contacts=np.zeros((stripes, 5)),
-        before=np.zeros((stripes, 5)),
-        torque=np.zeros((BATCH * stripes, planes, 3)),
-        loads=np.zeros((planes, 2, 6)),
-        work=np.zeros(1),
-    )
-
-
-def _list_of(arrays: dict[str, NDArray[Any]]) -> Contacts:
-    """The list with these arrays, each memory in as few lines of the caches as it can be."""
-    return Contacts(**{name: aligned(array) for name, array in arrays.items()})
-
-
-def _roomier(contacts: Contacts) -> Contacts:
-    """An empty list like the one that was too small, with 1.2 times its room."""
-    room = contacts.other.shape[0]
-    rows = contacts.start.shape[0] - 1
-    return _empty_list(rows, room + room // 5 + 16, contacts.notes.shape[1], contacts.memory.shape[1])
-
-
-def _law_tables(scene: SphereScene) -> tuple[NDArray[np.float64], Materials]:
-    """Laws as rows, and which of them each pair has."""
-    names = sorted(set(scene.spheres.material))
-    name = np.array([names.index(each) for each in scene.spheres.material], dtype=np.int64)
-    first = {each: scene.spheres.material.index(each) for each in names}
-    known: list[SphereLaw] = []
-
-    def number(law: SphereLaw) -> int:
-        if law not in known:
-            known.append(law)
-        return known.index(law)
-
-    pair = np.zeros((len(names), len(names)), dtype=np.int64)
-    for a, one in enumerate(names):
-        for b, two in enumerate(names):
-            low, high = sorted((one, two))
-            pair[a, b] = number(scene.laws.get((low, high), scene.sphere_sphere))
-    n = len(scene.spheres)
-    plane = np.array(
-        [[number(scene.law((first[each], n + w))) for each in names] for w in range(len(scene.walls))], dtype=np.int64
-    ).reshape(len(scene.walls), len(names))
-    moves = np.array([bool(wall.motion) for wall in scene.walls], dtype=np.int64)
-    materials = Materials(name, scene.spheres.fixed.astype(np.int64), pair, plane, moves)
-    return np.array([_law_row(law) for law in known]), materials
-
-
-def _law_row(law: SphereLaw) -> list[float]:
-    row = [
-        float(law.hertz),
-        4.0 / 3.0 * law.e_star if law.hertz else law.kn,
-        8.0 * law.g_star if law.hertz else law.ks,
-        law.mu,
-        law.beta,
-        float(law.lever_arm != "radius"),
-        float(law.lever_arm == "overlap"),
-        float(law.slip_at == "middle"),
-        float(RULES[law.unloading]),
-        0.0 if law.sticks else 4.0 * pi * law.surface_energy,
-    ]
-    for resistance in (law.rolling, law.twisting):
-        given = resistance or Rolling(model="constant", mu=0.0)
-        row += [float(MODELS[given.model]) if resistance else 0.0, given.mu, given.kr, given.beta]
-    # JKR's pull is part of its force, DMT's stands beside Hertz' force.
-    held = 3.0 * law.friction_pull if law.sticks else 4.0 * (law.friction_pull - 1.0)
-    neck = (0.25 * pi * law.surface_energy / law.e_star) ** (2.0 / 3.0) if law.sticks else 0.0
-    return [*row, held * pi * law.surface_energy, neck]
-
-
-def compile_motion(walls: Sequence[PlaneWall]) -> Motion:
-    """Table of all segments, each plane closed by an endless segment of rest that begins exactly where the last one ends."""
-    first, rows = [0], []
-    for wall in walls:
-        begin, point, normal = 0.0, np.array(wall.point), np.array(wall.normal)
-        for segment in (*wall.motion, PlaneSegment()):
-            pivot = point if segment.pivot is None else np.array(segment.pivot)
-            row = [
-                *(begin, *point, *normal, *pivot, *segment.velocity, *segment.angular_velocity, *segment.amplitude),
-                *(segment.frequency, segment.phase),
-            ]
-            rows.append(row)
-            if not np.isfinite(segment.duration):
-                break
-            begin += segment.duration
-            pose = np.empty((1, kernels.POSE_WIDTH))
-            kernels.place_planes(Motion(np.array([0, 1]), np.array([row])), begin, pose)
-            point, normal = pose[0, :3].copy(), pose[0, 3:6].copy()
-        first.append(len(rows))
-    return Motion(
-        np.array(first, dtype=np.int64), np.array(rows, dtype=np.float64).reshape(len(rows), kernels.SEGMENT_WIDTH)
-    )
 
 
 def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:

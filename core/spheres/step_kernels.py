@@ -22,29 +22,12 @@ from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
 from ninedisk.core.dem.kick_kernels import NUMBER, farther
-from ninedisk.core.spheres.kernels import (
-    FOUR,
-    ONE,
-    TWO,
-    Contacts,
-    Desk,
-    Floats,
-    Integers,
-    Losses,
-    Motion,
-    Planes,
-    State,
-    Step,
-    cross,
-    dot,
-    forces_of_planes,
-    forces_of_spheres,
-    place_planes,
-    plus,
-    row,
-    scaled,
-)
+from ninedisk.core.spheres.force_kernels import forces_of_planes, forces_of_spheres
+from ninedisk.core.spheres.plane_kernels import place_planes
 from ninedisk.core.spheres.registers import blend, scale
+from ninedisk.core.spheres.scratch_kernels import FOUR, ONE, TWO
+from ninedisk.core.spheres.state import Contacts, Desk, Floats, Integers, Losses, Motion, Planes, State, Step
+from ninedisk.core.spheres.vector_kernels import cross, dot, plus, row, scaled
 from ninedisk.core.thread_kernels import PAD, reached, tell, wait_for_all
 
 SURE = 1.001
@@ -111,7 +94,7 @@ class Batch(NamedTuple):
     pose : ndarray, shape (BATCH, 3, m, POSE_WIDTH)
         Planes in each step: `NOW`, `MIDDLE`, `BEFORE`.
     scratch, picked : ndarray
-        Each thread's own, see `ninedisk.core.spheres.kernels.Desk`; the rest keeps two threads' apart.
+        Each thread's own, see `ninedisk.core.spheres.state.Desk`; the rest keeps two threads' apart.
     """
 
     stripe: Integers

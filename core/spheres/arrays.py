@@ -1,0 +1,160 @@
+"""What a DEM run of spheres begins with: rows of laws, segments of planes' motion, lists of pairs, arrays of vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.dem.arrays import aligned
+from ninedisk.core.law import Rolling
+from ninedisk.core.spheres import state as columns
+from ninedisk.core.spheres.law import SphereLaw
+from ninedisk.core.spheres.neighbour_kernels import Materials
+from ninedisk.core.spheres.plane_kernels import place_planes
+from ninedisk.core.spheres.registers import WIDE
+from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
+from ninedisk.core.spheres.scratch_kernels import CHUNK
+from ninedisk.core.spheres.state import Contacts, Losses, Motion
+from ninedisk.core.spheres.step_kernels import BATCH, Batch
+from ninedisk.core.thread_kernels import PAD
+
+RULES = {"none": columns.KEEPS, "force": columns.FORCE, "rescale": columns.RESCALE}
+MODELS = {"constant": columns.CONSTANT, "elastic-plastic": columns.SPRING}
+
+
+def wide(rows: NDArray[Any]) -> NDArray[np.float64]:
+    """Vectors as the kernels have them, from rows of three."""
+    found = np.zeros((len(rows), WIDE))
+    found[:, :3] = rows
+    return aligned(found.ravel())
+
+
+def xyz_rows(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors of the kernels as rows of three, shape (n, 3)."""
+    return values.reshape(-1, WIDE)[:, :3]
+
+
+def empty_list(rows: int, room: int, notes: int, memory: int) -> Contacts:
+    """A list of ``rows`` empty rows with ``room`` for pairs, with so many columns of both."""
+    return list_of(
+        {
+            "start": np.zeros(rows + 1, dtype=np.int64),
+            **{name: np.zeros(room, dtype=np.uint32) for name in ("row", "other", "law")},
+            "notes": np.zeros((room, notes)),
+            "memory": np.zeros((room, memory)),
+            "force": np.zeros((room, 4)),
+        }
+    )
+
+
+def batch_arrays(stripes: int, planes: int, threads: int, scratch: int) -> Batch:
+    """What so many threads share, and a scratch of so many numbers for each of them."""
+    return Batch(
+        stripe=np.zeros(stripes + 1, dtype=np.int64),
+        flags=np.zeros(threads * PAD, dtype=np.int64),
+        done=np.zeros(threads * PAD, dtype=np.int64),
+        far=np.zeros(threads * PAD),
+        pose=np.zeros((BATCH, 3, planes, columns.POSE_WIDTH)),
+        scratch=aligned(np.zeros((threads, scratch + 2 * PAD))),
+        picked=np.zeros((threads, CHUNK + PAD), dtype=np.int64),
+    )
+
+
+def no_losses(stripes: int, planes: int) -> Losses:
+    """Nothing lost so far."""
+    return Losses(
+        contacts=np.zeros((stripes, 5)),
+        before=np.zeros((stripes, 5)),
+        torque=np.zeros((BATCH * stripes, planes, 3)),
+        loads=np.zeros((planes, 2, 6)),
+        work=np.zeros(1),
+    )
+
+
+def list_of(arrays: dict[str, NDArray[Any]]) -> Contacts:
+    """The list with these arrays, each memory in as few lines of the caches as it can be."""
+    return Contacts(**{name: aligned(array) for name, array in arrays.items()})
+
+
+def roomier(contacts: Contacts) -> Contacts:
+    """An empty list like the one that was too small, with 1.2 times its room."""
+    room = contacts.other.shape[0]
+    rows = contacts.start.shape[0] - 1
+    return empty_list(rows, room + room // 5 + 16, contacts.notes.shape[1], contacts.memory.shape[1])
+
+
+def law_tables(scene: SphereScene) -> tuple[NDArray[np.float64], Materials]:
+    """Laws as rows, and which of them each pair has."""
+    names = sorted(set(scene.spheres.material))
+    name = np.array([names.index(each) for each in scene.spheres.material], dtype=np.int64)
+    first = {each: scene.spheres.material.index(each) for each in names}
+    known: list[SphereLaw] = []
+
+    def number(law: SphereLaw) -> int:
+        if law not in known:
+            known.append(law)
+        return known.index(law)
+
+    pair = np.zeros((len(names), len(names)), dtype=np.int64)
+    for a, one in enumerate(names):
+        for b, two in enumerate(names):
+            low, high = sorted((one, two))
+            pair[a, b] = number(scene.laws.get((low, high), scene.sphere_sphere))
+    n = len(scene.spheres)
+    plane = np.array(
+        [[number(scene.law((first[each], n + w))) for each in names] for w in range(len(scene.walls))], dtype=np.int64
+    ).reshape(len(scene.walls), len(names))
+    moves = np.array([bool(wall.motion) for wall in scene.walls], dtype=np.int64)
+    materials = Materials(name, scene.spheres.fixed.astype(np.int64), pair, plane, moves)
+    return np.array([law_row(law) for law in known]), materials
+
+
+def law_row(law: SphereLaw) -> list[float]:
+    """Columns of a law, as `ninedisk.core.spheres.state` names them."""
+    row = [
+        float(law.hertz),
+        4.0 / 3.0 * law.e_star if law.hertz else law.kn,
+        8.0 * law.g_star if law.hertz else law.ks,
+        law.mu,
+        law.beta,
+        float(law.lever_arm != "radius"),
+        float(law.lever_arm == "overlap"),
+        float(law.slip_at == "middle"),
+        float(RULES[law.unloading]),
+        0.0 if law.sticks else 4.0 * pi * law.surface_energy,
+    ]
+    for resistance in (law.rolling, law.twisting):
+        given = resistance or Rolling(model="constant", mu=0.0)
+        row += [float(MODELS[given.model]) if resistance else 0.0, given.mu, given.kr, given.beta]
+    # JKR's pull is part of its force, DMT's stands beside Hertz' force.
+    held = 3.0 * law.friction_pull if law.sticks else 4.0 * (law.friction_pull - 1.0)
+    neck = (0.25 * pi * law.surface_energy / law.e_star) ** (2.0 / 3.0) if law.sticks else 0.0
+    return [*row, held * pi * law.surface_energy, neck]
+
+
+def compile_motion(walls: Sequence[PlaneWall]) -> Motion:
+    """Table of all segments, each plane closed by an endless segment of rest that begins exactly where the last one ends."""
+    first, rows = [0], []
+    for wall in walls:
+        begin, point, normal = 0.0, np.array(wall.point), np.array(wall.normal)
+        for segment in (*wall.motion, PlaneSegment()):
+            pivot = point if segment.pivot is None else np.array(segment.pivot)
+            row = [
+                *(begin, *point, *normal, *pivot, *segment.velocity, *segment.angular_velocity, *segment.amplitude),
+                *(segment.frequency, segment.phase),
+            ]
+            rows.append(row)
+            if not np.isfinite(segment.duration):
+                break
+            begin += segment.duration
+            pose = np.empty((1, columns.POSE_WIDTH))
+            place_planes(Motion(np.array([0, 1]), np.array([row])), begin, pose)
+            point, normal = pose[0, :3].copy(), pose[0, 3:6].copy()
+        first.append(len(rows))
+    return Motion(
+        np.array(first, dtype=np.int64), np.array(rows, dtype=np.float64).reshape(len(rows), columns.SEGMENT_WIDTH)
+    )

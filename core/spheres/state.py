@@ -1,0 +1,158 @@
+"""Arrays of a DEM run of spheres, grouped as the kernels read them, and the names of their columns."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Numbers = NDArray[np.uint32]
+Vector = tuple[float, float, float]
+Index = int | np.uint64
+
+HERTZ, KN, KS, MU, BETA, TORQUE_MID, SLIP_MID, MIDDLE, UNLOADING, PULL = range(10)
+"""Columns of a law: whether it is Hertz'; ``kn`` [N/m] or ``(4/3) E*`` [Pa]; ``ks`` or ``8 G*``; mu; beta; whether the torque's arm ends in
+the middle of the overlap, the slip's too; whether slip is that of mid-step; the rule of unloading; pull over the reduced radius [N/m]."""
+ROLL, TWIST = 10, 14
+"""First columns of the two resistances, four each: model, mu, stiffness [N m/rad], damping ratio."""
+HELD, STICKS = 18, 19
+"""What friction has beside fn and `PULL`, over the reduced radius [N/m]; of JKR's law ``(pi g/(4 E*))^(2/3)`` [m^(2/3)], else 0."""
+
+NO_RESISTANCE, CONSTANT, SPRING = 0, 1, 2
+KEEPS, FORCE, RESCALE = 0, 1, 2
+"""Rules of unloading: the spring keeps its displacement, its force, or shrinks with the contact."""
+
+SHEAR, REDUCED, ROLLING, TWISTING = 0, 3, 4, 7
+MEMORY_WIDTH, MEMORY_WIDTH_RESISTED = 4, 8
+"""Columns of what a contact remembers: shear spring (3), and its reduced radius; with a resistance also rolling torque (3), twisting one.
+Where it was in the step before, and whether it was open then, so that it has nothing to remember, follows from ``x - dt v``."""
+
+DRAG, ROLL_DRAG, TWIST_DRAG, NECK = range(4)
+NOTES_WIDTH, NOTES_WIDTH_RESISTED, NOTES_WIDTH_STICKY = 1, 3, 4
+"""Columns of what is noted of a listed pair, coefficients of its dashpots: along the normal [N s/m], with Hertz' law over the root of the
+contact radius, and of the resistances [N m s]; with JKR's law the gap [m] at which its neck breaks, < 0 while there is none."""
+
+FRICTION, DASHPOT, ROLLED_ON, ROLLING_DASHPOT, OF_LAW = range(5)
+"""Channels of `Losses`: sliding, dashpots, resistances beyond their springs, their dashpots, and what the law itself takes (< 0: feeds): a
+shear spring whose stiffness changes with the contact radius, a torque whose arm is not that of the slip."""
+
+
+class State(NamedTuple):
+    """Bodies: n spheres and m planes; a slot for each stripe in each of the steps that are done at once, those of one step in a row.
+
+    Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE` numbers
+    each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the
+    lists, ``v_now`` and ``omega_now`` have what dashpots see where that is not ``v`` and ``omega``. ``now`` is where planes are, as in
+    `Planes`, ``load`` the force on each, ``share`` what the slots add to it; ``behind`` tells for each slot 1 + sphere and plane where a
+    centre is behind one.
+    """
+
+    x: Floats
+    v: Floats
+    omega: Floats
+    angle: Floats
+    v_now: Floats
+    omega_now: Floats
+    force: Floats
+    torque: Floats
+    mass: Floats
+    mobility: Floats
+    inv_mass: Floats
+    inv_inertia: Floats
+    radius: Floats
+    name: Integers
+    now: Floats
+    load: Floats
+    share: Floats
+    behind: Integers
+    moved: NDArray[np.float32]
+
+
+class Planes(NamedTuple):
+    """Planes in a step: at its end t_n, in its middle and at its begin; rows are point, normal, pivot, its velocity, spin (3 each)."""
+
+    now: Floats
+    middle: Floats
+    before: Floats
+
+
+class Contacts(NamedTuple):
+    """Listed pairs by rows, ``start[r] .. start[r+1]-1``; room for k of them.
+
+    Rows are spheres, with spheres of higher rows, or planes, with ascending spheres. ``law`` is a row of the laws, ``notes`` and
+    ``memory`` have columns above; ``force`` (fn, fs on the first body) is that of the last step before `advance` returned.
+    """
+
+    start: Integers
+    row: Numbers
+    other: Numbers
+    law: Numbers
+    notes: Floats
+    memory: Floats
+    force: Floats
+
+
+class Losses(NamedTuple):
+    """Energy that contacts of each stripe have lost since time 0 [J], by channels above; m planes.
+
+    ``before`` has that before the step that `advance` ended with. ``torque`` is what the slots add to the torque on each plane about
+    the origin; ``loads``, force and torque, those of the last step and of the one before; ``work`` that of the planes on spheres [J].
+    """
+
+    contacts: Floats
+    before: Floats
+    torque: Floats
+    loads: Floats
+    work: Floats
+
+
+class Step(NamedTuple):
+    """A step as its contacts see it.
+
+    Attributes
+    ----------
+    slip_dt, loss_dt : float
+        Time over which slip accumulates [s]: ``dt``, or 0 for the forces at time 0; and forces that depend on velocities, then dt/2.
+    central : bool
+        Whether dashpots see ``v_now``.
+    keep : bool
+        Whether the forces of the contacts are to be kept.
+    """
+
+    slip_dt: float
+    loss_dt: float
+    central: bool
+    keep: bool
+
+
+class Desk(NamedTuple):
+    """What a thread writes to while it finds the forces of a stripe.
+
+    Attributes
+    ----------
+    slot : int
+        Of the stripe in this step, see `State`.
+    scratch : ndarray, shape (SCRATCH,) or (SCRATCH_COUNTED,)
+        The contacts of a chunk, by columns below.
+    picked : ndarray of int64, shape (CHUNK,)
+        Where they stand in their list.
+    """
+
+    slot: int
+    scratch: Floats
+    picked: Integers
+
+
+class Motion(NamedTuple):
+    """Segments of the planes' motion: those of plane w are ``first[w] .. first[w+1]-1``; columns of ``row`` below."""
+
+    first: Integers
+    row: Floats
+
+
+BEGIN, POINT, AXIS, PIVOT, VELOCITY, SPIN, AMPLITUDE, FREQUENCY, PHASE = 0, 1, 4, 7, 10, 13, 16, 19, 20
+SEGMENT_WIDTH = 21
+POSE_WIDTH = 15
