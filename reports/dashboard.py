@@ -511,7 +511,7 @@ class Pages:
         past = [m for m in self._marks if not m.shift.open and m.shift.verdict == "worse"]
         better = [mark for mark in self._marks if mark.shift.verdict == "better"]
         lines = [line for line in self._history.lines if line.kind != "cell"]
-        return self._env.get_template("dashboard.html").render(
+        return self._env.get_template("dashboard/page.html").render(
             root="",
             standing=groups(standing),
             past=groups(past),
@@ -547,7 +547,7 @@ class Pages:
             ),
         ):
             by_machine.setdefault((line.machine, line.case_version), []).append(line)
-        return self._env.get_template("dashboard_lines.html").render(
+        return self._env.get_template("dashboard/lines.html").render(
             root="../",
             place=place,
             engine_name=held[0].engine_name,
@@ -561,7 +561,7 @@ class Pages:
     def compare(self, around: tuple[int, int]) -> str:
         """The comparison of the two runs around a mark."""
         values = studies.values(self._history.comparisons[around]) | {"root": "../"}
-        return self._env.get_template("compare.html").render(**values)
+        return self._env.get_template("dashboard/compare.html").render(**values)
 
     def _engines(self) -> dict[str, str]:
         return {line.engine: line.engine_name for line in self._history.lines if line.engine}

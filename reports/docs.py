@@ -50,7 +50,7 @@ def write_docs(
         (folder / "cases").mkdir()
         shutil.copy(HERE / "assets" / "style.css", folder / "style.css")
         for path, case in cases:
-            page = env.get_template("docs_case.html").render(
+            page = env.get_template("docs/case.html").render(
                 root="../",
                 case=case,
                 about=Markup(_rendered(case["id"], case["about"], lambda _: None)),
@@ -59,9 +59,9 @@ def write_docs(
             (folder / path).write_text(page, encoding="utf-8")
         for name, text in guides:
             body = Markup(_rendered(name, text, partial(_page_of, names=names, beside=beside, folder=folder)))
-            page = env.get_template("docs_guide.html").render(root="./", title=_heading(name, text), body=body)
+            page = env.get_template("docs/guide.html").render(root="./", title=_heading(name, text), body=body)
             (folder / names[name]).write_text(page, encoding="utf-8")
-        page = env.get_template("docs_index.html").render(root="", cases=cases, guides=listed)
+        page = env.get_template("docs/index.html").render(root="", cases=cases, guides=listed)
         (folder / "index.html").write_text(page, encoding="utf-8")
     return Path(out) / "index.html"
 

@@ -284,7 +284,7 @@ def _write(site: Site, folder: Path, progress: Progress) -> None:
         quantities = _by_quantity(held[-1].checks)
         page(
             path,
-            "site_place.html",
+            "site/place.html",
             place=place,
             held=held,
             now=held[-1],
@@ -293,7 +293,7 @@ def _write(site: Site, folder: Path, progress: Progress) -> None:
         )
         page(
             path.removesuffix(".html") + ".cite.html",
-            "site_cite.html",
+            "site/cite.html",
             place=place,
             now=held[-1],
             repeats=_repeats(held[-1]),
@@ -302,7 +302,7 @@ def _write(site: Site, folder: Path, progress: Progress) -> None:
     for engine in engines:
         rows = [(case, [site.outcomes.get((engine, version, case)) for version in versions[engine]]) for case in cases]
         rows = [(case, held) for case, held in rows if any(held)]
-        page(f"engine/{address(engine)}/index.html", "site_engine.html", engine=engine, rows=rows)
+        page(f"engine/{address(engine)}/index.html", "site/engine.html", engine=engine, rows=rows)
         badge = folder / "badge" / f"{address(engine)}.svg"
         badge.parent.mkdir(exist_ok=True)
         badge.write_text(
@@ -310,8 +310,8 @@ def _write(site: Site, folder: Path, progress: Progress) -> None:
         )
     for case in cases:
         ranked = sorted(((engine, latest[engine, case]) for engine in engines if (engine, case) in latest), key=_rank)
-        page(f"case/{address(case)}.html", "site_case.html", case=case, ranked=ranked)
-    page("index.html", "site_index.html", engines=engines, cases=cases, latest=latest, runs=site.runs[::-1])
+        page(f"case/{address(case)}.html", "site/case.html", case=case, ranked=ranked)
+    page("index.html", "site/index.html", engines=engines, cases=cases, latest=latest, runs=site.runs[::-1])
     progress("writing pages", total, total)
 
 

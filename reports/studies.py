@@ -52,7 +52,7 @@ def comparison_page(comparison: Comparison) -> str:
     """A comparison as one file that holds its style sheet, too."""
     return (
         environment()
-        .get_template("compare_alone.html")
+        .get_template("dashboard/compare_alone.html")
         .render(**values(comparison), sheet=pages.sheet("dashboard.css"))
     )
 
