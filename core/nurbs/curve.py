@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve_kernels import ShapeTable, sample
-from ninedisk.core.nurbs.table import outline_points, shape_table
+from ninedisk.core.nurbs.table import outline_points, outline_table
 from ninedisk.core.validate import LARGEST, SMALLEST, finite, numbers, real, shown
 
 MOST_DEGREE, MOST_POINTS = 12, 1_000
@@ -121,7 +121,7 @@ class NurbsCurve:
     @cached_property
     def table(self) -> ShapeTable:
         """The outline as the kernels read it."""
-        return shape_table([powers(self.spans)])
+        return outline_table(powers(self.spans))
 
     def evaluate(self, parameter: ArrayLike, order: int = 0) -> FloatArray:
         """Points or derivatives.

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 
 from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.nurbs.curve import NurbsCurve, powers
+from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
 from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
 from ninedisk.core.nurbs.state import CROSSED, ENCLOSED, FULL, UNDECIDED, ContactRows, contact_rows, workspace
-from ninedisk.core.nurbs.table import shape_table
+from ninedisk.core.nurbs.table import tables_together
 from ninedisk.core.nurbs.wall_kernels import contacts_with_wall
 from ninedisk.core.validate import all_of_kind, finite, numbers, shown
 
@@ -50,7 +50,7 @@ class NurbsGrains:
                 f"shape must be one number in 0 .. {len(curves) - 1} for each grain, not {shown(shape)}"
             )
         self.shape = given.astype(np.int64)
-        self.table = shape_table([powers(curve.spans) for curve in curves])
+        self.table = tables_together([curve.table for curve in curves])
         self._work = workspace(self.table)
 
     @classmethod

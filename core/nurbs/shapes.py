@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.nurbs.curve import MOST_DEGREE, MOST_POINTS, NurbsCurve, powers
+from ninedisk.core.nurbs.curve import MOST_DEGREE, MOST_POINTS, NurbsCurve
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
-from ninedisk.core.nurbs.table import shape_table, table_of_circles, tables_together
+from ninedisk.core.nurbs.table import table_of_circles, tables_together
 from ninedisk.core.validate import at_least, numbers, real, shown, whole
 
 QUARTERS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 4.0])
@@ -296,7 +296,7 @@ def body_shapes(
     """
     is_disk = outline < 0
     radii, circle = np.unique(radius[is_disk], return_inverse=True)
-    tables = [shape_table([powers(curve.spans) for curve in outlines])] if outlines else []
+    tables = [curve.table for curve in outlines]
     tables += [table_of_circles(_unit_disk().table, radii)] if len(radii) else []
     shape = outline.copy()
     shape[is_disk] = len(outlines) + circle

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from math import comb, pi
+from typing import NamedTuple
 
 import numpy as np
 
-from ninedisk.core.array_types import FloatArray
+from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve_kernels import BINS, ShapeTable, diamond_angle, sample
 from ninedisk.core.nurbs.state import Vertices
@@ -44,116 +44,129 @@ DIAMOND_TURN = 4.0
 """A full turn, as `diamond_angle` counts."""
 
 
-class Piece:
-    """Part of a span and what bounds it.
+class Pieces(NamedTuple):
+    """Parts of spans and what bounds them, m in a row.
 
-    Parameters
+    Attributes
     ----------
-    span : int
-    poly : ndarray, shape (degree + 1, 3)
-        Coefficients of the span.
-    low, high : float
+    span : ndarray of int64, shape (m,)
+    low, high : ndarray, shape (m,)
         Range of ``u``.
+    middle : ndarray, shape (m, 4)
+        x, y, x', y' in the middle, derivatives by ``u`` [m].
+    bend : ndarray, shape (m,)
+        Bound of the length of the second derivative by ``u`` [m], see `_bend`.
     """
 
-    def __init__(self, span: int, poly: FloatArray, low: float, high: float) -> None:
-        self.span, self.poly, self.low, self.high = span, poly, low, high
-
-    @cached_property
-    def middle(self) -> FloatArray:
-        """x, y, x', y' in the middle, derivatives by ``u`` [m]."""
-        u = 0.5 * (self.low + self.high)
-        value, slope = _at(self.poly, u), _at(_derivative(self.poly), u)
-        point = value[:2] / value[2]
-        return np.concatenate([point, (slope[:2] - point * slope[2]) / value[2]])
-
-    @cached_property
-    def bend(self) -> float:
-        """Bound of the length of the second derivative by ``u`` [m], from the hulls of numerator and denominator.
-
-        With ``X = w (C - m)`` about the middle point m: ``C' = (X' - (C - m) w')/w`` and
-        ``C'' = (X'' - 2 C' w' - (C - m) w'')/w``.
-        """
-        x = self.poly.copy()
-        x[:, :2] -= np.outer(x[:, 2], self.middle[:2])
-        first, second = _derivative(x), _derivative(_derivative(x))
-        hull = [_hull(c, self.low, self.high) for c in (x, first, second)]
-        least = float(hull[0][:, 2].min())
-        if least <= 0.0:
-            return np.inf
-        reach = float(np.hypot(*(hull[0][:, :2] / hull[0][:, 2:]).T).max())
-        numerator = [float(np.hypot(h[:, 0], h[:, 1]).max()) for h in hull]
-        weight = [float(np.abs(h[:, 2]).max()) for h in hull]
-        speed = (numerator[1] + reach * weight[1]) / least
-        return (numerator[2] + 2.0 * speed * weight[1] + reach * weight[2]) / least
-
-    @cached_property
-    def turn(self) -> float:
-        """Bound of the tangent's turning over the piece [rad]; pi if the curve may stand still."""
-        speed, change = float(np.hypot(*self.middle[2:])), 0.5 * self.bend * (self.high - self.low)
-        return 2.0 * float(np.arcsin(change / speed)) if change < speed else pi
+    span: IntArray
+    low: FloatArray
+    high: FloatArray
+    middle: FloatArray
+    bend: FloatArray
 
     @property
-    def circle(self) -> tuple[float, float, float]:
-        """Circle that contains the piece: centre and radius [m], with room for rounding."""
+    def turn(self) -> FloatArray:
+        """Bound of the tangent's turning over each piece [rad]; pi if the curve may stand still."""
+        speed, change = np.hypot(*self.middle.T[2:]), 0.5 * self.bend * (self.high - self.low)
+        turns = change < speed
+        return np.where(turns, 2.0 * np.arcsin(np.where(turns, change, 0.0) / np.where(turns, speed, 1.0)), pi)
+
+    @property
+    def circle(self) -> FloatArray:
+        """Circle that contains each piece, shape (m, 3): centre and radius [m], with room for rounding."""
         half = 0.5 * (self.high - self.low)
-        radius = float(np.hypot(*self.middle[2:])) * half + 0.5 * self.bend * half**2
-        return float(self.middle[0]), float(self.middle[1]), radius * (1.0 + 1e-12)
-
-    def halves(self) -> tuple[Piece, Piece]:
-        """Its two halves."""
-        u = 0.5 * (self.low + self.high)
-        return Piece(self.span, self.poly, self.low, u), Piece(self.span, self.poly, u, self.high)
+        radius = np.hypot(*self.middle.T[2:]) * half + 0.5 * self.bend * half**2
+        return np.column_stack([self.middle[:, :2], radius * (1.0 + 1e-12)])
 
 
-def pieces_of(polys: FloatArray) -> list[Piece]:
-    """Pieces of all spans in order, each of which turns by `TURN` at most."""
-    done: list[Piece] = []
-    for span, poly in enumerate(polys):
-        waiting = [Piece(span, poly, -0.5, 0.5)]
-        while waiting:
-            piece = waiting.pop()
-            if len(done) > MOST_PIECES:
-                raise InvalidSceneError(
-                    f"the outline turns so sharply that it has more than {MOST_PIECES} pieces: points or weights differ too much; make "
-                    "corners by knots repeated degree times, and fit it with fewer points"
-                )
-            if piece.turn <= TURN or piece.high - piece.low <= 0.5**SPLITS:
-                done.append(piece)
-            else:
-                first, second = piece.halves()
-                waiting += [second, first]
-    return done
-
-
-def shape_table(shapes: Sequence[FloatArray]) -> ShapeTable:
-    """Table of shapes.
+def pieces_of(polys: FloatArray) -> Pieces:
+    """Pieces of all spans in order, each of which turns by `TURN` at most.
 
     Parameters
     ----------
-    shapes : sequence of ndarray, each of shape (spans, degree + 1, 3)
+    polys : ndarray, shape (spans, degree + 1, 3)
+
+    Raises
+    ------
+    InvalidSceneError
+        If they are too many.
+    """
+    span, low = np.arange(len(polys)), np.full(len(polys), -0.5)
+    high, done, count = -low, [], 0
+    while len(span):
+        found = _bounded(polys, span, low, high)
+        fine = (found.turn <= TURN) | (high - low <= 0.5**SPLITS)
+        done.append(Pieces(*(each[fine] for each in found)))
+        count += int(np.count_nonzero(fine))
+        if count + np.count_nonzero(~fine) > MOST_PIECES:
+            raise InvalidSceneError(
+                f"the outline turns so sharply that it has more than {MOST_PIECES} pieces: points or weights differ too much; make "
+                "corners by knots repeated degree times, and fit it with fewer points"
+            )
+        span, left, right = np.repeat(span[~fine], 2), low[~fine], high[~fine]
+        middle = 0.5 * (left + right)
+        low, high = np.column_stack([left, middle]).ravel(), np.column_stack([middle, right]).ravel()
+    every = [np.concatenate(columns) for columns in zip(*done, strict=True)]
+    order = np.lexsort((every[1], every[0]))
+    return Pieces(*(column[order] for column in every))
+
+
+def _bounded(polys: FloatArray, span: IntArray, low: FloatArray, high: FloatArray) -> Pieces:
+    x = polys[span]
+    at = (0.5 * (low + high))[:, None]
+    value, slope = _many(x, at)[:, 0], _many(_derivative(x), at)[:, 0]
+    point = value[:, :2] / value[:, 2:]
+    middle = np.concatenate([point, (slope[:, :2] - point * slope[:, 2:]) / value[:, 2:]], axis=1)
+    return Pieces(span, low, high, middle, _bend(x, point, low, high))
+
+
+def _bend(polys: FloatArray, middle: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Bounds of the second derivatives by ``u`` [m], from the hulls of numerator and denominator; inf where a weight may be 0.
+
+    With ``X = w (C - m)`` about the middle point m: ``C' = (X' - (C - m) w')/w`` and ``C'' = (X'' - 2 C' w' - (C - m) w'')/w``.
+    """
+    x = polys.copy()
+    x[..., :2] -= x[..., 2:] * middle[:, None]
+    first = _derivative(x)
+    hull = [_hulls(c, low, high) for c in (x, first, _derivative(first))]
+    least = hull[0][..., 2].min(axis=1)
+    bounded = least > 0.0
+    least = np.where(bounded, least, 1.0)
+    weights = np.where(bounded[:, None], hull[0][..., 2], 1.0)
+    reach = np.hypot(hull[0][..., 0] / weights, hull[0][..., 1] / weights).max(axis=1)
+    numerator = [np.hypot(h[..., 0], h[..., 1]).max(axis=1) for h in hull]
+    weight = [np.abs(h[..., 2]).max(axis=1) for h in hull]
+    speed = (numerator[1] + reach * weight[1]) / least
+    return np.where(bounded, (numerator[2] + 2.0 * speed * weight[1] + reach * weight[2]) / least, np.inf)
+
+
+def outline_table(polys: FloatArray) -> ShapeTable:
+    """Table of one outline.
+
+    Parameters
+    ----------
+    polys : ndarray, shape (spans, degree + 1, 3)
         Coefficients of the powers of ``u`` of each span.
 
     Returns
     -------
     ShapeTable
     """
-    most = max(polys.shape[1] for polys in shapes)
-    pieces = [pieces_of(polys) for polys in shapes]
-    every = [piece for own in pieces for piece in own]
-    directions = [_extremes(polys, own) for polys, own in zip(shapes, pieces, strict=True)]
+    pieces = pieces_of(polys)
+    circle = pieces.circle
+    places, least = _extremes(polys, pieces)
     return ShapeTable(
-        degree=np.array([polys.shape[1] - 1 for polys in shapes], dtype=np.int64),
-        first_span=np.cumsum([0, *(len(polys) for polys in shapes)]).astype(np.int64),
-        first_piece=np.cumsum([0, *(len(own) for own in pieces)]).astype(np.int64),
-        coef=np.concatenate([np.pad(polys, ((0, 0), (0, most - polys.shape[1]), (0, 0))) for polys in shapes]),
-        piece_span=np.array([piece.span for piece in every], dtype=np.int64),
-        piece_range=np.array([(piece.low, piece.high) for piece in every]),
-        piece_circle=np.array([piece.circle for piece in every]),
-        piece_bend=np.array([piece.bend for piece in every]),
-        radius=np.array([max(np.hypot(x, y) + r for x, y, r in (piece.circle for piece in own)) for own in pieces]),
-        smallest_radius=np.array([least for _, least in directions]),
-        extreme=np.array([places for places, _ in directions]),
+        degree=np.array([polys.shape[1] - 1], dtype=np.int64),
+        first_span=np.array([0, len(polys)], dtype=np.int64),
+        first_piece=np.array([0, len(pieces.span)], dtype=np.int64),
+        coef=polys,
+        piece_span=pieces.span,
+        piece_range=np.column_stack([pieces.low, pieces.high]),
+        piece_circle=circle,
+        piece_bend=pieces.bend,
+        radius=np.array([np.max(np.hypot(circle[:, 0], circle[:, 1]) + circle[:, 2])]),
+        smallest_radius=np.array([least]),
+        extreme=places[None],
     )
 
 
@@ -195,7 +208,7 @@ def tables_together(tables: Sequence[ShapeTable]) -> ShapeTable:
 
 
 def outline_points(polys: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Points, first and second derivatives by ``u`` [m] at the same ``u`` of every span, each of shape (spans, len(u), 2)."""
+    """Points, first and second derivatives by ``u`` [m] at ``u``, as `_many` takes it, each of shape (spans, k, 2)."""
     value, slope, twice = (_many(c, u) for c in (polys, _derivative(polys), _derivative(_derivative(polys))))
     w, w1, w2 = value[..., 2:], slope[..., 2:], twice[..., 2:]
     point = value[..., :2] / w
@@ -203,7 +216,7 @@ def outline_points(polys: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatA
     return point, first, (twice[..., :2] - 2.0 * first * w1 - point * w2) / w
 
 
-def _extremes(polys: FloatArray, pieces: list[Piece]) -> tuple[FloatArray, float]:
+def _extremes(polys: FloatArray, pieces: Pieces) -> tuple[FloatArray, float]:
     """Places of the extreme points, shape (BINS + 1,), and the smallest radius of curvature; zeros unless strictly convex."""
     least = _smallest_radius(polys, pieces)
     if least == 0.0:
@@ -221,7 +234,7 @@ def _extremes(polys: FloatArray, pieces: list[Piece]) -> tuple[FloatArray, float
     return np.interp(DIAMOND_TURN * np.arange(BINS + 1) / BINS, turned, places) + len(polys), least
 
 
-def _smallest_radius(polys: FloatArray, pieces: list[Piece]) -> float:
+def _smallest_radius(polys: FloatArray, pieces: Pieces) -> float:
     """Lower bound of the radius of curvature [m]; 0 if it is not positive throughout or the outline has a corner."""
     _, slopes, _ = outline_points(polys, np.array([-0.5, 0.5]))
     speed = np.linalg.norm(slopes, axis=-1, keepdims=True)
@@ -232,20 +245,17 @@ def _smallest_radius(polys: FloatArray, pieces: list[Piece]) -> float:
     kink = unit[:, 1, 0] * following[:, 1] - unit[:, 1, 1] * following[:, 0]
     if np.abs(kink).max() > KINK or np.sum(unit[:, 1] * following, axis=1).min() < 0.0:
         return 0.0
-    least = np.inf
-    for piece in pieces:
-        u = np.linspace(piece.low, piece.high, RADII)
-        _, first, second = outline_points(polys[piece.span : piece.span + 1], u)
-        pace = np.linalg.norm(first[0], axis=1)
-        if pace.min() == 0.0:
-            return 0.0
-        curvature = (first[0, :, 0] * second[0, :, 1] - first[0, :, 1] * second[0, :, 0]) / pace**3
-        # Between samples the curvature may leave their range: room of their own spread.
-        spread = np.ptp(curvature)
-        if curvature.min() - spread <= 0.0:
-            return 0.0
-        least = min(least, 1.0 / (curvature.max() + spread))
-    return float(least)
+    u = np.linspace(pieces.low, pieces.high, RADII, axis=1)
+    _, first, second = outline_points(polys[pieces.span], u)
+    pace = np.linalg.norm(first, axis=-1)
+    if pace.min() == 0.0:
+        return 0.0
+    curvature = (first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]) / pace**3
+    # Between samples the curvature may leave their range: room of their own spread.
+    spread = np.ptp(curvature, axis=1)
+    if np.min(curvature.min(axis=1) - spread) <= 0.0:
+        return 0.0
+    return float(1.0 / np.max(curvature.max(axis=1) + spread))
 
 
 def _derivative(poly: FloatArray) -> FloatArray:
@@ -255,26 +265,26 @@ def _derivative(poly: FloatArray) -> FloatArray:
     return slope if len(k) else np.zeros_like(poly)
 
 
-def _at(poly: FloatArray, u: float) -> FloatArray:
-    return np.asarray(np.polynomial.polynomial.polyval(u, poly), dtype=np.float64)
-
-
 def _many(polys: FloatArray, u: FloatArray) -> FloatArray:
-    """Values of polynomials, shape (spans, len(u), 3)."""
-    value: FloatArray = np.einsum("skc,uk->suc", polys, u[:, None] ** np.arange(polys.shape[1]))
+    """Values of polynomials, shape (spans, k, 3), at the same ``u``, shape (k,), of all of them, or each at its own, (spans, k)."""
+    value: FloatArray = np.einsum(
+        "skc,uk->suc" if u.ndim == 1 else "skc,suk->suc", polys, u[..., None] ** np.arange(polys.shape[1])
+    )
     return value
 
 
-def _hull(poly: FloatArray, low: float, high: float) -> FloatArray:
-    """Bezier control points of a polynomial on ``low .. high``: its values lie in their hull."""
-    p = len(poly) - 1
-    middle, half = 0.5 * (low + high), high - low
-    shifted = np.array([sum(comb(j, k) * middle ** (j - k) * poly[j] for j in range(k, p + 1)) for k in range(p + 1)])
-    # In t = (u - low)/(high - low), u - middle = half (t - 1/2).
-    in_t = np.array(
-        [sum(comb(j, k) * (-0.5) ** (j - k) * half**j * shifted[j] for j in range(k, p + 1)) for k in range(p + 1)]
-    )
-    return np.array([sum(comb(i, k) / comb(p, k) * in_t[k] for k in range(i + 1)) for i in range(p + 1)])
+def _hulls(polys: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Bezier control points of m polynomials, each on its ``low .. high``: their values lie in the hulls of these. Shape as ``polys``."""
+    p = polys.shape[1] - 1
+    k = np.arange(p + 1)
+    chosen = np.array([[float(comb(j, i)) for j in k] for i in k])
+    # In powers of u - middle, then of t = (u - low)/(high - low), where u - middle = half (t - 1/2); then of Bernstein's polynomials.
+    power = np.maximum(k - k[:, None], 0)
+    about = chosen * (0.5 * (low + high))[:, None, None] ** power
+    in_t = chosen * (-0.5) ** power * (high - low)[:, None, None] ** k
+    control = chosen.T / chosen[:, p]
+    hulls: FloatArray = np.einsum("ik,mkj,mjl,mlc->mic", control, in_t, about, polys, optimize=True)
+    return hulls
 
 
 def vertices_of(table: ShapeTable) -> Vertices:

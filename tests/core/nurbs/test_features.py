@@ -9,20 +9,19 @@ from nurbs_shapes_of_tests import peanut, periodic, ring
 from scipy.ndimage import minimum_filter
 
 from ninedisk.core import InvalidSceneError
-from ninedisk.core.nurbs.curve import powers
 from ninedisk.core.nurbs.curve_kernels import sample
 from ninedisk.core.nurbs.features import NurbsFeatures
 from ninedisk.core.nurbs.features_kernels import DEEPEST
 from ninedisk.core.nurbs.shapes import disk, ellipse
 from ninedisk.core.nurbs.state import FeatureRows
-from ninedisk.core.nurbs.table import shape_table
+from ninedisk.core.nurbs.table import tables_together
 
 FloatArray = NDArray[np.float64]
 
 SQUARE = periodic(np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]), 1)
 TRIANGLE = periodic(np.array([[1.0, 0.0], [-0.5, 0.8], [-0.5, -0.8]]), 1)
 SHAPES = (disk(1.0), ellipse(1.0, 0.6), peanut(), periodic(ring(20, 3), 3), SQUARE, TRIANGLE)
-TABLE = shape_table([powers(curve.spans) for curve in SHAPES])
+TABLE = tables_together([curve.table for curve in SHAPES])
 PAIR = np.array([[0, 1]])
 DISK, ELLIPSE, PEANUT, WAVY, BLOCK, WEDGE = range(6)
 REACH = 0.3
