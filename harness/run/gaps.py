@@ -1,18 +1,7 @@
 """Known gaps of an engine: differences whose cause is known, expected to fail until they are closed.
 
-One TOML file serves `ninedisk run --known-gaps`, pytest, the exit code and, through the store, the pages; it has one table a gap::
-
-    [[gap]]
-    id = "slip-to-roll[mu=0.3,*]"   # case[variant], * and ? as in file names; a bare case id means all of its variants
-    quantity = "spin"                 # * and ? as well
-    engine = "acme"                 # optional: every engine without it
-    truth = "analytic"              # optional: every kind of truth without it
-    reason = "shear springs are projected, not turned"
-
-A gap explains a difference: a check that would fail is a ``known-gap`` with the file's name and reason. It excuses neither a crash nor a
-missing number, and where the difference is gone the check is ``gap-closed``, which says "remove this entry" and fails the run, so that
-the file stays true. It is for who runs an engine. What the makers of a case know of an engine is a `KnownDifference` of the check, whose
-size is derived; an entry here has none, and leaves such a check as it is.
+One TOML file serves `ninedisk run --known-gaps`, pytest, the exit code and, through the store, the pages. Its form, and what becomes of the
+checks that it names: docs/engines.md.
 """
 
 from __future__ import annotations
