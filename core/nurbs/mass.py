@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,17 +54,10 @@ def area_moments(curve: NurbsCurve, nodes: int = NODES) -> AreaMoments:
     nodes = whole("nodes", nodes, 1, MOST_NODES, error=InvalidSceneError)
     at, weight = np.polynomial.legendre.leggauss(nodes)
     about = np.mean(table.piece_circle[:, :2], axis=0)
-    x, y, dx, dy = [], [], [], []
-    for k in range(len(table.piece_span)):
-        low, high = table.piece_range[k]
-        span = int(table.piece_span[k])
-        place, slope, _ = outline_points(table.coef[span : span + 1], 0.5 * (low + high) + 0.5 * (high - low) * at)
-        step = 0.5 * (high - low) * weight
-        x.append(place[0, :, 0] - about[0])
-        y.append(place[0, :, 1] - about[1])
-        dx.append(slope[0, :, 0] * step)
-        dy.append(slope[0, :, 1] * step)
-    px, py, qx, qy = (np.concatenate(parts) for parts in (x, y, dx, dy))
+    low, high = table.piece_range.T[:, :, None]
+    place, slope, _ = outline_points(table.coef[table.piece_span], 0.5 * (low + high) + 0.5 * (high - low) * at)
+    px, py = np.moveaxis(place - about, -1, 0)
+    qx, qy = np.moveaxis(slope, -1, 0) * (0.5 * (high - low) * weight)
     area = 0.5 * float(np.sum(px * qy - py * qx))
     first = 0.5 * np.array([np.sum(px**2 * qy), -np.sum(py**2 * qx)])
     polar = float(np.sum(px**3 * qy - py**3 * qx)) / 3.0
@@ -121,8 +113,12 @@ def uniform_grain(curve: NurbsCurve, density: float) -> UniformGrain:
 
 def farthest(curve: NurbsCurve) -> float:
     """Largest distance of the outline from the origin of its frame [m], to round-off."""
+
     # Half the slope and the curvature of the squared distance.
-    return max(0.0, _largest(curve, lambda x: np.hypot(*x.T), lambda x, dx, ddx: (x @ dx, dx @ dx + x @ ddx)))
+    def rates(x: FloatArray, dx: FloatArray, ddx: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return np.sum(x * dx, axis=-1), np.sum(dx * dx + x * ddx, axis=-1)
+
+    return max(0.0, _largest(curve, lambda x: np.hypot(x[..., 0], x[..., 1]), rates))
 
 
 def extent(curve: NurbsCurve, direction: ArrayLike) -> float:
@@ -136,23 +132,21 @@ def extent(curve: NurbsCurve, direction: ArrayLike) -> float:
 def _largest(
     curve: NurbsCurve,
     measure: Callable[[FloatArray], FloatArray],
-    rates: Callable[[FloatArray, FloatArray, FloatArray], tuple[Any, Any]],
+    rates: Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
 ) -> float:
-    """Largest measure of an outline's points, shape (k, 2), by Newton's method on each piece.
+    """Largest measure of an outline's points, shape (..., 2), by Newton's method on all pieces at once.
 
-    ``rates`` gives the slope and the curvature of the measure, or of an increasing function of it, from a point and its derivatives.
+    ``rates`` gives the slope and the curvature of the measure, or of an increasing function of it, from points and their derivatives.
     """
     table, best = kind_of("curve", curve, NurbsCurve).table, -np.inf
-    for k in range(len(table.piece_span)):
-        low, high = table.piece_range[k]
-        coef = table.coef[table.piece_span[k] : table.piece_span[k] + 1]
-        at = np.linspace(low, high, SAMPLES)
-        u = float(at[np.argmax(measure(outline_points(coef, at)[0][0]))])
-        for _ in range(6):
-            (point,), (slope,), (bend,) = (rows[0] for rows in outline_points(coef, np.array([u])))
-            best = max(best, float(measure(point[None, :])[0]))
-            rise, fall = rates(point, slope, bend)
-            if fall >= 0.0:  # no maximum
-                break
-            u = float(np.clip(u - rise / fall, low, high))
+    low, high = table.piece_range.T
+    coef = table.coef[table.piece_span]
+    at = np.linspace(low, high, SAMPLES, axis=1)
+    u = at[np.arange(len(at)), np.argmax(measure(outline_points(coef, at)[0]), axis=1)]
+    for _ in range(6):
+        point, slope, bend = (rows[:, 0] for rows in outline_points(coef, u[:, None]))
+        best = max(best, float(np.max(measure(point))))
+        rise, fall = rates(point, slope, bend)
+        rises = fall < 0.0  # elsewhere is no maximum
+        u = np.where(rises, np.clip(u - rise / np.where(rises, fall, 1.0), low, high), u)
     return best
