@@ -22,7 +22,6 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
-    allowing,
     contact_step,
     last,
     numerics_of,
@@ -31,6 +30,7 @@ from ninedisk.harness.cases.common import (
     softness,
     whole_steps,
 )
+from ninedisk.harness.cases.differences import allowing
 from ninedisk.harness.cases.impact.binary import beta_for
 from ninedisk.harness.cases.impact.gas import (
     MASS,
