@@ -16,16 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.results.schema import (
-    WIDE,
-    WORST_FIRST,
-    Figure,
-    Row,
-    allowed_shares,
-    figures_from_text,
-    row_tolerance,
-    worst_status,
-)
+from ninedisk.harness.results.figures import Figure, figures_from_text
+from ninedisk.harness.results.schema import WIDE, WORST_FIRST, Row, allowed_shares, row_tolerance, worst_status
 from ninedisk.reports.panel import text
 from ninedisk.reports.panel.load import Curve, Series, Stored, differences
 from ninedisk.reports.panel.text import Slugs, as_float, decoded, shade, symbol

@@ -43,7 +43,7 @@ from ninedisk.harness.cases.impact.gas import (
     overlaps_squared,
     room_at_walls,
 )
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.gas import haff_spread, haff_time, pair_rate, rate_in_box
 from ninedisk.references.analytic.impact.hard_disks import hard_disks
 from ninedisk.references.analytic.impact.spring_dashpot import contact_duration

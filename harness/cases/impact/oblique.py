@@ -43,7 +43,7 @@ from ninedisk.harness.cases.common import (
 )
 from ninedisk.harness.cases.differences import LIFTS, excused, follows_associated_rule
 from ninedisk.harness.cases.impact.binary import ROUND_OFF, beta_for
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.oblique_impact import Rebound, rigid_rebound, spring_rebound
 from ninedisk.references.analytic.impact.spring_dashpot import contact_duration, restitution_of_beta
 from ninedisk.references.analytic.on_plane.slip_to_roll import UNIFORM_DISK

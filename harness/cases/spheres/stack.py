@@ -34,7 +34,7 @@ from ninedisk.harness.cases.common import (
     softness,
 )
 from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.assembly.sphere_ring import RingForces, fallen, ring_angle, ring_forces
 
 RADIUS, MASS, G = 0.5, 2.0, 10.0
