@@ -24,11 +24,11 @@ from ninedisk.harness.api.engine import (
 from ninedisk.harness.api.support import support_of
 from ninedisk.harness.api.text import printable
 from ninedisk.harness.cases.adapter.probes import Probe
-from ninedisk.harness.cli.support import console, table
 from ninedisk.harness.results.whole_file import write_whole
 from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.run.plan import plan_case
 from ninedisk.harness.run.runner import LATE_CELLS, last_lines, run_cell
+from ninedisk.harness.terminal import console, table
 
 PASS, FAIL, REFUSED = "pass", "fail", "refused"
 """``refused``: the engine says that it cannot express the scene, and why; that is no defect."""
