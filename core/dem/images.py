@@ -12,7 +12,7 @@ from ninedisk.core.dem.state import OK, DiskArrays, Images, NeighbourList
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
-from ninedisk.core.scene.loads import Cell
+from ninedisk.core.scene.cell import Cell
 
 
 def first_images(cell: Cell, n: int, capacity: int, stripes: int) -> Images:

@@ -24,8 +24,9 @@ from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, Rolling, SlipAt, WallVelocityAt
 from ninedisk.core.scene.bodies import BodiesAndWalls, endless, plain, walls_of
+from ninedisk.core.scene.cell import Cell
 from ninedisk.core.scene.disks import Disks, check_outlines, outlines_from, plain_outline
-from ninedisk.core.scene.loads import BodyForce, Cell
+from ninedisk.core.scene.loads import BodyForce
 from ninedisk.core.scene.walls import Wall, WallSegment
 from ninedisk.core.validate import all_of_kind, at_least, finite, kind_of, whole
 

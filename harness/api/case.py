@@ -15,7 +15,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.results.schema import Figure
+from ninedisk.harness.results.figures import Figure
 
 FloatArray = NDArray[np.float64]
 Norm = Literal["max", "scalar"]

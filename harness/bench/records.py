@@ -14,9 +14,9 @@ from typing import Any
 
 from ninedisk.harness.api.errors import StoreError, UsageError
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.cli.support import console, table
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import complete
+from ninedisk.harness.terminal import console, table
 
 BENCH_VERSION = 7
 

@@ -11,7 +11,7 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
 from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres
 from ninedisk.harness.check_engine import conduct
-from ninedisk.harness.check_engine.findings import REFUSED, Bench, Finding, attempt
+from ninedisk.harness.check_engine.outcomes import REFUSED, Bench, Outcome, attempt
 
 Progress = Callable[[int, int, str], None]
 
@@ -19,7 +19,7 @@ UNEVEN = {"sample_every": 3, "sample_from": 4, "sample_until": 10}
 """Sampling that is neither every step nor regular: steps 0, 4, 7, 10 and 17."""
 
 
-def check_engine(engine: Engine, progress: Progress | None = None, only: Sequence[str] = ()) -> list[Finding]:
+def check_engine(engine: Engine, progress: Progress | None = None, only: Sequence[str] = ()) -> list[Outcome]:
     """Run every check on an engine that is installed, or those whose names match one of the patterns ``only``.
 
     Raises
@@ -40,22 +40,22 @@ def check_engine(engine: Engine, progress: Progress | None = None, only: Sequenc
         if not fnmatch.filter(names, pattern):
             raise UsageError(f"no check matches {pattern!r}: the checks of this engine are {', '.join(names)}")
     checks = [(name, check) for name, check in checks if not only or any(fnmatch.fnmatchcase(name, p) for p in only)]
-    findings = []
+    outcomes = []
     for done, (name, check) in enumerate(checks):
         if progress is not None:
             progress(done, len(checks), name)
-        findings.append(attempt(name, check))
-    return findings
+        outcomes.append(attempt(name, check))
+    return outcomes
 
 
-def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Finding]]]:
+def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Outcome]]]:
     info = bench.info()
     simplest = next((probe for probe in _simple(bench) if _taken(bench, probe)), None)
     if simplest is None:
         why = (
             "neither a disk in flight, nor one that falls, nor two at rest on a floor, nor a sphere on one is supported"
         )
-        yield "scenes", lambda: Finding(check="scenes", status="fail", found=why, mend="support at least one of them")
+        yield "scenes", lambda: Outcome(check="scenes", status="fail", found=why, mend="support at least one of them")
         return
     touching = next((probe for probe in (weights(info), simplest) if _taken(bench, probe)), simplest)
     flight = free_flight(info, **UNEVEN) if info.plane else spheres(info, **UNEVEN)
@@ -105,10 +105,10 @@ def _runs(bench: Bench, probe: Probe) -> bool:
     return bench.supports(probe.setup.scene, probe.setup.numerics).level is not SupportLevel.NO
 
 
-def _bound(bench: Bench, name: str, check: Callable[[Bench, Probe], Finding], probe: Probe) -> Callable[[], Finding]:
-    def run() -> Finding:
+def _bound(bench: Bench, name: str, check: Callable[[Bench, Probe], Outcome], probe: Probe) -> Callable[[], Outcome]:
+    def run() -> Outcome:
         if not _runs(bench, probe):
-            return Finding(
+            return Outcome(
                 check=name, status=REFUSED, found=f"the scene of this check ({probe.title}) is not supported"
             )
         return check(bench, probe)
@@ -116,8 +116,8 @@ def _bound(bench: Bench, name: str, check: Callable[[Bench, Probe], Finding], pr
     return run
 
 
-def _judged(bench: Bench, name: str, probe: Probe) -> Callable[[], Finding]:
-    def judge(bench: Bench, probe: Probe) -> Finding:
+def _judged(bench: Bench, name: str, probe: Probe) -> Callable[[], Outcome]:
+    def judge(bench: Bench, probe: Probe) -> Outcome:
         support = bench.supports(probe.setup.scene, probe.setup.numerics)
         return conduct.judged(name, bench, probe, support)
 

@@ -18,7 +18,7 @@ from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_
 from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.support import NOTE_SOFT
 from ninedisk.harness.cases.adapter.probes import COARSE, KN, OMEGA, Probe, on_floor, round_off
-from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED, Bench, Finding, finding
+from ninedisk.harness.check_engine.outcomes import FAIL, PASS, REFUSED, Bench, Outcome, outcome
 from ninedisk.harness.run.judge import check_history
 from ninedisk.harness.wire.protocol import MEANINGS
 
@@ -30,7 +30,7 @@ def _again(bench: Bench, probe: Probe) -> EngineRun:
     return bench.run_anew(probe.setup.scene, probe.setup.numerics, probe.setup.watch)
 
 
-def determinism(bench: Bench, probe: Probe) -> Finding:
+def determinism(bench: Bench, probe: Probe) -> Outcome:
     """Two runs of a scene with contacts give the same bits."""
     one, two = bench.run_of(probe).history, _again(bench, probe).history
     differ = [
@@ -40,12 +40,12 @@ def determinism(bench: Bench, probe: Probe) -> Finding:
         and not np.array_equal(array, getattr(two, field.name), equal_nan=True)
     ]
     mend = "fix seeds, orders and threads; one thread is the rule"
-    return finding(
+    return outcome(
         "determinism", [(f"two runs differ in {', '.join(differ)}", mend)] if differ else [], "two runs, the same bits"
     )
 
 
-def input_unchanged(bench: Bench, probe: Probe) -> Finding:
+def input_unchanged(bench: Bench, probe: Probe) -> Outcome:
     """A run, and the question whether it is supported, leave scene, numerics and watched pairs as they were."""
     setup = probe.setup
     scene, numerics = type(setup.scene).from_dict(setup.scene.to_dict()), Numerics.from_dict(setup.numerics.to_dict())
@@ -59,14 +59,14 @@ def input_unchanged(bench: Bench, probe: Probe) -> Finding:
         if _text(scene, numerics, watch) == before
         else [("the scene, the numerics or the watched pairs changed", mend)]
     )
-    return finding("input", faults, "scene, numerics and pairs as they were")
+    return outcome("input", faults, "scene, numerics and pairs as they were")
 
 
 def _text(scene: Scene, numerics: Numerics, watch: list[tuple[int, int]]) -> str:
     return json.dumps([scene.to_dict(), numerics.to_dict(), watch], sort_keys=True)
 
 
-def start(bench: Bench, probe: Probe) -> Finding:
+def start(bench: Bench, probe: Probe) -> Outcome:
     """The first sample is the state that was given: neither the set-up nor the warm-up has moved it."""
     history, bodies = bench.run_of(probe).history, probe.setup.scene.bodies
     bound = round_off(bench.info())
@@ -76,10 +76,10 @@ def start(bench: Bench, probe: Probe) -> Finding:
         apart = np.abs(getattr(history, name)[0] - wanted)
         if apart.max(initial=0.0) > bound:  # NaN is not observed, and no larger than anything
             faults.append((f"{name} at step 0 is off by {apart.max():.3g}", mend))
-    return finding("warm-up", faults, "step 0 is the state that was given")
+    return outcome("warm-up", faults, "step 0 is the state that was given")
 
 
-def impossible(bench: Bench, probe: Probe) -> Finding:
+def impossible(bench: Bench, probe: Probe) -> Outcome:
     """Requests that cannot be met are refused with an error of ours, and not answered."""
     info, setup = bench.info(), probe.setup
     requests: dict[str, Request] = {
@@ -91,7 +91,7 @@ def impossible(bench: Bench, probe: Probe) -> Finding:
     faults = [fault for what, request in requests.items() if (fault := _answered(bench, what, request))]
     if info.contact == "spring":
         faults += _unstable(bench)
-    return finding("refusals", faults, f"{len(requests) + (info.contact == 'spring')} impossible requests refused")
+    return outcome("refusals", faults, f"{len(requests) + (info.contact == 'spring')} impossible requests refused")
 
 
 Request = tuple[Scene, Numerics, tuple[tuple[int, int], ...]]
@@ -136,7 +136,7 @@ MUST_BE_NUMBERS = ("step", "t", "x", "v")
 """Arrays that no engine may leave unobserved."""
 
 
-def facts(engine_id: str, info: EngineInfo) -> Finding:
+def facts(engine_id: str, info: EngineInfo) -> Outcome:
     """`info` says what reports and references need, in the words that they know."""
     faults = []
     if info.id != engine_id:
@@ -160,10 +160,10 @@ def facts(engine_id: str, info: EngineInfo) -> Finding:
                 "sweeps is the name of one of info().options, or empty",
             )
         )
-    return finding("facts", faults, f"{info.name} {info.version}, {info.contact} contacts, {info.precision}")
+    return outcome("facts", faults, f"{info.name} {info.version}, {info.contact} contacts, {info.precision}")
 
 
-def form(bench: Bench, probe: Probe) -> Finding:
+def form(bench: Bench, probe: Probe) -> Outcome:
     """Shapes, types, finite numbers, meaning of forces, timings."""
     run = bench.run_of(probe)
     history, faults = run.history, []
@@ -186,24 +186,24 @@ def form(bench: Bench, probe: Probe) -> Finding:
         seconds = getattr(run.timings, name)
         if not (isinstance(seconds, float) and math.isfinite(seconds) and seconds >= 0.0):
             faults.append((f"timings.{name} is {seconds!r}", "timings are seconds of wall-clock time, >= 0"))
-    return finding("form", faults, "shapes, types, finite numbers, timings")
+    return outcome("form", faults, "shapes, types, finite numbers, timings")
 
 
-def sampling(bench: Bench, probe: Probe) -> Finding:
+def sampling(bench: Bench, probe: Probe) -> Outcome:
     """The state at the steps that were asked for, which are neither all nor regular."""
     history = bench.run_of(probe).history
     wanted = probe.setup.numerics.sampled_steps()
     mend = "sample at numerics.sampled_steps(), and t = step dt"
     if not np.array_equal(history.step, wanted):
-        return finding("sampling", [(f"steps {history.step.tolist()} instead of {wanted.tolist()}", mend)])
+        return outcome("sampling", [(f"steps {history.step.tolist()} instead of {wanted.tolist()}", mend)])
     late = float(np.abs(history.t - wanted * probe.setup.numerics.dt).max())
     if late > 1e-9 * probe.setup.numerics.dt * wanted[-1]:
-        return finding("sampling", [(f"times are off by {late:.3g} s", mend)])
+        return outcome("sampling", [(f"times are off by {late:.3g} s", mend)])
     faults = [(text, mend) for text, _ in bench.faults(probe)]
-    return finding("sampling", faults, f"steps {wanted.tolist()}")
+    return outcome("sampling", faults, f"steps {wanted.tolist()}")
 
 
-def copies(bench: Bench, probe: Probe) -> Finding:
+def copies(bench: Bench, probe: Probe) -> Outcome:
     """Observations belong to the caller: no two share memory, and a later run does not change them."""
     history = bench.run_of(probe).history
     arrays = {f.name: a for f in fields(History) if isinstance(a := getattr(history, f.name), np.ndarray) and a.size}
@@ -221,10 +221,10 @@ def copies(bench: Bench, probe: Probe) -> Finding:
     _again(bench, probe)
     changed = [name for name in names if not np.array_equal(arrays[name], before[name], equal_nan=True)]
     faults += [(f"{name} changed with the next run", mend) for name in changed]
-    return finding("copies", faults, "arrays of their own, untouched by a second run")
+    return outcome("copies", faults, "arrays of their own, untouched by a second run")
 
 
-def settings(bench: Bench, probe: Probe) -> Finding:
+def settings(bench: Bench, probe: Probe) -> Outcome:
     """What was chosen on purpose is on record, with the values that acted."""
     recorded, faults = dict(bench.run_of(probe).settings), []
     if not recorded:
@@ -245,7 +245,7 @@ def settings(bench: Bench, probe: Probe) -> Finding:
         found = bench.run_anew(probe.setup.scene, numerics, probe.setup.watch).settings.get(name)
         if found != value:
             faults.append((f"{name} = {value!r} was asked for, {found!r} is recorded", mend))
-    return finding("settings", faults, f"{len(recorded)} recorded")
+    return outcome("settings", faults, f"{len(recorded)} recorded")
 
 
 def _plain(value: object) -> bool:
@@ -268,7 +268,7 @@ def _changed_option(info: EngineInfo) -> tuple[str, float] | None:
     return None
 
 
-def capability(bench: Bench, probe: Probe, asked: Capability) -> Finding:
+def capability(bench: Bench, probe: Probe, asked: Capability) -> Outcome:
     """One capability: refused for a reason, or matched by the run of its probe."""
     name = f"supports: {asked.name}"
     support = bench.supports(probe.setup.scene, probe.setup.numerics)
@@ -278,7 +278,7 @@ def capability(bench: Bench, probe: Probe, asked: Capability) -> Finding:
     if lacking and support.level is not SupportLevel.APPROXIMATE and not support.notes:
         lacks = ", ".join(sorted(each.name for each in lacking))
         mend = "declare it in info(), or answer NO or APPROXIMATE, or say in a note why this scene does not need it"
-        return finding(name, [(f"the scene is {support.level} although info() lacks {lacks}", mend)])
+        return outcome(name, [(f"the scene is {support.level} although info() lacks {lacks}", mend)])
     # An engine may lack the place of the slip and run the scene all the same, if it says so: that place is no claim of its own.
     may_lack = support.level is SupportLevel.APPROXIMATE or (
         asked in SLIP_AT.values() and support.level is SupportLevel.EQUIVALENT
@@ -286,7 +286,7 @@ def capability(bench: Bench, probe: Probe, asked: Capability) -> Finding:
     return judged(name, bench, probe, support, claimed=asked in bench.info().capabilities or not may_lack)
 
 
-def judged(name: str, bench: Bench, probe: Probe, support: Support, *, claimed: bool = True) -> Finding:
+def judged(name: str, bench: Bench, probe: Probe, support: Support, *, claimed: bool = True) -> Outcome:
     """The run of a probe against its closed form, coarsely where it is graded approximate."""
     # Softness is in the bounds of contacts already, and what never touches has none.
     scene = probe.setup.scene
@@ -294,21 +294,21 @@ def judged(name: str, bench: Bench, probe: Probe, support: Support, *, claimed: 
     coarse = support.level is SupportLevel.APPROXIMATE and touches and NOTE_SOFT not in support.notes
     faults = bench.faults(probe, coarse=coarse)
     if not claimed:
-        return Finding(check=name, status=PASS, found=f"{probe.title}: not claimed, runs as {support.level}")
-    return finding(name, [(f"{probe.title}: {text}", mend) for text, mend in faults], f"{probe.title}: {support.level}")
+        return Outcome(check=name, status=PASS, found=f"{probe.title}: not claimed, runs as {support.level}")
+    return outcome(name, [(f"{probe.title}: {text}", mend) for text, mend in faults], f"{probe.title}: {support.level}")
 
 
-def _refusal(name: str, bench: Bench, support: Support, asked: Capability) -> Finding:
+def _refusal(name: str, bench: Bench, support: Support, asked: Capability) -> Outcome:
     missing = ", ".join(each.name for each in support.missing)
     if not support.missing and not support.notes:
         mend = "a refusal names the missing capabilities, or says in a note what stands against this scene"
-        return Finding(check=name, status=FAIL, found="refused without a reason", mend=mend)
+        return Outcome(check=name, status=FAIL, found="refused without a reason", mend=mend)
     declared = sorted(each.name for each in support.missing if each in bench.info().capabilities)
     if declared and not support.notes:
         mend = "take it out of info().capabilities, or say in a note what stands against this scene"
-        return Finding(
+        return Outcome(
             check=name, status=FAIL, found=f"refused for {', '.join(declared)}, which info() declares", mend=mend
         )
     why = f"lacks {missing}" if missing else "; ".join(support.notes)
     claimed = " (declared, but not in this scene)" if asked in bench.info().capabilities else ""
-    return Finding(check=name, status=REFUSED, found=why + claimed)
+    return Outcome(check=name, status=REFUSED, found=why + claimed)

@@ -9,7 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from ninedisk.harness.cli.support import CellProgress, console, guarded, table
+from ninedisk.harness.cli.support import CellProgress, guarded
+from ninedisk.harness.terminal import console, table
 
 WRONG = 1
 

@@ -11,7 +11,8 @@ import typer
 
 from ninedisk.harness.api.errors import StoreError, UsageError
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.cli.support import CellProgress, Store, console, guarded, table
+from ninedisk.harness.cli.support import CellProgress, Store, guarded
+from ninedisk.harness.terminal import console, table
 
 if TYPE_CHECKING:
     from ninedisk.harness.results.schema import Comparison, RunFacts

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, CellProgress, Command, console, fail, guarded, parse_settings, table
+from ninedisk.harness.cli.support import FAILURE, CellProgress, Command, fail, guarded, parse_settings
+from ninedisk.harness.terminal import console, table
 
 WRONG = 1
 

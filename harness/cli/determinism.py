@@ -8,17 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import (
-    INTERRUPTED,
-    CellProgress,
-    Commands,
-    Store,
-    console,
-    fail,
-    guarded,
-    table,
-    write_rows,
-)
+from ninedisk.harness.cli.support import INTERRUPTED, CellProgress, Commands, Store, fail, guarded, write_rows
+from ninedisk.harness.terminal import console, table
 
 if TYPE_CHECKING:
     from ninedisk.harness.api.engine import Engine

@@ -55,7 +55,7 @@ def check_engine(
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.registry import get_engine
     from ninedisk.harness.check_engine.check import check_engine as check
-    from ninedisk.harness.check_engine.findings import FAIL, show, write_json
+    from ninedisk.harness.check_engine.outcomes import FAIL, show, write_json
     from ninedisk.harness.results.whole_file import check_writable
     from ninedisk.harness.wire.command import CommandEngine
 
@@ -73,14 +73,14 @@ def check_engine(
         fail(f"the engine {engine!r} is not installed ({info.not_installed_because}): {info.install}", FAILURE)
     try:
         with CellProgress() as progress:
-            findings = check(found, progress, only or ())
+            outcomes = check(found, progress, only or ())
     except EngineError as error:
         fail(str(error), FAILURE)
     command = ["--engine-cmd", engine_cmd] if engine_cmd is not None else [engine]
-    show(engine, findings, ["ninedisk", "check-engine", *command])
+    show(engine, outcomes, ["ninedisk", "check-engine", *command])
     if json_file is not None:
-        write_json(json_file, engine, info.version or "", findings)
-    raise typer.Exit(int(any(each.status == FAIL for each in findings)))
+        write_json(json_file, engine, info.version or "", outcomes)
+    raise typer.Exit(int(any(each.status == FAIL for each in outcomes)))
 
 
 @guarded

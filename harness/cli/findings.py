@@ -14,9 +14,9 @@ import typer
 
 from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.cli.run import share
-from ninedisk.harness.cli.support import CellProgress, Commands, Store, console, guarded, table, write_rows
+from ninedisk.harness.cli.support import CellProgress, Commands, Store, guarded, write_rows
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding
+from ninedisk.harness.terminal import console, share, table
 
 if TYPE_CHECKING:
     from ninedisk.harness.api.finding import Finding, Size

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine, problems
-from ninedisk.harness.cli.support import Commands, console, guarded, table
+from ninedisk.harness.cli.support import Commands, guarded
+from ninedisk.harness.terminal import console, table
 
 if TYPE_CHECKING:
     from rich.table import Table

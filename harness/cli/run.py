@@ -22,14 +22,13 @@ from ninedisk.harness.cli.support import (
     CellProgress,
     Commands,
     Store,
-    console,
     fail,
     guarded,
     parse_settings,
-    table,
     write_rows,
 )
 from ninedisk.harness.results.schema import WIDE, WORST_FIRST, Row, allowed_shares, row_tolerance
+from ninedisk.harness.terminal import console, share, table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -351,11 +350,6 @@ def _headlines(rows: Sequence[Row], most: int) -> list[str]:
     if rest := [row["rel_error"] for row in pairs[most:]]:
         lines.append(f"... and {len(rest)} more, half of them at most {share(rest[len(rest) // 2])}")
     return lines
-
-
-def share(error: float) -> str:
-    """A relative error, three digits: in percent as long as that is readable; ``-`` for no number."""
-    return "-" if math.isnan(error) else f"{100.0 * error:.3g} %" if 1e-5 <= error < 9.995 else f"{error:.2g}"
 
 
 def _print_table(out: Console, judged: Sequence[Row], room: int) -> int:

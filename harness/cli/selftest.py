@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, CellProgress, console, fail, guarded, table, write_rows
+from ninedisk.harness.cli.support import FAILURE, CellProgress, fail, guarded, write_rows
+from ninedisk.harness.terminal import console, table
 
 if TYPE_CHECKING:
     from ninedisk.harness.results.schema import Row

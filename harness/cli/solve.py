@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import CellProgress, console, guarded, table
+from ninedisk.harness.cli.support import CellProgress, guarded
+from ninedisk.harness.terminal import console, table
 
 if TYPE_CHECKING:
     from ninedisk.core.cd.problem import Sliding

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import Store, console, guarded, table
+from ninedisk.harness.cli.support import Store, guarded
 from ninedisk.harness.results.schema import Row
+from ninedisk.harness.terminal import console, table
 
 MAX_ENGINES = 4
 """Engines of a run that `ninedisk runs` names."""

@@ -1,4 +1,4 @@
-"""What commands share: errors without tracebacks, progress that stays silent for two seconds, tables, options, rows as JSON."""
+"""What commands share: errors without tracebacks, progress that stays silent for two seconds, options, rows as JSON."""
 
 from __future__ import annotations
 
@@ -16,9 +16,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn, ParamSpec, TypeVar
 import typer
 
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.progress import Progress as Bar
-    from rich.table import Table
 
     from ninedisk.harness.results.schema import Row
 
@@ -52,10 +50,6 @@ UNUSABLE = frozenset(
     {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EISDIR, errno.EROFS}
 )
 """What the system says of a path that no command can use, whichever of them stumbles over it first."""
-
-
-PIPE_WIDTH = 200
-"""Columns where standard output is no terminal: wide enough that ids are not broken up."""
 
 
 def guarded(command: Callable[P, R]) -> Callable[P, R]:
@@ -161,27 +155,6 @@ class CellProgress:
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.add_task(label, completed=done, total=total or None)
             self._bar.start()
-
-
-def console() -> Console:
-    """A console on standard output."""
-    from rich.console import Console
-
-    found = Console(highlight=False, markup=False, emoji=False)
-    return found if found.is_terminal else Console(width=PIPE_WIDTH, highlight=False, markup=False, emoji=False)
-
-
-def table(*headers: str, right: tuple[str, ...] = (), whole: tuple[str, ...] = ()) -> Table:
-    """A plain table that folds long text instead of cutting it; columns of words that stay ``whole`` leave the folding to the others."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    made = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for header in headers:
-        made.add_column(
-            header, overflow="fold", justify="right" if header in right else "left", no_wrap=header in whole
-        )
-    return made
 
 
 def parse_settings(settings: Sequence[str], *, flag: str = "--set", example: str = "dt=0.01") -> dict[str, str]:

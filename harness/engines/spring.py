@@ -100,8 +100,8 @@ class InSpace:
     Attributes
     ----------
     capabilities : frozenset of Capability
-    judge : callable
-        As `SpringEngine.judge`.
+    fit : callable
+        As `SpringEngine.fit`.
     chosen : mapping
         Settings of every run that are chosen on purpose, for the record.
     dashpot_note : str
@@ -110,7 +110,7 @@ class InSpace:
     """
 
     capabilities: frozenset[Capability]
-    judge: Callable[[SphereScene, Numerics, Fit], None]
+    fit: Callable[[SphereScene, Numerics, Fit], None]
     chosen: Mapping[str, Any]
     dashpot_note: str
     extra: Callable[[SphereScene, Numerics], Mapping[str, Any]] | None = None
@@ -119,7 +119,7 @@ class InSpace:
 class SpringEngine(ProcessEngine):
     """Adapter of an engine that integrates contact springs by central differences, as the in-house DEM does.
 
-    A subclass gives what a `ProcessEngine` asks for, `judge`, and `in_space` where it has spheres.
+    A subclass gives what a `ProcessEngine` asks for, `fit`, and `in_space` where it has spheres.
     """
 
     chosen: Mapping[str, Any]
@@ -128,7 +128,7 @@ class SpringEngine(ProcessEngine):
     in_space: InSpace | None = None
 
     @abstractmethod
-    def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
+    def fit(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """Add to ``fit`` what the capabilities do not tell, and take out what this very scene does not ask for."""
 
     def _part(self, scene: Scene | SphereScene) -> InSpace | None:
@@ -147,8 +147,8 @@ class SpringEngine(ProcessEngine):
             fit.missing -= OF_SLIP_AT
             fit.equivalent = True
             fit.notes.append(NOTE_SLIP_END)
-        judge: Callable[[Any, Numerics, Fit], None] = part.judge if part else self.judge
-        judge(scene, numerics, fit)
+        fit_scene: Callable[[Any, Numerics, Fit], None] = part.fit if part else self.fit
+        fit_scene(scene, numerics, fit)
         if any(law.beta > 0.0 for law in scene.laws_in_use) and Capability.CONTACT_DAMPING not in fit.missing:
             fit.notes.append(part.dashpot_note if part else self.dashpot_note)
             fit.equivalent = fit.equivalent or numerics.damping_form == "central"
@@ -237,7 +237,7 @@ def plane_laws(scene: SphereScene, wall: PlaneWall) -> list[SphereLaw]:
     return _once(scene.law((names.index(name), number)) for name in dict.fromkeys(names))
 
 
-def judge_arms(scene: SphereScene, fit: Fit, between: str, at_walls: str) -> None:
+def fit_arms(scene: SphereScene, fit: Fit, between: str, at_walls: str) -> None:
     """Note the lever arms that rough contacts ask for and the engine only comes near to: it has one of spheres, and one of walls."""
     fit.missing -= ARMS
     if not scene.spheres.rotating.any():

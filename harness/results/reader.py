@@ -1,7 +1,7 @@
 """The one reader of stores: which finished runs there are, what they came from, and their tables in the form of today's schema.
 
 A run that is half-written, or being written now, is never looked at. Commands, comparisons, histories, the suite and the reports
-all read through here; the reports know nothing else of the harness but the schema.
+all read through here; the reports know nothing else of the harness but the schema and the declarations of figures.
 """
 
 from __future__ import annotations

@@ -37,7 +37,8 @@ from ninedisk.harness.api.engine import (
 )
 from ninedisk.harness.api.params import foreign_settings
 from ninedisk.harness.api.support import support_of
-from ninedisk.harness.results.schema import CELL_COLUMNS, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row, figures_to_text
+from ninedisk.harness.results.figures import figures_to_text
+from ninedisk.harness.results.schema import CELL_COLUMNS, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
 from ninedisk.harness.results.tables import CaseResult, complete, plain_json
 from ninedisk.harness.run.isolation import TIME_LIMIT_VARIABLE
 from ninedisk.harness.run.judge import (

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.results.schema import ROUND_OFF, Figure, Plotted, Row
+from ninedisk.harness.results.figures import Figure, Plotted
+from ninedisk.harness.results.schema import ROUND_OFF, Row
 from ninedisk.reports.drawing.charts import (
     SOFT,
     Dots,

@@ -10,7 +10,8 @@ from urllib.parse import quote
 
 import numpy as np
 
-from ninedisk.harness.results.schema import Figure, Plotted, Row
+from ninedisk.harness.results.figures import Figure, Plotted
+from ninedisk.harness.results.schema import Row
 from ninedisk.reports.drawing.charts import MARKERS, SOFT, Dots, Look, PointChart, numbered_look
 from ninedisk.reports.drawing.figures import LEAST, varying
 from ninedisk.reports.panel.load import Series

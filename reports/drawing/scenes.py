@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.harness.results.schema import Figure, Row
+from ninedisk.harness.results.figures import Figure
+from ninedisk.harness.results.schema import Row
 from ninedisk.reports.drawing.charts import Look
 from ninedisk.reports.drawing.draw import Configuration, SpaceView, WallView, read_scene, read_space
 from ninedisk.reports.drawing.figures import Looks, tolerances, varying

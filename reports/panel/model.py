@@ -16,16 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.results.schema import (
-    WIDE,
-    WORST_FIRST,
-    Figure,
-    Row,
-    allowed_shares,
-    figures_from_text,
-    row_tolerance,
-    worst_status,
-)
+from ninedisk.harness.results.figures import Figure, figures_from_text
+from ninedisk.harness.results.schema import WIDE, WORST_FIRST, Row, allowed_shares, row_tolerance, worst_status
 from ninedisk.reports.panel import text
 from ninedisk.reports.panel.load import Curve, Series, Stored, differences
 from ninedisk.reports.panel.text import Slugs, as_float, decoded, shade, symbol
@@ -271,7 +263,7 @@ def build_panel(stored: Stored) -> Panel:
 
 
 @dataclass(frozen=True)
-class Difference:
+class EnginePair:
     """Largest relative difference of two engines over all shared histories, and the history where it occurs."""
 
     size: float
@@ -281,7 +273,7 @@ class Difference:
 
 def difference_matrix(
     series: Series, case: str, measurements: Iterable[Row]
-) -> tuple[list[str], dict[tuple[str, str], Difference]]:
+) -> tuple[list[str], dict[tuple[str, str], EnginePair]]:
     """Engines with histories of a case, the one that differs most first, and every pair that shares a history.
 
     A difference is ``max |a - b|`` over the common steps of one history, over the largest ``|truth|`` of the quantity in
@@ -293,13 +285,13 @@ def difference_matrix(
     for (name, variant, engine, quantity), curve in series.items():
         if name == case:
             held.setdefault((variant, quantity), {})[engine] = curve
-    worst: dict[tuple[str, str], Difference] = {}
+    worst: dict[tuple[str, str], EnginePair] = {}
     for (variant, quantity), engines in held.items():
         for one, two in combinations(sorted(engines), 2):
             apart = differences(engines[one], engines[two], scale[quantity])
             known = worst.get((one, two))
             if not math.isnan(apart) and (known is None or apart > known.size):
-                worst[one, two] = worst[two, one] = Difference(apart, variant, quantity)
+                worst[one, two] = worst[two, one] = EnginePair(apart, variant, quantity)
     middle: dict[str, float] = {}
     for engine in sorted({engine for engines in held.values() for engine in engines}):
         sizes = sorted(found.size for (one, _), found in worst.items() if one == engine)

@@ -12,7 +12,8 @@ import numpy as np
 
 from ninedisk.harness.api.case import figures_of
 from ninedisk.harness.api.registry import get_case
-from ninedisk.harness.results.schema import TABLES, figures_to_text
+from ninedisk.harness.results.figures import figures_to_text
+from ninedisk.harness.results.schema import TABLES
 
 Row = dict[str, Any]
 ENGINES = {  # id: name, version, support, relative error of its histories

@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from ninedisk.harness.results.schema import Figure, figures_to_text
+from ninedisk.harness.results.figures import Figure, figures_to_text
 from ninedisk.reports.build import build_report
 
 HOSTILE = "../../../<script>alert('x')</script>"

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene
-from ninedisk.core.scene.loads import Cell
+from ninedisk.core.scene.cell import Cell
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import where_observed

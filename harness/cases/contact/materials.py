@@ -25,7 +25,7 @@ from ninedisk.harness.cases.common import (
     whole_steps,
 )
 from ninedisk.harness.cases.impact.binary import beta_for
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.collision import final_velocities
 from ninedisk.references.analytic.on_plane.slip_to_roll import slide_to_stop
 

@@ -25,7 +25,8 @@ from ninedisk.harness.api.case import (
     Value,
 )
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.common import FINDING_WORDS, where_observed
+from ninedisk.harness.cases.common import where_observed
+from ninedisk.harness.cases.differences import FINDING_WORDS
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
 from ninedisk.references.analytic.contact.driven_contact import shuttle
 from ninedisk.references.exact_steps.normal_contact import Plane, normal_contact_central

@@ -15,7 +15,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.common import allowing, excused
+from ninedisk.harness.cases.differences import allowing, excused
 from ninedisk.harness.cases.matched import slip_of
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
 from ninedisk.references.analytic.contact.retraced_loop import (

@@ -16,7 +16,7 @@ from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Par
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import CONTACT_DYNAMICS, where_observed
 from ninedisk.harness.cases.impact.binary import beta_for
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 
 RADII = (0.1, 0.08, 0.09)
 """Of the disks of each row, in turn [m]; their mass is that of `DENSITY`."""

@@ -14,7 +14,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import phase_error
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.cohesion import captures, cohesive_contact, cohesive_rebound
 
 RADIUS, MASS, HEAVY, SPEED = 0.5, 1.0, 3.0, 2.0

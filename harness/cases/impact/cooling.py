@@ -22,7 +22,6 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
-    allowing,
     contact_step,
     last,
     numerics_of,
@@ -31,6 +30,7 @@ from ninedisk.harness.cases.common import (
     softness,
     whole_steps,
 )
+from ninedisk.harness.cases.differences import allowing
 from ninedisk.harness.cases.impact.binary import beta_for
 from ninedisk.harness.cases.impact.gas import (
     MASS,
@@ -43,7 +43,7 @@ from ninedisk.harness.cases.impact.gas import (
     overlaps_squared,
     room_at_walls,
 )
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.gas import haff_spread, haff_time, pair_rate, rate_in_box
 from ninedisk.references.analytic.impact.hard_disks import hard_disks
 from ninedisk.references.analytic.impact.spring_dashpot import contact_duration

@@ -30,7 +30,6 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
-    allowing,
     contact_step,
     drift_in_flight,
     flight_checks,
@@ -41,6 +40,7 @@ from ninedisk.harness.cases.common import (
     softness,
     whole_steps,
 )
+from ninedisk.harness.cases.differences import allowing
 from ninedisk.references.analytic.impact.gas import pair_rate, wall_rate
 
 RADIUS, MASS = 1.0, math.pi

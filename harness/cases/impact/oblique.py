@@ -30,11 +30,8 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
-    LIFTS,
     around_contact,
     contact_step,
-    excused,
-    follows_associated_rule,
     last,
     numerics_of,
     phase_error,
@@ -44,8 +41,9 @@ from ninedisk.harness.cases.common import (
     softness,
     whole_steps,
 )
+from ninedisk.harness.cases.differences import LIFTS, excused, follows_associated_rule
 from ninedisk.harness.cases.impact.binary import ROUND_OFF, beta_for
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.oblique_impact import Rebound, rigid_rebound, spring_rebound
 from ninedisk.references.analytic.impact.spring_dashpot import contact_duration, restitution_of_beta
 from ninedisk.references.analytic.on_plane.slip_to_roll import UNIFORM_DISK

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ninedisk.harness.api.claims import Cells, Claim, Verdict, published
-from ninedisk.harness.results.schema import Allowed, Figure, Plotted
+from ninedisk.harness.results.figures import Allowed, Figure, Plotted
 
 
 def _collision(first: int) -> tuple[Plotted, ...]:

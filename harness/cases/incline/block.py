@@ -22,14 +22,11 @@ from ninedisk.harness.cases.common import (
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
     GRAVITY,
-    LIFTS,
     SHEAR_STIFFNESS,
     STEP,
     STIFFNESS,
     THETA,
-    allowing,
     contact_step,
-    follows_associated_rule,
     last,
     numerics_of,
     round_off_speed,
@@ -43,6 +40,7 @@ from ninedisk.harness.cases.common import (
     summed_round_off,
     whole_steps,
 )
+from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
 from ninedisk.harness.cases.incline.shown import BLOCK_CLAIMS, BLOCK_FIGURES
 from ninedisk.references.analytic.on_plane.incline import acceleration, critical_mu, incline
 from ninedisk.references.exact_steps.incline import (

@@ -16,22 +16,20 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
-    FINDING_WORDS,
     GRAVITY,
-    LIFTS,
     SHEAR_STIFFNESS,
     STEP,
     STIFFNESS,
     THETA,
     contact_step,
-    excused,
     numerics_of,
     second_half,
     slack_time,
     whole_steps,
 )
+from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, excused
 from ninedisk.harness.cases.incline.block import PHASE, RADIUS, chatters, first_order_bounds, spring_bounds
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.on_plane.incline import acceleration
 
 RATIOS = (0.5, 0.9, 0.99, 1.01, 1.1, 1.5)

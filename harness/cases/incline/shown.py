@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ninedisk.harness.api.claims import NO_DILATION, Cells, Claim, UndecidedError, Verdict, associated, by_value, series
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 
 
 def _incline(first: int) -> tuple[Plotted, ...]:

@@ -14,7 +14,7 @@ from ninedisk.core.scene import BodyForce, ContactLaw, Disks, Scene
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import single, single_precision
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.contact.segments import Driven, under_segments
 
 RADIUS, MASS = 0.5, 2.0

@@ -16,7 +16,7 @@ from ninedisk.core.scene import WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.common import allowing
+from ninedisk.harness.cases.differences import allowing
 from ninedisk.harness.cases.matched import core_history, slip_of
 from ninedisk.harness.cases.nine_disk.compression import outline_check
 from ninedisk.harness.cases.nine_disk.converged import FirstOrder, Limit, consensus_checks, converged_checks

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from ninedisk.harness.api.claims import Cells, Claim, UndecidedError, Verdict, by_value, series
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 
 _COMPRESSION = (
     Plotted("fn_disk_disk_centre", "Fn disk–disk, centre row"),

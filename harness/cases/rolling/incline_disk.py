@@ -17,11 +17,8 @@ from ninedisk.harness.cases.common import (
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
     GRAVITY,
-    LIFTS,
     THETA,
-    allowing,
     contact_step,
-    follows_associated_rule,
     last,
     numerics_of,
     round_off_speed,
@@ -35,6 +32,7 @@ from ninedisk.harness.cases.common import (
     summed_round_off,
     whole_steps,
 )
+from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
 from ninedisk.harness.cases.incline.block import chatters
 from ninedisk.harness.cases.rolling.slip_to_roll import shear_frequency
 from ninedisk.references.analytic.on_plane.rolling_incline import RollRates, roll_down, roll_rates, rolling_mu

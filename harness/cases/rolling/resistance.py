@@ -26,7 +26,7 @@ from ninedisk.harness.cases.common import (
     whole_steps,
 )
 from ninedisk.harness.cases.rolling.slip_to_roll import shear_frequency
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.on_plane.rolling_resistance import (
     EquivalentDisk,
     Rolled,

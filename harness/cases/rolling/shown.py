@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ninedisk.harness.api.claims import NO_DILATION, Cells, Claim, UndecidedError, Verdict, associated, by_value, series
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 
 
 def rotations_limit_dilation(cells: Cells) -> Verdict:

@@ -18,14 +18,11 @@ from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     FRICTION,
     GRAVITY,
-    LIFTS,
     SHEAR_STIFFNESS,
     STEP,
     STIFFNESS,
     THETA,
-    allowing,
     contact_step,
-    follows_associated_rule,
     last,
     numerics_of,
     round_off_speed,
@@ -37,6 +34,7 @@ from ninedisk.harness.cases.common import (
     summed_round_off,
     whole_steps,
 )
+from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
 from ninedisk.harness.cases.rolling.shown import SLIP_TO_ROLL_CLAIMS, SLIP_TO_ROLL_FIGURES
 from ninedisk.references.analytic.on_plane.slip_to_roll import (
     UNIFORM_DISK,

@@ -19,12 +19,10 @@ from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     FRICTION,
     GRAVITY,
-    LIFTS,
     SHEAR_STIFFNESS,
     STEP,
     STIFFNESS,
     THETA,
-    allowing,
     contact_step,
     last,
     numerics_of,
@@ -32,6 +30,7 @@ from ninedisk.harness.cases.common import (
     single,
     whole_steps,
 )
+from ninedisk.harness.cases.differences import LIFTS, allowing
 from ninedisk.harness.cases.rolling.shown import SPINNING_DISK_FIGURES
 from ninedisk.harness.cases.rolling.slip_to_roll import (
     CONTACT_BETA,

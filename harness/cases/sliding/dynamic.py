@@ -12,15 +12,8 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, TruthKind, Value
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.common import (
-    CONTACT_DYNAMICS,
-    EXACT_STEP_RTOL,
-    contact_step,
-    follows_associated_rule,
-    single,
-    soft_reason,
-    softness,
-)
+from ninedisk.harness.cases.common import CONTACT_DYNAMICS, EXACT_STEP_RTOL, contact_step, single, soft_reason, softness
+from ninedisk.harness.cases.differences import follows_associated_rule
 from ninedisk.harness.cases.sliding.scene import KN, MASS, PAIR, RADIUS, observe_particle, particle_on_plane
 from ninedisk.harness.cases.sliding.shown import DYNAMIC_CLAIMS, DYNAMIC_FIGURES
 from ninedisk.references.exact_steps.sliding import SlidingSteps, dynamic_sliding

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ninedisk.harness.api.claims import NO_DILATION, Cells, Claim, UndecidedError, Verdict, associated, scalar, series
-from ninedisk.harness.results.schema import Figure
+from ninedisk.harness.results.figures import Figure
 
 
 def quasistatic_dilates_once(cells: Cells) -> Verdict:

@@ -24,7 +24,7 @@ from ninedisk.harness.cases.energy.budget import (
     WORDS,
     Budget,
 )
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import hertz_impact
 
 LOSSES, OWN = ("friction_loss", "dashpot_loss"), ("law_loss",)

@@ -17,7 +17,7 @@ from ninedisk.harness.api.claims import Cells, Claim, UndecidedError, Verdict, s
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import single, single_precision
 from ninedisk.harness.cases.spheres.impact import MARGIN
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import contact_moduli, solitary_speed
 from ninedisk.references.hertz_chain import stepped_row, struck_row
 

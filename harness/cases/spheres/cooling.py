@@ -14,7 +14,8 @@ from ninedisk.core.spheres.law import SphereLaw, damping_ratio
 from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.case import Check, FloatArray, KnownDifference, Observed, Setup, SphereSetup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.common import CONTACT_DYNAMICS, FINDING_WORDS, whole_steps
+from ninedisk.harness.cases.common import CONTACT_DYNAMICS, whole_steps
+from ninedisk.harness.cases.differences import FINDING_WORDS
 from ninedisk.harness.cases.impact.cooling import CoolingGas, law_at_end, own_step
 from ninedisk.harness.cases.impact.gas import MASS, RADIUS
 from ninedisk.references.analytic.impact.spring_dashpot import restitution_of_beta

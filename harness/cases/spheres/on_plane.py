@@ -31,18 +31,15 @@ from ninedisk.harness.api.case import (
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
-    FINDING_WORDS,
-    LIFTS,
-    allowing,
     contact_step,
-    follows_associated_rule,
     single,
     single_precision,
     slack_time,
     soft_reason,
     softness,
 )
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, allowing, follows_associated_rule
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.on_plane.ball_on_plane import BallHistory, against_twisting, slide_and_roll, slip_of
 from ninedisk.references.analytic.on_plane.rolling_incline import roll_down, roll_rates
 from ninedisk.references.analytic.on_plane.rolling_resistance import (

@@ -25,10 +25,7 @@ from ninedisk.harness.api.case import (
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
-    LIFTS,
-    allowing,
     contact_step,
-    follows_associated_rule,
     last,
     single,
     single_precision,
@@ -36,7 +33,8 @@ from ninedisk.harness.cases.common import (
     soft_reason,
     softness,
 )
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.assembly.sphere_ring import RingForces, fallen, ring_angle, ring_forces
 
 RADIUS, MASS, G = 0.5, 2.0, 10.0

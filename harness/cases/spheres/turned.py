@@ -29,8 +29,9 @@ from ninedisk.harness.api.case import (
     Value,
 )
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.common import FINDING_WORDS, single, single_precision
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.cases.common import single, single_precision
+from ninedisk.harness.cases.differences import FINDING_WORDS
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.contact.turned_shear import kept_shear, turned_by, turned_shear
 
 RADIUS, KN, MU = 0.5, 1e3, 1.0

@@ -102,7 +102,7 @@ class EsysParticle(SpringEngine):
             "OMPI_MCA_mpi_yield_when_idle": "1",
         }
 
-    def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
+    def fit(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """EXACT for smooth elastic contacts, and for disks whose friction symmetry keeps from acting."""
         laws = scene.laws_in_use
         if capabilities_needed(scene, numerics) & NEEDLESS and no_contact_can_slip(scene):

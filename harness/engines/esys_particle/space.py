@@ -15,7 +15,7 @@ from ninedisk.harness.engines.spring import (
     NOTE_UNIFORM,
     Fit,
     InSpace,
-    judge_arms,
+    fit_arms,
     plane_laws,
     rough,
     sphere_laws,
@@ -42,9 +42,9 @@ NOTE_FORCES = (
 )
 
 
-def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG001
+def fit(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG001
     """Smooth linear planes; friction beside the linear law, dashpots beside Hertz'."""
-    judge_arms(scene, fit, "overlap", "overlap")
+    fit_arms(scene, fit, "overlap", "overlap")
     between, laws = sphere_laws(scene), scene.laws_in_use
     planes = [law for wall in scene.walls for law in plane_laws(scene, wall)]
     asked = [
@@ -85,7 +85,7 @@ CHOSEN: dict[str, Any] = {
 
 ESYS_IN_SPACE = InSpace(
     capabilities=IN_SPACE | {Capability.LEVER_ARM_OVERLAP, Capability.ROTATING_WALLS},
-    judge=judge,
+    fit=fit,
     chosen=CHOSEN,
     dashpot_note=NOTE_DASHPOT,
 )

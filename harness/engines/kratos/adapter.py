@@ -116,7 +116,7 @@ class Kratos(SpringEngine):
         (version, reason), (core, without) = map(package_version, PACKAGES)
         return version if core else None, reason or without
 
-    def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
+    def fit(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """EXACT for smooth walls and disks that roll on each other with the arm R - overlap/2, or where symmetry forbids turning.
 
         APPROXIMATE where a lever arm differs or rough walls turn.

@@ -48,7 +48,7 @@ def moduli(scene: SphereScene) -> list[float] | None:
     return [sphere, *(1.0 / (1.0 / e_star - 1.0 / sphere) for e_star in own)]
 
 
-def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG001
+def fit(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG001
     """Lever arms, smooth planes where they turn, and dashpots without friction alone."""
     fit.missing -= ARMS
     planes = [law for wall in scene.walls for law in plane_laws(scene, wall)]
@@ -100,7 +100,7 @@ KRATOS_IN_SPACE = InSpace(
             Capability.SLIP_END,
         }
     ),
-    judge=judge,
+    fit=fit,
     chosen={
         "element": "SphericParticle3D",
         "scheme": "Symplectic_Euler, Direct_Integration",

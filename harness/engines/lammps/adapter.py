@@ -133,7 +133,7 @@ class Lammps(SpringEngine):
         mpi, without = _mpi_library()
         return version if mpi else None, reason or without
 
-    def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
+    def fit(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """Lever arms by pair style, walls' velocities as means over the step, uniform disks, preloads that velocities can make."""
         disks, laws = scene.disks, scene.laws_in_use
         pairs = any(map(rough, disk_laws(scene)))

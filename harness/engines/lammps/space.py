@@ -16,7 +16,7 @@ from ninedisk.harness.engines.spring import (
     NOTE_UNIFORM,
     Fit,
     InSpace,
-    judge_arms,
+    fit_arms,
     plane_laws,
     rough,
     sphere_laws,
@@ -40,9 +40,9 @@ NOTE_RESISTANCE_WALLS = "LAMMPS' rolling and twisting do not see the spin of a w
 NOTE_ONE_AXIS = "a region of LAMMPS turns about one axis"
 
 
-def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG001
+def fit(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG001
     """Lever arms, walls that turn about one axis, what dashpots and surface energy can be together."""
-    judge_arms(scene, fit, "torque-overlap", "radius")
+    fit_arms(scene, fit, "torque-overlap", "radius")
     laws = scene.laws_in_use
     if any(map(rough, sphere_laws(scene))):
         fit.notes.append(NOTE_ARMS)
@@ -105,7 +105,7 @@ LAMMPS_IN_SPACE = InSpace(
         Capability.SURFACE_DMT,
         Capability.SURFACE_JKR,
     },
-    judge=judge,
+    fit=fit,
     chosen=CHOSEN,
     dashpot_note=NOTE_DASHPOT,
 )

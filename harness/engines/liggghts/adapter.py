@@ -115,7 +115,7 @@ class Liggghts(SpringEngine):
         alone = {"OMPI_MCA_btl": "self", "OMPI_MCA_pml": "ob1", "OMPI_MCA_ess_singleton_isolated": "1"}
         return {**without_mpi(super().environment(folder)), **alone}
 
-    def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
+    def fit(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """No disk may turn, by blocking or by symmetry, and the walls' motion must be a polygon in time."""
         if Capability.DISK_INERTIA in fit.missing:
             symmetric = no_disk_can_turn(scene)

@@ -19,7 +19,7 @@ from ninedisk.harness.engines.spring import (
     NOTE_UNIFORM,
     Fit,
     InSpace,
-    judge_arms,
+    fit_arms,
     rough,
     sphere_laws,
     uniform,
@@ -90,9 +90,9 @@ def materials(scene: SphereScene) -> list[tuple[float, float]] | None:
     return answer
 
 
-def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:
+def fit(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:
     """One normal model, materials that have the scene's moduli, walls on polygons in time."""
-    judge_arms(scene, fit, "overlap", "overlap")
+    fit_arms(scene, fit, "overlap", "overlap")
     laws = scene.laws_in_use
     if any(map(rough, laws)):
         fit.notes += [NOTE_ARM, NOTE_PROJECTION]
@@ -155,7 +155,7 @@ CHOSEN: dict[str, Any] = {
 LIGGGHTS_IN_SPACE = InSpace(
     capabilities=(IN_SPACE - {Capability.CURVED_WALL_MOTION})
     | {Capability.LEVER_ARM_OVERLAP, Capability.UNLOADING_NONE},
-    judge=judge,
+    fit=fit,
     chosen=CHOSEN,
     dashpot_note=NOTE_DASHPOT,
     extra=extra,

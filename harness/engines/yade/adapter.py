@@ -141,7 +141,7 @@ class Yade(SpringEngine):
             "OMP_NUM_THREADS": "1",
         }
 
-    def judge(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG002
+    def fit(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG002
         """One lever arm for all contacts, and a wall's velocity at the middle of the overlap."""
         fit.near |= fit.missing & ARMS
         fit.missing -= ARMS

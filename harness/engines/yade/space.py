@@ -7,7 +7,7 @@ from typing import Any
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.engines.spring import IN_SPACE, NOTE_MEAN, Fit, InSpace, judge_arms, rough, uneven_planes
+from ninedisk.harness.engines.spring import IN_SPACE, NOTE_MEAN, Fit, InSpace, fit_arms, rough, uneven_planes
 
 NOTE_ARM = "lever arm of shear torque and slip: R - overlap/2, for spheres and planes (ScGeom), whose slip is that of mid-overlap"
 NOTE_ROTATION = (
@@ -24,9 +24,9 @@ NOTE_PULL = "YADE's friction has the pull-off once beside the normal force (fric
 NOTE_NO_CAP = "a cap of 0 is none in MindlinPhys"
 
 
-def judge(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG001
+def fit(scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG001
     """One lever arm for all contacts; which springs resist spins beside which law."""
-    judge_arms(scene, fit, "overlap", "overlap")
+    fit_arms(scene, fit, "overlap", "overlap")
     laws = scene.laws_in_use
     if any(map(rough, laws)):
         fit.notes += [NOTE_ARM, NOTE_ROTATION]
@@ -74,7 +74,7 @@ YADE_IN_SPACE = InSpace(
         Capability.TWISTING_SPRING,
         Capability.SURFACE_DMT,
     },
-    judge=judge,
+    fit=fit,
     chosen=CHOSEN,
     dashpot_note=NOTE_DASHPOT,
 )

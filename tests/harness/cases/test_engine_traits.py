@@ -13,7 +13,8 @@ from ninedisk.harness.api.engine import SOFTEST, SupportLevel
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case, get_engine
 from ninedisk.harness.api.support import NOTE_SLIP_END
-from ninedisk.harness.cases.common import follows_associated_rule, single, slack_time, softness
+from ninedisk.harness.cases.common import single, slack_time, softness
+from ninedisk.harness.cases.differences import follows_associated_rule
 from ninedisk.harness.cases.impact.binary import CASE as COLLISION
 from ninedisk.harness.cases.incline.block import CASE as INCLINE
 from ninedisk.harness.cases.nine_disk.compression import CASE as COMPRESSION

@@ -68,7 +68,7 @@ def test_the_end_of_a_run_fits_on_a_screen(
     failing: int, width: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", width)
-    monkeypatch.setattr("ninedisk.harness.cli.support.PIPE_WIDTH", int(width))
+    monkeypatch.setattr("ninedisk.harness.terminal.PIPE_WIDTH", int(width))
     cells, rows = matrix(failing)
     lines = printed(capsys, cells, rows, Path("results/runs/20260101T000000Z-abcdef"), headlines(cells))
     assert len(lines) <= SCREEN - AROUND

@@ -30,7 +30,7 @@ from ninedisk.harness.api.engine import (
     SupportLevel,
     Timings,
 )
-from ninedisk.harness.results.schema import Figure, Plotted
+from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.harness.run.isolation import run_isolated
 
 STUBBORN = """

@@ -19,7 +19,7 @@ from ninedisk_tests_comparison import assert_same, variant, worst
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.core.scene.loads import Cell
+from ninedisk.core.scene.cell import Cell
 from ninedisk.core.scene.motion import compile_motion, wall_poses
 from ninedisk.core.simulate import simulate
 from ninedisk.harness.api.capabilities import Capability

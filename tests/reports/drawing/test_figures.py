@@ -12,7 +12,7 @@ import pytest
 
 from ninedisk.harness.api.case import figures_of
 from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
-from ninedisk.harness.results.schema import figures_from_text, figures_to_text
+from ninedisk.harness.results.figures import figures_from_text, figures_to_text
 from ninedisk.reports.build import CaseDrawing, Job, render
 from ninedisk.reports.drawing import draw as draw_history
 from ninedisk.reports.drawing.draw import error_limits, read_scene, round_off, thin, value_limits

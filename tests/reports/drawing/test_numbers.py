@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from ninedisk.harness.api.registry import get_case
-from ninedisk.harness.results.schema import figures_to_text
+from ninedisk.harness.results.figures import figures_to_text
 from ninedisk.reports.drawing import draw as svg
 from ninedisk.reports.drawing.charts import engine_looks, spread
 from ninedisk.reports.drawing.figures import case_speed, convergences, engine_speed, looks_of, values_against_step

@@ -10,7 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 
-from ninedisk.harness.results.schema import Drawn, Figure, Plotted, figures_to_text
+from ninedisk.harness.results.figures import Drawn, Figure, Plotted, figures_to_text
 from ninedisk.reports.build import build_report
 from ninedisk.reports.drawing.charts import engine_looks
 from ninedisk.reports.drawing.figures import LEAST

@@ -19,7 +19,7 @@ from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.cases.adapter.space import probe_of
 from ninedisk.harness.check_engine import conduct
-from ninedisk.harness.check_engine.findings import Bench
+from ninedisk.harness.check_engine.outcomes import Bench
 
 ENGINES = ("lammps", "yade", "kratos", "siconos", "mujoco", "box2d", "pymunk", "bullet", "dart")
 

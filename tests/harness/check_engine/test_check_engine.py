@@ -21,7 +21,7 @@ from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportL
 from ninedisk.harness.api.registry import case_table, get_engine
 from ninedisk.harness.cases.adapter.space import probe_of
 from ninedisk.harness.check_engine.check import check_engine
-from ninedisk.harness.check_engine.findings import FAIL, PASS, REFUSED
+from ninedisk.harness.check_engine.outcomes import FAIL, PASS, REFUSED
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.engines.dem.adapter import DemEngine
 from ninedisk.harness.selftest.declared import DECLARED, Declared

@@ -24,18 +24,18 @@ from ninedisk.harness.api.engine import (
 from ninedisk.harness.api.support import support_of
 from ninedisk.harness.api.text import printable
 from ninedisk.harness.cases.adapter.probes import Probe
-from ninedisk.harness.cli.support import console, table
 from ninedisk.harness.results.whole_file import write_whole
 from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.run.plan import plan_case
 from ninedisk.harness.run.runner import LATE_CELLS, last_lines, run_cell
+from ninedisk.harness.terminal import console, table
 
 PASS, FAIL, REFUSED = "pass", "fail", "refused"
 """``refused``: the engine says that it cannot express the scene, and why; that is no defect."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class Outcome:
     """One line of the table: a check, its status, what was found, and what to mend."""
 
     check: str
@@ -48,12 +48,12 @@ class Finding:
         return dict(vars(self))
 
 
-def finding(check: str, faults: Sequence[tuple[str, str]], found: str = "") -> Finding:
+def outcome(check: str, faults: Sequence[tuple[str, str]], found: str = "") -> Outcome:
     """Pass without faults; else what each says, and each way to mend once. A fault is (what was found, what to mend)."""
     if not faults:
-        return Finding(check=check, status=PASS, found=found)
+        return Outcome(check=check, status=PASS, found=found)
     mends = "; ".join(dict.fromkeys(mend for _, mend in faults if mend))
-    return Finding(check=check, status=FAIL, found="; ".join(text for text, _ in faults), mend=mends)
+    return Outcome(check=check, status=FAIL, found="; ".join(text for text, _ in faults), mend=mends)
 
 
 class Bench:
@@ -122,40 +122,40 @@ class Bench:
         return list(found.values())
 
 
-def attempt(check: str, make: Callable[[], Finding]) -> Finding:
-    """The finding of a check, whatever the adapter does to it."""
+def attempt(check: str, make: Callable[[], Outcome]) -> Outcome:
+    """The outcome of a check, whatever the adapter does to it."""
     try:
         return make()
     except EngineUnsupportedError as error:
-        return Finding(check=check, status=REFUSED, found=str(error) or "refused once it had the scene")
+        return Outcome(check=check, status=REFUSED, found=str(error) or "refused once it had the scene")
     except Exception as error:
-        return Finding(
+        return Outcome(
             check=check, status=FAIL, found=last_lines(error), mend="a scene that `supports` accepts must run"
         )
 
 
-def show(engine_id: str, findings: Sequence[Finding], command: Sequence[str]) -> None:
+def show(engine_id: str, outcomes: Sequence[Outcome], command: Sequence[str]) -> None:
     """The table, a line that counts, and the command that does the first failing check again; ``command`` does them all."""
     shown = table("check", "status", "found", "mend")
-    for each in findings:
+    for each in outcomes:
         shown.add_row(each.check, each.status, printable(each.found), printable(each.mend))
     out = console()
     out.print(shown)
-    counts = Counter(each.status for each in findings)
+    counts = Counter(each.status for each in outcomes)
     parts = [f"{counts[status]} {status}" for status in (PASS, FAIL, REFUSED) if counts[status]]
     out.print(f"{engine_id}: {', '.join(parts)}")
-    first = next((each.check for each in findings if each.status == FAIL), None)
+    first = next((each.check for each in outcomes if each.status == FAIL), None)
     if first is not None:
         out.print(f"the first failing check again: {shlex.join([*command, '--check', first])}", soft_wrap=True)
 
 
-def write_json(path: Path, engine_id: str, version: str, findings: Sequence[Finding]) -> None:
-    """Write the findings; the file appears whole or not at all.
+def write_json(path: Path, engine_id: str, version: str, outcomes: Sequence[Outcome]) -> None:
+    """Write the outcomes; the file appears whole or not at all.
 
     Raises
     ------
     StoreError
         If it cannot be written.
     """
-    data = {"engine": engine_id, "version": version, "findings": [dict(each.row()) for each in findings]}
+    data = {"engine": engine_id, "version": version, "findings": [dict(each.row()) for each in outcomes]}
     write_whole("--json", path, json.dumps(data, indent=1) + "\n")
