@@ -27,7 +27,7 @@ OUTSIDE = ("driver", "space_driver", "solver_driver", "yade_parts", "drivers", "
 """Modules that run inside other programs."""
 
 PARTIAL = {
-    "core.spheres.session.MODELS": "the law of spheres refuses viscous resistance",
+    "core.spheres.arrays.MODELS": "the law of spheres refuses viscous resistance",
     "reports.site.BADGE_COLOURS": "a badge tells whether all passes",
     "harness.cases.differences.FINDING_WORDS": "two differences choose the truth that binds, and are no findings",
     "harness.engines.yade.adapter.NOTE_ROLLING": "YADE has no constant torque",
