@@ -59,7 +59,7 @@ from ninedisk.core.spheres.vector_kernels import capped, carried, cross, dot, ha
 
 
 class Law(NamedTuple):
-    """What `contact` reads of a law, columns above."""
+    """What `contact` reads of a law, columns of `ninedisk.core.spheres.state`."""
 
     kn: float
     ks: float

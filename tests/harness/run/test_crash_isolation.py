@@ -15,7 +15,7 @@ from ninedisk.harness.run.plan import plan_case
 from ninedisk.harness.run.workers import run_cells
 from ninedisk.harness.wire.external import ExternalEngine
 
-FAKE = Path(__file__).parents[1] / "engines" / "fake_engine.py"
+FAKE = Path(__file__).parents[1] / "wire" / "fake_engine.py"
 
 
 class Stranger(ExternalEngine):

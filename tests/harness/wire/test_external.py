@@ -22,7 +22,7 @@ from ninedisk.harness.api.engine import (
 )
 from ninedisk.harness.wire.external import ExternalEngine
 
-FAKE = Path(__file__).parents[1] / "engines" / "fake_engine.py"
+FAKE = Path(__file__).with_name("fake_engine.py")
 NUMERICS = Numerics(dt=0.1, n_steps=4)
 
 
