@@ -38,7 +38,7 @@ OPTIONS: Mapping[str, Option] = {
         low_open=True,
         high_open=True,
         none="no forces that miss the tolerance",
-        why="a run stops at a step that misses its tolerance; with a looser bound here the best forces of the sweeps are taken, and told",
+        why="a run stops at a step that misses its tolerance; with a looser bound here the best forces found are taken, and told",
     ),
     "relaxation": Option(
         default=1.0,
@@ -75,7 +75,7 @@ class SolverOptions:
     time_limit : float
         Seconds of wall-clock time.
     accept : float or None
-        Looser bound up to which Gauss-Seidel, where it gives up, hands over its best forces in place of an error. The residuals of a
+        Looser bound up to which Gauss-Seidel, where it gives up, hands over the best forces found in place of an error. The residuals of a
         result tell which it is.
     relaxation : float
         Over-relaxation of Gauss-Seidel.

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import sqrt
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -36,7 +37,7 @@ from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.cd.problem_kernels import contact_forces_on_bodies, contact_velocities
 from ninedisk.core.cd.solvers.outcome import SolverResult
-from ninedisk.core.cd.solvers.solver import ContactSolver
+from ninedisk.core.cd.solvers.solver import WARM_FROM, ContactSolver
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
 from ninedisk.core.scene import Scene
@@ -44,6 +45,12 @@ from ninedisk.core.scene.motion_kernels import PIVOT_VX, PIVOT_VY, PIVOT_X, PIVO
 
 TOUCHING = 1e-9
 """Overlap over radius up to which a rigid contact counts as touching: the rounding of a scene's coordinates."""
+
+LIKELY = 0.3
+"""Gap at the end of the guess up to which a pair enters at once, over the root mean square displacement of the step: in flows nine steps
+of ten miss no other pair, where without it they miss some in two to three solutions."""
+WITH_MISSED = 2.0
+"""Gap up to which pairs enter with those that a solution missed, over the largest overlap of these."""
 
 
 class Solved(NamedTuple):
@@ -281,10 +288,11 @@ def solve_with_contacts(
     """Solve a step on a set of contacts that grows until no pair outside it is violated.
 
     A pair enters if its gap at the end of the step, minus ``mu`` times its slip under the associated rule, is not
-    positive: first for the motion without contacts, then for each solution, and a solution starts from the one before. Contacts of
-    the guess that are near enter at once. The search covers every pair that the displacements found can bring that far, so the
-    final solution violates no contact, listed or not. The gap is that along the normal at the start of the step: exact on disks and
-    walls, or on the safe side; on outlines that turn by an angle a and have the radius of curvature rho it errs by ``rho a^2/2``.
+    positive: first for the motion without contacts, then for each solution, and a solution starts from the one before. Where contacts
+    are many, rigid pairs that come near enter with them, as another solution costs more than some open contacts. The search covers every
+    pair that the displacements found can bring that far, so the final solution violates no contact, listed or not. The gap is that along
+    the normal at the start of the step: exact on disks and walls, or on the safe side; on outlines that turn by an angle a and have the
+    radius of curvature rho it errs by ``rho a^2/2``.
 
     Parameters
     ----------
@@ -327,13 +335,18 @@ def solve_with_contacts(
     dx = step.guess()
     reach = max(2.0 * reach_of(dx), NEARBY * float(place.radius.min()))
     frames = near(reach)
-    inside = closing(frames, dx) < max(margin, tolerance)
+    gaps = closing(frames, dx)
+    inside = gaps < max(margin, tolerance)
     start, springs, iterations = memory if start is None else start, memory.springs(), 0
+    # Laws that do not care whether a contact that stays open is among those of the problem.
+    indifferent = np.isnan(laws.restitution) & ~laws.elastic
     # Under Newton's law a contact is one only once its gap closes; one with a stretched shear spring would hold on by it (associated rule).
     stretched = laws.elastic[frames.row] & (_forces(springs, frames, grains)[:, 1] != 0.0)
     if laws.pulls:
         inside |= step.pulls(frames) > 0.0
     inside |= start.same(frames.pairs, start.pairs) & np.isnan(laws.restitution[frames.row]) & ~stretched
+    if many := int(inside.sum()) > WARM_FROM:
+        inside |= indifferent[frames.row] & (gaps < LIKELY * sqrt(float((dx[:, :2] ** 2).sum(axis=1).mean())))
     while True:
         chosen = frames.pick(inside)
         solved = step.solve(chosen, _forces(springs, chosen, grains), _forces(start, chosen, grains))
@@ -343,9 +356,13 @@ def solve_with_contacts(
             reach = 1.5 * needed
             frames = near(reach)
             inside = memory.same(frames.pairs, chosen.pairs) if grains is None else _among(frames, chosen)
-        missed = ~inside & (closing(frames, solved.dx) < -tolerance)
+        gaps = closing(frames, solved.dx)
+        missed = ~inside & (gaps < -tolerance)
         if not missed.any():
             return chosen, solved._replace(result=replace(solved.result, iterations=iterations))
+        if many:
+            # The new contacts move others by about their depth.
+            missed |= indifferent[frames.row] & (gaps < -WITH_MISSED * float(gaps[missed].min()))
         inside |= missed
 
 

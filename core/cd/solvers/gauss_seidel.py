@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from ninedisk.core.cd.solvers import gauss_seidel_kernels as kernels
 from ninedisk.core.cd.solvers.feasibility import PROOF_AFTER, check_feasible
 from ninedisk.core.cd.solvers.gauss_seidel_kernels import next_batch, sweep, sweep_stripes
 from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch, not_converged
-from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
+from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, SolverNotConvergedError
 from ninedisk.core.thread_kernels import PAD
 from ninedisk.core.threads import together
 from ninedisk.core.validate import numbers
@@ -122,9 +122,17 @@ class GaussSeidel:
         """Those of the forces reached."""
         return measure(self.problem, self.problem.body_velocity(self.r), self.r, sliding=self.sliding)
 
-    def give_up(self) -> SolverResult:
-        """The best forces so far, if ``options.accept`` allows them; else raise `SolverNotConvergedError` with their figures."""
+    def give_up(self, others: Sequence[SolverNotConvergedError] = ()) -> SolverResult:
+        """The best forces so far, those of other methods that gave up included, if ``options.accept`` allows them; else raise
+        `SolverNotConvergedError` with their figures.
+        """
         assert self._best is not None
+        for other in others:
+            if other.forces is not None:
+                v = self.problem.body_velocity(other.forces)
+                residuals = measure(self.problem, v, other.forces, sliding=self.sliding)
+                if residuals.worst < self._best.residuals.worst:
+                    self._best = replace(self._best, v=v, r=other.forces, residuals=residuals)
         if self.options.accept is not None and self._best.residuals.reached(self.options.accept):
             return replace(self._best, iterations=self.done, seconds=self._clock.seconds)
         not_converged(

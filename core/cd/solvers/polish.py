@@ -64,6 +64,8 @@ FAR = 100.0
 """Multiple of its first t at which a path is taken for a ray: of 1,832 that found an end none went that far, of the others 18 did."""
 SAME = 1e-7
 """Relative difference of points of a path that are one point: what round-off over `SOFT` leaves of their digits."""
+REFINED_BELOW = 1e-7
+"""Compliance over ``1/rho`` below which the direction of a path is solved for twice: round-off over it is the error of one solution."""
 REFINEMENTS = 8
 """Solutions with a factorisation: each leaves of an error the compliance's share of its resistance. Most is below 1e-6; of the few
 directions that resist as little as the compliance, one falls away with each further solution."""
@@ -229,7 +231,8 @@ class Polish:
                 ahead = -self._matrix.sign()
             # dz/dt, where J dz/dt = error.
             dr = self.change(error)
-            dr = dr + self.change(error - self.response(dr) - self.soft / rho * dr)
+            if self.soft < REFINED_BELOW:
+                dr = dr + self.change(error - self.response(dr) - self.soft / rho * dr)
             rate = dr + rho * (error - self.response(dr)) - self.soft * dr
             ahead, step, contact, border = next_kink(problem.mu, status, z, rate, ahead, contact, border)
             if ahead < 0.0 and step >= t:

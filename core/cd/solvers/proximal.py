@@ -30,9 +30,9 @@ MAX_ITERATIONS = 50_000
 """Factorisations and pivots."""
 FIRST_SOFT, MOST_SOFT = 1e-2, 1.0
 """Compliance over ``1/rho``: at the first every packing tried is solved by some five steps of Newton's method."""
-LOWER, RAISE = 0.7, 1.6
+LOWER, RAISE = 0.7, 3.0
 """Factors of the compliance after a step that was solved soon, and after one that was not solved."""
-NEWTON, SOON = 12, 5
+NEWTON, SOON = 12, 6
 """Steps of Newton's method before the path is followed; up to so many count as soon."""
 SHORTEST = 1e-3
 """Part of a step of Newton's method below which it is given up."""
@@ -62,7 +62,7 @@ class ProximalPoint:
         self.options = options or SolverOptions()
 
     def solve(self, problem: ContactProblem, start: FloatArray | None = None) -> SolverResult:
-        """Solve the problem, from ``start`` and from the forces of the associated rule in turns.
+        """Solve the problem, from ``start``, and where that takes long from the forces of the associated rule in turns with it.
 
         Where nothing slides, the solution of the associated rule is the one. Factorisations, pivots and iterations of the associated
         rule count as iterations.
@@ -88,9 +88,13 @@ class ProximalPoint:
         none = np.zeros((problem.n_contacts, 2))
         # Where no contact force is needed, every other one would be infinitely far off relative to the solution 0.
         if not search.judge(none) and not search.over:
-            starts = [r for r in (start, search.associated()) if r is not None] or [none]
-            walks = [] if search.over else [_Walk(search, r) for r in starts]
-            slices = SLICE
+            walks, slices = [] if start is None else [_Walk(search, start)], SLICE
+            for walk in walks:
+                walk.go(search.iterations + slices)
+            # The associated rule costs as much as some hundred steps, which a start near a solution may not need.
+            other = None if search.over else search.associated()
+            if not search.over and not (walks and other is None):
+                walks.insert(0, _Walk(search, none if other is None else other))
             while not search.over:
                 for walk in walks:
                     walk.go(search.iterations + slices)
@@ -235,8 +239,7 @@ class _Walk:
             if not law.factorise(status):
                 break
             r = law.inside(z, status)
-            for _ in range(2):
-                r = r - law.change(self._wrong(r, held))
+            r = r - law.change(self._wrong(r, held))
             full = self._of(r, held) - z
             part = 1.0
             while (now := self._error(z + part * full, held)[1]) >= (1.0 - 1e-4 * part) * error:

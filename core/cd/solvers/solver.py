@@ -23,9 +23,12 @@ STAGES = ((200, 20), (5_000, 400))
 WARM_FROM = 200
 """Contacts above which "auto" takes a step with Coulomb's law to a tight tolerance by `WARM_STAGES`: below, sweeps to the end cost less
 than factorisations."""
-WARM_STAGES = ((50, 0), (100, 0), (200, 0), (400, 0), (800, 0), (1_600, 2), (3_200, 2), (6_400, 20))
+WARM_STAGES = ((50, 0), (100, 0), (200, 0), (400, 0), (800, 0), (1_600, 2))
 """As `STAGES`, from the forces of a step before, but for one path of pivots in place of several: sweeps find what each contact does long
-before they find its force, and where they did one factorisation, which costs some hundred sweeps, makes the forces exact."""
+before they find its force, and where they did one factorisation, which costs some hundred sweeps, makes the forces exact. What is left
+after them proximal points solve sooner than more sweeps do."""
+WARM_POINTS = 1_000
+"""Iterations of proximal points after these stages on up to `LEMKE_CONTACTS` contacts, where there are other methods, too."""
 LEMKE_CONTACTS = 500
 """Contacts up to which "auto" follows the path from nothing: some 3 pivots for each contact, each of which costs as much as a matrix
 that grows with the contacts."""
@@ -149,7 +152,7 @@ class ContactSolver:
             self.options.max_iterations or MAX_SWEEPS,
         )
         polish = Polish(problem, options.tolerance, clock)
-        sweeps = GaussSeidel(problem, options, "coulomb", start)
+        sweeps, failed = GaussSeidel(problem, options, "coulomb", start), list[SolverNotConvergedError]()
 
         def result(name: str, forces: tuple[FloatArray, Residuals]) -> SolverResult:
             return SolverResult(
@@ -174,11 +177,17 @@ class ContactSolver:
                     return sweeps.give_up()
                 if polished := polish.improve(sweeps.r, pivots, paths=1):
                     return result("polish", polished)
+            points = WARM_POINTS if problem.n_contacts <= LEMKE_CONTACTS else None
+            try:
+                found = self._points(problem, sweeps.r, clock, points)
+                return replace(found, iterations=found.iterations + sweeps.done + polish.count)
+            except SolverNotConvergedError as error:
+                failed.append(error)
         for stage, pivots in STAGES:
             if found := sweeps.solve(min(stage, limit)):
                 return replace(found, iterations=found.iterations + polish.count)
             if stage >= limit or clock.over:
-                return sweeps.give_up()
+                return sweeps.give_up(failed)
             if polished := polish.improve(sweeps.r, pivots):
                 return result("polish", polished)
             # Where many contacts are in play, pivots cost more than the interior point.
@@ -189,18 +198,19 @@ class ContactSolver:
         if problem.n_contacts <= LEMKE_CONTACTS and (polished := polish.from_nothing(sweeps.r, STAGES[-1][1])):
             return result("lemke", polished)
         try:
-            last = ProximalPoint(replace(options, max_iterations=None, time_limit=SHARE * clock.left))
-            found = last.solve(problem, sweeps.r)
+            found = self._points(problem, sweeps.r, clock)
             return replace(found, iterations=found.iterations + sweeps.done + polish.count)
         except SolverNotConvergedError as error:
-            points = error
-        try:
-            found = sweeps.solve(limit) or sweeps.give_up()
-        except SolverNotConvergedError as error:
-            if points.residuals and error.residuals and points.residuals.worst < error.residuals.worst:
-                error.residuals, error.forces = points.residuals, points.forces
-            raise
-        return replace(found, iterations=found.iterations + polish.count + points.iterations)
+            failed.append(error)
+        found = sweeps.solve(limit) or sweeps.give_up(failed)
+        return replace(found, iterations=found.iterations + polish.count + sum(each.iterations for each in failed))
+
+    def _points(
+        self, problem: ContactProblem, r: FloatArray, clock: Stopwatch, iterations: int | None = None
+    ) -> SolverResult:
+        """Proximal points from ``r`` in a share of the time left; raises `SolverNotConvergedError`."""
+        options = replace(self.options, max_iterations=iterations, time_limit=SHARE * clock.left)
+        return ProximalPoint(options).solve(problem, r)
 
     def _equilibrium(self, problem: ContactProblem, polish: Polish, clock: Stopwatch) -> SolverResult | None:
         """The solution in which nothing slides, if there is one: that of the associated rule, whose velocities are unique."""
