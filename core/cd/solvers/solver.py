@@ -49,7 +49,7 @@ class ContactSolver:
     """Solves the problems of successive steps; keeps what can be reused.
 
     For Coulomb friction ``"auto"`` takes Gauss-Seidel, started from the last step's forces, and on more than `WARM_FROM` contacts tries
-    after each of `WARM_STAGES` what one factorisation makes of them. Where the sweeps do not reach the
+    after each of `WARM_STAGES` what one factorisation makes of them, and then `ProximalPoint`. Where the sweeps do not reach the
     tolerance after the first of `STAGES`, `Polish` makes the forces found exact; if it cannot, a solution in which nothing slides
     is asked for where contacts are many, more sweeps follow, then Lemke's method on up to `LEMKE_CONTACTS` contacts,
     `ProximalPoint`, and more sweeps. ``options.max_iterations`` bounds the sweeps: at a bound within the first stage nothing is
@@ -154,13 +154,17 @@ class ContactSolver:
         polish = Polish(problem, options.tolerance, clock)
         sweeps, failed = GaussSeidel(problem, options, "coulomb", start), list[SolverNotConvergedError]()
 
+        def spent() -> int:
+            """Factorisations and pivots, and what methods that gave up have taken."""
+            return polish.count + sum(each.iterations for each in failed)
+
         def result(name: str, forces: tuple[FloatArray, Residuals]) -> SolverResult:
             return SolverResult(
                 solver=name,
                 sliding="coulomb",
                 v=problem.body_velocity(forces[0]),
                 r=forces[0],
-                iterations=sweeps.done + polish.count,
+                iterations=sweeps.done + spent(),
                 residuals=forces[1],
                 seconds=clock.seconds,
             )
@@ -172,7 +176,7 @@ class ContactSolver:
         if self._tight and problem.n_contacts > WARM_FROM and start is not None and start.any():
             for stage, pivots in WARM_STAGES:
                 if found := sweeps.solve(min(stage, limit)):
-                    return replace(found, iterations=found.iterations + polish.count)
+                    return replace(found, iterations=found.iterations + spent())
                 if stage >= limit or clock.over:
                     return sweeps.give_up()
                 if polished := polish.improve(sweeps.r, pivots, paths=1):
@@ -180,12 +184,12 @@ class ContactSolver:
             points = WARM_POINTS if problem.n_contacts <= LEMKE_CONTACTS else None
             try:
                 found = self._points(problem, sweeps.r, clock, points)
-                return replace(found, iterations=found.iterations + sweeps.done + polish.count)
+                return replace(found, iterations=found.iterations + sweeps.done + spent())
             except SolverNotConvergedError as error:
                 failed.append(error)
         for stage, pivots in STAGES:
             if found := sweeps.solve(min(stage, limit)):
-                return replace(found, iterations=found.iterations + polish.count)
+                return replace(found, iterations=found.iterations + spent())
             if stage >= limit or clock.over:
                 return sweeps.give_up(failed)
             if polished := polish.improve(sweeps.r, pivots):
@@ -193,17 +197,17 @@ class ContactSolver:
             # Where many contacts are in play, pivots cost more than the interior point.
             many = stage == STAGES[0][0] and problem.n_contacts > LEMKE_CONTACTS and not at_rest
             if many and (found := self._equilibrium(problem, polish, clock)):
-                return replace(found, iterations=found.iterations + sweeps.done)
+                return replace(found, iterations=found.iterations + sweeps.done + spent())
         check_feasible(problem, sliding="coulomb", seconds=clock.left)
         if problem.n_contacts <= LEMKE_CONTACTS and (polished := polish.from_nothing(sweeps.r, STAGES[-1][1])):
             return result("lemke", polished)
         try:
             found = self._points(problem, sweeps.r, clock)
-            return replace(found, iterations=found.iterations + sweeps.done + polish.count)
+            return replace(found, iterations=found.iterations + sweeps.done + spent())
         except SolverNotConvergedError as error:
             failed.append(error)
         found = sweeps.solve(limit) or sweeps.give_up(failed)
-        return replace(found, iterations=found.iterations + polish.count + sum(each.iterations for each in failed))
+        return replace(found, iterations=found.iterations + spent())
 
     def _points(
         self, problem: ContactProblem, r: FloatArray, clock: Stopwatch, iterations: int | None = None
