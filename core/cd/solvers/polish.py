@@ -28,17 +28,25 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
-from ninedisk.core.cd.problem_kernels import body_velocities, contact_velocities
 from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix
 from ninedisk.core.cd.solvers.gauss_seidel import starting_forces
 from ninedisk.core.cd.solvers.outcome import Stopwatch
-from ninedisk.core.cd.solvers.polish_kernels import MINUS, OPEN, PLUS, STICK, next_kink
+from ninedisk.core.cd.solvers.polish_kernels import (
+    MINUS,
+    OPEN,
+    PLUS,
+    STICK,
+    law_error,
+    next_kink,
+    velocities_left,
+)
 from ninedisk.core.cd.solvers.unsymmetric_kernels import forces_of_velocities, load_of_velocities
 
 IntArray = NDArray[np.int64]
@@ -73,6 +81,19 @@ DEPENDENT = 1e-12
 """Part of a change at right angles to those before that is round-off."""
 
 
+class LawPoint(NamedTuple):
+    """Coulomb's law at ``z``, shape (c, 2): the ``status`` of each contact, forces ``r`` inside the cones, velocities ``u``, the ``error``
+    F(z), and ``size``, the norm of ``rho`` times that [N]: see `law_error`.
+    """
+
+    z: FloatArray
+    status: IntArray
+    r: FloatArray
+    u: FloatArray
+    error: FloatArray
+    size: float
+
+
 class Polish:
     """Polishes contact forces of one problem.
 
@@ -99,6 +120,7 @@ class Polish:
         self._status = np.empty(0, dtype=np.int64)
         self.best: tuple[FloatArray, Residuals] | None = None
         self._random = np.random.default_rng(problem.n_contacts)
+        self._v, self._nothing = np.zeros((2, problem.n_bodies, 3))
 
     @cached_property
     def _matrix(self) -> UnsymmetricMatrix:
@@ -206,9 +228,7 @@ class Polish:
         rho = self.problem.rho[:, None]
         z = r - rho * self.velocity(r)
         z = z + jitter * float(np.abs(z).max()) * self._random.uniform(-1.0, 1.0, z.shape)
-        forces = self.inside(z, statuses(self.problem, z))
-        error = self.velocity(forces) + (z - forces) / rho + self.soft / rho * (forces - held)
-        return self.path(z, error, pivots, to_first=to_first)
+        return self.path(z, self.at(z, held).error, pivots, to_first=to_first)
 
     def path(
         self, z: FloatArray, error: FloatArray, pivots: int, *, to_first: bool = False
@@ -232,8 +252,8 @@ class Polish:
             # dz/dt, where J dz/dt = error.
             dr = self.change(error)
             if self.soft < REFINED_BELOW:
-                dr = dr + self.change(error - self.response(dr) - self.soft / rho * dr)
-            rate = dr + rho * (error - self.response(dr)) - self.soft * dr
+                dr = dr + self.change(self.left(error, dr))
+            rate = dr + rho * self.left(error, dr)
             ahead, step, contact, border = next_kink(problem.mu, status, z, rate, ahead, contact, border)
             if ahead < 0.0 and step >= t:
                 ended = self.inside(z - t * rate, status)
@@ -288,13 +308,23 @@ class Polish:
     def velocity(self, r: FloatArray) -> FloatArray:
         return self.problem.contact_velocity(self.problem.body_velocity(r), r)
 
-    def response(self, dr: FloatArray) -> FloatArray:
-        """``W dr``."""
-        problem, v, u = self.problem, np.empty((self.problem.n_bodies, 3)), np.empty_like(dr)
-        nothing = np.zeros_like(v)
-        body_velocities(problem.bodies, problem.normal, problem.arms, problem.inverse_mass, nothing, dr, v)
-        contact_velocities(problem.bodies, problem.normal, problem.arms, v, u)
-        return u + problem.compliance * dr
+    def at(self, z: FloatArray, held: FloatArray) -> LawPoint:
+        """The law at ``z`` with the compliance on the change from the forces ``held``, shape (c, 2) each."""
+        problem, status = self.problem, np.empty(len(z), dtype=np.int64)
+        r, u, error = np.empty_like(z), np.empty_like(z), np.empty_like(z)
+        load = (problem.force, problem.offset, problem.shear_0, problem.rho)
+        size = law_error(
+            problem.contacts, problem.inverse_mass, *load, SIDE, self.soft, z, held, status, r, u, error, self._v
+        )
+        return LawPoint(z, status, r, u, error, size)
+
+    def left(self, u: FloatArray, dr: FloatArray) -> FloatArray:
+        """What a change ``dr`` of the forces leaves of contact velocities ``u``, shape (c, 2) each."""
+        problem, left = self.problem, np.empty_like(u)
+        velocities_left(
+            problem.contacts, problem.inverse_mass, self._nothing, problem.rho, self.soft, u, dr, self._v, left
+        )
+        return left
 
     def inside(self, z: FloatArray, status: IntArray) -> FloatArray:
         """``P(z)`` by the statuses."""

@@ -1,12 +1,15 @@
-"""Kernels of Coulomb's law as a piecewise linear equation: what contacts do, and where a way through their statuses has its next kink."""
+"""Kernels of Coulomb's law as a piecewise linear equation: its value, what contacts do, and where a way through their statuses has its
+next kink.
+"""
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.problem_kernels import Contacts, body_velocities, contact_velocity
 from ninedisk.core.compile import inline_kernel, kernel
 
 Floats = NDArray[np.float64]
@@ -14,6 +17,90 @@ Longs = NDArray[np.int64]
 
 OPEN, STICK, PLUS, MINUS = range(4)
 """Statuses: slip has ``q = mu p`` or ``q = -mu p``; a smooth contact that is closed counts as PLUS."""
+
+
+@kernel
+def law_error(
+    contacts: Contacts,
+    inverse_mass: Floats,
+    force: Floats,
+    offset: Floats,
+    shear_0: Floats,
+    rho: Floats,
+    side: Floats,
+    soft: float,
+    z: Floats,
+    held: Floats,
+    status: Longs,
+    r: Floats,
+    u: Floats,
+    error: Floats,
+    v: Floats,
+) -> float:
+    """Coulomb's law at ``z``, with the compliance ``soft/rho`` on the change of the forces: ``|rho F(z)|``.
+
+    Parameters
+    ----------
+    contacts, inverse_mass, force, offset, shear_0, rho
+        As in `ninedisk.core.cd.problem.ContactProblem`.
+    side : ndarray, shape (4,)
+        Sign of the friction force by status.
+    soft : float
+    z, held : ndarray, shape (c, 2)
+        ``r - rho u``, and the forces that the compliance holds.
+    status : ndarray of int64, shape (c,)
+        Out: of the contacts.
+    r, u, error : ndarray, shape (c, 2)
+        Out: ``r = P(z)``; ``u = W r + b + soft/rho (r - held)``; ``F(z) = u + (z - r)/rho``.
+    v : ndarray, shape (b, 3)
+        Work space.
+    """
+    bodies, normal, arms, mu, compliance = contacts
+    for k in range(bodies.shape[0]):
+        n, t = z[k, 0], z[k, 1]
+        if n <= 0.0:
+            status[k], r[k, 0], r[k, 1] = OPEN, 0.0, 0.0
+        elif mu[k] > 0.0 and abs(t) <= mu[k] * n:
+            status[k], r[k, 0], r[k, 1] = STICK, n, t
+        else:
+            status[k] = PLUS if t > 0.0 or mu[k] == 0.0 else MINUS
+            r[k, 0], r[k, 1] = n, side[status[k]] * mu[k] * n
+    body_velocities(bodies, normal, arms, inverse_mass, force, r, v)
+    size = 0.0
+    for k in range(bodies.shape[0]):
+        un, ut = contact_velocity(k, bodies, normal, arms, v)
+        p, q = r[k, 0], r[k, 1]
+        un += offset[k, 0] + compliance[k, 0] * p + soft / rho[k] * (p - held[k, 0])
+        ut += offset[k, 1] + compliance[k, 1] * (q - shear_0[k]) + soft / rho[k] * (q - held[k, 1])
+        u[k, 0], u[k, 1] = un, ut
+        n, t = un + (z[k, 0] - p) / rho[k], ut + (z[k, 1] - q) / rho[k]
+        error[k, 0], error[k, 1] = n, t
+        size += rho[k] * rho[k] * (n * n + t * t)
+    return sqrt(size)
+
+
+@kernel
+def velocities_left(
+    contacts: Contacts,
+    inverse_mass: Floats,
+    nothing: Floats,
+    rho: Floats,
+    soft: float,
+    u: Floats,
+    dr: Floats,
+    v: Floats,
+    left: Floats,
+) -> None:
+    """``left = u - W dr - soft/rho dr``: what a change ``dr`` of the forces leaves of contact velocities ``u``, shape (c, 2) each.
+
+    Other arguments as in `law_error`; ``nothing`` are loads of zero, shape (b, 3).
+    """
+    bodies, normal, arms, _mu, compliance = contacts
+    body_velocities(bodies, normal, arms, inverse_mass, nothing, dr, v)
+    for k in range(bodies.shape[0]):
+        un, ut = contact_velocity(k, bodies, normal, arms, v)
+        left[k, 0] = u[k, 0] - un - (compliance[k, 0] + soft / rho[k]) * dr[k, 0]
+        left[k, 1] = u[k, 1] - ut - (compliance[k, 1] + soft / rho[k]) * dr[k, 1]
 
 
 @inline_kernel

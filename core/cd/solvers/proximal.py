@@ -23,7 +23,7 @@ from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError, check_feasible
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch, not_converged
-from ninedisk.core.cd.solvers.polish import SOFT, Polish, norm, statuses
+from ninedisk.core.cd.solvers.polish import SOFT, LawPoint, Polish, norm, statuses
 from ninedisk.core.errors import SolverNotConvergedError
 
 MAX_ITERATIONS = 50_000
@@ -211,55 +211,40 @@ class _Walk:
 
     def _step(self, held: FloatArray) -> None:
         """To the next proximal point of the forces ``held``, or nearer to it."""
-        self.law.soft = self.soft
-        before = self._error(self.z, held)[1]
-        z, after, steps = self._newton(held, before)
-        if after < SOLVED:
-            self.z = z
+        law = self.law
+        law.soft = self.soft
+        begin = law.at(self.z, held)
+        point, steps = self._newton(begin, held)
+        if point.size < SOLVED * self.size:
+            self.z = point.z
             self.soft = max(self.soft * LOWER, SOFT) if steps <= SOON else self.soft
             return
-        count = self.law.count
-        ended = self.law.path(z, self._error(z, held)[0], PIVOTS)
+        count = law.count
+        ended = law.path(point.z, point.error, PIVOTS)
         if ended is not None:
-            self.z = self._of(ended[0], held)
-            self.soft = max(self.soft * LOWER, SOFT) if self.law.count - count <= FEW else self.soft
+            r = ended[0]
+            self.z = r - self.problem.rho[:, None] * law.velocity(r) - self.soft * (r - held)
+            self.soft = max(self.soft * LOWER, SOFT) if law.count - count <= FEW else self.soft
             return
-        part, reached = self.law.reached
-        if part * after < NEAR * before:
+        part, reached = law.reached
+        if part * point.size < NEAR * begin.size:
             self.z = reached
         self.soft = min(self.soft * RAISE, MOST_SOFT)
 
-    def _newton(self, held: FloatArray, error: float) -> tuple[FloatArray, float, int]:
-        """Newton's method on the statuses: ``z``, its error, and the steps taken; a step is halved as long as the error would grow."""
-        law, z = self.law, self.z
+    def _newton(self, point: LawPoint, held: FloatArray) -> tuple[LawPoint, int]:
+        """Newton's method on the statuses: where it ends, and the steps taken; a step is halved as long as the error would grow."""
+        law, rho = self.law, self.problem.rho[:, None]
         for step in range(NEWTON):
-            if error < SOLVED or self.search.over:
-                return z, error, step
-            status = statuses(self.problem, z)
-            if not law.factorise(status):
+            if point.size < SOLVED * self.size or self.search.over:
+                return point, step
+            if not law.factorise(point.status):
                 break
-            r = law.inside(z, status)
-            r = r - law.change(self._wrong(r, held))
-            full = self._of(r, held) - z
+            dr = law.change(point.u)
+            full = point.r - dr - rho * law.left(point.u, dr) - point.z
             part = 1.0
-            while (now := self._error(z + part * full, held)[1]) >= (1.0 - 1e-4 * part) * error:
+            while (tried := law.at(point.z + part * full, held)).size >= (1.0 - 1e-4 * part) * point.size:
                 part *= 0.5
                 if part < SHORTEST:
-                    return z, error, step
-            z, error = z + part * full, now
-        return z, error, NEWTON
-
-    def _wrong(self, r: FloatArray, held: FloatArray) -> FloatArray:
-        """Contact velocities of forces, those of the compliance included, shape (c, 2)."""
-        return self.law.velocity(r) + self.soft / self.problem.rho[:, None] * (r - held)
-
-    def _of(self, r: FloatArray, held: FloatArray) -> FloatArray:
-        """``z`` whose part inside the cones is ``r``, where ``r`` is solved."""
-        return r - self.problem.rho[:, None] * self._wrong(r, held)
-
-    def _error(self, z: FloatArray, held: FloatArray) -> tuple[FloatArray, float]:
-        """``F_k(z)``, shape (c, 2), and its size over that of the first forces."""
-        rho = self.problem.rho[:, None]
-        r = self.law.inside(z, statuses(self.problem, z))
-        error: FloatArray = self._wrong(r, held) + (z - r) / rho
-        return error, norm(rho * error) / self.size
+                    return point, step
+            point = tried
+        return point, NEWTON
