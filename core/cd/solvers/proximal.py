@@ -36,7 +36,7 @@ NEWTON, SOON = 12, 6
 """Steps of Newton's method before the path is followed; up to so many count as soon."""
 SHORTEST = 1e-3
 """Part of a step of Newton's method below which it is given up."""
-PIVOTS = 60
+PIVOTS = 30
 """Of a path whose end is a step: more cost more than a smaller step."""
 SOLVED = 1e-13
 """Error of a step, over the first forces."""
@@ -44,7 +44,7 @@ NEARER = 0.1
 """Natural map over that at the last polish from which on the next one is worth its pivots."""
 FEW, NEAR = 25, 0.9
 """Pivots of a path up to which the compliance is lowered; error over the first from which on a step that was not solved is kept."""
-SLICE = 1_000
+SLICE = 2_000
 """Iterations from one start before the other has its turn, the first time; which of the two arrives cannot be told before."""
 POLISH_PIVOTS, POLISH_AGAIN = 30, 100
 """Of a polish; steps after which the next one is not held against those before."""
@@ -232,19 +232,25 @@ class _Walk:
         self.soft = min(self.soft * RAISE, MOST_SOFT)
 
     def _newton(self, point: LawPoint, held: FloatArray) -> tuple[LawPoint, int]:
-        """Newton's method on the statuses: where it ends, and the steps taken; a step is halved as long as the error would grow."""
-        law, rho = self.law, self.problem.rho[:, None]
+        """Newton's method on the statuses: where the error is least, and the steps taken.
+
+        A step is halved as long as the error would be above the first one, not above the last one: with steps so short that each lessens
+        it, ten steps of flows of 10,000 disks took 12 % more factorisations and pivots.
+        """
+        law, rho, least, first = self.law, self.problem.rho[:, None], point, point.size
         for step in range(NEWTON):
             if point.size < SOLVED * self.size or self.search.over:
-                return point, step
+                return least, step
             if not law.factorise(point.status):
                 break
             dr = law.change(point.u)
             full = point.r - dr - rho * law.left(point.u, dr) - point.z
             part = 1.0
-            while (tried := law.at(point.z + part * full, held)).size >= (1.0 - 1e-4 * part) * point.size:
+            while (tried := law.at(point.z + part * full, held)).size >= (1.0 - 1e-4 * part) * first:
                 part *= 0.5
                 if part < SHORTEST:
-                    return point, step
+                    return least, step
             point = tried
-        return point, NEWTON
+            if point.size < least.size:
+                least = point
+        return least, NEWTON
