@@ -21,7 +21,7 @@ from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
 from ninedisk.core.cd.solvers.gauss_seidel import GaussSeidel
 from ninedisk.core.cd.solvers.outcome import Stopwatch
-from ninedisk.core.cd.solvers.polish import MINUS, PLUS, STICK, Polish
+from ninedisk.core.cd.solvers.polish import MINUS, OPEN, PLUS, STICK, Polish
 from ninedisk.core.cd.solvers.proximal import ProximalPoint
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.errors import SolverNotConvergedError
@@ -187,6 +187,28 @@ def tiny(seed: int) -> ContactProblem:
         mu=rng.choice([0.0, 0.3, 0.8], c),
         compliance=rng.uniform(0.0, 0.5, (c, 2)) * (rng.random((c, 2)) < 0.3),
     )
+
+
+def test_the_law_at_a_point_is_that_of_the_dense_matrix() -> None:
+    rng, met = np.random.default_rng(3), set[int]()
+    for seed in range(40):
+        problem = tiny(seed)
+        law, soft, mu = polish_of(problem), rng.uniform(0.0, 1.0), problem.mu
+        law.soft = soft
+        z, held, dr = rng.normal(size=(3, problem.n_contacts, 2))
+        p = np.maximum(z[:, 0], 0.0)
+        r = np.column_stack([p, np.clip(z[:, 1], -mu * p, mu * p)])
+        rho, w = problem.rho[:, None], problem.delassus()
+        u = (w @ r.ravel()).reshape(-1, 2) + problem.b + soft / rho * (r - held)
+        at = law.at(z, held)
+        np.testing.assert_allclose(at.r, r, atol=1e-14)
+        np.testing.assert_allclose(at.u, u, atol=1e-13)
+        np.testing.assert_allclose(at.error, u + (z - r) / rho, atol=1e-13)
+        assert at.size == pytest.approx(np.linalg.norm(rho * (u + (z - r) / rho)), rel=1e-13)
+        expected = u - (w @ dr.ravel()).reshape(-1, 2) - soft / rho * dr
+        np.testing.assert_allclose(law.left(at.u, dr), expected, atol=1e-13)
+        met |= set(at.status.tolist())
+    assert met == {OPEN, STICK, PLUS, MINUS}
 
 
 def enumerated(problem: ContactProblem) -> list[FloatArray]:
