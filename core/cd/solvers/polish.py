@@ -45,6 +45,7 @@ from ninedisk.core.cd.solvers.polish_kernels import (
     STICK,
     law_error,
     next_kink,
+    statuses_at,
     velocities_left,
 )
 from ninedisk.core.cd.solvers.unsymmetric_kernels import forces_of_velocities, load_of_velocities
@@ -334,9 +335,9 @@ class Polish:
 
 def statuses(problem: ContactProblem, z: FloatArray) -> IntArray:
     """Status of each contact, shape (c,), by ``z = r - rho u``, shape (c, 2)."""
-    stick = (problem.mu > 0.0) & (np.abs(z[:, 1]) <= problem.mu * z[:, 0])
-    slip = np.where((z[:, 1] > 0.0) | (problem.mu == 0.0), PLUS, MINUS)
-    return np.where(z[:, 0] <= 0.0, OPEN, np.where(stick, STICK, slip))
+    status = np.empty(len(z), dtype=np.int64)
+    statuses_at(problem.mu, z, status)
+    return status
 
 
 def norm(x: FloatArray) -> float:

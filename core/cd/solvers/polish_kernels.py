@@ -19,6 +19,22 @@ OPEN, STICK, PLUS, MINUS = range(4)
 """Statuses: slip has ``q = mu p`` or ``q = -mu p``; a smooth contact that is closed counts as PLUS."""
 
 
+@inline_kernel
+def _status(mu: float, z_n: float, z_t: float) -> int:
+    if z_n <= 0.0:
+        return OPEN
+    if mu > 0.0 and abs(z_t) <= mu * z_n:
+        return STICK
+    return PLUS if z_t > 0.0 or mu == 0.0 else MINUS
+
+
+@kernel
+def statuses_at(mu: Floats, z: Floats, status: Longs) -> None:
+    """Status of each contact, shape (c,), by ``z = r - rho u``, shape (c, 2), and ``mu``, shape (c,)."""
+    for k in range(mu.shape[0]):
+        status[k] = _status(mu[k], z[k, 0], z[k, 1])
+
+
 @kernel
 def law_error(
     contacts: Contacts,
@@ -56,15 +72,10 @@ def law_error(
         Work space.
     """
     bodies, normal, arms, mu, compliance = contacts
+    statuses_at(mu, z, status)
     for k in range(bodies.shape[0]):
-        n, t = z[k, 0], z[k, 1]
-        if n <= 0.0:
-            status[k], r[k, 0], r[k, 1] = OPEN, 0.0, 0.0
-        elif mu[k] > 0.0 and abs(t) <= mu[k] * n:
-            status[k], r[k, 0], r[k, 1] = STICK, n, t
-        else:
-            status[k] = PLUS if t > 0.0 or mu[k] == 0.0 else MINUS
-            r[k, 0], r[k, 1] = n, side[status[k]] * mu[k] * n
+        p = z[k, 0] if status[k] != OPEN else 0.0
+        r[k, 0], r[k, 1] = p, z[k, 1] if status[k] == STICK else side[status[k]] * mu[k] * p
     body_velocities(bodies, normal, arms, inverse_mass, force, r, v)
     size = 0.0
     for k in range(bodies.shape[0]):
