@@ -30,7 +30,8 @@ from ninedisk.core.cd.contact_kernels import Bodies, Loads, Start
 from ninedisk.core.cd.contacts import ContactMemory, empty_frames
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem_kernels import SUMS, Contacts
-from ninedisk.core.cd.solvers.solver import LOOSE, WARM_FROM, ContactSolver
+from ninedisk.core.cd.solvers.coulomb import LOOSE, WARM_FROM
+from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.cd.step import dynamic_mass
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.scene.motion_kernels import WallMotion

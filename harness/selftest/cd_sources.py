@@ -121,7 +121,7 @@ HOLES = tuple(
         (
             "every case at rest has one solution alone, or sweeps find that of rest",
             _python("rest-forgotten", "bodies at rest take any solution of Coulomb's law", "stick-coulomb",
-                    ("cd.solvers.solver", "if at_rest:", "if at_rest and not at_rest:")),
+                    ("cd.solvers.coulomb", "if at_rest:", "if at_rest and not at_rest:")),
         ),
         (
             "no case has contacts with adhesion",

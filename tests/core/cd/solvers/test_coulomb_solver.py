@@ -13,8 +13,7 @@ from scipy.linalg import block_diag
 
 from ninedisk.core.cd.problem import ContactProblem, measure
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers import proximal
-from ninedisk.core.cd.solvers import solver as solver_module
+from ninedisk.core.cd.solvers import coulomb, proximal
 from ninedisk.core.cd.solvers.factorise import UnsymmetricMatrix
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
 from ninedisk.core.cd.solvers.gauss_seidel import solve_gauss_seidel
@@ -155,13 +154,13 @@ def test_auto_takes_what_reaches_the_tolerance(monkeypatch: pytest.MonkeyPatch) 
     solver = ContactSolver("auto", TIGHT, "coulomb")
     assert solver.solve(on_floor(1.0, 0.5)).solver == "gauss-seidel"
     problem = heap(600)
-    monkeypatch.setattr(solver_module.Polish, "improve", lambda *_, **__: None)
-    monkeypatch.setattr(solver_module, "STAGES", ((500, 20),))
+    monkeypatch.setattr(coulomb.Polish, "improve", lambda *_, **__: None)
+    monkeypatch.setattr(coulomb, "MANY_STAGES", ((500, 20),))
     found = solver.solve(problem)
     assert found.solver == "proximal-point"
     assert found.iterations > 500
     limited = ContactSolver("auto", replace(TIGHT, max_iterations=700), "coulomb")
-    monkeypatch.setattr(solver_module.ContactSolver, "_equilibrium", lambda *_: None)
+    monkeypatch.setattr(coulomb.CoulombSearch, "equilibrium", lambda *_: None)
     monkeypatch.setattr(proximal, "MAX_ITERATIONS", 100)
     with pytest.raises(SolverNotConvergedError, match=r"gauss-seidel stopped .* after 700 iterations") as caught:
         limited.solve(problem)
