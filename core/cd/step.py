@@ -36,8 +36,8 @@ from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place, contact
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.cd.problem_kernels import contact_forces_on_bodies, contact_velocities
-from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.cd.solvers.coulomb import WARM_FROM
+from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
