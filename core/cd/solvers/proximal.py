@@ -14,6 +14,7 @@ not; the forces wander past solutions until `Polish` gets hold of one.
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 
@@ -34,6 +35,9 @@ LOWER, RAISE = 0.7, 3.0
 """Factors of the compliance after a step that was solved soon, and after one that was not solved."""
 NEWTON, SOON = 12, 6
 """Steps of Newton's method before the path is followed; up to so many count as soon."""
+WRONG, HOPELESS = 8, 12
+"""Statuses that a step of Newton's method changes: up to so many, and they go round in a few places while all others are right, the path
+begins there and not where the error is least; of more than so many, one path in ten found its end."""
 SHORTEST = 1e-3
 """Part of a step of Newton's method below which it is given up."""
 PIVOTS = 30
@@ -214,47 +218,53 @@ class _Walk:
         law = self.law
         law.soft = self.soft
         begin = law.at(self.z, held)
-        point, steps = self._newton(begin, held)
+        point, steps, wrong = self._newton(begin, held)
         if point.size < SOLVED * self.size:
             self.z = point.z
             self.soft = max(self.soft * LOWER, SOFT) if steps <= SOON else self.soft
             return
-        count = law.count
-        ended = law.path(point.z, point.error, PIVOTS)
-        if ended is not None:
-            r = ended[0]
-            self.z = r - self.problem.rho[:, None] * law.velocity(r) - self.soft * (r - held)
-            self.soft = max(self.soft * LOWER, SOFT) if law.count - count <= FEW else self.soft
-            return
-        part, reached = law.reached
-        if part * point.size < NEAR * begin.size:
-            self.z = reached
+        if wrong <= HOPELESS:
+            count = law.count
+            ended = law.path(point.z, point.error, PIVOTS)
+            if ended is not None:
+                r = ended[0]
+                self.z = r - self.problem.rho[:, None] * law.velocity(r) - self.soft * (r - held)
+                self.soft = max(self.soft * LOWER, SOFT) if law.count - count <= FEW else self.soft
+                return
+            part, reached = law.reached
+            if part * point.size < NEAR * begin.size:
+                self.z = reached
         self.soft = min(self.soft * RAISE, MOST_SOFT)
 
-    def _newton(self, point: LawPoint, held: FloatArray) -> tuple[LawPoint, int]:
-        """Newton's method on the statuses: where the error is least, and the steps taken.
+    def _newton(self, point: LawPoint, held: FloatArray) -> tuple[LawPoint, int, int]:
+        """Newton's method on the statuses: its solution, or where a path may begin; steps taken; statuses that are wrong there.
+
+        Wrong are those that the step to a point has changed: with all others its linear equations are solved. Where these are few the
+        path begins at the last point that has fewest, else where the error is least.
 
         The first step is taken whole: it changes many statuses at once, and the error that it raises the next steps take away. Halved
         until it lessened the error, proximal points took up to twice the factorisations and pivots. A later step is halved as long as the
         error would be above the largest of the first two.
         """
         law, rho, least, most = self.law, self.problem.rho[:, None], point, point.size
+        fewest, wrong, step = point, len(point.status), 0
         for step in range(NEWTON):
-            if point.size < SOLVED * self.size or self.search.over:
-                return least, step
-            if not law.factorise(point.status):
+            if least.size < SOLVED * self.size or self.search.over or not law.factorise(point.status):
                 break
             dr = law.change(point.u)
             full = point.r - dr - rho * law.left(point.u, dr) - point.z
             part, tried = 1.0, law.at(point.z + full, held)
+            changed = int((tried.status != point.status).sum())
             if step == 0:
                 most = max(most, tried.size)
-            while not tried.size <= most:  # nor where it is no number
+            elif changed <= wrong and isfinite(tried.size):
+                fewest, wrong = tried, changed
+            while not tried.size <= most and part >= SHORTEST:  # nor where it is no number
                 part *= 0.5
-                if part < SHORTEST:
-                    return least, step
                 tried = law.at(point.z + part * full, held)
+            if part < SHORTEST:
+                break
             point = tried
             if point.size < least.size:
                 least = point
-        return least, NEWTON
+        return (fewest if wrong <= WRONG and least.size >= SOLVED * self.size else least), step, wrong

@@ -161,7 +161,7 @@ def test_auto_takes_what_reaches_the_tolerance(monkeypatch: pytest.MonkeyPatch) 
     assert found.iterations > 500
     limited = ContactSolver("auto", replace(TIGHT, max_iterations=700), "coulomb")
     monkeypatch.setattr(coulomb.CoulombSearch, "equilibrium", lambda *_: None)
-    monkeypatch.setattr(proximal, "MAX_ITERATIONS", 100)
+    monkeypatch.setattr(proximal, "MAX_ITERATIONS", 40)
     with pytest.raises(SolverNotConvergedError, match=r"gauss-seidel stopped .* after 700 iterations") as caught:
         limited.solve(problem)
     # The best forces of all methods.
