@@ -162,6 +162,7 @@ def test_auto_takes_what_reaches_the_tolerance(monkeypatch: pytest.MonkeyPatch) 
     limited = ContactSolver("auto", replace(TIGHT, max_iterations=700), "coulomb")
     monkeypatch.setattr(coulomb.CoulombSearch, "equilibrium", lambda *_: None)
     monkeypatch.setattr(proximal, "MAX_ITERATIONS", 40)
+    monkeypatch.setattr(proximal, "EACH", 0)
     with pytest.raises(SolverNotConvergedError, match=r"gauss-seidel stopped .* after 700 iterations") as caught:
         limited.solve(problem)
     # The best forces of all methods.
