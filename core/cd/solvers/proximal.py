@@ -268,4 +268,6 @@ class _Walk:
             point = tried
             if point.size < least.size:
                 least = point
+        else:
+            step = NEWTON
         return (fewest if wrong <= WRONG and least.size >= SOLVED * self.size else least), step, wrong
