@@ -109,6 +109,8 @@ class Polish:
     ----------
     count : int
         Factorisations so far.
+    soft : ndarray, shape (c,)
+        Compliance of each contact over ``1/rho``; another array takes its place where it changes.
     best : tuple of ndarray, shape (c, 2), and Residuals, or None
         Forces that came nearest to a solution.
     reached : tuple of float and ndarray, shape (c, 2)
@@ -117,10 +119,11 @@ class Polish:
 
     def __init__(self, problem: ContactProblem, tolerance: float, clock: Stopwatch) -> None:
         self.problem, self.tolerance, self.clock, self.count = problem, tolerance, clock, 0
-        self.soft, self._made_for = SOFT, np.nan
-        self._status = np.empty(0, dtype=np.int64)
+        c = problem.n_contacts
+        self.soft = self._made_for = np.full(c, SOFT)
+        self._status, self._d = np.full(c, -1), np.empty((c, 2, 2))
         self.best: tuple[FloatArray, Residuals] | None = None
-        self._random = np.random.default_rng(problem.n_contacts)
+        self._random = np.random.default_rng(c)
         self._v, self._nothing = np.zeros((2, problem.n_bodies, 3))
 
     @cached_property
@@ -171,7 +174,7 @@ class Polish:
         problem, rho = self.problem, self.problem.rho
         for _cover in range(COVERS):
             d = self._random.uniform(1.0, 2.0, problem.n_contacts) / np.sqrt(rho)
-            b = problem.b - self.soft / rho[:, None] * r
+            b = problem.b - (self.soft / rho)[:, None] * r
             error = np.zeros_like(b)
             error[:, 0] = -1.01 * max(0.0, float((-b[:, 0] / d).max())) * d
             ended = self.path(rho[:, None] * (error - b), error, PIVOTS * problem.n_contacts)
@@ -252,7 +255,7 @@ class Polish:
                 ahead = -self._matrix.sign()
             # dz/dt, where J dz/dt = error.
             dr = self.change(error)
-            if self.soft < REFINED_BELOW:
+            if self.soft.min() < REFINED_BELOW:
                 dr = dr + self.change(self.left(error, dr))
             rate = dr + rho * self.left(error, dr)
             ahead, step, contact, border = next_kink(problem.mu, status, z, rate, ahead, contact, border)
@@ -280,18 +283,15 @@ class Polish:
     def factorise(self, status: IntArray) -> bool:
         """Factorise for `change` with these statuses; False if that is impossible."""
         self.count += 1
-        if self._made_for != self.soft:
-            self._d, self._made_for, changed = self._blocks(status, np.arange(len(status))), self.soft, None
-        else:
-            changed = np.flatnonzero(status != self._status)
-            self._d[changed] = self._blocks(status, changed)
-        self._status = status.copy()
-        return self._matrix.factorise(self._d, changed)
+        changed = np.flatnonzero((status != self._status) | (self.soft != self._made_for))
+        self._d[changed] = self._blocks(status, changed)
+        self._status, self._made_for = status.copy(), self.soft
+        return self._matrix.factorise(self._d, changed if len(changed) < len(status) else None)
 
     def _blocks(self, status: IntArray, contacts: IntArray) -> FloatArray:
         """Change of the forces per change of the velocities of some contacts, shape (k, 2, 2)."""
         problem, status = self.problem, status[contacts]
-        give = problem.compliance[contacts] + (self.soft / problem.rho[contacts])[:, None]
+        give = problem.compliance[contacts] + (self.soft[contacts] / problem.rho[contacts])[:, None]
         d = np.zeros((len(contacts), 2, 2))
         d[:, 0, 0] = (status != OPEN) / give[:, 0]
         d[:, 1, 0] = SIDE[status] * problem.mu[contacts] * d[:, 0, 0]

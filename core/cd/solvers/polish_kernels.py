@@ -44,7 +44,7 @@ def law_error(
     shear_0: Floats,
     rho: Floats,
     side: Floats,
-    soft: float,
+    soft: Floats,
     z: Floats,
     held: Floats,
     status: Longs,
@@ -61,7 +61,8 @@ def law_error(
         As in `ninedisk.core.cd.problem.ContactProblem`.
     side : ndarray, shape (4,)
         Sign of the friction force by status.
-    soft : float
+    soft : ndarray, shape (c,)
+        Compliance of each contact over ``1/rho``.
     z, held : ndarray, shape (c, 2)
         ``r - rho u``, and the forces that the compliance holds.
     status : ndarray of int64, shape (c,)
@@ -81,8 +82,8 @@ def law_error(
     for k in range(bodies.shape[0]):
         un, ut = contact_velocity(k, bodies, normal, arms, v)
         p, q = r[k, 0], r[k, 1]
-        un += offset[k, 0] + compliance[k, 0] * p + soft / rho[k] * (p - held[k, 0])
-        ut += offset[k, 1] + compliance[k, 1] * (q - shear_0[k]) + soft / rho[k] * (q - held[k, 1])
+        un += offset[k, 0] + compliance[k, 0] * p + soft[k] / rho[k] * (p - held[k, 0])
+        ut += offset[k, 1] + compliance[k, 1] * (q - shear_0[k]) + soft[k] / rho[k] * (q - held[k, 1])
         u[k, 0], u[k, 1] = un, ut
         n, t = un + (z[k, 0] - p) / rho[k], ut + (z[k, 1] - q) / rho[k]
         error[k, 0], error[k, 1] = n, t
@@ -96,7 +97,7 @@ def velocities_left(
     inverse_mass: Floats,
     nothing: Floats,
     rho: Floats,
-    soft: float,
+    soft: Floats,
     u: Floats,
     dr: Floats,
     v: Floats,
@@ -110,8 +111,8 @@ def velocities_left(
     body_velocities(bodies, normal, arms, inverse_mass, nothing, dr, v)
     for k in range(bodies.shape[0]):
         un, ut = contact_velocity(k, bodies, normal, arms, v)
-        left[k, 0] = u[k, 0] - un - (compliance[k, 0] + soft / rho[k]) * dr[k, 0]
-        left[k, 1] = u[k, 1] - ut - (compliance[k, 1] + soft / rho[k]) * dr[k, 1]
+        left[k, 0] = u[k, 0] - un - (compliance[k, 0] + soft[k] / rho[k]) * dr[k, 0]
+        left[k, 1] = u[k, 1] - ut - (compliance[k, 1] + soft[k] / rho[k]) * dr[k, 1]
 
 
 @inline_kernel

@@ -4,19 +4,22 @@ With compliance the law is easy: Newton's method on its statuses, or a path of f
 
     F_k(z) = W P(z) + b + s/rho (P(z) - r_k) - (P(z) - z)/rho = 0,      r_{k+1} = P(z),
 
-whose compliance ``s`` acts on the change of the forces alone: where they stop changing they solve the rigid law. An error along an
-eigenvalue ``lambda`` of the law shrinks by ``s/(s + lambda)``. For a convex program all eigenvalues are positive and it never grows
-[Rockafellar 1976, Monotone operators and the proximal point algorithm, SIAM J. Control Optim. 14]. Sliding without dilation makes some
-negative: along them errors grow if ``-2 s < lambda < 0``. So ``s`` is lowered as long as steps are solved, and raised where they are
-not; the forces wander past solutions until `Polish` gets hold of one.
+whose compliances ``s``, one for each contact, act on the change of the forces alone: where they stop changing they solve the rigid law. An
+error along an eigenvalue ``lambda`` of the law shrinks by ``s/(s + lambda)``. For a convex program all eigenvalues are positive and it
+never grows [Rockafellar 1976, Monotone operators and the proximal point algorithm, SIAM J. Control Optim. 14]. Sliding without dilation
+makes some negative: along them errors grow if ``-2 s < lambda < 0``. So ``s`` is lowered as long as steps are solved, and raised where they
+are not: mostly at the few contacts among which Newton's method goes round, so that all others keep what they have found. The forces
+wander past solutions until `Polish` gets hold of one.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import ContactProblem, Residuals, measure
@@ -31,8 +34,10 @@ MAX_ITERATIONS, EACH = 50_000, 50
 """Factorisations and pivots, and those for each contact where that is more: one pyramid of 1,000 disks took 54,000."""
 FIRST_SOFT, MOST_SOFT = 1e-2, 1.0
 """Compliance over ``1/rho``: at the first every packing tried is solved by some five steps of Newton's method."""
-LOWER, RAISE = 0.7, 3.0
-"""Factors of the compliance after a step that was solved soon, and after one that was not solved."""
+LOWER, RAISE = 0.8, 1.1
+"""Factors of all compliances after a step that was solved soon, and after one that was not solved."""
+RAISE_THERE, LEAST_THERE = 3.0, 1e-4
+"""Factor of those of the contacts that were still changing then, and what they get at least."""
 NEWTON, SOON = 12, 6
 """Steps of Newton's method before the path is followed; up to so many count as soon."""
 WRONG, HOPELESS = 8, 12
@@ -49,7 +54,8 @@ NEARER = 0.1
 FEW, NEAR = 25, 0.9
 """Pivots of a path up to which the compliance is lowered; error over the first from which on a step that was not solved is kept."""
 SLICE = 2_000
-"""Iterations from one start before the other has its turn, the first time; which of the two arrives cannot be told before."""
+"""Iterations from one start before the other has its turn, the first time, and as many as contacts where these are more; which of the two
+arrives cannot be told before."""
 POLISH_PIVOTS, POLISH_AGAIN = 30, 100
 """Of a polish; steps after which the next one is not held against those before."""
 
@@ -92,7 +98,7 @@ class ProximalPoint:
         none = np.zeros((problem.n_contacts, 2))
         # Where no contact force is needed, every other one would be infinitely far off relative to the solution 0.
         if not search.judge(none) and not search.over:
-            walks, slices = [] if start is None else [_Walk(search, start)], SLICE
+            walks, slices = [] if start is None else [_Walk(search, start)], max(SLICE, problem.n_contacts)
             for walk in walks:
                 walk.go(search.iterations + slices)
             # The associated rule costs as much as some hundred steps, which a start near a solution may not need.
@@ -113,6 +119,7 @@ class _Search:
         self.problem, self.options, self.clock = problem, options, Stopwatch(options.time_limit)
         self.solver, self.others = "proximal-point", 0
         self.law = Polish(problem, options.tolerance, self.clock)
+        self.least = self.law.soft
         self.best: tuple[FloatArray, Residuals] | None = None
         self.most = options.max_iterations or max(MAX_ITERATIONS, EACH * problem.n_contacts)
 
@@ -153,7 +160,7 @@ class _Search:
 
     def polish(self, r: FloatArray, pivots: int) -> bool:
         """Whether the forces can be made exact."""
-        self.law.soft = SOFT
+        self.law.soft = self.least
         if not self.over and (exact := self.law.improve(r, pivots, paths=1)):
             self.best = exact
         elif self.best and self.law.best and self.law.best[1].worst < self.best[1].worst:
@@ -186,6 +193,27 @@ class _Search:
         )
 
 
+class _Newton(NamedTuple):
+    """How Newton's method ended.
+
+    Attributes
+    ----------
+    point : LawPoint
+        The solution, or where a path may begin.
+    steps : int
+        Steps taken.
+    wrong : int
+        Statuses that are wrong at the point with fewest.
+    changing : ndarray of bool, shape (c,)
+        Contacts whose status the last two steps changed; all, before there were two.
+    """
+
+    point: LawPoint
+    steps: int
+    wrong: int
+    changing: NDArray[np.bool_]
+
+
 class _Walk:
     """Proximal points from some forces on, until the search is over; near solutions with a polish."""
 
@@ -194,7 +222,7 @@ class _Walk:
         rho = self.problem.rho[:, None]
         self.z = r - rho * self.law.velocity(r)
         self.size = max(norm(r), norm(rho * self.problem.b) * 1e-3)
-        self.soft, self.nearest, self.steps = FIRST_SOFT, np.inf, 0
+        self.soft, self.nearest, self.steps = np.full(self.problem.n_contacts, FIRST_SOFT), np.inf, 0
 
     def go(self, limit: int) -> None:
         """Step by step until the search is over or has taken ``limit`` iterations."""
@@ -219,26 +247,33 @@ class _Walk:
         law = self.law
         law.soft = self.soft
         begin = law.at(self.z, held)
-        point, steps, wrong = self._newton(begin, held)
+        newton = self._newton(begin, held)
+        point = newton.point
         if point.size < SOLVED * self.size:
             self.z = point.z
-            self.soft = max(self.soft * LOWER, SOFT) if steps <= SOON else self.soft
+            if newton.steps <= SOON:
+                self._lower()
             return
-        if wrong <= HOPELESS:
+        if newton.wrong <= HOPELESS:
             count = law.count
             ended = law.path(point.z, point.error, PIVOTS)
             if ended is not None:
                 r = ended[0]
-                self.z = r - self.problem.rho[:, None] * law.velocity(r) - self.soft * (r - held)
-                self.soft = max(self.soft * LOWER, SOFT) if law.count - count <= FEW else self.soft
+                self.z = r - self.problem.rho[:, None] * law.velocity(r) - self.soft[:, None] * (r - held)
+                if law.count - count <= FEW:
+                    self._lower()
                 return
             part, reached = law.reached
             if part * point.size < NEAR * begin.size:
                 self.z = reached
-        self.soft = min(self.soft * RAISE, MOST_SOFT)
+        soft = np.where(newton.changing, np.maximum(RAISE_THERE * self.soft, LEAST_THERE), RAISE * self.soft)
+        self.soft = np.minimum(soft, MOST_SOFT)
 
-    def _newton(self, point: LawPoint, held: FloatArray) -> tuple[LawPoint, int, int]:
-        """Newton's method on the statuses: its solution, or where a path may begin; steps taken; statuses that are wrong there.
+    def _lower(self) -> None:
+        self.soft = np.maximum(LOWER * self.soft, SOFT)
+
+    def _newton(self, point: LawPoint, held: FloatArray) -> _Newton:
+        """Newton's method on the statuses.
 
         Wrong are those that the step to a point has changed: with all others its linear equations are solved. Where these are few the
         path begins at the last point that has fewest, else where the error is least.
@@ -249,13 +284,15 @@ class _Walk:
         """
         law, rho, least, most = self.law, self.problem.rho[:, None], point, point.size
         fewest, wrong, step = point, len(point.status), 0
+        changing = before = np.ones(len(point.status), dtype=bool)
         for step in range(NEWTON):
             if least.size < SOLVED * self.size or self.search.over or not law.factorise(point.status):
                 break
             dr = law.change(point.u)
             full = point.r - dr - rho * law.left(point.u, dr) - point.z
             part, tried = 1.0, law.at(point.z + full, held)
-            changed = int((tried.status != point.status).sum())
+            before, changing = changing, tried.status != point.status
+            changed = int(changing.sum())
             if step == 0:
                 most = max(most, tried.size)
             elif changed <= wrong and isfinite(tried.size):
@@ -270,4 +307,5 @@ class _Walk:
                 least = point
         else:
             step = NEWTON
-        return (fewest if wrong <= WRONG and least.size >= SOLVED * self.size else least), step, wrong
+        begin = fewest if wrong <= WRONG and least.size >= SOLVED * self.size else least
+        return _Newton(begin, step, wrong, changing | before)

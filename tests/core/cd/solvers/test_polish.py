@@ -197,8 +197,9 @@ def test_the_law_at_a_point_is_that_of_the_dense_matrix() -> None:
     rng, met = np.random.default_rng(3), set[int]()
     for seed in range(40):
         problem = tiny(seed)
-        law, soft, mu = polish_of(problem), rng.uniform(0.0, 1.0), problem.mu
-        law.soft = soft
+        law, mu = polish_of(problem), problem.mu
+        law.soft = rng.uniform(0.0, 1.0, problem.n_contacts)
+        soft = law.soft[:, None]
         z, held, dr = rng.normal(size=(3, problem.n_contacts, 2))
         p = np.maximum(z[:, 0], 0.0)
         r = np.column_stack([p, np.clip(z[:, 1], -mu * p, mu * p)])
