@@ -29,6 +29,7 @@ class Page:
         self._socket, self._number = socket, itertools.count(1)
         self.requests: list[str] = []
         self.complaints: list[str] = []
+        self._navigated = 0
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         self.call("Network.emulateNetworkConditions", offline=True, latency=0, downloadThroughput=0, uploadThroughput=0)
@@ -49,6 +50,8 @@ class Page:
         match event.get("method"):
             case "Network.requestWillBeSent":
                 self.requests.append(params["request"]["url"])
+            case "Page.frameNavigated":
+                self._navigated += 1
             case "Runtime.exceptionThrown":
                 self.complaints.append(json.dumps(params["exceptionDetails"]))
             case "Runtime.consoleAPICalled" if params["type"] in ("error", "warning", "assert"):
@@ -76,6 +79,13 @@ class Page:
         self.call("Emulation.setEmulatedMedia", media="", features=[scheme])
         self.call("Page.navigate", url=path.as_uri() + fragment)
         self.wait(f"document.readyState === 'complete' && location.pathname === {json.dumps(path.as_uri()[7:])}")
+
+    def reload(self) -> None:
+        """Load the page again. Nothing is asked until the new one is there: the old one, while it goes, answers with an error."""
+        before = self._navigated
+        self.call("Page.reload")
+        while self._navigated == before:
+            self._note(json.loads(self._socket.recv(timeout=PATIENCE)))
 
     def mouse(self, x: float, y: float, kind: str = "mouseMoved") -> None:
         """Move or press the mouse at a place of the window."""

@@ -135,8 +135,8 @@ def test_the_picture_turns_plays_and_prints(tab, report: Path):
     tab.open(report / "case" / "spheres-demo.html")
     tab.wait("document.querySelector('figure.turning.drawn')")
     tab.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-reduced-motion", "value": "reduce"}])
-    tab.run("window.before = true; location.reload()")
-    tab.wait("!window.before && document.querySelector('figure.turning.drawn')")  # not the page that is about to go
+    tab.reload()
+    tab.wait("document.querySelector('figure.turning.drawn')")
     places = "[...document.querySelectorAll('.turning .ball')].map(c => ['cx', 'cy', 'r'].map(name => Number(c.getAttribute(name))))"
     begin = tab.run(places)
     assert len(begin) == 2
