@@ -8,8 +8,8 @@ whose compliances ``s``, one for each contact, act on the change of the forces a
 error along an eigenvalue ``lambda`` of the law shrinks by ``s/(s + lambda)``. For a convex program all eigenvalues are positive and it
 never grows [Rockafellar 1976, Monotone operators and the proximal point algorithm, SIAM J. Control Optim. 14]. Sliding without dilation
 makes some negative: along them errors grow if ``-2 s < lambda < 0``. So ``s`` is lowered as long as steps are solved, and raised where they
-are not: mostly at the few contacts among which Newton's method goes round, so that all others keep what they have found. The forces
-wander past solutions until `Polish` gets hold of one.
+are not: where contacts are many, mostly at those among which Newton's method goes round, so that all others keep what they have found.
+The forces wander past solutions until `Polish` gets hold of one.
 """
 
 from __future__ import annotations
@@ -34,8 +34,12 @@ MAX_ITERATIONS, EACH = 50_000, 50
 """Factorisations and pivots, and those for each contact where that is more: one pyramid of 1,000 disks took 54,000."""
 FIRST_SOFT, MOST_SOFT = 1e-2, 1.0
 """Compliance over ``1/rho``: at the first every packing tried is solved by some five steps of Newton's method."""
-LOWER, RAISE = 0.8, 1.1
-"""Factors of all compliances after a step that was solved soon, and after one that was not solved."""
+FACTORS, FACTORS_OF_MANY = (0.7, 3.0), (0.8, 1.1)
+"""Of all compliances after a step that was solved soon, and after one that was not solved."""
+MANY = 4_000
+"""Contacts above which they are many: a step is missed at a few places at a time, and if all compliances were raised as much as those,
+places far from there would lose what they have found. With fewer contacts places are few, and three pyramids of 1,000 disks, solved
+with one compliance, were not with one for each."""
 RAISE_THERE, LEAST_THERE = 3.0, 1e-4
 """Factor of those of the contacts that were still changing then, and what they get at least."""
 NEWTON, SOON = 12, 6
@@ -54,7 +58,7 @@ NEARER = 0.1
 FEW, NEAR = 25, 0.9
 """Pivots of a path up to which the compliance is lowered; error over the first from which on a step that was not solved is kept."""
 SLICE = 2_000
-"""Iterations from one start before the other has its turn, the first time, and as many as contacts where these are more; which of the two
+"""Iterations from one start before the other has its turn, the first time, or as many as contacts where these are many; which of the two
 arrives cannot be told before."""
 POLISH_PIVOTS, POLISH_AGAIN = 30, 100
 """Of a polish; steps after which the next one is not held against those before."""
@@ -98,7 +102,8 @@ class ProximalPoint:
         none = np.zeros((problem.n_contacts, 2))
         # Where no contact force is needed, every other one would be infinitely far off relative to the solution 0.
         if not search.judge(none) and not search.over:
-            walks, slices = [] if start is None else [_Walk(search, start)], max(SLICE, problem.n_contacts)
+            walks = [] if start is None else [_Walk(search, start)]
+            slices = problem.n_contacts if problem.n_contacts > MANY else SLICE
             for walk in walks:
                 walk.go(search.iterations + slices)
             # The associated rule costs as much as some hundred steps, which a start near a solution may not need.
@@ -223,6 +228,8 @@ class _Walk:
         self.z = r - rho * self.law.velocity(r)
         self.size = max(norm(r), norm(rho * self.problem.b) * 1e-3)
         self.soft, self.nearest, self.steps = np.full(self.problem.n_contacts, FIRST_SOFT), np.inf, 0
+        self.many = self.problem.n_contacts > MANY
+        self.lower, self.more = FACTORS_OF_MANY if self.many else FACTORS
 
     def go(self, limit: int) -> None:
         """Step by step until the search is over or has taken ``limit`` iterations."""
@@ -266,11 +273,13 @@ class _Walk:
             part, reached = law.reached
             if part * point.size < NEAR * begin.size:
                 self.z = reached
-        soft = np.where(newton.changing, np.maximum(RAISE_THERE * self.soft, LEAST_THERE), RAISE * self.soft)
+        soft = self.more * self.soft
+        if self.many:
+            soft = np.where(newton.changing, np.maximum(RAISE_THERE * self.soft, LEAST_THERE), soft)
         self.soft = np.minimum(soft, MOST_SOFT)
 
     def _lower(self) -> None:
-        self.soft = np.maximum(LOWER * self.soft, SOFT)
+        self.soft = np.maximum(self.lower * self.soft, SOFT)
 
     def _newton(self, point: LawPoint, held: FloatArray) -> _Newton:
         """Newton's method on the statuses.
