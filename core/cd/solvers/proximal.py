@@ -58,7 +58,7 @@ NEARER = 0.1
 FEW, NEAR = 25, 0.9
 """Pivots of a path up to which the compliance is lowered; error over the first from which on a step that was not solved is kept."""
 SLICE = 2_000
-"""Iterations from one start before the other has its turn, the first time, or as many as contacts where these are many; which of the two
+"""Iterations from one start before the other has its turn, the first time, or two for each contact where these are many; which of the two
 arrives cannot be told before."""
 POLISH_PIVOTS, POLISH_AGAIN = 30, 100
 """Of a polish; steps after which the next one is not held against those before."""
@@ -103,7 +103,7 @@ class ProximalPoint:
         # Where no contact force is needed, every other one would be infinitely far off relative to the solution 0.
         if not search.judge(none) and not search.over:
             walks = [] if start is None else [_Walk(search, start)]
-            slices = problem.n_contacts if problem.n_contacts > MANY else SLICE
+            slices = 2 * problem.n_contacts if problem.n_contacts > MANY else SLICE
             for walk in walks:
                 walk.go(search.iterations + slices)
             # The associated rule costs as much as some hundred steps, which a start near a solution may not need.
