@@ -34,12 +34,12 @@ MAX_ITERATIONS, EACH = 50_000, 50
 """Factorisations and pivots, and those for each contact where that is more: one pyramid of 1,000 disks took 54,000."""
 FIRST_SOFT, MOST_SOFT = 1e-2, 1.0
 """Compliance over ``1/rho``: at the first every packing tried is solved by some five steps of Newton's method."""
-FACTORS, FACTORS_OF_MANY = (0.7, 3.0), (0.8, 1.1)
+FACTORS, FACTORS_OF_OWN = (0.7, 3.0), (0.8, 1.1)
 """Of all compliances after a step that was solved soon, and after one that was not solved."""
-MANY = 4_000
-"""Contacts above which they are many: a step is missed at a few places at a time, and if all compliances were raised as much as those,
-places far from there would lose what they have found. With fewer contacts places are few, and three pyramids of 1,000 disks, solved
-with one compliance, were not with one for each."""
+OWN_ABOVE = 4_000
+"""Contacts above which each has a compliance of its own: a step is missed at a few places at a time, and if all compliances were raised as
+much as those, places far from there would lose what they have found. With fewer contacts places are few, and three pyramids of 1,000
+disks, solved with one compliance, were not with one for each."""
 RAISE_THERE, LEAST_THERE = 3.0, 1e-4
 """Factor of those of the contacts that were still changing then, and what they get at least."""
 NEWTON, SOON = 12, 6
@@ -58,7 +58,7 @@ NEARER = 0.1
 FEW, NEAR = 25, 0.9
 """Pivots of a path up to which the compliance is lowered; error over the first from which on a step that was not solved is kept."""
 SLICE = 2_000
-"""Iterations from one start before the other has its turn, the first time, or two for each contact where these are many; which of the two
+"""Iterations from one start before the other has its turn, the first time, or two for each contact above `OWN_ABOVE`; which of the two
 arrives cannot be told before."""
 POLISH_PIVOTS, POLISH_AGAIN = 30, 100
 """Of a polish; steps after which the next one is not held against those before."""
@@ -103,7 +103,7 @@ class ProximalPoint:
         # Where no contact force is needed, every other one would be infinitely far off relative to the solution 0.
         if not search.judge(none) and not search.over:
             walks = [] if start is None else [_Walk(search, start)]
-            slices = 2 * problem.n_contacts if problem.n_contacts > MANY else SLICE
+            slices = 2 * problem.n_contacts if problem.n_contacts > OWN_ABOVE else SLICE
             for walk in walks:
                 walk.go(search.iterations + slices)
             # The associated rule costs as much as some hundred steps, which a start near a solution may not need.
@@ -228,8 +228,8 @@ class _Walk:
         self.z = r - rho * self.law.velocity(r)
         self.size = max(norm(r), norm(rho * self.problem.b) * 1e-3)
         self.soft, self.nearest, self.steps = np.full(self.problem.n_contacts, FIRST_SOFT), np.inf, 0
-        self.many = self.problem.n_contacts > MANY
-        self.lower, self.more = FACTORS_OF_MANY if self.many else FACTORS
+        self.own = self.problem.n_contacts > OWN_ABOVE
+        self.lower, self.more = FACTORS_OF_OWN if self.own else FACTORS
 
     def go(self, limit: int) -> None:
         """Step by step until the search is over or has taken ``limit`` iterations."""
@@ -274,7 +274,7 @@ class _Walk:
             if part * point.size < NEAR * begin.size:
                 self.z = reached
         soft = self.more * self.soft
-        if self.many:
+        if self.own:
             soft = np.where(newton.changing, np.maximum(RAISE_THERE * self.soft, LEAST_THERE), soft)
         self.soft = np.minimum(soft, MOST_SOFT)
 

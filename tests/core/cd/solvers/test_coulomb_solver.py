@@ -257,8 +257,8 @@ def test_a_thousand_sliding_disks(collapse: ContactProblem) -> None:
 def test_compliance_is_raised_where_newtons_method_goes_round(
     collapse: ContactProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where contacts are many: three times there, to 1e-4 at least; by a tenth elsewhere, where other places would lose what they found."""
-    monkeypatch.setattr(proximal, "MANY", 100)
+    """Where each has its own: three times there, to 1e-4 at least; by a tenth elsewhere, where other places would lose what they found."""
+    monkeypatch.setattr(proximal, "OWN_ABOVE", 100)
     changing = np.arange(collapse.n_contacts) % 7 == 0
     walk = proximal._Walk(proximal._Search(collapse, TIGHT), np.zeros((collapse.n_contacts, 2)))
     begin = walk.law.at(walk.z, np.zeros_like(walk.z))
