@@ -97,7 +97,8 @@ def example(tmp_path: Path, edit: str) -> str:
 
 def test_the_command_tells_names_and_stores_what_differs(tmp_path: Path) -> None:
     """An engine behind a command whose start is a little of what lay in memory; one run a process, no threads, no restart."""
-    command = example(tmp_path, "import os; request['scene']['disks']['v'][0][0] *= 1.0 + 1e-9 * os.urandom(1)[0]")
+    edit = "import random; request['scene']['disks']['v'][0][0] *= 1.0 + 1e-7 * random.SystemRandom().random()"
+    command = example(tmp_path, edit)
     store, rows = tmp_path / "store", tmp_path / "rows.json"
     done = CliRunner().invoke(app, ["determinism", "--engine-cmd", command, "--store", str(store), "--json", str(rows)])
     assert done.exit_code == 1, done.output
