@@ -96,7 +96,7 @@ def example(tmp_path: Path, edit: str) -> str:
 
 
 def test_the_command_tells_names_and_stores_what_differs(tmp_path: Path) -> None:
-    """An engine behind a command whose start is a little of what lay in memory; one run a process, no threads, no restart."""
+    """An engine behind a command that starts at random, never twice alike; one run a process, no threads, no restart."""
     edit = "import random; request['scene']['disks']['v'][0][0] *= 1.0 + 1e-7 * random.SystemRandom().random()"
     command = example(tmp_path, edit)
     store, rows = tmp_path / "store", tmp_path / "rows.json"
