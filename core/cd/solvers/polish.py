@@ -113,8 +113,6 @@ class Polish:
         Compliance of each contact over ``1/rho``; another array takes its place where it changes.
     best : tuple of ndarray, shape (c, 2), and Residuals, or None
         Forces that came nearest to a solution.
-    reached : tuple of float and ndarray, shape (c, 2)
-        Least t of the last path, and z there.
     """
 
     def __init__(self, problem: ContactProblem, tolerance: float, clock: Stopwatch) -> None:
@@ -247,7 +245,6 @@ class Polish:
         status = statuses(problem, z)
         first, begin, t, ahead = status.copy(), z, 1.0, -1.0
         contact = border = -1
-        self.reached = 1.0, z
         for pivot in range(pivots):
             if self.clock.over or not self.factorise(status):
                 return None
@@ -266,8 +263,6 @@ class Polish:
             if t + ahead * step > FAR or (round_trip and _near(z + (1.0 - t) * rate, begin)):
                 return None
             z, t = z + ahead * step * rate, t + ahead * step
-            if t < self.reached[0]:
-                self.reached = t, z.copy()
             if border == 0:
                 z[contact, 0] = 0.0
                 closed = PLUS if z[contact, 1] > 0.0 or problem.mu[contact] == 0.0 else MINUS

@@ -13,6 +13,7 @@ from ninedisk.core.cd.problem_kernels import Contacts, body_velocities, contact_
 from ninedisk.core.compile import inline_kernel, kernel
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 
 OPEN, STICK, PLUS, MINUS = range(4)
@@ -157,3 +158,37 @@ def next_kink(
                 if step < length:
                     length, at, which = step, k, i
     return ahead, length, at, which
+
+
+@kernel
+def keep_alike(bodies: Ints, ratio: float, soft: Floats, most: Floats) -> None:
+    """Raise ``soft``, shape (c,), until no contact has less than ``ratio`` times that of another one at one of its ``bodies``.
+
+    Parameters
+    ----------
+    bodies : ndarray of int, shape (c, 2)
+        -1 for a body whose motion is prescribed: that hands nothing on.
+    ratio : float
+        Below 1.
+    soft : ndarray, shape (c,)
+        Changed in place.
+    most : ndarray, shape (b,)
+        Work space, zero: most compliance at each body.
+    """
+    for k in range(bodies.shape[0]):
+        for body in bodies[k]:
+            if body >= 0:
+                most[body] = max(most[body], soft[k])
+    raised = True
+    while raised:
+        raised = False
+        for k in range(bodies.shape[0]):
+            least = 0.0
+            for body in bodies[k]:
+                if body >= 0:
+                    least = max(least, ratio * most[body])
+            if soft[k] < least:
+                soft[k], raised = least, True
+                for body in bodies[k]:
+                    if body >= 0:
+                        most[body] = max(most[body], least)

@@ -7,9 +7,8 @@ With compliance the law is easy: Newton's method on its statuses, or a path of f
 whose compliances ``s``, one for each contact, act on the change of the forces alone: where they stop changing they solve the rigid law. An
 error along an eigenvalue ``lambda`` of the law shrinks by ``s/(s + lambda)``. For a convex program all eigenvalues are positive and it
 never grows [Rockafellar 1976, Monotone operators and the proximal point algorithm, SIAM J. Control Optim. 14]. Sliding without dilation
-makes some negative: along them errors grow if ``-2 s < lambda < 0``. So ``s`` is lowered as long as steps are solved, and raised where they
-are not: where contacts are many, mostly at those among which Newton's method goes round, so that all others keep what they have found.
-The forces wander past solutions until `Polish` gets hold of one.
+makes some negative: along them errors grow if ``-2 s < lambda < 0``. So ``s`` is lowered as long as points are found, and raised where one
+is not. The forces wander past solutions until `Polish` gets hold of one.
 """
 
 from __future__ import annotations
@@ -28,22 +27,21 @@ from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError, check_
 from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch, not_converged
 from ninedisk.core.cd.solvers.polish import SOFT, LawPoint, Polish, norm, statuses
+from ninedisk.core.cd.solvers.polish_kernels import keep_alike
 from ninedisk.core.errors import SolverNotConvergedError
 
 MAX_ITERATIONS, EACH = 50_000, 50
 """Factorisations and pivots, and those for each contact where that is more: one pyramid of 1,000 disks took 54,000."""
 FIRST_SOFT, MOST_SOFT = 1e-2, 1.0
 """Compliance over ``1/rho``: at the first every packing tried is solved by some five steps of Newton's method."""
-FACTORS, FACTORS_OF_OWN = (0.7, 3.0), (0.8, 1.1)
-"""Of all compliances after a step that was solved soon, and after one that was not solved."""
-OWN_ABOVE = 4_000
-"""Contacts above which each has a compliance of its own: a step is missed at a few places at a time, and if all compliances were raised as
-much as those, places far from there would lose what they have found. With fewer contacts places are few, and three pyramids of 1,000
-disks, solved with one compliance, were not with one for each."""
-RAISE_THERE, LEAST_THERE = 3.0, 1e-4
-"""Factor of those of the contacts that were still changing then, and what they get at least."""
-NEWTON, SOON = 12, 6
-"""Steps of Newton's method before the path is followed; up to so many count as soon."""
+LOWER, RAISE, LEAST_RAISED = 0.8, 10.0, 1e-3
+"""Of the compliances once a point is found, and of those that were in its way, with what they get at least: see `_Walk`."""
+ALIKE, ALL_ALIKE = 0.85, 1.0
+"""Least ratio of the compliances of two contacts of one body, in the walk from the forces given and in that from the associated rule's."""
+RAISES = 8
+"""Times that compliances are raised for one point."""
+NEWTON = 12
+"""Steps of Newton's method before the path is followed."""
 WRONG, HOPELESS = 8, 12
 """Statuses that a step of Newton's method changes: up to so many, and they go round in a few places while all others are right, the path
 begins there and not where the error is least; of more than so many, one path in four found its end, after 23 pivots."""
@@ -55,10 +53,8 @@ SOLVED = 1e-13
 """Error of a step, over the first forces."""
 NEARER = 0.1
 """Natural map over that at the last polish from which on the next one is worth its pivots."""
-FEW, NEAR = 25, 0.9
-"""Pivots of a path up to which the compliance is lowered; error over the first from which on a step that was not solved is kept."""
-SLICE = 2_000
-"""Iterations from one start before the other has its turn, the first time, or two for each contact above `OWN_ABOVE`; which of the two
+SLICE, SLICE_EACH = 2_000, 2
+"""Iterations from one start before the other has its turn, the first time, and those for each contact where that is more; which of the two
 arrives cannot be told before."""
 POLISH_PIVOTS, POLISH_AGAIN = 30, 100
 """Of a polish; steps after which the next one is not held against those before."""
@@ -102,14 +98,14 @@ class ProximalPoint:
         none = np.zeros((problem.n_contacts, 2))
         # Where no contact force is needed, every other one would be infinitely far off relative to the solution 0.
         if not search.judge(none) and not search.over:
-            walks = [] if start is None else [_Walk(search, start)]
-            slices = 2 * problem.n_contacts if problem.n_contacts > OWN_ABOVE else SLICE
+            walks = [] if start is None else [_Walk(search, start, ALIKE)]
+            slices = max(SLICE, SLICE_EACH * problem.n_contacts)
             for walk in walks:
                 walk.go(search.iterations + slices)
             # The associated rule costs as much as some hundred steps, which a start near a solution may not need.
             other = None if search.over else search.associated()
             if not search.over and not (walks and other is None):
-                walks.insert(0, _Walk(search, none if other is None else other))
+                walks.insert(0, _Walk(search, none if other is None else other, ALL_ALIKE))
             while not search.over:
                 for walk in walks:
                     walk.go(search.iterations + slices)
@@ -205,8 +201,6 @@ class _Newton(NamedTuple):
     ----------
     point : LawPoint
         The solution, or where a path may begin.
-    steps : int
-        Steps taken.
     wrong : int
         Statuses that are wrong at the point with fewest.
     changing : ndarray of bool, shape (c,)
@@ -214,22 +208,26 @@ class _Newton(NamedTuple):
     """
 
     point: LawPoint
-    steps: int
     wrong: int
     changing: NDArray[np.bool_]
 
 
 class _Walk:
-    """Proximal points from some forces on, until the search is over; near solutions with a polish."""
+    """Proximal points from some forces on, until the search is over; near solutions with a polish.
 
-    def __init__(self, search: _Search, r: FloatArray) -> None:
-        self.search, self.law, self.problem = search, search.law, search.problem
+    Where a point is not found, Newton's method goes round in few places. The compliance is raised there until it is found, so that all
+    other places go on, and less and less around: no contact has less than ``alike`` times that of another one at the same body. Compliances
+    scale the rows of the law, and a matrix whose eigenvalues all have positive real parts need not keep that under a scaling (it is stable,
+    but not D-stable). Regular piles with more forces than balances are not solved where compliances differ much from one contact to the
+    next, the hardest of them only with one compliance for all.
+    """
+
+    def __init__(self, search: _Search, r: FloatArray, alike: float) -> None:
+        self.search, self.law, self.problem, self.alike = search, search.law, search.problem, alike
         rho = self.problem.rho[:, None]
         self.z = r - rho * self.law.velocity(r)
         self.size = max(norm(r), norm(rho * self.problem.b) * 1e-3)
         self.soft, self.nearest, self.steps = np.full(self.problem.n_contacts, FIRST_SOFT), np.inf, 0
-        self.own = self.problem.n_contacts > OWN_ABOVE
-        self.lower, self.more = FACTORS_OF_OWN if self.own else FACTORS
 
     def go(self, limit: int) -> None:
         """Step by step until the search is over or has taken ``limit`` iterations."""
@@ -250,36 +248,35 @@ class _Walk:
                 self.nearest = np.inf
 
     def _step(self, held: FloatArray) -> None:
-        """To the next proximal point of the forces ``held``, or nearer to it."""
+        """To the next proximal point of the forces ``held``, with more compliance where it is not found."""
+        for _ in range(RAISES):
+            self.law.soft = self.soft
+            z, changing = self._point(held)
+            if z is not None:
+                self.z, self.soft = z, np.maximum(LOWER * self.soft, SOFT)
+                return
+            if self.search.over:
+                return
+            self._raise(changing)
+
+    def _point(self, held: FloatArray) -> tuple[FloatArray | None, NDArray[np.bool_]]:
+        """The proximal point, shape (c, 2), or None and the contacts at which it is missed."""
         law = self.law
-        law.soft = self.soft
-        begin = law.at(self.z, held)
-        newton = self._newton(begin, held)
+        newton = self._newton(law.at(self.z, held), held)
         point = newton.point
         if point.size < SOLVED * self.size:
-            self.z = point.z
-            if newton.steps <= SOON:
-                self._lower()
-            return
-        if newton.wrong <= HOPELESS:
-            count = law.count
-            ended = law.path(point.z, point.error, PIVOTS)
-            if ended is not None:
-                r = ended[0]
-                self.z = r - self.problem.rho[:, None] * law.velocity(r) - self.soft[:, None] * (r - held)
-                if law.count - count <= FEW:
-                    self._lower()
-                return
-            part, reached = law.reached
-            if part * point.size < NEAR * begin.size:
-                self.z = reached
-        soft = self.more * self.soft
-        if self.own:
-            soft = np.where(newton.changing, np.maximum(RAISE_THERE * self.soft, LEAST_THERE), soft)
-        self.soft = np.minimum(soft, MOST_SOFT)
+            return point.z, newton.changing
+        ended = law.path(point.z, point.error, PIVOTS) if newton.wrong <= HOPELESS else None
+        if ended is None:
+            return None, newton.changing
+        r = ended[0]
+        return r - self.problem.rho[:, None] * law.velocity(r) - self.soft[:, None] * (r - held), newton.changing
 
-    def _lower(self) -> None:
-        self.soft = np.maximum(self.lower * self.soft, SOFT)
+    def _raise(self, changing: NDArray[np.bool_]) -> None:
+        """More compliance at the contacts that are ``changing`` and, less and less, at those around them."""
+        there = np.clip(RAISE * self.soft, LEAST_RAISED, MOST_SOFT)
+        self.soft = np.where(changing, there, self.soft)
+        keep_alike(self.problem.bodies, self.alike, self.soft, np.zeros(self.problem.n_bodies))
 
     def _newton(self, point: LawPoint, held: FloatArray) -> _Newton:
         """Newton's method on the statuses.
@@ -292,7 +289,7 @@ class _Walk:
         error would be above the largest of the first two.
         """
         law, rho, least, most = self.law, self.problem.rho[:, None], point, point.size
-        fewest, wrong, step = point, len(point.status), 0
+        fewest, wrong = point, len(point.status)
         changing = before = np.ones(len(point.status), dtype=bool)
         for step in range(NEWTON):
             if least.size < SOLVED * self.size or self.search.over or not law.factorise(point.status):
@@ -314,7 +311,5 @@ class _Walk:
             point = tried
             if point.size < least.size:
                 least = point
-        else:
-            step = NEWTON
         begin = fewest if wrong <= WRONG and least.size >= SOLVED * self.size else least
-        return _Newton(begin, step, wrong, changing | before)
+        return _Newton(begin, wrong, changing | before)
