@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 import problems
@@ -290,6 +291,37 @@ def test_compliance_falls_off_from_contact_to_contact(collapse: ContactProblem, 
     away = dijkstra(at @ at.T, unweighted=True, indices=raised).min(axis=0)
     assert away[np.isfinite(away)].max() > 20
     assert walk.soft == pytest.approx(np.maximum(1e-3 * alike**away, 1e-6))
+
+
+def beside(one: ContactProblem, other: ContactProblem) -> ContactProblem:
+    """Both as one problem, in which neither feels the other."""
+    arrays = ("mass", "force", "normal", "arms", "offset", "mu", "compliance")
+    both = {name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in arrays}
+    bodies = np.where(other.bodies < 0, -1, other.bodies + one.n_bodies)
+    return ContactProblem(bodies=np.concatenate([one.bodies, bodies]), **both)
+
+
+@pytest.mark.parametrize("builder", ["hyperstatic", "blocked"])
+def test_where_newtons_method_goes_round_is_told_from_where_it_ends(builder: str) -> None:
+    """It goes round in a small problem beside single bodies: the contacts that change are of that, and a path begins with all others
+    solved."""
+    index = {"hyperstatic": 1, "blocked": 127}[builder]
+    small = problems.problem(index)
+    assert problems.builder_of(index) == builder
+    singles = [on_floor(push, mu) for push in np.linspace(-3.0, 3.0, 7) for mu in (0.0, 0.3, 1.0)]
+    both = reduce(beside, singles, small)
+    none = np.zeros((both.n_contacts, 2))
+    walk = proximal._Walk(proximal._Search(both, TIGHT), none, proximal.ALIKE)
+    walk.law.soft = np.full(both.n_contacts, 1e-4)
+    begin = walk.law.at(walk.z, none)
+    assert np.abs(begin.error[small.n_contacts :]).max() > 1e-5
+    ended = walk._newton(begin, none)
+    assert 0 < ended.wrong <= proximal.WRONG
+    assert ended.changing.any()
+    assert not ended.changing[small.n_contacts :].any()
+    assert np.abs(ended.point.error[: small.n_contacts]).max() > 0.1
+    assert np.abs(ended.point.error[small.n_contacts :]).max() < 1e-12
+    assert walk.law.path(ended.point.z, ended.point.error, proximal.PIVOTS) is not None
 
 
 def test_points_that_stay_near_the_first_do_not_arrive(
