@@ -33,7 +33,7 @@ WARM_POINTS = 1_000
 SHARE = 0.9
 """Of the time left, for proximal points: what they do not solve sweeps hardly ever do."""
 LOOSE = 1e-5
-"""Tolerance from which on no contacts are many: sweeps reach it, in a warm step of a flow after some hundred."""
+"""Tolerance from which on contacts are not many in a warm step: sweeps reach it, in a flow after some hundred."""
 
 
 class CoulombSearch:
@@ -59,7 +59,7 @@ class CoulombSearch:
         self.failed: list[SolverNotConvergedError] = []
         self.warm = start is not None and bool(start.any())
         self.few = problem.n_contacts <= LEMKE_CONTACTS
-        self.many = options.tolerance < LOOSE and problem.n_contacts > (WARM_FROM if self.warm else LEMKE_CONTACTS)
+        self.many = options.tolerance < LOOSE and problem.n_contacts > WARM_FROM if self.warm else not self.few
 
     def solve(self, *, at_rest: bool) -> SolverResult:
         """The first solution found; iterations of all methods count.

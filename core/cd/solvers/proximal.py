@@ -56,6 +56,8 @@ NEARER = 0.1
 SLICE, SLICE_EACH = 2_000, 2
 """Iterations from one start before the other has its turn, the first time, and those for each contact where that is more; which of the two
 arrives cannot be told before."""
+ASSOCIATED = 1e-8
+"""Tolerance of the associated rule's forces, at most."""
 POLISH_PIVOTS, POLISH_AGAIN = 30, 100
 """Of a polish; steps after which the next one is not held against those before."""
 
@@ -149,7 +151,8 @@ class _Search:
 
     def associated(self) -> FloatArray | None:
         """Forces of the associated rule: Coulomb's law where nothing slides; where something does, its statuses are often the law's."""
-        options = replace(self.options, time_limit=self.clock.left)
+        # However loose the law's own tolerance: a walk from forces found to 1e-3 arrived nowhere, from those found to 1e-8 soon.
+        options = replace(self.options, tolerance=min(self.options.tolerance, ASSOCIATED), time_limit=self.clock.left)
         try:
             found = InteriorPoint(options).solve(self.problem)
         except (SolverNotConvergedError, InfeasibleContactsError):
