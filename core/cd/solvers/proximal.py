@@ -1,6 +1,6 @@
 """Proximal points for Coulomb's law: rigid packings that flow, solved as a sequence of problems that are a little elastic.
 
-With compliance the law is easy: Newton's method on its statuses, or a path of few pivots, solves it. So each step solves
+With compliance the law is easy: Newton's method on its statuses, or a path of few pivots, solves it. So each point solves
 
     F_k(z) = W P(z) + b + s/rho (P(z) - r_k) - (P(z) - z)/rho = 0,      r_{k+1} = P(z),
 
@@ -48,9 +48,9 @@ begins there and not where the error is least; of more than so many, one path in
 SHORTEST = 1e-3
 """Part of a step of Newton's method below which it is given up."""
 PIVOTS = 30
-"""Of a path whose end is a step: more cost more than a smaller step."""
+"""Of a path whose end is a point: more cost more than to try again with more compliance."""
 SOLVED = 1e-13
-"""Error of a step, over the first forces."""
+"""Error of a point, over the first forces."""
 NEARER = 0.1
 """Natural map over that at the last polish from which on the next one is worth its pivots."""
 SLICE, SLICE_EACH = 2_000, 2
@@ -59,7 +59,7 @@ arrives cannot be told before."""
 ASSOCIATED = 1e-8
 """Tolerance of the associated rule's forces, at most."""
 POLISH_PIVOTS, POLISH_AGAIN = 30, 100
-"""Of a polish; steps after which the next one is not held against those before."""
+"""Of a polish; points after which the next one is not held against those before."""
 
 
 class ProximalPoint:
@@ -104,7 +104,7 @@ class ProximalPoint:
             slices = max(SLICE, SLICE_EACH * problem.n_contacts)
             for walk in walks:
                 walk.go(search.iterations + slices)
-            # The associated rule costs as much as some hundred steps, which a start near a solution may not need.
+            # The associated rule costs as much as some hundred factorisations, which a start near a solution may not need.
             other = None if search.over else search.associated()
             if not search.over and not (walks and other is None):
                 walks.insert(0, _Walk(search, none if other is None else other, ALL_ALIKE))
@@ -133,7 +133,7 @@ class _Search:
 
     @property
     def iterations(self) -> int:
-        """All factorisations, pivots and steps so far."""
+        """All factorisations, pivots and points so far."""
         return self.others + self.law.count
 
     @property
@@ -230,10 +230,10 @@ class _Walk:
         rho = self.problem.rho[:, None]
         self.z = r - rho * self.law.velocity(r)
         self.size = max(norm(r), norm(rho * self.problem.b) * 1e-3)
-        self.soft, self.nearest, self.steps = np.full(self.problem.n_contacts, FIRST_SOFT), np.inf, 0
+        self.soft, self.nearest, self.points = np.full(self.problem.n_contacts, FIRST_SOFT), np.inf, 0
 
     def go(self, limit: int) -> None:
-        """Step by step until the search is over or has taken ``limit`` iterations."""
+        """Point by point until the search is over or has taken ``limit`` iterations."""
         search = self.search
         while not search.over and search.iterations < limit:
             r = self.law.inside(self.z, statuses(self.problem, self.z))
@@ -242,15 +242,15 @@ class _Walk:
             if search.natural_map < NEARER * self.nearest:
                 # The first forces are those of another method, which has polished them.
                 self.nearest = search.natural_map
-                if self.steps and search.polish(r, POLISH_PIVOTS):
+                if self.points and search.polish(r, POLISH_PIVOTS):
                     return
-            self._step(r)
-            self.steps += 1
-            search.others += 1  # a step that costs no factorisation ends a search that goes nowhere, too
-            if self.steps % POLISH_AGAIN == 0:
+            self._next(r)
+            self.points += 1
+            search.others += 1  # a point that costs no factorisation ends a search that goes nowhere, too
+            if self.points % POLISH_AGAIN == 0:
                 self.nearest = np.inf
 
-    def _step(self, held: FloatArray) -> None:
+    def _next(self, held: FloatArray) -> None:
         """To the next proximal point of the forces ``held``, with more compliance where it is not found."""
         for _ in range(RAISES):
             self.law.soft = self.soft

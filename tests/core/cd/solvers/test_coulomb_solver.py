@@ -281,7 +281,7 @@ def test_compliance_is_raised_until_a_point_is_found(collapse: ContactProblem, m
 
         monkeypatch.setattr(walk, "_point", point)
         walk.soft = np.full(collapse.n_contacts, soft)
-        walk._step(np.zeros_like(walk.z))
+        walk._next(np.zeros_like(walk.z))
         assert [of[there].item() for of in seen] == pytest.approx(tried)
         assert seen[-1].min() == soft, "far from there nothing is raised"
         assert walk.soft == pytest.approx(0.8 * seen[-1])
@@ -337,7 +337,7 @@ def test_points_that_stay_near_the_first_do_not_arrive(
     collapse: ContactProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The planted defect: the compliance acts on the difference from the first forces, not from the last ones; nothing is polished."""
-    step = proximal._Walk._step
+    step = proximal._Walk._next
     held: list[FloatArray] = []
 
     def stays(walk: proximal._Walk, r: FloatArray) -> None:
@@ -348,6 +348,6 @@ def test_points_that_stay_near_the_first_do_not_arrive(
     # It takes 190; with the defect 6,000 leave a gap of 0.1.
     options = replace(TIGHT, tolerance=1e-6, max_iterations=600)
     assert measure(collapse, (found := solve(collapse, options)).v, found.r, sliding="coulomb").worst < 1e-6
-    monkeypatch.setattr(proximal._Walk, "_step", stays)
+    monkeypatch.setattr(proximal._Walk, "_next", stays)
     with pytest.raises(SolverNotConvergedError):
         solve(collapse, options)
