@@ -108,7 +108,7 @@ class CoulombSearch:
         """Proximal points in a share of the time left."""
         options = replace(self.options, max_iterations=iterations, time_limit=SHARE * self.clock.left)
         try:
-            return ProximalPoint(options).solve(self.problem, self.sweeps.r)
+            return ProximalPoint(options).solve(self.problem, self.sweeps.r, near=self.warm)
         except SolverNotConvergedError as error:
             self.failed.append(error)
             return None

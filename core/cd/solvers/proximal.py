@@ -53,9 +53,10 @@ SOLVED = 1e-13
 """Error of a point, over the first forces."""
 NEARER = 0.1
 """Natural map over that at the last polish from which on the next one is worth its pivots."""
-SLICE, SLICE_EACH = 2_000, 2
+SLICE, SLICE_NEAR = (2_000, 2.0), (1_000, 0.2)
 """Iterations from one start before the other has its turn, the first time, and those for each contact where that is more; which of the two
-arrives cannot be told before."""
+arrives cannot be told before. And those from forces near a solution: most steps of a flow are solved in some hundred, so that a walk which
+takes more has gone astray, and begins anew at each turn."""
 ASSOCIATED = 1e-8
 """Tolerance of the associated rule's forces, at most."""
 POLISH_PIVOTS, POLISH_AGAIN = 30, 100
@@ -73,7 +74,7 @@ class ProximalPoint:
     def __init__(self, options: SolverOptions | None = None) -> None:
         self.options = options or SolverOptions()
 
-    def solve(self, problem: ContactProblem, start: FloatArray | None = None) -> SolverResult:
+    def solve(self, problem: ContactProblem, start: FloatArray | None = None, *, near: bool = False) -> SolverResult:
         """Solve the problem, from ``start``, and where that takes long from the forces of the associated rule in turns with it.
 
         Where nothing slides, the solution of the associated rule is the one. Factorisations, pivots and iterations of the associated
@@ -84,6 +85,8 @@ class ProximalPoint:
         problem : ContactProblem
         start : ndarray, shape (c, 2), optional
             Forces inside the cones to begin from; None: those of the associated rule alone.
+        near : bool
+            Whether these are near a solution, as those of a step before.
 
         Returns
         -------
@@ -101,7 +104,8 @@ class ProximalPoint:
         # Where no contact force is needed, every other one would be infinitely far off relative to the solution 0.
         if not search.judge(none) and not search.over:
             walks = [] if start is None else [_Walk(search, start, ALIKE)]
-            slices = max(SLICE, SLICE_EACH * problem.n_contacts)
+            least, each = SLICE_NEAR if near else SLICE
+            slices = max(least, round(each * problem.n_contacts))
             for walk in walks:
                 walk.go(search.iterations + slices)
             # The associated rule costs as much as some hundred factorisations, which a start near a solution may not need.
@@ -110,6 +114,8 @@ class ProximalPoint:
                 walks.insert(0, _Walk(search, none if other is None else other, ALL_ALIKE))
             while not search.over:
                 for walk in walks:
+                    if near:
+                        walk.begin()
                     walk.go(search.iterations + slices)
                 slices *= 2
         return search.result()
@@ -230,7 +236,12 @@ class _Walk:
         rho = self.problem.rho[:, None]
         self.z = r - rho * self.law.velocity(r)
         self.size = max(norm(r), norm(rho * self.problem.b) * 1e-3)
-        self.soft, self.nearest, self.points = np.full(self.problem.n_contacts, FIRST_SOFT), np.inf, 0
+        self.points = 0
+        self.begin()
+
+    def begin(self) -> None:
+        """Take the first compliance, at the forces as they are."""
+        self.soft, self.nearest = np.full(self.problem.n_contacts, FIRST_SOFT), np.inf
 
     def go(self, limit: int) -> None:
         """Point by point until the search is over or has taken ``limit`` iterations."""

@@ -302,6 +302,33 @@ def test_compliance_falls_off_from_contact_to_contact(collapse: ContactProblem, 
     assert walk.soft == pytest.approx(np.maximum(1e-3 * alike**away, 1e-6))
 
 
+@pytest.mark.parametrize("near", [False, True])
+def test_a_walk_near_a_solution_begins_anew_at_each_turn(
+    collapse: ContactProblem, monkeypatch: pytest.MonkeyPatch, near: bool
+) -> None:
+    """With the first compliance; else each of the two walks has it once."""
+    monkeypatch.setattr(proximal, "SLICE", (40, 0.0))
+    monkeypatch.setattr(proximal, "SLICE_NEAR", (40, 0.0))
+    monkeypatch.setattr(proximal.Polish, "improve", lambda *_, **__: None)
+    begun = []
+    step = proximal._Walk._next
+
+    def watched(walk: proximal._Walk, r: FloatArray) -> None:
+        if (walk.soft == proximal.FIRST_SOFT).all():
+            begun.append(walk.alike)
+        step(walk, r)
+
+    monkeypatch.setattr(proximal._Walk, "_next", watched)
+    start = solve_gauss_seidel(collapse, replace(TIGHT, tolerance=1e-2), sliding="coulomb").r
+    with pytest.raises(SolverNotConvergedError):
+        ProximalPoint(replace(TIGHT, tolerance=1e-30, max_iterations=600)).solve(collapse, start, near=near)
+    first = [proximal.ALIKE, proximal.ALL_ALIKE]
+    assert begun[:2] == first
+    assert (len(begun) > 3) == near
+    if not near:
+        assert begun == first
+
+
 def beside(one: ContactProblem, other: ContactProblem) -> ContactProblem:
     """Both as one problem, in which neither feels the other."""
     arrays = ("mass", "force", "normal", "arms", "offset", "mu", "compliance")
