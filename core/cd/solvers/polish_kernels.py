@@ -169,7 +169,7 @@ def keep_alike(bodies: Ints, ratio: float, soft: Floats, most: Floats) -> None:
     bodies : ndarray of int, shape (c, 2)
         -1 for a body whose motion is prescribed: that hands nothing on.
     ratio : float
-        Below 1.
+        Up to 1: then all that hang together get the most of them.
     soft : ndarray, shape (c,)
         Changed in place.
     most : ndarray, shape (b,)
