@@ -255,6 +255,8 @@ class UnsymmetricMatrix:
     Parameters
     ----------
     problem : ContactProblem
+    seen : ndarray of bool, shape (c,), optional
+        Contacts whose blocks are ever anything but 0: without the others factors are sparser. None: all.
 
     Attributes
     ----------
@@ -262,15 +264,16 @@ class UnsymmetricMatrix:
         From `jacobian_rows`.
     """
 
-    def __init__(self, problem: ContactProblem) -> None:
-        self._bodies, self._free = problem.bodies, problem.free
+    def __init__(self, problem: ContactProblem, seen: NDArray[np.bool_] | None = None) -> None:
+        self._bodies = problem.bodies
         self.rows = np.empty((problem.n_contacts, 2, 6))
         jacobian_rows(problem.normal, problem.arms, problem.bodies, problem.free, self.rows)
         mass = np.where(problem.free > 0.0, problem.mass, 1.0)
-        graph = BodyGraph(problem.n_bodies, problem.bodies)
+        contacts = np.arange(problem.n_contacts) if seen is None else np.flatnonzero(seen)
+        graph = BodyGraph(problem.n_bodies, problem.bodies[contacts])
         symmetric = graph.factorisation
         self._factors: SupernodalFactors | _DenseFactors = (
-            SupernodalFactors(graph, symmetric, self.rows, mass)
+            SupernodalFactors(graph, symmetric, contacts, self.rows, mass)
             if isinstance(symmetric, SupernodalCholesky)
             else _DenseFactors(problem, mass)
         )
@@ -319,11 +322,16 @@ class SupernodalFactors:
     graph : BodyGraph
     symmetric : SupernodalCholesky
         Of the graph.
+    contacts : ndarray of int64
+        Those of the graph.
     rows : ndarray, shape (c, 2, 6)
+        Of all contacts.
     mass : ndarray, shape (b, 3)
     """
 
-    def __init__(self, graph: BodyGraph, symmetric: SupernodalCholesky, rows: FloatArray, mass: FloatArray) -> None:
+    def __init__(
+        self, graph: BodyGraph, symmetric: SupernodalCholesky, contacts: IntArray, rows: FloatArray, mass: FloatArray
+    ) -> None:
         self._tree = symmetric
         self._nodes = nodes = symmetric._nodes.copy()
         count = len(nodes) - 1
@@ -351,7 +359,7 @@ class SupernodalFactors:
         contact, whose, kind, place = (np.concatenate(column) for column in zip(*terms, strict=True))
         node = np.searchsorted(nodes[:, ENTRIES], place, side="right") - 1
         order = np.argsort(node, kind="stable")
-        self._terms = np.column_stack([contact, whose, kind, entries[place, 3]])[order]
+        self._terms = np.column_stack([contacts[contact], whose, kind, entries[place, 3]])[order]
         self._start = np.searchsorted(node[order], np.arange(count + 1)).astype(np.int64)
         self._rows, self._mass, self._due = rows, mass, np.ones(count, dtype=np.bool_)
         self._good = False

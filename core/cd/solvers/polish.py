@@ -26,7 +26,6 @@ for solving nonlinear resistor networks", Bell Syst. Tech. J. 44 (1965) 1605-162
 
 from __future__ import annotations
 
-from functools import cached_property
 from math import sqrt
 from typing import NamedTuple
 
@@ -73,6 +72,9 @@ FAR = 100.0
 """Multiple of its first t at which a path is taken for a ray: of 1,832 that found an end none went that far, of the others 18 did."""
 SAME = 1e-7
 """Relative difference of points of a path that are one point: what round-off over `SOFT` leaves of their digits."""
+ALL_SEEN = 500
+"""Contacts up to which all are in the matrix from the start; of more those that have been closed: in a flow half of those that are near
+stay open, and with them factors take three times as long. Beside few contacts an analysis is no small matter."""
 REFINED_BELOW = 1e-7
 """Compliance over ``1/rho`` below which the direction of a path is solved for twice: round-off over it is the error of one solution."""
 REFINEMENTS = 8
@@ -119,14 +121,12 @@ class Polish:
         self.problem, self.tolerance, self.clock, self.count = problem, tolerance, clock, 0
         c = problem.n_contacts
         self.soft = self._made_for = np.full(c, SOFT)
-        self._status, self._d = np.full(c, -1), np.empty((c, 2, 2))
+        self._status, self._d = np.full(c, OPEN), np.zeros((c, 2, 2))
+        self._seen = np.full(c, c <= ALL_SEEN)
+        self._matrix: UnsymmetricMatrix | None = None
         self.best: tuple[FloatArray, Residuals] | None = None
         self._random = np.random.default_rng(c)
         self._v, self._nothing = np.zeros((2, problem.n_bodies, 3))
-
-    @cached_property
-    def _matrix(self) -> UnsymmetricMatrix:
-        return UnsymmetricMatrix(self.problem)
 
     def improve(self, r: FloatArray, pivots: int, paths: int = PATHS) -> tuple[FloatArray, Residuals] | None:
         """Exact forces, shape (c, 2), near ``r``, and their residuals; None if ``paths`` paths of ``pivots`` pivots do not lead to any.
@@ -248,7 +248,7 @@ class Polish:
         for pivot in range(pivots):
             if self.clock.over or not self.factorise(status):
                 return None
-            if pivot == 0:
+            if pivot == 0 and self._matrix:
                 ahead = -self._matrix.sign()
             # dz/dt, where J dz/dt = error.
             dr = self.change(error)
@@ -278,10 +278,26 @@ class Polish:
     def factorise(self, status: IntArray) -> bool:
         """Factorise for `change` with these statuses; False if that is impossible."""
         self.count += 1
-        changed = np.flatnonzero((status != self._status) | (self.soft != self._made_for))
+        closed = status != OPEN
+        changed = np.flatnonzero((status != self._status) | (closed & (self.soft != self._made_for)))
         self._d[changed] = self._blocks(status, changed)
         self._status, self._made_for = status.copy(), self.soft
-        return self._matrix.factorise(self._d, changed if len(changed) < len(status) else None)
+        if self._matrix is None or bool((closed & ~self._seen).any()):
+            self._matrix = self._analysed(closed)
+            return self._matrix.factorise(self._d)
+        return self._matrix.factorise(self._d, changed)
+
+    def _analysed(self, closed: NDArray[np.bool_]) -> UnsymmetricMatrix:
+        """The matrix of contacts some of which are closed for the first time."""
+        if self._seen.any():
+            # What one of them does, its neighbours may do next.
+            bodies = self.problem.bodies
+            there = np.zeros(self.problem.n_bodies + 1, dtype=np.bool_)
+            there[bodies[closed & ~self._seen]] = True
+            there[-1] = False  # where -1 stands for no body
+            closed = closed | there[bodies].any(axis=1)
+        self._seen |= closed
+        return UnsymmetricMatrix(self.problem, self._seen)
 
     def _blocks(self, status: IntArray, contacts: IntArray) -> FloatArray:
         """Change of the forces per change of the velocities of some contacts, shape (k, 2, 2)."""
@@ -296,6 +312,7 @@ class Polish:
     def change(self, u: FloatArray) -> FloatArray:
         """Change ``dr`` of the forces that changes the velocities by ``u``: ``dr = D (u - H dv)`` where ``M dv = H' dr``."""
         matrix, bodies = self._matrix, self.problem.bodies
+        assert matrix is not None
         load, dr = np.empty((self.problem.n_bodies, 3)), np.empty_like(u)
         load_of_velocities(bodies, matrix.rows, self._d, u, load)
         forces_of_velocities(bodies, matrix.rows, self._d, u, matrix.solve(load), dr)

@@ -101,6 +101,29 @@ def test_sign_of_the_determinant() -> None:
     assert set(signs) == {-1.0, 1.0}
 
 
+def test_the_matrix_grows_with_the_contacts_that_close(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(polish, "ALL_SEEN", 0)
+    problem = ContactProblem.load(SAVED[0])
+    law, h, rng = polish_of(problem), problem.jacobian().toarray(), np.random.default_rng(6)
+    law.soft = np.full(problem.n_contacts, 1e-2)
+    for closed in (0.1, 0.3, 0.0, 0.2, 0.9, 0.5):
+        status = np.where(
+            rng.random(problem.n_contacts) < closed, rng.integers(STICK, MINUS + 1, problem.n_contacts), OPEN
+        )
+        u = rng.normal(size=(problem.n_contacts, 2))
+        assert law.factorise(status)
+        dr = law.change(u)
+        left = u - (h @ (problem.inverse_mass.ravel() * (h.T @ dr.ravel()))).reshape(-1, 2)
+        left -= (problem.compliance + (law.soft / problem.rho)[:, None]) * dr
+        # The matrix has entries of 1/soft = 100 times those of W, and a sum of up to 6 contacts in each.
+        assert np.abs(left[status != OPEN, 0]).max(initial=0.0) < 1e-12
+        assert np.abs(left[status == STICK, 1]).max(initial=0.0) < 1e-12
+        assert not dr[status == OPEN].any()
+        for side, sign in ((PLUS, 1.0), (MINUS, -1.0)):
+            slips = status == side
+            assert dr[slips, 1] == pytest.approx(sign * problem.mu[slips] * dr[slips, 0], rel=1e-12)
+
+
 @pytest.mark.parametrize("path", SAVED, ids=lambda path: path.stem)
 def test_the_path_from_nothing_on_saved_problems(path: Path) -> None:
     problem = ContactProblem.load(path)
