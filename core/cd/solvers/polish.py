@@ -248,7 +248,8 @@ class Polish:
         for pivot in range(pivots):
             if self.clock.over or not self.factorise(status):
                 return None
-            if pivot == 0 and self._matrix:
+            if pivot == 0:
+                assert self._matrix is not None
                 ahead = -self._matrix.sign()
             # dz/dt, where J dz/dt = error.
             dr = self.change(error)
