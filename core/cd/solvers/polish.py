@@ -75,6 +75,9 @@ SAME = 1e-7
 ALL_SEEN = 500
 """Contacts up to which all are in the matrix from the start; of more those that have been closed: in a flow half of those that are near
 stay open, and with them factors take three times as long. Beside few contacts an analysis is no small matter."""
+MOST_SEEN = 0.9
+"""Share of the contacts from which all are in the matrix: in a packing at rest the others save nothing, and each that closes costs an
+analysis."""
 REFINED_BELOW = 1e-7
 """Compliance over ``1/rho`` below which the direction of a path is solved for twice: round-off over it is the error of one solution."""
 REFINEMENTS = 8
@@ -298,6 +301,7 @@ class Polish:
             there[-1] = False  # where -1 stands for no body
             closed = closed | there[bodies].any(axis=1)
         self._seen |= closed
+        self._seen[:] |= self._seen.mean() > MOST_SEEN
         return UnsymmetricMatrix(self.problem, self._seen)
 
     def _blocks(self, status: IntArray, contacts: IntArray) -> FloatArray:
