@@ -74,7 +74,8 @@ SAME = 1e-7
 """Relative difference of points of a path that are one point: what round-off over `SOFT` leaves of their digits."""
 ALL_SEEN = 500
 """Contacts up to which all are in the matrix from the start; of more those that have been closed: in a flow half of those that are near
-stay open, and with them factors take three times as long. Beside few contacts an analysis is no small matter."""
+stay open, and with them factors take three times as long. Of few an analysis costs as much as some pivots, and the path from nothing closes
+one after the other."""
 MOST_SEEN = 0.9
 """Share of the contacts from which all are in the matrix: in a packing at rest the others save nothing, and each that closes costs an
 analysis."""
@@ -126,7 +127,7 @@ class Polish:
         self.soft = self._made_for = np.full(c, SOFT)
         self._status, self._d = np.full(c, OPEN), np.zeros((c, 2, 2))
         self._seen = np.full(c, c <= ALL_SEEN)
-        self._matrix: UnsymmetricMatrix | None = None
+        self._matrix: UnsymmetricMatrix  # from the first factorisation on
         self.best: tuple[FloatArray, Residuals] | None = None
         self._random = np.random.default_rng(c)
         self._v, self._nothing = np.zeros((2, problem.n_bodies, 3))
@@ -252,7 +253,6 @@ class Polish:
             if self.clock.over or not self.factorise(status):
                 return None
             if pivot == 0:
-                assert self._matrix is not None
                 ahead = -self._matrix.sign()
             # dz/dt, where J dz/dt = error.
             dr = self.change(error)
@@ -286,7 +286,7 @@ class Polish:
         changed = np.flatnonzero((status != self._status) | (closed & (self.soft != self._made_for)))
         self._d[changed] = self._blocks(status, changed)
         self._status, self._made_for = status.copy(), self.soft
-        if self._matrix is None or bool((closed & ~self._seen).any()):
+        if self.count == 1 or (closed & ~self._seen).any():
             self._matrix = self._analysed(closed)
             return self._matrix.factorise(self._d)
         return self._matrix.factorise(self._d, changed)
@@ -317,7 +317,6 @@ class Polish:
     def change(self, u: FloatArray) -> FloatArray:
         """Change ``dr`` of the forces that changes the velocities by ``u``: ``dr = D (u - H dv)`` where ``M dv = H' dr``."""
         matrix, bodies = self._matrix, self.problem.bodies
-        assert matrix is not None
         load, dr = np.empty((self.problem.n_bodies, 3)), np.empty_like(u)
         load_of_velocities(bodies, matrix.rows, self._d, u, load)
         forces_of_velocities(bodies, matrix.rows, self._d, u, matrix.solve(load), dr)

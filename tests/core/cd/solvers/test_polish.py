@@ -105,8 +105,8 @@ def test_the_matrix_grows_with_the_contacts_that_close(monkeypatch: pytest.Monke
     monkeypatch.setattr(polish, "ALL_SEEN", 0)
     problem = ContactProblem.load(SAVED[0])
     law, h, rng = polish_of(problem), problem.jacobian().toarray(), np.random.default_rng(6)
-    law.soft = np.full(problem.n_contacts, 1e-2)
-    for closed in (0.1, 0.3, 0.0, 0.2, 0.9, 0.5):
+    for closed, soft in ((0.1, 1e-2), (0.3, 1e-2), (0.0, 1e-2), (0.2, 1e-2), (0.9, 3e-2), (0.9, 1e-2), (0.5, 3e-2)):
+        law.soft = np.full(problem.n_contacts, soft)
         status = np.where(
             rng.random(problem.n_contacts) < closed, rng.integers(STICK, MINUS + 1, problem.n_contacts), OPEN
         )
@@ -115,7 +115,7 @@ def test_the_matrix_grows_with_the_contacts_that_close(monkeypatch: pytest.Monke
         dr = law.change(u)
         left = u - (h @ (problem.inverse_mass.ravel() * (h.T @ dr.ravel()))).reshape(-1, 2)
         left -= (problem.compliance + (law.soft / problem.rho)[:, None]) * dr
-        # The matrix has entries of 1/soft = 100 times those of W, and a sum of up to 6 contacts in each.
+        # The matrix has entries of up to 1/soft = 100 times those of W, and a sum of up to 6 contacts in each.
         assert np.abs(left[status != OPEN, 0]).max(initial=0.0) < 1e-12
         assert np.abs(left[status == STICK, 1]).max(initial=0.0) < 1e-12
         assert not dr[status == OPEN].any()
