@@ -111,7 +111,7 @@ def disk_arrays(scene: Scene, lagged: bool, budget: bool = False) -> DiskArrays:
         v_now=disks.v if damped else np.zeros((0, 2)),
         omega_now=disks.omega if damped and has_laws(scene) else np.zeros(0),
         braked=np.zeros(n if budget and scene.xi > 0.0 else 0),
-        moved=np.zeros((n, 2), dtype=np.float32),
+        built=disks.x,
         name=np.arange(n, dtype=np.uint32),
         place=np.arange(n, dtype=np.uint32),
         listed=np.arange(n, dtype=np.uint32),
@@ -191,7 +191,7 @@ def disk_views(disks: DiskArrays, lists: Lists, law: FloatArray, laws: Laws | No
         v=disks.v.reshape(-1),
         dashpot_v=dashpot_v.reshape(-1),
         force=disks.force.reshape(-1),
-        moved=disks.moved.reshape(-1),
+        built=disks.built.reshape(-1),
         row=lists.spare.other,
         damping=lists.spare.shear,
     )

@@ -13,7 +13,7 @@ Work: images feed ``g.(h' s)``.
 
 from __future__ import annotations
 
-from math import ceil, exp, floor, sqrt
+from math import ceil, floor, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ from ninedisk.core.dem.force_kernels import (
     pair_forces_lagged,
     scatter,
 )
-from ninedisk.core.dem.kick_kernels import farthest
+from ninedisk.core.dem.kick_kernels import farther
 from ninedisk.core.dem.neighbour_kernels import copy_list, divide, mark_built, put_in_order
 from ninedisk.core.dem.sample_kernels import synchronised
 from ninedisk.core.dem.state import (
@@ -72,6 +72,9 @@ BRANCH_X, BRANCH_Y, MOVE_X, MOVE_Y = (np.uint64(SCRATCH + c * CHUNK) for c in ra
 
 CELL_SCRATCH = SCRATCH + 4 * CHUNK
 
+ROUND_OFF = 8.881784197001252e-16
+"""Of a coordinate, eight roundings: four in ``x - F x_b``, and those of ``F`` and of half a pair's distance."""
+
 
 @inline_kernel
 def edges_at(images: Images, t: float) -> tuple[float, float, float]:
@@ -97,36 +100,36 @@ def place_cell(images: Images, t: float) -> None:
 
 @inline_kernel
 def room_left(images: Images, skin: float, widest: float) -> float:
-    """Bound on a disk's displacement beside the flow since the last rebuild, up to which the lists are complete [m]; <= 0: none.
+    """Bound on a disk's displacement from the flow since the last rebuild, up to which the lists are complete [m]; <= 0: none.
 
     With ``F = h h_b^-1`` and ``u = x - F x_b`` a pair is ``d = F d_b + u_j - u_i`` apart, whichever image. A pair that is not listed was
-    at least ``2 R + skin`` away, so it cannot touch while ``2 u <= (1 - f)(2 R + skin) - 2 R`` with ``f = |F - I|``. What is summed is
-    ``w = int (v - L x) dt``, and ``u' = w' + L u`` makes ``u <= w exp(int |L| dt) <= w exp(f/(1 - f))``.
+    at least ``2 R + skin`` away, so it cannot touch while ``2 u <= (1 - f)(2 R + skin) - 2 R`` with ``f = |F - I|``.
     """
     now, built = images.now, images.built
     xx, yy = now[XX] / built[XX], now[YY] / built[YY]
     xy = (now[XY] - xx * built[XY]) / built[YY]
     f = sqrt((xx - 1.0) * (xx - 1.0) + xy * xy + (yy - 1.0) * (yy - 1.0))
-    if f >= 0.5:
-        return 0.0
-    return 0.5 * ((1.0 - f) * skin - f * 2.0 * widest) * exp(-f / (1.0 - f))
+    return 0.5 * ((1.0 - f) * skin - f * 2.0 * widest)
 
 
 @inline_kernel
-def beside_flow(views: Views, images: Images, t: float, dt: float, begin: int, end: int) -> float:
-    """Take the flow off the displacements of the drift that began at ``t`` and took ``dt`` [s]; returns what `farthest` does.
+def beside_flow(views: Views, images: Images, t: float, begin: int, end: int) -> float:
+    """Largest square of ``u = x - F x_b`` (`room_left`) of the disks ``begin .. end-1`` at time ``t`` [m^2]; NaN if any is NaN.
 
-    The flow is not kept in an array: one thread may still be here while another one places the cell of the next step.
+    Rounding of u, and of the distances that contacts have across images, is added to it. The edges are not taken from ``images.now``: one
+    thread may still be here while another one places the cell of the next step.
     """
-    x, v, moved = views.x, views.v, views.moved
-    xx, xy, yy = flow_at(images, t + 0.5 * dt)
-    one = np.uint64(1)
+    x, built = views.x, views.built
+    xx, xy, yy = edges_at(images, t)
+    xx, yy = xx / images.built[XX], yy / images.built[YY]
+    xy = (xy - xx * images.built[XY]) / images.built[YY]
+    far, one = 0.0, np.uint64(1)
     for i in range(np.uint64(begin), np.uint64(end)):
         ix, iy = i + i, i + i + one
-        px, py = x[ix] - 0.5 * dt * v[ix], x[iy] - 0.5 * dt * v[iy]
-        moved[ix] = np.float32(moved[ix] - dt * (xx * px + xy * py))
-        moved[iy] = np.float32(moved[iy] - dt * (yy * py))
-    return farthest(moved, begin, end)
+        mx, my = x[ix] - (xx * built[ix] + xy * built[iy]), x[iy] - yy * built[iy]
+        u = sqrt(mx * mx + my * my) + ROUND_OFF * (abs(x[ix]) + abs(x[iy]))
+        far = farther(far, u * u)
+    return far
 
 
 @kernel

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.state import DiskArrays, Kick, Views
 
-NUMBER = np.int32(0x7FFFFFFF)
-"""All bits of a number in single precision but its sign."""
+NUMBER = np.int64(0x7FFFFFFFFFFFFFFF)
+"""All bits of a number but its sign."""
 
 
 @inline_kernel
@@ -26,17 +26,18 @@ def farther(far: float, d2: float) -> float:
 
 
 @inline_kernel
-def farthest(moved: NDArray[np.float32], begin: int, end: int) -> float:
-    """Largest square of the displacements of the disks ``begin .. end-1`` [m^2]; NaN if any is NaN.
+def farthest(x: NDArray[np.float64], built: NDArray[np.float64], begin: int, end: int) -> float:
+    """Largest square of the displacements from ``built`` to ``x`` of the disks ``begin .. end-1`` [m^2]; NaN if any is NaN.
 
-    Without their sign the bits of numbers, read as integers, are in the order of the numbers, and those of NaN come after all.
+    Differences of positions have one rounding each, however many steps lie between them. Without their sign the bits of numbers, read as
+    integers, are in the order of the numbers, and those of NaN come after all.
     """
     one = np.uint64(1)
-    bits = np.int32(0)
+    bits = np.int64(0)
     for i in range(np.uint64(begin), np.uint64(end)):
-        mx, my = moved[i + i], moved[i + i + one]
-        bits = max(bits, np.int32(np.float32(mx * mx + my * my).view(np.int32) & NUMBER))
-    return float(np.int32(bits).view(np.float32))
+        mx, my = x[i + i] - built[i + i], x[i + i + one] - built[i + i + one]
+        bits = max(bits, np.int64(np.float64(mx * mx + my * my).view(np.int64) & NUMBER))
+    return float(np.int64(bits).view(np.float64))
 
 
 @inline_kernel
@@ -89,14 +90,10 @@ def kick(
 
 
 @inline_kernel
-def drift(
-    x: NDArray[np.float64], v: NDArray[np.float64], moved: NDArray[np.float32], dt: float, begin: int, end: int
-) -> None:
-    """Positions of the disks ``begin .. end-1`` to ``t_{n+1}``, and their displacements."""
+def drift(x: NDArray[np.float64], v: NDArray[np.float64], dt: float, begin: int, end: int) -> None:
+    """Positions of the disks ``begin .. end-1`` to ``t_{n+1}``."""
     for q in range(np.uint64(2 * begin), np.uint64(2 * end)):
-        displacement = dt * v[q]
-        x[q] += displacement
-        moved[q] = np.float32(moved[q] + displacement)
+        x[q] += dt * v[q]
 
 
 @inline_kernel
@@ -131,14 +128,8 @@ def foresee(disks: DiskArrays, step: Kick, begin: int, end: int) -> None:
 
 
 @kernel
-def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end: int) -> float:
-    """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the disks ``begin .. end-1``; clears their forces.
-
-    Returns
-    -------
-    float
-        Largest squared displacement since the last rebuild of the lists [m^2]; NaN if any is NaN.
-    """
+def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end: int) -> None:
+    """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the disks ``begin .. end-1``; clears their forces."""
     x, v, dashpot_v = views.x, views.v, views.dashpot_v
     first, last = np.uint64(2 * begin), np.uint64(2 * end)
     extrapolated = disks.v_now.shape[0] > 0
@@ -151,8 +142,7 @@ def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end:
     if extrapolated:
         for q in range(first, last):
             dashpot_v[q] = v[q] + step.ahead * (v[q] - dashpot_v[q])
-    drift(x, v, views.moved, step.dt, begin, end)
+    drift(x, v, step.dt, begin, end)
     if disks.omega_now.shape[0] > 0:
         foresee(disks, step, begin, end)
     turn(disks.omega, disks.angle, disks.torque, disks.inv_inertia, step, begin, end)
-    return farthest(views.moved, begin, end)

@@ -345,9 +345,9 @@ def next_skin(skin: float, steps: int, cost: float, radius: float, least: float,
 
 @inline_kernel
 def mark_built(disks: DiskArrays, walls: WallArrays) -> None:
-    """Forget displacements, forces and torques; remember the walls of the rebuild that just happened."""
+    """Remember where disks and walls are at the rebuild that just happened; forget forces and torques."""
     for i in range(disks.x.shape[0]):
-        disks.moved[i, 0], disks.moved[i, 1], disks.listed[i] = 0.0, 0.0, i
+        disks.built[i, 0], disks.built[i, 1], disks.listed[i] = disks.x[i, 0], disks.x[i, 1], i
         disks.force[i, 0], disks.force[i, 1], disks.torque[i] = 0.0, 0.0, 0.0
     for w in range(walls.now.shape[0]):
         extent = 0.0

@@ -62,7 +62,7 @@ class DiskArrays(NamedTuple):
     v_now : shape (n, 2), velocity that contact dashpots see [m/s]; shape (0, 2) where there is none, or where it is ``v``
     omega_now : shape (n,), spin that rolling resistance sees [rad/s]; shape (0,) where there is no `Laws`, or where it is ``omega``
     braked : shape (n,), energy that global damping has taken from each disk [J]; shape (0,) where nobody asks for it
-    moved : ndarray of float32, shape (n, 2), displacement since the last rebuild of the lists [m]
+    built : shape (n, 2), positions at the last rebuild of the lists [m]
     name : ndarray of uint32, shape (n,), number that the scene gives to the disk in this row
     place : ndarray of uint32, shape (n,), row of the scene's disk
     listed : ndarray of uint32, shape (n,), row that this disk had when the lists in use were built
@@ -80,7 +80,7 @@ class DiskArrays(NamedTuple):
     v_now: FloatArray
     omega_now: FloatArray
     braked: FloatArray
-    moved: NDArray[np.float32]
+    built: FloatArray
     name: NDArray[np.uint32]
     place: NDArray[np.uint32]
     listed: NDArray[np.uint32]
@@ -94,10 +94,8 @@ class Views(NamedTuple):
 
     Attributes
     ----------
-    x, v, dashpot_v, force : shape (2 n,)
-        The memory of ``DiskArrays.x``, ``v``, the velocities that dashpots see (``v_now`` or ``v``) and ``force``.
-    moved : ndarray of float32, shape (2 n,)
-        The memory of ``DiskArrays.moved``.
+    x, v, dashpot_v, force, built : shape (2 n,)
+        The memory of ``DiskArrays.x``, ``v``, the velocities that dashpots see (``v_now`` or ``v``), ``force`` and ``built``.
     row : ndarray of uint32, shape (capacity of the list,)
         First disk of each listed disk-disk pair.
     damping : shape (capacity of the list,)
@@ -108,7 +106,7 @@ class Views(NamedTuple):
     v: FloatArray
     dashpot_v: FloatArray
     force: FloatArray
-    moved: NDArray[np.float32]
+    built: FloatArray
     row: NDArray[np.uint32]
     damping: FloatArray
 

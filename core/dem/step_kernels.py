@@ -20,7 +20,7 @@ from ninedisk.core.dem.image_kernels import (
     record_images,
     room_left,
 )
-from ninedisk.core.dem.kick_kernels import farther, kick_and_drift
+from ninedisk.core.dem.kick_kernels import farther, farthest, kick_and_drift
 from ninedisk.core.dem.neighbour_kernels import REBUILD_COST, next_skin, rebuild
 from ninedisk.core.dem.sample_kernels import lost_so_far, record, record_contacts
 from ninedisk.core.dem.state import (
@@ -66,7 +66,7 @@ BLOCK = 2048
 sees long runs."""
 
 SURE = 1.001
-"""Displacements since a rebuild are summed in single precision: ten thousand roundings of 6e-8 each stay below a thousandth."""
+"""Squared displacements count a thousandth more: 5e-6 mean radii of the least skin, far above the rounding of any distance."""
 
 
 @inline_kernel
@@ -153,11 +153,17 @@ def farthest_allowed(walls: WallArrays, images: Images | None, skin: float, wide
 
 @inline_kernel
 def kicked(system: System, images: Images | None, kick: Kick, n: int, begin: int, end: int) -> float:
-    """Kick of the disks ``begin .. end-1`` after step n; returns what `kick_and_drift` does, in a cell of displacements in its flow."""
-    far = kick_and_drift(system.disks, system.views, kick, begin, end)
+    """Kick of the disks ``begin .. end-1`` after step n.
+
+    Returns
+    -------
+    float
+        Largest squared displacement since the last rebuild of the lists, in a cell from its flow [m^2]; NaN if any is NaN.
+    """
+    kick_and_drift(system.disks, system.views, kick, begin, end)
     if images is not None:
-        far = beside_flow(system.views, images, n * kick.dt, kick.dt, begin, end)
-    return far
+        return beside_flow(system.views, images, (n + 1) * kick.dt, begin, end)
+    return farthest(system.views.x, system.views.built, begin, end)
 
 
 @inline_kernel
@@ -212,7 +218,7 @@ def stripe_forces(
 
 @inline_kernel
 def kick_borders(system: System, images: Images | None, n: int, thread: int, threads: int) -> float:
-    """Kick of the borders of the even stripes of a thread; returns what `kick_and_drift` does."""
+    """Kick of the borders of the even stripes of a thread; returns what `kicked` does."""
     stripe, border = system.team.stripe, system.team.border
     far = 0.0
     for s in range(2 * thread, stripe.shape[0] - 1, 2 * threads):

@@ -199,8 +199,8 @@ def begin_lists(
         for c in range(int(cells.grid[IN_LAYER]) * int(cells.grid[LAYERS])):
             for k in range(cells.start[c], cells.start[c + 1]):
                 order[k], cells.cell[k] = k, c
-    for q in range(state.moved.shape[0]):
-        state.moved[q] = 0.0
+    for q in range(state.built.shape[0]):
+        state.built[q] = state.x[q]
     divide(order.shape[0], cells, stripe)
     return skin
 

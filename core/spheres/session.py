@@ -172,7 +172,7 @@ class SphereSession:
             load=np.zeros((m, 3)),
             share=np.zeros((BATCH * stripes, m, 3)),
             behind=np.zeros((BATCH * stripes, 2), dtype=np.int64),
-            moved=aligned(np.zeros(WIDE * n, dtype=np.float32)),
+            built=wide(spheres.x),
         )
         self._motion = compile_motion(scene.walls)
         self._laws, self._materials = law_tables(scene)
@@ -368,7 +368,7 @@ class SphereSession:
     def _changing(self) -> dict[str, NDArray[Any]]:
         """What steps change and do not find anew."""
         state = self._state._asdict()
-        names = ("x", "v", "omega", "angle", "v_now", "omega_now", "force", "torque", "moved", "behind")
+        names = ("x", "v", "omega", "angle", "v_now", "omega_now", "force", "torque", "behind")
         arrays: dict[str, NDArray[Any]] = {"clock": self._clock, **{name: state[name] for name in names}}
         for name, contacts in (("pairs", self._pairs[0]), ("planes", self._at_planes[0])):
             used = contacts.start[-1]

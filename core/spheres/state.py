@@ -44,8 +44,8 @@ class State(NamedTuple):
     """Bodies: n spheres and m planes; a slot for each stripe in each of the steps that are done at once, those of one step in a row.
 
     Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE` numbers
-    each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``moved`` the displacement since the last rebuild of the
-    lists, ``v_now`` and ``omega_now`` have what dashpots see where that is not ``v`` and ``omega``. ``now`` is where planes are, as in
+    each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``built`` the positions at the last rebuild of the lists,
+    ``v_now`` and ``omega_now`` have what dashpots see where that is not ``v`` and ``omega``. ``now`` is where planes are, as in
     `Planes`, ``load`` the force on each, ``share`` what the slots add to it; ``behind`` tells for each slot 1 + sphere and plane where a
     centre is behind one.
     """
@@ -68,7 +68,7 @@ class State(NamedTuple):
     load: Floats
     share: Floats
     behind: Integers
-    moved: NDArray[np.float32]
+    built: Floats
 
 
 class Planes(NamedTuple):

@@ -31,7 +31,7 @@ from ninedisk.core.spheres.vector_kernels import cross, dot, plus, row, scaled
 from ninedisk.core.thread_kernels import PAD, reached, tell, wait_for_all
 
 SURE = 1.001
-"""Displacements since a rebuild are summed in single precision: ten thousand roundings of 6e-8 each stay below a thousandth."""
+"""Squared displacements count a thousandth more: 5e-6 mean radii of the least skin, far above the rounding of any distance."""
 
 BLOCK = 512
 """Spheres whose forces are found before they are kicked, so many as stay in the second cache."""
@@ -107,23 +107,27 @@ class Batch(NamedTuple):
 
 
 @inline_kernel
-def farthest(moved: NDArray[np.float32], begin: int, end: int) -> float:
-    """Largest square of the displacements of the spheres ``begin .. end-1`` [m^2]; NaN if any is NaN (`ninedisk.core.dem.kick_kernels`)."""
-    bits = np.int32(0)
+def farthest(x: Floats, built: Floats, begin: int, end: int) -> float:
+    """Largest square of the displacements from ``built`` to ``x`` of the spheres ``begin .. end-1`` [m^2]; NaN if any is NaN
+    (`ninedisk.core.dem.kick_kernels`)."""
+    bits = np.int64(0)
     for i in range(np.uint64(begin), np.uint64(end)):
-        a, b, c = moved[FOUR * i], moved[FOUR * i + ONE], moved[FOUR * i + TWO]
-        bits = max(bits, np.int32(np.float32(a * a + b * b + c * c).view(np.int32) & NUMBER))
-    return float(np.int32(bits).view(np.float32))
+        k = FOUR * i
+        a, b, c = x[k] - built[k], x[k + ONE] - built[k + ONE], x[k + TWO] - built[k + TWO]
+        bits = max(bits, np.int64(np.float64(a * a + b * b + c * c).view(np.int64) & NUMBER))
+    return float(np.int64(bits).view(np.float64))
 
 
 @kernel
 def foreseen(state: State, way: float, begin: int, end: int) -> float:
     """Largest squared displacement since the last rebuild [m^2] of the spheres ``begin .. end-1``, now or after another time ``way`` [s] at
     their present velocities; NaN if any is NaN."""
-    far, moved, v = farthest(state.moved, begin, end), state.moved, state.v
+    x, built, v = state.x, state.built, state.v
+    far = farthest(x, built, begin, end)
     for i in range(np.uint64(begin), np.uint64(end)):
-        a, b = moved[FOUR * i] + way * v[FOUR * i], moved[FOUR * i + ONE] + way * v[FOUR * i + ONE]
-        c = moved[FOUR * i + TWO] + way * v[FOUR * i + TWO]
+        k = FOUR * i
+        a, b = x[k] - built[k] + way * v[k], x[k + ONE] - built[k + ONE] + way * v[k + ONE]
+        c = x[k + TWO] - built[k + TWO] + way * v[k + TWO]
         far = farther(far, a * a + b * b + c * c)
     return far
 
@@ -140,7 +144,7 @@ def kick_and_drift(state: State, scheme: Scheme, first: bool, begin: int, end: i
         Largest squared displacement since the last rebuild of the lists [m^2]; NaN if any is NaN.
     """
     x, v, omega, angle, force, torque = state.x, state.v, state.omega, state.angle, state.force, state.torque
-    mobility, inv_inertia, mass, moved, v_now = state.mobility, state.inv_inertia, state.mass, state.moved, state.v_now
+    mobility, inv_inertia, mass, v_now = state.mobility, state.inv_inertia, state.mass, state.v_now
     dt, gravity = scheme.dt, scheme.gravity
     kick, ahead = (0.5 * dt, 1.0) if first else (dt, 0.5)
     low, high = FOUR * np.uint64(begin), FOUR * np.uint64(end)
@@ -154,9 +158,7 @@ def kick_and_drift(state: State, scheme: Scheme, first: bool, begin: int, end: i
         for q in range(low, high):
             v[q] += kick * mobility[q] * force[q]
     for q in range(low, high):
-        way = dt * v[q]
-        x[q] += way
-        moved[q] = np.float32(moved[q] + way)
+        x[q] += dt * v[q]
     for i in range(np.uint64(begin), np.uint64(end)):
         blend(omega, i, 1.0, omega, i, kick * inv_inertia[i], torque, i)
         if sees_spins:
@@ -165,7 +167,7 @@ def kick_and_drift(state: State, scheme: Scheme, first: bool, begin: int, end: i
         scale(force, i, mass[i], gravity, np.uint64(0))
     for q in range(low, high):
         torque[q] = 0.0
-    return farthest(moved, begin, end)
+    return farthest(x, state.built, begin, end)
 
 
 @inline_kernel

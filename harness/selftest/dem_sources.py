@@ -22,7 +22,7 @@ _DISK_SHEAR = "            fs = shear_force(shear[k], vt * slip_dt, ks, mu * rep
 _WALL_SHEAR = "                fs = shear_force(pairs.shear[k], vt * slip_dt, ks, mu * repulsive)"
 _NOTE = "note_pairs(disks, views, system.lists.pairs, system.law, system.laws)"
 _KICK = "    kick(v, views.force, disks.inv_mass, step, begin, end)\n"
-_DRIFT = "    drift(x, v, views.moved, step.dt, begin, end)\n"
+_DRIFT = "    drift(x, v, step.dt, begin, end)\n"
 
 CONTACTS = (
     _kernel("shear-sign", "shear grows with the slip instead of against it", "slide",
@@ -94,7 +94,7 @@ STEPPING = (
     _kernel("half-gravity", "half of gravity is left out of the vertical motion", "slide",
             (KICK, "inv_mass[i] + weight * step.gravity_y)", "inv_mass[i] + 0.5 * weight * step.gravity_y)")),
     _kernel("single-precision", "positions are kept in single precision", "press",
-            (KICK, "x[q] += displacement", "x[q] = np.float32(x[q] + displacement)")),
+            (KICK, "x[q] += dt * v[q]", "x[q] = np.float32(x[q] + dt * v[q])")),
     _kernel("unsynchronised", "velocities are reported at half steps", "slide",
             ("dem.sample_kernels", "return 0.5 * (value + step.kick.keep * value + step.kick.gain * acceleration)",
              "return value + 0.0 * acceleration")),
