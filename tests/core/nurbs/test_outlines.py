@@ -244,7 +244,9 @@ def test_the_first_vertex_may_close_the_outline_and_no_other_may_be_repeated() -
     flower = ring(40, 4)
     closed = fitted(np.concatenate([flower, flower[:1]]), 12)
     np.testing.assert_array_equal(closed.curve.points, fitted(flower, 12).curve.points)
-    with pytest.raises(InvalidSceneError, match=r"vertices\[2\] = \(2, 0\) repeats vertices\[1\]: give each vertex once"):
+    with pytest.raises(
+        InvalidSceneError, match=r"vertices\[2\] = \(2, 0\) repeats vertices\[1\]: give each vertex once"
+    ):
         polygon(corners[[0, 1, 1, 2, 3]])
     with pytest.raises(InvalidSceneError, match="2 different corners"):
         polygon(corners[[0, 1, 0]])
