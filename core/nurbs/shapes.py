@@ -20,6 +20,8 @@ from ninedisk.core.validate import at_least, numbers, real, shown, whole
 QUARTERS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 4.0])
 MOST_ROUNDS = 1_000
 """Rounds of a fit; parameters have settled after some ten."""
+SAME_POINT = 1e-14
+"""Distance of two points, over the largest coordinate, that is the rounding of their coordinates."""
 SQUARE = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]], dtype=np.float64)
 EXACT_WEIGHTS = np.array([1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 2.0, 1.0, 1.0])
 """Weights of a full circle in four quadratic quarters, alternately ``((1 - t^2), 2 t)/(1 + t^2)`` and its mirror image.
@@ -74,7 +76,7 @@ def fitted(outline: ArrayLike, n: int, *, degree: int = 3, rounds: int = 8) -> F
     Parameters
     ----------
     outline : array_like, shape (k, 2)
-        Vertices [m], counter-clockwise, each once; k > n.
+        Vertices [m], counter-clockwise; k > n. The first may be repeated at the end.
     n : int
         Number of different control points, > degree.
     degree : int
@@ -91,9 +93,7 @@ def fitted(outline: ArrayLike, n: int, *, degree: int = 3, rounds: int = 8) -> F
     InvalidSceneError
         If there are too few points, or the fitted curve is no outline (see `NurbsCurve`).
     """
-    points = numbers("outline", outline)
-    if points.ndim != 2 or points.shape[1] != 2 or not np.all(np.isfinite(points)):
-        raise InvalidSceneError(f"outline has shape {points.shape}; it must be finite numbers of shape (k, 2)")
+    points = _vertices("outline", outline)
     degree = whole("degree", degree, 1, MOST_DEGREE, error=InvalidSceneError)
     n = whole("n", n, 1, MOST_POINTS - degree, error=InvalidSceneError)
     rounds = whole("rounds", rounds, 0, MOST_ROUNDS, error=InvalidSceneError)
@@ -102,8 +102,6 @@ def fitted(outline: ArrayLike, n: int, *, degree: int = 3, rounds: int = 8) -> F
             f"n = {n} is not allowed: it must be > {degree}, the degree, and < {len(points)}, the points"
         )
     steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
-    if steps.min() == 0.0:
-        raise InvalidSceneError(f"outline[{int(np.argmin(steps))}] is repeated: each vertex may occur once")
     parameter = n * np.concatenate([[0.0], np.cumsum(steps)[:-1]]) / steps.sum()
 
     def free(at: FloatArray) -> FloatArray:
@@ -121,6 +119,32 @@ def fitted(outline: ArrayLike, n: int, *, degree: int = 3, rounds: int = 8) -> F
         points=np.concatenate([control, control[:degree]]),
     )
     return Fit(curve=curve, largest=float(distance.max()), rms=float(np.sqrt(np.mean(distance**2))))
+
+
+def _vertices(name: str, given: ArrayLike) -> FloatArray:
+    """Vertices of a closed polyline, shape (k, 2), without a last one that closes it.
+
+    Raises
+    ------
+    InvalidSceneError
+        If they are no finite points, or two neighbours are the same but for `SAME_POINT`.
+    """
+    points = numbers(name, given)
+    if points.ndim != 2 or points.shape[1] != 2 or not np.all(np.isfinite(points)):
+        raise InvalidSceneError(f"{name} has shape {points.shape}; it must be finite numbers of shape (k, 2)")
+    if not len(points):
+        return points
+    near = SAME_POINT * float(np.abs(points).max())
+    if len(points) > 1 and np.abs(points[-1] - points[0]).max() <= near:
+        points = points[:-1]
+    repeated = np.abs(points[1:] - points[:-1]).max(axis=1, initial=0.0) <= near
+    if repeated.any():
+        k = int(np.argmax(repeated))
+        raise InvalidSceneError(
+            f"{name}[{k + 1}] = ({points[k + 1, 0]:g}, {points[k + 1, 1]:g}) repeats {name}[{k}]: give each vertex once; only the "
+            "first may be repeated at the end"
+        )
+    return points
 
 
 def _feet(control: FloatArray, degree: int, points: FloatArray, parameter: FloatArray) -> FloatArray:
@@ -159,16 +183,18 @@ def _periodic_basis(at: FloatArray, n: int, degree: int) -> FloatArray:
 
 
 def polygon(vertices: ArrayLike) -> NurbsCurve:
-    """The polygon with these corners [m], counter-clockwise, each once, shape (k, 2), k >= 3: a curve of degree 1.
+    """The polygon with these corners [m], counter-clockwise, shape (k, 2), k >= 3: a curve of degree 1.
+
+    The first corner may be repeated at the end.
 
     Raises
     ------
     InvalidSceneError
         If they are no such points, or the polygon is no outline (see `NurbsCurve`).
     """
-    corners = numbers("vertices", vertices)
-    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
-        raise InvalidSceneError(f"vertices have shape {corners.shape}; they must have shape (k, 2), k >= 3")
+    corners = _vertices("vertices", vertices)
+    if len(corners) < 3:
+        raise InvalidSceneError(f"vertices has {len(corners)} different corners; it must have at least 3")
     knots = np.concatenate([[0.0], np.arange(len(corners) + 1.0), [len(corners)]])
     return NurbsCurve(degree=1, knots=knots, points=np.concatenate([corners, corners[:1]]))
 

@@ -210,7 +210,7 @@ def test_polygon_has_its_vertices() -> None:
 
 
 def test_what_is_refused() -> None:
-    with pytest.raises(InvalidSceneError, match=r"shape \(2, 2\)"):
+    with pytest.raises(InvalidSceneError, match="2 different corners"):
         polygon([(0.0, 0.0), (1.0, 0.0)])
     with pytest.raises(InvalidSceneError, match="clockwise"):
         polygon([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0)])
@@ -235,6 +235,23 @@ def test_moments_of_ellipses(a: float, b: float, shift: tuple[float, float]) -> 
     assert moments.area == pytest.approx(np.pi * a * b, rel=room)
     assert np.abs(moments.centroid - shift).max() <= room * max(a, b)
     assert moments.second_moment == pytest.approx(np.pi * a * b * (a * a + b * b) / 4.0, rel=room)
+
+
+def test_the_first_vertex_may_close_the_outline_and_no_other_may_be_repeated() -> None:
+    corners = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)])
+    for closing in (corners[:1], corners[:1] + 2.0 * UNIT):  # the second: cos(2 pi r) with the rounding of an angle
+        np.testing.assert_array_equal(polygon(np.concatenate([corners, closing])).points, polygon(corners).points)
+    flower = ring(40, 4)
+    closed = fitted(np.concatenate([flower, flower[:1]]), 12)
+    np.testing.assert_array_equal(closed.curve.points, fitted(flower, 12).curve.points)
+    with pytest.raises(
+        InvalidSceneError, match=r"vertices\[2\] = \(2, 0\) repeats vertices\[1\]: give each vertex once"
+    ):
+        polygon(corners[[0, 1, 1, 2, 3]])
+    with pytest.raises(InvalidSceneError, match="2 different corners"):
+        polygon(corners[[0, 1, 0]])
+    with pytest.raises(InvalidSceneError, match="finite"):
+        polygon([(0.0, 0.0), (1.0, np.nan), (1.0, 1.0)])
 
 
 def test_moments_of_a_polygon() -> None:
@@ -311,7 +328,7 @@ def test_fit_converges_with_the_fourth_power_of_the_spacing() -> None:
         (np.zeros((10, 3)), 5, "shape"),
         (outline(flower), 3, "n = 3"),
         (outline(flower, 10), 10, "n = 10"),
-        (np.repeat(outline(flower, 10), 2, axis=0), 8, "repeated"),
+        (np.repeat(outline(flower, 10), 2, axis=0), 8, r"outline\[1\] = .* repeats outline\[0\]"),
         (outline(flower)[::-1], 20, "clockwise"),
     ],
 )
