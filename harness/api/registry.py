@@ -52,6 +52,7 @@ BUILTIN_CASES: dict[str, str] = {
     "contact/driven-wall": "ninedisk.harness.cases.contact.driven_wall:CASE",
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
     "energy/budget": "ninedisk.harness.cases.energy.budget:CASE",
+    "contact/cluster": "ninedisk.harness.cases.contact.cluster:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
     "rolling/resistance": "ninedisk.harness.cases.rolling.resistance:CASE",
     "impact/cohesion": "ninedisk.harness.cases.impact.cohesion:CASE",
