@@ -50,6 +50,7 @@ BUILTIN_CASES: dict[str, str] = {
     "contact/reopening": "ninedisk.harness.cases.contact.reopening:CASE",
     "contact/moving-wall": "ninedisk.harness.cases.contact.moving_wall:CASE",
     "contact/driven-wall": "ninedisk.harness.cases.contact.driven_wall:CASE",
+    "impact/two-disks": "ninedisk.harness.cases.impact.two_disks:CASE",
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
     "energy/budget": "ninedisk.harness.cases.energy.budget:CASE",
     "contact/cluster": "ninedisk.harness.cases.contact.cluster:CASE",
