@@ -12,6 +12,7 @@ import math
 import re
 import shlex
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -107,10 +108,11 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Site:
-    """All outcomes by place, oldest first, and names for people."""
+    """All outcomes by place, oldest first; cells that the newest run of a place left out; names for people."""
 
     runs: list[RunFacts]
     outcomes: dict[Place, list[Outcome]] = field(default_factory=dict)
+    left: dict[Place, int] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
     titles: dict[str, str] = field(default_factory=dict)
 
@@ -160,7 +162,9 @@ def read_site(stores: Sequence[Path]) -> Site:
     site = Site([run_facts(about) for _, about in order])
     for (store, about), run in zip(order, site.runs, strict=True):
         held: dict[Place, Outcome] = {}
+        left: Counter[Place] = Counter()
         for cell in read_rows(store, about, "cells", CELL):
+            left[_place(cell)] += cell["status"] in NOT_RUN
             if cell["status"] not in NOT_RUN:
                 held.setdefault(_place(cell), Outcome(run, [], [], [])).cells.append(cell)
                 site.names[cell["engine"]] = cell["engine_name"] or cell["engine"]
@@ -170,6 +174,7 @@ def read_site(stores: Sequence[Path]) -> Site:
                 outcome = held.get(_place(row))
                 if outcome is not None and row["quantity"]:
                     (outcome.checks if table == "measurements" else outcome.headlines).append(row)
+        site.left.update(left)
         for place, outcome in held.items():
             site.outcomes.setdefault(place, []).append(outcome)
     if not site.outcomes:
@@ -305,9 +310,11 @@ def _write(site: Site, folder: Path, progress: Progress) -> None:
         page(f"engine/{address(engine)}/index.html", "site/engine.html", engine=engine, rows=rows)
         badge = folder / "badge" / f"{address(engine)}.svg"
         badge.parent.mkdir(exist_ok=True)
-        badge.write_text(
-            badge_svg([latest[engine, case] for case in cases if (engine, case) in latest]), encoding="utf-8"
+        ran = [latest[engine, case] for case in cases if (engine, case) in latest]
+        left = sum(
+            count for (name, version, _), count in site.left.items() if (name, version) == (engine, newest[engine])
         )
+        badge.write_text(badge_svg(ran, left), encoding="utf-8")
     for case in cases:
         ranked = sorted(((engine, latest[engine, case]) for engine in engines if (engine, case) in latest), key=_rank)
         page(f"case/{address(case)}.html", "site/case.html", case=case, ranked=ranked)
@@ -402,23 +409,72 @@ def _row(row: Row, columns: Sequence[str], run: RunFacts) -> Row:
     }
 
 
-BADGE_COLOURS = {"pass": "#1c6b41", "fail": "#a3251b"}
+BADGE_COLOURS = {"green": "#1c6b41", "amber": "#8a5a00", "red": "#a3251b"}
+
+MOST_PASS, SOME_PASS, HALF_RUN, FEW_FAIL = 0.9, 0.6, 0.5, 0.01
+"""Of a badge: share of judged checks that pass for green, and for amber; share of cells that run, for green; of checks that may fail,
+for amber."""
 
 
-def badge_svg(outcomes: Sequence[Outcome]) -> str:
-    """A badge: checks that pass, and the median over cases of the headlines' largest errors."""
-    passed, judged = (sum(numbers) for numbers in zip(*(each.passes for each in outcomes), strict=True))
-    scores = [float(each.score["rel_error"]) for each in outcomes if each.score]
-    error = f", median error {text.error(median(scores))}" if scores else ""
-    fine = all(each.status in EXCUSED for each in outcomes)
-    words = f"{passed} of {judged} checks pass{error}"
-    left, right = 66, round(6.2 * len(words)) + 14  # text set to these lengths, whatever the font
+def badge_colour(outcomes: Sequence[Outcome], left: int) -> str:
+    """The colour of a badge, a key of `BADGE_COLOURS`.
+
+    - green: at least `MOST_PASS` of the judged checks pass, none fails, no cell ends in an error, and at least `HALF_RUN` of the cells
+      ran to their end;
+    - red: fewer than `SOME_PASS` pass, or more than `FEW_FAIL` fail, or as many cells end in an error;
+    - amber: all others.
+
+    A check is judged where its truth says something. Known gaps and known differences are judged and do not pass. A time-out is no
+    wrong answer: its cell counts as one that did not run, and the badge's text names it.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        One for each case.
+    left : int
+        Cells that the engine cannot run.
+    """
+    passed, judged = _sums(outcomes)
+    statuses = [str(cell["status"]) for each in outcomes for cell in each.cells]
+    failed = sum(row["status"] == "fail" for each in outcomes for row in each.checks)
+    broken = statuses.count("error")
+    covered = (len(statuses) - statuses.count("timeout") - broken) / (len(statuses) + left)
+    if not judged or passed < SOME_PASS * judged or failed > FEW_FAIL * judged or broken > FEW_FAIL * len(statuses):
+        return "red"
+    return "green" if passed >= MOST_PASS * judged and not failed + broken and covered >= HALF_RUN else "amber"
+
+
+def badge_svg(outcomes: Sequence[Outcome], left: int = 0) -> str:
+    """A badge: checks that pass, cells that ran, what broke, and the median over cases of the headlines' largest errors.
+
+    Parameters as of `badge_colour`, which chooses the colour.
+    """
+    passed, judged = _sums(outcomes)
+    statuses = [str(cell["status"]) for each in outcomes for cell in each.cells]
+    late, broken = statuses.count("timeout"), statuses.count("error")
+    said = [f"{passed} of {judged} checks pass"]
+    if left or late or broken:
+        said.append(f"{len(statuses) - late - broken} of {len(statuses) + left} cells run")
+    said += [
+        f"{count} {name if count == 1 else several}"
+        for count, name, several in ((late, "time-out", "time-outs"), (broken, "error", "errors"))
+        if count
+    ]
+    if scores := [float(each.score["rel_error"]) for each in outcomes if each.score]:
+        said.append(f"median error {text.error(median(scores))}")
+    words = ", ".join(said)
+    name, right = 66, round(6.2 * len(words)) + 14  # text set to these lengths, whatever the font
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + right}" height="20" role="img" aria-label="ninedisk: {escape(words)}">'
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{name + right}" height="20" role="img" aria-label="ninedisk: {escape(words)}">'
         f"<title>ninedisk: {escape(words)}</title>"
-        f'<rect width="{left}" height="20" rx="3" fill="#444"/>'
-        f'<rect x="{left - 4}" width="{right + 4}" height="20" rx="3" fill="{BADGE_COLOURS["pass" if fine else "fail"]}"/>'
+        f'<rect width="{name}" height="20" rx="3" fill="#444"/>'
+        f'<rect x="{name - 4}" width="{right + 4}" height="20" rx="3" fill="{BADGE_COLOURS[badge_colour(outcomes, left)]}"/>'
         f'<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11">'
-        f'<text x="7" y="14" textLength="{left - 16}">ninedisk</text>'
-        f'<text x="{left + 5}" y="14" textLength="{right - 13}">{escape(words)}</text></g></svg>\n'
+        f'<text x="7" y="14" textLength="{name - 16}">ninedisk</text>'
+        f'<text x="{name + 5}" y="14" textLength="{right - 13}">{escape(words)}</text></g></svg>\n'
     )
+
+
+def _sums(outcomes: Sequence[Outcome]) -> tuple[int, int]:
+    passed, judged = (sum(numbers) for numbers in zip(*(each.passes for each in outcomes), strict=True))
+    return passed, judged

@@ -51,6 +51,9 @@ class Size:
         Why that and no other number: round-off, the order of the scheme, what a right engine shows.
     fails : bool
         Whether the check that measures it fails because of it: its tolerance then bounds nothing, and only growth makes it larger.
+    sign : {-1, 0, 1}
+        1 where the value is too large, -1 where it is too small (`sign_of`): an error of the other sign is not this finding. 0 where
+        either sign is: of forces whose sense depends on the path, of what only says that something breaks.
     """
 
     table: Literal["measurements", "headlines", "cells", "determinism"] = "measurements"
@@ -63,6 +66,23 @@ class Size:
     over: float
     over_why: str
     fails: bool = False
+    sign: Literal[-1, 0, 1] = 0
+
+
+def sign_of(value: float, expected: float) -> int:
+    """1 where a value is too large, -1 where it is too small, 0 where it is right or one of them is NaN.
+
+    Of a truth below zero, such as a spin that turns clockwise, the size counts: -1.2 is too large where -1 is expected. A truth that is
+    zero, or nothing beside the error, has no side: there a positive value is too large.
+    """
+    away = value - expected
+    if expected < -NOTHING_BESIDE * abs(away):
+        away = -away
+    return int(away > 0.0) - int(away < 0.0)
+
+
+NOTHING_BESIDE = 0.1
+"""Truth over error below which the sign of the truth says nothing: a load at rest overlaps by m g/kn, and not by a hundred of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +101,9 @@ class Finding:
         What happens, in one sentence.
     size : Size
         How large it is.
+    cause_tested : bool
+        Whether the size shows all that ``what`` says, so that another engine of that size does the same. False where ``what`` names a
+        cause: other causes give similar sizes.
     documented : str
         Where the engine's documentation says so; "" where no such place is known.
     thread : str
@@ -95,6 +118,7 @@ class Finding:
     versions: str
     what: str
     size: Size
+    cause_tested: bool = False
     documented: str = ""
     thread: str = ""
     command: str = ""

@@ -46,6 +46,7 @@ def friction_while_pulled(engine: str, versions: str) -> Finding:
             quantity="vt_final",
             truth="analytic",
             over=0.004,
+            sign=-1,
             over_why="the step's own error is at most 0.0098 m/s of the first 2.25 m/s along the plane and 1 m/s across it",
         ),
         command=f"ninedisk run spheres/thornton --engine {engine} --set law=linear --set incidence=9 --set restitution=0.5",
@@ -67,6 +68,7 @@ def dashpot_never_pulls(engine: str, versions: str, laws: str) -> Finding:
             quantity="restitution_effective",
             truth="converged",
             over=0.01,
+            sign=1,
             over_why="the step's own error is below 2e-3 of the restitution, and the damping ratio has it exactly where dashpots may pull",
             fails=True,
         ),
@@ -131,6 +133,7 @@ def elastic_bounces_grow(engine: str, versions: str, *, thread: str = "", comman
             quantity="energy",
             truth="analytic",
             over=0.02,
+            sign=1,
             over_why=(
                 "a step's fall is g dt = 0.7 % of the speed of impact: 1.3 % of the energy, once; what exceeds that has grown from bounce"
                 " to bounce"
@@ -157,6 +160,7 @@ def overlap_of_impact_stays(engine: str, versions: str) -> Finding:
             quantity="gap_final",
             per="gap",
             over=0.0001,
+            sign=-1,
             over_why=(
                 "at rest a spring of the scene's kn overlaps by m g/kn, 7e-5 of the height of fall, and a rigid contact by nothing"
             ),
@@ -176,6 +180,7 @@ def creeps_at_rest(engine: str, versions: str, why: str, *, documented: str = ""
             variant="mu=0.4,dt=0.01",
             quantity="distance down the incline",
             over=1e-9,
+            sign=1,
             over_why="a stuck block rests; engines with rigid contacts or shear springs leave it where it is, to round-off",
         ),
         documented=documented,

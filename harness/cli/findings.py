@@ -54,7 +54,13 @@ def findings(
     measures it.
 
     Nothing is run, except with --engine-cmd: then cases in which other engines have findings are run on that engine and stored, and
-    the table tells which of these findings it shows, too.
+    the table says of each finding whether that engine shows it:
+
+    \b
+      yes           the size shows all that the finding says
+      similar size  the sign and the size fit; the cause is not tested, and may be another one
+      other size    the sign fits, the size differs from that of the finding's own engine in the store by more than a factor of 2
+      no            the size is that of a right engine, or the error has the other sign
 
     \b
     Verdicts:
@@ -112,8 +118,8 @@ def findings(
 
 
 def _alike(commands: Sequence[str], known: Sequence[Finding], store: Path, json_file: Path | None) -> int:
-    """Run engines where findings of others are seen, and tell which of these they show, too."""
-    from ninedisk.harness.results.findings import evaluate, exit_code
+    """Run engines where findings of others are seen, and say which of these they show (`alike`)."""
+    from ninedisk.harness.results.findings import alike, evaluate, exit_code
     from ninedisk.harness.wire.command import CommandEngine
 
     asked = {
@@ -128,15 +134,17 @@ def _alike(commands: Sequence[str], known: Sequence[Finding], store: Path, json_
     }
     engines = [CommandEngine(line) for line in dict.fromkeys(commands)]
     _run([each.size for each in asked.values()], engines, store)
+    known_of = {each.id: each for each in asked.values()}
+    own = {each.id: each.size for each in evaluate(store, [*known_of.values()])}
     found, out = [], console()
     for engine in engines:
         of_engine = evaluate(store, [*reversed(asked.values())], engine=engine.id)
         found += of_engine
-        ids = {each.id for each in asked.values()}
         shown = table("size", "shows it", "finding", "what happens", right=("size",), whole=("size", "shows it"))
         for each in of_engine:
             if each.verdict != "not-measured":
-                word = each.verdict if each.id not in ids else "no" if each.verdict == "gone" else "yes"
+                other = known_of.get(each.id)
+                word = alike(other, each, own[each.id]) if other else each.verdict
                 shown.add_row(share(each.size), word, *(printable(part) for part in (each.id, each.what)))
         out.print(f"{engine.id}: what is known of other engines, and what it declares itself")
         out.print(shown)
@@ -145,7 +153,7 @@ def _alike(commands: Sequence[str], known: Sequence[Finding], store: Path, json_
             out.print(printable(f"{count} not measured: {reason}"), soft_wrap=True)
     if json_file is not None:
         write_rows(json_file, [asdict(each) for each in found])
-    return exit_code(each for each in found if each.id not in {other.id for other in asked.values()})
+    return exit_code(each for each in found if each.id not in known_of)
 
 
 def _run(sizes: Sequence[Size], engines: Sequence[CommandEngine], store: Path) -> None:

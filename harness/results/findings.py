@@ -4,7 +4,7 @@ A finding's size is read anew from the stored rows: nothing of it is remembered 
 
 - ``larger`` where it exceeds what the check that measures it explains (its known difference, else its tolerance), or has grown since the
   run before by more than `GROWN`;
-- ``gone`` where it no longer exceeds ``Size.over``;
+- ``gone`` where it no longer exceeds ``Size.over``, or has the other sign than ``Size.sign``;
 - ``there`` otherwise;
 - ``not-measured`` where the store has no number for it, with the reason.
 
@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.api.finding import Finding, Size
+from ninedisk.harness.api.finding import Finding, Size, sign_of
 from ninedisk.harness.results.reader import CellKey, cell_key, moment, read_about, read_determinism, read_rows, run_ids
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding, Row, row_tolerance
 
@@ -159,7 +159,8 @@ def _evaluated(finding: Finding, engine: str, cells: Mapping[CellKey, Sequence[K
     numbers = [each for each in readings if not each[0].reason]
     if not numbers:
         return replace(blank, engine_version=str(mine[0][0].cell["engine_version"]), reason=readings[0][0].reason)
-    largest, held = max(numbers, key=lambda each: each[0].size)
+    same = [each for each in numbers if _has_sign(size, each[0])]
+    largest, held = max(same or numbers, key=lambda each: each[0].size)
     row, before = largest.row, [each for each in _readings(size, held[1]) if not each.reason] if len(held) > 1 else []
     least = min(
         (
@@ -183,6 +184,8 @@ def _evaluated(finding: Finding, engine: str, cells: Mapping[CellKey, Sequence[K
     rows = [each.row for each, _ in numbers] if engine == finding.engine and not size.fails else []
     rows += [row for kept in cells.values() for row in kept[0].measurements if row["finding"] == finding.id]
     verdict, reason = _verdict(found, rows)
+    if not same and verdict != "larger":
+        verdict, reason = "gone", f"the error has the other sign: {found.value:.6g} where {found.expected:.6g} is right"
     if (
         engine == finding.engine
         and not finding.id.startswith("source/")
@@ -194,6 +197,35 @@ def _evaluated(finding: Finding, engine: str, cells: Mapping[CellKey, Sequence[K
             )
         )
     return replace(found, verdict=verdict, reason=reason)
+
+
+def _has_sign(size: Size, reading: Reading) -> bool:
+    return size.sign in (0, sign_of(_number(reading.row, "value"), _number(reading.row, "expected")))
+
+
+SIMILAR = 2.0
+"""Sizes that differ by no more than this factor are similar: steps and softness of two engines with one cause do that."""
+
+
+def alike(finding: Finding, seen: EvaluatedFinding, own: float) -> str:
+    """Whether another engine shows a finding, in words: ``no``, ``yes``, ``similar size`` or ``other size``.
+
+    ``yes`` needs a finding whose size shows all that its words say (`Finding.cause_tested`). For others the sign is right and the size
+    exceeds what a right engine shows, but nobody has tested the cause.
+
+    Parameters
+    ----------
+    finding : Finding
+    seen : EvaluatedFinding
+        What the other engine shows.
+    own : float
+        Size that the finding's own engine has in the store; NaN where there is none.
+    """
+    if seen.verdict == "gone":
+        return "no"
+    if finding.cause_tested:
+        return "yes"
+    return "other size" if max(seen.size, own) > SIMILAR * min(seen.size, own) else "similar size"
 
 
 def _matching(cells: Mapping[CellKey, Sequence[Kept]], size: Size, engine: str) -> list[Sequence[Kept]]:

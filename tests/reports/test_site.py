@@ -10,7 +10,8 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from ninedisk.reports.site import address, badge_svg, build_site, check_site, read_site
+from ninedisk.harness.results.schema import RunFacts
+from ninedisk.reports.site import BADGE_COLOURS, Outcome, address, badge_svg, build_site, check_site, read_site
 
 ERRORS = (1e-3, 3.25e-2, 7e-4)
 
@@ -107,3 +108,35 @@ def test_a_badge_says_passes_and_error(site):
     ]
     passed = sum(each.passes[0] for each in held)
     assert f"{passed} of {passed} checks pass, median error 1.4e-3" in badge_svg(held)
+
+
+def outcome(passed: int, judged: int, *, failed: int = 0, broken: tuple[str, ...] = (), cells: int = 10) -> Outcome:
+    """A case with so many checks; what neither passes nor fails is a known gap."""
+    statuses = ["pass"] * passed + ["fail"] * failed + ["known-gap"] * (judged - passed - failed)
+    checks = [{"status": status} for status in statuses]
+    return Outcome(
+        RunFacts(run_id="r", started="", commit="", machine="", versions={}, command=""),
+        [{"status": status} for status in [*["pass"] * (cells - len(broken)), *broken]],
+        checks,
+        [],
+    )
+
+
+@pytest.mark.parametrize(
+    ("held", "left", "colour", "words"),
+    [
+        (outcome(2609, 2750, broken=("timeout",), cells=88), 0, "green", "87 of 88 cells run, 1 time-out"),
+        (outcome(410, 585), 0, "amber", "410 of 585 checks pass"),
+        (outcome(100, 100), 11, "amber", "10 of 21 cells run"),
+        (outcome(999, 1000, failed=1), 0, "amber", "999 of 1000 checks pass"),
+        (outcome(98, 100, failed=2), 0, "red", "98 of 100 checks pass"),
+        (outcome(50, 100), 0, "red", "50 of 100 checks pass"),
+        (outcome(100, 100, broken=("error",)), 0, "red", "1 error"),
+        (outcome(0, 0, broken=("timeout", "timeout")), 0, "red", "2 time-outs"),
+    ],
+)
+def test_a_badge_colour_is_that_of_passes_failures_and_coverage(held, left, colour, words):
+    svg = badge_svg([held], left)
+    assert words in svg
+    assert BADGE_COLOURS[colour] in svg
+    assert sum(each in svg for each in BADGE_COLOURS.values()) == 1

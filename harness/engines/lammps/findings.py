@@ -29,6 +29,7 @@ FINDINGS = (
             quantity="shear",
             truth="exact-step",
             over=1e-09,
+            sign=-1,
             over_why="the exact steps of a law that turns the shear exactly; pair_style granular shows round-off",
         ),
     ),
@@ -45,6 +46,7 @@ FINDINGS = (
             quantity="fs_up",
             truth="converged",
             over=0.01,
+            sign=1,
             over_why=(
                 "the disks overlap by 8 % of the radius, half of which is the difference of the arms; the step's own error is at most 0.6"
                 " %"
@@ -67,6 +69,7 @@ FINDINGS = (
             quantity="loss",
             truth="analytic",
             over=0.1,
+            sign=-1,
             over_why="the first step of the contact and the one in which it parts err by less than 0.02 of the loss",
         ),
         documented="https://docs.lammps.org/pair_granular.html",

@@ -17,6 +17,7 @@ FINDINGS = (
             variant="rows=3",
             quantity="energy kept",
             over=0.01,
+            sign=1,
             over_why="elastic impacts keep the energy: engines with rigid contacts to round-off, springs to 1e-3 by their step",
         ),
         command="ninedisk run gas/elastic --engine siconos",

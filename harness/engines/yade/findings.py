@@ -17,6 +17,7 @@ FINDINGS = (
             quantity="fs_bottom",
             truth="analytic",
             over=0.0001,
+            sign=1,
             over_why="forces turn with the box unchanged: 1e-13 where the rotation is exact, 2e-6 of an iterative solver",
         ),
     ),
@@ -34,6 +35,7 @@ FINDINGS = (
             quantity="fs_up",
             truth="converged",
             over=0.01,
+            sign=1,
             over_why=(
                 "the disks overlap by 8 % of the radius, half of which is the difference of the arms; the step's own error is at most 0.6"
                 " %"

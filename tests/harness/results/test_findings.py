@@ -24,11 +24,11 @@ from typer.testing import CliRunner
 
 from ninedisk.harness.api import finding
 from ninedisk.harness.api.case import Setup, headlines_of
-from ninedisk.harness.api.finding import Finding, Size, finding_problems, known_findings
+from ninedisk.harness.api.finding import Finding, Size, finding_problems, known_findings, sign_of
 from ninedisk.harness.api.registry import engine_table, get_case
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.support import parse_settings
-from ninedisk.harness.results.findings import GROWN, evaluate
+from ninedisk.harness.results.findings import GROWN, alike, evaluate
 from ninedisk.harness.results.schema import DETERMINISM_KINDS, TABLES, EvaluatedFinding
 from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.run.plan import Cell, plan_matrix
@@ -376,3 +376,41 @@ def test_what_is_wrong_with_a_package_s_findings_is_told(monkeypatch: pytest.Mon
     found, wrong = finding._collected.__wrapped__()
     assert found == FINDINGS
     assert [FINDINGS[0].id in text or "nowhere.findings" in text for text in wrong] == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("value", "expected", "sign"),
+    [
+        (1.2, 1.0, 1),
+        (0.8, 1.0, -1),
+        (-1.2, -1.0, 1),
+        (-0.8, -1.0, -1),
+        (-0.1, 0.0, -1),
+        (1.0, 1.0, 0),
+        (math.nan, 1.0, 0),
+    ],
+)
+def test_too_large_is_by_size(value: float, expected: float, sign: int) -> None:
+    assert sign_of(value, expected) == sign
+
+
+@pytest.mark.parametrize(
+    ("sign", "verdict", "word"), [(1, "there", "similar size"), (-1, "gone", "no"), (0, "there", "similar size")]
+)
+def test_an_error_of_the_other_sign_is_another_finding(store: Path, sign: int, verdict: str, word: str) -> None:
+    """Contact dynamics lifts a sliding particle; a finding of particles that sink is not there, however large the error."""
+    [lifts] = [each for each in FINDINGS if each.id == LIFTS]
+    assert lifts.size.sign == 1
+    mine = replace(lifts, size=replace(lifts.size, sign=sign))  # type: ignore[arg-type]
+    [found] = [each for each in evaluate(store, [mine]) if each.id == LIFTS]
+    assert (found.verdict, alike(mine, found, found.size)) == (verdict, word)
+    assert ("other sign" in found.reason) == (sign == -1)
+
+
+def test_yes_needs_a_size_that_shows_the_cause(store: Path) -> None:
+    """Otherwise the size is similar, or another one where the finding's own engine differs by more than a factor of two."""
+    [lifts] = [each for each in FINDINGS if each.id == LIFTS]
+    [found] = [each for each in evaluate(store, [lifts]) if each.id == LIFTS]
+    assert alike(replace(lifts, cause_tested=True), found, math.nan) == "yes"
+    words = [alike(lifts, found, factor * found.size) for factor in (math.nan, 1.9, 2.1, 0.4)]
+    assert words == ["similar size", "similar size", "other size", "other size"]
