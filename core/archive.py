@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
+import shutil
+import stat
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -21,25 +25,70 @@ from ninedisk.core.validate import shown
 def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
     """A stream whose content becomes the file at the end of the block; an exception in it leaves the file as it was.
 
+    Links are followed and stay. A device, a FIFO or a descriptor such as ``/dev/stdout`` is never replaced: the content is
+    written into it.
+
     Raises
     ------
     UnwritableFileError
         If the file cannot be written: its folder is missing or closed, it is a folder itself, the disk is full, ...
     """
     try:
-        target = Path(path)
+        target, replaced = destination(path)
         partial = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        stream = open(partial, "wb")  # noqa: SIM115 - what fails here is the path's fault, what fails below may be the content's
+        stream = open(partial, "wb") if replaced else io.BytesIO()  # noqa: SIM115 - what fails here is the path's fault, what fails below may be the content's
     except (OSError, TypeError, ValueError) as error:  # a path may be of another type, empty, or hold a zero byte
         raise _unwritable(path, error) from error
     try:
         with stream:
             yield stream
-        os.replace(partial, target)
+            if isinstance(stream, io.BytesIO):
+                number = _descriptor(target)
+                with open(target if number is None else os.dup(number), "wb") as into:
+                    into.write(stream.getbuffer())
+        if replaced:
+            if target.exists():
+                shutil.copymode(target, partial)
+            os.replace(partial, target)
     except OSError as error:
         raise _unwritable(path, error) from error
     finally:
-        partial.unlink(missing_ok=True)
+        if replaced:
+            partial.unlink(missing_ok=True)
+
+
+def destination(path: str | os.PathLike[str]) -> tuple[Path, bool]:
+    """The file that is written under a path, links followed, and whether a new file replaces it.
+
+    Raises
+    ------
+    OSError
+        If what is there takes no file: a folder, a socket, a block device; or if links form a cycle.
+    """
+    target = Path(path)
+    try:
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        return Path(os.path.realpath(target)), True
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if stat.S_ISBLK(mode) or stat.S_ISSOCK(mode):
+        raise OSError(errno.EINVAL, "a block device or a socket takes no file")
+    if stat.S_ISREG(mode) and _descriptor(target) is None:
+        return Path(os.path.realpath(target)), True
+    return target, False
+
+
+def _descriptor(path: Path) -> int | None:
+    """Number of the open file that a path such as ``/dev/stdout`` or ``/dev/fd/63`` names."""
+    for _ in range(40):  # links that form a cycle have been refused by then
+        folder = os.path.realpath(path.parent)
+        if path.name.isdecimal() and folder in (f"/proc/{os.getpid()}/fd", "/dev/fd"):
+            return int(path.name)
+        if not path.is_symlink():
+            return None
+        path = Path(folder, path.readlink())
+    return None
 
 
 def made_folder(path: str | os.PathLike[str]) -> Path:

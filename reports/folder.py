@@ -29,7 +29,7 @@ def fresh_folder(out: Path, marker: str, what: str) -> Iterator[Path]:
     ReportError
         If ``out`` is a file or a foreign folder, or cannot be written.
     """
-    out = Path(out).absolute()
+    out = Path(os.path.realpath(out))  # a link stays, and the folder that it names is replaced
     _check_target(out, marker, what)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

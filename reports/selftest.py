@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from ninedisk.reports import pages
@@ -67,22 +66,20 @@ class Matrix:
     single_case: list[tuple[Row, str]]
 
 
-def write_selftest(rows: Sequence[Row], path: Path) -> None:
-    """Write the page of a self-test, one file that holds its style sheet.
+def selftest_page(rows: Sequence[Row]) -> str:
+    """The page of a self-test, one file that holds its style sheet.
 
     Parameters
     ----------
     rows : sequence of mapping
         As ``ninedisk selftest --json`` writes them.
-    path : Path
-        File to write.
 
     Raises
     ------
     ReportError
         If the id of a check cannot be read.
     """
-    page = (
+    return (
         pages.environment()
         .get_template("selftest.html")
         .render(
@@ -92,7 +89,6 @@ def write_selftest(rows: Sequence[Row], path: Path) -> None:
             sheet=pages.sheet("selftest.css"),
         )
     )
-    path.write_text(page, encoding="utf-8")
 
 
 def matrix(rows: Sequence[Row]) -> Matrix:

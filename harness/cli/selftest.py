@@ -76,11 +76,11 @@ def selftest(
       3  a defect no longer fits the source that it was written for
       130  interrupted; nothing was written
     """
-    from ninedisk.harness.results.whole_file import check_writable
+    from ninedisk.harness.results.whole_file import check_writable, write_whole
     from ninedisk.harness.selftest.defect import StaleEditError
     from ninedisk.harness.selftest.gallery import chosen_defects
     from ninedisk.harness.selftest.run import fine, run_selftest
-    from ninedisk.reports.selftest import write_selftest
+    from ninedisk.reports.selftest import selftest_page
 
     defects = chosen_defects(only or [])
     if show:
@@ -97,7 +97,7 @@ def selftest(
     if json_file is not None:
         write_rows(json_file, rows)
     if html is not None:
-        write_selftest(rows, html)
+        write_whole("--html", html, selftest_page(rows))
     _show(rows)
     raise typer.Exit(0 if all(fine(row) for row in rows) else MISSED)
 

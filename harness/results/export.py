@@ -8,13 +8,14 @@ import json
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from ninedisk.harness.api.errors import StoreError
 from ninedisk.harness.results.reader import cell_key, check_schema
 from ninedisk.harness.results.schema import CELL_COLUMNS, EMPTY, MEASUREMENT_COLUMNS, SCHEMA_VERSION, Row, RunFacts
 from ninedisk.harness.results.store import Snapshot, in_order, snapshot
 from ninedisk.harness.results.tables import of_rows, plain_json, write_table
+from ninedisk.harness.results.whole_file import written
 
 RUN_COLUMNS = {
     "schema_version": "int64",
@@ -78,15 +79,8 @@ def write_export(rows: Sequence[Row], path: Path) -> None:
     writers = {".csv": _write_csv, ".json": _write_json, ".parquet": _write_parquet}
     if path.suffix not in writers:
         raise StoreError(f"{str(path)!r} has no known ending: give a file that ends in {', '.join(FORMATS)}")
-    temporary = path.with_name(f".{path.name}.tmp")
-    try:
-        try:
-            writers[path.suffix](rows, temporary)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise StoreError(f"{str(path)!r} cannot be written ({error.strerror or error}): give another file") from error
+    with written(path) as stream:
+        writers[path.suffix](rows, stream)
 
 
 def read_export(path: Path) -> list[Snapshot]:
@@ -145,11 +139,12 @@ def _typed(value: Any, kind: str) -> Any:
     return int(value) if kind == "int64" else float(value)
 
 
-def _write_csv(rows: Sequence[Row], path: Path) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({name: _csv_value(value) for name, value in row.items()} for row in rows)
+def _write_csv(rows: Sequence[Row], stream: IO[bytes]) -> None:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: _csv_value(value) for name, value in row.items()} for row in rows)
+    stream.write(text.getvalue().encode())
 
 
 def _csv_value(value: Any) -> Any:
@@ -157,13 +152,13 @@ def _csv_value(value: Any) -> Any:
     return "" if isinstance(value, float) and math.isnan(value) else value
 
 
-def _write_json(rows: Sequence[Row], path: Path) -> None:
+def _write_json(rows: Sequence[Row], stream: IO[bytes]) -> None:
     lines = ",\n".join(plain_json(row) for row in rows)
-    path.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+    stream.write(f"[\n{lines}\n]\n".encode())
 
 
-def _write_parquet(rows: Sequence[Row], path: Path) -> None:
-    write_table(of_rows(rows, COLUMNS), COLUMNS, path)
+def _write_parquet(rows: Sequence[Row], stream: IO[bytes]) -> None:
+    write_table(of_rows(rows, COLUMNS), COLUMNS, stream)
 
 
 def _read_csv(path: Path) -> list[Row]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -132,7 +132,7 @@ def distinct_curves(results: Sequence[CaseResult]) -> list[CurveColumns]:
     return list(kept.values())
 
 
-def write_table(table: Columns, columns: Mapping[str, str], path: Path) -> None:
+def write_table(table: Columns, columns: Mapping[str, str], path: Path | IO[bytes]) -> None:
     """Write a table as Parquet, its columns of the kinds that the schema names; an unknown number is null in the file."""
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
+from ninedisk.core.archive import destination, whole_file
+from ninedisk.core.errors import UnwritableFileError
 from ninedisk.harness.api.errors import StoreError, UsageError
 
 
@@ -20,8 +26,12 @@ def check_writable(flag: str, path: Path) -> None:
     try:
         if path.is_dir():
             raise UsageError(f"{flag} {str(path)!r} is a folder: give a file")
-        with tempfile.NamedTemporaryFile(prefix=f".{path.name}.", dir=path.parent):
-            pass
+        target, replaced = destination(path)
+        if replaced:
+            with tempfile.NamedTemporaryFile(prefix=f".{target.name}.", dir=target.parent):
+                pass
+        elif not os.access(target, os.W_OK):  # to open a FIFO would wait for its reader
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except (OSError, ValueError) as error:
         if isinstance(error, UsageError):
             raise
@@ -55,22 +65,30 @@ def check_folder(flag: str, path: Path) -> None:
         ) from error
 
 
+@contextmanager
+def written(path: Path, way_out: str = "give another file") -> Iterator[IO[bytes]]:
+    """The stream of `ninedisk.core.archive.whole_file`, its errors in the words of the command line.
+
+    Raises
+    ------
+    StoreError
+        If the file cannot be written.
+    """
+    try:
+        with whole_file(path) as stream:
+            yield stream
+    except UnwritableFileError as error:
+        why = getattr(error.__cause__, "strerror", None) or error.__cause__
+        raise StoreError(f"{str(path)!r} cannot be written ({why}): {way_out}") from error
+
+
 def write_whole(flag: str, path: Path, text: str) -> None:
-    """Write a text file, whole or not at all.
+    """Write a text file, whole or not at all; what UTF-8 cannot hold is written as ``\\udcff``.
 
     Raises
     ------
     StoreError
         If it cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        try:
-            temporary.write_text(text, encoding="utf-8")
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise StoreError(
-            f"{str(path)!r} cannot be written ({error.strerror or error}): give another {flag} FILE"
-        ) from error
+    with written(path, f"give another {flag} FILE") as stream:
+        stream.write(text.encode("utf-8", "backslashreplace"))

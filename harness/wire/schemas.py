@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ninedisk.harness.api.errors import UsageError, close_matches
+from ninedisk.harness.results.whole_file import write_whole
 
 if TYPE_CHECKING:
     from jsonschema import Draft202012Validator
@@ -40,12 +41,12 @@ def write_schemas(names: tuple[str, ...], folder: Path) -> list[Path]:
     texts = {folder / f"{name}.json": schema_text(name) for name in names}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for path, text in texts.items():
-            path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(
             f"--out {str(folder)!r} cannot be written ({error.strerror or error}): give a folder that can"
         ) from error
+    for path, text in texts.items():
+        write_whole("--out", path, text)
     return list(texts)
 
 

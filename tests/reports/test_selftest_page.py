@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from ninedisk.reports.folder import ReportError
-from ninedisk.reports.selftest import Kind, matrix, write_selftest
+from ninedisk.reports.selftest import Kind, matrix, selftest_page
 
 Row = dict[str, Any]
 GAP, FN, X = (
@@ -61,9 +60,8 @@ def test_the_matrix_says_what_is_silent_and_what_hangs_by_a_thread(rows: list[Ro
     assert matrix([row("unchanged", "clean", [GAP]), *rows[1:]]).dirty != []
 
 
-def test_the_page_shows_it_offline_and_escaped(rows: list[Row], tmp_path: Path) -> None:
-    write_selftest(rows, tmp_path / "page.html")
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+def test_the_page_shows_it_offline_and_escaped(rows: list[Row]) -> None:
+    page = selftest_page(rows)
     assert "1 of 4 defects go unnoticed:</b> dem/none." in page
     assert "one &amp; &lt;b&gt;" in page
     assert "<del>x &lt; 1</del>" in page
@@ -74,12 +72,11 @@ def test_the_page_shows_it_offline_and_escaped(rows: list[Row], tmp_path: Path) 
     assert re.findall(r"(?:src|href)=\"(?!#)[^\"]*\"", page) == []
     assert "url(" not in page
     assert len(re.findall(r"<th scope=\"row\"", page)) == len(rows)
-    write_selftest([row for row in rows if row["caught"] or row["kind"] == "clean"], tmp_path / "page.html")
-    assert "All 3 defects are caught</b>, and the unchanged engines pass" in (tmp_path / "page.html").read_text()
+    right = selftest_page([row for row in rows if row["caught"] or row["kind"] == "clean"])
+    assert "All 3 defects are caught</b>, and the unchanged engines pass" in right
 
 
-def test_an_id_of_no_check_is_refused(rows: list[Row], tmp_path: Path) -> None:
+def test_an_id_of_no_check_is_refused(rows: list[Row]) -> None:
     rows[1]["checks"] = ["nonsense"]
     with pytest.raises(ReportError, match="'nonsense' is no id of a check"):
-        write_selftest(rows, tmp_path / "page.html")
-    assert not (tmp_path / "page.html").exists()
+        selftest_page(rows)
