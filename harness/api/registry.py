@@ -49,6 +49,7 @@ BUILTIN_CASES: dict[str, str] = {
     "invariance/galilei": "ninedisk.harness.cases.invariance.observers:CASES",
     "contact/reopening": "ninedisk.harness.cases.contact.reopening:CASE",
     "contact/moving-wall": "ninedisk.harness.cases.contact.moving_wall:CASE",
+    "contact/belt": "ninedisk.harness.cases.contact.belt:CASE",
     "contact/driven-wall": "ninedisk.harness.cases.contact.driven_wall:CASE",
     "impact/two-disks": "ninedisk.harness.cases.impact.two_disks:CASE",
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
