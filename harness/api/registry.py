@@ -55,6 +55,7 @@ BUILTIN_CASES: dict[str, str] = {
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
     "energy/budget": "ninedisk.harness.cases.energy.budget:CASE",
     "contact/cluster": "ninedisk.harness.cases.contact.cluster:CASE",
+    "contact/orbit": "ninedisk.harness.cases.contact.orbit:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
     "rolling/resistance": "ninedisk.harness.cases.rolling.resistance:CASE",
     "impact/cohesion": "ninedisk.harness.cases.impact.cohesion:CASE",
