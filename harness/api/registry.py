@@ -88,6 +88,8 @@ BUILTIN_CASES: dict[str, str] = {
     "spheres/cooling": "ninedisk.harness.cases.spheres.cooling:CASE",
     "spheres/jkr": "ninedisk.harness.cases.spheres.jkr:CASE",
     "spheres/stack": "ninedisk.harness.cases.spheres.stack:CASE",
+    "spheres/saddle": "ninedisk.harness.cases.spheres.saddle:CASE",
+    "spheres/unequal": "ninedisk.harness.cases.spheres.unequal:CASE",
     "spheres/rolling-resistance": "ninedisk.harness.cases.spheres.on_plane:RESISTED",
 }
 BUILTIN_ENGINES: dict[str, str] = {

@@ -42,12 +42,14 @@ RIGHT_VALUES: dict[str, Any] = {
     "speed": 1.0, "spin": 1.0, "start": 0.4, "e_star": 1e9, "turn": 2.0, "first": (1e9, 0.3),
     "stiffness": 2.0 * np.eye(2), "t": np.array([0.0, 0.1]), "t_wall": 0.1, "thermal": 1.0, "theta": 0.75, "two": RIGHT, "until": 3.0,
     "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "cohesion": 5e3, "surface_energy": 1.0, "kr": 1e2, "mu_r": 0.5,
+    "arm": 1.3, "held_radius": 0.5, "reached": [0.5, 1.0],
     "force": 3.0, "inertia_1": 0.3, "inertia_2": 0.4, "radius_1": 0.5, "radius_2": 0.2,
     "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "xi": 0.1, "y": 1.0,
 }  # fmt: skip
 """By the names of arguments, which mean the same thing everywhere."""
 
 OWN: dict[str, dict[str, Any]] = {
+    "rolling_off.rolled_off": {"mu": 2.0},
     "segments.under_segments": {"segments": [(0.0, 1.0, 2.0), (0.5, 2.0, -1.0)]},
     "compression.ramp_response": {"t": np.array([0.0, 0.1])},
     "critical_step.lagged_limit": {"mass": np.eye(2)},
