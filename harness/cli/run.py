@@ -419,7 +419,7 @@ def _print_table(out: Console, judged: Sequence[Row], room: int) -> int:
 
 
 def _table(judged: Sequence[Row], *, narrow: bool = False) -> object:
-    numbers = ("found", "expected", "error", "tolerance")
+    numbers = ("found", "expected", "error", "allowed" if narrow else "tolerance")
     headers = ("status", *(["case [variant]"] if narrow else ["case", "variant"]), "engine", "quantity", *numbers)
     truth = [] if narrow else ["truth"]
     shown = table(*headers, *truth, right=numbers, whole=("status", "engine", *numbers, "truth"))

@@ -104,7 +104,7 @@ def test_a_terminal_of_80_columns_keeps_words_whole(
     cells, rows = matrix(5)
     lines = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in printed(capsys, cells, rows, None)]
     (heading,) = [line.split() for line in lines if "status" in line]
-    assert heading == ["status", "case", "[variant]", "engine", "quantity", "found", "expected", "error", "tolerance"]
+    assert heading == ["status", "case", "[variant]", "engine", "quantity", "found", "expected", "error", "allowed"]
     assert sum(line.split()[:1] == ["pass"] and "engine-" in line and "0.5" in line for line in lines) > 1
 
 
