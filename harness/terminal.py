@@ -29,7 +29,11 @@ def table(*headers: str, right: tuple[str, ...] = (), whole: tuple[str, ...] = (
     made = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for header in headers:
         made.add_column(
-            header, overflow="fold", justify="right" if header in right else "left", no_wrap=header in whole
+            header,
+            overflow="fold",
+            justify="right" if header in right else "left",
+            no_wrap=header in whole,
+            min_width=len(header),
         )
     return made
 

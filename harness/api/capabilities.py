@@ -60,6 +60,11 @@ class Capability(StrEnum):
     SURFACE_JKR = "adhesive contact of Johnson, Kendall and Roberts"
 
 
+def wire_name(capability: Capability) -> str:
+    """Name of a capability in the description of an engine behind a command: ``linear-contact``."""
+    return capability.name.lower().replace("_", "-")
+
+
 LEVER_ARMS: Mapping[LeverArm, Capability] = {
     "radius": Capability.LEVER_ARM_RADIUS,
     "overlap": Capability.LEVER_ARM_OVERLAP,

@@ -33,3 +33,12 @@ def duration(seconds: float) -> str:
 def printable(text: str) -> str:
     """Text on one line without control characters, which could move a terminal's cursor or break a file's syntax."""
     return _CONTROL.sub(" ", text)
+
+
+def found_and_expected(value: float, expected: float) -> tuple[str, str]:
+    """Both numbers with their signs, with as many digits as it takes to see that they differ, at least four."""
+    for digits in range(4, 17):
+        found, wanted = (f"{number:+.{digits}g}" for number in (value, expected))
+        if found != wanted or value == expected:
+            break
+    return found, wanted

@@ -24,6 +24,14 @@ from ninedisk.harness.api.engine import SOFTEST, EngineInfo
 
 FloatArray = NDArray[np.float64]
 
+PRELOAD = Parameter(
+    name="preload",
+    default=True,
+    only_for="spring",
+    help="false: springs start with the overlap of the weight, but without the shear force of the motion",
+)
+"""Of cases whose springs start in the motion; without it they run on engines that cannot set a shear force."""
+
 CONTACT_DYNAMICS = (
     Parameter(
         name="impact",

@@ -8,7 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, CellProgress, Command, fail, guarded, parse_settings
+from ninedisk.harness.cli.support import (
+    FAILURE,
+    CellProgress,
+    Command,
+    fail,
+    guarded,
+    parse_settings,
+    refuse_not_installed,
+)
 from ninedisk.harness.terminal import console, table
 
 WRONG = 1
@@ -59,6 +67,7 @@ def converge(
       3  a level's run failed, crashed or ran out of time
     """
     from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.api.registry import get_engine
     from ninedisk.harness.results.tables import plain_json
     from ninedisk.harness.results.whole_file import check_writable, write_whole
     from ninedisk.harness.run.converge import BAD, BrokenLevelError
@@ -68,7 +77,8 @@ def converge(
 
     if engine is not None and engine_cmd is not None:
         raise UsageError("--engine and --engine-cmd exclude each other: orders are measured on one engine")
-    chosen_engine = CommandEngine(engine_cmd) if engine_cmd is not None else "dem" if engine is None else engine
+    chosen_engine = CommandEngine(engine_cmd) if engine_cmd is not None else get_engine(engine or "dem")
+    refuse_not_installed({chosen_engine.id: chosen_engine})
     params, chosen = (
         parse_settings(settings or []),
         parse_settings(options or [], flag="--option", example="siconos.theta=1"),

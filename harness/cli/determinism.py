@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import INTERRUPTED, CellProgress, Commands, Store, fail, guarded, write_rows
+from ninedisk.harness.cli.support import (
+    INTERRUPTED,
+    CellProgress,
+    Commands,
+    Store,
+    fail,
+    guarded,
+    refuse_not_installed,
+    write_rows,
+)
 from ninedisk.harness.terminal import console, table
 
 if TYPE_CHECKING:
@@ -98,6 +107,7 @@ def determinism(
         chosen: list[Engine] = [
             get_engine(each) if isinstance(each, str) else each for each in engines_given(engines, commands)
         ]
+        refuse_not_installed({each.id: each for each in chosen})
     else:
         chosen = [each for each in engines_that_load(lambda _: True).values() if _installed(each, spheres)]
     rows: list[Row] = []

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, CellProgress, Command, fail, guarded
+from ninedisk.harness.cli.support import FAILURE, CellProgress, Command, fail, guarded, refuse_not_installed
 
 
 def register(app: typer.Typer) -> None:
@@ -48,8 +48,8 @@ def check_engine(
     Exit codes:
       0  every check passes, or the engine refuses its scene for a stated reason
       1  some check fails
-      2  wrong usage (unknown id, file that cannot be written)
-      3  the engine is not installed, or its facts cannot be had
+      2  wrong usage (unknown id, an engine that is not installed, file that cannot be written)
+      3  the engine's facts cannot be had
     """
     from ninedisk.harness.api.engine import Engine, EngineError
     from ninedisk.harness.api.errors import UsageError
@@ -65,12 +65,11 @@ def check_engine(
     engine = found.id
     if json_file is not None:
         check_writable("--json", json_file)
+    refuse_not_installed({found.id: found})
     try:
         info = found.info()
     except Exception as error:
         fail(f"info() of the engine {engine!r} must not fail, it says {type(error).__name__}: {error}", FAILURE)
-    if not info.installed:
-        fail(f"the engine {engine!r} is not installed ({info.not_installed_because}): {info.install}", FAILURE)
     try:
         with CellProgress() as progress:
             outcomes = check(found, progress, only or ())

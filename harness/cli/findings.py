@@ -14,7 +14,7 @@ import typer
 
 from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.cli.support import CellProgress, Commands, Store, guarded, write_rows
+from ninedisk.harness.cli.support import CellProgress, Commands, Store, guarded, refuse_not_installed, write_rows
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding
 from ninedisk.harness.terminal import console, share, table
 
@@ -133,6 +133,7 @@ def _alike(commands: Sequence[str], known: Sequence[Finding], store: Path, json_
         )
     }
     engines = [CommandEngine(line) for line in dict.fromkeys(commands)]
+    refuse_not_installed({engine.id: engine for engine in engines})
     _run([each.size for each in asked.values()], engines, store)
     known_of = {each.id: each for each in asked.values()}
     own = {each.id: each.size for each in evaluate(store, [*known_of.values()])}

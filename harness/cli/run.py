@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.errors import StoreError, UsageError
+from ninedisk.harness.api.text import found_and_expected
 from ninedisk.harness.cli.support import (
     FAILURE,
     CellProgress,
@@ -25,9 +26,11 @@ from ninedisk.harness.cli.support import (
     fail,
     guarded,
     parse_settings,
+    refuse_not_installed,
     write_rows,
 )
-from ninedisk.harness.results.schema import WIDE, WORST_FIRST, Row, allowed_shares, row_tolerance
+from ninedisk.harness.results.lacking import as_default, lacking, ranking_lines, reasons
+from ninedisk.harness.results.schema import WIDE, WORST_FIRST, Row, allowed_shares, has_no_value, row_tolerance
 from ninedisk.harness.terminal import console, share, table
 
 if TYPE_CHECKING:
@@ -48,6 +51,12 @@ MAX_NOTES, NOTES_BESIDE_REASONS = 8, 3
 
 HEADLINES, HEADLINES_BESIDE_REASONS = 8, 3
 """Lines of the end of a run about headlines, their heading and their last one apart."""
+
+MAX_LACKING, LACKING_LENGTH = 6, 60
+"""Reasons of unsupported cells in one line, and letters of each."""
+
+NARROW = 120
+"""Columns of a terminal below which the table leaves out the kind of truth, and has case and variant in one column."""
 
 MAX_LENGTH = 300
 """Letters of a reason where there is no room for all of them."""
@@ -121,6 +130,13 @@ def run(
         Path | None,
         typer.Option("--write-known-gaps", metavar="FILE", help="Write the checks that fail here as such a file."),
     ] = None,
+    allow_unsupported: Annotated[
+        bool,
+        typer.Option(
+            "--allow-unsupported",
+            help="Not an error: a case that was asked for and of which a named engine can run no variant.",
+        ),
+    ] = False,
     memory_limit: Annotated[
         str | None,
         typer.Option(
@@ -147,14 +163,18 @@ def run(
 
     Results do not depend on --jobs or --dask; timings do, so runs with different ones are not compared by their timings.
 
+    A named engine (--engine, --engine-cmd) must be able to run some variant of each case that a GLOB selects, and without a GLOB
+    of any case. Else the run ends with 3 and says what the engine lacks; --allow-unsupported permits it.
+
     \b
     Exit codes:
       0  every cell passes or is excused (unsupported, not-installed, known-gap, gap-closed,
          known-difference, no-truth)
       1  the run is complete but some check failed, or passes that --known-gaps expects to fail
-      2  wrong usage (unknown id or parameter, value out of range, store that cannot be written)
+      2  wrong usage (unknown id or parameter, value out of range, store that cannot be written, a named engine
+         that is not installed)
       3  an engine failed, crashed, ran out of time or took too much memory in some cell; one that runs out of time
-         three times in a row is not asked again
+         three times in a row is not asked again; or a named engine could run no variant of a selected case
       130  interrupted (Ctrl-C, SIGTERM, SIGHUP); nothing was stored
     """
     if engine and all_engines:
@@ -186,12 +206,15 @@ def run(
     new_here = not any(Path(cache_folder()).iterdir())  # scenes compile some already
     limit = None if memory_limit is None else read_size(memory_limit, "--memory-limit")
     gaps = GapFile() if known_gaps is None else read_gaps(known_gaps)
+    engines = engines_given(engine or [], engine_cmd or [], everything=all_engines)
+    named = {each if isinstance(each, str) else each.id for each in engines if not isinstance(each, str) or engine}
     cells = plan_matrix(
         match_cases(globs or []),
-        engines_given(engine or [], engine_cmd or [], everything=all_engines),
+        engines,
         parse_settings(settings or []),
         parse_settings(options or [], flag="--option", example="siconos.theta=1"),
     )
+    refuse_not_installed({cell.engine_id: cell.engine for cell in cells if cell.engine_id in named})
     gaps.check((cell.engine_id for cell in cells), cells)
     for note in (*(f"warning: {problem}" for problem in problems()), *check_folder(published, cells)):
         typer.echo(note, err=True)
@@ -224,8 +247,13 @@ def run(
     code = exit_code({status for result in results for status in result.statuses})
     if code == 0 and gaps.closed(found):
         code = 1
+    idle = [] if allow_unsupported else without_a_cell(shown, named, by_case=bool(globs))
+    code = FAILURE if idle else code
+    nothing = all(cell["status"] in _NOT_RUN for cell in shown)
     try:
-        folder: Path | None = write_run(store, new_run_id(), results, claims, facts)
+        folder: Path | None = None
+        if not (nothing and idle):
+            folder = write_run(store, new_run_id(), results, claims, facts)
         if json_file is not None:
             write_rows(json_file, rows)
         if write_known_gaps is not None:
@@ -237,11 +265,35 @@ def run(
     bad = [(WORST_FIRST.index(each.status), k) for k, each in enumerate(results) if each.status in BAD]
     if code and bad:
         typer.echo(f"the first of these again: {run_command(cells[min(bad)[1]])}")
-    if all(cell["status"] in _NOT_RUN for cell in shown):
-        typer.echo("warning: nothing ran, so that nothing is shown: the reasons are above", err=True)
+    for text in idle:
+        typer.echo(f"error: {text}", err=True)
+    if nothing:
+        stored = "" if folder is not None else ", and nothing is stored"
+        typer.echo(f"warning: nothing ran, so that nothing is shown{stored}: the reasons are above", err=True)
     if write_known_gaps is not None:
         typer.echo(f"known gaps: {write_known_gaps}; write a cause into each reason")
     raise typer.Exit(code)
+
+
+def without_a_cell(cells: Sequence[Row], named: Collection[str], *, by_case: bool) -> list[str]:
+    """A message for each named engine, and with ``by_case`` each case, of which no cell ran."""
+    groups: dict[tuple[str, str], list[Row]] = defaultdict(list)
+    for cell in cells:
+        if cell["engine"] in named:
+            groups[cell["engine"], cell["case"] if by_case else ""].append(cell)
+    messages = []
+    for (engine, case), group in groups.items():
+        if any(cell["status"] not in _NOT_RUN for cell in group):
+            continue
+        sets = [set(names) for cell in group if (names := lacking(cell))]
+        if sets and by_case:
+            fewest = sorted(min(sets, key=lambda each: (len(each), sorted(each))))
+            why = f"it lacks {', '.join(fewest)}"
+        else:
+            why = f"it lacks {reasons(group)[0][0]}" if sets else str(group[0]["reason"]).partition("\n")[0]
+        what = f"no variant of {case}" if by_case else "no variant of any case"
+        messages.append(f"{engine} can run {what}: {why}; declare what it has, or give --allow-unsupported")
+    return messages
 
 
 def read_jobs(text: str | None) -> int:
@@ -301,20 +353,22 @@ def show_summary(
     """
     out = console()
     judged = sorted((row for row in rows if row["status"] not in _NOT_RUN), key=_worst_first)
-    reasons = _reasons(judged, everything)
-    notes = _not_run(cells, 10**9 if everything else NOTES_BESIDE_REASONS if reasons else MAX_NOTES)
-    far = _headlines(headlines, 10**9 if everything else HEADLINES_BESIDE_REASONS if reasons else HEADLINES)
-    room = max(LEAST_OF_TABLE - len(far), MAX_LINES - len(reasons) - len(notes) - len(far))
-    left_out = 0 if everything else _print_table(out, judged, room)
-    if everything and judged:
-        out.print(_table(judged))
+    first, rest = _first_lines(judged, everything)
+    notes = _not_run(cells, 10**9 if everything else NOTES_BESIDE_REASONS if first else MAX_NOTES)
+    far = _headlines(headlines, 10**9 if everything else HEADLINES_BESIDE_REASONS if first else HEADLINES)
+    room = max(LEAST_OF_TABLE - len(far), MAX_LINES - len(first) - len(notes) - len(far))
+    for line in first:
+        out.print(line, soft_wrap=True)
+    left_out = _print_table(out, rest, room)
     lines = []
     if left_out:
-        lines.append(f"... and {left_out} more: {_counts(Counter(row['status'] for row in judged[-left_out:]))}")
-    lines += [*reasons, *notes, *far]
+        lines.append(f"... and {left_out} more: {_counts(Counter(row['status'] for row in rest[-left_out:]))}")
+    lines += [*notes, *far]
     ran = [cell for cell in cells if cell["status"] not in _NOT_RUN]
     lines.append(f"ran: {' on '.join(_some(len({cell[key] for cell in ran}), key) for key in ('engine', 'case'))}")
     lines.append(f"cells: {_counts(Counter(str(cell['status']) for cell in cells))}")
+    if same := sum(as_default(cell) for cell in cells):
+        lines[-1] += f"; {same} of the unsupported only repeat the default variant"
     checks = rows if counted is None else counted
     lines.append(f"checks: {_counts(Counter(row['status'] for row in checks if row['status'] not in _NOT_RUN))}")
     wide = [
@@ -342,7 +396,8 @@ def _headlines(rows: Sequence[Row], most: int) -> list[str]:
     if not worst:
         return []
     pairs = sorted(worst.values(), key=lambda row: -row["rel_error"])
-    lines = [f"farthest from the physics, of {len(pairs)} pairs of a case and an engine, whatever the scheme:"]
+    pairs_of = f"{_some(len(pairs), 'pair')} of a case and an engine"
+    lines = [f"farthest from the physics, of {pairs_of}, whatever the scheme:"]
     lines += [
         f"{share(row['rel_error']):>9} {row['case']} {row['engine']}: {row['headline']} [{row['variant']}], of the {row['scale_is']}"
         for row in pairs[:most]
@@ -356,45 +411,80 @@ def _print_table(out: Console, judged: Sequence[Row], room: int) -> int:
     """Print as many rows as fit into ``room`` lines of this terminal; the number of those left out."""
     for count in range(min(len(judged), room), 0, -1):
         with out.capture() as capture:
-            out.print(_table(judged[:count]))
+            out.print(_table(judged[:count], narrow=out.width < NARROW))
         if count == 1 or len(capture.get().splitlines()) <= room:
             out.file.write(capture.get())  # printed, its colours would count as letters and break the lines once more
             return len(judged) - count
     return 0
 
 
-def _table(judged: Sequence[Row]) -> object:
-    shown = table(
-        "status", "case", "variant", "engine", "quantity", "error", "tolerance", "truth",
-        right=("error", "tolerance"), whole=("status", "engine", "error", "tolerance", "truth"),
-    )  # fmt: skip
+def _table(judged: Sequence[Row], *, narrow: bool = False) -> object:
+    numbers = ("found", "expected", "error", "allowed" if narrow else "tolerance")
+    headers = ("status", *(["case [variant]"] if narrow else ["case", "variant"]), "engine", "quantity", *numbers)
+    truth = [] if narrow else ["truth"]
+    shown = table(*headers, *truth, right=numbers, whole=("status", "engine", *numbers, "truth"))
     for row in judged:
-        shown.add_row(
-            row["status"], row["case"], row["variant"], row["engine"], row["quantity"] or "-",
-            _number(row["abs_error"]), _number(row_tolerance(row) if row["quantity"] else math.nan), row["truth"] or "-",
-        )  # fmt: skip
+        place = [row["case"], row["variant"]]
+        words = [
+            row["status"],
+            *([f"{place[0]} [{place[1]}]"] if narrow else place),
+            row["engine"],
+            row["quantity"] or "-",
+        ]
+        words += ["-" if math.isnan(row[name]) else f"{row[name]:+.4g}" for name in ("value", "expected")]
+        words += [_number(row["abs_error"]), _number(row_tolerance(row) if row["quantity"] else math.nan)]
+        shown.add_row(*words, *([] if narrow else [row["truth"] or "-"]))
     return shown
 
 
-def _worst_first(row: Row) -> tuple[int, float]:
+def _worst_first(row: Row) -> tuple[bool, int, bool, float]:
+    """Failures without a number come after all else that went wrong, so that they hide no number."""
     allowed, error = row_tolerance(row), float(row["abs_error"])
     ratio = error / allowed if allowed > 0.0 else error
-    return WORST_FIRST.index(row["status"]), -(math.inf if math.isnan(ratio) else ratio)
+    unknown = math.isnan(ratio)
+    return (
+        row["status"] not in BAD,
+        len(WORST_FIRST) if has_no_value(row) else WORST_FIRST.index(row["status"]),
+        unknown,
+        -ratio,
+    )
 
 
-def _reasons(judged: Sequence[Row], everything: bool) -> list[str]:
-    """Lines; where they are many, each reason has one, of its beginning and its end, so that none hides the others."""
-    bad = [row for row in judged if row["status"] in BAD or (everything and row["reason"])]
-    texts = []
-    for row in bad if everything else bad[:MAX_REASONS]:
-        quantity = f" {row['quantity']}" if row["quantity"] else ""
-        texts.append(f"{row['status']}: {row['case']} [{row['variant']}] {row['engine']}{quantity}: {row['reason']}")
+def _first_lines(judged: Sequence[Row], everything: bool) -> tuple[list[str], list[Row]]:
+    """Lines of what went wrong, worst first, and the rows that they leave to the table.
+
+    Each check has one line; of a cell, those without a number share one. Where lines are many, each reason has one, of its beginning
+    and its end, so that none hides the others.
+    """
+    rows = [row for row in judged if everything or row["status"] in BAD]
+    groups: dict[tuple[object, ...], list[Row]] = {}
+    for k, row in enumerate(rows):
+        place = (row["case"], row["variant"], row["engine"], row["reason"])
+        groups.setdefault(place if has_no_value(row) else (k,), []).append(row)
+    shown = [*groups.values()][: None if everything else MAX_REASONS]
+    texts = [_said(group) for group in shown]
     lines = [line for text in texts for line in text.splitlines()]
     if not everything and len(lines) > REASON_LINES:
         lines = [_short(text) for text in texts]
-    if not everything and len(bad) > MAX_REASONS:
-        lines.append(f"... and {len(bad) - MAX_REASONS} more")
-    return lines
+    listed = {id(row) for group in shown for row in group}
+    return lines, [row for row in judged if id(row) not in listed]
+
+
+def _said(group: Sequence[Row]) -> str:
+    """One check with its numbers and its reason, or the checks of a cell that lack a number for one reason."""
+    row = group[0]
+    place = f"{row['status']}: {row['case']} [{row['variant']}] {row['engine']}"
+    if has_no_value(row):
+        return f"{place}, no value of {', '.join(dict.fromkeys(each['quantity'] for each in group))}: {row['reason']}"
+    if not row["quantity"]:
+        return f"{place}: {row['reason']}" if row["reason"] else place
+    numbers, reason = "", row["reason"]
+    if row["status"] != "fail" and not math.isnan(row["abs_error"]):
+        found, expected = found_and_expected(row["value"], row["expected"])
+        numbers = (
+            f"found {found}, expected {expected}: error {row['abs_error']:.3g}, tolerance {row_tolerance(row):.3g}"
+        )
+    return f"{place} {row['quantity']}: {'; '.join(text for text in (numbers, reason) if text)} ({row['truth']})"
 
 
 def _short(text: str) -> str:
@@ -407,16 +497,24 @@ def _short(text: str) -> str:
 
 
 def _not_run(cells: Sequence[Row], most: int) -> list[str]:
-    """One line for each engine and reason, in full; if these are more than ``most``, one for each status."""
+    """One line for each engine and reason, the most frequent first; if these are more than ``most``, one for each status.
+
+    Then what each engine behind a command should declare first.
+    """
     found: dict[str, Counter[tuple[str, str]]] = defaultdict(Counter)
     for cell in cells:
         if cell["status"] in _NOT_RUN:
             found[cell["status"]][str(cell["engine"]), str(cell["reason"])] += 1
+    commands = dict.fromkeys(cell["engine"] for cell in cells if str(cell["engine_runs"]).startswith("command `"))
+    ranked = [line for engine in commands for line in ranking_lines(engine, cells)]
     if sum(len(kinds) for kinds in found.values()) <= most:
         return [
-            f"{status}: {engine}, {_some(count, 'cell')}: {reason}"
-            for status, kinds in sorted(found.items())
-            for (engine, reason), count in sorted(kinds.items())
+            *(
+                f"{status}: {engine}, {_some(count, 'cell')}: {reason}"
+                for status, kinds in sorted(found.items())
+                for (engine, reason), count in sorted(kinds.items(), key=lambda each: (each[0][0], -each[1], each[0]))
+            ),
+            *ranked,
         ]
     lines = []
     for status, kinds in sorted(found.items()):
@@ -424,8 +522,16 @@ def _not_run(cells: Sequence[Row], most: int) -> list[str]:
         if status == "not-installed":
             lines.append(f"{status}: {', '.join(engines)}; how to install them: ninedisk list engines")
         else:
-            lines.append(f"{status}: {_some(kinds.total(), 'cell')} on {', '.join(engines)}")
-    return lines
+            why = reasons(cells)
+            words = [f"{count} {reason[:LACKING_LENGTH]}" for reason, count in why[:MAX_LACKING]]
+            words += [f"{sum(count for _, count in why[MAX_LACKING:])} for other reasons"] if why[MAX_LACKING:] else []
+            words += (
+                [f"{same} only repeat the default variant"] if (same := sum(as_default(cell) for cell in cells)) else []
+            )
+            lines.append(
+                f"{status}: {_some(kinds.total(), 'cell')} on {', '.join(engines)}; lacking: {', '.join(words)}"
+            )
+    return [*lines, *ranked]
 
 
 def _some(count: int, word: str) -> str:

@@ -66,52 +66,76 @@ def runs(store: Store = Path("results")) -> None:
 
 @guarded
 def show(
-    which: Annotated[str, typer.Argument(metavar="RUN", help="A run as in `ninedisk compare`.")] = "latest",
+    which: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="RUN", help="A run as in `ninedisk compare`. None: the newest with such an engine and case."
+        ),
+    ] = None,
     case: Annotated[str, typer.Option("--case", metavar="GLOB", help="Only cases whose ids match.")] = "*",
     engine: Annotated[str | None, typer.Option("--engine", "-e", metavar="ID", help="Only this engine.")] = None,
     status: Annotated[
         list[str] | None,
-        typer.Option("--status", metavar="STATUS", help="Only checks and cells of this status; repeat for several."),
+        typer.Option(
+            "--status",
+            metavar="STATUS",
+            help="Only checks and cells of this status, or no-value: failures without a number; repeat for several.",
+        ),
     ] = None,
     store: Store = Path("results"),
 ) -> None:
-    """Show what a run has stored: every check that does not pass, worst first, with its reason in full, why cells did not run, and
-    the largest headline error of each case and engine: how far from the physics it is.
+    """Show what a run has stored: every check that does not pass, worst first, with its numbers and its reason in full, why cells did
+    not run, and the largest headline error of each case and engine: how far from the physics it is.
 
-    Passing checks are shown where --status pass, an engine or a case asks for them. Nothing is run.
+    Passing checks are shown where --status pass, an engine or a case asks for them. Failures for want of a number come after the
+    others, one line for each cell; --status no-value shows these alone. Nothing is run.
 
     \b
     Examples:
       ninedisk show
       ninedisk show latest~1 --engine yade
       ninedisk show --status fail --status error --case 'nine-disk/*'
+      ninedisk show --engine acme --status no-value
     """
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.cli.run import show_summary
-    from ninedisk.harness.results.compare import one_stored
+    from ninedisk.harness.results.compare import newest_first, one_stored
     from ninedisk.harness.results.reader import cell_key, read_about, read_rows
-    from ninedisk.harness.results.schema import STATUSES
+    from ninedisk.harness.results.schema import NO_VALUE, STATUSES, has_no_value
 
-    if unknown := sorted(set(status or ()) - set(STATUSES)):
-        raise UsageError(f"--status {unknown[0]!r} is unknown: use one of {', '.join(STATUSES)}")
-    run_id = one_stored(which, store)
-    about = read_about(store, run_id)
+    if unknown := sorted(set(status or ()) - {*STATUSES, NO_VALUE}):
+        raise UsageError(f"--status {unknown[0]!r} is unknown: use one of {', '.join((NO_VALUE, *STATUSES))}")
     few = set(status) if status else set(STATUSES) - (set() if engine or case != "*" else {"pass"})
 
-    def of(name: str) -> list[Row]:
-        rows = read_rows(store, about, name)
+    def of(run_id: str, name: str) -> list[Row]:
+        rows = read_rows(store, read_about(store, run_id), name)
         return [row for row in rows if fnmatchcase(row["case"], case) and engine in (None, row["engine"])]
 
-    cells, rows = of("cells"), of("measurements")
-    if not cells:
-        engines = ", ".join(sorted({row["engine"] for row in read_rows(store, about, "cells", ["engine"])}))
-        raise UsageError(
-            f"the run {run_id} has no cell of --case {case} --engine {engine or 'ID'}; its engines: {engines}"
-        )
-    chosen = [row for row in rows if row["status"] in few]
-    shown_cells = [cell for cell in cells if cell["status"] in set(status or STATUSES)]
+    newest = one_stored("latest" if which is None else which, store)
+    candidates = newest_first(store) if which is None else [newest]
+    run_id = next((each for each in candidates if of(each, "cells")), None)
+    wanted = f"--case {case} --engine {engine or 'ID'}"
+    if run_id is None:
+        names = {
+            row["engine"]
+            for each in candidates
+            for row in read_rows(store, read_about(store, each), "cells", ["engine"])
+        }
+        where = "no run of the store has a" if which is None else f"the run {newest} has no"
+        out = "; leave RUN out for the newest run that has it" if which is not None else ""
+        raise UsageError(f"{where} cell of {wanted}; its engines: {', '.join(sorted(names))}{out}")
+    if run_id != newest:
+        typer.echo(f"note: the newest run that has it is {run_id}; {newest} has no cell of {wanted}", err=True)
+    cells, rows = of(run_id, "cells"), of(run_id, "measurements")
+    chosen = [row for row in rows if row["status"] in few or (NO_VALUE in few and has_no_value(row))]
+    missing = {cell_key(row) for row in chosen if has_no_value(row)}
+    shown_cells = [
+        cell
+        for cell in cells
+        if cell["status"] in set(status or STATUSES) or (NO_VALUE in few and cell_key(cell) in missing)
+    ]
     shown_keys = {cell_key(cell) for cell in shown_cells}
-    headlines = [row for row in of("headlines") if cell_key(row) in shown_keys]
+    headlines = [row for row in of(run_id, "headlines") if cell_key(row) in shown_keys]
     show_summary(shown_cells, chosen, store / "runs" / run_id, headlines, everything=True, counted=rows)
 
 

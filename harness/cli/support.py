@@ -8,7 +8,7 @@ import json
 import os
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, NoReturn, ParamSpec, TypeVar
@@ -18,6 +18,7 @@ import typer
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
+    from ninedisk.harness.api.engine import Engine
     from ninedisk.harness.results.schema import Row
 
 P = ParamSpec("P")
@@ -155,6 +156,31 @@ class CellProgress:
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.add_task(label, completed=done, total=total or None)
             self._bar.start()
+
+
+def refuse_not_installed(engines: Mapping[str, Engine | Exception]) -> None:
+    """Refuse engines that were named, by their ids, and are not on this machine; one that cannot say so is left to its cells.
+
+    Raises
+    ------
+    UsageError
+        Naming each with the command that installs it.
+    """
+    from ninedisk.harness.api.errors import UsageError
+
+    missing = []
+    for name, engine in engines.items():
+        if isinstance(engine, Exception):
+            continue
+        try:
+            info = engine.info()
+        except Exception:
+            continue
+        if not info.installed:
+            why = info.not_installed_because or "it is not on this machine"
+            missing.append(f"the engine {name!r} is not installed ({why}); install it with: {info.install}")
+    if missing:
+        raise UsageError("\n".join(missing))
 
 
 def parse_settings(settings: Sequence[str], *, flag: str = "--set", example: str = "dt=0.01") -> dict[str, str]:

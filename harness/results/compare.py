@@ -283,6 +283,11 @@ def one_stored(word: str, store: Path) -> str:
     return ids[_index(word, ids, store)]
 
 
+def newest_first(store: Path) -> list[str]:
+    """Ids of the finished runs of a store, the newest first."""
+    return [*reversed(_ids_by_time(store))]
+
+
 def _folder(path: Path) -> list[Snapshot]:
     if (path / "run.json").is_file():
         if path.parent.name != "runs":

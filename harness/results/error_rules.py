@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ninedisk.harness.api.text import short
+from ninedisk.harness.api.text import found_and_expected, short
 from ninedisk.harness.results.schema import Row, row_tolerance
 
 QUIET = 0.1
@@ -44,7 +44,7 @@ def judge_errors(base: Row, head: Row) -> tuple[str, str]:
     note = f"; its tolerance changed from {short(allowed_before)} to {short(allowed)}" if moved else ""
     failed, fails = base["status"] == "fail", head["status"] == "fail"
     if fails and not failed:
-        return "worse", f"now outside its tolerance{note}"
+        return "worse", f"now outside its tolerance{_numbers(head)}{note}"
     if failed and not fails:
         if moved and after >= before:
             return "suspect", f"passes only because of its tolerance{note}"
@@ -53,7 +53,7 @@ def judge_errors(base: Row, head: Row) -> tuple[str, str]:
         return "same", "no truth speaks about it"
     if grew(before, after, allowed):
         inside = f", {'outside' if fails else 'still inside'} its tolerance" if head["status"] else ""
-        return "worse", f"{_times(before, after)} the error{inside}{note}"
+        return "worse", f"{_times(before, after)} the error{inside}{_numbers(head)}{note}"
     if grew(after, before, allowed_before):
         return "better", f"a fraction {short(after / before)} of the error{note}"
     if head["status"] == "gap-closed" and base["status"] == "known-gap":
@@ -61,6 +61,15 @@ def judge_errors(base: Row, head: Row) -> tuple[str, str]:
     if moved and allowed > allowed_before:
         return "suspect", f"the error holds still{note}"
     return "same", ""
+
+
+def _numbers(head: Row) -> str:
+    """What was found and what was expected, where the row has both."""
+    value, expected = (float(head.get(name, math.nan)) for name in ("value", "expected"))
+    if math.isnan(value) or math.isnan(expected):
+        return ""
+    found, wanted = found_and_expected(value, expected)
+    return f", found {found}, expected {wanted}"
 
 
 def _times(before: float, after: float) -> str:

@@ -55,6 +55,18 @@ WORST_FIRST = (
 """Order in which a cell's measurements decide its status: the first one present wins."""
 
 
+AS_DEFAULT = "which this engine does not have: its run is that of the default"
+"""End of the reason of a cell whose variant sets only what engines of another kind have."""
+
+NO_VALUE = "no-value"
+"""Not a status but a choice of `ninedisk show --status`: failures for want of a number."""
+
+
+def has_no_value(row: Mapping[str, Any]) -> bool:
+    """Whether a check has no error to compare although its truth gives a number: the engine gives none, or NaN at some step."""
+    return bool(row["status"] == "fail" and row["quantity"] and math.isnan(float(row["abs_error"])))
+
+
 def worst_status(statuses: Iterable[str]) -> str:
     """The status that decides among those of measurements or cells: the first of `WORST_FIRST` that is present, ``""`` of none.
 

@@ -16,6 +16,7 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.harness.api.case import Check, Headline, Observed, Setup
 from ninedisk.harness.api.engine import EngineError, Timings
+from ninedisk.harness.api.text import found_and_expected
 from ninedisk.harness.results.schema import (
     EXCUSED,
     HEADLINE_COLUMNS,
@@ -271,7 +272,9 @@ def _missing(deviation: Deviation) -> str:
 
 
 def _beyond(check: Check, deviation: Deviation) -> str:
-    text = f"error {deviation.abs_error:.3g} {_unit(deviation)}exceeds the tolerance {deviation.tolerance:.3g}"
+    found, expected = found_and_expected(deviation.value, deviation.expected)
+    text = f"found {found}, expected {expected}: "
+    text += f"error {deviation.abs_error:.3g} {_unit(deviation)}exceeds the tolerance {deviation.tolerance:.3g}"
     if deviation.first_divergence_step >= 0:
         text += f"; first beyond it at step {deviation.first_divergence_step}, worst at {deviation.worst_step}"
     if check.uncertainty > deviation.tolerance:

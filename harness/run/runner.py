@@ -38,7 +38,7 @@ from ninedisk.harness.api.engine import (
 from ninedisk.harness.api.params import foreign_settings
 from ninedisk.harness.api.support import support_of
 from ninedisk.harness.results.figures import figures_to_text
-from ninedisk.harness.results.schema import CELL_COLUMNS, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
+from ninedisk.harness.results.schema import AS_DEFAULT, CELL_COLUMNS, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
 from ninedisk.harness.results.tables import CaseResult, complete, plain_json
 from ninedisk.harness.run.isolation import TIME_LIMIT_VARIABLE
 from ninedisk.harness.run.judge import (
@@ -164,7 +164,7 @@ def run_cell(
             return without_measurements(cell, head, "not-installed", f"{why}; install it with: {info.install}")
         foreign = [] if cell.user_set else foreign_settings(cell.case, cell.variant.params, info.contact)
         if foreign:
-            why = f"the variant sets {', '.join(foreign)}, which this engine does not have: its run is that of the default"
+            why = f"the variant sets {', '.join(foreign)}, {AS_DEFAULT}"
             return without_measurements(cell, head, "unsupported", why)
         support = support_of(cell.engine, setup.scene, setup.numerics)
         head |= support_columns(support)

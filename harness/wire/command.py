@@ -24,7 +24,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.core.spheres.scene import SphereScene
-from ninedisk.harness.api.capabilities import Capability, capabilities_needed
+from ninedisk.harness.api.capabilities import Capability, capabilities_needed, wire_name
 from ninedisk.harness.api.engine import (
     Difference,
     EngineError,
@@ -203,11 +203,6 @@ class Description:
 
     info: EngineInfo
     approximations: tuple[str, ...]
-
-
-def wire_name(capability: Capability) -> str:
-    """Name of a capability in a description: ``linear-contact``."""
-    return capability.name.lower().replace("_", "-")
 
 
 def read_description(text: str, *, how_it_runs: str) -> Description:

@@ -18,6 +18,7 @@ from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     FRICTION,
     GRAVITY,
+    PRELOAD,
     SHEAR_STIFFNESS,
     STEP,
     STIFFNESS,
@@ -89,6 +90,7 @@ class SlipToRoll:
         ),
         STIFFNESS,
         SHEAR_STIFFNESS,
+        PRELOAD,
         CONTACT_DT,
         Parameter.positive(
             "duration",
@@ -101,13 +103,14 @@ class SlipToRoll:
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Three steps, Coulomb's law, a disk that cannot turn, and soft springs."""
+        """Three steps, Coulomb's law, a disk that cannot turn, soft springs, and springs that start without a shear force."""
         rows: list[Mapping[str, Value]] = [{"mu": 0.3, "dt": dt} for dt in (0.01, 0.005, 0.0025)]
         rows += [{"mu": 0.3, "dt": 0.01, "rotating": rotating, "sliding": "coulomb"} for rotating in (True, False)]
-        return [*rows, {"mu": 0.3, "dt": 0.01, "rotating": False}, {"mu": 0.3, "dt": 0.01, "kn": 1e6}]
+        rows += [{"mu": 0.3, "dt": 0.01, "rotating": False}, {"mu": 0.3, "dt": 0.01, "kn": 1e6}]
+        return [*rows, {"mu": 0.3, "dt": 0.01, "preload": False}]
 
     def build(self, params: Mapping[str, Any]) -> Setup:
-        """One disk on a horizontal plane; springs start with the weight's overlap and with full sliding friction."""
+        """One disk on a horizontal plane; springs start with the weight's overlap and, with preload, full sliding friction."""
         mu, g, kn, rotating = params["mu"], params["g"], params["kn"], params["rotating"]
         ks = kn if params["ks"] is None else params["ks"]
         law = ContactLaw(kn=kn, ks=ks, mu=mu, beta=CONTACT_BETA, restitution=0.0, regularised=True)
@@ -130,7 +133,7 @@ class SlipToRoll:
             disk_disk=law,
             walls=(Wall(name="plane", point=(0.0, 0.0), normal=(0.0, 1.0), law=law),),
             gravity=(0.0, -g),
-            initial_shear={PAIR: -mu * MASS * g} if touching else {},
+            initial_shear={PAIR: -mu * MASS * g} if touching and params["preload"] else {},
         )
         fastest = max(math.sqrt(kn / MASS), shear_frequency(ks, MASS, inertia_ratio(params)))
         numerics = numerics_of(
@@ -393,14 +396,16 @@ def _spring_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, 
     # Where in the overlap the friction acts is open: an arm R - overlap/2 changes the rolling speed by v0 overlap/R at
     # most.
     arm = params["speed"] * weight / (law.kn * radius)
-    vx = swing + rounding + arm
+    late = 0.0 if params["preload"] else _friction_late(params, law.ks, mass, omega, contact_dt)
+    vx = swing + rounding + arm + late
     why = f"overshoot of the shear spring, {swing:.3g} m/s; lever arm within the overlap, {arm:.3g} m/s"
+    why += f"; friction that starts from zero, {late:.3g} m/s" if late else ""
     atol = {
         # The swing's way is its amplitude over omega, from one side to the other; the step in which slip ends shifts
         # the rest.
         "x": 2.0 * swing / omega
         + contact_dt * swing
-        + (rounding + arm) * t_end
+        + (rounding + arm + late) * t_end
         + summed_round_off(params["speed"] * t_end, steps),
         "vx": vx,
         "spin": spin * vx,
@@ -417,6 +422,18 @@ def _spring_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, 
         "slip_end": SAMPLED,
     }
     return SlipBounds(atol, reasons, -weight / law.kn)
+
+
+def _friction_late(params: Mapping[str, Any], ks: float, mass: float, omega: float, contact_dt: float) -> float:
+    """Velocity [m/s] that friction has not taken yet when a shear spring that starts without a force has reached the cap.
+
+    The spring of a disk with the slip v0 carries ``ks v0/omega sin(omega t)``, which reaches ``mu m g`` after ``asin(mu m g omega/(ks
+    v0))/omega``; until then, and for the step that notices it, at most ``mu g`` is lacking. A spring so soft that it never gets there
+    lets the disk swing with all of its speed.
+    """
+    part = params["mu"] * mass * params["g"] * omega / (ks * params["speed"])
+    time = math.asin(min(part, 1.0)) / omega + contact_dt
+    return float(params["mu"] * params["g"] * time) + (params["speed"] if part >= 1.0 else 0.0)
 
 
 def _rigid_bounds(

@@ -19,6 +19,7 @@ from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     FRICTION,
     GRAVITY,
+    PRELOAD,
     SHEAR_STIFFNESS,
     STEP,
     STIFFNESS,
@@ -75,6 +76,7 @@ class SpinningDisk:
         GRAVITY,
         STIFFNESS,
         SHEAR_STIFFNESS,
+        PRELOAD,
         CONTACT_DT,
         Parameter.positive(
             "duration", None, unit="s", help="length of the run; none: R omega0/(mu g), three times the slip"
@@ -84,16 +86,17 @@ class SpinningDisk:
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Two steps, Coulomb's law, and soft springs."""
+        """Two steps, Coulomb's law, soft springs, and springs that start without a shear force."""
         return (
             {"mu": 0.3, "dt": 0.01},
             {"mu": 0.3, "dt": 0.005},
             {"mu": 0.3, "dt": 0.01, "sliding": "coulomb"},
             {"mu": 0.3, "dt": 0.01, "kn": 1e6},
+            {"mu": 0.3, "dt": 0.01, "preload": False},
         )
 
     def build(self, params: Mapping[str, Any]) -> Setup:
-        """One disk on a horizontal plane; springs start with the weight's overlap and with full sliding friction."""
+        """One disk on a horizontal plane; springs start with the weight's overlap and, with preload, full sliding friction."""
         mu, g, kn = params["mu"], params["g"], params["kn"]
         ks = kn if params["ks"] is None else params["ks"]
         law = ContactLaw(kn=kn, ks=ks, mu=mu, beta=CONTACT_BETA, restitution=0.0, regularised=True)
@@ -113,7 +116,7 @@ class SpinningDisk:
             disk_disk=law,
             walls=(Wall(name="plane", point=(0.0, 0.0), normal=(0.0, 1.0), law=law),),
             gravity=(0.0, -g),
-            initial_shear={PAIR: mu * MASS * g},
+            initial_shear={PAIR: mu * MASS * g} if params["preload"] else {},
         )
         fastest = max(math.sqrt(kn / MASS), shear_frequency(ks, MASS, UNIFORM_DISK))
         numerics = numerics_of(

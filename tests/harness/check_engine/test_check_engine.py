@@ -439,7 +439,7 @@ def test_the_command(tmp_path: Path) -> None:
         (("pymonk",), 2, "Did you mean 'pymunk'"),
         (("pymunk", "--json", "no/where.json"), 2, "cannot be written"),
         (("pymunk", "--check", "nonsense"), 2, "no check matches 'nonsense'"),
-        (("fake-absent",), 3, "not installed (it was never built): pip install fake"),
+        (("fake-absent",), 2, "not installed (it was never built); install it with: pip install fake"),
         (("fake-broken",), 2, "cannot be loaded"),
         (("fake-shy",), 3, "must not fail, it says RuntimeError: no facts"),
         (("fake-wrong", "--check", "supports: GRAVITY"), 1, "1 fail"),

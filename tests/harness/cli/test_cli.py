@@ -26,8 +26,8 @@ def ninedisk(*arguments: str) -> Result:
     ("engines", "code"),
     [
         (("good",), 0),
-        (("good", "absent", "incapable", "uninstalled"), 0),
-        (("absent", "incapable"), 0),
+        (("good", "incapable"), 3),
+        (("good", "uninstalled"), 3),
         (("good", "wrong"), 1),
         (("nan",), 1),
         (("crash",), 3),
@@ -42,7 +42,52 @@ def test_exit_codes(here: Path, engines: tuple[str, ...], code: int) -> None:
     assert done.exit_code == code, done.output
     assert len(run_ids(here / "results")) == 1
     assert f"results: results/runs/{run_ids(here / 'results')[0]}" in done.stdout
-    assert ("warning: nothing ran" in done.stderr) == ("good" not in engines and code == 0)
+    assert "warning: nothing ran" not in done.stderr
+
+
+@pytest.mark.parametrize("case", [(), ("fake/*",)])
+def test_an_engine_that_can_run_nothing_is_an_error(here: Path, case: tuple[str, ...]) -> None:
+    """A check that cannot fail would look green; allowed where it was asked for."""
+    refused = ninedisk("run", *case, "-e", "fake-incapable", "--json", "rows.json")
+    assert refused.exit_code == 3, refused.output
+    what = "no variant of fake/spin" if case else "no variant of any case"
+    assert f"error: fake-incapable can run {what}: it lacks " in refused.stderr
+    assert "--allow-unsupported" in refused.stderr
+    assert "nothing is stored" in refused.stderr
+    assert run_ids(here / "results") == []
+    assert {row["status"] for row in json.loads((here / "rows.json").read_text())} == {"unsupported"}
+    allowed = ninedisk("run", *case, "-e", "fake-incapable", "--allow-unsupported")
+    assert allowed.exit_code == 0, allowed.output
+    assert "warning: nothing ran" in allowed.stderr
+    assert len(run_ids(here / "results")) == 1
+
+
+def test_engines_that_nobody_named_may_lack_all(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All engines of the machine run what they can: `make report` ends well."""
+    known = dict.fromkeys(("fake-good", "fake-absent", "fake-incapable"))
+    monkeypatch.setattr("ninedisk.harness.wire.command.engine_table", lambda: known)
+    done = ninedisk("run", "fake/fall", "--all-engines", "--set", "a=1")
+    assert done.exit_code == 0, done.output
+    assert "not-installed: " in done.stdout
+    assert len(run_ids(here / "results")) == 1
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "fake/fall", "-e", "fake-absent"),
+        ("run", "fake/fall", "-e", "fake-good", "-e", "fake-absent", "--allow-unsupported"),
+        ("check-engine", "fake-absent"),
+        ("converge", "fake/fall", "-e", "fake-absent"),
+        ("determinism", "-e", "fake-absent"),
+    ],
+)
+def test_a_named_engine_that_is_not_installed_is_an_error_in_all_commands(here: Path, words: tuple[str, ...]) -> None:
+    done = ninedisk(*words)
+    assert done.exit_code == 2, done.output
+    said = "error: the engine 'fake-absent' is not installed (it was never built); install it with: pip install fake"
+    assert done.stderr.strip() == said
+    assert run_ids(here / "results") == []
 
 
 @pytest.mark.long
@@ -104,19 +149,15 @@ def test_wrong_commands(arguments: tuple[str, ...]) -> None:
 
 
 def test_the_table_is_worst_first() -> None:
-    done = ninedisk("run", "fake/fall", "-e", "fake-good", "-e", "fake-wrong", "-e", "fake-crash", "-e", "fake-absent")
-    rows = [
-        line.split()
-        for line in done.stdout.splitlines()
-        if " fake/fall " in line and "ninedisk" not in line and "[" not in line
-    ]
-    assert [row[0] for row in rows] == ["error"] * 2 + ["fail"] * 4 + ["pass"] * 4
-    assert (
-        rows[2][1:] == ["fake/fall", "a=1", "fake-wrong", "x_final", "0.001", "1e-09", "analytic"] or rows[2][4] == "x"
-    )
+    done = ninedisk("run", "fake/fall", "-e", "fake-good", "-e", "fake-wrong", "-e", "fake-crash")
+    rows = [line.split() for line in done.stdout.splitlines() if " fake/fall " in line and "ninedisk" not in line]
+    assert [row[0] for row in rows] == ["error:"] * 2 + ["fail:"] * 4 + ["pass"] * 4, "each check once, worst first"
+    assert rows[2][1:5] == ["fake/fall", "[a=1]", "fake-wrong", "x_final:"] or rows[2][4] == "x:"
+    assert "found +0.501, expected +0.5: error 0.001 m exceeds the tolerance" in done.stdout
+    assert rows[6][1:4] == ["fake/fall", "a=1", "fake-good"]
+    assert rows[6][5] == rows[6][6]
     assert "segmentation fault" in done.stdout
-    assert "not-installed: fake-absent, 2 cells: it was never built; install it with: pip install fake" in done.stdout
-    assert "cells: 2 error, 2 fail, 2 not-installed, 2 pass" in done.stdout
+    assert "cells: 2 error, 2 fail, 2 pass" in done.stdout
     assert "checks: 2 error, 4 fail, 4 pass" in done.stdout
 
 

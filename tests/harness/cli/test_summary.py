@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import time
@@ -11,10 +12,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.cli import support
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.run import show_summary
-from ninedisk.harness.results.schema import CELL_COLUMNS, EMPTY, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
+from ninedisk.harness.results.lacking import Ranking, ranking
+from ninedisk.harness.results.schema import AS_DEFAULT, CELL_COLUMNS, EMPTY, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
 
 SCREEN = 40
 """Lines; `tools/main_job.py` adds at most `AROUND` of its own."""
@@ -101,8 +104,8 @@ def test_a_terminal_of_80_columns_keeps_words_whole(
     cells, rows = matrix(5)
     lines = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in printed(capsys, cells, rows, None)]
     (heading,) = [line.split() for line in lines if "status" in line]
-    assert heading == ["status", "case", "variant", "engine", "quantity", "error", "tolerance", "truth"]
-    assert sum(line.split()[:1] == ["pass"] and "engine-" in line and "analytic" in line for line in lines) > 1
+    assert heading == ["status", "case", "[variant]", "engine", "quantity", "found", "expected", "error", "allowed"]
+    assert sum(line.split()[:1] == ["pass"] and "engine-" in line and "0.5" in line for line in lines) > 1
 
 
 def test_one_long_piece_is_no_silence(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,6 +124,70 @@ def test_passes_that_allow_much_are_counted(capsys: pytest.CaptureFixture[str]) 
     lines = printed(capsys, [filled(CELL_COLUMNS, **place)], rows, None)
     assert "ran: 1 engine on 1 case" in lines
     assert "checks: 3 pass (1 of them wide: the tolerance is more than 5% of the reference)" in lines
+
+
+def test_numbers_say_what_is_wrong_and_what_has_none_hides_none(capsys: pytest.CaptureFixture[str]) -> None:
+    """A sign is seen at once; failures without a number share one line of their cell, after all others."""
+    place = {"case": "c", "variant": "v", "engine": "e", "truth": "analytic", "unit": "rad/s", "atol": 0.1, "rtol": 0.0}
+    nan, why = float("nan"), "the engine does not observe this quantity: every value is NaN"
+    checks = [
+        ("angle", nan, 3.0, nan, "fail", why),
+        ("gap", nan, 0.0, nan, "fail", why),
+        ("spin", -1.2, 1.2, 2.4, "fail", "found -1.2, expected +1.2: error 2.4 rad/s exceeds the tolerance 0.1"),
+        ("spin_2", 0.0, 1.2, 1.2, "fail", "found +0, expected +1.2: error 1.2 rad/s exceeds the tolerance 0.1"),
+        ("x", 1.0, 1.0, 0.0, "pass", ""),
+    ]
+    names = ("quantity", "value", "expected", "abs_error", "status", "reason")
+    rows = [
+        filled(MEASUREMENT_COLUMNS, **place, **dict(zip(names, check, strict=True))) for check in checks
+    ]  # fmt: skip
+    cells = [filled(CELL_COLUMNS, **{name: place[name] for name in ("case", "variant", "engine")}, status="fail")]
+    for everything in (False, True):
+        lines = printed(capsys, cells, rows, None, everything=everything)
+        failures = [line for line in lines if line.startswith("fail")]
+        assert failures == [
+            "fail: c [v] e spin: found -1.2, expected +1.2: error 2.4 rad/s exceeds the tolerance 0.1 (analytic)",
+            "fail: c [v] e spin_2: found +0, expected +1.2: error 1.2 rad/s exceeds the tolerance 0.1 (analytic)",
+            f"fail: c [v] e, no value of angle, gap: {why}",
+        ]
+        assert sum("spin_2" in line for line in lines) == 1, "each failure once"
+        (passed,) = [line.strip() for line in lines if line.strip().startswith("pass")]
+        assert ("found +1, expected +1: error 0, tolerance 0.1" in passed) == everything
+    assert "checks: 4 fail, 1 pass" in lines
+
+
+def unsupported(lacks: list[Capability], reason: str = "it lacks what it lacks", **more: str) -> Row:
+    return filled(CELL_COLUMNS, case="c", variant="v", engine="e", status="unsupported", missing=json.dumps([*map(str, lacks)]),
+                  reason=reason, **more)  # fmt: skip
+
+
+def test_what_to_declare_is_ranked(capsys: pytest.CaptureFixture[str]) -> None:
+    """By the cells that each capability alone unlocks, then by what most cells need together; settings of other engines are none."""
+    rolling = [Capability.ROTATING_WALLS, Capability.CURVED_WALL_MOTION]
+    cells = [unsupported([Capability.PRELOAD])] * 29 + [unsupported([Capability.GRAVITY])] * 2
+    cells += [unsupported(rolling)] * 10 + [unsupported([*rolling, Capability.PRELOAD])] * 4
+    cells += [unsupported([], f"the variant sets sliding, {AS_DEFAULT}")] * 18
+    assert ranking(cells) == Ranking(
+        alone=[("preload", 29), ("gravity", 2)],
+        together=[(("preload",), 29), (("curved-wall-motion", "rotating-walls"), 43), (("gravity",), 45)],
+    )
+    lines = printed(capsys, [{**cell, "engine_runs": "command `x`, wire protocol"} for cell in cells], [], None)
+    assert "e: each of these alone would unlock: preload 29 cells, gravity 2" in lines
+    assert (
+        "e: declared in this order, cells unlocked in all: preload 29, curved-wall-motion and rotating-walls 43, gravity 45"
+        in lines
+    )
+    assert "cells: 63 unsupported; 18 of the unsupported only repeat the default variant" in lines
+
+
+def test_unsupported_cells_have_their_reasons_where_these_are_many(capsys: pytest.CaptureFixture[str]) -> None:
+    several = list(Capability)[:9]
+    cells = [unsupported([each]) for each in several] + [unsupported([Capability.SPHERES])] * 30
+    cells += [unsupported([], f"the variant sets impact, {AS_DEFAULT}")] * 5
+    cells = [{**cell, "reason": f"{cell['reason']} {k}"} if k < 9 else cell for k, cell in enumerate(cells)]
+    (line,) = [line for line in printed(capsys, cells, [], None) if line.startswith("unsupported: ")]
+    assert line.startswith("unsupported: 44 cells on e; lacking: 30 spheres, 1 contact-damping, ")
+    assert line.endswith("4 for other reasons, 5 only repeat the default variant")
 
 
 def test_everything_is_everything(capsys: pytest.CaptureFixture[str]) -> None:
@@ -149,12 +216,24 @@ def test_the_command_that_a_run_names_shows_the_stored_run(tmp_path: Path) -> No
     assert "box2d" not in one.stdout
 
 
+@pytest.mark.usefixtures("fakes", "here")
+def test_show_takes_the_newest_run_that_has_the_engine() -> None:
+    for name in ("fake-nan", "fake-good"):
+        ninedisk("run", "fake/fall", "-e", name)
+    shown = ninedisk("show", "--engine", "fake-nan", "--status", "no-value")
+    assert shown.exit_code == 0, shown.output
+    assert shown.stderr.startswith("note: the newest run that has it is ")
+    assert len([line for line in shown.stdout.splitlines() if line.startswith("fail: ")]) == 2
+    assert ninedisk("show", "--engine", "fake-good").stderr == ""
+
+
 @pytest.mark.usefixtures("cells_here")
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--status", "green"], "--status 'green' is unknown: use one of pass, fail"),
-        (["--engine", "yade"], "its engines: pymunk"),
+        (["--status", "green"], "--status 'green' is unknown: use one of no-value, pass, fail"),
+        (["--engine", "yade"], "no run of the store has a cell of --case * --engine yade; its engines: pymunk"),
+        (["latest", "--engine", "yade"], "its engines: pymunk; leave RUN out for the newest run that has it"),
         (["latest~7"], "too far back"),
         (["20"], ""),
     ],

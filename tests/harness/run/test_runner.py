@@ -34,7 +34,11 @@ pytestmark = pytest.mark.usefixtures("fakes")
     ("behaviour", "status", "said"),
     [
         ("good", "pass", ""),
-        ("wrong", "fail", "x (analytic): error 0.001 m exceeds the tolerance 5e-10; first beyond it at step 4"),
+        (
+            "wrong",
+            "fail",
+            "x (analytic): found +0.081, expected +0.08: error 0.001 m exceeds the tolerance 5e-10; first beyond it at step 4",
+        ),
         ("nan", "fail", "NaN at 1 of 11 compared steps, first at step 3"),
         ("blind", "fail", "the engine does not observe this quantity"),
         ("infinite", "error", "infinite x at step 2"),

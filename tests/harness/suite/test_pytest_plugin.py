@@ -70,7 +70,7 @@ def test_a_failure_tells_everything(suite: pytest.Pytester) -> None:
     done.assert_outcomes(failed=2, deselected=4)
     done.stdout.fnmatch_lines(
         [
-            "fake/fall?a=1? on fake-wrong: x against analytic: error 0.001 m exceeds the tolerance 5e-10*",
+            "fake/fall?a=1? on fake-wrong: x against analytic: found *, expected *: error 0.001 m exceeds the tolerance 5e-10*",
             "  value      0.0810* m at step 4",
             "  reference  0.080* m (+- 0; mechanics)",
             "  error      0.001 m (relative 0.002)",

@@ -22,13 +22,13 @@ from ninedisk.core.scene import BodyForce, Cell, Disks, Rolling, Scene, Wall, Wa
 from ninedisk.core.spheres.law import SURFACES, UNLOADING, SphereLaw
 from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import LEVER_ARMS as ARMS_OF_LAWS
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import Capability, wire_name
 from ninedisk.harness.api.engine import Difference, EngineError, EngineInfo
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine
 from ninedisk.harness.api.support import NOTE_SOFT
-from ninedisk.harness.wire.command import read_description, wire_name
+from ninedisk.harness.wire.command import read_description
 from ninedisk.harness.wire.example import example_request
 from ninedisk.harness.wire.protocol import (
     ANSWER_KEYS,
