@@ -6,11 +6,14 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, ConsoleOptions, RenderResult
     from rich.table import Table
 
 PIPE_WIDTH = 200
 """Columns where standard output is no terminal: wide enough that ids are not broken up."""
+
+FOLDED = 8
+"""Columns of a terminal that folded text should have at least."""
 
 
 def console() -> Console:
@@ -22,11 +25,27 @@ def console() -> Console:
 
 
 def table(*headers: str, right: tuple[str, ...] = (), whole: tuple[str, ...] = ()) -> Table:
-    """A plain table that folds long text instead of cutting it; columns of words that stay ``whole`` leave the folding to the others."""
+    """A plain table that folds long text instead of cutting it; columns of words that stay ``whole`` leave the folding to the others.
+
+    On a terminal too narrow for these columns they are folded, too: no text is lost.
+    """
     from rich.box import SIMPLE_HEAD
+    from rich.cells import cell_len
     from rich.table import Table
 
-    made = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    class Folding(Table):
+        def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+            widths = [max(cell_len(str(cell)) for cell in (column.header, *column.cells)) for column in self.columns]
+            least = sum(
+                width if column.no_wrap else min(width, FOLDED)
+                for width, column in zip(widths, self.columns, strict=True)
+            )
+            if least + len(widths) > options.max_width:
+                for column in self.columns:
+                    column.no_wrap = False
+            return super().__rich_console__(console, options)
+
+    made = Folding(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for header in headers:
         made.add_column(
             header,

@@ -283,6 +283,24 @@ class Engine(Protocol):
         ...
 
 
+def facts_of(engine: Engine) -> EngineInfo:
+    """`Engine.info`, where a failure of it must end in a message.
+
+    Raises
+    ------
+    EngineError
+        If it fails, by whatever exception; that of an engine behind a command is raised as it is.
+    """
+    try:
+        return engine.info()
+    except EngineError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise EngineError(
+            f"info() of the engine {engine.id!r} must not fail, it says {type(error).__name__}: {error}; mend its adapter"
+        ) from error
+
+
 class Session(Protocol):
     """What an in-process adapter writes; `run_session` turns it into `Engine.run`."""
 

@@ -159,7 +159,7 @@ def _collected() -> tuple[tuple[Finding, ...], tuple[str, ...]]:
                     wrong.append(
                         f"{module} of {origin} has a finding {each.id!r} that another module has already: rename it"
                     )
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             if origin == BUILTIN:
                 raise
             wrong.append(f"the findings of {origin} cannot be read from {module}: {type(error).__name__}: {error}")
@@ -180,5 +180,5 @@ def _modules() -> dict[str, str]:
 def _exists(module: str) -> bool:
     try:
         return importlib.util.find_spec(module) is not None
-    except Exception:  # whatever a broken package does where it begins; its engines say so
+    except (Exception, SystemExit):  # whatever a broken package does where it begins; its engines say so
         return False

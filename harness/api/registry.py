@@ -259,16 +259,19 @@ def _load(name: str, table: Mapping[str, Registered], kind: str) -> Any:
     module_name, _, attribute = entry.where.partition(":")
     try:
         found = getattr(importlib.import_module(module_name), attribute)
-    except Exception as error:
+        if isinstance(found, Sequence):  # a family module exports all of its cases at once
+            found = next((member for member in found if member.id == name), None)
+        own = getattr(found, "id", None)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a package that calls sys.exit must not end the command
         raise BrokenEntryError(
             f"the {kind} {name!r} of {entry.origin} cannot be loaded from {entry.where}: {type(error).__name__}: {error}; "
             f"mend or uninstall {entry.origin}"
         ) from error
-    if isinstance(found, Sequence):  # a family module exports all of its cases at once
-        found = next((member for member in found if member.id == name), None)
-    if getattr(found, "id", None) != name:
+    if own != name:
         raise BrokenEntryError(
-            f"{entry.where} of {entry.origin} is registered as {kind} {name!r} but its id is {getattr(found, 'id', None)!r}"
+            f"{entry.where} of {entry.origin} is registered as {kind} {name!r} but its id is {own!r}"
         )
     return found
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Callable, Iterator, Sequence
 
-from ninedisk.harness.api.capabilities import SPACE, Capability
-from ninedisk.harness.api.engine import Engine, EngineError, EngineUnsupportedError, SupportLevel
+from ninedisk.harness.api.capabilities import SPACE, Capability, capabilities_needed
+from ninedisk.harness.api.engine import Engine, EngineUnsupportedError, SupportLevel, facts_of
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
 from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres
 from ninedisk.harness.check_engine import conduct
-from ninedisk.harness.check_engine.outcomes import REFUSED, Bench, Outcome, attempt
+from ninedisk.harness.check_engine.outcomes import REFUSED, Bench, Outcome, attempt, outcome
 
 Progress = Callable[[int, int, str], None]
 
@@ -29,33 +29,34 @@ def check_engine(engine: Engine, progress: Progress | None = None, only: Sequenc
     UsageError
         If a pattern matches no check.
     """
-    try:
-        info = engine.info()
-    except Exception as error:
-        raise EngineError(f"info() must not fail, it says {type(error).__name__}: {error}") from error
+    info = facts_of(engine)
     bench = Bench(engine, info)
-    checks = [("facts", lambda: conduct.facts(engine.id, info)), *_checks(bench)]
-    names = [name for name, _ in checks]
+    checks: list[Check] = [("facts", lambda: conduct.facts(engine.id, info), frozenset()), *_checks(bench)]
+    names = [name for name, _, _ in checks]
     for pattern in only:
         if not fnmatch.filter(names, pattern):
             raise UsageError(f"no check matches {pattern!r}: the checks of this engine are {', '.join(names)}")
-    checks = [(name, check) for name, check in checks if not only or any(fnmatch.fnmatchcase(name, p) for p in only)]
+    checks = [each for each in checks if not only or any(fnmatch.fnmatchcase(each[0], p) for p in only)]
     outcomes = []
-    for done, (name, check) in enumerate(checks):
+    for done, (name, check, needs) in enumerate(checks):
         if progress is not None:
             progress(done, len(checks), name)
-        outcomes.append(attempt(name, check))
+        outcomes.append(attempt(name, check, needs))
     return outcomes
 
 
-def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Outcome]]]:
+Check = tuple[str, Callable[[], Outcome], frozenset[Capability]]
+"""Name of a check, what it does, and what its scene asks of an engine: nothing where its physics does not matter."""
+
+
+def _checks(bench: Bench) -> Iterator[Check]:
     info = bench.info()
     simplest = next((probe for probe in _simple(bench) if _taken(bench, probe)), None)
     if simplest is None:
         why = (
             "neither a disk in flight, nor one that falls, nor two at rest on a floor, nor a sphere on one is supported"
         )
-        yield "scenes", lambda: Outcome(check="scenes", status="fail", found=why, mend="support at least one of them")
+        yield "scenes", lambda: outcome("scenes", [(why, "support at least one of them")]), frozenset()
         return
     touching = next((probe for probe in (weights(info), simplest) if _taken(bench, probe)), simplest)
     flight = free_flight(info, **UNEVEN) if info.plane else spheres(info, **UNEVEN)
@@ -69,16 +70,21 @@ def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Outcome]]]:
         ("warm-up", conduct.start, simplest),
         ("refusals", conduct.impossible, simplest),
     ):
-        yield name, _bound(bench, name, check, probe)
+        yield name, _bound(bench, name, check, probe), frozenset()
     for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
-        yield name, _judged(bench, name, probe)
+        yield name, _judged(bench, name, probe), _needs(probe)
     for asked in Capability:
         if probe_in_space(asked, info) is None and not info.plane:
             continue
         if asked in SPACE - {Capability.SPHERES} and Capability.SPHERES not in info.capabilities:
             continue
         own = probe_of(asked, info)
-        yield f"supports: {asked.name}", lambda own=own, asked=asked: conduct.capability(bench, own, asked)  # type: ignore[misc]
+        check = lambda own=own, asked=asked: conduct.capability(bench, own, asked)  # noqa: E731
+        yield f"supports: {asked.name}", check, _needs(own)
+
+
+def _needs(probe: Probe) -> frozenset[Capability]:
+    return capabilities_needed(probe.setup.scene, probe.setup.numerics)
 
 
 def _simple(bench: Bench) -> Iterator[Probe]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -18,7 +18,15 @@ from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_
 from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.support import NOTE_SOFT
 from ninedisk.harness.cases.adapter.probes import COARSE, KN, OMEGA, Probe, on_floor, round_off
-from ninedisk.harness.check_engine.outcomes import FAIL, PASS, REFUSED, Bench, Outcome, outcome
+from ninedisk.harness.check_engine.outcomes import (
+    MUST_BE_NUMBERS,
+    PASS,
+    REFUSED,
+    UNSEEN,
+    Bench,
+    Outcome,
+    outcome,
+)
 from ninedisk.harness.run.judge import check_history
 from ninedisk.harness.wire.protocol import MEANINGS
 
@@ -132,8 +140,6 @@ def _unstable(bench: Bench) -> list[tuple[str, str]]:
 
 
 CONTACTS = ("spring", "impulse", "cd", "soft")
-MUST_BE_NUMBERS = ("step", "t", "x", "v")
-"""Arrays that no engine may leave unobserved."""
 
 
 def facts(engine_id: str, info: EngineInfo) -> Outcome:
@@ -199,7 +205,7 @@ def sampling(bench: Bench, probe: Probe) -> Outcome:
     late = float(np.abs(history.t - wanted * probe.setup.numerics.dt).max())
     if late > 1e-9 * probe.setup.numerics.dt * wanted[-1]:
         return outcome("sampling", [(f"times are off by {late:.3g} s", mend)])
-    faults = [(text, mend) for text, _ in bench.faults(probe)]
+    faults = [replace(fault, mend=mend) for fault in bench.faults(probe)]
     return outcome("sampling", faults, f"steps {wanted.tolist()}")
 
 
@@ -295,20 +301,23 @@ def judged(name: str, bench: Bench, probe: Probe, support: Support, *, claimed: 
     faults = bench.faults(probe, coarse=coarse)
     if not claimed:
         return Outcome(check=name, status=PASS, found=f"{probe.title}: not claimed, runs as {support.level}")
-    return outcome(name, [(f"{probe.title}: {text}", mend) for text, mend in faults], f"{probe.title}: {support.level}")
+    unseen = tuple(bench.unseen(probe))
+    found = f"{probe.title}: {support.level}" + (f"; not observed: {', '.join(unseen)}" if unseen else "")
+    if not faults and len(unseen) == len(probe.closed_forms(bench.run_of(probe).history)):
+        return Outcome(check=name, status=UNSEEN, found=found, unseen=unseen)
+    told = [replace(fault, found=f"{probe.title}: {fault.found}") for fault in faults]
+    return replace(outcome(name, told, found), unseen=unseen)
 
 
 def _refusal(name: str, bench: Bench, support: Support, asked: Capability) -> Outcome:
-    missing = ", ".join(each.name for each in support.missing)
+    missing, claimed = ", ".join(each.name for each in support.missing), asked in bench.info().capabilities
     if not support.missing and not support.notes:
         mend = "a refusal names the missing capabilities, or says in a note what stands against this scene"
-        return Outcome(check=name, status=FAIL, found="refused without a reason", mend=mend)
+        return outcome(name, [("refused without a reason", mend)])
     declared = sorted(each.name for each in support.missing if each in bench.info().capabilities)
     if declared and not support.notes:
         mend = "take it out of info().capabilities, or say in a note what stands against this scene"
-        return Outcome(
-            check=name, status=FAIL, found=f"refused for {', '.join(declared)}, which info() declares", mend=mend
-        )
+        return outcome(name, [(f"refused for {', '.join(declared)}, which info() declares", mend)])
     why = f"lacks {missing}" if missing else "; ".join(support.notes)
-    claimed = " (declared, but not in this scene)" if asked in bench.info().capabilities else ""
-    return Outcome(check=name, status=REFUSED, found=why + claimed)
+    found = f"{why} (declared, but not in this scene)" if claimed else why
+    return Outcome(check=name, status=REFUSED, found=found, declared=claimed)

@@ -34,8 +34,9 @@ def check_engine(
     """Test an engine's adapter alone: form of its answers, units, signs, sampling, conduct, and the honesty of what it declares.
 
     Each check runs a scene so small that its numbers are known in closed form: free flight, one contact, a weight on a
-    floor, and one scene for each capability. What the engine refuses for a stated reason is no defect. The table says what
-    to mend.
+    floor, and one scene for each capability. What the engine refuses for a stated reason, and what it does not observe, is no
+    defect. The most telling fault stands first, with what was found, what was expected and what to run next; what is declared
+    but was not tested is named.
 
     \b
     Examples:
@@ -51,11 +52,12 @@ def check_engine(
       2  wrong usage (unknown id, an engine that is not installed, file that cannot be written)
       3  the engine's facts cannot be had
     """
-    from ninedisk.harness.api.engine import Engine, EngineError
+    from ninedisk.harness.api.engine import Engine, facts_of
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.registry import get_engine
     from ninedisk.harness.check_engine.check import check_engine as check
-    from ninedisk.harness.check_engine.outcomes import FAIL, show, write_json
+    from ninedisk.harness.check_engine.outcomes import FAIL, write_json
+    from ninedisk.harness.check_engine.verdict import show
     from ninedisk.harness.results.whole_file import check_writable
     from ninedisk.harness.wire.command import CommandEngine
 
@@ -66,17 +68,11 @@ def check_engine(
     if json_file is not None:
         check_writable("--json", json_file)
     refuse_not_installed({found.id: found})
-    try:
-        info = found.info()
-    except Exception as error:
-        fail(f"info() of the engine {engine!r} must not fail, it says {type(error).__name__}: {error}", FAILURE)
-    try:
-        with CellProgress() as progress:
-            outcomes = check(found, progress, only or ())
-    except EngineError as error:
-        fail(str(error), FAILURE)
-    command = ["--engine-cmd", engine_cmd] if engine_cmd is not None else [engine]
-    show(engine, outcomes, ["ninedisk", "check-engine", *command])
+    info = facts_of(found)
+    with CellProgress() as progress:
+        outcomes = check(found, progress, only or ())
+    given = ["--engine-cmd", engine_cmd] if engine_cmd is not None else ["--engine", engine]
+    show(found, info, outcomes, given)
     if json_file is not None:
         write_json(json_file, engine, info.version or "", outcomes)
     raise typer.Exit(int(any(each.status == FAIL for each in outcomes)))

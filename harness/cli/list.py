@@ -142,7 +142,9 @@ def _show_problems() -> None:
 
 
 def _engine_row(shown: Table, missing: list[str], engine: Engine, origin: str) -> None:
-    info = engine.info()
+    from ninedisk.harness.api.engine import facts_of
+
+    info = facts_of(engine)
     version = info.version if info.version is not None else "not installed"
     shown.add_row(info.id, info.name + _from(origin), version, info.contact, info.licence, info.install)
     if not info.installed and info.not_installed_because:
@@ -151,7 +153,9 @@ def _engine_row(shown: Table, missing: list[str], engine: Engine, origin: str) -
 
 def show_engine(engine_id: str) -> None:
     """One engine: facts, what it can express, what it lacks and where its documentation says so, its options."""
-    _show_info(get_engine(engine_id).info(), engine_table()[engine_id].origin, ["--engine", engine_id])
+    from ninedisk.harness.api.engine import facts_of
+
+    _show_info(facts_of(get_engine(engine_id)), engine_table()[engine_id].origin, ["--engine", engine_id])
 
 
 def show_described(commands: Sequence[str]) -> None:

@@ -69,6 +69,8 @@ def guarded(command: Callable[P, R]) -> Callable[P, R]:
                 raise
             if _is_users_mistake(error):
                 fail(str(error), USAGE)
+            if _is_engines_failure(error):
+                fail(str(error), FAILURE)
             if isinstance(error, OSError) and error.errno in UNUSABLE and error.filename is not None:
                 fail(f"{str(error.filename)[:200]!r} cannot be used: {error.strerror}; give another path", USAGE)
             fail(f"internal error: {type(error).__name__}: {error} (set {TRACEBACK_VARIABLE}=1 to see where)", FAILURE)
@@ -89,6 +91,12 @@ def _is_users_mistake(error: Exception) -> bool:
     from ninedisk.reports.folder import ReportError
 
     return isinstance(error, UsageError | ParameterError | CoreError | ReportError)
+
+
+def _is_engines_failure(error: Exception) -> bool:
+    from ninedisk.harness.api.engine import EngineError
+
+    return isinstance(error, EngineError)
 
 
 class CellProgress:

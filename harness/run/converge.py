@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.history import History
 from ninedisk.harness.api.case import Case, Check, Observed, Setup
-from ninedisk.harness.api.engine import Engine, EngineInfo
+from ninedisk.harness.api.engine import Engine, EngineInfo, facts_of
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.support import contact_steps
 from ninedisk.harness.cases.matched import slip_of
@@ -87,7 +87,7 @@ def converge(
         raise cell.setup
     if isinstance(cell.engine, Exception):
         raise cell.engine
-    info = cell.engine.info()
+    info = facts_of(cell.engine)
     name = step_name(cell.case, cell.setup, info)
     coarsest = contact_steps(cell.setup.scene, cell.setup.numerics)[1] if name == "contact_dt" else None
     sizes, results = [], []

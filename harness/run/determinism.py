@@ -29,7 +29,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
-from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, SupportLevel
+from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, SupportLevel, facts_of
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.support import contact_steps, support_of
 from ninedisk.harness.results.schema import DETERMINISM_KINDS, Row
@@ -262,7 +262,7 @@ def measure(engine: Engine, progress: Progress | None = None, edits: Edits = (),
     UsageError
         If the engine is not installed, or supports no such scene.
     """
-    info = engine.info()
+    info = facts_of(engine)
     if not info.installed:
         raise UsageError(f"{info.name} is not installed ({info.not_installed_because}): {info.install}")
     kinds = list(DETERMINISM_KINDS)

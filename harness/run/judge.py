@@ -82,20 +82,31 @@ def check_history(history: History, setup: Setup) -> None:
 LEAST_STEP, TICK = 5e-9, 1e-6
 """Seconds: no step takes less, a chain of some ten dependent operations of four cycles each; and what a clock may be off by."""
 
+CLOCK_RATE, CLOCK_TICK = 0.1, 1.0
+"""What a time by the engine's own clock may exceed ours by: this share of it, since clocks are set right while they run, and these
+seconds, since some count whole ones."""
 
-def check_timings(timings: Timings, numerics: Numerics) -> None:
-    """Refuse a time that no machine takes, which would make the engine the fastest of all.
+
+def check_timings(timings: Timings, numerics: Numerics, took: float) -> None:
+    """Refuse a time that the steps cannot have taken: less than any machine needs, or more than the whole run took.
+
+    ``took`` are the wall-clock seconds of the call of the engine, measured here; inf if they are not known.
 
     Raises
     ------
     EngineError
-        If ``advance`` and a tick of the clock are less than the steps take at the very least.
+        If ``advance`` and a tick of the clock are less than the steps take at the very least, or more than ``took``.
     """
     least = LEAST_STEP * numerics.n_steps
     if not timings.advance + TICK >= least:
         raise EngineError(
             f"the engine answered timings.advance = {timings.advance:g} s for {numerics.n_steps} steps, which take {least:.2g} s "
             "at the very least: it is the wall-clock time of the steps themselves"
+        )
+    if timings.advance > (1.0 + CLOCK_RATE) * took + CLOCK_TICK:
+        raise EngineError(
+            f"the engine answered timings.advance = {timings.advance:g} s, and its whole run took {took:.3g} s: it is the "
+            "wall-clock time of the steps in seconds, of no other unit and not summed over threads"
         )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.api.case import Case, Parameter, ParameterError, Setup, Variant
-from ninedisk.harness.api.engine import Engine, EngineError
+from ninedisk.harness.api.engine import Engine, EngineError, facts_of
 from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.api.params import format_value, parse, resolve
 from ninedisk.harness.api.registry import BrokenEntryError, get_case, get_engine
@@ -117,7 +117,7 @@ def check_options(engines: Mapping[str, Engine | Exception], options: Mapping[st
         if isinstance(engine, Exception):
             raise UsageError(f"the option {full!r} cannot be checked: {engine}") from engine
         try:
-            known = engine.info().options
+            known = facts_of(engine).options
         except EngineError as error:
             raise UsageError(f"the option {full!r} cannot be checked: {error}") from error
         if name not in known:

@@ -7,6 +7,7 @@ cell will have, without running its engine.
 from __future__ import annotations
 
 import json
+import math
 import time
 import traceback
 from collections import Counter
@@ -176,7 +177,7 @@ def run_cell(
         run = cell.engine.run(setup.scene, setup.numerics, setup.watch)
         took = time.perf_counter() - begin
         check_history(run.history, setup)
-        check_timings(run.timings, setup.numerics)
+        check_timings(run.timings, setup.numerics, math.inf if getattr(cell.engine, "keeps_runs", False) else took)
         result = _measure(cell, setup, info, run, head, published)
         if not np.isnan(result.cell["advance_s"]):
             engine, inputs = cell.engine, (setup.scene, setup.numerics, setup.watch)
@@ -188,7 +189,7 @@ def run_cell(
         return without_measurements(cell, head, "unsupported", last_lines(error))
     except EngineTimeoutError as error:
         return without_measurements(cell, head, "timeout", last_lines(error))
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # an adapter that calls sys.exit ends its cell alone
         if raise_users_mistakes and isinstance(error, USERS_MISTAKES):
             raise
         by_hand = request_command(cell) if isinstance(error, EngineError) else ""

@@ -293,11 +293,12 @@ def weights(info: EngineInfo) -> Probe:
     return Probe(title="weights", setup=Setup(scene=scene, numerics=numerics, watch=watch), closed_forms=closed_forms)
 
 
-def sliding(info: EngineInfo, *, rotating: bool) -> Probe:
-    """A disk thrown along a floor: it slows by mu g and, where it can turn, spins up by 2 mu g/R."""
+def sliding(info: EngineInfo, own: LeverArm, *, rotating: bool) -> Probe:
+    """A disk thrown along a floor: it slows by mu g and, where it can turn, spins up by 2 mu g/R. The arm ``own`` is nearly R."""
     mu, speed = 0.1, 1.0
     numerics = Numerics(dt=0.002, n_steps=50, sliding="coulomb")
-    scene = on_floor(law(info, mu=mu), overlap=resting_overlap(info), v=[[speed, 0.0]], rotating=rotating)
+    contact = law(info, mu=mu, lever_arm=own)
+    scene = on_floor(contact, overlap=resting_overlap(info), v=[[speed, 0.0]], rotating=rotating)
     end = numerics.dt * numerics.n_steps
     slow = mu * G * numerics.dt + contact_error(info) * mu * G * end
 
@@ -881,7 +882,7 @@ def probe_in_plane(capability: Capability, info: EngineInfo) -> Probe:
     return {
         Capability.LINEAR_CONTACT: lambda: impact(),
         Capability.SHEAR_SPRING: lambda: rolling(own, sunk=SHALLOW),
-        Capability.FRICTION: lambda: sliding(info, rotating=False),
+        Capability.FRICTION: lambda: sliding(info, own, rotating=Capability.BLOCKED_ROTATION not in info.capabilities),
         Capability.CONTACT_DAMPING: lambda: impact(beta=0.2),
         Capability.RESTITUTION: lambda: rebound(info),
         Capability.GLOBAL_DAMPING_CENTRAL: lambda: damped(info, "central"),
@@ -890,12 +891,12 @@ def probe_in_plane(capability: Capability, info: EngineInfo) -> Probe:
         Capability.ROTATING_WALLS: lambda: driven(info, "turning"),
         Capability.CURVED_WALL_MOTION: lambda: driven(info, "curved"),
         Capability.GRAVITY: lambda: fall(info),
-        Capability.BLOCKED_ROTATION: lambda: sliding(info, rotating=False),
+        Capability.BLOCKED_ROTATION: lambda: sliding(info, own, rotating=False),
         Capability.HELD_MOTION: lambda: held(info),
         Capability.FIXED_DISKS: lambda: fixed(info),
         Capability.QUASI_STATIC: lambda: squeezed(info),
         Capability.PRELOAD: lambda: rolling(own, sunk=SHALLOW, speed=0.0, force=-1.0),
-        Capability.DISK_INERTIA: lambda: sliding(info, rotating=True),
+        Capability.DISK_INERTIA: lambda: sliding(info, own, rotating=True),
         Capability.SLIP_MIDDLE: lambda: passing(info, "middle"),
         Capability.SLIP_END: lambda: passing(info, "end"),
         Capability.MATERIALS: lambda: two_materials(info, own),

@@ -9,10 +9,12 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from typer.testing import CliRunner
 
 from ninedisk.harness import run_matrix
 from ninedisk.harness.api import registry
 from ninedisk.harness.api.registry import BrokenEntryError, UnknownIdError, get_case, get_engine, match_cases
+from ninedisk.harness.cli.app import app
 
 pytestmark = pytest.mark.usefixtures("fakes")
 
@@ -112,6 +114,54 @@ def test_a_broken_case_leaves_the_others_alone(stranger: Callable[[str, str], No
     results = run_matrix(["broken/case", "fake/spin"], ["fake-good"])
     assert [result.status for result in results] == ["error", "pass"]
     assert "'broken/case' of broken cannot be loaded from nowhere.at_all:CASE: ModuleNotFoundError" in results[0].reason
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import sys\nsys.exit(4)\n",
+        "raise BaseException('no more')\n",
+        "class Engine:\n    @property\n    def id(self):\n        raise SystemExit(4)\nENGINE = Engine()\n",
+    ],
+)
+@pytest.mark.parametrize("kind", ["engine", "case"])
+def test_a_package_that_exits_is_named_and_leaves_the_others_alone(
+    kind: str,
+    text: str,
+    stranger: Callable[[str, str], None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    stranger("leaver", f"[ninedisk.{kind}s]\nleaver = leaver_{kind}:ENGINE\n")
+    (tmp_path / "leaver" / f"leaver_{kind}.py").write_text(text)
+    monkeypatch.delitem(sys.modules, f"leaver_{kind}", raising=False)
+    (tmp_path / "leaver" / "findings.py").write_text(text)
+    shown = CliRunner().invoke(app, ["list", f"{kind}s"])
+    assert shown.exit_code == 0
+    assert f"the {kind} 'leaver' of leaver cannot be loaded" in " ".join(shown.stdout.split())
+    assert ("fake-good" if kind == "engine" else "fake/fall") in shown.stdout
+    others = ["fake/fall", *(["leaver"] if kind == "case" else [])]
+    engines = ["-e", "fake-good", *(["-e", "leaver"] if kind == "engine" else [])]
+    run = CliRunner().invoke(app, ["run", *others, *engines, "--store", "store"])
+    assert run.exit_code == 3
+    assert "pass" in run.stdout
+    assert "leaver" in run.output
+
+
+def test_an_engine_that_cannot_tell_its_facts_is_named() -> None:
+    for arguments in (
+        ["list", "engines", "fake-shy"],
+        ["check-engine", "fake-shy"],
+        ["converge", "fake/fall", "-e", "fake-shy"],
+    ):
+        done = CliRunner().invoke(app, arguments)
+        assert done.exit_code == 3, done.output
+        assert (
+            "info() of the engine 'fake-shy' must not fail, it says RuntimeError: no facts; mend its adapter"
+            in " ".join(done.output.split())
+        )
+        assert "internal error" not in done.output
 
 
 def test_lists_tell_where_things_come_from(

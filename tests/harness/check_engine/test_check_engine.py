@@ -16,12 +16,13 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import Capability, capabilities_needed
+from ninedisk.harness.api.capabilities import Capability, capabilities_asked, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
-from ninedisk.harness.api.registry import case_table, get_engine
+from ninedisk.harness.api.registry import case_table, get_case, get_engine
 from ninedisk.harness.cases.adapter.space import probe_of
 from ninedisk.harness.check_engine.check import check_engine
-from ninedisk.harness.check_engine.outcomes import FAIL, PASS, REFUSED
+from ninedisk.harness.check_engine.outcomes import FAIL, PASS, REFUSED, UNSEEN, Fault
+from ninedisk.harness.check_engine.verdict import CASE_OF, show
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.engines.dem.adapter import DemEngine
 from ninedisk.harness.selftest.declared import DECLARED, Declared
@@ -442,7 +443,7 @@ def test_the_command(tmp_path: Path) -> None:
         (("fake-absent",), 2, "not installed (it was never built); install it with: pip install fake"),
         (("fake-broken",), 2, "cannot be loaded"),
         (("fake-shy",), 3, "must not fail, it says RuntimeError: no facts"),
-        (("fake-wrong", "--check", "supports: GRAVITY"), 1, "1 fail"),
+        (("fake-wrong", "--check", "supports: GRAVITY"), 1, "1 of 1 checks fail"),
     ],
 )
 def test_exit_codes(arguments: tuple[str, ...], code: int, said: str) -> None:
@@ -464,3 +465,130 @@ def test_what_contacts_are_declared_as_does_not_hide_gravity(contact: str) -> No
     checks = ("supports: GRAVITY", "units: weights and pairs", "supports: FIXED_DISKS", "supports: FRICTION")
     assert {found.status for found in check_engine(Declared(contact), only=checks)} == {PASS}
     assert {found.status for found in check_engine(Heavy(contact), only=checks)} == {FAIL}
+
+
+NOTHING = history(fn=lambda fn: fn * np.nan, fs=lambda fs: fs * np.nan, wall_force=lambda force: force * np.nan)
+"""Forces that the engine does not report, as the protocol allows."""
+
+
+def test_what_is_not_observed_is_no_failure() -> None:
+    silent = Planted(answer=lambda run: history(gap=lambda gap: gap * np.nan)(NOTHING(run)))
+    found = {each.check: each for each in check_engine(silent, only=["form", "units: *", "supports: S*"])}
+    assert {name: each.status for name, each in found.items() if each.status != PASS} == {
+        "units: weights and pairs": UNSEEN,
+        **{f"supports: {name}": UNSEEN for name in ("SLIP_MIDDLE", "SLIP_END")},
+    }
+    assert found["supports: SPHERES"].unseen == ("fn", "force on the floor")
+    assert found["units: weights and pairs"].row()["not_observed"] == list(found["units: weights and pairs"].unseen)
+
+
+def test_what_is_not_observed_hides_nothing_that_is() -> None:
+    for engine, check, said in (
+        (Planted(answer=NOTHING, scene=laws(mu=0.05)), "supports: FRICTION", "v along the floor"),
+        (Planted(answer=lambda run: history(x=lambda x: x * np.nan)(NOTHING(run))), "supports: SPHERES", "x is nan"),
+        (Planted(answer=NOTHING, numerics=lambda n: n.replace(energy_budget=False)), "supports: ENERGY_BUDGET", "friction_loss"),
+        (Planted(answer=NOTHING, scene=laws(mu=0.0, ks=0.0)), "supports: SHEAR_SPRING", "arm of the torque"),
+    ):  # fmt: skip
+        (found,) = check_engine(engine, only=[check])
+        assert found.status == FAIL
+        assert said in found.found
+
+
+class Lacking(Planted):
+    """Has some capabilities less, and refuses every scene that asks for them."""
+
+    def __init__(self, *less: Capability, claims: Capability | None = None, **planted: Any) -> None:
+        super().__init__(facts={"capabilities": DemEngine().info().capabilities - set(less)}, **planted)
+        self.less, self.claims = set(less), claims
+
+    def info(self) -> EngineInfo:
+        info = super().info()
+        return replace(info, capabilities=info.capabilities | ({self.claims} if self.claims else set()))
+
+    def supports(self, scene: Scene, numerics: Numerics) -> Support:
+        missing = capabilities_needed(scene, numerics) & self.less
+        return Support(SupportLevel.NO, tuple(sorted(missing))) if missing else super().supports(scene, numerics)
+
+
+@pytest.mark.parametrize(
+    "less",
+    [
+        {Capability.BLOCKED_ROTATION},
+        {Capability.LEVER_ARM_RADIUS},
+        {Capability.BLOCKED_ROTATION, Capability.LEVER_ARM_RADIUS},
+    ],
+)
+def test_friction_is_tested_without_what_it_does_not_need(less: set[Capability]) -> None:
+    for mu, status in ((0.1, PASS), (0.05, FAIL)):
+        (found,) = check_engine(Lacking(*less, scene=laws(mu=mu)), only=["supports: FRICTION"])
+        assert found.status == status
+
+
+def said(engine: DemEngine, capsys: pytest.CaptureFixture[str], *only: str) -> list[str]:
+    outcomes = check_engine(engine, only=only)
+    capsys.readouterr()
+    show(engine, engine.info(), outcomes, ["--engine", "dem"])
+    return [line.strip() for line in capsys.readouterr().out.splitlines() if line.strip()]
+
+
+def test_the_verdict_stands_first_with_numbers_and_what_to_run(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = said(Planted(answer=history(wall_force=np.negative)), capsys, "units: *", "supports: GRAVITY", "settings")
+    assert lines[0].endswith(": 1 of 4 checks fail")
+    assert lines[2] == "look at this first: units: weights and pairs"
+    assert "force on the floor is 39.24 instead of -39.24 N" in lines[3]
+    assert lines[3].endswith("the sign is reversed")
+    assert "again: ninedisk check-engine dem --check 'units: weights and pairs'" in lines
+    assert lines[-1] == "next: ninedisk run impact/bouncing-disk --engine dem"
+
+
+def test_the_fault_in_the_simplest_scene_stands_first_and_its_echoes_once(capsys: pytest.CaptureFixture[str]) -> None:
+    """Gravity that is twice too strong spoils every scene with a weight."""
+    heavy = Planted(scene=lambda s: s.replace(gravity=tuple(2.0 * g for g in s.gravity)))
+    lines = said(heavy, capsys, "units: *", "supports: [FGB]*", "settings")
+    assert "look at this first: supports: GRAVITY" in lines
+    assert any("v is" in line and line.endswith("twice too large") for line in lines)
+    assert sum("sliding without rotation: v along the floor" in line for line in lines) == 1
+
+
+def test_a_capability_that_no_passing_check_uses_is_suspected(capsys: pytest.CaptureFixture[str]) -> None:
+    ball = Planted(scene=disks(inertia=0.4 * 2.0 * 0.25))
+    lines = said(ball, capsys, "units: *", "supports: [A-Z]*[A-Z]")
+    assert "look at this first: supports: DISK_INERTIA" in lines
+    assert any(line.startswith("suspect: DISK_INERTIA") for line in lines)
+
+
+def test_what_is_declared_and_not_tested_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    class Wayward(DemEngine):
+        def supports(self, scene: Scene, numerics: Numerics) -> Support:
+            if isinstance(scene, Scene) and scene.xi > 0.0:
+                return Support(SupportLevel.NO, notes=("not today",))
+            return super().supports(scene, numerics)
+
+    lines = said(Wayward(), capsys, "units: *", "supports: GLOBAL*", "supports: HELD_MOTION")
+    for name in ("GLOBAL_DAMPING_CENTRAL", "GLOBAL_DAMPING_LAGGED"):
+        assert f"declared, tested NOWHERE: {name} (not today (declared, but not in this scene))" in lines
+    assert "not declared, so not tested (1): HELD_MOTION" in lines
+    assert not any("refused" in line for line in lines)
+    assert said(Planted(answer=NOTHING), capsys, "units: w*")[2] == (
+        "not observed: fn of the pairs (1, 2), (0, 2), (0, 1) (in units: weights and pairs)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "expected", "words"),
+    [(-2.0, 2.0, "reversed"), (0.001, 2.0, "zero"), (4.0, 2.0, "twice"), (2.6, 2.0, ""), (0.5, 0.0, "")],
+)
+def test_a_simple_relation_is_named(value: float, expected: float, words: str) -> None:
+    likeness = Fault(found="", value=value, expected=expected, allowed=0.01).likeness
+    assert words in likeness
+    assert bool(words) is bool(likeness)
+
+
+@pytest.mark.parametrize("asked", CASE_OF)
+def test_the_case_of_a_capability_asks_for_it(asked: Capability) -> None:
+    case = get_case(CASE_OF[asked])
+    for changes in case.matrix():
+        setup = case.build({each.name: each.default for each in case.parameters} | dict(changes))
+        if asked in capabilities_asked(setup.scene, setup.numerics):
+            return
+    pytest.fail(f"no variant of {case.id} asks for {asked.name}")

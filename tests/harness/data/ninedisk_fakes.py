@@ -182,7 +182,9 @@ class FakeEngine:
         history.v[:, 0, 0] = a * history.t
         self._misbehave(history, numerics)
         return EngineRun(
-            history=history, timings=Timings(setup=0.1, warm_up=0.2, advance=0.3), settings={"kind": "fake"}
+            history=history,
+            timings=Timings(setup=0.1, warm_up=0.2, advance=1e300 if self.behaviour == "eternal" else 0.3),
+            settings={"kind": "fake"},
         )
 
     def _misbehave(self, history: History, numerics: Numerics) -> None:
@@ -198,6 +200,8 @@ class FakeEngine:
             object.__setattr__(history, "x", history.x[:-1])
         elif self.behaviour == "crash":
             raise EngineError("\n".join(f"line {n}" for n in range(100)) + "\nsegmentation fault")
+        elif self.behaviour == "leaving":
+            sys.exit(5)
         elif self.behaviour == "bug":
             raise ZeroDivisionError("division by zero")
         elif self.behaviour == "timeout":
@@ -239,6 +243,6 @@ def _marked(name: str) -> bool:
 BEHAVIOURS = (
     "good", "wrong", "nan", "blind", "infinite", "garbage", "crash",
     "bug", "timeout", "uninstalled", "unstable", "slow", "absent", "incapable", "shy",
-    "stubborn", "segfault", "exit", "killed", "killed-once", "wide", "hog",
+    "stubborn", "segfault", "exit", "killed", "killed-once", "wide", "hog", "eternal", "leaving",
 )  # fmt: skip
 ENGINES = tuple(FakeEngine(behaviour) for behaviour in BEHAVIOURS)

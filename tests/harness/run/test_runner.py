@@ -45,6 +45,8 @@ pytestmark = pytest.mark.usefixtures("fakes")
         ("garbage", "error", "x of shape (10, 1, 2) instead of (11, 1, 2)"),
         ("crash", "error", "segmentation fault"),
         ("bug", "error", "ZeroDivisionError at ninedisk_fakes.py"),
+        ("leaving", "error", "SystemExit"),
+        ("eternal", "error", "the engine answered timings.advance = 1e+300 s, and its whole run took"),
         ("timeout", "timeout", "stopped after 3 s"),
         ("uninstalled", "not-installed", "its library is gone"),
         ("absent", "not-installed", "it was never built; install it with: pip install fake"),
