@@ -295,7 +295,7 @@ def impact_checks(params: Mapping[str, Any], setup: Setup, observed: Observed, e
     """Checks of velocities, kinetic energy and restitution that bind an engine."""
     if engine.scheme == "theta" and setup.numerics.impact == "theta":
         return _exact_steps(params, setup, observed)
-    return _analytic(params, setup, observed, binding_impact(params, setup, engine))
+    return _analytic(params, observed, setup.numerics.dt, binding_impact(params, setup, engine), single(engine, params["speed"], 1))
 
 
 def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Impact:
@@ -318,20 +318,24 @@ def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) 
     return Impact(given.restitution, ROUND_OFF + missed + rounding, "Newton's restitution, momentum conserved", why)
 
 
-def _analytic(params: Mapping[str, Any], setup: Setup, observed: Observed, impact: Impact) -> list[Check]:
+def _analytic(
+    params: Mapping[str, Any], observed: Observed, dt: float, impact: Impact, rounding: float
+) -> list[Check]:
     (one, two), speed, e = masses(params), params["speed"], impact.restitution
     m_eff = effective_mass(params)
     curves = collision_history(
         observed.t, gap=params["gap"], speed=speed, mass_1=one, mass_2=two, restitution=e
     )._asdict()
     contact = contact_duration(kn=params["kn"], m_eff=m_eff, beta=knobs(params).beta)
-    event = around_contact(observed.t, params["gap"] / speed, contact, setup.numerics.dt)
+    event = around_contact(observed.t, params["gap"] / speed, contact, dt)
     expected = {name: np.where(event, np.nan, curves[name]) for name in NAMES}
     # The impulse is m v (1 + e), m the effective mass, and the energy of the relative motion m (v e)^2/2.
-    of_energy = m_eff * speed**2 * impact.tolerance * (e + impact.tolerance / 2.0) + max(one, two) * speed**2 * ROUND_OFF
+    # Each velocity is rounded by itself, whatever its part in the impulse.
+    rounding += speed * ROUND_OFF
+    of_energy = m_eff * speed**2 * impact.tolerance * (e + impact.tolerance / 2.0) + (one + two) * speed * rounding
     tolerance = {
-        "vx_1": (speed * (impact.tolerance * m_eff / one + ROUND_OFF), 0.0, impact.why),
-        "vx_2": (speed * (impact.tolerance * m_eff / two + ROUND_OFF), 0.0, impact.why),
+        "vx_1": (speed * impact.tolerance * m_eff / one + rounding, 0.0, impact.why),
+        "vx_2": (speed * impact.tolerance * m_eff / two + rounding, 0.0, impact.why),
         "energy": (of_energy, 0.0, impact.why),
     }
     return [
