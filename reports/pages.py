@@ -357,7 +357,7 @@ def engine_page(env: Environment, panel: Panel, engine: EngineFacts, overall: Us
             lines.append((case, cell, summary, worst_headline(told)))
     lines.sort(key=lambda line: (-as_float(line[3]["rel_error"]) if line[3] else 1.0, _worst_ratio(line[2])))
     ranked = standings(panel, engine.id)
-    first = [each for each in ranked if each.rank == 1]
+    first = [each for each in ranked if each.rank == 1 and engine.id not in each.case.wrong]
     differences = _by([row for row in mine if row["status"] == "known-difference"], "reason")
     findings = [each for each in of_engines(panel.stored) if each.engine == engine.id]
     return env.get_template("engine.html").render(

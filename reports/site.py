@@ -322,9 +322,10 @@ def _write(site: Site, folder: Path, progress: Progress) -> None:
     progress("writing pages", total, total)
 
 
-def _rank(item: tuple[str, Outcome]) -> tuple[float, str]:
+def _rank(item: tuple[str, Outcome]) -> tuple[bool, float, str]:
+    """Engines whose checks fail or whose cells break come last."""
     score = item[1].score
-    return (float(score["rel_error"]) if score else math.inf), item[0]
+    return item[1].status not in EXCUSED, (float(score["rel_error"]) if score else math.inf), item[0]
 
 
 def _exact(value: Any) -> str:

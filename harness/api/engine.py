@@ -90,6 +90,10 @@ SOFTEST = 1e-2
 is off by the few per cent that matter."""
 
 
+SLOPPIEST = 1e-2
+"""Largest slop [m] that an engine may state: a hundredth of the radius of most disks here."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class EngineInfo:
     """Facts about an engine; `version` is None where it is not installed.
@@ -126,6 +130,9 @@ class EngineInfo:
         engine's own regularisation; from 0 to `SOFTEST`. None: no such figure, judged as `SOFTEST`.
     softness_why : str
         Where that figure comes from.
+    slop : float
+        Of engines with ``"impulse"`` or ``"soft"`` contacts: largest overlap [m] that a contact leaves as it is, for good or while it goes
+        away slowly; from 0 to `SLOPPIEST`. It loosens gaps and heights above what bears a body, nothing else.
     second_order_dashpots : bool
         Whether dashpots see the velocity of t_n to second order, as the exact steps of central differences have it; others
         extrapolate it in a way of their own, to first order.
@@ -144,7 +151,7 @@ class EngineInfo:
     Raises
     ------
     ValueError
-        If ``softness`` is out of its range, or given for contacts of another kind.
+        If ``softness`` or ``slop`` is out of its range, or given for contacts of another kind.
     """
 
     id: str
@@ -166,6 +173,7 @@ class EngineInfo:
     dilates: bool = False
     softness: float | None = None
     softness_why: str = ""
+    slop: float = 0.0
     second_order_dashpots: bool = False
     sweeps: str = ""
     reference: bool = False
@@ -174,6 +182,11 @@ class EngineInfo:
     out_of_scope: Mapping[Capability, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not 0.0 <= self.slop <= SLOPPIEST or (self.slop and self.contact not in ("impulse", "soft")):
+            raise ValueError(
+                f"engine {self.id!r}: slop = {self.slop!r} m is not allowed with contact = {self.contact!r}: it must lie between 0 and "
+                f"{SLOPPIEST:g} m, and be 0 unless contact is 'impulse' or 'soft'; set a smaller one in the engine"
+            )
         if self.softness is None:
             return
         if self.contact != "soft":

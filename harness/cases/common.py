@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -168,11 +169,38 @@ def single(engine: EngineInfo, largest: float, steps: float) -> float:
     return 0.5 * max(steps, 8.0) * float(np.spacing(np.float32(abs(largest))))
 
 
+SAME_STEPS = 3e-4
+"""Exact steps are the same where a start that rounding moves changes them by no more than this part of their largest value."""
+
+
+def same_steps(curve: FloatArray, near: Sequence[FloatArray]) -> FloatArray:
+    """Exact steps, NaN where those from starts that are off by rounding are others: an impact in the step before, or a phase that grows."""
+    apart = np.max(np.abs(np.stack(near) - curve), axis=0)
+    return np.where(apart <= SAME_STEPS * np.abs(curve).max(), curve, np.nan)
+
+
 def softness(engine: EngineInfo) -> float:
     """Part of what it should withstand in one step that a contact of this engine does not; 0 for all but soft contacts."""
     if engine.contact != "soft":
         return 0.0
     return SOFTEST if engine.softness is None else engine.softness
+
+
+HEIGHTS = ("gap", "lift", "y", "apex", "bounce", "dilation")
+"""Beginnings of the names of gaps and of heights above what bears a body."""
+
+
+def with_slop(checks: Sequence[Check], observed: Observed, engine: EngineInfo) -> list[Check]:
+    """The checks with the overlap that the engine's contacts leave uncorrected added to gaps and heights; unchanged without any."""
+    if not engine.slop:
+        return list(checks)
+    units = {name: unit for name, (unit, _) in (*observed.series.items(), *observed.scalars.items())}
+    return [
+        replace(check, atol=check.atol + engine.slop, why=f"{check.why}; contacts leave overlaps of {engine.slop:g} m")
+        if units[check.quantity] == "m" and check.quantity.split("_")[0] in HEIGHTS
+        else check
+        for check in checks
+    ]
 
 
 def slack_time(engine: EngineInfo, dt: float) -> float:

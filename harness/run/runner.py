@@ -38,6 +38,8 @@ from ninedisk.harness.api.engine import (
 )
 from ninedisk.harness.api.params import foreign_settings
 from ninedisk.harness.api.support import support_of
+from ninedisk.harness.cases.common import with_slop
+from ninedisk.harness.cases.invariance.observers import Invariance
 from ninedisk.harness.results.figures import figures_to_text
 from ninedisk.harness.results.schema import AS_DEFAULT, CELL_COLUMNS, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
 from ninedisk.harness.results.tables import CaseResult, complete, plain_json
@@ -53,6 +55,7 @@ from ninedisk.harness.run.judge import (
     reference_curves,
 )
 from ninedisk.harness.run.plan import Cell, plan_case, request_command, run_command
+from ninedisk.harness.run.precision import in_single_precision
 from ninedisk.harness.run.published import published_checks
 from ninedisk.harness.run.timing import reference_seconds, timing_columns
 
@@ -212,7 +215,12 @@ def all_checks(cell: Cell, setup: Setup, observed: Any, info: EngineInfo, publis
     """The case's own truths followed by the published ones."""
     params = cell.variant.params
     own = list(cell.case.checks(params, setup, observed, info))
-    return own + published_checks(cell.case.id, params, observed, own, published)
+    found = with_slop(own + published_checks(cell.case.id, params, observed, own, published), observed, info)
+    if not isinstance(case := cell.case, Invariance):
+        return in_single_precision(found, setup, observed, info)
+    return in_single_precision(
+        found, case.original(params)[2], observed, info, math.hypot(*case.frame(params).velocity)
+    )
 
 
 def last_lines(error: BaseException) -> str:

@@ -187,6 +187,7 @@ _TRAITS = (
     "dilates",
     "softness",
     "softness_why",
+    "slop",
     "second_order_dashpots",
     "sweeps",
     "precision",
@@ -245,6 +246,10 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
     if "softness" in data and data["contact"] != "soft":
         raise WireError(
             f"the description has a softness with contact = {data['contact']!r}: leave it out, or declare contact = 'soft'"
+        )
+    if data.get("slop") and data["contact"] not in ("impulse", "soft"):
+        raise WireError(
+            f"the description has a slop with contact = {data['contact']!r}: leave it out, or declare contact = 'impulse'"
         )
     info = EngineInfo(
         id=data["id"],

@@ -40,7 +40,10 @@ class Rating:
 
 @dataclass(frozen=True)
 class Standing:
-    """An engine on one headline: its worst row, and its rank among ``of`` comparable engines (round-off apart ranks alike)."""
+    """An engine on one headline: its worst row, and its rank among ``of`` comparable engines (round-off apart ranks alike).
+
+    Engines that fail a check of the case rank after all others.
+    """
 
     case: CaseData
     row: Row
@@ -110,8 +113,11 @@ def standings(panel: Panel, engine: str) -> list[Standing]:
             own = held[engine]
             worst = worst_headline(own.values())
             assert worst is not None
-            rivals = [rows for other, rows in held.items() if other != engine and own.keys() & rows.keys()]
-            better = sum(_largest(rows, own) < _largest(own, rows) for rows in rivals)
+            rivals = [(other, rows) for other, rows in held.items() if other != engine and own.keys() & rows.keys()]
+            mine = engine in case.wrong
+            better = sum(
+                (other in case.wrong, _largest(rows, own)) < (mine, _largest(own, rows)) for other, rows in rivals
+            )
             found.append(Standing(case, worst, as_float(worst["rel_error"]), 1 + better, 1 + len(rivals)))
     return sorted(found, key=lambda standing: (standing.error, standing.rank))
 

@@ -108,6 +108,15 @@ class CaseData:
         scene: dict[str, Any] = next((setup["scene"] for setup in setups if isinstance(setup.get("scene"), dict)), {})
         return bool(scene.get("dimension") == 3)
 
+    @property
+    def wrong(self) -> frozenset[str]:
+        """Ids of engines with a check or a cell that is `WRONG`; a cell's status is that of its worst check."""
+        return frozenset(cell["engine"] for cell in self.cells if cell["status"] in WRONG)
+
+
+WRONG = ("fail", "error", "timeout")
+"""Statuses of an engine that is no measure for others: it ranks after all that pass, however small the errors of its headlines."""
+
 
 @dataclass(frozen=True)
 class Summary:
@@ -132,6 +141,17 @@ class Summary:
     def ratio(self) -> float:
         """Worst error over tolerance; NaN where nothing was measured."""
         return float(self.worst["ratio"]) if self.worst else math.nan
+
+    @property
+    def wrong(self) -> str:
+        """What is `WRONG` with it in words, "3 checks fail"; "" where nothing is."""
+        counts = dict(self.counts)
+        words = {
+            "fail": ("check fails", "checks fail"),
+            "error": ("error", "errors"),
+            "timeout": ("time-out", "time-outs"),
+        }
+        return ", ".join(f"{counts[each]} {words[each][counts[each] != 1]}" for each in WRONG if counts.get(each))
 
 
 @dataclass(frozen=True)

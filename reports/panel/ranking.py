@@ -93,7 +93,11 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Ranking:
-    """The engines of a case, closest to the physics first; ``headlines`` are a row for each of its headlines."""
+    """The engines of a case, closest to the physics first; ``headlines`` are a row for each of its headlines.
+
+    Engines with a failing check or a broken cell (`Summary.wrong`) come after all others: a wrong engine can look accurate in a headline
+    that its fault does not touch.
+    """
 
     headlines: dict[str, Row]
     engines: list[Ranked]
@@ -114,8 +118,13 @@ class Ranking:
 
     @property
     def closest(self) -> list[Ranked]:
-        """The engines of the first place."""
-        return [ranked for ranked in self.measured if self.place(ranked) == 1]
+        """The engines of the first place; none where a check fails on every engine."""
+        return [ranked for ranked in self.measured if self.place(ranked) == 1 and not ranked.summary.wrong]
+
+    @property
+    def farthest(self) -> Ranked | None:
+        """The engine with the largest error of a headline, whatever its checks say; None without any."""
+        return max(self.measured, key=lambda ranked: ranked.error, default=None)
 
     @property
     def ran(self) -> list[Ranked]:
@@ -132,8 +141,9 @@ class Ranking:
         return dict(sorted(found.items(), key=lambda item: -len(item[1])))
 
     def place(self, ranked: Ranked) -> int:
-        """Place of an engine with a headline error; what is round-off shares one."""
-        return 1 + sum(other.signal < ranked.signal for other in self.measured)
+        """Place of an engine with a headline error, after all that pass if it fails a check; what is round-off shares one."""
+        own = bool(ranked.summary.wrong), ranked.signal
+        return 1 + sum((bool(other.summary.wrong), other.signal) < own for other in self.measured)
 
 
 def rank(panel: Panel, case: CaseData) -> Ranking:
@@ -181,13 +191,19 @@ def rank(panel: Panel, case: CaseData) -> Ranking:
     return Ranking({row["headline"]: row for row in rows}, engines)
 
 
-def _order_of(ranked: Ranked) -> tuple[int, float, float, str]:
-    """Headline errors first, smallest first, the better support among equals; then what ran, then the rest."""
+def _order_of(ranked: Ranked) -> tuple[int, bool, float, float, str]:
+    """Headline errors first, of engines that pass before others, smallest first, the better support among equals; then what ran."""
     ratio = 0.0 if math.isnan(ranked.summary.ratio) else ranked.summary.ratio
     if ranked.decides:
         support = ranked.summary.support[-1:] or ("",)
-        return 0, ranked.signal, SUPPORT.index(support[0]) if support[0] in SUPPORT else -1, ranked.engine.name
-    return 1 if ranked.summary.ran else 2, ratio, 0.0, ranked.engine.name
+        return (
+            0,
+            bool(ranked.summary.wrong),
+            ranked.signal,
+            SUPPORT.index(support[0]) if support[0] in SUPPORT else -1,
+            ranked.engine.name,
+        )
+    return 1 if ranked.summary.ran else 2, bool(ranked.summary.wrong), ratio, 0.0, ranked.engine.name
 
 
 def _families(case: CaseData, rows: Iterable[Row]) -> dict[str, list[tuple[float, Row]]]:

@@ -5,7 +5,9 @@ behind nine that are exact, and who takes the engine meets that one as well; whi
 what they share: of a headline the variants count that two engines or more have a number on (all, where only one engine has any), so that
 settings that one engine alone has neither spoil nor save it. What an engine covers is the share of these variants that it has a number on,
 mean over the headlines; one that covers less than half of a use, as one that knows plastic impacts only, stands apart and is neither the
-most accurate nor the fastest nor the farthest. A variant that an engine does not support leaves no number and is covered by others alone.
+most accurate nor the fastest nor the farthest. One that fails a check of a case of the use, or breaks in it, ranks after all that pass
+there, and is neither the most accurate nor the fastest. A variant that an engine does not support leaves no number and is covered by
+others alone.
 
 Time at 1 % is that of stepping: between two stored steps by the logarithms, of the largest step where that is good enough
 (`ninedisk.reports.panel.ranking.time_at`). Absolute times depend on the case; an engine's figure is the geometric mean, over all it
@@ -54,6 +56,8 @@ class Rank:
         Time at an error of 1 % over that of the fastest engine, geometric mean; NaN where none is known.
     reached, timed : int
         On how many series of steps it comes to 1 %, of how many that it ran and some engine does so on.
+    wrong : int
+        Cases of the use on which a check fails or a cell breaks.
     """
 
     engine: EngineFacts
@@ -64,6 +68,7 @@ class Rank:
     slower: float
     reached: int
     timed: int
+    wrong: int
 
     @property
     def error(self) -> float:
@@ -96,22 +101,27 @@ class Use:
 
     @property
     def best(self) -> Sequence[Rank]:
-        """The ranked engines of the least error, all that tie."""
-        return [rank for rank in self.ranks if rank.measure == self.ranks[0].measure]
+        """The ranked engines of the least error, all that tie; none where each of them fails a check."""
+        return [rank for rank in self.right if rank.measure == self.right[0].measure]
+
+    @property
+    def right(self) -> Sequence[Rank]:
+        """The ranked engines that fail no check."""
+        return [rank for rank in self.ranks if not rank.wrong]
 
     @property
     def widest(self) -> Sequence[Rank]:
         """The ranked engines of the least error among those with a number on the most headlines, all that tie; none where `best` has it."""
-        most = max((rank.rated for rank in self.ranks), default=0)
-        told = [rank for rank in self.ranks if rank.rated == most]
+        most = max((rank.rated for rank in self.right), default=0)
+        told = [rank for rank in self.right if rank.rated == most]
         return [
             rank for rank in told if rank.measure == told[0].measure if max(each.rated for each in self.best) < most
         ]
 
     @property
     def able(self) -> Sequence[Rank]:
-        """The ranked engines that come to 1 % wherever they were tried."""
-        return [rank for rank in self.ranks if rank.timed and rank.reached == rank.timed]
+        """The ranked engines that fail no check and come to 1 % wherever they were tried."""
+        return [rank for rank in self.right if rank.timed and rank.reached == rank.timed]
 
     @property
     def fastest(self) -> Sequence[Rank]:
@@ -125,11 +135,14 @@ class Use:
 
         An engine counts as in `best`: with numbers on half of the use at least. What it does not support is no error.
         """
-        return [rank for rank in self.ranks if self.ranks[0].measure != rank.measure == self.ranks[-1].measure]
+        least, most = (pick(self.ranks, key=lambda rank: rank.error, default=None) for pick in (min, max))
+        if least is None or most is None or least.measure == most.measure:
+            return []
+        return [rank for rank in self.ranks if rank.measure == most.measure]
 
     def place(self, rank: Rank) -> int:
-        """Place of a ranked engine; those that tie share one."""
-        return 1 + [other.measure for other in self.ranks].index(rank.measure)
+        """Place of a ranked engine; those that tie share one, and those that fail a check come last."""
+        return 1 + [(other.wrong > 0, other.measure) for other in self.ranks].index((rank.wrong > 0, rank.measure))
 
 
 def uses(panel: Panel) -> list[Use]:
@@ -149,7 +162,7 @@ def uses(panel: Panel) -> list[Use]:
     chosen = {"all": rows, "space": [row for row in rows if row["case"] in within]}
     chosen |= {name: [row for row in rows if row["use"] == name] for name in USES}
     return [
-        _use(name, title, chosen[name], took, panel.engines)
+        _use(name, title, chosen[name], took, panel)
         for name, title in (OVERALL | USES).items()
         if name != "space" or 0 < len(chosen[name]) < len(rows)
     ]
@@ -160,8 +173,9 @@ def _use(
     title: str,
     rows: Sequence[Row],
     took: Mapping[tuple[str, str, str], float],
-    engines: Mapping[str, EngineFacts],
+    panel: Panel,
 ) -> Use:
+    wrong = {case: panel.cases[case].wrong for case in {row["case"] for row in rows}}
     worst: dict[str, dict[Place, Row]] = {}
     covered: dict[str, float] = {}
     shared = _shared(rows)
@@ -174,7 +188,7 @@ def _use(
     slower, tried = _times(rows, took)
     ranks = [
         Rank(
-            engine=engines[engine],
+            engine=panel.engines[engine],
             worst=max(own.values(), key=lambda row: as_float(row["rel_error"])),
             typical=median(as_float(row["rel_error"]) for row in own.values()),
             rated=len(own),
@@ -182,11 +196,13 @@ def _use(
             slower=math.exp(sum(held) / len(held)) if (held := slower.get(engine, [])) else math.nan,
             reached=len(held),
             timed=tried.get(engine, 0),
+            wrong=sum(engine in held for held in wrong.values()),
         )
         for engine, own in worst.items()
     ]
     ranks.sort(
         key=lambda rank: (
+            rank.wrong > 0,
             max(rank.error, ROUND_OFF),
             math.inf if math.isnan(rank.slower) else rank.slower,
             rank.engine.name,

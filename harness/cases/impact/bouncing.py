@@ -181,7 +181,7 @@ class BouncingDisk:
         """Exact steps for contact dynamics; flights, highest points and rest for all whose impact law is that of the scene."""
         found: list[Check] = []
         if engine.scheme == "theta":
-            found += _stepped(params, setup, observed)
+            found += _stepped(params, setup, observed, engine)
             if setup.numerics.impact != "newton" and params["restitution"] != 0.0:
                 return found
         return [*found, *_flights(binding_truth(params, setup, observed, engine), params["height"])]
@@ -208,8 +208,8 @@ def _flights(truth: Truth, height: float) -> list[Check]:
     return [*curves, *numbers]
 
 
-def _stepped(params: Mapping[str, Any], setup: Setup, observed: Observed) -> list[Check]:
-    exact, numerics = exact_curves(params, setup, observed), setup.numerics
+def _stepped(params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
+    exact, numerics = exact_curves(params, setup, observed, engine), setup.numerics
     source = f"theta scheme, theta = {numerics.theta:g}, impact {numerics.impact}: every step"
     why = "exact solution of this very scheme: round-off, which the phase of each impact in its step makes grow"
     return [
@@ -412,13 +412,16 @@ class Stepped(NamedTuple):
     atol: Mapping[str, float]
 
 
-def exact_curves(params: Mapping[str, Any], setup: Setup, observed: Observed) -> Stepped:
+def exact_curves(
+    params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo | None = None
+) -> Stepped:
     """The theta scheme's exact steps, as far as an engine can follow them.
 
     Theta's own impact law depends on where in a step the impact falls: a gap that is off by delta changes the speed by
     ``delta/(theta dt)``, which a flight of n steps turns into a gap off by ``n delta/theta``. The rounding of positions therefore
     grows by some hundred times with every bounce. Steps after an impact count as long as that bound of the speed stays below
-    `FOLLOWED` of the largest speed. Newton's law does not depend on the phase, and its errors add up only.
+    `FOLLOWED` of the largest speed. Newton's law does not depend on the phase, and its errors add up only. An engine in single precision
+    starts from coarser roundings.
     """
     disks, numerics = setup.scene.disks, setup.numerics
     steps = plane_contact_theta(
@@ -442,8 +445,10 @@ def exact_curves(params: Mapping[str, Any], setup: Setup, observed: Observed) ->
     end, speed, gap = (
         numerics.n_steps,
         1e-12 * largest,
-        summed_round_off(size, float(first[0]) if len(first) else numerics.n_steps),
+        summed_round_off(size, until := float(first[0]) if len(first) else numerics.n_steps),
     )
+    if engine is not None:
+        gap += single(engine, size, until)
     if numerics.impact != "newton":
         for now, then in pairwise([*first.tolist(), numerics.n_steps]):
             grown = max(1.0, (1.0 - theta) / theta) * gap / (theta * dt)

@@ -481,7 +481,7 @@ def _rigid_bounds(
         "vx": exact,
         "spin": exact,
         "slip": exact,
-        "gap": "rigid contact: round-off of the height" + rule,
+        "gap": "rigid contact: round-off of the height, more where an engine states a slop" + rule,
         "slip_end": SAMPLED + rule,
     }
     return SlipBounds(atol, why, 0.0)

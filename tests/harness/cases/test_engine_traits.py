@@ -13,7 +13,7 @@ from ninedisk.harness.api.engine import SOFTEST, SupportLevel
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case, get_engine
 from ninedisk.harness.api.support import NOTE_SLIP_END
-from ninedisk.harness.cases.common import single, slack_time, softness
+from ninedisk.harness.cases.common import single, slack_time, softness, with_slop
 from ninedisk.harness.cases.differences import follows_associated_rule
 from ninedisk.harness.cases.impact.binary import CASE as COLLISION
 from ninedisk.harness.cases.incline.block import CASE as INCLINE
@@ -82,6 +82,31 @@ def test_a_softness_that_cannot_be_is_refused(scheme_info, softness):
         dataclasses.replace(scheme_info("some", "soft"), softness=softness)
     with pytest.raises(ValueError, match="not allowed where contact is 'impulse'"):
         dataclasses.replace(scheme_info("some", "impulse"), softness=1e-3)
+
+
+@pytest.mark.parametrize("name", ["roll", "slide", "stick", "bounce"])
+def test_slop_loosens_gaps_and_heights_alone(scheme_info, judge_history, name):
+    """An engine that leaves overlaps of 75 micrometres and states it is not held to round-off in gaps; nothing else changes."""
+    exact = scheme_info("semi-implicit-euler", "impulse")
+    case, params = get_case(RIGID_PANEL[name].case), RIGID_PANEL[name].params
+    before = judge_history(case, exact, params, None)
+    after = with_slop(before.checks, before.observed, dataclasses.replace(exact, slop=7.5e-5))
+    grown = {old.quantity for old, new in zip(before.checks, after, strict=True) if new.atol != old.atol}
+    assert any(each.startswith(("gap", "apex")) for each in grown)
+    assert all(
+        new.atol - old.atol == pytest.approx(7.5e-5, rel=1e-6)
+        for old, new in zip(before.checks, after, strict=True)
+        if old.quantity in grown
+    )
+    assert not {each for each in grown if each.startswith(("x", "v", "fn", "fs", "spin", "energy"))}
+
+
+@pytest.mark.parametrize(
+    ("contact", "slop"), [("impulse", 0.011), ("impulse", -1e-9), ("impulse", math.nan), ("spring", 1e-4)]
+)
+def test_a_slop_that_cannot_be_is_refused(scheme_info, contact, slop):
+    with pytest.raises(ValueError, match=r"slop = .* is not allowed"):
+        dataclasses.replace(scheme_info("some", contact), slop=slop)
 
 
 def test_who_follows_the_associated_rule(scheme_info):

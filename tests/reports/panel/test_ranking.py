@@ -9,8 +9,10 @@ import pytest
 
 from ninedisk.harness.results.schema import EvaluatedFinding
 from ninedisk.reports.panel import ranking
+from ninedisk.reports.panel.headlines import standings
 from ninedisk.reports.panel.load import load_store
 from ninedisk.reports.panel.model import build_panel, case_tables
+from ninedisk.reports.panel.uses import uses
 
 
 def headline(engine, dt, error, name="lift"):
@@ -120,3 +122,34 @@ def test_known_gaps_are_told_by_cause(tmp_path, write, small):
     assert coulomb.text == "the print contradicts Coulomb's law: no load"
     assert (coulomb.engines, coulomb.count) == (["A", "B"], 3)
     assert (other.text, other.count) == ("misread 7 N", 1)
+
+
+@pytest.mark.parametrize("status", ["fail", "error", "timeout"])
+def test_a_wrong_engine_is_never_closest(tmp_path, write, small, status):
+    """Its headline is exact, and one check fails or one cell breaks: it ranks last, after one that is off by half."""
+    tables = {"cells": [], "measurements": [], "headlines": []}
+    for engine, error, of in (("right", 0.5, "pass"), ("wrong", 1e-9, status)):
+        own = small(engine, status=of)
+        for table in ("cells", "measurements"):
+            tables[table] += [{**row, "variant": "dt=0.1", "params": json.dumps({"dt": 0.1})} for row in own[table]]
+        tables["headlines"].append(headline(engine, 0.1, error))
+    write(tmp_path, "a", tables)
+    panel = build_panel(load_store(tmp_path))
+    ranked = ranking.rank(panel, panel.cases["demo/one"])
+    assert [each.engine.id for each in ranked.engines] == ["right", "wrong"]
+    assert [ranked.place(each) for each in ranked.measured] == [1, 2]
+    assert [each.engine.id for each in ranked.closest] == ["right"]
+    assert ranked.farthest.engine.id == "right"
+    assert (
+        ranked.engines[1].summary.wrong
+        == {"fail": "1 check fails", "error": "1 error", "timeout": "1 time-out"}[status]
+    )
+    [sliding] = [use for use in uses(panel) if use.id == "sliding"]
+    assert (
+        [rank.engine.id for rank in sliding.best]
+        == [rank.engine.id for rank in sliding.widest or sliding.best]
+        == ["right"]
+    )
+    assert [(rank.engine.id, sliding.place(rank)) for rank in sliding.ranks] == [("right", 1), ("wrong", 2)]
+    assert "wrong" not in {rank.engine.id for rank in sliding.able}
+    assert [each.rank for name in ("right", "wrong") for each in standings(panel, name)] == [1, 2]
