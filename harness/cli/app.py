@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 from typing import Annotated, Any
 
 import typer
@@ -27,6 +28,7 @@ from ninedisk.harness.cli import (
     store,
 )
 from ninedisk.harness.cli import list as listing
+from ninedisk.harness.cli.pipe import guard_output
 from ninedisk.harness.cli.support import INTERRUPTED
 
 ORDER = (
@@ -98,7 +100,10 @@ def main() -> None:
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:  # under nohup a hang-up stays ignored
             signal.signal(number, signal.default_int_handler)
+    guard_output()
     try:
         app(prog_name="ninedisk")
     except KeyboardInterrupt:  # outside of a command: while it starts or ends
         raise SystemExit(INTERRUPTED) from None
+    finally:
+        sys.stdout.flush()

@@ -88,6 +88,7 @@ def converge(
             check_writable(flag, path)
     try:
         with CellProgress() as progress:
+            progress(0, halvings + 1, f"{case}: the coarsest level comes first and gives an estimate")
             record = measured(
                 case, engine=chosen_engine, params=params, options=chosen, halvings=halvings, progress=progress
             )

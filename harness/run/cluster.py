@@ -3,15 +3,22 @@
 The workers are the cluster's: how many there are, and that one which dies is replaced, is its business. A cell whose worker dies
 is begun again by the scheduler as often as its setting ``distributed.scheduler.allowed-failures`` says (3 by default), then once
 more in a process of this machine, which tells what became of it.
+
+A cluster without a worker is waited for, `NO_WORKER` seconds, and one whose scheduler is gone as long as Dask tries to reach it; then
+what is left of the cells ends as errors, and finished ones keep their results.
 """
 
 from __future__ import annotations
 
+import asyncio
 import pickle
+import queue
 import threading
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from concurrent.futures import CancelledError
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,13 +28,19 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.provenance import COMPUTING, cpu_model, package_folder
-from ninedisk.harness.run.runner import Progress
+from ninedisk.harness.run.runner import Progress, broken_cell
 from ninedisk.harness.run.workers import Task, TaskResult, pickled, run_in_workers, run_task
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 PATIENCE = 10.0
 """Seconds in which the scheduler has to answer, and a first worker to be there."""
+
+NO_WORKER = 60.0
+"""Seconds that a cluster may be without any worker, in which somebody may start one."""
+
+LOOK = 1.0
+"""Seconds between two looks at the cluster while no cell ends."""
 
 _ONE_CELL = threading.Lock()
 """A worker's threads share one process; engines are not made for that, and timings would mean nothing."""
@@ -38,6 +51,7 @@ class Cluster:
     """A Dask cluster that answers and whose workers have this very version."""
 
     client: Client
+    about: dict[str, Any] = field(default_factory=dict)
 
     def run(
         self,
@@ -49,12 +63,12 @@ class Cluster:
         memory: float | None = None,
     ) -> list[CaseResult]:
         """Results in the order of the cells; see `ninedisk.harness.run.workers.run_cells`."""
-        from distributed import as_completed
-
         folder = None if published is None else published.resolve()
         results: dict[int, CaseResult] = {}
         numbers: dict[Any, int] = {}
+        ended: queue.SimpleQueue[Future[bytes]] = queue.SimpleQueue()
         here: list[int] = []
+        watch = _Watch(self.client)
         try:
             for number, cell in enumerate(cells):
                 mistakes = raise_users_mistakes
@@ -62,18 +76,34 @@ class Cluster:
                 if payload is None:
                     here.append(number)
                 else:  # not pure: equal cells of two runs are two measurements
-                    numbers[self.client.submit(one_cell, payload, pure=False)] = number
+                    future = self.client.submit(one_cell, payload, pure=False)
+                    numbers[future] = number
+                    future.add_done_callback(ended.put)
             _tell(progress, results, cells, cells[0].name if cells else "")
-            for future in as_completed(list(numbers), loop=self.client.loop):
+            waiting = set(numbers.values())
+            while waiting and not watch.given_up:
+                try:
+                    future = ended.get(timeout=LOOK)
+                except queue.Empty:
+                    if note := watch.look():
+                        _tell(progress, results, cells, note)
+                    continue
                 number = numbers[future]
-                result = _result(future)
+                try:
+                    result = _result(future)
+                except (asyncio.CancelledError, CancelledError, OSError):  # nobody here cancels it
+                    watch.given_up = LOST
+                    continue
+                waiting.discard(number)
                 if result is None:
                     here.append(number)
                 else:
                     results[number] = result
                 _tell(progress, results, cells, cells[number].name)
+            results |= {number: broken_cell(cells[number], f"not run: {watch.given_up}") for number in waiting}
         finally:
-            self.client.cancel(list(numbers))
+            if not watch.given_up:
+                self.client.cancel(list(numbers))
         # Dask blames a worker's death on all cells that it held; a process for each tells which of them it was.
         mine = [cells[number] for number in sorted(here)]
         again = run_in_workers(mine, jobs=1, published=folder, raise_users_mistakes=raise_users_mistakes, memory=memory)
@@ -83,8 +113,36 @@ class Cluster:
 
     def facts(self) -> dict[str, Any]:
         """What the provenance says of it: cells at once, and the processors of the workers."""
-        models = self.client.run(cpu_model)
-        return {"jobs": len(models), "cpu": " + ".join(sorted(set(models.values()))), "dask": version("distributed")}
+        return self.about
+
+
+LOST = "the scheduler of the Dask cluster is lost; start it again, then run the rest of the cells"
+
+
+class _Watch:
+    """How a cluster is while no cell ends; ``given_up`` says why no more can be expected of it, ``""`` as long as it can."""
+
+    def __init__(self, client: Client) -> None:
+        self._client, self._without, self.given_up = client, 0.0, ""
+
+    def look(self) -> str:
+        """What to show of a cluster that is short of something; ``""`` where it is not."""
+        if self._client.status in ("closing", "closed"):
+            self.given_up = LOST
+            return ""
+        workers = 0
+        if self._client.status == "running":
+            with suppress(Exception):  # it is being lost: the status will say so
+                workers = len(self._client.nthreads())
+        if workers:
+            self._without = 0.0
+            return ""
+        now = time.monotonic()
+        self._without = self._without or now
+        if now - self._without > NO_WORKER:
+            running = self._client.status == "running"
+            self.given_up = f"the Dask cluster had no worker for {NO_WORKER:g} s; start some" if running else LOST
+        return f"no worker is left in the Dask cluster: waits {NO_WORKER:g} s for one"
 
 
 @contextmanager
@@ -106,9 +164,14 @@ def connected(address: str) -> Iterator[Cluster]:
         raise UsageError(
             f"--dask {address!r}: no Dask scheduler answers there ({error}); start one with dask scheduler, or give --jobs"
         ) from error
-    with client:
+    try:
         _check_workers(client, address)
-        yield Cluster(client)
+        models = client.run(cpu_model)  # now: a cluster that is lost later cannot be asked
+        cpus = " + ".join(sorted(set(models.values())))
+        yield Cluster(client, {"jobs": len(models), "cpu": cpus, "dask": version("distributed")})
+    finally:
+        with suppress(Exception, asyncio.CancelledError):  # a client that is connecting again cannot be closed in order
+            client.close(timeout=PATIENCE)
 
 
 def _result(future: Future[bytes]) -> CaseResult | None:

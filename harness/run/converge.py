@@ -8,6 +8,7 @@ what round-off makes of a scene's quantities stand at the end.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
@@ -21,6 +22,7 @@ from ninedisk.harness.api.case import Case, Check, Observed, Setup
 from ninedisk.harness.api.engine import Engine, EngineInfo, facts_of
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.support import contact_steps
+from ninedisk.harness.api.text import duration
 from ninedisk.harness.cases.matched import slip_of
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import CaseResult
@@ -91,12 +93,16 @@ def converge(
     name = step_name(cell.case, cell.setup, info)
     coarsest = contact_steps(cell.setup.scene, cell.setup.numerics)[1] if name == "contact_dt" else None
     sizes, results = [], []
+    left, begin = "", time.monotonic()
     for level in range(halvings + 1):
         finer, size = refined(cell, name, coarsest, level, params or {}, options)
         if progress is not None:
-            progress(level, halvings + 1, f"{cell.name}, {name} = {size:.4g}")
+            progress(level, halvings + 1, f"{cell.name}, {name} = {size:.4g}{left}")
         results.append(_ran(run_cell(finer, raise_users_mistakes=True), f"{name} = {size:.4g}"))
         sizes.append(size)
+        # Each level takes twice the time of the one before: what is left is that of the last one times 2 + 4 + ...
+        took, begin = time.monotonic() - begin, time.monotonic()
+        left = f", about {duration(took * (2.0 ** (halvings - level + 1) - 2.0))} left"
     if progress is not None:
         progress(halvings + 1, halvings + 1, "")
     expected, why = expected_order(cell.case, cell.variant.params, cell.setup, info)

@@ -28,7 +28,7 @@
     return values.map(value => [value, u.valToPos(value, "x")]).reverse().map(([value, at]) => {
       if (free - at < 42) return "";
       free = at;
-      return short(value);
+      return short(+value.toPrecision(3)); // marks at measured places, steps halved for instance, have as many digits as a double
     }).reverse();
   };
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -89,6 +90,32 @@ def test_a_closed_pipe_gives_no_traceback(tmp_path: Path, fake_environment: dict
     )
     assert "Traceback" not in done.stderr
     assert "Error" not in done.stderr
+
+
+@pytest.mark.parametrize(("engine", "code"), [("fake-good", 0), ("fake-wrong", 1)])
+def test_a_reader_that_leaves_changes_no_verdict(
+    tmp_path: Path, fake_environment: dict[str, str], engine: str, code: int
+) -> None:
+    """Its end of the pipe is closed before the first line: exit code, results and files are those of the run all the same."""
+    reads, writes = os.pipe()
+    os.close(reads)
+    done = subprocess.run(
+        command("run", "fake/fall", "-e", engine, "--json", "rows.json"),
+        cwd=tmp_path, env=fake_environment, stdout=writes, stderr=subprocess.PIPE, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    os.close(writes)
+    assert done.returncode == code, done.stderr
+    assert "rror" not in done.stderr
+    assert len(run_ids(tmp_path / "results")) == 1
+    assert json.loads((tmp_path / "rows.json").read_text())
+    for words in (["show"], ["run", "--help"]):
+        reads, writes = os.pipe()
+        os.close(reads)
+        done = subprocess.run(command(*words), cwd=tmp_path, env=fake_environment, stdout=writes, stderr=subprocess.PIPE,
+                              text=True, timeout=300, check=False)  # fmt: skip
+        os.close(writes)
+        assert done.returncode == 0, (words, done.stderr)
+        assert "rror" not in done.stderr
 
 
 def test_argv_is_recorded_without_folders(tmp_path: Path, fake_environment: dict[str, str]) -> None:

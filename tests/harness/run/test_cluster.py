@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -68,6 +72,62 @@ def test_a_dying_worker_costs_no_other_cell(address: str) -> None:
     assert results[3].reason == "its process was ended by SIGKILL, 2 times in a row"
     assert [at[0] for at in seen] == sorted(at[0] for at in seen)
     assert seen[-1] == (6, 6, "")
+
+
+def start(*words: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-m", "distributed.cli." + words[0], *words[1:]], stdout=subprocess.DEVNULL,
+                            stderr=subprocess.DEVNULL)  # fmt: skip
+
+
+@pytest.mark.parametrize("lost", ["worker", "scheduler"])
+@pytest.mark.usefixtures("fakes")
+def test_a_cluster_that_is_lost_keeps_what_is_done(
+    tmp_path: Path, fake_folder: Path, monkeypatch: pytest.MonkeyPatch, lost: str
+) -> None:
+    """Its only worker, or its scheduler, ends while a cell runs: the run says so, gives up, and stores the cells that are done."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(fake_folder))
+    for name in ("PATIENCE", "NO_WORKER"):
+        monkeypatch.setattr(f"ninedisk.harness.run.cluster.{name}", 30.0 if name == "PATIENCE" else 3.0)
+    about = tmp_path / "scheduler.json"
+    ours = {"scheduler": start("dask_scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(about))}
+    try:
+        ours["worker"] = start("dask_worker", "--scheduler-file", str(about), "--nworkers", "1", "--nthreads", "1", "--no-nanny",
+                               "--no-dashboard")  # fmt: skip
+        end = time.monotonic() + 120.0
+        while not about.exists():
+            assert time.monotonic() < end
+            time.sleep(0.1)
+
+        def kill() -> None:
+            while not (tmp_path / "slow.started").exists() and time.monotonic() < end:
+                time.sleep(0.05)
+            for name in {"worker": ["worker"], "scheduler": ["scheduler", "worker"]}[lost]:
+                ours[name].kill()
+
+        threading.Thread(target=kill, daemon=True).start()
+        words = [
+            "run",
+            "fake/fall",
+            "-e",
+            "fake-good",
+            "-e",
+            "fake-slow",
+            "--set",
+            "a=1",
+            "--dask",
+            str(json.loads(about.read_text())["address"]),
+        ]
+        done = CliRunner().invoke(app, words)
+    finally:
+        for process in ours.values():
+            process.kill()
+            process.wait()
+    assert done.exit_code == 3, done.output
+    why = {"worker": "the Dask cluster had no worker for 3 s", "scheduler": "the scheduler of the Dask cluster is lost"}
+    assert f"fake-slow: not run: {why[lost]}" in done.stdout, done.output
+    assert "cells: 1 error, 1 pass" in done.stdout
+    assert len(run_ids(tmp_path / "results")) == 1
 
 
 def test_a_worker_of_another_version_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
