@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import signal
+import sys
 from typing import Annotated, Any
 
 import typer
@@ -98,6 +100,9 @@ def main() -> None:
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:  # under nohup a hang-up stays ignored
             signal.signal(number, signal.default_int_handler)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # names of files and arguments need not be text in any encoding
+            stream.reconfigure(errors="backslashreplace")
     try:
         app(prog_name="ninedisk")
     except KeyboardInterrupt:  # outside of a command: while it starts or ends
