@@ -7,6 +7,7 @@ over the variants of the newest run of that engine in that version; every number
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import math
 import re
@@ -243,7 +244,7 @@ def _difference(anew: Path, held: Path) -> str:
         import pyarrow.parquet as pq
 
         try:
-            one, two = (pq.ParquetFile(path).read() for path in (anew, held))
+            one, two = (pq.ParquetFile(io.BytesIO(path.read_bytes())).read() for path in (anew, held))
         except (OSError, pa.ArrowException) as error:
             return f"it cannot be read ({error})"
         # Row by row as text: a NaN equals no NaN, and every digit of a double is in its text.
@@ -399,7 +400,8 @@ def _write_data(page: Path, place: Place, held: Sequence[Outcome]) -> None:
     )
     both = [{"table": name, **row} for name, table in rows.items() for row in table]
     flat = {name: [row.get(name) for row in both] for name in dict.fromkeys(("table", "run", *OF_HEADLINE, *OF_CHECK))}
-    pq.write_table(pa.table(flat), page.with_suffix(".parquet"), compression="zstd")
+    with page.with_suffix(".parquet").open("wb") as stream:  # Arrow takes no path that is not UTF-8
+        pq.write_table(pa.table(flat), stream, compression="zstd")
 
 
 def _row(row: Row, columns: Sequence[str], run: RunFacts) -> Row:

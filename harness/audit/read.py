@@ -423,7 +423,7 @@ def _parquet(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> T
     import pyarrow.parquet as pq
 
     try:
-        file = pq.ParquetFile(path)
+        file = pq.ParquetFile(path.open("rb"))  # Arrow takes no path that is not UTF-8; read later, frame by frame
     except (OSError, pa.ArrowInvalid) as error:
         raise UsageError(f"{path} is no Parquet file that can be read ({error}): give {FORMS}") from error
     names = list(file.schema_arrow.names)

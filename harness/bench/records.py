@@ -118,7 +118,8 @@ def write_records(folder: Path, run_id: str, facts: Mapping[str, Any], rows: Seq
             if path.suffix == ".json":
                 half.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
             else:
-                pq.write_table(table, half, compression="zstd")
+                with half.open("wb") as stream:  # Arrow takes no path that is not UTF-8
+                    pq.write_table(table, stream, compression="zstd")
             half.replace(path)
     except OSError as error:
         raise StoreError(f"the record {str(paths[0])!r} cannot be written ({error.strerror or error})") from error

@@ -193,5 +193,7 @@ def _untested(outcomes: Sequence[Outcome]) -> Iterator[str]:
     for each in outcomes:
         if each.status == UNSEEN:
             yield f"ran, and none of its numbers is observed: {each.check}"
-    if left := [name for name, each in refused.items() if not each.declared]:
+        if each.status == REFUSED and each.check.removeprefix("supports: ") not in Capability.__members__:
+            yield f"not run: {each.check} ({each.found})"
+    if left := [name for name, each in refused.items() if not each.declared and name in Capability.__members__]:
         yield f"not declared, so not tested ({len(left)}): {', '.join(left)}"

@@ -91,7 +91,7 @@ def new_engine(
         typer.Option("--language", metavar="LANGUAGE", help="An engine by its command, in javascript, c or python."),
     ] = None,
     spheres: Annotated[
-        bool, typer.Option("--spheres", help="An engine of spheres in space; with --language python.")
+        bool, typer.Option("--spheres", help="An engine of spheres in space; with --language javascript or python.")
     ] = False,
 ) -> None:
     """Write a package that brings an engine: an adapter that works, tests that run the suite, known gaps, a CI example.
@@ -105,7 +105,7 @@ def new_engine(
       ninedisk new-engine acme
       ninedisk new-engine acme --out packages/ninedisk-acme
       ninedisk new-engine acme --language javascript
-      ninedisk new-engine acme --language python --spheres
+      ninedisk new-engine acme --language javascript --spheres
       pip install --editable packages/ninedisk-acme && ninedisk check-engine acme
     """
     from ninedisk.harness.new_engine.write import LANGUAGES, write_package

@@ -79,10 +79,10 @@ def findings(
 
     \b
     Exit codes:
-      0  each finding that the store can tell of is there, as it is known
+      0  each finding that the store can tell of is there, as it is known; without a stored run they are listed
       1  one is gone or larger: what is known of an engine has changed, look at it
          (of an engine given by --engine-cmd this is about differences that it declares; what it shows besides is told, not judged)
-      2  wrong usage, a store that cannot be read, or one that cannot tell of any of these findings
+      2  wrong usage, or a store that cannot be read
     """
     from ninedisk.harness.api.finding import finding_problems, known_findings
     from ninedisk.harness.results.findings import evaluate, exit_code
@@ -104,13 +104,15 @@ def findings(
     counts = Counter(each.verdict for each in chosen)
     if globs:
         _details(chosen)
-    elif set(counts) != {"not-measured"}:
+    elif set(counts) == {"not-measured"}:
+        _known(chosen)
+    else:
         _table(chosen)
     console().print(", ".join(f"{counts[verdict]} {verdict}" for verdict in FINDING_VERDICTS if counts[verdict]))
     if set(counts) == {"not-measured"}:
         run = chosen[0].command if len(chosen) == 1 else "ninedisk run"
-        raise UsageError(
-            f"the store {str(store)!r} can tell of none of these findings ({chosen[0].reason}); `{run} --store {store}` would"
+        typer.echo(
+            f"note: none is measured, {chosen[0].reason} ({str(store)!r}); `{run} --store {store}` would", err=True
         )
     if json_file is not None:
         write_rows(json_file, [asdict(each) for each in chosen])
@@ -215,6 +217,14 @@ def _table(found: Sequence[EvaluatedFinding]) -> None:
         out.print(shown)
     if left := [each.id for each in found if each.verdict == "not-measured"]:
         out.print(printable(f"not measured: {', '.join(left)}; `ninedisk findings ID` says why"), soft_wrap=True)
+
+
+def _known(found: Sequence[EvaluatedFinding]) -> None:
+    """What is known, where the store has no size of it."""
+    shown = table("finding", "seen in", "what happens")
+    for each in sorted(found, key=lambda each: each.id):
+        shown.add_row(*(printable(part) for part in (each.id, each.versions, each.what)))
+    console().print(shown)
 
 
 def _details(found: Sequence[EvaluatedFinding]) -> None:

@@ -54,6 +54,9 @@ def request(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Fix a parameter, as in ninedisk run; repeat for several."),
     ] = None,
+    engine: Annotated[
+        str | None, typer.Option("--engine", "-e", metavar="ID", help="An engine by its id; ninedisk list engines.")
+    ] = None,
     command: Command = None,
     options: Annotated[
         list[str] | None,
@@ -62,18 +65,25 @@ def request(
 ) -> None:
     """Print the request that `ENGINE run` reads for one variant of a case, to try an engine by hand.
 
-    With --engine-cmd it is exactly what this engine gets, with a note on standard error where `ninedisk run` would not ask it at
-    all; without, what an engine with contact springs gets.
+    With --engine-cmd or --engine it is exactly what this engine gets, with a note on standard error where `ninedisk run` would not
+    ask it at all; without, what an engine with contact springs gets. --option belongs to one of these engines.
 
     \b
     Examples:
       ninedisk request binary-collision > request.json
+      ninedisk request binary-collision --engine siconos --option siconos.theta=1
       ninedisk request nine-disk/compression --set load_case=b1 --engine-cmd 'node my-engine.mjs' | node my-engine.mjs run
     """
+    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.api.registry import get_engine
+    from ninedisk.harness.wire.command import CommandEngine
     from ninedisk.harness.wire.example import example_request
 
+    if engine is not None and command is not None:
+        raise UsageError("give one engine: --engine ID or --engine-cmd COMMAND")
+    asked = get_engine(engine) if engine is not None else CommandEngine(command) if command is not None else None
     chosen = parse_settings(options or [], flag="--option", example="mine.theta=1")
-    typer.echo(example_request(case, parse_settings(settings or []), command, chosen, _note))
+    typer.echo(example_request(case, parse_settings(settings or []), asked, chosen, _note))
 
 
 def _note(text: str) -> None:

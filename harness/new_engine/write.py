@@ -37,6 +37,9 @@ LANGUAGES = {
 }
 """Languages of engines behind a command: the file of the engine, its command, and the one that builds it."""
 
+OF_SPHERES = ("javascript", "python")
+"""Languages that have a skeleton of an engine of spheres."""
+
 
 def files_of(language: str | None, *, spheres: bool = False) -> dict[str, str]:
     """Files that are written, and their templates.
@@ -46,10 +49,10 @@ def files_of(language: str | None, *, spheres: bool = False) -> dict[str, str]:
     UsageError
         If there is no skeleton in this language, or none for spheres.
     """
-    if spheres and language != "python":
+    if spheres and language not in OF_SPHERES:
         raise UsageError(
-            "--spheres goes with --language python: the skeleton of an engine in space is one by its command; a package that is imported "
-            "takes both kinds of scene in its `supports` and `run`, as docs/engines.md tells"
+            f"--spheres goes with --language {' or '.join(OF_SPHERES)}: there is no skeleton of an engine in space in C; a package that is "
+            "imported takes both kinds of scene in its `supports` and `run`, see docs/engines.md"
         )
     if language is None:
         return FILES

@@ -182,7 +182,8 @@ def _read_json(path: Path) -> list[Row]:
 def _read_parquet(path: Path) -> list[Row]:
     import pyarrow.parquet as pq
 
-    table = pq.ParquetFile(path).read(use_threads=False)
+    with path.open("rb") as stream:  # Arrow takes no path that is not UTF-8
+        table = pq.ParquetFile(stream).read(use_threads=False)
     _expect_columns(path, table.column_names)
     rows: list[Row] = table.to_pylist()
     return rows

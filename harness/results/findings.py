@@ -21,7 +21,6 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.finding import Finding, Size, sign_of
 from ninedisk.harness.results.reader import CellKey, cell_key, moment, read_about, read_determinism, read_rows, run_ids
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding, Row, row_tolerance
@@ -86,8 +85,8 @@ def evaluate(
 
     Raises
     ------
-    UsageError
-        If the store has no finished run; `StoreError` if one cannot be read.
+    StoreError
+        If a run of the store cannot be read.
     """
     cells = _cells(store, findings, progress)
     found = [_evaluated(each, engine or each.engine, cells) for each in findings]
@@ -110,8 +109,6 @@ def _cells(store: Path, findings: Sequence[Finding], progress: Progress | None) 
         key=lambda about: moment(str(about["started"])),
         reverse=True,
     )
-    if not abouts:
-        raise UsageError(f"the store {str(store)!r} has no finished run: run `ninedisk run --store {store}` first")
     asked = {(each.size.case, name) for each in findings for name in (each.size.quantity, each.size.per) if name}
     kept: dict[CellKey, list[Kept]] = {}
     for done, about in enumerate(abouts):
@@ -148,7 +145,9 @@ def _evaluated(finding: Finding, engine: str, cells: Mapping[CellKey, Sequence[K
     if not mine:
         known = {case for case, _, _ in cells}, {name for _, _, name in cells}
         lacks = (
-            f"case {size.case!r}"
+            "finished run"
+            if not cells
+            else f"case {size.case!r}"
             if size.case not in known[0]
             else f"engine {engine!r}"
             if engine not in known[1]

@@ -133,10 +133,12 @@ def _read(store: Path, about: Mapping[str, Any], name: str, columns: Sequence[st
     if about["schema_version"] < SINCE.get(name, OLDEST_SCHEMA):
         return pa.table({column: pa.array([], arrow[kind]) for column, kind in kinds.items()})
     try:
-        # Not `pandas.read_parquet`: that takes words such as "a=b" in the folder's name for columns.
-        file = pq.ParquetFile(store / "runs" / run_id / f"{name}.parquet")
-        held = [column for column in kinds if column in file.schema_arrow.names]
-        table = file.read(columns=held, use_threads=False)
+        # Not `pandas.read_parquet`: that takes words such as "a=b" in the folder's name for columns. Opened here, since Arrow
+        # takes no path that is not UTF-8.
+        with (store / "runs" / run_id / f"{name}.parquet").open("rb") as stream:
+            file = pq.ParquetFile(stream)
+            held = [column for column in kinds if column in file.schema_arrow.names]
+            table = file.read(columns=held, use_threads=False)
         table.validate(full=True)  # a checksum is nothing that these files have
         missing = sorted(set(kinds) - set(held))
         if missing and about["schema_version"] == SCHEMA_VERSION:

@@ -127,7 +127,8 @@ def write_run(
         temporary.mkdir(parents=True)
         for name, table in tables(results, claims).items():
             path = temporary / f"{name}.parquet"
-            write_table(table, TABLES[name], path)
+            with path.open("wb") as stream:  # Arrow takes no path that is not UTF-8
+                write_table(table, TABLES[name], stream)
             _flush(path)
         about = {**facts, "run_id": run_id, "schema_version": SCHEMA_VERSION}
         path = temporary / "run.json"

@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -132,7 +131,7 @@ def distinct_curves(results: Sequence[CaseResult]) -> list[CurveColumns]:
     return list(kept.values())
 
 
-def write_table(table: Columns, columns: Mapping[str, str], path: Path | IO[bytes]) -> None:
+def write_table(table: Columns, columns: Mapping[str, str], stream: IO[bytes]) -> None:
     """Write a table as Parquet, its columns of the kinds that the schema names; an unknown number is null in the file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -141,7 +140,7 @@ def write_table(table: Columns, columns: Mapping[str, str], path: Path | IO[byte
         name: _arrow_of_texts(table[name]) if kind == "string" else _arrow_of_numbers(table[name], kind)
         for name, kind in columns.items()
     }
-    pq.write_table(pa.table(found), path, compression="zstd")
+    pq.write_table(pa.table(found), stream, compression="zstd")
 
 
 # Arrow is handed the bytes of its arrays: `pyarrow.array` loads pandas, which takes longer than many a run.
@@ -185,7 +184,7 @@ def _of_curves(curves: Sequence[CurveColumns], columns: Mapping[str, str]) -> Co
 
 def _storable(value: Any) -> Any:
     """Text as UTF-8 can hold it: a path or an engine's message may have halves of characters (surrogates)."""
-    return value.encode("utf-8", errors="replace").decode("utf-8") if isinstance(value, str) else value
+    return value.encode("utf-8", errors="backslashreplace").decode("utf-8") if isinstance(value, str) else value
 
 
 def plain_json(data: Any) -> str:
@@ -195,13 +194,13 @@ def plain_json(data: Any) -> str:
 
 def _plain(data: Any) -> Any:
     if isinstance(data, Mapping):
-        return {str(key): _plain(value) for key, value in data.items()}
+        return {_storable(str(key)): _plain(value) for key, value in data.items()}
     if isinstance(data, list | tuple):
         return [_plain(value) for value in data]
     if isinstance(data, np.ndarray | np.generic):
         return _plain(data.tolist())
     if isinstance(data, float) and not math.isfinite(data):
         return None
-    if data is None or isinstance(data, str | int | float | bool):
+    if data is None or isinstance(data, int | float | bool):
         return data
-    return str(data)
+    return _storable(str(data))

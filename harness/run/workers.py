@@ -192,7 +192,7 @@ def run_task(payload: bytes) -> bytes:
 
 
 def serve(link: int, dump: int) -> None:
-    """TaskResult tasks until the link closes: the main function of a worker.
+    """Run tasks and answer each, until the link closes: the main function of a worker.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ninedisk.harness.api.engine import SupportLevel
+from ninedisk.harness.api.engine import Engine, SupportLevel, facts_of
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
@@ -21,32 +21,36 @@ ANSWER_FILE = "answer.json"
 def example_request(
     case_id: str,
     params: Mapping[str, Any],
-    command_line: str | None = None,
+    engine: Engine | None = None,
     options: Mapping[str, Any] | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> str:
-    """Text of the request as the engine behind ``command_line`` gets it, its ``options`` in it; ``tell`` hears if a run does not ask it.
+    """Text of the request as an engine gets it, its ``options`` in it; ``tell`` hears if a run does not ask it.
 
-    Without a command it is that of an engine with contact springs; others ignore ``contact_dt``.
+    Without an engine it is that of an engine with contact springs; others ignore ``contact_dt``.
 
     Raises
     ------
     UsageError, ParameterError, CoreError
-        Unknown case, parameter or option, a value out of range, an impossible scene, no such program, or one that does not say
-        what engine it is.
+        Unknown case, parameter or option, a value out of range, or an impossible scene.
+    EngineError
+        If the engine does not say what it is.
     """
-    if command_line is not None:
-        engine = CommandEngine(command_line)
+    if engine is not None:
         setup = plan_case(case_id, engine, params, options).setup
         if isinstance(setup, Exception):
             raise setup
         support = support_of(engine, setup.scene, setup.numerics)
         if support.level is SupportLevel.NO:
-            tell(f"a run does not ask {engine.id} for this: {why_not(engine.info(), support)}")
-        scene, numerics = engine.asked(setup.scene, setup.numerics)
+            tell(f"a run does not ask {engine.id} for this: {why_not(facts_of(engine), support)}")
+        scene, numerics = setup.scene, setup.numerics
+        if isinstance(engine, CommandEngine):
+            scene, numerics = engine.asked(scene, numerics)
+        elif facts_of(engine).contact == "spring":
+            numerics = numerics.replace(contact_dt=contact_steps(scene, numerics)[1])
     else:
         if options:
-            raise UsageError("--option belongs to an engine: add --engine-cmd COMMAND")
+            raise UsageError("--option belongs to an engine: add --engine ID or --engine-cmd COMMAND")
         case = get_case(case_id)
         setup = case.build(resolve(case, params).params)
         scene, numerics = setup.scene, setup.numerics.replace(contact_dt=contact_steps(setup.scene, setup.numerics)[1])

@@ -17,7 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.new_engine.write import FILES, LANGUAGES
+from ninedisk.harness.new_engine.write import FILES, LANGUAGES, OF_SPHERES
 from ninedisk.harness.run.gaps import read_gaps
 
 
@@ -65,9 +65,8 @@ def test_it_is_listed_with_its_origin(installed: Callable[..., subprocess.Comple
 def test_it_passes_check_engine(installed: Callable[..., subprocess.CompletedProcess[str]]) -> None:
     done = installed("ninedisk", "check-engine", "acme-dem")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert re.search(
-        r"^acme-dem: 15 pass, \d+ refused$", done.stdout, re.MULTILINE
-    )  # what it does not declare is refused
+    assert re.search(r"^acme-dem \S+: nothing wrong was found, 15 checks pass$", done.stdout, re.MULTILINE)
+    assert "not declared, so not tested" in done.stdout
 
 
 @pytest.mark.long
@@ -119,7 +118,8 @@ def test_the_example_in_its_known_gaps_is_one(package: Path, tmp_path: Path) -> 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("language", "spheres"), [*((each, False) for each in LANGUAGES), pytest.param("python", True, id="spheres")]
+    ("language", "spheres"),
+    [*((each, False) for each in LANGUAGES), *(pytest.param(each, True, id=f"spheres-{each}") for each in OF_SPHERES)],
 )
 def test_a_skeleton_by_its_command_passes_what_it_declares(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, language: str, spheres: bool
@@ -156,7 +156,7 @@ def test_a_skeleton_by_its_command_passes_what_it_declares(
     source = Path(file).read_text()
     wrong = re.sub(r"\+= dt \* (\w+(\[\"gravity\"\])?\[k\])", r"+= 0.9 * dt * \1", source, count=1)
     if spheres:
-        wrong = source.replace('-law["kn"] * gap', '-0.9 * law["kn"] * gap')
+        wrong = re.sub(r"-law(\[\"kn\"\]|\.kn) \* gap", r"-0.9 * law\1 * gap", source)
     assert wrong != source
     Path(file).write_text(wrong)
     assert checked().exit_code == 1
@@ -172,7 +172,8 @@ def test_a_skeleton_by_its_command_passes_what_it_declares(
         (("dem",), "there is an engine 'dem' already, of ninedisk"),
         (("acme", "--out", "taken"), "'taken' exists"),
         (("acme", "--language", "cobol"), "--language 'cobol' is not allowed: use javascript, c, python"),
-        (("acme", "--spheres"), "--spheres goes with --language python"),
+        (("acme", "--spheres"), "--spheres goes with --language javascript or python"),
+        (("acme", "--spheres", "--language", "c"), "there is no skeleton of an engine in space in C"),
         (("acme", "--out", "no/where"), "cannot be written (No such file or directory)"),
     ],
 )

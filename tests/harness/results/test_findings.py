@@ -316,7 +316,6 @@ def test_sizes_are_relative_and_ranked(store: Path) -> None:
     [
         (["cd/sliding-lift"], "Did you mean 'cd/sliding-lifts'"),
         (["--engine", "yode"], "Engines with findings"),
-        (["kratos/*"], "can tell of none"),
         (["--json", "/nowhere/at/all.json"], "--json"),
     ],
 )
@@ -324,6 +323,22 @@ def test_a_mistake_is_explained(store: Path, words: list[str], says: str) -> Non
     answer = CliRunner().invoke(app, ["findings", "--store", str(store), *words])
     assert answer.exit_code == 2
     assert says in answer.output + answer.stderr
+
+
+@pytest.mark.parametrize("place", ["nowhere", "here"])
+def test_what_is_known_is_listed_without_a_stored_run(place: str, store: Path, tmp_path: Path) -> None:
+    folder = str(tmp_path / "nowhere" if place == "nowhere" else store)
+    few = ["kratos/*"] if place == "here" else []
+    answer = CliRunner().invoke(app, ["findings", "--store", folder, *few])
+    assert answer.exit_code == 0, answer.output
+    assert "note: none is measured, the store has no " in answer.stderr
+    shown = " ".join(answer.stdout.split())
+    for each in (each for each in FINDINGS if each.engine == "kratos" or place == "nowhere"):
+        assert each.id in shown
+    one = CliRunner().invoke(app, ["findings", "--store", folder, "kratos/arm-at-walls"])
+    assert one.exit_code == 0
+    assert "verdict: not-measured: the store has no " in one.stdout
+    assert "see it: ninedisk run" in one.stdout
 
 
 def test_json_holds_every_number(store: Path, tmp_path: Path) -> None:
