@@ -9,7 +9,7 @@ from ninedisk.harness.api.capabilities import SPACE, Capability
 from ninedisk.harness.api.engine import Engine, EngineError, EngineUnsupportedError, SupportLevel
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
-from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres
+from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres, unequal
 from ninedisk.harness.check_engine import conduct
 from ninedisk.harness.check_engine.outcomes import REFUSED, Bench, Outcome, attempt
 
@@ -72,6 +72,9 @@ def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Outcome]]]:
         yield name, _bound(bench, name, check, probe)
     for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
         yield name, _judged(bench, name, probe)
+    if Capability.SPHERES in info.capabilities:
+        for name, probe in unequal(info):
+            yield name, _judged(bench, name, probe)
     for asked in Capability:
         if probe_in_space(asked, info) is None and not info.plane:
             continue
