@@ -9,7 +9,7 @@ CAPABILITIES = """spheres linear-contact hertz-mindlin unloading-none unloading-
     contact-damping moving-walls gravity blocked-rotation held-motion fixed-disks lever-arm-radius slip-end"""
 HISTORY = "step t x v angle omega gap fn fs wall_point wall_angle wall_force"
 ABOUT = {"wire_version": 1, "id": "sphere-dem", "version": "1.0", "contact": "spring", "scheme": "central-difference",
-         "plane": False}  # fmt: skip
+         "plane": False, "shear_keeps_twist": True}  # fmt: skip
 
 
 def dot(a, b):

@@ -9,7 +9,7 @@ from ninedisk.harness.api.capabilities import SPACE, Capability, capabilities_ne
 from ninedisk.harness.api.engine import Engine, EngineUnsupportedError, SupportLevel, facts_of
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
-from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres
+from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres, unequal
 from ninedisk.harness.check_engine import conduct
 from ninedisk.harness.check_engine.outcomes import REFUSED, Bench, Outcome, attempt, outcome
 
@@ -73,6 +73,9 @@ def _checks(bench: Bench) -> Iterator[Check]:
         yield name, _bound(bench, name, check, probe), frozenset()
     for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
         yield name, _judged(bench, name, probe), _needs(probe)
+    if Capability.SPHERES in info.capabilities:
+        for name, probe in unequal(info):
+            yield name, _judged(bench, name, probe), _needs(probe)
     for asked in Capability:
         if probe_in_space(asked, info) is None and not info.plane:
             continue

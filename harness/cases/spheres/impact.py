@@ -96,8 +96,8 @@ def observed_of(contact: Contact, history: History) -> Observed:
         "spin_final": ("rad/s", float(series["spin"][1][-1])),
         "slip_final": ("m/s", float(slip[-1])),
         "restitution_effective": ("1", 0.0 - out / speed),
-        "overlap_max": ("m", _peak(-gap)),
-        "force_max": ("N", _peak(history.fn[:, 0])),
+        "overlap_max": ("m", peak(-gap)),
+        "force_max": ("N", peak(history.fn[:, 0])),
     }
     with np.errstate(divide="ignore", invalid="ignore"):
         left = history.t[-1] - float(np.float64(gap[-1]) / -out)
@@ -108,7 +108,7 @@ def observed_of(contact: Contact, history: History) -> Observed:
     return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
 
-def _peak(values: FloatArray) -> float:
+def peak(values: FloatArray) -> float:
     """Top of the parabola through the largest value and its neighbours; NaN where there is none."""
     if not np.isfinite(values).all():
         return math.nan

@@ -145,8 +145,9 @@ class OnSaddle:
         angle = room * grown / rate * fastest
         roll = ratio + 1.0
         turned = np.sqrt(np.maximum(2.0 * (math.cos(BEGIN) - np.cos(truth)), 0.0)) * rate * roll
+        # Rigid engines find the line of centres and the speed a step earlier or later each.
         # The shear springs bear friction from the start: the spin swings about that of rolling by what they give way.
-        swing, wobble = rate**2 * roll * (numerics.dt + slack_time(engine, numerics.dt)), 0.0
+        swing, wobble = rate**2 * roll * (2.0 * numerics.dt + slack_time(engine, numerics.dt)), 0.0
         if engine.contact == "spring":
             law = setup.scene.sphere_sphere
             friction = 0.4 * MASS * roll * rate**2 / (found.arm / RADIUS) * RADIUS * math.sin(END)

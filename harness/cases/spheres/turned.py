@@ -75,6 +75,7 @@ class Turned:
                   help="plane and sphere turn as one body; two spheres that spin about their normal; one that passes another"),
         Parameter(name="axis", default="across", choices=tuple(AXES), in_id=True,
                   help="of the turn, across the normal or skew; of kind plane"),
+        Parameter(name="turns", default=1.0, low=0.1, high=100.0, unit="-", help="of the plane with its sphere"),
         Parameter(name="steps", default=2000, low=200, high=1e6, whole=True, unit="-", help="contact steps of the run, a multiple of 100"),
     )  # fmt: skip
     figures = (
@@ -91,8 +92,11 @@ class Turned:
     )  # fmt: skip
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Each kind; the plane about both axes."""
-        return [{"kind": "plane"}, {"kind": "plane", "axis": "skew"}, {"kind": "spun"}, {"kind": "passed"}]
+        """Each kind; the plane about both axes, and three times."""
+        return [
+            {"kind": "plane"}, {"kind": "plane", "axis": "skew"}, {"kind": "plane", "axis": "skew", "turns": 3.0}, {"kind": "spun"},
+            {"kind": "passed"},
+        ]  # fmt: skip
 
     def build(self, params: Mapping[str, Any]) -> SphereSetup:
         """Contacts overlap from the start, their springs begin unloaded."""
@@ -111,7 +115,7 @@ class Turned:
             floor = (CENTRE[0], CENTRE[1], CENTRE[2] - RADIUS + OVERLAP)
             walls = (PlaneWall(name="plane", point=floor, normal=(0.0, 0.0, 1.0), law=law, motion=motion),)
             spheres = Spheres(x=one[None], omega=np.array([spin]), radius=np.array([RADIUS]), mass=np.array([MASS]))
-            duration = LOADED + 2.0 * math.pi / TURN
+            duration = LOADED + 2.0 * math.pi / TURN * params["turns"]
             # The plane begins to turn where a step ends, so that no step has half of it.
             dt = LOADED / max(1, round(LOADED * steps / duration))
         else:

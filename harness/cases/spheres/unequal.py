@@ -29,9 +29,9 @@ from ninedisk.harness.cases.common import (
     softness,
 )
 from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
-from ninedisk.harness.cases.spheres.impact import ROUND_OFF, rebound_checks, rebound_within
+from ninedisk.harness.cases.spheres.impact import ROUND_OFF, peak, rebound_checks, rebound_within
 from ninedisk.harness.results.figures import Figure, Plotted
-from ninedisk.references.analytic.impact.hertz import contact_moduli
+from ninedisk.references.analytic.impact.hertz import contact_moduli, hertz_shift
 from ninedisk.references.hertz_mindlin import Contact, Spun, rebound
 
 ONE = np.array([2.0, -1.0, 2.0]) / 3.0
@@ -42,7 +42,7 @@ THREE = np.cross(ONE, TWO)
 G = 10.0
 SOURCE = "Newton and Euler for spheres with Coulomb friction"
 
-KINDS = ("impacts", "flight", "belt", "crowd", "resisted")
+KINDS = ("impacts", "flight", "belt", "held", "crowd", "resisted")
 
 # ---- impacts: two planes with a sphere each, two spheres that meet, one that flies by -------------------------------------------------
 
@@ -52,6 +52,9 @@ SOFT, STIFF, PLANE_STUFF = (1e8, 0.3), (4e8, 0.2), (1e9, 0.4)
 KN, PLANE_KN, KS_OVER_KN = 1e6, (4e6, 9e6), 0.8
 AHEAD, SAMPLES, AFTER, SUBSTEPS = 3.3, 100, 8, 8
 """Samples before the touch, in the shortest elastic impact, and after the longest; contact steps in each."""
+
+PEAK = 1e-7
+"""Of the top of a parabola through samples a hundredth of the impact apart, see `ninedisk.harness.cases.spheres.chung_ooi`."""
 
 PHASE = 0.02
 """Of linear springs in a contact step, omega dt."""
@@ -83,9 +86,9 @@ def _meetings(params: Mapping[str, Any]) -> tuple[Meeting, ...]:
     found = []
     for name, bodies, n, t, stuff, mu, e, first, second in (
         ("first_plane", (0, 5), -ONE, THREE, STIFF, 0.1, 0.6, (1.0, 1.5, 3.0), (0.0, 0.0, 0.0)),
-        ("second_plane", (1, 6), -TWO, ONE, PLANE_STUFF, 0.3, 0.8, (0.8, -3.5, -2.0), (0.0, 0.0, 0.0)),
-        ("pair", (2, 3), (ONE + 2.0 * TWO + 2.0 * THREE) / 3.0, (2.0 * ONE + TWO - 2.0 * THREE) / 3.0, SOFT, 0.2, 0.7,
-         one, two),
+        ("second_plane", (1, 6), -TWO, ONE, PLANE_STUFF, 0.3, 1.0, (0.8, -3.5, -2.0), (0.0, 0.0, 0.0)),
+        ("pair", (2, 3), (ONE + 2.0 * TWO + 2.0 * THREE) / 3.0, (2.0 * ONE + TWO - 2.0 * THREE) / 3.0, SOFT, 0.2,
+         0.7 if heavy == 1.0 else 1.0, one, two),
     ):  # fmt: skip
         e_star, g_star = contact_moduli(SOFT, stuff)
         i, j = bodies
@@ -200,7 +203,7 @@ def _impact_ends(params: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
 def _impact_seen(params: Mapping[str, Any], history: History) -> tuple[dict[str, Any], dict[str, Any]]:
     """As `ninedisk.harness.cases.spheres.impact.observed_of`, of each meeting."""
     series, scalars, v, w = {}, {}, history.v, history.omega
-    for each in _meetings(params):
+    for place, each in enumerate(_meetings(params)):
         (i, j), b = each.bodies, np.cross(each.n, each.t)
         approach = v[:, i] @ each.n - (v[:, j] @ each.n if j < 5 else 0.0)
         scalars |= {
@@ -208,6 +211,9 @@ def _impact_seen(params: Mapping[str, Any], history: History) -> tuple[dict[str,
             f"{each.name}_vt_final": ("m/s", float(v[-1, i] @ each.t)),
             f"{each.name}_spin_final": ("rad/s", float(w[-1, i] @ b)),
         }
+        if params["law"] == "hertz" and each.restitution == 1.0:
+            fn = history.fn[:, place]
+            scalars[f"{each.name}_force_max"] = ("N", peak(fn))
         if j < 5:
             scalars[f"{each.name}_vt_second"] = ("m/s", float(v[-1, j] @ each.t))
             scalars[f"{each.name}_spin_second"] = ("rad/s", float(w[-1, j] @ b))
@@ -220,7 +226,7 @@ def _impact_checks(params: Mapping[str, Any], setup: SphereSetup, engine: Engine
     found: list[Check] = []
     for each in _meetings(params):
         if params["law"] == "hertz":
-            checks = rebound_checks(each.contact, setup, engine)
+            checks = [*rebound_checks(each.contact, setup, engine), *_force_checks(each, setup, engine)]
         elif engine.contact == "spring":
             checks = _linear_checks(params, each, setup, engine)
         else:
@@ -232,6 +238,28 @@ def _impact_checks(params: Mapping[str, Any], setup: SphereSetup, engine: Engine
             )
         found += [replace(check, quantity=f"{each.name}_{check.quantity}") for check in checks]
     return found
+
+
+def _force_checks(each: Meeting, setup: SphereSetup, engine: EngineInfo) -> list[Check]:
+    """Hertz' largest force, of elastic impacts; the normal of two spheres turns meanwhile."""
+    if each.restitution < 1.0:
+        return []
+    contact, hertz = each.contact, each.contact.elastic
+    phase = contact.speed * (setup.numerics.contact_dt or setup.numerics.dt) / hertz.overlap
+    turned = 0.0
+    if not math.isinf(contact.radius_2):
+        turned = (contact.first[1] - contact.second[1]) * hertz.duration / (contact.radius + contact.radius_2)
+    allowed = (
+        2.0 * abs(hertz_shift(phase)[0])
+        + PEAK * (hertz.duration / (SAMPLES * setup.numerics.dt) * 2.0) ** 4
+        + turned**2
+    )
+    allowed += abs(turned * contact.mu) + 1e-9
+    return [
+        Check(quantity="force_max", norm="scalar", truth="analytic", expected=hertz.force, source="Hertz (1881)",
+              atol=allowed * hertz.force + single(engine, hertz.force, setup.numerics.n_steps),
+              why=f"central differences, v dt/overlap = {phase:.3g}; the normal turns by {turned:.2g}{single_precision(engine)}")
+    ]  # fmt: skip
 
 
 def _linear_checks(params: Mapping[str, Any], each: Meeting, setup: Any, engine: EngineInfo) -> list[Check]:
@@ -354,6 +382,49 @@ def _belt_ends() -> tuple[FloatArray, FloatArray, float]:
     return v - G * LAST * ONE, omega, least
 
 
+# ---- held ----------------------------------------------------------------------------------------------------------------------------
+
+R_FIRST, M_FIRST = np.array([0.4, 0.6, 0.3]), np.array([2.0, 1.0, 3.0])
+HELD_T = 0.2
+"""Length of the run [s]; all that slide still do."""
+
+
+def _held_start() -> tuple[FloatArray, FloatArray]:
+    """A sphere that is free, one that keeps its spin, and one in flight that keeps its velocity along x."""
+    return np.array([2.0 * TWO, 1.5 * THREE, [1.0, 0.0, 2.0]]), np.array(
+        [0.5 * ONE, 4.0 * TWO + 1.0 * ONE, [0.0, 3.0, 1.0]]
+    )
+
+
+def _held(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
+    v, omega = _held_start()
+    law = SphereLaw(kn=BELT_KN, ks=KS_OVER_KN * BELT_KN, mu=BELT_MU, restitution=0.0, regularised=True)
+    x = np.array([4.0 * TWO, -4.0 * TWO, 4.0 * THREE + 5.0 * ONE])
+    x[:2] += (R_FIRST - M_FIRST * G / BELT_KN)[:2, None] * ONE
+    spheres = Spheres(
+        x=x, v=v, omega=omega, radius=R_FIRST, mass=M_FIRST, rotating=np.array([True, False, True]),
+        held=np.array([[False] * 3, [False] * 3, [True, False, False]]),
+    )  # fmt: skip
+    floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=_three(ONE), law=law)
+    scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,), gravity=_three(-G * ONE))
+    swing = math.sqrt(3.5 * KS_OVER_KN * BELT_KN / M_FIRST.min())
+    numerics = Numerics(dt=BELT_DT, n_steps=round(HELD_T / BELT_DT), contact_dt=contact_step(BELT_DT, BELT_PHASE / swing),
+                        sample_every=20, sliding="coulomb")  # fmt: skip
+    return SphereSetup(scene=scene, numerics=numerics, watch=((0, 3), (1, 3)), labels={"contact": (0, 3)})
+
+
+def _held_ends() -> tuple[FloatArray, FloatArray, float]:
+    """As of `_belt_ends`; a spin that is kept has its part in the slip and no change."""
+    v, omega = _held_start()
+    slip = v - R_FIRST[:, None] * np.cross(omega, ONE)
+    size = np.linalg.norm(slip, axis=1)
+    pull = -BELT_MU * G * HELD_T * slip / size[:, None]
+    fall = -G * HELD_T * ONE * np.array([0.0, 1.0, 1.0])
+    turn = -2.5 * np.cross(ONE, pull[0]) / R_FIRST[0]
+    least = min(float(size[0]) - 3.5 * BELT_MU * G * HELD_T, float(size[1]) - BELT_MU * G * HELD_T)
+    return v + np.array([pull[0], pull[1], fall]), omega + np.array([turn, np.zeros(3), np.zeros(3)]), least
+
+
 # ---- crowd -----------------------------------------------------------------------------------------------------------------------------
 
 R_CROWD, R_CENTRE, HEAVY, CROWD_V, CROWD_KN = 0.45, 0.5, 1e4, 1.0, 1e6
@@ -395,7 +466,7 @@ HELD_MU, HELD_DT, HELD_STEPS = 0.1, 1e-3, 200
 SPINS = np.array([6.0 * ONE + 4.0 * TWO + 1.0 * THREE, -1.0 * ONE - 0.5 * TWO])
 
 
-def _held() -> tuple[FloatArray, float, float]:
+def _resistance() -> tuple[FloatArray, float, float]:
     """Normal, torque of a constant resistance [N m], and ``1/I_1 + 1/I_2`` [1/(kg m^2)]."""
     reduced = float(R_HELD.prod() / R_HELD.sum())
     return (
@@ -411,7 +482,7 @@ def _swing() -> float:
 
 
 def _resisted(params: Mapping[str, Any]) -> SphereSetup:
-    n, _, mobility = _held()
+    n, _, mobility = _resistance()
     spring = params["model"] == "elastic-plastic"
     resistance = Rolling(
         model=params["model"], mu=1e3 if spring else HELD_MU, kr=_swing() ** 2 / mobility if spring else 0.0
@@ -425,7 +496,7 @@ def _resisted(params: Mapping[str, Any]) -> SphereSetup:
 
 def _resisted_ends(params: Mapping[str, Any]) -> FloatArray:
     """Spins in the end: ``I_1 w_1 + I_2 w_2`` stays; the rest of each part of ``w_1 - w_2`` falls or swings."""
-    n, torque, mobility = _held()
+    n, torque, mobility = _resistance()
     t, inertia = HELD_DT * HELD_STEPS, 0.4 * M_HELD * R_HELD**2
     relative = SPINS[0] - SPINS[1]
     about = (relative @ n) * n
@@ -445,7 +516,8 @@ def _three(vector: FloatArray) -> tuple[float, float, float]:
 
 class Unequal:
     """``impacts``: on two planes of other stuff, of two spheres, all with spin. ``flight``: up to 3 radii a step, turning many times.
-    ``belt``: three spheres slide on a plane that lifts them, stops along itself, turns back, and then drops them. ``crowd``: twelve touch
+    ``belt``: three spheres slide on a plane that lifts them, stops along itself, turns back, and then drops them. ``held``: one slides
+    freely, one keeps its spin, one flies with a kept velocity along x. ``crowd``: twelve touch
     one at once. ``resisted``: a held pair that rolls and twists.
     """
 
@@ -476,13 +548,20 @@ class Unequal:
         """Each kind; impacts with both laws and on heavy partners; both models."""
         return [
             {"kind": "impacts"}, {"kind": "impacts", "law": "linear"}, {"kind": "impacts", "heavy": 100.0},
-            {"kind": "impacts", "law": "linear", "heavy": 1e4}, {"kind": "flight"}, {"kind": "belt"}, {"kind": "crowd"},
+            {"kind": "impacts", "law": "linear", "heavy": 1e4}, {"kind": "flight"}, {"kind": "belt"}, {"kind": "held"}, {"kind": "crowd"},
             {"kind": "resisted"}, {"kind": "resisted", "model": "elastic-plastic"},
         ]  # fmt: skip
 
     def build(self, params: Mapping[str, Any]) -> SphereSetup:
         """The scene of a kind."""
-        make = {"impacts": _impacts, "flight": _flight, "belt": _belt, "crowd": _crowd, "resisted": _resisted}
+        make = {
+            "impacts": _impacts,
+            "flight": _flight,
+            "belt": _belt,
+            "held": _held,
+            "crowd": _crowd,
+            "resisted": _resisted,
+        }
         return make[params["kind"]](params)
 
     def _ends(self, params: Mapping[str, Any], setup: SphereSetup) -> dict[str, FloatArray]:
@@ -497,6 +576,9 @@ class Unequal:
                     "angle": spheres.omega * t, "omega": spheres.omega}  # fmt: skip
         if kind == "belt":
             v, omega, _ = _belt_ends()
+            return {"v": v, "omega": omega}
+        if kind == "held":
+            v, omega, _ = _held_ends()
             return {"v": v, "omega": omega}
         if kind == "crowd":
             v = np.vstack([CROWD_V * _crowd_lines(), np.zeros((1, 3))])
@@ -533,9 +615,13 @@ class Unequal:
 
     def _judged(self, params: Mapping[str, Any]) -> Sequence[int]:
         """Spheres whose components are judged: of impacts the one that meets none, of a crowd one of each pair and the centre."""
-        return {"impacts": (4,), "flight": (0, 1, 2), "belt": (0, 1, 2), "crowd": (*range(0, 12, 2), 11, 12)}.get(
-            params["kind"], (0, 1)
-        )
+        return {
+            "impacts": (4,),
+            "flight": (0, 1, 2),
+            "belt": (0, 1, 2),
+            "held": (0, 1, 2),
+            "crowd": (*range(0, 12, 2), 11, 12),
+        }.get(params["kind"], (0, 1))
 
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """The largest errors of velocities and of spins."""
@@ -567,7 +653,7 @@ class Unequal:
                 for c, axis in enumerate("xyz")
             ]  # fmt: skip
 
-        found += allowing(LIFTS, setup, engine, components) if kind == "belt" else components(setup, engine)
+        found += allowing(LIFTS, setup, engine, components) if kind in ("belt", "held") else components(setup, engine)
         if kind == "belt":
             way = sum((LEG * (each + LIFT * ONE) for each in BELT), np.zeros(3))
             found += [
@@ -593,8 +679,8 @@ class Unequal:
             return {"x": x, "v": v, "angle": omega * t + single(engine, spin * t, steps), "omega": omega}, (
                 f"g t dt/2: half a step's lag of first-order schemes; {why}"
             )
-        if kind == "belt":
-            pull, least = BELT_MU * G, _belt_ends()[2]
+        if kind in ("belt", "held"):
+            pull, least = BELT_MU * G, (_belt_ends if kind == "belt" else _held_ends)()[2]
             v += softness(engine) * (speed + 3.0 * pull * dt + pull * dt * steps) + pull * slack_time(engine, dt)
             v += 2.0 * G * slack_time(engine, dt)
             if engine.contact == "spring":
@@ -620,7 +706,7 @@ class Unequal:
                 why = f"impulses one after the other, which the centre takes as 1/{HEAVY:g}{soft_reason(engine)}"
             return {"v": v, "omega": omega + v / R_CROWD}, why
         if kind == "resisted":
-            _, torque, mobility = _held()
+            _, torque, mobility = _resistance()
             if params["model"] == "constant":
                 omega += 2.0 * torque * mobility * own
                 why = "a torque that acts a step more or less"

@@ -33,7 +33,8 @@ def saddle(*, radius: float, held_radius: float) -> Saddle:
 
     The centre moves on a circle about the line of the held centres, of radius ``p = sqrt((R + r)^2 - R^2)``. The contacts are
     ``p r/(R + r)`` below it; without slip the spin about that line is ``(R + r)/r`` of the centre's angular speed. With the
-    moment ``(2/5) m r^2`` the energy ``m J theta'^2/2 + m g p cos(theta)`` is kept, ``J = p^2 + (2/5)(R + r)^2``: ``theta'' = g p sin(theta)/J``.
+    moment ``(2/5) m r^2`` the energy ``m J theta'^2/2 + m g p cos(theta)`` is kept,
+    ``J = p^2 + (2/5)(R + r)^2``: ``theta'' = g p sin(theta)/J``.
 
     Parameters
     ----------

@@ -91,6 +91,13 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("motion/forces", {"span": "constant"}, "distance under a force", 0.4 * 0.6 + 0.5 * 1.5 * 0.36),
     ("energy/budget", {}, "energy missing from the budget", 0.0),
     ("spheres/budget", {}, "energy missing from the budget", 0.0),
+    (
+        "spheres/saddle",
+        {"ratio": 1.0},
+        "growth rate on a saddle",
+        math.sqrt(10.0 * 0.5 * math.sqrt(3.0) / (0.25 * 4.6)),
+    ),
+    ("spheres/unequal", {}, "velocities of unequal spheres", 0.0),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),
 )
 
@@ -124,6 +131,9 @@ ERRORS: tuple[tuple[str, Engine, Mapping[str, Any], str, float, float], ...] = (
     ("friction/hold", CD, {"sliding": "associated"}, "friction beyond the cone", 0.0, 1e-9),
     ("static/stack", CD, {"arrangement": "pyramid"}, "contact forces at rest", 0.0, 1e-10),
     ("nine-disk/compression", DEM, {}, "settled force", 0.0, 1e-9),
+    ("spheres/saddle", DEM, {"ratio": 100.0}, "growth rate on a saddle", 0.0, 1e-3),
+    ("spheres/unequal", DEM, {"kind": "belt"}, "velocities of unequal spheres", 0.0, 1e-3),
+    ("spheres/unequal", DEM, {"kind": "resisted"}, "spins of unequal spheres", 0.0, 1e-2),
     ("invariance/galilei", PYMUNK, {"scene": "slide", "frame_vx": 3.0}, "motion seen by the observer", 0.0, 1e-9),
 )
 """Bounds of relative errors: round-off where a scheme is exact; ``dt a t/2`` over ``a t^2/2`` for positions by the old or new speed;

@@ -53,6 +53,8 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "spheres/cooling": (DEM,),
     "spheres/budget": (DEM,),
     "spheres/jkr": (DEM,),
+    "spheres/saddle": (DEM,),
+    "spheres/unequal": (DEM,),
     **{f"nurbs/{name}": (DEM,) for name in ("overlap", "collision", "settle", "rolling")},
 }
 LEAST = {
@@ -77,6 +79,8 @@ LEAST = {
     "spheres/budget": 3,
     "spheres/jkr": 2,
     "spheres/turntable": 21,
+    "spheres/saddle": 4,
+    "spheres/unequal": 12,
     "spheres/stack": 2,
     "spheres/invariance/units": 7,
     "nurbs/overlap": 5,
