@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import FAILURE, CellProgress, Command, fail, guarded, refuse_not_installed
+from ninedisk.harness.cli.support import CellProgress, Command, guarded, refuse_not_installed
 
 
 def register(app: typer.Typer) -> None:
