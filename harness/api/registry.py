@@ -53,6 +53,8 @@ BUILTIN_CASES: dict[str, str] = {
     "impact/held-disk": "ninedisk.harness.cases.impact.held_disk:CASE",
     "energy/budget": "ninedisk.harness.cases.energy.budget:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
+    "rolling/off-disk": "ninedisk.harness.cases.rolling.off:OFF_DISK",
+    "spheres/off-ball": "ninedisk.harness.cases.rolling.off:OFF_BALL",
     "rolling/resistance": "ninedisk.harness.cases.rolling.resistance:CASE",
     "impact/cohesion": "ninedisk.harness.cases.impact.cohesion:CASE",
     "contact/materials": "ninedisk.harness.cases.contact.materials:CASE",
