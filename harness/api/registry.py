@@ -57,6 +57,8 @@ BUILTIN_CASES: dict[str, str] = {
     "contact/cluster": "ninedisk.harness.cases.contact.cluster:CASE",
     "contact/orbit": "ninedisk.harness.cases.contact.orbit:CASE",
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
+    "rolling/off-disk": "ninedisk.harness.cases.rolling.off:OFF_DISK",
+    "spheres/off-ball": "ninedisk.harness.cases.rolling.off:OFF_BALL",
     "rolling/resistance": "ninedisk.harness.cases.rolling.resistance:CASE",
     "impact/cohesion": "ninedisk.harness.cases.impact.cohesion:CASE",
     "contact/materials": "ninedisk.harness.cases.contact.materials:CASE",

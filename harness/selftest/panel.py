@@ -193,6 +193,7 @@ SPHERE_PANEL: dict[str, Probe] = {
     "units": Probe("spheres/invariance/units", {"scene": "heap", "units": "km-Mg-min"}),
     "turned": Probe("spheres/invariance/rotation", {"scene": "table", "angle_deg": 77.0}),
     "moves": Probe("spheres/invariance/galilei", {"scene": "throw", "frame_vx": 3.0, "frame_vy": -2.0}),
+    "off-ball": Probe("spheres/off-ball", {}),
     "saddle": Probe("spheres/saddle", {"ratio": 5.0}),
     "unequal": Probe("spheres/unequal", {}),
     "unequal-slide": Probe("spheres/unequal", {"law": "linear"}),

@@ -98,6 +98,7 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
         math.sqrt(10.0 * 0.5 * math.sqrt(3.0) / (0.25 * 4.6)),
     ),
     ("spheres/unequal", {}, "velocities of unequal spheres", 0.0),
+    ("rolling/off-disk", {"mu": 0.3}, "angle at which a rolling body leaves", 58.76484),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),
 )
 
@@ -132,6 +133,8 @@ ERRORS: tuple[tuple[str, Engine, Mapping[str, Any], str, float, float], ...] = (
     ("static/stack", CD, {"arrangement": "pyramid"}, "contact forces at rest", 0.0, 1e-10),
     ("nine-disk/compression", DEM, {}, "settled force", 0.0, 1e-9),
     ("spheres/saddle", DEM, {"ratio": 100.0}, "growth rate on a saddle", 0.0, 1e-3),
+    ("rolling/off-disk", PYMUNK, {}, "angle at which a rolling body leaves", 0.0, 5e-3),
+    ("rolling/off-disk", CD, {}, "angle at which a rolling body leaves", 0.0, 5e-3),
     ("spheres/unequal", DEM, {"kind": "belt"}, "velocities of unequal spheres", 0.0, 1e-3),
     ("spheres/unequal", DEM, {"kind": "resisted"}, "spins of unequal spheres", 0.0, 1e-2),
     ("invariance/galilei", PYMUNK, {"scene": "slide", "frame_vx": 3.0}, "motion seen by the observer", 0.0, 1e-9),
