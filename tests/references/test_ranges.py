@@ -52,12 +52,19 @@ RIGHT_VALUES: dict[str, Any] = {
 OWN: dict[str, dict[str, Any]] = {
     "belt.taken_along": {"segments": [(0.1, 0.5), (0.2, -0.5)], "ease": 3.0},
     "cluster.cluster_swing": {
-        "velocity": np.array([[0.1, 0.0, 0.2], [0.0, 0.0, 0.0]]), "radius": np.array([0.5, 0.2]), "mass": np.array([1.0, 2.0]),
-        "inertia": np.array([0.1, 0.04]), "touches": [Touch(0, 1, (1.0, 0.0), 1e-3, 1e4, 1e4, 0.1)],
+        "velocity": np.array([[0.1, 0.0, 0.2], [0.0, 0.0, 0.0]]),
+        "radius": np.array([0.5, 0.2]),
+        "mass": np.array([1.0, 2.0]),
+        "inertia": np.array([0.1, 0.04]),
+        "touches": [Touch(0, 1, (1.0, 0.0), 1e-3, 1e4, 1e4, 0.1)],
     },
     "two_disks.two_disk_impact": {
-        "direction": (1.0, 0.0), "velocity": np.array([[1.0, 0.2, 0.3], [0.0, 0.0, -0.5]]), "radius": np.array([0.5, 0.2]),
-        "mass": np.array([1.0, 2.0]), "inertia": np.array([0.1, 0.04]), "springs": Springs(1e6, 1e6, 0.1),
+        "direction": (1.0, 0.0),
+        "velocity": np.array([[1.0, 0.2, 0.3], [0.0, 0.0, -0.5]]),
+        "radius": np.array([0.5, 0.2]),
+        "mass": np.array([1.0, 2.0]),
+        "inertia": np.array([0.1, 0.04]),
+        "springs": Springs(1e6, 1e6, 0.1),
     },
     "segments.under_segments": {"segments": [(0.0, 1.0, 2.0), (0.5, 2.0, -1.0)]},
     "compression.ramp_response": {"t": np.array([0.0, 0.1])},
