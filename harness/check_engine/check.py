@@ -10,6 +10,7 @@ from ninedisk.harness.api.engine import Engine, EngineUnsupportedError, SupportL
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
 from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres, unequal
+from ninedisk.harness.cases.adapter.unequal import unequal_probes
 from ninedisk.harness.check_engine import conduct
 from ninedisk.harness.check_engine.outcomes import REFUSED, Bench, Outcome, attempt, outcome
 
@@ -73,9 +74,12 @@ def _checks(bench: Bench) -> Iterator[Check]:
         yield name, _bound(bench, name, check, probe), frozenset()
     for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
         yield name, _judged(bench, name, probe), _needs(probe)
-    if Capability.SPHERES in info.capabilities:
-        for name, probe in unequal(info):
-            yield name, _judged(bench, name, probe), _needs(probe)
+    unlike = [
+        *(unequal_probes(info) if info.plane else ()),
+        *(unequal(info) if Capability.SPHERES in info.capabilities else ()),
+    ]
+    for name, probe in unlike:
+        yield name, _judged(bench, name, probe, strict=True), _needs(probe)
     for asked in Capability:
         if probe_in_space(asked, info) is None and not info.plane:
             continue
@@ -125,9 +129,9 @@ def _bound(bench: Bench, name: str, check: Callable[[Bench, Probe], Outcome], pr
     return run
 
 
-def _judged(bench: Bench, name: str, probe: Probe) -> Callable[[], Outcome]:
+def _judged(bench: Bench, name: str, probe: Probe, *, strict: bool = False) -> Callable[[], Outcome]:
     def judge(bench: Bench, probe: Probe) -> Outcome:
         support = bench.supports(probe.setup.scene, probe.setup.numerics)
-        return conduct.judged(name, bench, probe, support)
+        return conduct.judged(name, bench, probe, support, strict=strict)
 
     return _bound(bench, name, judge, probe)

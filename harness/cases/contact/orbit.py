@@ -13,7 +13,7 @@ from ninedisk.core.law import LeverArm
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.capabilities import LEVER_ARMS
-from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, ParameterError, Setup, Value
+from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
 
@@ -87,7 +87,10 @@ class Orbit:
             ),
         )  # fmt: skip
         numerics = Numerics(
-            dt=PERIOD / SAMPLES, n_steps=SAMPLES * params["turns"], contact_dt=PERIOD / params["steps"], **cd_settings(params)
+            dt=PERIOD / SAMPLES,
+            n_steps=SAMPLES * params["turns"],
+            contact_dt=PERIOD / params["steps"],
+            **cd_settings(params),
         )
         return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
 
@@ -104,7 +107,7 @@ class Orbit:
         scalars = {"shear_final": ("m", float(series["shear"][1][-1]))}
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
-    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
+    def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:
         """Shear after all revolutions, and the angle by which the middle disk has turned."""
         end = float(setup.numerics.n_steps * setup.numerics.dt)
         size = abs(_slip(params)) * end
@@ -116,7 +119,11 @@ class Orbit:
         )  # fmt: skip
 
     def checks(
-        self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
+        self,
+        params: Mapping[str, Any],
+        setup: Setup,  # noqa: ARG002
+        observed: Observed,
+        engine: EngineInfo,
     ) -> Sequence[Check]:
         """A circle run through at the scheme's own frequency, to the order of the scheme."""
         steps, t = params["steps"], observed.t
@@ -131,7 +138,9 @@ class Orbit:
         late = radians * turn**2 / 12.0 + first
         rough = steps * params["turns"] * float(np.spacing(2.0 * np.abs(SPIN).max() * params["turns"] * PERIOD)) + 1e-12
         common: dict[str, Any] = {"norm": "max", "truth": "analytic", "source": self.source}
-        why = f"a step turns the normal by {turn:.2g} rad: its square" + (", and the first order of the scheme" if first else "")
+        why = f"a step turns the normal by {turn:.2g} rad: its square" + (
+            ", and the first order of the scheme" if first else ""
+        )
         path = {"x": ORBIT * np.cos(FREQUENCY * t), "y": ORBIT * np.sin(FREQUENCY * t)}
         found = [
             Check(quantity=name, expected=curve, atol=ORBIT * (relative + late) + rough, scale=ORBIT, why=why, **common)

@@ -295,7 +295,9 @@ def impact_checks(params: Mapping[str, Any], setup: Setup, observed: Observed, e
     """Checks of velocities, kinetic energy and restitution that bind an engine."""
     if engine.scheme == "theta" and setup.numerics.impact == "theta":
         return _exact_steps(params, setup, observed)
-    return _analytic(params, observed, setup.numerics.dt, binding_impact(params, setup, engine), single(engine, params["speed"], 1))
+    return _analytic(
+        params, observed, setup.numerics.dt, binding_impact(params, setup, engine), single(engine, params["speed"], 1)
+    )
 
 
 def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Impact:
@@ -318,9 +320,7 @@ def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) 
     return Impact(given.restitution, ROUND_OFF + missed + rounding, "Newton's restitution, momentum conserved", why)
 
 
-def _analytic(
-    params: Mapping[str, Any], observed: Observed, dt: float, impact: Impact, rounding: float
-) -> list[Check]:
+def _analytic(params: Mapping[str, Any], observed: Observed, dt: float, impact: Impact, rounding: float) -> list[Check]:
     (one, two), speed, e = masses(params), params["speed"], impact.restitution
     m_eff = effective_mass(params)
     curves = collision_history(

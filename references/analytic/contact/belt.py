@@ -54,7 +54,9 @@ def taken_along(t: ArrayLike, *, segments: Sequence[Sequence[float]], pull: floa
     if ease < 1.0:
         raise ValueError(f"ease = {ease!r} is not allowed: it must be at least 1, that of a body that cannot turn")
     if rows.shape[1] != 2 or not (rows[:, 0] > 0.0).all():
-        raise ValueError(f"segments = {segments!r:.200} are not allowed: each must be (duration, speed) with a duration > 0")
+        raise ValueError(
+            f"segments = {segments!r:.200} are not allowed: each must be (duration, speed) with a duration > 0"
+        )
     x, v, belt = (np.zeros_like(times) for _ in range(3))
     begin, place, speed, ran = 0.0, 0.0, 0.0, 0.0
     for duration, wanted in (*rows, (math.inf, 0.0)):
