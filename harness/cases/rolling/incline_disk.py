@@ -144,7 +144,7 @@ class InclineDisk:
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """The rigid disk's way, its lift, which Coulomb's law does not know, and the friction that drives its spin."""
+        """The rigid disk's way, its lift, which Coulomb's law does not know, the friction that drives its spin, and that spin."""
         rates, t_end = _rates(params), float(observed.t[-1])
         way = 0.5 * rates.along * t_end**2
         use, source = "rolling" if rolls(params) else "sliding", "Newton and Euler with Coulomb friction"
@@ -155,6 +155,8 @@ class InclineDisk:
                      scale=way, scale_is="distance of the rigid disk"),
             Headline(name="friction force", use=use, quantity="fs_mean", expected=rates.fs, source=source,
                      scale=MASS * params["g"], scale_is="weight"),
+            Headline(name="spin down the incline", use=use, quantity="spin_final", expected=rates.spin * t_end, source=source,
+                     scale=rates.spin * t_end, scale_is="spin of the rigid disk"),
         )  # fmt: skip
 
     def checks(
