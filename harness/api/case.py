@@ -207,7 +207,8 @@ class Case(Protocol):
     ``source`` says where the problem comes from, ``requirement`` what an engine must do to pass; ``version`` changes whenever
     results of the old and new definition must not be joined. A case may also have ``figures``, a tuple of `Figure`, which its
     report page shows before any other, ``claims``, a tuple of `ninedisk.harness.api.claims.Claim`, statements of its source
-    that every engine confirms or contradicts, and a method ``headlines(params, setup, observed)`` that returns one to three `Headline`.
+    that every engine confirms or contradicts, and a method ``headlines(params, setup, observed)`` that returns one to four `Headline`.
+    A fault that a check catches should move one of them; ``beside_headlines`` says why some need not (`ninedisk selftest` lists them).
     """
 
     id: str

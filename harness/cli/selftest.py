@@ -58,7 +58,8 @@ def selftest(
     five minutes on two idle cores, --quick about one and a half.
 
     A row of --json has defect, engine, kind, what, caught, checks (ids of those that failed), by_case, hole, errors, judged,
-    passed (the unchanged engines'), edits and seconds.
+    passed (the unchanged engines'), edits and seconds; headlines: by case, how far the headline that moves most is from the unchanged
+    engine's, in parts of its scale.
 
     \b
     Examples:
@@ -112,7 +113,7 @@ def _list(defects: Sequence[Defect]) -> None:
 
 def _show(rows: Sequence[Row]) -> None:
     from ninedisk.harness.api.text import printable
-    from ninedisk.harness.selftest.run import fine
+    from ninedisk.harness.selftest.run import fine, looks_right
 
     out = console()
     shown = table("", "defect", "kind", "what", "failed", "of", "first of them", right=("failed", "of"))
@@ -135,6 +136,8 @@ def _show(rows: Sequence[Row]) -> None:
         named = [f"{row['defect']} ({row['hole']})" for row in holes if row["caught"] == caught]
         if named:
             out.print(f"{title}: {'; '.join(named)}")
+    if blind := [f"{row['defect']} ({', '.join(cases)})" for row in wrong if (cases := looks_right(row))]:
+        out.print(f"caught, but no headline of the case moves: {'; '.join(blind)}", soft_wrap=True)
     if dirty:
         out.print(f"unchanged engines that fail: {', '.join(dirty)}")
 

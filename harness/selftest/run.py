@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import tempfile
@@ -21,6 +22,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.case import Setup
 from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, EngineRun, Support
+from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.isolation import end_commands, run_isolated
@@ -75,6 +77,7 @@ def run_selftest(
     clean = [defect for defect in CLEAN if defect.engine in engines]
     cells: dict[str, list[Cell]] = {engine: panel_cells(engine, _names(engine, defects, quick)) for engine in engines}
     right: dict[str, dict[str, Outcome]] = {}
+    shown: dict[str, dict[tuple[str, str, str], float]] = {}
     told: dict[str, list[Outcome]] = {}
     total = len(clean) + len(defects)
 
@@ -93,7 +96,10 @@ def run_selftest(
         if defect.kind == "clean" and not defect.edits:
             right[defect.engine] = {cell.name: outcome for cell, outcome in zip(own, found, strict=True)}
         results = judged(own, [reported(defect, outcome) for outcome in found])
-        return selftest_row(defect, results, time.perf_counter() - begin)
+        if defect.kind == "clean" and not defect.edits:
+            shown[defect.engine] = headline_errors(results)
+        row = selftest_row(defect, results, time.perf_counter() - begin)
+        return row | {"headlines": headline_moves(results, shown.get(defect.engine, {}))}
 
     rows: list[Row] = []
     for batch in (clean, defects):
@@ -110,7 +116,8 @@ def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) 
         ``defect, engine, kind, what``; ``caught``: whether a check failed; ``checks``: ids of those that did; ``by_case``: their
         number by case; ``hole``: why the suite cannot see this defect, where that is known; ``errors``: cells that ended without
         numbers, with the reason; ``judged``: number of checks that could fail; ``passed``: ids of those that passed, for the right
-        engines only; ``edits``: module, text and replacement of each; ``seconds``.
+        engines only; ``edits``: module, text and replacement of each; ``seconds``. `run_selftest` adds ``headlines``, see
+        `headline_moves`.
     """
     rows = [row for result in results for row in result.rows if row["status"] in JUDGED and row["quantity"]]
     failed = [row for row in rows if row["status"] == "fail"]
@@ -132,6 +139,42 @@ def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) 
         "edits": [[edit.name, edit.old, edit.new] for edit in defect.edits],
         "seconds": round(seconds, 3),
     }
+
+
+def headline_errors(results: Sequence[CaseResult]) -> dict[tuple[str, str, str], float]:
+    """Relative error by case, variant and headline; NaN where one has no number."""
+    rows = [row for result in results for row in result.headlines]
+    return {(row["case"], row["variant"], row["headline"]): float(row["rel_error"]) for row in rows}
+
+
+def headline_moves(results: Sequence[CaseResult], right: Mapping[tuple[str, str, str], float]) -> dict[str, float]:
+    """By case, how far a wrong engine moves the headline that it moves most from what the right one has, in parts of its scale.
+
+    Infinite where one of the two has a number and the other none.
+    """
+    moved: dict[str, float] = {}
+    for (case, *rest), error in headline_errors(results).items():
+        before = right.get((case, *rest), math.nan)
+        apart = math.inf if math.isnan(error) != math.isnan(before) else abs(error - before)
+        moved[case] = max(moved.get(case, 0.0), 0.0 if math.isnan(apart) else apart)
+    return moved
+
+
+MOVED = 1e-9
+"""Part of its scale by which a headline has moved: round-off of a right engine is a thousandth of that."""
+
+
+def looks_right(row: Mapping[str, Any]) -> list[str]:
+    """Cases whose checks catch a wrong engine and whose headlines do not move: there it looks as accurate as the right one.
+
+    Left out are cases that say why (`headlines_beside`).
+    """
+    return [case for case in row["by_case"] if row["headlines"].get(case, 0.0) <= MOVED and not headlines_beside(case)]
+
+
+def headlines_beside(case: str) -> str:
+    """Why the headlines of a case need not show each fault that its checks catch: the case's attribute ``beside_headlines``."""
+    return str(getattr(get_case(case), "beside_headlines", ""))
 
 
 def check_id(row: Mapping[str, Any]) -> str:

@@ -143,6 +143,11 @@ class Summary:
         return float(self.worst["ratio"]) if self.worst else math.nan
 
     @property
+    def fails(self) -> int:
+        """Number of failing checks."""
+        return dict(self.counts).get("fail", 0)
+
+    @property
     def wrong(self) -> str:
         """What is `WRONG` with it in words, "3 checks fail"; "" where nothing is."""
         counts = dict(self.counts)

@@ -162,7 +162,7 @@ class BouncingDisk:
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """Newton's restitution on a rigid plane: heights of the first bounce and of the last one that is compared."""
+        """Newton's restitution on a rigid plane: heights of the first bounce, of the last one that is compared, and at rest."""
         e, height, bounces = params["restitution"], params["height"], params["bounces"]
         common: dict[str, Any] = {
             "source": "flight k reaches e^(2k) h",
@@ -173,6 +173,7 @@ class BouncingDisk:
             Headline(name="height of the first bounce", use="impacts", quantity="bounce_first", expected=e**2 * height, **common),
             Headline(name="height of the last bounce", use="energy" if e == 1.0 else "impacts", quantity="bounce_last",
                      expected=e ** (2 * bounces) * height, **common),
+            Headline(name="height at rest", use="rest", quantity="gap_final", expected=0.0 if e == 0.0 else math.nan, **common),
         )  # fmt: skip
 
     def checks(

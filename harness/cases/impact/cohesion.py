@@ -114,11 +114,13 @@ class Cohesion:
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """The speed after the impact, 0 or nearly so where the disk is caught."""
+        """The speed after the impact, 0 or nearly so where the disk is caught, and the overlap all the while."""
         truth = _truth(params, observed.t)
         return (
             Headline(name="speed after a cohesive impact", use="impacts", quantity="rate_final", expected=float(truth.rate[-1]),
                      source=self.source, scale=SPEED, scale_is="speed of approach"),
+            Headline(name="overlap in a cohesive impact", use="impacts", quantity="overlap", expected=truth.overlap, source=self.source,
+                     scale=float(np.abs(truth.overlap).max()), scale_is="largest overlap"),
         )  # fmt: skip
 
     def checks(

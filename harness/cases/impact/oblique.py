@@ -201,6 +201,8 @@ class ObliqueImpact:
         }
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
         scalars["restitution_effective"] = ("1", last(vy) / params["vn"])
+        about = MASS * RADIUS * vx + float(disks.inertia[0]) * spin
+        scalars["about_contact_drift"] = ("kg m^2/s", float(about[-1] - about[0]))
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.divide(params["vt"] - last(vx), last(vy) + params["vn"])
         scalars["impulse_ratio"] = ("1", float(ratio))
@@ -213,10 +215,11 @@ class ObliqueImpact:
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """Newton's restitution; the speed along the plane where the disk slides through the impact.
+        """Newton's restitution; speed along the plane and spin where the disk slides through the impact; and angular momentum.
 
         A disk that sticks for a while leaves with a speed that depends on the springs, ks/kn and the dashpot, however stiff they are:
-        the law of rigid disks is the truth where the scene's springs agree with it to `AGREE`, and there is none elsewhere.
+        the law of rigid disks is the truth where the scene's springs agree with it to `AGREE`, and there is none elsewhere. Whatever the
+        law, friction passes through the point of contact: the angular momentum about that point stays.
         """
         rigid, first = _on_impulses(params, dilates=False), math.hypot(params["vt"], params["vn"])
         agree = abs(rigid.vx - _on_springs(params, setup, setup.scene.walls[0].law.beta).vx) <= AGREE * first
@@ -225,6 +228,12 @@ class ObliqueImpact:
                      source="Newton's restitution", scale=1.0, scale_is="speed of approach"),
             Headline(name="speed along the plane", use="impacts", quantity="vx_final", expected=rigid.vx if agree else math.nan,
                      source="Coulomb's law for the impulses: mu (1 + e) vn is lost", scale=first, scale_is="initial speed"),
+            Headline(name="spin after the impact", use="impacts", quantity="spin_final", expected=rigid.spin if agree else math.nan,
+                     source="Coulomb's law for the impulses, with the arm R", scale=first / RADIUS,
+                     scale_is="initial speed over the radius"),
+            Headline(name="angular momentum about the contact", use="impacts", quantity="about_contact_drift",
+                     expected=0.0 if params["rotating"] else math.nan, source="the impulse passes through the point of contact",
+                     scale=MASS * RADIUS * first, scale_is="initial momentum times the radius"),
         )  # fmt: skip
 
     def checks(

@@ -104,12 +104,17 @@ class Forces:
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """Where the pushed disk gets."""
-        end = _along(params, observed.t, 0)
+        """Where the pushed disk gets, along its motion and across it, and the spin that a torque gives."""
+        end, across = _along(params, observed.t, 0), _along(params, observed.t, 1)
+        turned = _spun(params, observed.t)
         scale = float(np.abs(end.way - V0[0] * observed.t).max(initial=0.0))
         return (
             Headline(name="distance under a force", use="energy", quantity="x_final", expected=float(end.way[-1]), source=self.source,
                      scale=scale, scale_is="distance that the force adds"),
+            Headline(name="distance across", use="energy", quantity="y_final", expected=float(across.way[-1]), source=self.source,
+                     scale=scale, scale_is="distance that the force adds"),
+            Headline(name="spin under a torque", use="energy", quantity="spin_final", expected=float(turned[-1]), source=self.source,
+                     scale=float(np.abs(turned - SPIN0).max(initial=0.0)) or 1.0, scale_is="spin that the torque adds"),
         )  # fmt: skip
 
     def checks(
@@ -138,12 +143,7 @@ class Forces:
             else "positions by the speed of either end of a step: first order in dt"
         )
         curves = {f"{axis}": _along(params, t, k) for k, axis in enumerate("xy")}
-        angular = under_segments(
-            t,
-            inertia=0.5 * MASS * RADIUS**2,
-            start=SPIN0,
-            segments=[(b, min(e, 1e3), TORQUE * s) for b, e, s in _spans(params)],
-        ).rate
+        angular = _spun(params, t)
         expected: dict[str, tuple[FloatArray, float, str, float]] = {
             "x": (curves["x"].way, lag, late, float(np.abs(curves["x"].way).max())),
             "y": (curves["y"].way, lag, late, float(np.abs(curves["y"].way).max())),
@@ -168,6 +168,12 @@ def _spans(params: Mapping[str, Any]) -> list[tuple[float, float, float]]:
     if params["span"] == "constant":
         return [(0.0, math.inf, 1.0)]
     return [(*SPANS[0], 1.0), (*SPANS[1], -0.5)]
+
+
+def _spun(params: Mapping[str, Any], t: FloatArray) -> FloatArray:
+    """Spin [rad/s] under the torque, shape (s,)."""
+    segments = [(b, min(e, 1e3), TORQUE * s) for b, e, s in _spans(params)]
+    return under_segments(t, inertia=0.5 * MASS * RADIUS**2, start=SPIN0, segments=segments).rate
 
 
 def _along(params: Mapping[str, Any], t: FloatArray, axis: int) -> Driven:

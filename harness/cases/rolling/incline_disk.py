@@ -149,7 +149,7 @@ class InclineDisk:
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """The rigid disk's way, its lift, which Coulomb's law does not know, and the friction that drives its spin."""
+        """The rigid disk's way, its lift, which Coulomb's law does not know, the friction that drives its spin, and that spin."""
         rates, t_end = _rates(params), float(observed.t[-1])
         way = 0.5 * rates.along * t_end**2
         use, source = "rolling" if rolls(params) else "sliding", "Newton and Euler with Coulomb friction"
@@ -161,6 +161,8 @@ class InclineDisk:
             # The spring of a disk that rolls from no shear force swings between none and twice the friction, faster than the samples.
             Headline(name="friction force", use=use, quantity="fs_mean", expected=math.nan if swings(params) else rates.fs, source=source,
                      scale=MASS * params["g"], scale_is="weight"),
+            Headline(name="spin down the incline", use=use, quantity="spin_final", expected=rates.spin * t_end, source=source,
+                     scale=rates.spin * t_end, scale_is="spin of the rigid disk"),
         )  # fmt: skip
 
     def checks(

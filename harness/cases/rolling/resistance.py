@@ -167,12 +167,15 @@ class Resistance:
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """How far the disk gets, in parts of the way that it would have without resistance."""
+        """How far the disk gets and how it spins, in parts of what it would have without resistance."""
         t_end = float(observed.t[-1])
         free = _speed(params) * t_end + _disk(params).g * math.sin(_angle(params)) * t_end**2 / (
             2.0 * (1.0 + UNIFORM_DISK)
         )
+        truth, fastest = _truth(params, observed.t), _speed(params) + _disk(params).g * t_end
         return (
+            Headline(name="spin against rolling resistance", use="rolling", quantity="spin", expected=truth.vx / _disk(params).radius,
+                     source=self.source, scale=fastest / _disk(params).radius, scale_is="spin of a free fall in that time"),
             Headline(name="distance against rolling resistance", use="rolling", quantity="x_final",
                      expected=last(_truth(params, observed.t).x), source=self.source, scale=free, scale_is="distance without resistance"),
         )  # fmt: skip

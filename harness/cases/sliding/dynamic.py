@@ -78,13 +78,22 @@ class DynamicSliding:
         return Observed(step=found.step, t=found.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """No force acts, so the particle keeps its height; the associated rule lifts it."""
+        """No force acts, so the particle keeps its height and its speed; the associated rule lifts it."""
         return (
             Headline(
                 name="lift of the sliding particle",
                 use="sliding",
                 quantity="gap_final",
                 expected=params["g0"],
+                source="Newton's first law",
+                scale=params["speed"] * float(observed.t[-1]),
+                scale_is="distance along the plane",
+            ),
+            Headline(
+                name="distance along the plane",
+                use="sliding",
+                quantity="x_final",
+                expected=params["speed"] * float(observed.t[-1]),
                 source="Newton's first law",
                 scale=params["speed"] * float(observed.t[-1]),
                 scale_is="distance along the plane",

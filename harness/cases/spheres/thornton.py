@@ -117,7 +117,7 @@ class Thornton:
         return Observed(step=seen.step, t=seen.t, series=seen.series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """Restitution; the speed along the plane where all contacts agree on it, or where there is but one law."""
+        """Restitution; the speed along the plane and the spin where all contacts agree on them, or where there is but one law."""
         contact, first = self.contact(params), math.hypot(SPEED, self.contact(params).first[1])
         if params["law"] == "hertz":
             along, source = rebound(contact).first[1], "Hertz-Mindlin law integrated to 1e-12"
@@ -130,6 +130,9 @@ class Thornton:
                      source="Newton's restitution", scale=1.0, scale_is="speed of approach"),
             Headline(name="speed along the plane", use="impacts", quantity="vt_final", expected=along, source=source, scale=first,
                      scale_is="initial speed"),
+            Headline(name="spin after the impact", use="impacts", quantity="spin_final",
+                     expected=(along - contact.first[1]) / (INERTIA_RATIO * RADIUS), source=f"{source}; its impulse has the arm R",
+                     scale=first / RADIUS, scale_is="initial speed over the radius"),
         )  # fmt: skip
 
     def checks(

@@ -40,12 +40,12 @@ def told(case_id: str, overrides: Mapping[str, Any]) -> Mapping[str, Any]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("case_id", list(case_table()))
-def test_every_variant_tells_the_same_one_to_three(case_id: str) -> None:
+def test_every_variant_tells_the_same_one_to_four(case_id: str) -> None:
     """On a blank history: a scale above 0 and a known use (`headline_row` refuses others), and a truth in some variant."""
     names, with_truth = set(), set()
     for overrides in get_case(case_id).matrix():
         found = told(case_id, overrides)
-        assert 1 <= len(found) <= 3
+        assert 1 <= len(found) <= 4
         names.add(tuple(found))
         with_truth |= {name for name, each in found.items() if not np.isnan(np.asarray(each.expected)).all()}
         for each in found.values():
@@ -74,6 +74,10 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("impact/bouncing-disk", {}, "height of the last bounce", 0.45 / 64.0),
     ("impact/oblique", {}, "speed along the plane", 3.0 - 0.3 * 2.0),
     ("impact/oblique", {"vt": 0.3}, "speed along the plane", math.nan),
+    ("impact/oblique", {"vt": 0.3}, "angular momentum about the contact", 0.0),
+    ("impact/oblique", {}, "spin after the impact", 2.0 * 0.3 * 2.0),
+    ("slip-to-roll", {}, "final spin", 2.0 / 3.0),
+    ("motion/forces", {"span": "constant"}, "spin under a torque", 1.0 + 0.8 * 0.6),
     ("friction/hold", {"mass": 100.0}, "slope of first slip", 1.0),
     ("gas/cooling", {"restitution": 0.6}, "energy lost in a collision", 0.64),
     ("nine-disk/compression", {}, "settled force", 0.5 * 1.35e9 * 0.12 * 40 * 0.01525),

@@ -15,11 +15,12 @@ from typer.testing import CliRunner, Result
 
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.selftest import gallery
 from ninedisk.harness.selftest.declared import DECLARED
 from ninedisk.harness.selftest.defect import Defect, Edit
 from ninedisk.harness.selftest.gallery import CLEAN, GALLERY
-from ninedisk.harness.selftest.run import fine, run_selftest
+from ninedisk.harness.selftest.run import MOVED, fine, headline_moves, looks_right, run_selftest
 
 SPRING = "force = (kn - cohesion) * overlap"
 HARMLESS = Defect(
@@ -182,6 +183,31 @@ def test_as_many_lies_under_each_declaration() -> None:
     told = {engine: [d.name for d in GALLERY if d.engine == engine] for engine in DECLARED}
     assert told["impulse"] == told["soft"]
     assert len(told["soft"]) >= 27
+
+
+def test_a_headline_moves_where_it_is_off_by_more_than_round_off_or_loses_its_number() -> None:
+    """By case the headline that moves most; a caught defect that moves none makes the engine look right."""
+
+    def result(error: float, name: str = "distance") -> CaseResult:
+        row = {"case": "slip-to-roll", "variant": "mu=0.3", "headline": name, "rel_error": error}
+        return CaseResult(cell={}, rows=[], headlines=[row])
+
+    right = {("slip-to-roll", "mu=0.3", "distance"): 1e-3, ("slip-to-roll", "mu=0.3", "final spin"): float("nan")}
+    assert headline_moves([result(1e-3 + 0.1 * MOVED)], right)["slip-to-roll"] < MOVED
+    assert headline_moves([result(0.5)], right)["slip-to-roll"] == pytest.approx(0.499)
+    assert headline_moves([result(float("nan"))], right) == {"slip-to-roll": float("inf")}
+    assert headline_moves([result(float("nan"), "final spin")], right) == {"slip-to-roll": 0.0}
+    row = {"by_case": {"slip-to-roll": 3, "spinning-disk": 1}, "headlines": {"slip-to-roll": 0.0, "spinning-disk": 0.1}}
+    assert looks_right(row) == ["slip-to-roll"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", DECLARED)
+def test_every_lie_that_a_check_catches_moves_a_headline(engine: str) -> None:
+    """On its witness, or the case says why not."""
+    rows = run_selftest([each for each in GALLERY if each.engine == engine], quick=True)
+    blind = {row["defect"]: cases for row in rows if row["kind"] != "clean" and (cases := looks_right(row))}
+    assert blind == {}
 
 
 @pytest.mark.slow
