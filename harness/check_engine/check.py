@@ -10,6 +10,7 @@ from ninedisk.harness.api.engine import Engine, EngineError, EngineUnsupportedEr
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
 from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres
+from ninedisk.harness.cases.adapter.unequal import unequal_probes
 from ninedisk.harness.check_engine import conduct
 from ninedisk.harness.check_engine.outcomes import REFUSED, Bench, Outcome, attempt
 
@@ -72,6 +73,9 @@ def _checks(bench: Bench) -> Iterator[tuple[str, Callable[[], Outcome]]]:
         yield name, _bound(bench, name, check, probe)
     for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
         yield name, _judged(bench, name, probe)
+    if info.plane:
+        for name, probe in unequal_probes(info):
+            yield name, _judged(bench, name, probe, strict=True)
     for asked in Capability:
         if probe_in_space(asked, info) is None and not info.plane:
             continue
@@ -116,9 +120,9 @@ def _bound(bench: Bench, name: str, check: Callable[[Bench, Probe], Outcome], pr
     return run
 
 
-def _judged(bench: Bench, name: str, probe: Probe) -> Callable[[], Outcome]:
+def _judged(bench: Bench, name: str, probe: Probe, *, strict: bool = False) -> Callable[[], Outcome]:
     def judge(bench: Bench, probe: Probe) -> Outcome:
         support = bench.supports(probe.setup.scene, probe.setup.numerics)
-        return conduct.judged(name, bench, probe, support)
+        return conduct.judged(name, bench, probe, support, strict=strict)
 
     return _bound(bench, name, judge, probe)

@@ -286,12 +286,14 @@ def capability(bench: Bench, probe: Probe, asked: Capability) -> Outcome:
     return judged(name, bench, probe, support, claimed=asked in bench.info().capabilities or not may_lack)
 
 
-def judged(name: str, bench: Bench, probe: Probe, support: Support, *, claimed: bool = True) -> Outcome:
-    """The run of a probe against its closed form, coarsely where it is graded approximate."""
+def judged(
+    name: str, bench: Bench, probe: Probe, support: Support, *, claimed: bool = True, strict: bool = False
+) -> Outcome:
+    """The run of a probe against its closed form, coarsely where it is graded approximate, unless its bounds hold for that too."""
     # Softness is in the bounds of contacts already, and what never touches has none.
     scene = probe.setup.scene
     touches = bool(scene.walls) or len(scene.bodies) > 1
-    coarse = support.level is SupportLevel.APPROXIMATE and touches and NOTE_SOFT not in support.notes
+    coarse = not strict and support.level is SupportLevel.APPROXIMATE and touches and NOTE_SOFT not in support.notes
     faults = bench.faults(probe, coarse=coarse)
     if not claimed:
         return Outcome(check=name, status=PASS, found=f"{probe.title}: not claimed, runs as {support.level}")

@@ -350,9 +350,9 @@ def rebound(info: EngineInfo) -> Probe:
 
 
 def damped(info: EngineInfo, form: str) -> Probe:
-    """A disk in a viscous medium: v0 exp(-xi t), its discrete form where the engine's scheme has one."""
+    """A disk in a viscous medium, which slows its spin, too: v0 exp(-xi t), its discrete form where the engine's scheme has one."""
     xi, speed = 2.0, 1.0
-    scene = Scene(disks=some_disks(x=[[0.0, 0.0]], v=[[speed, 0.0]]), disk_disk=law(info), xi=xi)
+    scene = Scene(disks=some_disks(x=[[0.0, 0.0]], v=[[speed, 0.0]], omega=[speed]), disk_disk=law(info), xi=xi)
     numerics = Numerics(
         dt=0.01,
         contact_dt=0.01,
@@ -378,10 +378,9 @@ def damped(info: EngineInfo, form: str) -> Probe:
             )
         mend = "global damping is the force -xi m v (and the moment -xi I omega); see Numerics.damping_form for the velocity that it sees"
         return [
-            ClosedForm(
-                quantity="v", unit="m/s", value=history.v[-1, 0, 0], expected=expected, bound=bound, why=why, mend=mend
-            )
-        ]
+            ClosedForm(quantity=name, unit=unit, value=value, expected=expected, bound=bound, why=why, mend=mend, observed=name == "v")
+            for name, unit, value in (("v", "m/s", history.v[-1, 0, 0]), ("omega", "rad/s", history.omega[-1, 0]))
+        ]  # fmt: skip
 
     return Probe(
         title=f"damping, {form}", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms

@@ -153,9 +153,19 @@ class UnequalCluster:
         laws = [setup.scene.law(pair) for pair in setup.watch]
         for k, (name, law) in enumerate(zip(setup.labels, laws, strict=True)):
             for kind, force, stiffness in (("fn", exact.fn, law.kn * (1.0 + 2.0 * law.beta)), ("fs", exact.fs, law.ks)):
-                most = math.sqrt(2.0 * energy * law.kn) * stiffness / law.kn if kind == "fn" else math.sqrt(2.0 * energy * stiffness)
+                most = (
+                    math.sqrt(2.0 * energy * law.kn) * stiffness / law.kn
+                    if kind == "fn"
+                    else math.sqrt(2.0 * energy * stiffness)
+                )
                 found.append(
-                    Check(quantity=f"{kind}_{name}", expected=force[:, k] * later, atol=relative * most, scale=most, **common)
+                    Check(
+                        quantity=f"{kind}_{name}",
+                        expected=force[:, k] * later,
+                        atol=relative * most,
+                        scale=most,
+                        **common,
+                    )
                 )
         return found
 
@@ -176,7 +186,9 @@ def cluster(arrangement: str, blocked: bool = False) -> Cluster:
             "right": ((second[0] + low[1], 0.0), (-1.0, 0.0)),
             "lid": ((0.0, x[2, 1] + low[2]), (0.0, -1.0)),
         }
-        return Cluster(x, radius, np.array([1.0, 3.0, 0.6]), np.array([0.5, 0.9, 0.7]), (not blocked, True, True), walls, 0.1)
+        return Cluster(
+            x, radius, np.array([1.0, 3.0, 0.6]), np.array([0.5, 0.9, 0.7]), (not blocked, True, True), walls, 0.1
+        )
     if arrangement == "six":
         radius, angles, beta = np.full(7, 0.5), np.radians(10.0 + 60.0 * np.arange(6)), 0.0
         mass = np.array([1.0, 2.0, 0.7, 3.0, 1.4, 0.5, 2.5])
@@ -258,7 +270,12 @@ def touches(given: Cluster) -> list[Touch]:
 def _swing(arrangement: str, blocked: bool, times: FloatRow) -> Swing:
     given = cluster(arrangement, blocked)
     return cluster_swing(
-        times, velocity=start(given), radius=given.radius, mass=given.mass, inertia=inertias(given)[:, 2], touches=touches(given)
+        times,
+        velocity=start(given),
+        radius=given.radius,
+        mass=given.mass,
+        inertia=inertias(given)[:, 2],
+        touches=touches(given),
     )
 
 

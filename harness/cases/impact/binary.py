@@ -1,4 +1,4 @@
-"""Head-on collision of two equal disks, elastic or plastic (appendix A.2), and what binds an engine on it.
+"""Head-on collision of two disks, elastic or plastic (appendix A.2), and what binds an engine on it.
 
 That is the restitution by the kind of its contacts, or the exact steps of its scheme.
 """
@@ -114,6 +114,9 @@ class BinaryCollision:
         Parameter.positive("dt", 0.01, unit="s", help="step; sampling of spring engines"),
         Parameter.positive("speed", 1.0, unit="m/s", help="initial velocity of disk 1"),
         Parameter.positive("mass", math.pi, unit="kg", help="mass of each disk"),
+        Parameter.positive("mass_2", None, unit="kg", help="mass of disk 2; none: that of disk 1"),
+        Parameter.positive("radius", RADIUS, unit="m", help="radius of each disk"),
+        Parameter.positive("radius_2", None, unit="m", help="radius of disk 2; none: that of disk 1"),
         Parameter.positive("kn", 1e6, unit="N/m", help="stiffness of spring engines; 1e6 makes a contact of 4 ms"),
         CONTACT_DT,
         Parameter.positive(
@@ -126,7 +129,8 @@ class BinaryCollision:
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """The source's two, a restitution between, a soft spring, an impact within a step, and Newton's law."""
+        """The source's two, a restitution between, a soft spring, an impact within a step, and Newton's law; unequal disks."""
+        unequal: dict[str, Value] = {"kind": "elastic", "radius": 0.4, "radius_2": 0.7}
         return (
             {"kind": "elastic"},
             {"kind": "plastic"},
@@ -134,17 +138,21 @@ class BinaryCollision:
             {"kind": "elastic", "kn": 1e4},
             {"kind": "elastic", "gap": 0.5025},
             {"kind": "elastic", "restitution": 0.5, "impact": "newton"},
+            {**unequal, "mass": 1.0, "mass_2": 3.0},
+            {**unequal, "mass": 1.0, "mass_2": 3.0, "restitution": 0.5},
+            {**unequal, "mass": 1e4, "mass_2": 1.0, "restitution": 0.5},
+            {**unequal, "mass": 3e3, "mass_2": 5e3, "restitution": 0.5},
         )
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Two disks on the x axis."""
-        given, m_eff = knobs(params), params["mass"] / 2.0
+        given, m_eff, (one, two) = knobs(params), effective_mass(params), radii(params)
         law = ContactLaw(kn=params["kn"], beta=given.beta, restitution=given.restitution, regularised=True)
         disks = Disks(
-            x=np.array([[0.0, 0.0], [2.0 * RADIUS + params["gap"], 0.0]]),
+            x=np.array([[0.0, 0.0], [one + two + params["gap"], 0.0]]),
             v=np.array([[params["speed"], 0.0], [0.0, 0.0]]),
-            radius=np.full(2, RADIUS),
-            mass=np.full(2, params["mass"]),
+            radius=np.array([one, two]),
+            mass=np.array(masses(params)),
         )
         flight, dt = params["gap"] / params["speed"], params["dt"]
         contact = contact_duration(kn=params["kn"], m_eff=m_eff, beta=given.beta)
@@ -262,6 +270,22 @@ def knobs(params: Mapping[str, Any]) -> Knobs:
     return Knobs(restitution=target, beta=beta, theta=1.0 / (1.0 + target) if theta is None else theta)
 
 
+def masses(params: Mapping[str, Any]) -> tuple[float, float]:
+    """Mass of each disk [kg]."""
+    return params["mass"], params["mass"] if params["mass_2"] is None else params["mass_2"]
+
+
+def radii(params: Mapping[str, Any]) -> tuple[float, float]:
+    """Radius of each disk [m]."""
+    return params["radius"], params["radius"] if params["radius_2"] is None else params["radius_2"]
+
+
+def effective_mass(params: Mapping[str, Any]) -> float:
+    """Mass of the relative motion [kg]."""
+    one, two = masses(params)
+    return one * two / (one + two)
+
+
 def beta_for(restitution: float) -> float:
     """Damping ratio that a case gives to springs for a coefficient of restitution: at most `PLASTIC_BETA`."""
     return min(beta_of_restitution(restitution), PLASTIC_BETA) if restitution > 0.0 else PLASTIC_BETA
@@ -271,7 +295,9 @@ def impact_checks(params: Mapping[str, Any], setup: Setup, observed: Observed, e
     """Checks of velocities, kinetic energy and restitution that bind an engine."""
     if engine.scheme == "theta" and setup.numerics.impact == "theta":
         return _exact_steps(params, setup, observed)
-    return _analytic(params, setup, observed, binding_impact(params, setup, engine))
+    return _analytic(
+        params, observed, setup.numerics.dt, binding_impact(params, setup, engine), single(engine, params["speed"], 1)
+    )
 
 
 def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Impact:
@@ -282,7 +308,7 @@ def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) 
     given = knobs(params)
     if engine.contact == "spring":
         e = restitution_of_beta(given.beta)
-        phase = math.sqrt(2.0 * params["kn"] / params["mass"]) * (setup.numerics.contact_dt or setup.numerics.dt)
+        phase = math.sqrt(params["kn"] / effective_mass(params)) * (setup.numerics.contact_dt or setup.numerics.dt)
         bound = e * phase_error(phase, given.beta)
         why = f"phase of the impact in the contact step: omega dt = {phase:.3g}, beta = {given.beta:.4g}"
         return Impact(e, bound + ROUND_OFF, f"spring and dashpot without tension, e(beta) = {e:.6g}", why)
@@ -294,20 +320,22 @@ def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) 
     return Impact(given.restitution, ROUND_OFF + missed + rounding, "Newton's restitution, momentum conserved", why)
 
 
-def _analytic(params: Mapping[str, Any], setup: Setup, observed: Observed, impact: Impact) -> list[Check]:
-    mass, speed, e = params["mass"], params["speed"], impact.restitution
+def _analytic(params: Mapping[str, Any], observed: Observed, dt: float, impact: Impact, rounding: float) -> list[Check]:
+    (one, two), speed, e = masses(params), params["speed"], impact.restitution
+    m_eff = effective_mass(params)
     curves = collision_history(
-        observed.t, gap=params["gap"], speed=speed, mass_1=mass, mass_2=mass, restitution=e
+        observed.t, gap=params["gap"], speed=speed, mass_1=one, mass_2=two, restitution=e
     )._asdict()
-    contact = contact_duration(kn=params["kn"], m_eff=mass / 2.0, beta=knobs(params).beta)
-    event = around_contact(observed.t, params["gap"] / speed, contact, setup.numerics.dt)
+    contact = contact_duration(kn=params["kn"], m_eff=m_eff, beta=knobs(params).beta)
+    event = around_contact(observed.t, params["gap"] / speed, contact, dt)
     expected = {name: np.where(event, np.nan, curves[name]) for name in NAMES}
-    # vx_1, vx_2 = v (1 -+ e)/2 and energy = m v^2 (1 + e^2)/4.
-    of_speed = speed * (impact.tolerance / 2.0 + ROUND_OFF)
-    of_energy = mass * speed**2 * (impact.tolerance * (e + impact.tolerance / 2.0) / 2.0 + ROUND_OFF)
+    # The impulse is m v (1 + e), m the effective mass, and the energy of the relative motion m (v e)^2/2.
+    # Each velocity is rounded by itself, whatever its part in the impulse.
+    rounding += speed * ROUND_OFF
+    of_energy = m_eff * speed**2 * impact.tolerance * (e + impact.tolerance / 2.0) + (one + two) * speed * rounding
     tolerance = {
-        "vx_1": (of_speed, 0.0, impact.why),
-        "vx_2": (of_speed, 0.0, impact.why),
+        "vx_1": (speed * impact.tolerance * m_eff / one + rounding, 0.0, impact.why),
+        "vx_2": (speed * impact.tolerance * m_eff / two + rounding, 0.0, impact.why),
         "energy": (of_energy, 0.0, impact.why),
     }
     return [
@@ -319,15 +347,15 @@ def _analytic(params: Mapping[str, Any], setup: Setup, observed: Observed, impac
 
 
 def _exact_steps(params: Mapping[str, Any], setup: Setup, observed: Observed) -> list[Check]:
-    mass, numerics = params["mass"], setup.numerics
+    (one, two), numerics = masses(params), setup.numerics
     steps = collision_step_theta(
         gap=params["gap"],
         speed=params["speed"],
         dt=numerics.dt,
         theta=numerics.theta,
         n_steps=numerics.n_steps,
-        mass_1=mass,
-        mass_2=mass,
+        mass_1=one,
+        mass_2=two,
     )._asdict()
     expected = {name: steps[name][observed.step] for name in NAMES}
     why = "exact solution of the theta scheme; the phase gap/(v dt) is rounded once a step"

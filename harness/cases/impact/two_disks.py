@@ -83,9 +83,16 @@ class TwoDisks:
         normal = np.array(DIRECTION)
         place = RADIUS.sum() * normal - FLIGHT * (velocity[1, :2] - velocity[0, :2])
         beta = beta_for(params["restitution"])
-        law = ContactLaw(kn=kn, ks=kn * 2.0 / 3.0, mu=MU, beta=beta, restitution=params["restitution"], regularised=True)
+        law = ContactLaw(
+            kn=kn, ks=kn * 2.0 / 3.0, mu=MU, beta=beta, restitution=params["restitution"], regularised=True
+        )
         disks = Disks(
-            x=np.array([[0.0, 0.0], place]), v=velocity[:, :2], omega=velocity[:, 2], radius=RADIUS, mass=mass, inertia=_inertia(params)
+            x=np.array([[0.0, 0.0], place]),
+            v=velocity[:, :2],
+            omega=velocity[:, 2],
+            radius=RADIUS,
+            mass=mass,
+            inertia=_inertia(params),
         )
         omega, dt = math.sqrt(kn / _effective(params)), params["dt"]
         target = min(PHASE / math.sqrt(3.0), DAMPED_PHASE / beta if beta > 0.0 else math.inf) / omega
@@ -97,7 +104,7 @@ class TwoDisks:
             scene=Scene(disks=disks, disk_disk=law), numerics=numerics, watch=(PAIR,), labels={"contact": PAIR}
         )
 
-    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
+    def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
         """Velocities, spins and places at the end; momenta and their moment about the origin, over the run; relative speed after."""
         mass, inertia = _mass(params), _inertia(params)
         spin, x, v = history.omega, history.x, history.v
@@ -129,7 +136,11 @@ class TwoDisks:
         )  # fmt: skip
 
     def checks(
-        self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
+        self,
+        params: Mapping[str, Any],
+        setup: Setup,
+        observed: Observed,  # noqa: ARG002
+        engine: EngineInfo,
     ) -> Sequence[Check]:
         """Momenta for all; velocities and spins by the kind of the contact."""
         mass, first, steps = _mass(params), _before(params), setup.numerics.n_steps
@@ -138,7 +149,9 @@ class TwoDisks:
         size = float(mass.max()) * fastest
         rough = 1e-12 * size + 2.0 * single(engine, size, steps)
         place = setup.scene.disks.x
-        moment = float((mass * (place[:, 0] * first[:, 1] - place[:, 1] * first[:, 0]) + _inertia(params) * first[:, 2]).sum())
+        moment = float(
+            (mass * (place[:, 0] * first[:, 1] - place[:, 1] * first[:, 0]) + _inertia(params) * first[:, 2]).sum()
+        )
         common: dict[str, Any] = {"norm": "max", "truth": "analytic", "source": "conservation"}
         why = "equal and opposite impulses: round-off" + single_precision(engine)
         found = [
@@ -150,7 +163,9 @@ class TwoDisks:
             why = "impulses act at one place; lever arms within the overlap: the largest overlap over the radius"
         else:
             arm = 2.0 * float(np.hypot(*(first[1, :2] - first[0, :2]))) * setup.numerics.dt
-            why = "impulses act at the places of a step's begin or end: the displacement of two steps" + soft_reason(engine)
+            why = "impulses act at the places of a step's begin or end: the displacement of two steps" + soft_reason(
+                engine
+            )
         impact = _after(params, setup, springs=engine.contact == "spring")
         if engine.contact == "spring":
             arm += _overlap(params)
@@ -211,7 +226,9 @@ def _errors(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, impact:
     if engine.contact != "spring":
         s = softness(engine)
         largest = float(np.abs(_before(params)[:, :2]).max())
-        floor = float(_mass(params).max()) * (ROUND_OFF * largest + 2.0 * single(engine, largest, setup.numerics.n_steps))
+        floor = float(_mass(params).max()) * (
+            ROUND_OFF * largest + 2.0 * single(engine, largest, setup.numerics.n_steps)
+        )
         normal, along = impact.normal * s + floor, (abs(impact.shear) + MU * impact.normal) * s + floor
         why = "impulses of one step: round-off" + single_precision(engine) + soft_reason(engine)
         if follows_associated_rule(engine, setup.numerics):
@@ -271,8 +288,9 @@ def _impact_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, 
                   scale=float(RADIUS[k]), why="flight before and after, the impact within two steps; " + why, **common)
             for c, axis in enumerate(("x", "y"))
         ]  # fmt: skip
+    parting = float((impact.velocity[1, :2] - impact.velocity[0, :2]) @ np.array(DIRECTION))
     found.append(
-        Check(quantity="restitution_effective", expected=float((impact.velocity[1, :2] - impact.velocity[0, :2]) @ np.array(DIRECTION)) / APPROACH,
+        Check(quantity="restitution_effective", expected=parting / APPROACH,
               atol=float((atol[0, 0] + atol[1, 0]) / APPROACH), scale=1.0, why=why, **common)
     )  # fmt: skip
     return found

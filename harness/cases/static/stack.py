@@ -13,7 +13,7 @@ import numpy as np
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
+from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
@@ -34,6 +34,10 @@ from ninedisk.harness.cases.common import (
 from ninedisk.references.analytic.assembly.stack import column_forces, pyramid_forces
 
 RADIUS, MASS = 0.5, 1.0
+UNEQUAL_RADII, UNEQUAL_MASSES = (0.5, 0.25, 0.75, 0.375), (3.0, 2.0, 1.0, 0.6)
+"""Of the unequal column, the lowest disk first [m], [kg]; radii are sums of halves, so that rounding opens no contact, and the
+light disks are on top, so that sweeps of impulses converge as fast as among equal ones."""
+
 TILT = math.radians(35.0)
 """Lines of centres of the pyramid to the vertical: the lower disks are 0.15 m apart."""
 
@@ -58,8 +62,8 @@ class Stack:
     )
     parameters: tuple[Parameter, ...] = (
         Parameter(
-            name="arrangement", default="column", choices=("column", "pyramid"), in_id=True,
-            help="disks upon each other, or one disk on two between walls",
+            name="arrangement", default="column", choices=("column", "unequal", "pyramid"), in_id=True,
+            help="disks upon each other, equal or four unequal ones, or one disk on two between walls",
         ),
         Parameter(
             name="start", default="touching", choices=("touching", "equilibrium"), in_id=True,
@@ -76,10 +80,10 @@ class Stack:
     )  # fmt: skip
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Both arrangements from either start."""
+        """Each arrangement from either start."""
         return [
             {"arrangement": arrangement, "start": start}
-            for arrangement in ("column", "pyramid")
+            for arrangement in ("column", "unequal", "pyramid")
             for start in ("touching", "equilibrium")
         ]
 
@@ -89,10 +93,11 @@ class Stack:
         law = ContactLaw(kn=kn) if rests else ContactLaw(kn=kn, beta=1.0, restitution=0.0, regularised=True)
         walls = {"floor": ((0.0, 0.0), (0.0, 1.0))}
         weight = MASS * params["g"]
-        if params["arrangement"] == "column":
-            n = params["n"]
-            overlap = column_forces(n=n, weight=weight) / kn * rests
-            heights = RADIUS + 2.0 * RADIUS * np.arange(n) - np.cumsum(overlap)
+        radius, mass = _sizes(params)
+        if params["arrangement"] != "pyramid":
+            n = len(mass)
+            overlap = column_forces(mass * params["g"]) / kn * rests
+            heights = np.cumsum(radius + np.append(0.0, radius[:-1]) - overlap)
             x = np.column_stack([np.zeros(n), heights])
             labels: dict[str, Pair] = {"floor": (0, n)} | {f"layer_{k}": (k - 1, k) for k in range(1, n)}
         else:
@@ -101,7 +106,7 @@ class Stack:
             labels = {"side_left": (0, 2), "side_right": (1, 2), "wall_left": (0, 4), "wall_right": (1, 5)}
             labels |= {"floor_left": (0, 3), "floor_right": (1, 3)}
         scene = Scene(
-            disks=Disks(x=x, radius=RADIUS, mass=MASS),  # type: ignore[arg-type]
+            disks=Disks(x=x, radius=radius, mass=mass),
             disk_disk=law,
             walls=tuple(Wall(name=name, point=p, normal=normal, law=law) for name, (p, normal) in walls.items()),
             gravity=(0.0, -params["g"]),
@@ -109,7 +114,7 @@ class Stack:
         numerics = numerics_of(
             params,
             n_steps=whole_steps(params, 0.1 if rests else 1.0),
-            contact_dt=contact_step(params["dt"], PHASE / math.sqrt(kn / MASS)),
+            contact_dt=contact_step(params["dt"], PHASE / math.sqrt(kn / float(mass.min()))),
             theta=params["theta"],
         )
         return Setup(scene=scene, numerics=numerics, watch=tuple(labels.values()), labels=labels)
@@ -141,8 +146,7 @@ class Stack:
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """Statics of rigid disks: every contact bears what is above it, all the time, and nothing creeps."""
-        weight = MASS * params["g"]
-        total = weight * len(setup.scene.disks)
+        total = float(setup.scene.disks.mass.sum()) * params["g"]
         at_rest: dict[str, Any] = {"expected": 0.0, "source": "statics: nothing moves"}
         return (
             Headline(name="contact forces at rest", use="rest", quantity="force_error", expected=0.0,
@@ -181,6 +185,14 @@ class Stack:
         return found
 
 
+def _sizes(params: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+    """Radius and mass of each disk."""
+    if params["arrangement"] == "unequal":
+        return np.array(UNEQUAL_RADII), np.array(UNEQUAL_MASSES)
+    n = 3 if params["arrangement"] == "pyramid" else params["n"]
+    return np.full(n, RADIUS), np.full(n, MASS)
+
+
 def _pyramid(weight: float, kn: float) -> tuple[np.ndarray[Any, np.dtype[np.float64]], float]:
     """Centres, and half the room between the walls [m], such that the lines of centres have the angle `TILT`."""
     side, wall = 0.5 * weight / math.cos(TILT), 0.5 * weight * math.tan(TILT)
@@ -201,8 +213,8 @@ def _truth(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> dict[
 def rigid_forces(params: Mapping[str, Any], setup: Setup, kn: float = math.inf) -> dict[str, float]:
     """Force of every contact by its label [N], of rigid disks or of those that have settled on springs ``kn`` [N/m]."""
     weight = MASS * params["g"]
-    if params["arrangement"] == "column":
-        return dict(zip(setup.labels, column_forces(n=params["n"], weight=weight).tolist(), strict=True))
+    if params["arrangement"] != "pyramid":
+        return dict(zip(setup.labels, column_forces(setup.scene.disks.mass * params["g"]).tolist(), strict=True))
     rest = pyramid_forces(weight=weight, chord=2.0 * RADIUS, half_width=2.0 * RADIUS * math.sin(TILT), kn=kn)
     return {name: getattr(rest, name.split("_")[0]) for name in setup.labels}
 
@@ -247,7 +259,7 @@ def stack_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, en
         if rests:
             why = "starts in equilibrium: round-off of the heights, added up over the undamped steps"
             return StackBounds(params["kn"] * length, params["kn"] * length, length, 0.0, True, 0, why)
-        left = _left(params, len(disks), t_end)
+        left = _left(params, disks.mass, t_end)
         force, why = left * weight + params["kn"] * length, f"round-off; settling has left {left:.1g} of the weight"
         length += left * weight / params["kn"]
         return StackBounds(force, force, length, _sunk(params, setup), True, None, why)
@@ -309,16 +321,17 @@ def _sunk(params: Mapping[str, Any], setup: Setup) -> float:
     return 4.0 * len(scene.disks) * weight / float(params["kn"])
 
 
-def _left(params: Mapping[str, Any], n: int, t_end: float) -> float:
+def _left(params: Mapping[str, Any], mass: FloatArray, t_end: float) -> float:
     """Part of the weight by which the slowest mode of the stack still swings after half the time.
 
-    A chain of n disks on a floor has the frequencies ``2 omega sin((2 j - 1) pi/(2 (2 n + 1)))``, and dashpots of at least ``c =
-    2 sqrt(m kn/2)``, proportional to the springs, let a mode of frequency w decay at ``c w^2/(2 kn)``. Contacts may open and
-    close at first; half the time is left for that. The pyramid's modes are stiffer than those of a column of three.
+    A chain of n disks on a floor has the frequencies ``2 omega sin((2 j - 1) pi/(2 (2 n + 1)))``, those of the heaviest disk at least. With
+    dashpots of at least ``c = 2 sqrt(m kn)``, m the least effective mass of a pair, proportional to the springs, a mode of frequency
+    w decays at ``c w^2/(2 kn)``. Contacts may open and close at first; half the time is left for that. The pyramid's modes are
+    stiffer than those of a column of three.
     """
-    omega = math.sqrt(params["kn"])  # of a disk of 1 kg
-    slowest = 2.0 * omega * math.sin(0.5 * math.pi / (2 * n + 1))
-    return float(n * math.exp(-(slowest**2) / (math.sqrt(2.0) * omega) * 0.5 * t_end))
+    n, kn, light = len(mass), params["kn"], 0.5 * float(mass.min())
+    slowest = 2.0 * math.sqrt(kn / float(mass.max())) * math.sin(0.5 * math.pi / (2 * n + 1))
+    return float(n * math.exp(-(slowest**2) * math.sqrt(light / kn) * 0.5 * t_end))
 
 
 CASE = Stack()

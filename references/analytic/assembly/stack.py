@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.references._validate import count, positive, positive_or_inf
+from ninedisk.references._validate import positive, positive_or_inf, sizes
 
 FloatArray = NDArray[np.float64]
 
@@ -23,23 +24,19 @@ class PyramidForces(NamedTuple):
     angle: float
 
 
-def column_forces(*, n: int, weight: float) -> FloatArray:
-    """Contact forces of a column of equal disks [N], from the floor up: contact k bears the ``n - k`` disks above it.
+def column_forces(weights: Sequence[float]) -> FloatArray:
+    """Contact forces of a column of disks [N], from the floor up: contact k bears disk k and all above it.
 
     Parameters
     ----------
-    n : int
-        Number of disks.
-    weight : float
-        Weight of each [N], > 0.
+    weights : sequence of float
+        Weight of each disk [N], > 0, the lowest first.
 
     Returns
     -------
     ndarray, shape (n,)
     """
-    count(n=n)
-    positive(weight=weight)
-    return weight * np.arange(n, 0, -1, dtype=np.float64)
+    return np.cumsum(np.array(sizes("weights", weights, strict=True))[::-1])[::-1]
 
 
 def pyramid_forces(*, weight: float, chord: float, half_width: float, kn: float = math.inf) -> PyramidForces:

@@ -57,7 +57,13 @@ class Swing(NamedTuple):
 
 
 def cluster_swing(
-    t: ArrayLike, *, velocity: ArrayLike, radius: ArrayLike, mass: ArrayLike, inertia: ArrayLike, touches: Sequence[Touch]
+    t: ArrayLike,
+    *,
+    velocity: ArrayLike,
+    radius: ArrayLike,
+    mass: ArrayLike,
+    inertia: ArrayLike,
+    touches: Sequence[Touch],
 ) -> Swing:
     """``M q'' + C q' + K q = F``, where the normals and lever arms are those of time 0.
 
@@ -91,7 +97,12 @@ def cluster_swing(
     r, m = array("radius", radius, dimensions=(1,)), array("mass", mass, dimensions=(1,))
     n = len(r)
     turn = 1.0 / np.asarray(inertia, dtype=np.float64)
-    if start.shape != (n, 3) or not len(m) == len(turn) == n or not (np.append(r, m) > 0.0).all() or not (turn >= 0.0).all():
+    if (
+        start.shape != (n, 3)
+        or not len(m) == len(turn) == n
+        or not (np.append(r, m) > 0.0).all()
+        or not (turn >= 0.0).all()
+    ):
         raise ValueError("velocity needs a row of three, and radius, mass and inertia a number > 0, for each body")
     normal, slip = np.zeros((len(touches), n, 3)), np.zeros((len(touches), n, 3))
     kn, ks, c, first = (np.zeros(len(touches)) for _ in range(4))
@@ -100,7 +111,9 @@ def cluster_swing(
         not_negative(ks=each.ks, beta=each.beta)
         finite(overlap=each.overlap)
         if not (0 <= each.i < n and -1 <= each.j < n and each.j != each.i):
-            raise ValueError(f"touch {k} is of bodies {each.i} and {each.j}: they must be two of 0 .. {n - 1}, or a body and -1")
+            raise ValueError(
+                f"touch {k} is of bodies {each.i} and {each.j}: they must be two of 0 .. {n - 1}, or a body and -1"
+            )
         nx, ny = each.normal
         for body, sign in ((each.i, 1.0), (each.j, -1.0)):
             if body >= 0:
