@@ -36,6 +36,8 @@ CONTACTS = (
             (FORCES, "disks.torque[i] += arm * fs", "disks.torque[i] += 0.0 * arm * fs")),
     _kernel("torque-sign", "the torque on the first disk of a contact is turned round", "shear-caps",
             (FORCES, "torque[i] += on_i", "torque[i] -= on_i")),
+    _kernel("arm-of-first", "the lever arm of the second disk of a pair is that of the first", "unequal",
+            (FORCES, "radius[j] * fs - loss", "radius[i] * fs - loss")),
     _kernel("slip-without-spin", "spins do not enter the slip between disks", "shear-caps",
             (FORCES, _DISK_SLIP, "vt += 0.0\n")),
     _kernel("slip-without-spin-at-walls", "spins do not enter the slip at walls", "roll",

@@ -91,6 +91,10 @@ def minus(array: FloatArray) -> FloatArray:
     return -array
 
 
+def _wrapped(array: FloatArray) -> FloatArray:
+    return np.asarray(np.arctan2(np.sin(array), np.cos(array)))
+
+
 def _degrees(array: FloatArray) -> FloatArray:
     return np.rad2deg(array)
 
@@ -136,6 +140,8 @@ DEFECTS = (
             changed(late, "wall_point", "wall_angle")),
     _report("dem", "angle-sign", "rotations, not spins, are counted clockwise", "reopen-disks",
             changed(minus, "angle")),
+    _report("dem", "angle-wrapped", "rotations are reported between -pi and pi", "orbit", changed(_wrapped, "angle")),
+    _report("cd", "angle-wrapped", "rotations are reported between -pi and pi", "orbit", changed(_wrapped, "angle")),
     _report("dem", "energies-twice", "all energies are twice what they are", "push-wall", _double_energies),
     _report("dem", "creep", "everything creeps by a ten-millionth of a metre a second", "hold", _creeping),
     _report("cd", "creep", "everything creeps by a ten-millionth of a metre a second", "hold", _creeping),

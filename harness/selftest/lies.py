@@ -14,7 +14,16 @@ from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
 from ninedisk.harness.selftest.declared import DECLARED
 from ninedisk.harness.selftest.defect import After, Before, Defect
 from ninedisk.harness.selftest.histories import changed, late, minus
-from ninedisk.harness.selftest.setups import mixed, next_step, with_disks, with_laws, with_motion
+from ninedisk.harness.selftest.setups import (
+    first_segment,
+    like_first,
+    mixed,
+    next_step,
+    spins_swapped,
+    with_disks,
+    with_laws,
+    with_motion,
+)
 
 SLOP = 2e-3
 """Overlap [m] that contacts leave alone, or gap at which they are reported: some thousandths of a radius."""
@@ -121,6 +130,12 @@ SCENES: tuple[tuple[str, str, str, Before], ...] = (
     ("held-moves", "disks that are held at a velocity change it", "held", _scene(lambda scene: _released(scene, moving=True))),
     ("materials-mixed", "the friction of two materials is a mean of theirs", "materials", _scene(mixed)),
     ("forces-by-step", "forces on disks begin and end with a step", "forces", next_step),
+    ("mass-of-first", "every disk has the mass of the first", "unequal", _scene(like_first("mass"))),
+    ("radius-of-first", "every disk has the radius of the first", "unequal", _scene(like_first("radius"))),
+    ("inertia-of-first", "every disk has the moment of inertia of the first", "unequal", _scene(like_first("inertia"))),
+    ("rotation-of-first", "disks turn if the first one does", "belt-stops", _scene(like_first("rotating"))),
+    ("spins-swapped", "spins are given to the disks in the wrong order", "unequal", _scene(spins_swapped)),
+    ("walls-never-stop", "walls go on with the second segment of their motion", "belt-stops", _scene(first_segment)),
 )  # fmt: skip
 """Name, what is wrong, witness, and what the engine sees in place of scene and numerics."""
 

@@ -28,6 +28,7 @@ DRIVEN = "contact/driven-wall"
 MATERIALS, FORCES = "contact/materials", "motion/forces"
 LATTICE, SHEAR_CELL = "cell/lattice", "cell/shear"
 BUDGET = "energy/budget"
+TWO, CLUSTER, ORBIT, BELT = "impact/two-disks", "contact/cluster", "contact/orbit", "contact/belt"
 
 ENGINES = ("dem", "spheres", "cd", *DECLARED)
 """`spheres` is the DEM on scenes in space: a panel of its own, whose defects are not run on the plane's."""
@@ -90,6 +91,12 @@ DEM_PANEL: dict[str, Probe] = {
     "cell-seen": Probe(LATTICE, {"mode": "shear", "frame": 3.0}),
     "cell-flow": Probe(SHEAR_CELL, {"kind": "flow", "rows": 8}),
     "budget": Probe(BUDGET, {"duration": 0.2}),
+    "unequal": Probe(TWO, {"across": -1.2, "restitution": 0.5, "kn": 1e7}),
+    "six": Probe(CLUSTER, {"arrangement": "six"}),
+    "nine": Probe(CLUSTER, {"arrangement": "many"}),
+    "box": Probe(CLUSTER, {"arrangement": "box", "blocked": True}),
+    "orbit": Probe(ORBIT, {"steps": 200}),
+    "belt-stops": Probe(BELT, {"kn": 1e6}),
     "press-outlines": Probe(PRESS, {"shape": "nurbs", "cycles": 10, "settle_cycles": 5, "wall_mu": "mu"}),
     "lenses": Probe(LENSES, {"shape": "ellipse", "pairs": 3}),
     "ovals": Probe(OVALS, {"kn": 100.0, "phase": 0.3, "mu": 0.5}),
@@ -115,6 +122,11 @@ CD_PANEL: dict[str, Probe] = {
     "budget-rigid": Probe(BUDGET, {"duration": 0.1, "contacts": "rigid"}),
     "materials": Probe(MATERIALS, {}),
     "forces": Probe(FORCES, {}),
+    "unequal": Probe(TWO, {"across": -1.2, "restitution": 0.5}),
+    "six": Probe(CLUSTER, {"arrangement": "six", "steps": 200}),
+    "box": Probe(CLUSTER, {"arrangement": "box", "blocked": True, "steps": 200}),
+    "orbit": Probe(ORBIT, {"steps": 100, "turns": 2}),
+    "belt-stops": Probe(BELT, {}),
     "hit": Probe(HIT, {}),
     "hit-damped": Probe(HIT, {"restitution": 0.5}),
     "hit-plastic": Probe(HIT, {"kind": "plastic"}),
@@ -156,6 +168,8 @@ RIGID_PANEL: dict[str, Probe] = {
     "turn": Probe(DRIVEN, {"motion": "turn"}),
     "fixed": Probe("impact/held-disk", {"partner": "fixed"}),
     "held": Probe("impact/held-disk", {"partner": "held"}),
+    "unequal": Probe(TWO, {"across": -1.2, "restitution": 0.5}),
+    "belt-stops": Probe(BELT, {}),
     "materials": Probe(MATERIALS, {}),
     "forces": Probe(FORCES, {}),
 }

@@ -36,6 +36,52 @@ def with_motion(scene: Scene, change: Callable[[WallSegment], WallSegment]) -> S
     return scene.replace(walls=walls)
 
 
+def like_first(column: str) -> Callable[[Scene], Scene]:
+    """Scenes in which every disk has the value of the first in this column."""
+
+    def change(scene: Scene) -> Scene:
+        values = getattr(scene.disks, column)
+        return with_disks(scene, **{column: np.full_like(values, values[0])}) if len(values) else scene
+
+    return change
+
+
+def spins_swapped(scene: Scene) -> Scene:
+    """The order of the spins is reversed."""
+    return with_disks(scene, omega=scene.disks.omega[::-1])
+
+
+def first_segment(scene: Scene) -> Scene:
+    """Walls move by the first two segments of their motion alone: none that has started stops or turns back."""
+    walls = tuple(
+        replace(
+            wall,
+            motion=(wall.motion[0], replace(wall.motion[1], duration=math.inf))
+            if len(wall.motion) > 1
+            else wall.motion,
+        )
+        for wall in scene.walls
+    )
+    return scene.replace(walls=walls)
+
+
+def _laws_of_first_wall(scene: Scene) -> Scene:
+    return scene.replace(walls=tuple(replace(wall, law=scene.walls[0].law) for wall in scene.walls))
+
+
+def _unequal(engine: str) -> tuple[Defect, ...]:
+    """What belongs to a body or a wall, taken from the first."""
+    return (
+        _scene(engine, "mass-of-first", "every disk has the mass of the first", "unequal", like_first("mass")),
+        _scene(engine, "radius-of-first", "every disk has the radius of the first", "unequal", like_first("radius")),
+        _scene(engine, "inertia-of-first", "every disk has the moment of inertia of the first", "unequal", like_first("inertia")),
+        _scene(engine, "rotation-of-first", "disks turn if the first one does", "box", like_first("rotating")),
+        _scene(engine, "spins-swapped", "spins are given to the disks in the wrong order", "unequal", spins_swapped),
+        _scene(engine, "laws-of-first-wall", "every wall has the law of the first", "box", _laws_of_first_wall),
+        _scene(engine, "walls-never-stop", "walls go on with the second segment of their motion", "belt-stops", first_segment),
+    )  # fmt: skip
+
+
 def _scene(engine: str, name: str, what: str, witness: str, change: Callable[[Scene], Scene]) -> Defect:
     def before(scene: Scene, numerics: Numerics) -> tuple[Scene, Numerics]:
         return change(scene), numerics
@@ -201,4 +247,4 @@ CD = (
     _numerics("cd", "half-step", "steps are half as long as they say", "slide", _halved),
 )  # fmt: skip
 
-DEFECTS = (*DEM, *CD)
+DEFECTS = (*DEM, *_unequal("dem"), *CD, *_unequal("cd"))

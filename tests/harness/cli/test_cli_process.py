@@ -101,7 +101,7 @@ def test_a_reader_that_leaves_changes_no_verdict(
     os.close(reads)
     done = subprocess.run(
         command("run", "fake/fall", "-e", engine, "--json", "rows.json"),
-        cwd=tmp_path, env=fake_environment, stdout=writes, stderr=subprocess.PIPE, text=True, timeout=120, check=False,
+        cwd=tmp_path, env=fake_environment, stdout=writes, stderr=subprocess.PIPE, text=True, timeout=300, check=False,
     )  # fmt: skip
     os.close(writes)
     assert done.returncode == code, done.stderr

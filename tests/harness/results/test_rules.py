@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu
 
+from ninedisk.harness.api.text import found_and_expected
 from ninedisk.harness.results.change_points import LONGEST, chance_of_order, find_change
 from ninedisk.harness.results.error_rules import QUIET, judge_errors
 from ninedisk.harness.results.timing_rules import Samples, judge_timings
@@ -53,6 +54,20 @@ def test_verdicts(base: dict[str, Any], head: dict[str, Any], verdict: str) -> N
 
 def test_a_changed_tolerance_is_said() -> None:
     assert "tolerance changed from 2e-12 to 2e-11" in judge_errors(row(3e-12, "fail"), row(3e-12, rtol=1e-11))[1]
+
+
+def test_what_was_found_is_said_where_an_error_got_worse() -> None:
+    head = {**row(2.4, "fail"), "value": -1.2, "expected": 1.2}
+    assert judge_errors(row(0.0), head)[1] == "now outside its tolerance, found -1.2, expected +1.2"
+    assert judge_errors(row(1.2, "fail"), head) == ("same", "")
+
+
+@pytest.mark.parametrize(
+    ("value", "expected", "said"),
+    [(-1.2, 1.2, ("-1.2", "+1.2")), (1.0, 1.0, ("+1", "+1")), (0.123456, 0.123457, ("+0.123456", "+0.123457"))],
+)
+def test_numbers_have_the_digits_in_which_they_differ(value: float, expected: float, said: tuple[str, str]) -> None:
+    assert found_and_expected(value, expected) == said
 
 
 SLOW = 1.3

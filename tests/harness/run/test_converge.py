@@ -100,7 +100,12 @@ def test_the_core_dem_is_of_second_order() -> None:
 
 
 def test_contact_dynamics_is_of_first_order() -> None:
-    record = converge("incline-block", engine="cd", params={"sliding": "coulomb", "dt": 0.02}, halvings=4)
+    told: list[str] = []
+    params = {"sliding": "coulomb", "dt": 0.02}
+    record = converge("incline-block", engine="cd", params=params, halvings=4, progress=lambda *at: told.append(at[2]))
+    assert ["left" in label for label in told] == [False, True, True, True, True, False], (
+        "an estimate from the first level on"
+    )
     rows = {row["quantity"]: row for row in record["rows"]}
     assert (record["step"], record["expected"]) == ("dt", 1.0)
     assert rows["x"]["order"] == pytest.approx(1.0, abs=1e-6)  # the error is exactly a t dt/2
