@@ -221,7 +221,7 @@ def odd_values(argument: str) -> dict[str, Any]:
 
 
 TAKEN = {
-    ("restitution", "None"), ("kn", "inf"), ("inertia_ratio", "inf"), ("form", "mapping"),
+    ("springs", "None"), ("restitution", "None"), ("kn", "inf"), ("inertia_ratio", "inf"), ("form", "mapping"),
     ("plane_contact.plane_contact_theta", "velocity", "away"), ("ball_on_plane.slide_and_roll", "velocity", "away"),
     ("ball_on_plane.slip_of", "velocity", "away"),
 }  # fmt: skip
@@ -281,7 +281,6 @@ IDENTITIES: dict[str, Identity] = {
     ),
     "sliding.critical_dt": lambda given, found: (given["mu"] * given["speed"] * found, given["g0"]),
     "slip_to_roll.stop_time": lambda given, found: (given["mu"] * given["g"] * found, given["speed"]),
-    "stack.column_forces": lambda given, found: (found.max(), sum(given["weights"])),
     "stack.pyramid_forces": lambda given, found: (2.0 * found.side * math.cos(found.angle), given["weight"]),
 }
 """Both sides of a balance that the closed form has to keep, whatever the size of its arguments."""

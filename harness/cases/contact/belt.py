@@ -35,8 +35,11 @@ EASE = (1.0, 3.0)
 
 MU, GRAVITY, SPEED = 0.3, 10.0, 0.3
 PULL = MU * GRAVITY
-SEGMENTS = ((0.05, 0.0), (0.25, SPEED), (0.2, 0.0), (0.25, -SPEED), (0.15, 0.0))
-"""Duration [s] and speed [m/s] of the belt: the block needs 0.1 s to reach the speed."""
+SEGMENTS = ((0.05, 0.0), (0.25, SPEED), (0.2, 0.0), (0.25, -SPEED))
+"""Duration [s] and speed [m/s] of the belt, which rests afterwards: the block needs 0.1 s to reach the speed."""
+
+DURATION = 0.9
+"""Length of the run [s]."""
 
 TILT = 0.5
 """Direction of the belt, to x [rad]; gravity stands on it."""
@@ -89,7 +92,7 @@ class Belt:
         gravity = -GRAVITY * up
         numerics = numerics_of(
             params,
-            n_steps=math.ceil(sum(duration for duration, _ in SEGMENTS) / dt * (1.0 - 1e-12)),
+            n_steps=math.ceil(DURATION / dt * (1.0 - 1e-12)),
             contact_dt=contact_step(dt, PHASE / math.sqrt(3.0 * kn / float(MASS.min()))),
         )
         # The disks never meet: friction of theirs in place of the belt's shows.

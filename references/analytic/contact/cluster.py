@@ -78,7 +78,7 @@ def cluster_swing(
     velocity : array_like, shape (n, 3)
         Velocity [m/s] and spin [rad/s] at time 0.
     radius, mass, inertia : array_like, shape (n,)
-        [m], [kg], [kg m^2], > 0; an infinite inertia keeps the spin.
+        [m], [kg], [kg m^2], > 0; a huge inertia keeps the spin.
     touches : sequence of Touch
 
     Raises
@@ -94,16 +94,18 @@ def cluster_swing(
     from scipy.linalg import expm  # slow to import, and most runs do not need it
 
     times, start = times_of(t), array("velocity", velocity, dimensions=(2,))
-    r, m = array("radius", radius, dimensions=(1,)), array("mass", mass, dimensions=(1,))
+    r, m, turning = (array("radius, mass, inertia", each, dimensions=(1,)) for each in (radius, mass, inertia))
     n = len(r)
-    turn = 1.0 / np.asarray(inertia, dtype=np.float64)
+    if not len(m) == len(turning) == n or not (np.concatenate([r, m, turning]) > 0.0).all():
+        raise ValueError("radius, mass and inertia are not allowed: they need one number > 0 for each body")
+    if start.shape != (n, 3):
+        raise ValueError(f"velocity of the shape {start.shape} is not allowed: it needs a row of three for each body")
     if (
-        start.shape != (n, 3)
-        or not len(m) == len(turn) == n
-        or not (np.append(r, m) > 0.0).all()
-        or not (turn >= 0.0).all()
+        not isinstance(touches, Sequence)
+        or not all(isinstance(each, Touch) for each in touches)
+        or len(touches) > 1_000
     ):
-        raise ValueError("velocity needs a row of three, and radius, mass and inertia a number > 0, for each body")
+        raise ValueError(f"touches = {touches!r:.200} are not allowed: they must be a sequence of at most 1000 `Touch`")
     normal, slip = np.zeros((len(touches), n, 3)), np.zeros((len(touches), n, 3))
     kn, ks, c, first = (np.zeros(len(touches)) for _ in range(4))
     for k, each in enumerate(touches):
@@ -123,7 +125,7 @@ def cluster_swing(
         kn[k], ks[k], first[k] = each.kn, each.ks, each.overlap
         c[k] = 2.0 * each.beta * np.sqrt(each.kn / light)
     g, h = normal.reshape(len(touches), -1), slip.reshape(len(touches), -1)
-    ease = np.stack([1.0 / m, 1.0 / m, turn], axis=1).ravel()
+    ease = np.stack([1.0 / m, 1.0 / m, 1.0 / turning], axis=1).ravel()
     size = 3 * n
     system = np.zeros((2 * size + 1, 2 * size + 1))
     stiffness = ease[:, None] * ((g.T * kn) @ g + (h.T * ks) @ h)

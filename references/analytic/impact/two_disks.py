@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import array, positive
+from ninedisk.references._validate import array, fraction, pair, positive
 from ninedisk.references.analytic.impact.oblique_impact import rigid_rebound, spring_rebound
 
 FloatArray = NDArray[np.float64]
@@ -73,11 +73,16 @@ def two_disk_impact(
     before = array("velocity", velocity, dimensions=(2,))
     r, m, turn = (array("radius, mass, inertia", each, dimensions=(1,)) for each in (radius, mass, inertia))
     if before.shape != (2, 3) or not len(r) == len(m) == len(turn) == 2:
-        raise ValueError("velocity needs two rows of three, and radius, mass and inertia two numbers each")
+        raise ValueError(
+            "velocity, radius, mass or inertia is not allowed: they are two rows of three, and two numbers each"
+        )
     for one in (*r, *m, *turn):
         positive(radius_mass_inertia=one)
-    n = np.asarray(direction, dtype=np.float64)
-    if n.shape != (2,) or not abs(np.hypot(*n) - 1.0) < 1e-12:
+    fraction(restitution=restitution)
+    if not (springs is None or isinstance(springs, Springs)):
+        raise ValueError(f"springs = {springs!r} is not allowed: use `Springs`, or None for rigid disks")
+    n = np.array(pair("direction", direction))
+    if not abs(np.hypot(*n) - 1.0) < 1e-12:
         raise ValueError(f"direction = {direction!r} is not allowed: it must be a unit vector")
     t = np.array([-n[1], n[0]])
     relative = before[0, :2] - before[1, :2]

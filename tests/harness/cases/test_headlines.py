@@ -103,6 +103,10 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ),
     ("spheres/unequal", {}, "velocities of unequal spheres", 0.0),
     ("rolling/off-disk", {"mu": 0.3}, "angle at which a rolling body leaves", 58.76484),
+    ("impact/two-disks", {"restitution": 0.5}, "restitution", 0.5),
+    ("impact/two-disks", {"across": -1.2, "restitution": 0.5}, "spin after the impact", math.nan),
+    ("contact/cluster", {}, "motion of unequal disks", 0.0),
+    ("contact/orbit", {}, "shear after several revolutions", -2.0 * math.pi * 3 * (0.4 * 1.3 + 0.5 * 0.5 - 0.24)),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),
 )
 
@@ -126,6 +130,10 @@ ERRORS: tuple[tuple[str, Engine, Mapping[str, Any], str, float, float], ...] = (
     ("incline-block", CD, {"sliding": "associated"}, "lift of the block", 1e-3, 1e-2),
     ("incline-block", CD, {"sliding": "coulomb"}, "lift of the block", 0.0, ROUND),
     ("impact/oblique", CD, {"restitution": 0.5, **NEWTON}, "speed along the plane", 0.0, ROUND),
+    ("impact/two-disks", PYMUNK, {"restitution": 0.5}, "spin after the impact", 0.0, 1e-9),
+    ("contact/belt", PYMUNK, {}, "velocity of the disk on the belt", 0.0, 1e-9),
+    ("contact/cluster", DEM, {}, "motion of unequal disks", 0.0, 1e-5),
+    ("contact/orbit", DEM, {"steps": 200}, "shear after several revolutions", 0.0, 1e-4),
     ("impact/bouncing-disk", CD, {"restitution": 1.0}, "height of the first bounce", 0.0, 1e-9),
     ("gas/elastic", PYMUNK, {"duration": 1.0}, "energy kept", 0.0, ROUND),
     ("gas/elastic", CD, {"duration": 1.0}, "energy kept", 0.5, 1.0),
