@@ -7,7 +7,7 @@ which the tolerances allow for (`ninedisk.harness.cases.rounding`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -39,7 +39,7 @@ class Rounded:
     def __init__(self, kind: str) -> None:
         self.id = f"{kind}-single"
         self._kind = kind
-        self._right: Engine = Declared(kind) if kind in DECLARED else {"dem": DEM, "cd": CD}[kind]
+        self._right: Engine = Declared(kind) if kind in DECLARED else DEM if kind == "dem" else CD
 
     def info(self) -> EngineInfo:
         """Facts of the engine that is rounded, but for its precision; nobody is held against its runs."""
@@ -56,7 +56,7 @@ class Rounded:
         with setup:
             if isinstance(scene, SphereScene):
                 session: Any = SphereSession(scene, numerics, watch)
-                run = _run_spheres
+                run: Callable[[Any], History] = _run_spheres
             elif self._kind == "dem":
                 session, run = DemSession(scene, numerics, watch), _run_disks
             else:

@@ -153,8 +153,8 @@ def headline_moves(results: Sequence[CaseResult], right: Mapping[tuple[str, str,
     Infinite where one of the two has a number and the other none.
     """
     moved: dict[str, float] = {}
-    for (case, *rest), error in headline_errors(results).items():
-        before = right.get((case, *rest), math.nan)
+    for place, error in headline_errors(results).items():
+        case, before = place[0], right.get(place, math.nan)
         apart = math.inf if math.isnan(error) != math.isnan(before) else abs(error - before)
         moved[case] = max(moved.get(case, 0.0), 0.0 if math.isnan(apart) else apart)
     return moved

@@ -155,6 +155,11 @@ class BouncingDisk:
         for name, k in (("bounce_first", 1), ("bounce_last", params["bounces"])):
             height = scalars[f"apex_{k}"][1] if k <= len(tops) else 0.0
             scalars[name] = ("m", max(height, 0.0) if known else math.nan)
+        heights = [scalars[f"apex_{k}"][1] for k in range(1, params["bounces"] + 1)]
+        scalars["height_lost"] = (
+            "m",
+            max(0.0, params["height"] - min(heights)) if np.isfinite(heights).all() else math.nan,
+        )
         # Written so that a NaN counts as motion.
         moving = np.flatnonzero(~(gap <= rest_level(params)))
         rests = len(moving) > 0 and moving[-1] + 1 < len(gap)
@@ -270,7 +275,10 @@ def binding_truth(params: Mapping[str, Any], setup: Setup, observed: Observed, e
         # A soft contact lets a part of the landing speed through, a part of that in the next step, and so on; then of gravity's.
         slack, fall = slack_time(engine, setup.numerics.dt), math.sqrt(2.0 * params["g"] * params["height"])
         settled = _landed(params, setup) + 1e-12 + slack * (fall + params["g"] * float(observed.t[-1]))
-    return _collect(params, setup, observed, flights, errors, _Words(source, why), (rest, settled), spring=spring)
+    lost = None if spring else _height_lost(params, setup, engine)
+    return _collect(
+        params, setup, observed, flights, errors, _Words(source, why), (rest, settled), spring=spring, lost=lost
+    )
 
 
 class _Words(NamedTuple):
@@ -288,6 +296,7 @@ def _collect(
     at_rest: tuple[float, float],
     *,
     spring: bool,
+    lost: float | None = None,
 ) -> Truth:
     """Curves and numbers of the flights; a sample as near to a contact as the time's error says nothing."""
     g, dt, t = params["g"], setup.numerics.dt, observed.t
@@ -317,6 +326,8 @@ def _collect(
         # As late as the flight, and as its parabola, met at the level with this slope, is high.
         steep = math.sqrt(2.0 * g * (height[-1] - above))
         atol["rest_time"] = dt + errors[-1].time + errors[-1].speed / g + atol[f"apex_{len(height) - 1}"] / steep
+    if params["restitution"] == 1.0 and complete and lost is not None:
+        scalars["height_lost"], atol["height_lost"] = 0.0, lost
     if (
         params["restitution"] < 1.0
         and setup.numerics.n_steps * dt > 1.1 * float(flights.land[-1])
@@ -389,6 +400,20 @@ def _step_errors(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, fl
         found.append(Errors(speed, time))
         time += speed / g
     return found
+
+
+def _height_lost(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> float:
+    """Height [m] that bounces with restitution 1 may lose in all.
+
+    An impact that is turned before the step's own ``g dt`` loses that, one that is turned after it gains it. What the gap adds is no
+    loss: a disk that leaves from where it was turned gets the gap's energy back, and one that is put on the plane gains the overlap's.
+    A bounce loses ``g dt`` of the speed at most, then, and heights by samples are off by ``g dt/2`` of the speed, once.
+    """
+    g, dt, bounces = params["g"], setup.numerics.dt, params["bounces"]
+    landing = math.sqrt(2.0 * g * params["height"])
+    missed = 2.0 * softness(engine) * landing
+    rounding = 1e-12 * landing + single(engine, landing, setup.numerics.n_steps)
+    return float(landing / g * (bounces * (g * dt + missed) + 0.5 * g * dt + rounding))
 
 
 def _landed(params: Mapping[str, Any], setup: Setup) -> float:

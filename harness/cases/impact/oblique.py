@@ -201,8 +201,9 @@ class ObliqueImpact:
         }
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
         scalars["restitution_effective"] = ("1", last(vy) / params["vn"])
-        about = MASS * RADIUS * vx + float(disks.inertia[0]) * spin
-        scalars["about_contact_drift"] = ("kg m^2/s", float(about[-1] - about[0]))
+        inertia = float(disks.inertia[0])
+        about = MASS * RADIUS * (last(vx) - params["vt"]) + inertia * (last(spin) - params["spin"])
+        scalars["about_contact_drift"] = ("kg m^2/s", about)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.divide(params["vt"] - last(vx), last(vy) + params["vn"])
         scalars["impulse_ratio"] = ("1", float(ratio))

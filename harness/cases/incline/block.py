@@ -180,7 +180,7 @@ class InclineBlock:
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """Coulomb's block on a rigid incline, at every step, with or without preload: way, lift, and the force on the incline.
+        """Coulomb's block on a rigid incline, at every step, with or without preload: way, lift, force on the incline, friction.
 
         Near the critical friction the block slides slowly; what counts is its own way, and where it sticks the way that it
         would make without friction.
@@ -200,6 +200,9 @@ class InclineBlock:
             Headline(name="force on the incline", use="rest" if sticks(params) else "sliding", quantity="fn",
                      expected=float(truth.fn[-1]), source="m g cos", scale=params["mass"] * params["g"], scale_is="weight",
                      window=(int(observed.step[second_half(observed.t)]), int(observed.step[-1]))),
+            Headline(name="friction on the incline", use="rest" if sticks(params) else "sliding", quantity="fs_mean",
+                     expected=float(truth.fs[-1]), source="mu m g cos, or m g sin at rest", scale=params["mass"] * params["g"],
+                     scale_is="weight"),
         )  # fmt: skip
 
     def checks(

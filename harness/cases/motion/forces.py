@@ -132,21 +132,24 @@ class Forces:
         spun = SPIN0 + 2.0 * TORQUE * float(t[-1]) / (0.5 * MASS * RADIUS**2)
         of_spin = 1e-12 * spun + single(engine, spun, setup.numerics.n_steps)
         length = fastest * float(t[-1]) + SHIFT
-        central = engine.scheme == "central-difference"
+        place = _place_in_step(setup, engine)
+        central = place is not None
         lag = 1.5 * FORCE[0] / MASS * (0.125 * dt * len(ends) if central else float(t[-1])) * dt
         lag += rough * float(t[-1]) + single(engine, length, setup.numerics.n_steps)
         common: dict[str, Any] = {"truth": "analytic", "source": self.source}
         exact = "impulses are exact: round-off" + single_precision(engine)
         late = (
-            "positions by the speed of mid-step: F dt^2/(8 m) for each end of a segment"
+            "positions by exact speeds at one place in each step: F dt^2/(8 m) for each end of a segment"
             if central
             else "positions by the speed of either end of a step: first order in dt"
         )
         curves = {f"{axis}": _along(params, t, k) for k, axis in enumerate("xy")}
+        # The sum of speeds at a step's end is the trapezoidal one and half of what the speed has changed by, times dt.
+        shift = {name: 0.5 * (place or 0.0) * dt * (curve.rate - curve.rate[0]) for name, curve in curves.items()}
         angular = _spun(params, t)
         expected: dict[str, tuple[FloatArray, float, str, float]] = {
-            "x": (curves["x"].way, lag, late, float(np.abs(curves["x"].way).max())),
-            "y": (curves["y"].way, lag, late, float(np.abs(curves["y"].way).max())),
+            "x": (curves["x"].way + shift["x"], lag, late, float(np.abs(curves["x"].way).max())),
+            "y": (curves["y"].way + shift["y"], lag, late, float(np.abs(curves["y"].way).max())),
             "vx": (np.where(near, np.nan, curves["x"].rate), rough, exact, fastest),
             "vy": (np.where(near, np.nan, curves["y"].rate), rough, exact, fastest),
             "vx_turned": (np.where(near, np.nan, curves["x"].rate), rough, exact, fastest),
@@ -168,6 +171,16 @@ def _spans(params: Mapping[str, Any]) -> list[tuple[float, float, float]]:
     if params["span"] == "constant":
         return [(0.0, math.inf, 1.0)]
     return [(*SPANS[0], 1.0), (*SPANS[1], -0.5)]
+
+
+def _place_in_step(setup: Setup, engine: EngineInfo) -> float | None:
+    """Where in a step lies the speed by which a scheme moves positions: -1 its begin, 0 its middle, 1 its end; None if not known."""
+    places = {"central-difference": 0.0, "semi-implicit-euler": 1.0, "position-first-euler": -1.0}
+    if engine.scheme == "theta":
+        return 2.0 * setup.numerics.theta - 1.0
+    if engine.scheme == "moreau-jean":
+        return 2.0 * float(engine.option("theta", setup.numerics)) - 1.0
+    return places.get(engine.scheme)
 
 
 def _spun(params: Mapping[str, Any], t: FloatArray) -> FloatArray:

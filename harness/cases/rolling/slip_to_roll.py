@@ -168,19 +168,22 @@ class SlipToRoll:
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """The rigid disk's way, its speed and spin in the end, and its lift, which Coulomb's law does not know.
+        """The rigid disk's way, its speed in the end, its spin all the while, and its lift, which Coulomb's law does not know.
 
         A disk that starts above the plane falls first: of its way there is no closed form.
         """
         truth_end = truth(params, observed.t[-1:], RADIUS, inertia_ratio(params)).curves
         falls, way = params["start"] == "dilated", float(truth_end["x"][0])
-        source = "rigid disk with Coulomb friction"
+        source, spin = (
+            "rigid disk with Coulomb friction",
+            truth(params, observed.t, RADIUS, inertia_ratio(params)).curves["spin"],
+        )
         return (
             Headline(name="distance", use="rolling", quantity="x_final", expected=math.nan if falls else way, source=source,
                      scale=way, scale_is="distance of the rigid disk"),
             Headline(name="final speed", use="rolling", quantity="vx_final", expected=float(truth_end["vx"][0]),
                      source=source, scale=params["speed"], scale_is="initial speed"),
-            Headline(name="final spin", use="rolling", quantity="spin_final", expected=float(truth_end["spin"][0]),
+            Headline(name="spin", use="rolling", quantity="spin", expected=np.full_like(observed.t, math.nan) if falls else spin,
                      source=source, scale=params["speed"] / RADIUS, scale_is="initial speed over the radius"),
             Headline(name="lift of the sliding disk", use="sliding", quantity="lift", expected=math.nan if falls else 0.0,
                      source="Coulomb's law: no dilation", scale=way, scale_is="distance of the rigid disk"),

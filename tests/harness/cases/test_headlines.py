@@ -76,7 +76,6 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("impact/oblique", {"vt": 0.3}, "speed along the plane", math.nan),
     ("impact/oblique", {"vt": 0.3}, "angular momentum about the contact", 0.0),
     ("impact/oblique", {}, "spin after the impact", 2.0 * 0.3 * 2.0),
-    ("slip-to-roll", {}, "final spin", 2.0 / 3.0),
     ("motion/forces", {"span": "constant"}, "spin under a torque", 1.0 + 0.8 * 0.6),
     ("friction/hold", {"mass": 100.0}, "slope of first slip", 1.0),
     ("gas/cooling", {"restitution": 0.6}, "energy lost in a collision", 0.64),

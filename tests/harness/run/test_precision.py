@@ -68,6 +68,7 @@ class Single(EngineWithResult):
 
 
 BELOW_ROUNDING = {
+    "dem/damping-lagged": "forces off by 5e-3, where the swing of 200 steps loses as much to rounded places",
     "dem/first-kick": "a velocity off by 1.4e-4, in 1e4 steps each of which rounds by 6e-8 of it",
     "dem/rolling-stiffness": "a speed off by 1.8e-3 where the spring's swing is slower than the rate by which places are rounded",
 }

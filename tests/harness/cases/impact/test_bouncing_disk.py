@@ -85,6 +85,13 @@ def test_defects_are_seen(run_cell, spoil, quantities):
     assert quantities <= run_cell(CASE, PYMUNK, {}, spoil).seen
 
 
+@pytest.mark.parametrize(("kept", "fails"), [(1.0, False), (0.973, True)])
+def test_height_that_an_elastic_disk_loses_at_each_bounce_is_seen(run_cell, kept, fails):
+    """2.7 % of it: a step's own gravity may take 1.3 % of the height from a bounce."""
+    cell = run_cell(CASE, PYMUNK, {"restitution": 1.0}, law={"restitution": kept**0.5})
+    assert ("height_lost" in cell.seen) == fails
+
+
 def test_an_exact_drop_sees_a_defect_of_the_dem(run_cell):
     def higher(history):
         history.gap[history.t > 0.32] *= 1.01
