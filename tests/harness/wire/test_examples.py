@@ -125,6 +125,36 @@ def test_a_wrong_engine_of_spheres_is_found(right: str, wrong: str, check: str, 
     assert found.status == "fail", found
 
 
+RIGID = EXAMPLES / "rigid_spheres.py"
+
+
+def test_the_rigid_spheres_are_sound_and_obey_coulomb() -> None:
+    engine = CommandEngine(f"{sys.executable} {RIGID}")
+    found = check_engine(engine)
+    assert [each.check for each in found if each.status == "fail"] == []
+    assert {each.check for each in found if each.status == "pass"} >= {"supports: SPHERES", "supports: FRICTION"}
+    for case in ("spheres/rolling", "spheres/incline"):
+        result = run_case(case, engine=engine)
+        assert result.status == "pass"
+        assert {row["status"] for row in result.rows} == {"pass"}
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("spin[i] += turns[i] * radius[i] * np.cross(normal, change)", "spin[i] -= turns[i] * radius[i] * np.cross(normal, change)"),
+        ('law.get("mu", 0.0) * pushed', '0.9 * law.get("mu", 0.0) * pushed'),
+        ("v[i] += light[i] * change", "v[i] += 0.9 * light[i] * change"),
+    ],
+)  # fmt: skip
+def test_wrong_rigid_spheres_are_found(right: str, wrong: str, tmp_path: Path) -> None:
+    text = RIGID.read_text(encoding="utf-8")
+    assert text.count(right) == 1
+    (tmp_path / "wrong.py").write_text(text.replace(right, wrong), encoding="utf-8")
+    found = check_engine(CommandEngine(f"{sys.executable} {tmp_path / 'wrong.py'}"), only=["supports: *"])
+    assert "fail" in {each.status for each in found}
+
+
 def test_scenes_of_the_plane_are_not_asked_of_an_engine_of_spheres() -> None:
     result = run_case("binary-collision", engine=CommandEngine(f"{sys.executable} {SPHERES}"))
     assert (result.status, "space only" in result.reason) == ("unsupported", True)
