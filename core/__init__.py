@@ -11,6 +11,7 @@ from ninedisk.core.errors import (
     NoEquilibriumError,
     NonFiniteStateError,
     SolverNotConvergedError,
+    TooFastError,
     UnstableTimeStepError,
     UnwritableFileError,
 )
@@ -44,6 +45,7 @@ __all__ = [
     "SphereLaw",
     "SphereScene",
     "Spheres",
+    "TooFastError",
     "UnstableTimeStepError",
     "UnwritableFileError",
     "Wall",

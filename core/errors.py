@@ -27,6 +27,10 @@ class UnstableTimeStepError(CoreError):
     """The time step exceeds the stability limit of the explicit scheme on this scene."""
 
 
+class TooFastError(CoreError):
+    """Two bodies that meet move so far in a contact step that contacts could be jumped over."""
+
+
 class NonFiniteStateError(CoreError):
     """Positions or velocities stopped being finite numbers during a run."""
 

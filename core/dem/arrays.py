@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.core.dem.critical import critical_time_step, packed_time_step
+from ninedisk.core.dem.critical import NEAR, critical_time_step, normal_arms, packed_time_step, stiffening
 from ninedisk.core.dem.force_kernels import CHUNK, PAIR_KN, SCRATCH, note_pairs
 from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, empty_cells, empty_list
 from ninedisk.core.dem.state import (
@@ -36,10 +36,12 @@ from ninedisk.core.dem.state import (
     Team,
     Views,
     WallArrays,
+    Watch,
 )
 from ninedisk.core.errors import BehindWallError, NonFiniteStateError, UnstableTimeStepError
 from ninedisk.core.law import RollingModel
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.nurbs.mass import nearest
 from ninedisk.core.scene import ContactLaw, Rolling, Scene
 from ninedisk.core.scene.motion import wall_poses
 from ninedisk.core.scene.motion_kernels import WallMotion
@@ -280,6 +282,7 @@ def contact_step(scene: Scene, numerics: Numerics) -> tuple[float, float]:
     critical = critical_time_step(scene, damping_form=numerics.damping_form)
     if numerics.contact_dt is None:
         wanted = min(SAFETY * critical, packed_time_step(scene, damping_form=numerics.damping_form))
+        wanted = max(wanted, 1e-16 * numerics.dt)  # refused as too many substeps
         return numerics.dt / max(1, int(np.ceil(numerics.dt / wanted))), critical
     if numerics.contact_dt > critical and not numerics.allow_unstable:
         raise UnstableTimeStepError(
@@ -299,6 +302,21 @@ def law_row(law: ContactLaw) -> list[float]:
         *(law.kn, law.ks, law.mu, law.beta, float(torque), float(slip), float(wall_mid), float(middle), law.cohesion),
         *(float(MODELS[rolling.model]), rolling.mu, rolling.kr, rolling.beta),
     ]
+
+
+def watch_arrays(scene: Scene) -> Watch:
+    """What the contact step is held against on the way."""
+    size = scene.disks.radius.copy()
+    for k in np.unique(scene.disks.outline[scene.disks.outline >= 0]):
+        size[scene.disks.outline == k] = nearest(scene.outlines[k])
+    return Watch(
+        size=size,
+        arm=normal_arms(scene),
+        stiff=np.array([stiffening(scene, law) for law in (scene.disk_disk, *(wall.law for wall in scene.walls))]),
+        near=np.array([NEAR * float(scene.disks.radius.min())]),
+        sums=np.zeros((len(size), 2)),
+        checked=np.zeros(1, dtype=np.int64),
+    )
 
 
 def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) -> StepConstants:
@@ -326,6 +344,7 @@ def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) 
         most_skin=MOST_SKIN * radius,
         lagged=not central,
         sorted=in_order,
+        watched=not numerics.allow_unstable and dt > packed_time_step(scene, damping_form=numerics.damping_form),
     )
 
 

@@ -66,11 +66,14 @@ def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -
     the safe side. A component of a velocity that is held has no inertia to count with: its inverse mass is 0. Every disk is further taken
     to touch each wall alone, and the two lightest each other, so that free flight has a limit as well.
 
-    Contacts that form later stiffen the network, up to `packed_time_step`: stay well below. A sliding contact has no shear spring,
-    which only lowers frequencies. Cohesion lowers the stiffness to ``kn - cohesion``. A rolling spring and its dashpot count in full though
-    they have a limit; the torque of viscous rolling resistance, which grows with the load, does not count. Of two unequal disks that touch
-    alone the step with a rolling spring is a bound. Arms are the radii: exact for ``lever_arm="radius"``; with ``"overlap"``, and with
-    ``"torque-overlap"``, whose matrix is not symmetric, they are too long by the relative overlap.
+    Contacts that form later stiffen the network, up to `packed_time_step`: stay well below. A run with a step above that looks at its
+    contacts whenever it renews its lists and at each sample, and ends with an error where they do not bear the step.
+
+    A sliding contact has no shear spring, which only lowers frequencies. Cohesion lowers the stiffness to ``kn - cohesion``. A rolling
+    spring and its dashpot count in full though they have a limit; the torque of viscous rolling resistance, which grows with the load,
+    does not count. Of two unequal disks that touch alone the step with a rolling spring is a bound. Arms are the radii: exact for
+    ``lever_arm="radius"``; with ``"overlap"``, and with ``"torque-overlap"``, whose matrix is not symmetric, they are too long by the
+    relative overlap.
 
     Grains with outlines have the springs of their contacts at time 0, with the arms of the normal forces. A single contact is bounded by
     the largest arms that the outline allows, normal and shear spring together. The law of the common area is stiffer than ``kn`` where
@@ -133,6 +136,29 @@ def _dashpots(law: ContactLaw, inverse_m_eff: FloatArray) -> FloatArray:
     return 2.0 * law.beta * np.sqrt(law.kn / np.where(inverse_m_eff > 0.0, inverse_m_eff, np.inf))
 
 
+class Place(NamedTuple):
+    """Where the bodies of a scene are at time t [s].
+
+    Attributes
+    ----------
+    x, angle : ndarray, shape (n, 2), (n,)
+        Centres [m] and angles [rad].
+    walls : ndarray, shape (m, 11)
+        Walls as `place_walls` fills them.
+    t : float
+    """
+
+    x: FloatArray
+    angle: FloatArray
+    walls: FloatArray
+    t: float
+
+
+def start_of(scene: Scene) -> Place:
+    """Where bodies are at time 0."""
+    return Place(scene.disks.x, scene.disks.angle, wall_poses(compile_motion(scene.walls), 0.0), 0.0)
+
+
 class _Kind(NamedTuple):
     """Contacts of one law: disks that can be the first body, and the second one; None where that is a wall."""
 
@@ -150,8 +176,8 @@ def _kinds(scene: Scene) -> list[_Kind]:
     for k, mask in enumerate(masks):
         for other in masks[k:]:
             i, j = int(np.argmax(mask)), n - 1 - int(np.argmax(other[::-1]))
-            if i != j:
-                found.append(_Kind(scene.law((min(i, j), max(i, j))), mask, other))
+            if i != j or scene.cell is not None:
+                found.append(_Kind(scene.law_between(min(i, j), max(i, j)), mask, other))
         for w in range(len(scene.walls)):
             found.append(_Kind(scene.law((int(np.argmax(mask)), n + w)), mask, None))
     return found
@@ -164,6 +190,14 @@ def _largest(values: FloatArray, kind: _Kind) -> float:
     if (kind.first == kind.second).all():
         return float(np.sort(values[kind.first])[::-1][:2].sum())
     return float(values[kind.first].max() + values[kind.second].max())
+
+
+def _meets_itself(scene: Scene) -> bool:
+    """Whether a disk can touch its own image at some time: the cell is, or becomes, narrower than a diameter."""
+    cell = scene.cell
+    if cell is None:
+        return False
+    return min(cell.size) < 2.0 * float(scene.disks.radius.max()) or min(cell.rate[0][0], cell.rate[1][1]) < 0.0
 
 
 def _inverse_moments(scene: Scene) -> FloatArray:
@@ -207,6 +241,10 @@ def _single_contact_rate(scene: Scene, form: DampingForm) -> float:
         both = np.where(aside > 0.0, normal + shear, 0.0)
         stiffness = np.array([_largest(normal, kind), _largest(shear, kind), _largest(both, kind)])
         worst = max(worst, _rate(stiffness, np.array([damping, drag, damping])))
+        if kind.second is not None and _meets_itself(scene):
+            # Of a disk and its own image both ends turn alike, and none of them moves.
+            alike = 4.0 * law.shear_stiffness * scene.disks.radius**2 * turn
+            worst = max(worst, _rate(alike[kind.first & kind.second], np.array([drag])))
         if law.rolling is not None and law.rolling.kr > 0.0:
             # The dashpot's c (1/I_i + 1/I_j), c being of the moments about the contact, is exact for equal disks.
             more = np.max(np.where(about > 0.0, turn / np.where(about > 0.0, about, 1.0), 0.0))
@@ -261,11 +299,22 @@ def _packed_rate(scene: Scene, form: DampingForm) -> float:
     return _rate(2.0 * stiffness, 2.0 * share * damping + drag)
 
 
-def _network_rate(scene: Scene, form: DampingForm) -> float:
-    """1/dt [1/s] of the limit of the present contacts, plus the norm of the residual."""
+def present_time_step(scene: Scene, place: Place, damping_form: DampingForm) -> tuple[float, int]:
+    """Critical step [s] of the contacts that bodies have at this place, as `critical_time_step` counts them; and the disk whose contacts
+    are stiffest for its mass."""
+    springs, bodies = contact_network(scene, NEAR * float(scene.disks.radius.min()), place)
+    stiff = np.maximum(springs[:, 2], springs[:, 3])
+    first, second = bodies.T
+    sums = np.bincount(first, stiff, len(scene.disks))
+    sums += np.bincount(second[second >= 0], stiff[second >= 0], len(scene.disks))
+    return _step(_network_rate(scene, damping_form, place)), int(np.argmax(sums * _inverse_masses(scene)[0]))
+
+
+def _network_rate(scene: Scene, form: DampingForm, place: Place | None = None) -> float:
+    """1/dt [1/s] of the limit of the contacts at a place, at time 0 if None, plus the norm of the residual."""
     if len(scene.disks) == 0:
         return 0.0
-    springs, bodies = contact_network(scene, NEAR * float(scene.disks.radius.min()))
+    springs, bodies = contact_network(scene, NEAR * float(scene.disks.radius.min()), place)
     if len(bodies) == 0:
         return 0.0
     inverse, turn = _inverse_masses(scene)
@@ -274,7 +323,7 @@ def _network_rate(scene: Scene, form: DampingForm) -> float:
     root[:, :2] = np.where(scene.disks.held, 0.0, 1.0 / np.sqrt(scene.disks.mass)[:, None])
     root[:, 2] = np.sqrt(turn)
     springs[:, 2:4] = 0.5 * np.sqrt(springs[:, 2:4])
-    rolls, rolling = rolling_network(scene, NEAR * float(scene.disks.radius.min()))
+    rolls, rolling = rolling_network(scene, NEAR * float(scene.disks.radius.min()), place)
     about = np.append(_inverse_moments(scene), 0.0)  # the last one stands for a wall, body -1
     inverse_moment = about[rolling].sum(axis=1)
     rolls[:, 0] = 0.5 * np.sqrt(rolls[:, 0])
@@ -305,8 +354,8 @@ def _network_rate(scene: Scene, form: DampingForm) -> float:
     return value + residual
 
 
-def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
-    """Springs and bodies of all pairs with a gap up to ``reach`` [m] at time 0.
+def contact_network(scene: Scene, reach: float, place: Place | None = None) -> tuple[FloatArray, IntArray]:
+    """Springs and bodies of all pairs with a gap up to ``reach`` [m] at a place, at time 0 if None.
 
     Returns
     -------
@@ -316,8 +365,8 @@ def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     bodies : ndarray of int64, shape (c, 2)
     """
     if needs_outlines(scene):
-        return grain_network(scene, reach)
-    pairs, normal = _touching(scene, reach)
+        return grain_network(scene, reach, place or start_of(scene))
+    pairs, normal = _touching(scene, reach, place or start_of(scene))
     n, (first, second) = len(scene.disks), pairs.T
     radius = np.append(scene.disks.radius, np.zeros(len(scene.walls)))
     springs = np.empty((len(pairs), 9))
@@ -326,8 +375,8 @@ def contact_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     return springs, np.column_stack([first, np.where(second < n, second, -1)])
 
 
-def rolling_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
-    """Rolling springs of all pairs with a gap up to ``reach`` [m] at time 0.
+def rolling_network(scene: Scene, reach: float, place: Place | None = None) -> tuple[FloatArray, IntArray]:
+    """Rolling springs of all pairs with a gap up to ``reach`` [m] at a place, at time 0 if None.
 
     Returns
     -------
@@ -339,7 +388,7 @@ def rolling_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     """
     if not any(law.rolling is not None and law.rolling.kr > 0.0 for law in scene.laws_in_use):
         return np.empty((0, 2)), np.empty((0, 2), dtype=np.int64)
-    pairs, _ = _touching(scene, reach)
+    pairs, _ = _touching(scene, reach, place or start_of(scene))
     rolls = np.zeros((len(pairs), 2))
     for law, rows in _by_law(scene, pairs):
         if law.rolling is not None:
@@ -347,13 +396,13 @@ def rolling_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     return rolls, np.where(pairs < len(scene.disks), pairs, -1)
 
 
-def _touching(scene: Scene, reach: float) -> tuple[IntArray, FloatArray]:
-    """Pairs of bodies, by their numbers, with a gap up to ``reach`` [m] at time 0, and their normals; of disks first."""
+def _touching(scene: Scene, reach: float, place: Place) -> tuple[IntArray, FloatArray]:
+    """Pairs of bodies, by their numbers, with a gap up to ``reach`` [m], and their normals; of disks first."""
     disks, n = scene.disks, len(scene.disks)
-    listed, normal, _ = _close_pairs(scene, reach)
+    listed, normal, _ = _close_pairs(scene, reach, place)
     pairs, normals = [listed], [normal]
-    for w, pose in enumerate(wall_poses(compile_motion(scene.walls), 0.0)):
-        height = (disks.x - pose[POINT_X:NORMAL_X]) @ pose[NORMAL_X:PIVOT_X]
+    for w, pose in enumerate(place.walls):
+        height = (place.x - pose[POINT_X:NORMAL_X]) @ pose[NORMAL_X:PIVOT_X]
         near = np.flatnonzero(height - disks.radius <= reach)
         pairs.append(np.column_stack([near, np.full(len(near), n + w)]))
         normals.append(np.tile(-pose[NORMAL_X:PIVOT_X], (len(near), 1)))
@@ -371,11 +420,11 @@ def _by_law(scene: Scene, pairs: IntArray) -> list[tuple[ContactLaw, NDArray[np.
     for key in np.unique(keys):
         rows = keys == key
         i, j = pairs[np.argmax(rows)].tolist()
-        found.append((scene.law((i, j)), rows))
+        found.append((scene.law_between(i, j), rows))
     return found
 
 
-def _close_pairs(scene: Scene, reach: float) -> tuple[IntArray, FloatArray, FloatArray]:
+def _close_pairs(scene: Scene, reach: float, place: Place) -> tuple[IntArray, FloatArray, FloatArray]:
     """Pairs of bodies whose circles have a gap up to ``reach`` [m], their normals and gaps [m].
 
     Raises
@@ -383,9 +432,9 @@ def _close_pairs(scene: Scene, reach: float) -> tuple[IntArray, FloatArray, Floa
     InvalidSceneError
         If two centres coincide.
     """
-    x, radius = scene.disks.x, scene.disks.radius
+    x, radius = place.x, scene.disks.radius
     if scene.cell is not None:
-        listed, d = close_images(scene, scene.cell, reach)
+        listed, d = close_images(scene, scene.cell, reach, x, place.t)
     else:
         listed = PairFinder(radius, 0).within(x, np.empty((0, POSE)), reach)
         d = x[listed[:, 1]] - x[listed[:, 0]]
@@ -442,8 +491,8 @@ def _measures(curve: NurbsCurve) -> tuple[float, float]:
     return largest, arm
 
 
-def grain_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
-    """Springs and bodies of all contacts at time 0, in the form of `contact_network`.
+def grain_network(scene: Scene, reach: float, place: Place) -> tuple[FloatArray, IntArray]:
+    """Springs and bodies of all contacts of bodies with outlines, in the form of `contact_network`.
 
     Bodies whose enclosing circles have a gap within ``reach`` [m] of 0, and no contact, count as touching disks.
 
@@ -454,23 +503,23 @@ def grain_network(scene: Scene, reach: float) -> tuple[FloatArray, IntArray]:
     """
     disks, outlines = scene.disks, outline_arrays(scene)
     grains = NurbsGrains.of_table(outlines.table, outlines.shape)
-    listed, normal, gap = _close_pairs(scene, reach)
+    listed, normal, gap = _close_pairs(scene, reach, place)
     alone = outlines.round[listed].all(axis=1)
-    pair, rows = grains.pair_contacts(disks.x, disks.angle, listed[~alone])
+    pair, rows = grains.pair_contacts(place.x, place.angle, listed[~alone])
     touching = np.flatnonzero(~alone)[pair]
     as_disks = alone | ((np.abs(gap) <= reach) & ~np.isin(np.arange(len(listed)), touching))
     law, factor = scene.disk_disk, stiffening(scene, scene.disk_disk)
     springs = [
-        _springs(rows, law, factor, disks.x[listed[touching, 0]], disks.x[listed[touching, 1]]),
+        _springs(rows, law, factor, place.x[listed[touching, 0]], place.x[listed[touching, 1]]),
         disk_springs(normal[as_disks], law, factor, *disks.radius[listed[as_disks]].T),
     ]
     bodies = [listed[touching], listed[as_disks]]
-    for wall, pose in zip(scene.walls, wall_poses(compile_motion(scene.walls), 0.0), strict=True):
-        grain, rows = grains.wall_contacts(disks.x, disks.angle, pose[POINT_X:NORMAL_X], pose[NORMAL_X:PIVOT_X])
-        gap = (disks.x - pose[POINT_X:NORMAL_X]) @ pose[NORMAL_X:PIVOT_X] - disks.radius
+    for wall, pose in zip(scene.walls, place.walls, strict=True):
+        grain, rows = grains.wall_contacts(place.x, place.angle, pose[POINT_X:NORMAL_X], pose[NORMAL_X:PIVOT_X])
+        gap = (place.x - pose[POINT_X:NORMAL_X]) @ pose[NORMAL_X:PIVOT_X] - disks.radius
         near = np.flatnonzero((np.abs(gap) <= reach) & ~np.isin(np.arange(len(disks)), grain))
         factor = stiffening(scene, wall.law)
-        springs.append(_springs(rows, wall.law, factor, disks.x[grain], None))
+        springs.append(_springs(rows, wall.law, factor, place.x[grain], None))
         springs.append(_wall_springs(pose, wall.law, factor, disks.radius[near]))
         bodies += [np.column_stack([own, np.full(len(own), -1)]) for own in (grain, near)]
     return np.vstack(springs), np.vstack(bodies).astype(np.int64)

@@ -94,17 +94,20 @@ def enter_image_preload(scene: Scene, disks: DiskArrays, pairs: NeighbourList, i
         pairs.shear[listed[np.argmin(np.hypot(*d[listed].T))]] = force
 
 
-def close_images(scene: Scene, cell: Cell, reach: float) -> tuple[IntArray, FloatArray]:
-    """Pairs of disks and images with a gap below ``reach`` [m] at time 0, shape (k, 2), and ``d = x_j - x_i + h s`` [m], shape (k, 2).
+def close_images(scene: Scene, cell: Cell, reach: float, x: FloatArray, t: float) -> tuple[IntArray, FloatArray]:
+    """Pairs of disks at ``x`` and images at time ``t`` with a gap below ``reach``, shape (k, 2), and ``d = x_j - x_i + h s``, shape (k, 2).
+
+    Lengths are in m, ``t`` in s.
 
     Raises
     ------
     NonFiniteStateError
         If a position is no finite number.
     """
-    x, radius, n = scene.disks.x, scene.disks.radius, len(scene.disks)
+    radius, n = scene.disks.radius, len(scene.disks)
     found, cells, none = empty_list(n, int(PAIRS_PER_DISK * n) + 16), empty_cells(n), empty_list(n, 0)
     images = first_images(cell, n, found.other.shape[0], 1)
+    place_cell(images, t)
     if not sort_into_images(x, 2.0 * float(radius.max()) + reach, images, cells):
         raise NonFiniteStateError("the position of a disk is no finite number: give finite ones")
     rows = np.arange(n, dtype=np.uint32)
@@ -116,4 +119,4 @@ def close_images(scene: Scene, cell: Cell, reach: float) -> tuple[IntArray, Floa
     first = np.repeat(np.arange(n, dtype=np.int64), np.diff(found.start))
     second = found.other[: len(first)].astype(np.int64)
     shift = images.spare[: 2 * len(first)].reshape(-1, 2)
-    return np.column_stack([first, second]), x[second] - x[first] + shift * np.array(cell.size)
+    return np.column_stack([first, second]), x[second] - x[first] + shift @ cell.edges(t).T

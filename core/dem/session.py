@@ -14,6 +14,7 @@ from ninedisk.core.compile import kernel
 from ninedisk.core.dem import state
 from ninedisk.core.dem.arrays import (
     ENERGIES,
+    SAFETY,
     SORT_FROM,
     STRIPES,
     aligned,
@@ -31,13 +32,16 @@ from ninedisk.core.dem.arrays import (
     step_constants,
     team_arrays,
     wall_arrays,
+    watch_arrays,
     with_room,
 )
+from ninedisk.core.dem.critical import Place, present_time_step
 from ninedisk.core.dem.files import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.force_kernels import SCRATCH
 from ninedisk.core.dem.grains import first_outlines, needs_outlines, restored, shear_of_grains, with_more_room
 from ninedisk.core.dem.image_kernels import CELL_SCRATCH, image_contacts, rebuild_images
 from ninedisk.core.dem.images import check_cell, enter_image_preload, first_images, with_more_pairs
+from ninedisk.core.dem.leaps import leaping_pair
 from ninedisk.core.dem.neighbour_kernels import rebuild
 from ninedisk.core.dem.neighbours import check_crowd, grown
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
@@ -117,7 +121,7 @@ class DemSession:
     InvalidNumericsError
         If the numerics ask for the static limit, or the number of threads is not allowed.
     UnstableTimeStepError
-        If the contact step exceeds the critical one and ``numerics.allow_unstable`` is False.
+        If the contact step exceeds the critical one and ``numerics.allow_unstable`` is False; also on the way, as contacts form.
     """
 
     def __init__(
@@ -152,6 +156,8 @@ class DemSession:
         self._progress = Progress(
             clock=np.array([0, 1, 0, 0, 0], dtype=np.int64), work=np.zeros(2), skin=np.array([self._step.first_skin])
         )
+        self._watch = watch_arrays(scene)
+        self._least = float(self._watch.size.min())
         self._outlines = first_outlines(scene)
         self._images: Images | None = None
         if scene.cell is not None:
@@ -197,6 +203,12 @@ class DemSession:
             If the state stops being finite.
         BehindWallError
             If the centre of a disk gets behind a wall.
+        TooFastError
+            If disks that meet move by more than the smaller radius relative to each other in a contact step (`ninedisk.core.dem.leaps`).
+            Of an outline the smallest distance from the centre counts. In a periodic cell no two disks may, whether they meet or not,
+            the cell's flow apart.
+        UnstableTimeStepError
+            If contacts have formed for which the contact step is too long, and ``numerics.allow_unstable`` is False.
         """
         check_progress(progress)
         target = self.numerics.n_steps * self.substeps
@@ -330,6 +342,8 @@ class DemSession:
                 self._images,
                 self._samples,
                 self._progress,
+                self._watch,
+                self._least,
                 target,
             )
             code = together(advance, self._threads, shared)
@@ -353,10 +367,47 @@ class DemSession:
             self._lists = lists._replace(wall_pairs=grown(lists.wall_pairs), wall_spare=grown(lists.wall_spare))
         elif code == state.GRAINS_STOPPED and self._outlines is not None:
             self._outlines = with_more_room(self._outlines, self.scene, step, self.contact_dt)
+        elif code == state.LOOK:
+            self._look()
         elif code == state.BEHIND_WALL:
             raise behind_wall(self.scene, self._walls, step, self.contact_dt, self.critical_dt)
         else:
             raise not_finite(self._disks, step, self.contact_dt, self.critical_dt)
+
+    def _look(self) -> None:
+        """Raise if the contact step is too long for the present state."""
+        disks, place, scene, dt = self._disks, self._disks.place, self.scene, self.contact_dt
+        x, v, t = disks.x[place], disks.v[place], int(self._progress.clock[state.STEP]) * dt
+        if scene.cell is not None:
+            self._look_beside_flow(x, v, t)
+        elif pair := leaping_pair(
+            x, dt * v, self._watch.size, scene.disks.radius, scene.disks.fixed, float(self._progress.skin[0])
+        ):
+            i, j = pair
+            way, limit = dt * float(np.hypot(*(v[i] - v[j]))), float(self._watch.size[[i, j]].min())
+            raise scene.too_fast(i, scene.body_name(j), way, limit, t, dt)
+        if not self._step.watched:
+            return
+        angle = scene.disks.angle + disks.angle[place]
+        try:
+            critical, body = present_time_step(scene, Place(x, angle, self._walls.now, t), self.numerics.damping_form)
+        except InvalidSceneError:
+            return  # centres that coincide, or outlines that no chord cuts: the forces have their own error
+        if dt > critical * (1.0 + 1e-9):  # the round-off of two ways to the same number
+            raise scene.unstable(body, dt, critical, t, SAFETY)
+
+    def _look_beside_flow(self, x: NDArray[np.float64], v: NDArray[np.float64], t: float) -> None:
+        """Raise if two disks of a cell move farther relative to each other in a step than they may, the cell's flow apart."""
+        cell, dt = self.scene.cell, self.contact_dt
+        if cell is None:
+            return
+        flow = np.array(cell.rate) @ np.diag(cell.size) @ np.linalg.inv(cell.edges(t))
+        step = dt * (v - x @ flow.T)
+        way = np.hypot(*(step - 0.5 * (step.min(axis=0) + step.max(axis=0))).T)
+        if 2.0 * way.max() > self._least:
+            raise self.scene.too_fast(
+                int(np.argmax(way)), "the cell's flow", float(way.max()), 0.5 * self._least, t, dt
+            )
 
     def _note_lists(self) -> None:
         """Views of the present arrays, and what the kernels note of each listed pair."""

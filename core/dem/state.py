@@ -28,10 +28,10 @@ STEP, PENDING, ROW, REBUILDS, BUILT = range(5)
 """Entries of the clock: contact steps done; 1 if forces at this step are still to be found; next sample row; list
 rebuilds so far; step of the last one."""
 
-OK, PAIRS_FULL, WALL_PAIRS_FULL, NOT_FINITE, GRAINS_STOPPED, BEHIND_WALL = range(6)
+OK, PAIRS_FULL, WALL_PAIRS_FULL, NOT_FINITE, GRAINS_STOPPED, BEHIND_WALL, LOOK = range(7)
 """What `step_kernels.advance` returns: done; no room for another pair of disks, or of a disk and a wall, in the lists; a position
 that is no number; a contact of outlines that stops the step (`Memory.mark` says why); the centre of a disk behind a wall
-(`WallArrays.behind` says which)."""
+(`WallArrays.behind` says which); the contact step may be too long for the present contacts or velocities (`Watch`)."""
 
 
 FS, FN, OVERLAP, ENERGY, MIDDLE_A, LENGTH_A, MIDDLE_B, LENGTH_B, BEFORE_X, BEFORE_Y, ARM_A, ARM_B = range(12)
@@ -319,6 +319,8 @@ class StepConstants(NamedTuple):
         Whether dashpots see ``v_{n-1/2}`` instead of ``v_n``.
     sorted : bool
         Whether disks are kept in the order of the cells.
+    watched : bool
+        Whether contacts that form later may make the contact step unstable.
     """
 
     first: Kick
@@ -330,6 +332,7 @@ class StepConstants(NamedTuple):
     most_skin: float
     lagged: bool
     sorted: bool
+    watched: bool
 
 
 class Laws(NamedTuple):
@@ -367,6 +370,33 @@ class Laws(NamedTuple):
     noted: FloatArray
     reach: FloatArray
     drag: FloatArray
+
+
+class Watch(NamedTuple):
+    """What decides whether the contact step is too long for the present state; n disks by the scene's numbers, m walls.
+
+    Attributes
+    ----------
+    size : shape (n,)
+        Radius; of an outline its smallest distance from the centre [m].
+    arm : shape (n,)
+        Bound of the arm of a normal force about the centre [m], 0 on disks.
+    stiff : shape (1 + m,)
+        Largest ``fn/(kn overlap)`` of the law between disks and of each wall's.
+    near : shape (1,)
+        Gap up to which a pair counts as a contact [m].
+    sums : shape (n, 2)
+        Scratch: stiffness [1/s^2] and dashpots [1/s] over the masses.
+    checked : ndarray of int64, shape (1,)
+        Step that was looked at last.
+    """
+
+    size: FloatArray
+    arm: FloatArray
+    stiff: FloatArray
+    near: FloatArray
+    sums: FloatArray
+    checked: IntArray
 
 
 class Loads(NamedTuple):

@@ -28,6 +28,7 @@ from ninedisk.core.dem.state import (
     BUILT,
     CODE,
     GRAINS_STOPPED,
+    LOOK,
     OK,
     PENDING,
     REBUILDS,
@@ -45,7 +46,9 @@ from ninedisk.core.dem.state import (
     StepConstants,
     System,
     WallArrays,
+    Watch,
 )
+from ninedisk.core.dem.watch_kernels import may_be_unstable, spread
 from ninedisk.core.scene.motion_kernels import (
     NORMAL_X,
     NORMAL_Y,
@@ -263,6 +266,8 @@ def advance(
     images: Images | None,
     samples: Samples,
     progress: Progress,
+    watch: Watch,
+    least: float,
     target: int,
 ) -> int:
     """Advance to contact step ``target``; sample on the way. All threads call it with the same arguments but their number.
@@ -274,25 +279,28 @@ def advance(
     ----------
     thread, threads : int
         This thread's number and the number of threads.
-    system, motion, loads, samples, progress
+    system, motion, loads, samples, progress, watch
         See their classes.
     outlines : Outlines or None
         None, for which the compiler leaves out whatever concerns outlines, if all bodies are disks with the disks' law.
     images : Images or None
         None, likewise, without a periodic cell.
+    least : float
+        Displacement of two disks relative to each other in a step up to which no contact is jumped over [m].
     target : int
 
     Returns
     -------
     int
         OK when ``target`` is reached. Otherwise why not, with ``clock[PENDING]`` = 1 (`ninedisk.core.dem.state`): the caller removes
-        the cause (grows a list) and calls again; after `BEHIND_WALL` nothing can go on.
+        the cause (grows a list) and calls again, also after it has looked whether the step is too long; after `BEHIND_WALL` nothing can
+        go on.
     """
     disks, views, walls, team, step = system.disks, system.views, system.walls, system.team, system.step
     clock, skin = progress.clock, progress.skin
     n, row = clock[STEP], clock[ROW]
     pending = clock[PENDING] == 1
-    stale = pending and clock[BUILT] < n
+    stale = pending and clock[BUILT] < n and watch.checked[0] < n
     moved_on = False
     far, fed = 0.0, 0.0
     if images is not None and thread == 0:
@@ -330,12 +338,23 @@ def advance(
                     note_pairs(disks, views, system.lists.pairs, system.law, system.laws)
                     skin[0], clock[BUILT] = wider, n
                     clock[REBUILDS] += 1
+                    if spread(system, images, n * step.kick.dt) > least:
+                        team.code[0], watch.checked[0] = LOOK, n
             wait_for_all(team.flags, thread, threads)
             if team.code[0] != OK:
                 return int(team.code[0])
-        pending, stale = False, False
         slip_dt = step.kick.dt if n > 0 else 0.0
         sampled = row < samples.at.shape[0] and samples.at[row] == n
+        if step.watched and (stale or sampled):
+            if thread == 0:
+                team.code[0] = OK
+                if watch.checked[0] < n:
+                    watch.checked[0] = n
+                    team.code[0] = LOOK if may_be_unstable(system, system.laws, images, watch) else OK
+            wait_for_all(team.flags, thread, threads)
+            if team.code[0] != OK:
+                return LOOK
+        pending, stale = False, False
         moved_on = False
         if loads.disk.shape[0] > 0:
             if thread == 0:

@@ -121,6 +121,15 @@ def farthest(curve: NurbsCurve) -> float:
     return max(0.0, _largest(curve, lambda x: np.hypot(x[..., 0], x[..., 1]), rates))
 
 
+def nearest(curve: NurbsCurve) -> float:
+    """Smallest distance of the outline from the origin of its frame [m], to round-off."""
+
+    def rates(x: FloatArray, dx: FloatArray, ddx: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return -np.sum(x * dx, axis=-1), -np.sum(dx * dx + x * ddx, axis=-1)
+
+    return -_largest(curve, lambda x: -np.hypot(x[..., 0], x[..., 1]), rates)
+
+
 def extent(curve: NurbsCurve, direction: ArrayLike) -> float:
     """Largest coordinate of the outline along a unit vector of its frame [m], to round-off."""
     n = finite("direction", direction, (2,))

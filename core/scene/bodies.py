@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
-from ninedisk.core.errors import BehindWallError, InvalidSceneError
+from ninedisk.core.errors import BehindWallError, InvalidSceneError, TooFastError, UnstableTimeStepError
 from ninedisk.core.validate import body_numbers, items_of, kind_of, shown, whole
 
 Law = TypeVar("Law")
@@ -104,7 +104,10 @@ class BodiesAndWalls(ABC, Generic[Law]):
 
     def law(self, pair: tuple[int, int]) -> Law:
         """Contact law of a pair."""
-        i, j = self.check_pair(pair)
+        return self.law_between(*self.check_pair(pair))
+
+    def law_between(self, i: int, j: int) -> Law:
+        """Contact law of two bodies in order, which may be one and the same: it touches its own image in a periodic cell."""
         n, one = len(self.bodies), self.bodies.material[i]
         if j < n:
             return self.laws.get(ordered(one, self.bodies.material[j]), self.law_of_bodies)
@@ -113,9 +116,10 @@ class BodiesAndWalls(ABC, Generic[Law]):
 
     @property
     def laws_in_use(self) -> tuple[Law, ...]:
-        """All laws that a pair of the scene can have: between bodies (of two or more), of each wall, of the materials."""
+        """All laws that a pair of the scene can have: between bodies (of two or more, or in a cell), of each wall, of the materials."""
+        periodic = getattr(self, "cell", None) is not None
         return (
-            *((self.law_of_bodies,) if len(self.bodies) > 1 else ()),
+            *((self.law_of_bodies,) if len(self.bodies) > 1 or periodic else ()),
             *(wall.law for wall in self.walls),
             *self.laws.values(),
         )
@@ -125,6 +129,25 @@ class BodiesAndWalls(ABC, Generic[Law]):
         return BehindWallError(
             f"the centre of {self.noun} {body} is {-height:g} m behind wall {self.walls[wall].name!r} at {when}: it moves too far in a "
             f"step, its contact is too soft, or walls close in on it; reduce {step}, raise kn, or mend the walls' motion"
+        )
+
+    def unstable(self, body: int, step: float, critical: float, t: float, share: float) -> UnstableTimeStepError:
+        """The error of a contact step above the critical one that contacts have at time ``t``, times in s; most of it at ``body``.
+
+        ``share`` of the critical step is recommended.
+        """
+        return UnstableTimeStepError(
+            f"contact_dt = {step:g} s exceeds the critical step {critical:g} s that the contacts have at t = {t:g} s, stiffest at "
+            f"{self.body_name(body)}: use at most {share * critical:g} s ({share:g} of it) for accurate results, or set "
+            "allow_unstable=True to run all the same"
+        )
+
+    def too_fast(self, body: int, other: str, way: float, limit: float, t: float, step: float) -> TooFastError:
+        """The error of a body that moves by ``way`` against the ``other`` in the contact step [s] that ends at ``t`` [s]; lengths in m."""
+        return TooFastError(
+            f"{self.body_name(body)} moves {way:g} m against {other} in the contact step that ends at t = {t:g} s; at most {limit:g} m are "
+            f"allowed, beyond which a contact can be jumped over: use contact_dt of at most {step * limit / way:g} s (now {step:g} s), "
+            "or lower the speeds"
         )
 
     def replace(self, **changes: Any) -> Self:

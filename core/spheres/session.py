@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Callable, Sequence
-from math import pi, sqrt
+from math import hypot, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.dem.arrays import aligned
 from ninedisk.core.dem.files import read_checkpoint, restore, state_arrays, write_checkpoint
+from ninedisk.core.dem.leaps import leaping_pair
 from ninedisk.core.dem.session import Counts
 from ninedisk.core.dem.state import Cells
 from ninedisk.core.errors import (
@@ -110,8 +111,8 @@ class SphereSession:
 
     Attributes
     ----------
-    contact_dt, critical_dt : float
-        Contact step and critical step of the initial state [s].
+    contact_dt : float
+        Contact step [s].
     substeps : int
         Contact steps in one ``numerics.dt``.
 
@@ -141,7 +142,7 @@ class SphereSession:
         self.pairs = watched_pairs(scene, watch)
         self.chosen = chosen_particles(scene, particles)
         check_room(numerics, 2 * len(self.chosen), 2 * m, 2 * len(self.pairs))
-        self.contact_dt, self.critical_dt = contact_step(scene, numerics)
+        self.contact_dt, self._alone = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
         self._central = numerics.damping_form == "central"
         # Of the dashpots in the limit of the step, see `ninedisk.core.dem.critical`.
@@ -182,6 +183,7 @@ class SphereSession:
         necks = [3.0 * float(law[columns.STICKS]) * widest ** (1.0 / 3.0) for law in self._laws]
         longest, sticky = 1.01 * max(necks), max(necks) > 0.0
         self._sizes = (mean, widest, max(LEAST_SKIN * mean, longest), max(MOST_SKIN * mean, 2.0 * longest))
+        self._least = float(spheres.radius.min())
         self._skin = np.array([max(FIRST_SKIN * mean, longest)])
         self._cells = Cells(
             start=np.zeros(n + 65, dtype=np.int32),
@@ -227,6 +229,7 @@ class SphereSession:
         )
         place_planes(self._motion, 0.0, self._state.now)
         self._rebuild()
+        self._check_centres()
         self._to(0)
 
     def __copy__(self) -> SphereSession:
@@ -241,6 +244,11 @@ class SphereSession:
             If the state stops being finite.
         BehindWallError
             If the centre of a sphere gets behind a wall.
+        TooFastError
+            If spheres that meet move by more than the smaller radius relative to each other in a contact step
+            (`ninedisk.core.dem.leaps`).
+        UnstableTimeStepError
+            If contacts have formed for which the contact step is too long, and ``numerics.allow_unstable`` is False.
         """
         check_progress(progress)
         stride = max(1, STEPS_TIMES_SPHERES // (len(self.scene.spheres) * self.substeps))
@@ -282,6 +290,14 @@ class SphereSession:
         state, place = self._state, np.argsort(self._state.name)
         found = {name: xyz_rows(getattr(state, name))[place] for name in ("x", "v", "angle", "omega")}
         return int(self._clock[STEP]) * self.contact_dt, {**found, "radius": state.radius[place]}
+
+    @property
+    def critical_dt(self) -> float:
+        """Critical step [s] of the present contacts together, at most that of the worst single contact (`contact_step`).
+
+        It is found anew at each call, by Lanczos' method on all contacts.
+        """
+        return min(self._alone, critical_time_step(self._network()))
 
     @property
     def counts(self) -> Counts:
@@ -407,6 +423,7 @@ class SphereSession:
 
     def _rebuild(self) -> None:
         """New lists of neighbours, of spheres in their new order; what contacts remember goes along."""
+        self._check_leaps()
         self._check_step()
         state, clock, laws, materials, cells = self._state, self._clock, self._laws, self._materials, self._cells
         steps, listed, old = int(clock[STEP] - clock[BUILT]), self._listed, float(self._skin[0])
@@ -450,19 +467,52 @@ class SphereSession:
         sums = np.zeros((len(self._listed), 2))
         for contacts, at_planes in ((self._pairs[0], False), (self._at_planes[0], True)):
             stiffest(self._state, contacts, self._laws, at_planes, self._share, sums)
-        stiffness, drag = sums.max(axis=0)
-        if self.numerics.allow_unstable or (0.25 * self.contact_dt * stiffness + drag) * self.contact_dt <= 1.0:
+        bound = (0.25 * self.contact_dt * sums[:, 0] + sums[:, 1]) * self.contact_dt
+        if self.numerics.allow_unstable or bound.max() <= 1.0:
             return
         critical = critical_time_step(self._network())
         if self.contact_dt > critical * (1.0 + 1e-9):  # the round-off of two ways to the same number
-            raise UnstableTimeStepError(
-                f"contact_dt = {self.contact_dt:g} s exceeds the critical step {critical:g} s that the contacts have at t = "
-                f"{self._clock[STEP] * self.contact_dt:g} s: use at most {SAFETY * critical:g} s (a tenth of it) for accurate results, "
-                "or set allow_unstable=True to run all the same"
+            raise self.scene.unstable(
+                int(self._state.name[np.argmax(bound)]),
+                self.contact_dt,
+                critical,
+                float(self._clock[STEP] * self.contact_dt),
+                SAFETY,
             )
+
+    def _check_leaps(self) -> None:
+        """Raise if spheres that meet move too far in a step."""
+        state, scene, dt = self._state, self.scene, self.contact_dt
+        v = xyz_rows(state.v)
+        if self._clock[STEP] == 0 or not dt * np.linalg.norm(np.ptp(v, axis=0)) > self._least:
+            return
+        place = np.argsort(state.name)
+        x, v, radius = xyz_rows(state.x)[place], v[place], scene.spheres.radius
+        pair = leaping_pair(x, dt * v, radius, radius, scene.spheres.fixed, float(self._skin[0]))
+        if pair:
+            i, j = pair
+            way, limit = dt * float(np.linalg.norm(v[i] - v[j])), float(radius[[i, j]].min())
+            raise scene.too_fast(i, scene.body_name(j), way, limit, float(self._clock[STEP] * dt), dt)
+
+    def _check_centres(self) -> None:
+        """Raise if the centres of two spheres coincide that can touch: `InvalidSceneError`, on the way `NonFiniteStateError`."""
+        x, name, pairs = xyz_rows(self._state.x), self._state.name, self._pairs[0]
+        row, other = (array[: pairs.start[-1]] for array in (pairs.row, pairs.other))
+        same = np.flatnonzero((x[row] == x[other]).all(axis=1))
+        if len(same):
+            i, j = sorted(int(name[rows[same[0]]]) for rows in (row, other))
+            place = ", ".join(f"{each:g}" for each in x[row[same[0]]])
+            words = f"the centres of spheres {i} and {j} coincide at ({place})"
+            if self._clock[STEP] > 0:
+                t = self._clock[STEP] * self.contact_dt
+                raise NonFiniteStateError(
+                    f"{words} at t = {t:g} s: their contact has no normal; reduce contact_dt, or raise the stiffness"
+                )
+            raise InvalidSceneError(f"{words}: their contact has no normal; move one")
 
     def _network(self) -> Network:
         """Springs and dashpots of the contacts that touch."""
+        self._check_centres()
         state, contacts, n = self._state, self._contacts(), len(self._listed)
         law, number, radius, notes = (
             values[contacts.radius > 0.0] for values in (contacts.law, contacts.bodies, contacts.radius, contacts.notes)
@@ -494,11 +544,12 @@ class SphereSession:
         mass, inertia = self.scene.spheres.mass[state.name], self.scene.spheres.inertia[state.name]
         half = 0.5 * self.contact_dt if self._clock[STEP] else 0.0
         x, angle, omega, torque = map(xyz_rows, (state.x, state.angle, state.omega, state.torque))
-        v = xyz_rows(state.v + half * state.mobility * state.force)
+        at_sample = state.v + half * state.mobility * state.force
+        v = xyz_rows(at_sample)
         omega = omega + half * state.inv_inertia[:, None] * torque
         finite = np.isfinite(x) & np.isfinite(v)
         if not finite.all():
-            raise self._not_finite(np.isfinite(state.x + state.v))
+            raise self._not_finite(np.isfinite(state.x + at_sample))
         history.x[k], history.v[k] = x[chosen], v[chosen]
         history.angle[k], history.omega[k] = angle[chosen], omega[chosen]
         history.wall_point[k], history.wall_angle[k], history.wall_force[k] = (
@@ -586,7 +637,12 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
     The critical step is ``(2/omega)(sqrt(1 + b^2) - b)`` with the larger of the contact's frequencies, ``omega^2 = k/m`` along the normal
     and ``ks (1/m + sum R^2/I)`` along the surface; b is beta where dashpots see the velocity of the last half step, and twice that where
     they see the extrapolated one (`ninedisk.core.dem.critical`). Hertz' stiffness is that of the overlap at which the
-    largest relative speed, that of a fall through the scene included, is spent.
+    largest relative speed, that of a fall through the scene included, is spent. Rolling springs move the same spins as shear springs do:
+    both together have at most ``ks (1/m + sum R^2/I) + kr sum 1/I``; twisting springs have ``kr sum 1/I``.
+
+    Where the numerics leave it open, the contact step is a tenth of this, and no longer than what is stable for as many contacts as a
+    sphere has room for: ``z = 2/(1 - cos a)`` neighbours of the smallest radius r, where ``sin a = r/(R + r)``, and all planes. The
+    largest eigenvalue of all contacts is at most twice the largest sum of a sphere's own (`ninedisk.core.dem.critical`).
 
     Raises
     ------
@@ -605,6 +661,10 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
         + sqrt(2.0 * float(np.linalg.norm(scene.gravity)) * extent)
     )
     critical = np.inf
+    share = 1.0 if numerics.damping_form == "central" else 0.5
+    inverse, spin = np.where(movable, 1.0 / spheres.mass, 0.0), np.where(spheres.rotating, 1.0 / spheres.inertia, 0.0)
+    about = inverse * spin / np.where(movable, inverse + spheres.radius**2 * spin, 1.0)
+    own = np.zeros((2, len(spheres)))
     for law, alone in (
         [(scene.sphere_sphere, False)] * (len(spheres) > 1)
         + [(w.law, True) for w in scene.walls]
@@ -624,10 +684,30 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
         turning = np.where(spheres.rotating, spheres.mass * spheres.radius**2 / spheres.inertia, 0.0).max()
         omega = sqrt(max(kn, ks * (1.0 + turning)) / mass)
         if omega > 0.0:
-            drag = law.beta * (2.0 if numerics.damping_form == "central" else 1.0)
+            drag = 2.0 * share * law.beta
             critical = min(critical, 2.0 / omega * (sqrt(1.0 + drag**2) - drag))
+        with np.errstate(over="ignore"):  # an infinite one leaves no step
+            ends, shear = 1.0 if alone else 2.0, ks * (inverse + spheres.radius**2 * spin)
+            stiff, slowed = np.maximum(kn * inverse, shear), 2.0 * law.beta * np.sqrt(kn * inverse)
+            for resistance, across, moment in ((law.rolling, shear, about), (law.twisting, 0.0 * shear, spin)):
+                if resistance is not None and resistance.kr > 0.0:
+                    # The dashpot is that of the moments about the contact, its effect that on the spins.
+                    more = np.where(moment > 0.0, spin / np.sqrt(np.where(moment > 0.0, moment, 1.0)), 0.0)
+                    springs, dashpots = (
+                        across + resistance.kr * spin,
+                        2.0 * resistance.beta * sqrt(resistance.kr) * more,
+                    )
+                    both = ends * float(springs.max()), share * sqrt(ends) * float(dashpots.max())
+                    critical = min(critical, _limit(*both))
+                    stiff, slowed = np.maximum(stiff, springs), np.maximum(slowed, dashpots)
+            own = np.maximum(own, [stiff, share * slowed])
     if numerics.contact_dt is None:
-        wanted = SAFETY * critical
+        room = np.floor(2.0 / (1.0 - np.cos(np.arcsin(radius / (spheres.radius + radius)))))
+        contacts = np.minimum(room, len(spheres) - 1.0) + len(scene.walls)
+        packed = min(
+            (_limit(2.0 * k, 2.0 * c) for k, c in zip(*(contacts * own).tolist(), strict=True)), default=np.inf
+        )
+        wanted = max(min(SAFETY * critical, packed), 1e-16 * numerics.dt)  # refused as too many substeps
         return numerics.dt / max(1, int(np.ceil(numerics.dt / wanted))), critical
     if numerics.contact_dt > critical and not numerics.allow_unstable:
         raise UnstableTimeStepError(
@@ -635,6 +715,12 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
             f"most {SAFETY * critical:g} s (a tenth of it) for accurate results, or set allow_unstable=True to run all the same"
         )
     return numerics.contact_dt, critical
+
+
+def _limit(stiffness: float, dashpots: float) -> float:
+    """Largest stable step [s] for a stiffness [1/s^2] and dashpots in C' [1/s], both over the masses."""
+    rate = 0.5 * (dashpots + hypot(dashpots, sqrt(stiffness)))
+    return 1.0 / rate if rate > 0.0 else np.inf
 
 
 def _wall_speed(wall: PlaneWall) -> float:

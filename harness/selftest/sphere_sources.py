@@ -77,7 +77,7 @@ DEFECTS = (
     _kernel("law-takes-nothing", "what a shear spring loses with its stiffness is not counted", "shares",
             (FORCES, "losses.contacts[stripe, OF_LAW] += own", "losses.contacts[stripe, OF_LAW] += 0.0 * own")),
     _kernel("drag-to-rest", "velocities fall towards the frame at rest", "moves",
-            (STEPS, "        way = dt * v[q]\n", "        v[q] -= 0.01 * dt * v[q]\n        way = dt * v[q]\n")),
+            (STEPS, "        x[q] += dt * v[q]\n", "        v[q] -= 0.01 * dt * v[q]\n        x[q] += dt * v[q]\n")),
     _kernel("planes-turn-about-z", "planes turn about z whatever their axis is", "turned",
             (PLANES, "return plus(velocity, 1.0, cross(row(table, w, 12), arm))",
              "return plus(velocity, 1.0, cross((0.0, 0.0, table[w, 14]), arm))")),

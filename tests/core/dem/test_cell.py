@@ -253,6 +253,47 @@ def test_a_cell_without_room_is_refused(cell: Cell, error: type[Exception], word
         DemSession(scene, how(20))
 
 
+@pytest.mark.parametrize("step", [None, 1e-3])
+def test_a_disk_that_touches_its_own_image_bears_the_stress_of_its_overlap(step: float | None) -> None:
+    """``fn L/(L Ly)`` with ``fn = kn (2 R - L)``, of one disk and of two in rows that do not touch each other."""
+    radius, length, height = 0.5, 0.9, 3.0
+    for x in ([[0.1, 0.2]], [[0.1, 0.2], [0.4, 1.7]]):
+        disks = Disks(x=x, radius=radius, mass=1.0)
+        scene = Scene(disks=disks, disk_disk=ContactLaw(kn=KN, ks=KN, mu=0.5), cell=Cell(size=(length, height)))
+        history = DemSession(scene, Numerics(dt=1e-3, contact_dt=step, n_steps=10)).run()
+        assert history.stress is not None
+        expected = np.zeros((2, 2))
+        expected[0, 0] = len(x) * KN * (2.0 * radius - length) / height
+        np.testing.assert_allclose(history.stress[:, 0], np.broadcast_to(expected, (11, 2, 2)), rtol=1e-13, atol=1e-10)
+        np.testing.assert_array_equal(history.x, np.broadcast_to(disks.x, history.x.shape))
+
+
+def test_a_disk_between_its_own_images_swings_as_fast_as_the_critical_step_says() -> None:
+    """Both ends of the shear spring turn alike: ``omega^2 = ks (2 R)^2/I`` of one image on either side, counted once."""
+    ks, inertia = 40.0 * KN, 0.125
+    scene = Scene(
+        disks=Disks(x=[[0.1, 0.2]], radius=0.5, mass=1.0, inertia=inertia, omega=[1e-4]),
+        disk_disk=ContactLaw(kn=KN, ks=ks, mu=1e3),
+        cell=Cell(size=(0.9, 3.0)),
+    )
+    fast = np.sqrt(ks / inertia)
+    session = DemSession(scene, Numerics(dt=0.01 / fast, n_steps=700, contact_dt=0.01 / fast))
+    assert session.critical_dt == pytest.approx(2.0 / fast, rel=2e-4)
+    turned = session.run().angle[:, 0]
+    t = np.arange(701) * 0.01 / fast
+    np.testing.assert_allclose(turned, 1e-4 / fast * np.sin(fast * t), rtol=0, atol=1e-3 * 1e-4 / fast)
+
+
+def test_laws_of_a_single_disk_in_a_cell_are_those_of_its_images() -> None:
+    scene = Scene(
+        disks=Disks(x=[[0.1, 0.2]], radius=0.5, mass=1.0),
+        disk_disk=ContactLaw(kn=KN, cohesion=10.0),
+        cell=Cell(size=(0.9, 3.0)),
+    )
+    with pytest.raises(InvalidSceneError, match="cohesion"):
+        DemSession(scene, how(1))
+
+
 def test_scenes_without_a_cell_have_no_stress() -> None:
     scene = Scene(disks=Disks(x=[[0.0, 0.0]], radius=0.5, mass=1.0), disk_disk=LAW)
     history: History = DemSession(scene, how(2)).run()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ninedisk.core import Numerics, UnstableTimeStepError, simulate
+from ninedisk.core import InvalidSceneError, Numerics, UnstableTimeStepError, simulate
 from ninedisk.core.law import Rolling
 from ninedisk.core.spheres.critical import critical_time_step
 from ninedisk.core.spheres.law import SphereLaw
@@ -87,3 +87,53 @@ def test_a_step_beyond_that_of_the_assembly_is_refused() -> None:
     with pytest.raises(UnstableTimeStepError, match="that the contacts have at t = 0 s"):
         simulate(scene, Numerics(dt=1.01 * together, n_steps=1, contact_dt=1.01 * together))
     simulate(scene, Numerics(dt=0.99 * together, n_steps=1, contact_dt=0.99 * together))
+
+
+@pytest.mark.parametrize("kr", [0.0, 1.0, 10.0])
+@pytest.mark.parametrize("beta", [0.0, 0.3])
+def test_the_default_step_counts_springs_that_roll_and_twist(kr: float, beta: float) -> None:
+    """Grains of a millimetre whose rolling springs are stiffer than their normal ones: a tenth of the limit, as the default promises.
+
+    Of two equal spheres the bounds of the single contact are exact but for shear and rolling together, at most 1/sqrt(2) too short.
+    """
+    spring = Rolling(model="elastic-plastic", mu=0.3, kr=kr, beta=beta) if kr else None
+    law = SphereLaw(kn=2e4, ks=1e4, mu=0.5, rolling=spring, twisting=spring)
+    spheres = Spheres(x=[[0.0, 0.0, 0.0], [1.9e-3, 0.0, 0.0]], radius=1e-3, mass=1e-5)
+    scene = SphereScene(spheres=spheres, sphere_sphere=law)
+    session = SphereSession(scene, Numerics(dt=1e-4, n_steps=3))
+    limit = limit_of(scene)
+    assert 0.06 * limit < session.contact_dt <= 0.1 * limit * (1.0 + 1e-3)
+    session.run()
+
+
+def test_the_critical_step_is_that_of_all_present_contacts() -> None:
+    for n in (1, 3, 40):
+        scene = row(n, SphereLaw(kn=KN))
+        session = SphereSession(scene, Numerics(dt=1e-3, n_steps=1, contact_dt=1e-4))
+        assert session.critical_dt == limit_of(scene) < 2.0 / np.sqrt(1.9 * KN / MASS)
+
+
+def test_a_default_step_bears_a_large_sphere_among_many_small_ones() -> None:
+    """200 spheres about a light one of ten times their radius: its limit is less than a tenth of that of one contact."""
+    n, k = 200, np.arange(200)
+    up = 1.0 - 2.0 * (k + 0.5) / n
+    turn = k * np.pi * (3.0 - np.sqrt(5.0))
+    flat = np.sqrt(1.0 - up**2)
+    around = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), up])
+    x = np.vstack([np.zeros(3), 10.95 * around])
+    spheres = Spheres(x=x, radius=[10.0] + [1.0] * n, mass=[1.0] + [1e4] * n)
+    scene = SphereScene(spheres=spheres, sphere_sphere=SphereLaw(kn=KN, beta=1.0))
+    session = SphereSession(scene, Numerics(dt=1e-2, n_steps=3))
+    assert session.contact_dt < session.critical_dt
+    session.run()
+
+
+def test_centres_that_coincide_are_refused_by_name() -> None:
+    spheres = Spheres(x=[[0.0, 0.0, 0.0], [5.0, 0.0, 1.0], [9.0, 0.0, 0.0], [5.0, 0.0, 1.0]], radius=R, mass=MASS)
+    for step in (None, 1e-4):
+        with pytest.raises(
+            InvalidSceneError, match=r"spheres 1 and 3 coincide at \(5, 0, 1\): their contact has no normal; move"
+        ):
+            SphereSession(
+                SphereScene(spheres=spheres, sphere_sphere=LINEAR), Numerics(dt=1e-3, n_steps=1, contact_dt=step)
+            )
