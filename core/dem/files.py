@@ -24,7 +24,7 @@ from ninedisk.core.validate import one_of
 
 Kind = TypeVar("Kind", Scene, SphereScene)
 
-FORMAT = 6
+FORMAT = 7
 NEEDED = ("clock", "samples.pairs", "samples.chosen", "samples.at")
 """Arrays without which a session cannot even be made; the archive itself guards what is in them."""
 
