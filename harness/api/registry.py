@@ -55,6 +55,7 @@ BUILTIN_CASES: dict[str, str] = {
     "contact/retraced-loop": "ninedisk.harness.cases.contact.retraced_loop:CASE",
     "rolling/resistance": "ninedisk.harness.cases.rolling.resistance:CASE",
     "impact/cohesion": "ninedisk.harness.cases.impact.cohesion:CASE",
+    "contact/holding": "ninedisk.harness.cases.contact.holding:CASE",
     "contact/materials": "ninedisk.harness.cases.contact.materials:CASE",
     "motion/forces": "ninedisk.harness.cases.motion.forces:CASE",
     "cell/lattice": "ninedisk.harness.cases.cell.lattice:CASE",
