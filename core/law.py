@@ -96,7 +96,7 @@ class ContactLaw:
     restitution : float or None
         Coefficient of restitution [-] in [0, 1] for engines that have an impact law. None: the scene prescribes none. In the DEM
         spring and dashpot decide. In contact dynamics Newton's law (``impact = "newton"``) has it at rigid contacts; the theta scheme has
-        ``(1 - theta)/theta`` there, and any other value is refused, as is one above 0 at elastic contacts.
+        ``(1 - theta)/theta`` there; any other value above 0 is refused, as is one at elastic contacts, and of 0 a remark says so.
     lever_arm : {"radius", "overlap", "torque-overlap"}
         Arm of the shear torque and of the slip by rotation (see above for outlines): R (Cundall & Strack 1979), R - overlap/2, or
         R - overlap/2 for the torque and R for the slip (LAMMPS ``pair_style granular``).

@@ -145,18 +145,16 @@ class LawTable:
 
 
 def ignored_restitution(law: ContactLaw, elastic: bool, numerics: Numerics) -> str:
-    """Why a law's restitution would have no effect, and the way out; empty: it has one, or none is given or needed."""
-    if law.restitution is None or numerics.regime != "dynamic":
+    """Why a law's restitution would have no effect, and the way out; empty: it has one, or none is given or needed.
+
+    0 is what packings are given that are to come to rest: `rebounds` says where they do not.
+    """
+    if not law.restitution or numerics.regime != "dynamic":
         return ""
     if elastic:
-        # 0 is what the springs of a packing are given, with dashpots: it asks for no rebound.
         return (
-            ""
-            if law.restitution == 0.0
-            else (
-                "which an elastic contact does not obey (spring and dashpot decide): leave it out, or make the contact rigid "
-                "(regularised, or cd.contacts = rigid) with impact = 'newton'"
-            )
+            "which an elastic contact does not obey (spring and dashpot decide): leave it out, or make the contact rigid "
+            "(regularised, or cd.contacts = rigid) with impact = 'newton'"
         )
     scheme = (1.0 - numerics.theta) / numerics.theta
     if numerics.impact == "newton" or abs(scheme - law.restitution) <= SAME_RESTITUTION:
@@ -165,6 +163,20 @@ def ignored_restitution(law: ContactLaw, elastic: bool, numerics: Numerics) -> s
         f"but impact = 'theta' with theta = {numerics.theta:g} gives (1 - theta)/theta = {scheme:g}: use impact = 'newton', or theta = "
         f"{1.0 / (1.0 + law.restitution):.6g}, or leave the restitution out"
     )
+
+
+def rebounds(scene: Scene, numerics: Numerics, table: LawTable) -> list[str]:
+    """A sentence where rigid contacts rebound by the theta scheme though their law's restitution is 0."""
+    laws = [scene.disk_disk, *(wall.law for wall in scene.walls), *scene.laws.values()]
+    scheme = (1.0 - numerics.theta) / numerics.theta
+    rigid = table.used & ~table.elastic
+    plastic = any(law.restitution == 0.0 for law, own in zip(laws, rigid, strict=True) if own)
+    if not plastic or scheme <= SAME_RESTITUTION or numerics.impact == "newton" or numerics.regime != "dynamic":
+        return []
+    return [
+        f"rigid contacts whose restitution is 0 rebound with (1 - theta)/theta = {scheme:g}, which theta = {numerics.theta:g} gives them: "
+        "theta = 1 and impact = 'newton' do not"
+    ]
 
 
 def rows_of_materials(scene: Scene) -> tuple[IntArray, IntArray] | None:

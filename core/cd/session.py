@@ -38,7 +38,7 @@ from ninedisk.core.cd.contact_kernels import (
     surface_displacement,
 )
 from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place
-from ninedisk.core.cd.laws import ADVICE, LawTable, wedging_corners
+from ninedisk.core.cd.laws import ADVICE, LawTable, rebounds, wedging_corners
 from ninedisk.core.cd.origin import about, origin_near
 from ninedisk.core.cd.problem_kernels import UNRESOLVED
 from ninedisk.core.cd.settings import read_settings
@@ -181,7 +181,7 @@ class CdSession:
         self._step: Step | None = None
         self._done, self._remarked = 0, False
         self._stopped: CoreError | None = None
-        self.remarks = wedging_corners(scene, numerics) if self._laws.newton else []
+        self.remarks = wedging_corners(scene, numerics) if self._laws.newton else rebounds(scene, numerics, self._laws)
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
         self.loose: list[tuple[int, float]] = []

@@ -276,6 +276,9 @@ def test_a_restitution_that_nothing_obeys_is_refused() -> None:
     assert simulate(on_floor(replace(rigid, restitution=None)), steps, method="cd").v[-1, 0, 1] == pytest.approx(
         0.0, abs=1e-12
     )
+    plastic = CdSession(on_floor(replace(rigid, restitution=0.0)), steps.replace(theta=0.5))
+    assert any("restitution is 0 rebound with (1 - theta)/theta = 1" in remark for remark in plastic.remarks)
+    assert CdSession(on_floor(replace(rigid, restitution=0.0)), steps).remarks == []
     # A series of equilibria has no impacts.
     static = steps.replace(regime="quasi-static")
     simulate(on_floor(rigid).replace(disks=Disks(x=[[0.0, 1.0]], radius=1.0, mass=1.0)), static, method="cd")

@@ -40,6 +40,7 @@ CAPABILITIES = (
 
 NOTE_PRELOAD = "the preload of regularising springs is undone: rigid contacts find their forces anew in each step"
 NOTE_DAMPING = "global damping acts on the displacement of the step, dx/dt"
+NOTE_ELASTIC_REBOUND = "the restitution of elastic contacts is left out: spring, dashpot and scheme decide"
 NOTE_ELASTIC = "elastic contact forces are those of the end of the step: first order, dissipative at every theta"
 
 
@@ -100,15 +101,16 @@ class CdEngine:
         if missing or any(stuck):
             refused = [f"a law with {wrong}" for wrong in stuck if wrong]
             return Support(SupportLevel.NO, tuple(sorted(missing)), (*notes, *refused))
-        ignored = {
-            law.restitution for law in scene.laws_in_use if ignored_restitution(law, not law.regularised, numerics)
-        }
+        asked = [law for law in scene.laws_in_use if law.regularised and law.restitution is not None]
+        ignored = [law for law in scene.laws_in_use if ignored_restitution(law, not law.regularised, numerics)]
+        scheme = (1.0 - numerics.theta) / numerics.theta
+        if numerics.impact == "theta" and any(abs(scheme - (law.restitution or 0.0)) > 1e-12 for law in asked):
+            told = ", ".join(f"{e:g}" for e in sorted({law.restitution or 0.0 for law in asked}))
+            notes.append(f"restitution of the theta scheme: (1 - theta)/theta = {scheme:g}; the scene says {told}")
         if ignored:
-            level, scheme = SupportLevel.APPROXIMATE, (1.0 - numerics.theta) / numerics.theta
-            told = ", ".join(f"{e:g}" for e in sorted(each for each in ignored if each is not None))
-            notes.append(
-                f"restitution {told} is left out: rigid contacts have (1 - theta)/theta = {scheme:g}, elastic ones their springs'"
-            )
+            level = SupportLevel.APPROXIMATE
+            if not all(law.regularised for law in ignored):
+                notes.append(NOTE_ELASTIC_REBOUND)
         return Support(level, (), tuple(notes))
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
