@@ -52,7 +52,8 @@ class History:
         ``elastic_rolling`` and their sum ``elastic``; ``gravity``), what was fed since time 0 (``wall_work``, ``force_work`` by
         `Scene.forces`, ``cell_work`` by the deforming cell), and with `Numerics.energy_budget` what was lost since time 0, each > 0 where
         energy is lost: ``friction_loss``, ``dashpot_loss``, ``rolling_loss``, ``damping_loss`` (global damping), ``impact_loss`` (rigid
-        impacts), and of spheres ``law_loss`` (of a shear spring whose stiffness changes with the contact radius; < 0: feeds). Kinetic,
+        impacts), and of the DEM ``law_loss`` (of a law whose shear force works with other arms than its slip has, or whose shear spring
+        changes its stiffness with the contact radius; < 0: feeds). Kinetic,
         elastic, gravity and losses together grow by what was fed. Of contact dynamics also ``impact_gain``, what impacts under Newton's
         law fed since time 0, which friction alone lets them do: summed over the contacts that feed; and with the budget ``held_work``,
         what was fed by what holds disks in their course, and ``scheme_loss``, what the implicit scheme itself takes (< 0: feeds): with

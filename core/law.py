@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -87,17 +87,24 @@ class ContactLaw:
     kn : float
         Normal contact stiffness [N/m], > 0.
     ks : float
-        Shear contact stiffness [N/m], >= 0.
+        Shear contact stiffness [N/m], >= 0. Springs without it carry no friction: the DEM and elastic contacts of contact dynamics
+        refuse ``mu > 0`` with ``ks = 0``.
     mu : float
         Coulomb friction coefficient [-], >= 0; 0 means a smooth contact.
     beta : float
         Contact damping ratio [-], >= 0; the dashpot is ``c = 2 beta sqrt(m_eff kn)``.
     restitution : float or None
-        Coefficient of restitution [-] in [0, 1] for engines that have an impact law.
-        None: the scene prescribes none.
+        Coefficient of restitution [-] in [0, 1] for engines that have an impact law. None: the scene prescribes none. In the DEM
+        spring and dashpot decide. In contact dynamics Newton's law (``impact = "newton"``) has it at rigid contacts; the theta scheme has
+        ``(1 - theta)/theta`` there; any other value above 0 is refused, as is one at elastic contacts, and of 0 a remark says so.
     lever_arm : {"radius", "overlap", "torque-overlap"}
         Arm of the shear torque and of the slip by rotation (see above for outlines): R (Cundall & Strack 1979), R - overlap/2, or
         R - overlap/2 for the torque and R for the slip (LAMMPS ``pair_style granular``).
+
+        "radius", the default, does not conserve angular momentum: the forces ``fs`` of a pair act at d from each other, and the arms add
+        up to ``R_i + R_j = d + overlap``, so that each contact of two disks feeds ``dL/dt = overlap fs``: 3e-4 to 5e-3 of what a
+        packing at overlaps of 1e-3 to 1e-2 radii exchanges. The other two have arms that add up to d, and conserve it.
+        "torque-overlap" does other work with its torque than its slip does: `Numerics.energy_budget` has that as ``law_loss``.
     wall_velocity_at : {"surface", "mid-overlap"}
         Point at which a wall's velocity enters the slip: on the wall's surface or in the middle
         of the overlap (no effect on disk-disk contacts, nor on walls that do not rotate).
@@ -196,6 +203,21 @@ class ContactLaw:
         """Inverse of `to_dict`."""
         rolling = data.get("rolling")
         return cls(**{**data, "rolling": None if rolling is None else Rolling(**rolling)})
+
+
+def check_shear_springs(laws: Iterable[ContactLaw]) -> None:
+    """Refuse friction of contact springs without a shear spring, which would carry none.
+
+    Raises
+    ------
+    InvalidSceneError
+    """
+    for law in laws:
+        if law.mu > 0.0 and law.ks == 0.0:
+            raise InvalidSceneError(f"mu = {law.mu:g} with ks = 0 is not allowed: {NO_SHEAR_SPRING}")
+
+
+NO_SHEAR_SPRING = "friction of a contact spring acts through its shear spring; give ks > 0 (kn/2 is usual), or mu = 0"
 
 
 ABSENT = (("contact", "chord"), ("slip_at", "middle"), ("rolling", None), ("cohesion", 0.0), ("adhesion", 0.0))

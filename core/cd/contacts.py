@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,6 +44,8 @@ class Place:
         Radii [m]; of bodies with outlines, those of circles around them.
     before, after : ndarray, shape (m, 11)
         Walls.
+    origin : ndarray, shape (2,)
+        That of these coordinates in the scene's [m].
     """
 
     x: FloatArray
@@ -51,6 +53,7 @@ class Place:
     radius: FloatArray
     before: FloatArray
     after: FloatArray
+    origin: FloatArray = field(default_factory=lambda: np.zeros(2))
 
     def round_off(self) -> float:
         """Error of a gap [m] that the rounding of coordinates explains."""
@@ -77,21 +80,14 @@ def empty_frames(pairs: IntArray, n: int, laws: LawTable) -> Frames:
     )
 
 
-def contact_frames(
-    pairs: IntArray, x: FloatArray, radius: FloatArray, before: FloatArray, after: FloatArray, laws: LawTable
-) -> Frames:
+def contact_frames(pairs: IntArray, place: Place, laws: LawTable) -> Frames:
     """Frames of the pairs.
 
     Parameters
     ----------
     pairs : ndarray of int64, shape (c, 2)
         Body numbers, disks first.
-    x : ndarray, shape (n, 2)
-        Centres at the start of the step [m].
-    radius : ndarray, shape (n,)
-        Radii [m].
-    before, after : ndarray, shape (m, 11)
-        Walls at the start and at the end of the step.
+    place : Place
     laws : LawTable
 
     Returns
@@ -103,10 +99,10 @@ def contact_frames(
     NonFiniteStateError
         If the centres of two disks coincide: their contact has no normal.
     """
-    frames = empty_frames(pairs, len(x), laws)
-    same = measure_frames(x, radius, before, after, laws.arrays, frames)
+    frames = empty_frames(pairs, len(place.x), laws)
+    same = measure_frames(place.x, place.radius, place.before, place.after, laws.arrays, frames)
     if same >= 0:
-        (i, j), (px, py) = pairs[same], x[pairs[same, 0], :2]
+        (i, j), (px, py) = pairs[same], place.x[pairs[same, 0]] + place.origin
         raise NonFiniteStateError(
             f"the centres of disks {i} and {j} coincide at ({px:g}, {py:g}): their contact has no normal"
         )
@@ -167,7 +163,7 @@ class GrainFrames:
         found = self._complete(place, at_walls, reach, meetings)
         if not alone.any():
             return found
-        disks = contact_frames(pairs[alone], place.x, place.radius, place.before, place.after, self._laws)
+        disks = contact_frames(pairs[alone], place, self._laws)
         both = Frames(*_joined(disks, found))
         return both.pick(self._order(both.pairs, both.place))
 

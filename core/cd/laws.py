@@ -11,9 +11,12 @@ from ninedisk.core.array_types import IntArray
 from ninedisk.core.cd.contact_kernels import Laws
 from ninedisk.core.cd.settings import ContactKind
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.law import ContactLaw
+from ninedisk.core.law import NO_SHEAR_SPRING, ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
+
+SAME_RESTITUTION = 1e-5
+"""Difference of restitutions that are the same: theta given to six digits."""
 
 ADVICE = "use impact = 'theta', with which a solution always exists, or a restitution of 0"
 
@@ -33,7 +36,7 @@ class LawTable:
     kn, ks : ndarray, shape (l,)
         Stiffness [N/m]: with cohesion that of spring and attraction together, ``kn - cohesion``.
     mu : ndarray, shape (l,)
-        Friction coefficient; 0 where an elastic contact has no shear stiffness and thus carries no shear force. With cohesion it is
+        Friction coefficient; with cohesion
         ``mu kn/(kn - cohesion)``: friction sees ``kn overlap``, and the problem's normal force is ``(kn - cohesion) overlap``.
     beta : ndarray, shape (l,)
         Damping ratio of the dashpots, of the stiffness in ``kn``; 0 where the contact is rigid.
@@ -59,9 +62,10 @@ class LawTable:
     Raises
     ------
     InvalidSceneError
-        If a rigid contact is to obey Newton's law but its restitution is not given; if an elastic one has another lever arm for the
-        torque than for the slip, or adhesion, or cohesion with dashpot and friction; if a rigid one has cohesion; or if a law is that
-        of the common area.
+        If a rigid contact is to obey Newton's law but its restitution is not given; if a restitution is given that nothing obeys
+        (`ignored_restitution`); if an elastic contact has another lever arm for the torque than for the slip, or friction without a
+        shear spring, or adhesion, or cohesion with dashpot and friction; if a rigid one has cohesion; or if a law is that of the common
+        area.
     """
 
     def __init__(self, scene: Scene, numerics: Numerics, contacts: ContactKind) -> None:
@@ -80,7 +84,6 @@ class LawTable:
         self.adhesion = np.where(used, [law.adhesion for law in laws], 0.0)
         self.viscous_pull = (stiffer > 1.0) & (self.beta > 0.0)
         self.pulls = bool((self.adhesion > 0.0).any() or (self.viscous_pull & used).any())
-        self.mu[self.elastic & (self.ks == 0.0)] = 0.0
         self.arm_overlap = np.array([float(law.lever_arm == "overlap") for law in laws])
         self.wall_mid = np.array([float(law.wall_velocity_at == "mid-overlap") for law in laws])
         self.slip_middle = np.array([law.slip_at == "middle" for law in laws])
@@ -101,6 +104,14 @@ class LawTable:
                     f"the law of {names[k]} has lever_arm = 'torque-overlap', which contact dynamics does not have: its friction "
                     "does work with one arm; use radius or overlap"
                 )
+            if self.elastic[k] and law.mu > 0.0 and law.ks == 0.0 and used[k]:
+                raise InvalidSceneError(
+                    f"the law of {names[k]} is elastic and has mu = {law.mu:g} with ks = 0: {NO_SHEAR_SPRING}, or make the contact rigid "
+                    "(regularised, or cd.contacts = rigid)"
+                )
+            ignored = ignored_restitution(law, bool(self.elastic[k]), numerics)
+            if ignored and used[k]:
+                raise InvalidSceneError(f"the law of {names[k]} has restitution = {law.restitution}, {ignored}")
             if numerics.impact == "newton" and not self.elastic[k] and used[k]:
                 if law.restitution is None:
                     raise InvalidSceneError(
@@ -131,6 +142,41 @@ class LawTable:
         kind, table = self._of_materials
         found = table[kind[pairs[:, 0]], kind[j]]
         return np.where(found < 0, rows, found)
+
+
+def ignored_restitution(law: ContactLaw, elastic: bool, numerics: Numerics) -> str:
+    """Why a law's restitution would have no effect, and the way out; empty: it has one, or none is given or needed.
+
+    0 is what packings are given that are to come to rest: `rebounds` says where they do not.
+    """
+    if not law.restitution or numerics.regime != "dynamic":
+        return ""
+    if elastic:
+        return (
+            "which an elastic contact does not obey (spring and dashpot decide): leave it out, or make the contact rigid "
+            "(regularised, or cd.contacts = rigid) with impact = 'newton'"
+        )
+    scheme = (1.0 - numerics.theta) / numerics.theta
+    if numerics.impact == "newton" or abs(scheme - law.restitution) <= SAME_RESTITUTION:
+        return ""
+    return (
+        f"but impact = 'theta' with theta = {numerics.theta:g} gives (1 - theta)/theta = {scheme:g}: use impact = 'newton', or theta = "
+        f"{1.0 / (1.0 + law.restitution):.6g}, or leave the restitution out"
+    )
+
+
+def rebounds(scene: Scene, numerics: Numerics, table: LawTable) -> list[str]:
+    """A sentence where rigid contacts rebound by the theta scheme though their law's restitution is 0."""
+    laws = [scene.disk_disk, *(wall.law for wall in scene.walls), *scene.laws.values()]
+    scheme = (1.0 - numerics.theta) / numerics.theta
+    rigid = table.used & ~table.elastic
+    plastic = any(law.restitution == 0.0 for law, own in zip(laws, rigid, strict=True) if own)
+    if not plastic or scheme <= SAME_RESTITUTION or numerics.impact == "newton" or numerics.regime != "dynamic":
+        return []
+    return [
+        f"rigid contacts whose restitution is 0 rebound with (1 - theta)/theta = {scheme:g}, which theta = {numerics.theta:g} gives them: "
+        "theta = 1 and impact = 'newton' do not"
+    ]
 
 
 def rows_of_materials(scene: Scene) -> tuple[IntArray, IntArray] | None:

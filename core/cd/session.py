@@ -8,6 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from math import sqrt
 from typing import NoReturn
 
 import numpy as np
@@ -29,6 +30,7 @@ from ninedisk.core.cd.contact_kernels import (
     HELD_WORK,
     IMPACT,
     MISSED,
+    ROUND_OFF,
     SCHEME,
     STORED,
     Frames,
@@ -36,7 +38,8 @@ from ninedisk.core.cd.contact_kernels import (
     surface_displacement,
 )
 from ninedisk.core.cd.contacts import ContactMemory, GrainFrames, Place
-from ninedisk.core.cd.laws import ADVICE, LawTable, wedging_corners
+from ninedisk.core.cd.laws import ADVICE, LawTable, rebounds, wedging_corners
+from ninedisk.core.cd.origin import about, origin_near
 from ninedisk.core.cd.problem_kernels import UNRESOLVED
 from ninedisk.core.cd.settings import read_settings
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
@@ -144,7 +147,7 @@ class CdSession:
     InvalidSceneError
         If the scene has no disk, rigid contacts overlap or carry an initial shear force, or a law cannot be expressed.
     InvalidNumericsError
-        If a setting is not allowed.
+        If a setting is not allowed, or steps are too short for the rounding of coordinates far from each other.
     """
 
     def __init__(
@@ -160,6 +163,8 @@ class CdSession:
             )
         self.scene, self.numerics = scene, numerics
         self.settings = read_settings(numerics)
+        self._origin = origin_near(scene)
+        scene, walls_back = about(scene, self._origin)
         disks, n = scene.disks, len(scene.disks)
         self._laws = LawTable(scene, numerics, self.settings.contacts)
         self.dt, self.substeps = self._own_step()
@@ -176,16 +181,19 @@ class CdSession:
         self._step: Step | None = None
         self._done, self._remarked = 0, False
         self._stopped: CoreError | None = None
-        self.remarks = wedging_corners(scene, numerics) if self._laws.newton else []
+        self.remarks = wedging_corners(scene, numerics) if self._laws.newton else rebounds(scene, numerics, self._laws)
         self.solves: Counter[str] = Counter()
         self.iterations, self.worst = 0, (0.0, 0.0)
         self.loose: list[tuple[int, float]] = []
         self._grains = self._grain_frames()
+        self._check_resolution()
         seen = 0.0 if numerics.regime == "quasi-static" else self._bodies.inverse
         place = self._place(self._wall)
         self._memory = initial_forces(scene, self._laws, self._finder, place, self._grains, seen * np.ones(n))
         self._batches = self._batches_if_dynamic()
-        self._recorder = Recorder(scene, numerics, self._laws, pairs, chosen, self._grains)
+        self._recorder = Recorder(
+            self.scene, numerics, self._laws, pairs, chosen, self._grains, self._origin, walls_back
+        )
         self._recorder.sample(0, self._x, self._v, self._wall, self._memory, self._totals())
         self._losses[STORED] = self._recorder.history.energy["elastic"][0]
 
@@ -215,6 +223,8 @@ class CdSession:
             If the state stops being finite.
         BehindWallError
             If the centre of a disk gets behind a wall.
+        InvalidNumericsError
+            If bodies get so far away that steps are too short for the rounding of their coordinates.
         InterruptedRunError
             If the last call was stopped inside a step.
         """
@@ -254,6 +264,7 @@ class CdSession:
         )
         try:
             self._done = self._advance_to(last, self._done)
+            self._check_resolution()
         except CoreError as error:
             self._stopped = error
             raise
@@ -362,10 +373,24 @@ class CdSession:
                 f"dt = {self.dt:g} s",
             )
 
+    def _check_resolution(self) -> None:
+        """Refuse steps in which the rounding of gaps makes larger velocities than gravity and forces do."""
+        disks, forces = self.scene.disks, self.scene.forces
+        pull = max([float(np.hypot(*self.scene.gravity)), *(np.hypot(*f.force) / disks.mass[f.disk] for f in forces)])
+        place = self._place(self._wall)
+        gap = MISSED * place.round_off()
+        if self.numerics.regime == "quasi-static" or gap <= pull * self.dt**2 or pull == 0.0:
+            return
+        raise InvalidNumericsError(
+            f"dt = {self.dt:g} s is not allowed where bodies or walls are {gap / (MISSED * ROUND_OFF):.3g} m from where the run began: "
+            f"gaps are rounded by up to {gap:.2g} m, which is {gap / self.dt:.2g} m/s in a step, and gravity and forces make "
+            f"{pull * self.dt:.2g} m/s; use dt >= {1.1 * sqrt(gap / pull):.2g} s, or place bodies nearer to each other"
+        )
+
     def _place(self, after: FloatArray) -> Place:
         """Where bodies are in a step at whose end the walls are as given."""
         disks = self.scene.disks
-        return Place(self._x[:, :2].copy(), disks.angle + self._x[:, 2], disks.radius, self._wall, after)
+        return Place(self._x[:, :2].copy(), disks.angle + self._x[:, 2], disks.radius, self._wall, after, self._origin)
 
     def _grain_frames(self) -> GrainFrames | None:
         if not np.any(self.scene.disks.outline >= 0):
@@ -498,7 +523,8 @@ class Recorder:
     """History of a run in the making.
 
     Contact forces are those at the end of a step where all contacts are elastic ("instantaneous"), else the impulses of the
-    step over its length ("step-mean"), which have no value before the first step.
+    step over its length ("step-mean"), which have no value before the first step. Bodies are at coordinates about ``origin``, shape (2,),
+    and points of walls at ``walls_back``, shape (m, 2), less than in the scene [m].
     """
 
     def __init__(
@@ -508,9 +534,12 @@ class Recorder:
         laws: LawTable,
         pairs: tuple[Pair, ...],
         chosen: NDArray[np.int64],
-        grains: GrainFrames | None = None,
+        grains: GrainFrames | None,
+        origin: FloatArray,
+        walls_back: FloatArray,
     ) -> None:
         self._scene, self._laws, self._chosen, self._grains = scene, laws, chosen, grains
+        self._origin, self._walls_back = origin, walls_back
         steps = numerics.sampled_steps()
         self._at = {int(step): row for row, step in enumerate(steps)}
         self.elastic = bool(laws.elastic[laws.used].all())
@@ -557,9 +586,9 @@ class Recorder:
         if row is None:
             return
         history, chosen = self.history, self._chosen
-        history.x[row], history.v[row] = x[chosen, :2], v[chosen, :2]
+        history.x[row], history.v[row] = x[chosen, :2] + self._origin, v[chosen, :2]
         history.angle[row], history.omega[row] = x[chosen, 2], v[chosen, 2]
-        history.wall_point[row] = wall[:, 0:2]
+        history.wall_point[row] = wall[:, 0:2] + self._walls_back
         history.wall_angle[row] = np.arctan2(wall[:, 3], wall[:, 2])
         history.gap[row] = self._gaps(x, wall)
         self._energies(row, x, v, memory, totals)
@@ -606,7 +635,7 @@ class Recorder:
             "rotation": 0.5 * float((disks.inertia * v[:, 2] ** 2).sum()),
             "elastic_normal": 0.5 * float((p * p / kn).sum()),
             "elastic_shear": 0.5 * float(shear.sum()),
-            "gravity": -float((disks.mass * (x[:, :2] @ np.array(self._scene.gravity))).sum()),
+            "gravity": -float((disks.mass * ((x[:, :2] + self._origin) @ np.array(self._scene.gravity))).sum()),
             **totals,
         }
         values["kinetic"] = values["translation"] + values["rotation"]

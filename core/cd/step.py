@@ -372,7 +372,7 @@ def frames_within(reach: float, place: Place, finder: PairFinder, laws: LawTable
     pairs = finder.within(place.x, place.after, reach)
     if grains is not None:
         return grains.frames(place, pairs, reach)
-    return contact_frames(pairs, place.x, place.radius, place.before, place.after, laws)
+    return contact_frames(pairs, place, laws)
 
 
 def _forces(memory: ContactMemory, frames: Frames, grains: GrainFrames | None) -> FloatArray:

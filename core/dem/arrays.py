@@ -74,9 +74,9 @@ ENERGIES = (
         "wall_work",
         "force_work",
     ),
-    *("friction_loss", "dashpot_loss", "rolling_loss", "damping_loss"),
+    *("friction_loss", "dashpot_loss", "rolling_loss", "damping_loss", "law_loss"),
 )
-"""Columns of `Samples.energy`; the last four only where the energy budget is asked for."""
+"""Columns of `Samples.energy`; the last five only where the energy budget is asked for."""
 
 MODELS: dict[RollingModel, int] = {"constant": CONSTANT, "viscous": VISCOUS, "elastic-plastic": SPRING}
 
@@ -179,7 +179,7 @@ def load_arrays(scene: Scene) -> Loads:
 
 def loss_arrays(stripes: int) -> Losses:
     """Sums of what contacts lose."""
-    return Losses(contacts=np.zeros((stripes, 4)), before=np.zeros(4))
+    return Losses(contacts=np.zeros((stripes, 5)), before=np.zeros(5))
 
 
 def disk_views(disks: DiskArrays, lists: Lists, law: FloatArray, laws: Laws | None = None) -> Views:

@@ -37,6 +37,7 @@ from ninedisk.core.dem.state import (
     KS,
     MODEL,
     MU,
+    OF_LAW,
     ROLLING,
     ROLLING_DASHPOT,
     SLIP_MIDDLE,
@@ -98,7 +99,7 @@ GX, GY, SHEAR, ARM_LOSS, BENDING = DX, DY, REACH, VX, VY
 """Where the results take their place: the force on ``i``, ``fs``, what the overlap takes from each body's torque, and the torque of
 rolling resistance on ``j``."""
 
-LOST = (ROLL, SPIN, TURN, TURN_NOW)
+LOST = (ROLL, SPIN, TURN, TURN_NOW, DASHPOT_X)
 """Where the energy takes its place that the pair has lost in this step, by channels of `Losses`."""
 
 SCRATCH = 22 * CHUNK
@@ -245,6 +246,16 @@ def friction_loss(before: float, after: float, slip: float, inv_ks: float) -> fl
     return mean * slid if mean * slid > 0.0 else max(after * slid, 0.0)
 
 
+@fused_inline_kernel
+def law_loss(before: float, after: float, more: float) -> float:
+    """Energy that a law takes from the bodies in a step [J], < 0 where it feeds them.
+
+    Its shear force, that of `shear_force`, works on ``more`` than the slip [m]: on what torque's arms have more than those of the slip,
+    times the turn, and at a wall on what its surface moves more than the point where its velocity is felt.
+    """
+    return -0.5 * (before + after) * more
+
+
 @inline_kernel
 def wall_bending(
     disks: DiskArrays,
@@ -388,6 +399,8 @@ def disk_wall_forces(
                     losses.contacts[stripe, FRICTION] += friction_loss(
                         -pairs.shear[k], -fs, vt * slip_dt, compliance(ks)
                     )
+                    more = (spin * depth + (half_slip - half) * disks.omega[i]) * sunk
+                    losses.contacts[stripe, OF_LAW] += law_loss(pairs.shear[k], fs, more * slip_dt)
                 pairs.shear[k] = fs
                 gx += fs * uy
                 gy -= fs * ux
@@ -552,6 +565,9 @@ def _pair_forces(dashpot_x: np.uint64, dashpot_y: np.uint64, seen: np.uint64) ->
                     inv_ks = compliance(ks)
                 # The overlap anew: a product with two uses would be rounded otherwise than where energies are not asked for.
                 pull = fn - stiff * (scratch[REACH + q] - (dx * nx + dy * ny)) if overlap > 0.0 else 0.0
+                deep = scratch[REACH + q] - (mx * mx + my * my) * inv_m
+                more = (half_slip - half) * deep * scratch[SPIN + q]
+                scratch[LOST[OF_LAW] + q] = law_loss(shear[k], fs, more * slip_dt)
                 scratch[LOST[DASHPOT] + q] = loss_dt * pull * rate
                 scratch[LOST[FRICTION] + q] = begun * friction_loss(-shear[k], -fs, vt * slip_dt, inv_ks)
             if laws is not None:
@@ -598,7 +614,7 @@ def scatter(
     """Add the forces of the pairs ``begin .. end-1`` to their disks, and what they lost to the stripe's, in the order of the list."""
     force, torque, radius, row, other = views.force, disks.torque, disks.radius, views.row, pairs.other
     one = np.uint64(1)
-    friction, dashpots, rolling, rolling_dashpots = 0.0, 0.0, 0.0, 0.0
+    friction, dashpots, rolling, rolling_dashpots, own = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(begin, end):
         q, i, j = k - begin, np.uint64(row[k]), np.uint64(other[k])
         ix, iy, jx, jy = i + i, i + i + one, j + j, j + j + one
@@ -616,6 +632,7 @@ def scatter(
         if losses is not None:
             friction += scratch[LOST[FRICTION] + q]
             dashpots += scratch[LOST[DASHPOT] + q]
+            own += scratch[LOST[OF_LAW] + q]
             if laws is not None:
                 rolling += scratch[LOST[ROLLING] + q]
                 rolling_dashpots += scratch[LOST[ROLLING_DASHPOT] + q]
@@ -624,6 +641,7 @@ def scatter(
         losses.contacts[stripe, DASHPOT] += dashpots
         losses.contacts[stripe, ROLLING] += rolling
         losses.contacts[stripe, ROLLING_DASHPOT] += rolling_dashpots
+        losses.contacts[stripe, OF_LAW] += own
 
 
 @fused_kernel

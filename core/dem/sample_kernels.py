@@ -23,6 +23,7 @@ from ninedisk.core.dem.state import (
     KR,
     KS,
     MODEL,
+    OF_LAW,
     OVERLAP,
     ROLLING,
     ROLLING_DASHPOT,
@@ -230,6 +231,7 @@ def record_losses(system: System, losses: Losses | None, samples: Samples, row: 
             change = (kick.keep - 1.0) * before + kick.gain * (disks.torque[i] * disks.inv_inertia[i])
             taken += 0.5 * kick.drag * (before + kick.seen * change) * before / disks.inv_inertia[i]
     energy[row, 11] = taken
+    energy[row, 12] = lost_so_far(losses, OF_LAW)
 
 
 @kernel

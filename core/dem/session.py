@@ -65,6 +65,7 @@ from ninedisk.core.dem.state import (
 from ninedisk.core.dem.step_kernels import advance
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.history import History, Pair
+from ninedisk.core.law import check_shear_springs
 from ninedisk.core.numerics import (
     MOST_STEPS,
     Numerics,
@@ -444,11 +445,12 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     Raises
     ------
     InvalidSceneError
-        If the scene has no disk or one that is held in a motion.
+        If the scene has no disk or one that is held in a motion, or friction without a shear spring.
     InvalidNumericsError
         If the numerics ask for the static limit or have options for the DEM, which has none, or the number of threads is not allowed.
     """
     check_run(scene, numerics, "the DEM", LACKS)
+    check_shear_springs(scene.laws_in_use)
     if needs_outlines(scene):
         check_run(scene, numerics, "the DEM of outlines", OUTLINES_LACK)
     if scene.cell is not None:

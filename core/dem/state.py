@@ -21,7 +21,7 @@ LAW_COLUMNS = 13
 CONSTANT, VISCOUS, SPRING = range(3)
 """Models of rolling resistance. A contact without any is one of CONSTANT with the coefficient 0."""
 
-FRICTION, DASHPOT, ROLLING, ROLLING_DASHPOT = range(4)
+FRICTION, DASHPOT, ROLLING, ROLLING_DASHPOT, OF_LAW = range(5)
 """Channels of `Losses`."""
 
 STEP, PENDING, ROW, REBUILDS, BUILT = range(5)
@@ -422,9 +422,9 @@ class Losses(NamedTuple):
 
     Attributes
     ----------
-    contacts : shape (s, 4)
+    contacts : shape (s, 5)
         Channels above.
-    before : shape (4,)
+    before : shape (5,)
         Sums of all before a step that is sampled.
     """
 

@@ -738,6 +738,13 @@ def _check(scene: SphereScene, numerics: Numerics) -> None:
         raise InvalidSceneError("the scene has no sphere: there is nothing to simulate")
     if numerics.regime == "quasi-static":
         raise InvalidNumericsError("regime = 'quasi-static' is not allowed for spheres: use 'dynamic'")
+    for law in scene.laws_in_use:
+        if law.mu > 0.0 and law.ks == 0.0 and law.g_star == 0.0:
+            name, share = ("g_star", "e_star") if law.hertz else ("ks", "kn")
+            raise InvalidSceneError(
+                f"mu = {law.mu:g} with {name} = 0 is not allowed: friction acts through a shear spring, which the contact does not have; "
+                f"give {name} > 0 (in proportion to {share}), or mu = 0"
+            )
     if numerics.energy_budget and any(law.sticks for law in scene.laws_in_use):
         raise InvalidNumericsError(
             "energy_budget = True is not allowed with surface = 'jkr': what a neck takes where it breaks is no channel; leave it out"

@@ -61,6 +61,7 @@ BUILTIN_CASES: dict[str, str] = {
     "spheres/off-ball": "ninedisk.harness.cases.rolling.off:OFF_BALL",
     "rolling/resistance": "ninedisk.harness.cases.rolling.resistance:CASE",
     "impact/cohesion": "ninedisk.harness.cases.impact.cohesion:CASE",
+    "contact/holding": "ninedisk.harness.cases.contact.holding:CASE",
     "contact/materials": "ninedisk.harness.cases.contact.materials:CASE",
     "motion/forces": "ninedisk.harness.cases.motion.forces:CASE",
     "cell/lattice": "ninedisk.harness.cases.cell.lattice:CASE",

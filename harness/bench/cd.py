@@ -159,11 +159,11 @@ def step_problem(scene: Scene, *, mu: float, elastic: bool = False, moving: bool
     numerics = Numerics(dt=DT, n_steps=1)
     laws = LawTable(alike, numerics, "elastic" if elastic else "rigid")
     pairs = PairFinder(radius, len(alike.walls), scene.disks.fixed).within(x, poses, TOUCHING * float(radius.min()))
-    frames = contact_frames(pairs, x, radius, poses, later, laws)
+    place = Place(x, np.zeros(len(x)), radius, poses, later)
+    frames = contact_frames(pairs, place, laws)
     if not elastic:
         frames = frames._replace(gap=np.zeros(len(pairs)), gap_before=np.zeros(len(pairs)))
     solver = ContactSolver("interior-point", SolverOptions(), "associated")
-    place = Place(x, np.zeros(len(x)), radius, poses, later)
     start = np.column_stack([scene.disks.v, scene.disks.omega]) if moving else np.zeros((len(x), 3))
     step = DynamicStep(bodies_of(alike), laws, solver, start, DT, 1.0, place.round_off())
     made = step.problem(frames, np.zeros((len(pairs), 2)))

@@ -102,36 +102,24 @@ STEPS = (
     _kernel("force-all-step", "a force that acts in a part of a step acts in all of it", "forces",
             (SHARED, "load[loads.disk[k], d] += share * loads.force[k, d]",
              "load[loads.disk[k], d] += (share > 0.0) * loads.force[k, d]")),
+    _kernel("adhesion-of-open-contacts", "contacts attract that are not closed", "hang",
+            (SHARED, "out[k] = adhesion[law] if frames.gap_before[k] <= touching else 0.0", "out[k] = adhesion[law]")),
+    _python("cohesion-cone", "friction sees the force of spring and cohesion together", "cohesive-slide",
+            ("cd.laws", "self.mu = np.where(stiffer > 1.0, self.mu * stiffer, self.mu)", "self.mu = 1.0 * self.mu")),
+    _python("rest-forgotten", "bodies at rest take any solution of Coulomb's law", "pyramid",
+            ("cd.solvers.coulomb", "if at_rest:", "if at_rest and not at_rest:")),
+    _python("polish-slip-sign", "the polish gives slip the friction of the other side", "pushed-row",
+            ("cd.solvers.polish", "SIDE = np.array([0.0, 0.0, 1.0, -1.0])", "SIDE = np.array([0.0, 0.0, -1.0, 1.0])")),
 )  # fmt: skip
 
 HOLES = tuple(
     replace(defect, hole=f"{reason}; tests of the core look there")
     for reason, defect in (
         (
-            "contact problems of cases either do without polish or have the slip that sweeps found, and nothing inexact is accepted",
-            _python("polish-slip-sign", "the polish gives slip the friction of the other side", "stick-coulomb",
-                    ("cd.solvers.polish", "SIDE = np.array([0.0, 0.0, 1.0, -1.0])", "SIDE = np.array([0.0, 0.0, -1.0, 1.0])")),
-        ),
-        (
             "where cases need polish, what is not exact makes the step fail",
             _python("polish-unchecked", "the polish takes whatever the statuses give", "stick-coulomb",
                     ("cd.solvers.polish", "return (inside, residuals) if residuals.reached(self.tolerance) else None",
                      "return (inside, residuals)")),
-        ),
-        (
-            "every case at rest has one solution alone, or sweeps find that of rest",
-            _python("rest-forgotten", "bodies at rest take any solution of Coulomb's law", "stick-coulomb",
-                    ("cd.solvers.coulomb", "if at_rest:", "if at_rest and not at_rest:")),
-        ),
-        (
-            "no case has contacts with adhesion",
-            _kernel("adhesion-of-open-contacts", "contacts attract that are not closed", "press",
-                    (SHARED, "out[k] = adhesion[law] if frames.gap_before[k] <= touching else 0.0", "out[k] = adhesion[law]")),
-        ),
-        (
-            "no case has friction where it has cohesion",
-            _python("cohesion-cone", "friction sees the force of spring and cohesion together", "press",
-                    ("cd.laws", "self.mu = np.where(stiffer > 1.0, self.mu * stiffer, self.mu)", "self.mu = 1.0 * self.mu")),
         ),
         (
             "no case throws a disk through a wall",

@@ -218,11 +218,6 @@ HOLES = tuple(
     replace(defect, hole=reason)
     for reason, defect in (
         (
-            "it costs speed alone, which the bench sees",
-            _kernel("skin-fixed", "the skin of the lists never adapts", "hit",
-                    ("dem.neighbour_kernels", "best = sqrt(cost * radius * skin / steps)", "best = skin")),
-        ),
-        (
             "no case has positions that stop being finite, and the session, which looks for them once more, says so a little later",
             _kernel("nan-forgotten", "a displacement that is not finite does not rebuild the lists", "hit",
                     (KICK, "return d2 if d2 > far or d2 != d2 else far", "return d2 if d2 > far else far")),

@@ -29,6 +29,7 @@ MATERIALS, FORCES = "contact/materials", "motion/forces"
 LATTICE, SHEAR_CELL = "cell/lattice", "cell/shear"
 BUDGET = "energy/budget"
 TWO, CLUSTER, ORBIT, BELT = "impact/two-disks", "contact/cluster", "contact/orbit", "contact/belt"
+HOLDING = "contact/holding"
 
 ENGINES = ("dem", "spheres", "cd", *DECLARED)
 """`spheres` is the DEM on scenes in space: a panel of its own, whose defects are not run on the plane's."""
@@ -139,6 +140,10 @@ CD_PANEL: dict[str, Probe] = {
     "slide-coulomb": Probe(INCLINE, {"mu": 0.36, "sliding": "coulomb"}),
     "stick": Probe(INCLINE, {"mu": 0.4}),
     "stick-coulomb": Probe(INCLINE, {"mu": 0.4, "sliding": "coulomb"}),
+    "hang": Probe(HOLDING, {"kind": "adhesion"}),
+    "cohesive-slide": Probe(HOLDING, {}),
+    "pyramid": Probe(HOLDING, {"kind": "pyramid"}),
+    "pushed-row": Probe(HOLDING, {"kind": "row"}),
     "push": Probe(STATIC, {}),
     "push-gap": Probe(STATIC, {"gap_0": 0.0005}),
     "push-coulomb": Probe(STATIC, {"sliding": "coulomb"}),

@@ -7,7 +7,7 @@ positions of disks and walls at ``t_n``, forces at ``t_n``, velocities at ``t_{n
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, hypot, sin, sqrt, tan
 
 import numpy as np
@@ -249,7 +249,10 @@ class Oracle:
         at_j = self.v[j] + self.omega[j] * (radius[j] - less_slip) * left(-n_slip)
         m_eff = 1.0 / (1.0 / mass[i] + 1.0 / mass[j])
         closing = (self.seen(i) - self.seen(j)) @ n
-        closed = self._contact((i, j), law, overlap, closing, (at_i - at_j) @ left(n_slip), m_eff)
+        slip = (at_i - at_j) @ left(n_slip)
+        deep = radius[i] + radius[j] - hypot(*apart)
+        more = (less_slip - 0.5 * deep * (law.lever_arm != "radius")) * (self.omega[i] + self.omega[j])
+        closed = self._contact((i, j), law, overlap, closing, slip, m_eff, more)
         bending = self._bend((i, j), law, self.normal[i, j], overlap)
         if not closed:
             return
@@ -273,8 +276,14 @@ class Oracle:
         q = foot + 0.5 * overlap * n if law.wall_velocity_at == "mid-overlap" else foot
         arm = radius - (0.5 * overlap if law.lever_arm != "radius" else 0.0)
         closing = (self.seen(i) - wall.velocity_for_dashpots(q)) @ n
-        slip = self._wall_slip(i, self.walls_midway[body - self.n_disks] if law.slip_at == "middle" else wall, law)
-        closed = self._contact((i, body), law, overlap, closing, slip, float(self.scene.disks.mass[i]))
+        midway = self.walls_midway[body - self.n_disks] if law.slip_at == "middle" else wall
+        slip = self._wall_slip(i, midway, law)
+        # The force on the wall acts on its surface, that on the disk at the arm of its torque.
+        surface = replace(
+            law, lever_arm="radius" if law.lever_arm == "radius" else "overlap", wall_velocity_at="surface"
+        )
+        more = self._wall_slip(i, midway, surface) - slip
+        closed = self._contact((i, body), law, overlap, closing, slip, float(self.scene.disks.mass[i]), more)
         bending = self._bend((i, body), law, self.normal[i, body], overlap)
         if not closed:
             return
@@ -295,15 +304,26 @@ class Oracle:
         return float((self.v[i] + self.omega[i] * arm * left(n) - wall.velocity(q)) @ left(n))
 
     def _contact(
-        self, pair: tuple[int, int], law: ContactLaw, overlap: float, closing: float, slip: float, m_eff: float
+        self,
+        pair: tuple[int, int],
+        law: ContactLaw,
+        overlap: float,
+        closing: float,
+        slip: float,
+        m_eff: float,
+        more: float,
     ) -> bool:
-        """Update ``normal``, ``shear`` and ``gap`` of a pair; False if it is open."""
+        """Update ``normal``, ``shear`` and ``gap`` of a pair, whose shear force does its work at a rate of slip that is higher by ``more``;
+        False if it is open."""
         was_closed = self.normal.get(pair, 0.0) > 0.0
         before, slid = self.shear.get(pair, 0.0), slip * self.dt if self.step > 0 else 0.0
         self.gap[pair], self.normal[pair] = -overlap, 0.0
         if overlap <= 0.0:
             self.shear[pair] = 0.0
-            self._slide_loss(law, before, 0.0, slid if pair[1] < self.n_disks else 0.0)
+            if pair[1] < self.n_disks:
+                self._slide_loss(law, before, 0.0, slid, more)
+            else:
+                self._slide_loss(law, before, 0.0, 0.0, 0.0)
             self.events["open"] += was_closed
             return False
         self.events["close"] += not was_closed and self.step > 0
@@ -318,12 +338,13 @@ class Oracle:
         self.shear[pair] = float(np.clip(trial, -cap, cap))
         if cap > 0.0 and law.ks > 0.0:
             self.events["slip" if abs(trial) > cap else "stick"] += 1
-        self._slide_loss(law, before, self.shear[pair], slid)
+        self._slide_loss(law, before, self.shear[pair], slid, more)
         return True
 
-    def _slide_loss(self, law: ContactLaw, before: float, after: float, slid: float) -> None:
-        """What friction takes from a shear spring."""
+    def _slide_loss(self, law: ContactLaw, before: float, after: float, slid: float, more: float) -> None:
+        """What friction takes from a shear spring, and what the law takes, whose force works on more than the slip."""
         if self.step > 0 and law.shear_stiffness > 0.0:
+            self.losses["law"] -= 0.5 * (before + after) * more * self.dt
             self.losses["friction"] += slid_against(-before, -after, slid, law.ks)
 
     def kicked(self, old: Vector, acceleration: Vector) -> Vector:
@@ -372,7 +393,7 @@ class Oracle:
         count = self.numerics.n_steps
         steps = np.arange(count + 1)
         names = ("kinetic", "elastic", "gravity", "wall_work", "elastic_rolling", "force_work")
-        names += ("friction_loss", "dashpot_loss", "rolling_loss", "damping_loss")
+        names += ("friction_loss", "dashpot_loss", "rolling_loss", "damping_loss", "law_loss")
         history = History.empty(
             steps,
             steps * self.dt,
@@ -413,7 +434,7 @@ class Oracle:
         h.energy["elastic"][row], h.energy["elastic_rolling"][row] = elastic + rolling, rolling
         h.energy["force_work"][row] = self.fed
         half = 0.0 if row == 0 else 0.5 * self.dt
-        for name in ("friction", "dashpot", "rolling"):
+        for name in ("friction", "dashpot", "rolling", "law"):
             h.energy[f"{name}_loss"][row] = self.losses[name] + half * self.rate_losses[name]
         h.energy["damping_loss"][row] = self.losses["damping"]
         if row > 0:

@@ -8,7 +8,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -29,8 +29,12 @@ from ninedisk.core import (
     InvalidSceneError,
     NonFiniteStateError,
     Numerics,
+    PlaneWall,
     Rolling,
     Scene,
+    SphereLaw,
+    Spheres,
+    SphereScene,
     UnwritableFileError,
     Wall,
     WallSegment,
@@ -235,6 +239,49 @@ def test_what_the_dem_cannot_express_is_refused() -> None:
         DemSession(scene(disks=disks), numerics(1e-3, 1))
     with pytest.raises(InvalidNumericsError, match="regime = 'quasi-static' needs contact dynamics"):
         DemSession(scene(), numerics(1e-3, 1, regime="quasi-static"))
+
+
+def on_floor(law: ContactLaw) -> Scene:
+    """A disk that falls onto a floor at 1 m/s."""
+    floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
+    disks = Disks(x=[[0.0, 1.0]], v=[[0.3, -1.0]], radius=1.0, mass=1.0)
+    return Scene(disks=disks, disk_disk=law, walls=(floor,))
+
+
+def test_friction_of_springs_needs_a_shear_spring() -> None:
+    law, few = ContactLaw(kn=1e5, mu=0.5), Numerics(dt=1e-3, n_steps=2)
+    words = "mu = 0.5 with ks = 0.*give ks > 0 .*or mu = 0"
+    with pytest.raises(InvalidSceneError, match=words):
+        simulate(on_floor(law), few)
+    with pytest.raises(InvalidSceneError, match=f"wall 'floor' is elastic and has {words}.*rigid"):
+        simulate(on_floor(law), few, method="cd")
+    simulate(on_floor(replace(law, regularised=True)), few, method="cd")
+    for spheres, name in ((SphereLaw(kn=1e5, mu=0.5), "ks"), (SphereLaw(e_star=1e7, mu=0.5), "g_star")):
+        scene = SphereScene(spheres=Spheres(x=[(0.0, 0.0, 0.0)], radius=1.0, mass=1.0), sphere_sphere=spheres)
+        plane = PlaneWall(name="floor", point=(0.0, 0.0, -1.0), normal=(0.0, 0.0, 1.0), law=spheres)
+        with pytest.raises(InvalidSceneError, match=f"mu = 0.5 with {name} = 0 is not allowed.*give {name} > 0"):
+            simulate(replace(scene, walls=(plane,)), few)
+
+
+def test_a_restitution_that_nothing_obeys_is_refused() -> None:
+    rigid, steps = ContactLaw(kn=1e5, restitution=0.8, regularised=True), Numerics(dt=1e-2, n_steps=3)
+    with pytest.raises(
+        InvalidSceneError, match=r"restitution = 0.8, but .*theta = 1 gives .* = 0: .*'newton', or theta = 0.555556"
+    ):
+        simulate(on_floor(rigid), steps, method="cd")
+    with pytest.raises(InvalidSceneError, match=r"restitution = 0.8, which an elastic contact does not obey.*'newton'"):
+        simulate(on_floor(replace(rigid, regularised=False)), steps, method="cd")
+    for heeded in (steps.replace(impact="newton"), steps.replace(theta=0.555556)):
+        assert simulate(on_floor(rigid), heeded, method="cd").v[-1, 0, 1] == pytest.approx(0.8, abs=1e-5)
+    assert simulate(on_floor(replace(rigid, restitution=None)), steps, method="cd").v[-1, 0, 1] == pytest.approx(
+        0.0, abs=1e-12
+    )
+    plastic = CdSession(on_floor(replace(rigid, restitution=0.0)), steps.replace(theta=0.5))
+    assert any("restitution is 0 rebound with (1 - theta)/theta = 1" in remark for remark in plastic.remarks)
+    assert CdSession(on_floor(replace(rigid, restitution=0.0)), steps).remarks == []
+    # A series of equilibria has no impacts.
+    static = steps.replace(regime="quasi-static")
+    simulate(on_floor(rigid).replace(disks=Disks(x=[[0.0, 1.0]], radius=1.0, mass=1.0)), static, method="cd")
 
 
 def test_questions_about_bodies_that_do_not_exist() -> None:

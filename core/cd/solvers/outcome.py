@@ -77,7 +77,8 @@ def not_converged(
     raise SolverNotConvergedError(
         f"{solver} stopped at {why} after {iterations} iterations and {clock.seconds:.3g} s: natural-map residual "
         f"{figures.natural_map:.3g}, relative duality gap {figures.duality_gap:.3g}, complementarity {figures.complementarity:.3g}; "
-        f"the tolerance is {options.tolerance:g}. {advice}",
+        f"the tolerance is {options.tolerance:g}, and round-off of velocities alone explains {figures.floor_map:.3g} and "
+        f"{figures.floor_gap:.3g} of the first two. {advice}",
         iterations=iterations,
         residuals=figures,
         forces=forces,

@@ -5,12 +5,14 @@ from __future__ import annotations
 import pickle
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import ninedisk
-from ninedisk.core.cd.laws import sticking_wrongly, wedging_corners
+from ninedisk.core.cd.laws import ignored_restitution, sticking_wrongly, wedging_corners
 from ninedisk.core.cd.settings import OPTIONS
 from ninedisk.core.history import Pair
+from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import ROLLING, SPACE, Capability
@@ -38,7 +40,23 @@ CAPABILITIES = (
 
 NOTE_PRELOAD = "the preload of regularising springs is undone: rigid contacts find their forces anew in each step"
 NOTE_DAMPING = "global damping acts on the displacement of the step, dx/dt"
+NOTE_ELASTIC_REBOUND = "the restitution of elastic contacts is left out: spring, dashpot and scheme decide"
 NOTE_ELASTIC = "elastic contact forces are those of the end of the step: first order, dissipative at every theta"
+
+
+def expressed(scene: Scene, numerics: Numerics) -> Scene:
+    """The scene without the preload of springs, and without restitutions that contact dynamics refuses: `supports` notes both."""
+
+    def heeded(law: ContactLaw) -> ContactLaw:
+        ignored = ignored_restitution(law, not law.regularised, numerics)
+        return replace(law, restitution=None) if ignored else law
+
+    scene = without_spring_preload(scene)
+    if not any(ignored_restitution(law, not law.regularised, numerics) for law in scene.laws_in_use):
+        return scene
+    walls = tuple(replace(wall, law=heeded(wall.law)) for wall in scene.walls)
+    laws = {pair: heeded(law) for pair, law in scene.laws.items()}
+    return scene.replace(disk_disk=heeded(scene.disk_disk), walls=walls, laws=laws)
 
 
 class CdEngine:
@@ -64,7 +82,7 @@ class CdEngine:
         )
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
-        """EXACT but for the lagged form of global damping and a restitution that theta misses."""
+        """EXACT but for the slip of a step's end, and APPROXIMATE where a restitution is ignored."""
         notes: list[str] = []
         level = SupportLevel.EXACT
         if has_spring_preload(scene):
@@ -83,12 +101,16 @@ class CdEngine:
         if missing or any(stuck):
             refused = [f"a law with {wrong}" for wrong in stuck if wrong]
             return Support(SupportLevel.NO, tuple(sorted(missing)), (*notes, *refused))
-        if numerics.impact == "theta":
-            scheme = (1.0 - numerics.theta) / numerics.theta
-            asked = {law.restitution for law in scene.laws_in_use if law.regularised and law.restitution is not None}
-            if any(abs(scheme - e) > 1e-12 for e in asked):
-                told = ", ".join(f"{e:g}" for e in sorted(asked))
-                notes.append(f"restitution of the theta scheme: (1 - theta)/theta = {scheme:g}; the scene says {told}")
+        asked = [law for law in scene.laws_in_use if law.regularised and law.restitution is not None]
+        ignored = [law for law in scene.laws_in_use if ignored_restitution(law, not law.regularised, numerics)]
+        scheme = (1.0 - numerics.theta) / numerics.theta
+        if numerics.impact == "theta" and any(abs(scheme - (law.restitution or 0.0)) > 1e-12 for law in asked):
+            told = ", ".join(f"{e:g}" for e in sorted({law.restitution or 0.0 for law in asked}))
+            notes.append(f"restitution of the theta scheme: (1 - theta)/theta = {scheme:g}; the scene says {told}")
+        if ignored:
+            level = SupportLevel.APPROXIMATE
+            if not all(law.regularised for law in ignored):
+                notes.append(NOTE_ELASTIC_REBOUND)
         return Support(level, (), tuple(notes))
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
@@ -97,7 +119,7 @@ class CdEngine:
 
         setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
         with setup:
-            session = CdSession(without_spring_preload(scene), numerics, watch)
+            session = CdSession(expressed(scene, numerics), numerics, watch)
         with warm_up:
             session.warm_up()
         with stepping:
@@ -130,7 +152,7 @@ class CdEngine:
             if done >= steps:
                 raise ReachedError
 
-        session = module.CdSession(without_spring_preload(scene), numerics, watch)
+        session = module.CdSession(expressed(scene, numerics), numerics, watch)
         usual, module.PROGRESS_EVERY = module.PROGRESS_EVERY, -1.0  # told of at every sample, whatever the clock says
         try:
             with suppress(ReachedError):

@@ -22,6 +22,16 @@ FIELDS = ("x", "v", "angle", "omega", "gap", "fn", "fs")
 LAYOUTS = ("uniform", "clustered", "outliers", "collinear", "negative", "one-cell", "columns")
 
 
+def test_the_skin_adapts_to_the_motion() -> None:
+    """Fast disks that rarely touch: rebuilds cost more than pairs, and the skin grows from a twentieth of the radius."""
+    places = [(2.5 * i, 2.5 * j) for i in range(5) for j in range(5)]
+    v = 3.0 * np.random.default_rng(1).normal(size=(25, 2))
+    session = DemSession(Scene(disks=Disks(x=places, v=v, radius=1.0, mass=1.0), disk_disk=LAW), numerics(1e-3, 300))
+    session.run()
+    assert session._progress.clock[REBUILDS] > 5
+    assert session._progress.skin[0] > 0.1
+
+
 def centres(layout: str, n: int, rng: np.random.Generator) -> np.ndarray:
     """Centres in one of the arrangements that break cell lists."""
     side = 2.0 * np.sqrt(n)

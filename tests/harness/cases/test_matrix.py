@@ -44,6 +44,7 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "cell/shear": (DEM,),
     "rolling/resistance": (DEM,),
     "impact/cohesion": (CD, DEM),
+    "contact/holding": (CD, DEM),
     "contact/materials": ALL,
     "motion/forces": ALL,
     **{f"spheres/chung-ooi/{k}": (DEM,) for k in range(1, 9)},

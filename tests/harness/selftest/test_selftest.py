@@ -63,11 +63,7 @@ CLOSED = replace(CAUGHT, name="closed", hole="nobody looks")
 
 
 SEEN_BY = {
-    "cd/polish-slip-sign": "cd/solvers/test_polish.py::test_polish_of_problems_that_sweeps_do_not_solve",
     "cd/polish-unchecked": "cd/solvers/test_polish.py::test_polish_refuses_what_is_not_exact",
-    "cd/rest-forgotten": "cd/solvers/test_polish.py::test_a_pyramid_stays_or_collapses",
-    "cd/adhesion-of-open-contacts": "cd/test_sticking.py::test_a_block_hangs_from_a_ceiling_up_to_the_pull",
-    "cd/cohesion-cone": "cd/test_sticking.py::test_cohesion_deepens_the_overlap_and_the_cone",
     "cd/behind-walls": "test_walls.py::test_walls_that_cross",
 }
 """Tests of the core that see what no case can."""
