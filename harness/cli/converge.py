@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,6 +18,9 @@ from ninedisk.harness.cli.support import (
     refuse_not_installed,
 )
 from ninedisk.harness.terminal import console, table
+
+if TYPE_CHECKING:
+    from ninedisk.harness.api.engine import Engine
 
 WRONG = 1
 
@@ -77,7 +80,7 @@ def converge(
 
     if engine is not None and engine_cmd is not None:
         raise UsageError("--engine and --engine-cmd exclude each other: orders are measured on one engine")
-    chosen_engine = CommandEngine(engine_cmd) if engine_cmd is not None else get_engine(engine or "dem")
+    chosen_engine: Engine = CommandEngine(engine_cmd) if engine_cmd is not None else get_engine(engine or "dem")
     refuse_not_installed({chosen_engine.id: chosen_engine})
     params, chosen = (
         parse_settings(settings or []),

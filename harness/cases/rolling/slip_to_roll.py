@@ -438,7 +438,7 @@ def _friction_late(params: Mapping[str, Any], ks: float, mass: float, omega: flo
     """
     part = params["mu"] * mass * params["g"] * omega / (ks * params["speed"])
     time = math.asin(min(part, 1.0)) / omega + contact_dt
-    return float(params["mu"] * params["g"] * time) + (params["speed"] if part >= 1.0 else 0.0)
+    return float(params["mu"] * params["g"] * time + (params["speed"] if part >= 1.0 else 0.0))
 
 
 def _rigid_bounds(
