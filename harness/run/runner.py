@@ -7,7 +7,6 @@ cell will have, without running its engine.
 from __future__ import annotations
 
 import json
-import math
 import time
 import traceback
 from collections import Counter
@@ -39,7 +38,6 @@ from ninedisk.harness.api.engine import (
 from ninedisk.harness.api.params import foreign_settings
 from ninedisk.harness.api.support import support_of
 from ninedisk.harness.cases.common import with_slop
-from ninedisk.harness.cases.invariance.observers import Invariance
 from ninedisk.harness.results.figures import figures_to_text
 from ninedisk.harness.results.schema import AS_DEFAULT, CELL_COLUMNS, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
 from ninedisk.harness.results.tables import CaseResult, complete, plain_json
@@ -216,11 +214,10 @@ def all_checks(cell: Cell, setup: Setup, observed: Any, info: EngineInfo, publis
     params = cell.variant.params
     own = list(cell.case.checks(params, setup, observed, info))
     found = with_slop(own + published_checks(cell.case.id, params, observed, own, published), observed, info)
-    if not isinstance(case := cell.case, Invariance):
-        return in_single_precision(found, setup, observed, info)
-    return in_single_precision(
-        found, case.original(params)[2], observed, info, math.hypot(*case.frame(params).velocity)
-    )
+    # An observer's numbers are other ones than those of the scene that truths are about.
+    seen = getattr(cell.case, "seen", None)
+    plain, drift = (setup, 0.0) if seen is None else seen(params)
+    return in_single_precision(found, plain, observed, info, drift)
 
 
 def last_lines(error: BaseException) -> str:

@@ -133,8 +133,8 @@ def test_the_matrix_shows_what_is_farthest_from_the_physics_first(panel_store, p
         sizes[key] = max(sizes.get(key, 0.0), row["rel_error"])
     table = html[html.index('class="matrix"') : html.index("Not installed")]
     shown = re.findall(r'class="v v-error d\d+"[^>]*>([^<]+)<', table)
-    assert sorted(shown) == sorted(text.error(size) for size in sizes.values())
-    assert shown[0] == text.error(max(sizes.values()))
+    assert sorted(shown) == sorted(percent(size) for size in sizes.values())
+    assert shown[0] == percent(max(sizes.values()))
     assert "Chrono" not in table
     assert 'Not installed where this ran: <a href="engine/chrono.html">Chrono</a>' in html
     assert percent(max(sizes.values())) in html[html.index("Farthest from the physics") : html.index('id="matrix"')]

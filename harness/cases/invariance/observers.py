@@ -131,6 +131,10 @@ class Invariance:
         full = resolve(case, overrides).params
         return case, full, case.build(full)
 
+    def seen(self, params: Mapping[str, Any]) -> tuple[Setup, float]:
+        """The problem that is seen, in its own units, and the speed of the observer [m/s]."""
+        return self.original(params)[2], math.hypot(*self.frame(params).velocity)
+
     def build(self, params: Mapping[str, Any]) -> Setup:
         """The original scene as the observer sees it."""
         return self.frame(params).setup(self.original(params)[2], settings_with_dimension())
