@@ -60,12 +60,12 @@ def show(engine: Engine, info: EngineInfo, outcomes: Sequence[Outcome], given: S
     out = console()
     for line in _head(info, outcomes):
         out.print(printable(line), soft_wrap=True)
-    first, *others = _failures(outcomes) or [None]
-    if first is not None:
+    wrong = _failures(outcomes)
+    if wrong:
         out.print()
-        for line in _first(engine, outcomes, first, given):
+        for line in _first(engine, outcomes, wrong[0], given):
             out.print(printable(line), soft_wrap=True)
-    if others:
+    if others := wrong[1:]:
         shown = table("also failing", "found", "mend")
         for each in others:
             more = f" (and {len(each.faults) - 1} more)" if len(each.faults) > 1 else ""
@@ -75,7 +75,7 @@ def show(engine: Engine, info: EngineInfo, outcomes: Sequence[Outcome], given: S
     out.print()
     for line in _untested(outcomes):
         out.print(printable(line), soft_wrap=True)
-    if first is None:
+    if not wrong:
         out.print(f"next: ninedisk run {shlex.join(given)}", soft_wrap=True)
 
 
@@ -171,7 +171,7 @@ def _case(engine: Engine, asked: Capability) -> str:
 
 def _untested(outcomes: Sequence[Outcome]) -> Iterator[str]:
     """What no check has tested, and why: what is declared first."""
-    tested = frozenset().union(*(each.needs for each in outcomes if each.status in (PASS, FAIL)))
+    tested = frozenset[Capability]().union(*(each.needs for each in outcomes if each.status in (PASS, FAIL)))
     refused = {each.check.removeprefix("supports: "): each for each in outcomes if each.status == REFUSED}
     for name, each in refused.items():
         if each.declared:
