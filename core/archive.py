@@ -36,7 +36,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
     try:
         target, replaced = destination(path)
         partial = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        stream = open(partial, "wb") if replaced else io.BytesIO()  # noqa: SIM115 - what fails here is the path's fault, what fails below may be the content's
+        stream: IO[bytes] = open(partial, "wb") if replaced else io.BytesIO()  # noqa: SIM115 - what fails here is the path's fault, what fails below may be the content's
     except (OSError, TypeError, ValueError) as error:  # a path may be of another type, empty, or hold a zero byte
         raise _unwritable(path, error) from error
     try:

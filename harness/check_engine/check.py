@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 from ninedisk.harness.api.capabilities import SPACE, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Engine, EngineUnsupportedError, SupportLevel, facts_of
@@ -86,8 +87,7 @@ def _checks(bench: Bench) -> Iterator[Check]:
         if asked in SPACE - {Capability.SPHERES} and Capability.SPHERES not in info.capabilities:
             continue
         own = probe_of(asked, info)
-        check = lambda own=own, asked=asked: conduct.capability(bench, own, asked)  # noqa: E731
-        yield f"supports: {asked.name}", check, _needs(own)
+        yield f"supports: {asked.name}", partial(conduct.capability, bench, own, asked), _needs(own)
 
 
 def _needs(probe: Probe) -> frozenset[Capability]:

@@ -218,7 +218,7 @@ class Bench:
         """
         history = self.run_of(probe).history
         arrays = {each.name: getattr(history, each.name) for each in fields(History)}
-        filled = {
+        filled: dict[str, Any] = {
             name: np.where(np.isnan(array), 1.0, array)
             for name, array in arrays.items()
             if name not in MUST_BE_NUMBERS and isinstance(array, np.ndarray) and array.dtype.kind == "f"

@@ -24,20 +24,16 @@ CASE_OF: Mapping[Capability, str] = {
     Capability.CONTACT_DAMPING: "binary-collision",
     Capability.RESTITUTION: "impact/bouncing-disk",
     Capability.GLOBAL_DAMPING_CENTRAL: "nine-disk/compression",
-    Capability.GLOBAL_DAMPING_LAGGED: "nine-disk/compression",
     Capability.MOVING_WALLS: "contact/moving-wall",
     Capability.ROTATING_WALLS: "invariance/objectivity",
     Capability.CURVED_WALL_MOTION: "contact/driven-wall",
     Capability.GRAVITY: "impact/bouncing-disk",
     Capability.BLOCKED_ROTATION: "incline-block",
     Capability.HELD_MOTION: "impact/held-disk",
-    Capability.FIXED_DISKS: "strength/hexagonal",
     Capability.QUASI_STATIC: "sliding/quasistatic",
     Capability.PRELOAD: "slip-to-roll",
     Capability.DISK_INERTIA: "slip-to-roll",
-    Capability.LEVER_ARM_RADIUS: "contact/retraced-loop",
     Capability.LEVER_ARM_OVERLAP: "contact/retraced-loop",
-    Capability.LEVER_ARM_TORQUE: "contact/retraced-loop",
     Capability.SLIP_MIDDLE: "contact/retraced-loop",
     Capability.SLIP_END: "contact/retraced-loop",
     Capability.MATERIALS: "contact/materials",
@@ -49,12 +45,9 @@ CASE_OF: Mapping[Capability, str] = {
     Capability.PERIODIC_CELL: "cell/lattice",
     Capability.ENERGY_BUDGET: "energy/budget",
     Capability.OUTLINES: "nurbs/overlap",
-    Capability.AREA_CONTACT: "nurbs/settle",
     Capability.SPHERES: "spheres/rolling",
     Capability.HERTZ_MINDLIN: "spheres/chung-ooi/1",
-    Capability.UNLOADING_NONE: "spheres/thornton",
     Capability.UNLOADING_FORCE: "spheres/thornton",
-    Capability.UNLOADING_RESCALE: "spheres/thornton",
     Capability.TWISTING_CONSTANT: "spheres/top",
     Capability.TWISTING_SPRING: "spheres/top",
     Capability.SURFACE_JKR: "spheres/jkr",
@@ -67,12 +60,12 @@ def show(engine: Engine, info: EngineInfo, outcomes: Sequence[Outcome], given: S
     out = console()
     for line in _head(info, outcomes):
         out.print(printable(line), soft_wrap=True)
-    first, *others = _failures(outcomes) or [None]
-    if first is not None:
+    wrong = _failures(outcomes)
+    if wrong:
         out.print()
-        for line in _first(engine, outcomes, first, given):
+        for line in _first(engine, outcomes, wrong[0], given):
             out.print(printable(line), soft_wrap=True)
-    if others:
+    if others := wrong[1:]:
         shown = table("also failing", "found", "mend")
         for each in others:
             more = f" (and {len(each.faults) - 1} more)" if len(each.faults) > 1 else ""
@@ -82,7 +75,7 @@ def show(engine: Engine, info: EngineInfo, outcomes: Sequence[Outcome], given: S
     out.print()
     for line in _untested(outcomes):
         out.print(printable(line), soft_wrap=True)
-    if first is None:
+    if not wrong:
         out.print(f"next: ninedisk run {shlex.join(given)}", soft_wrap=True)
 
 
@@ -178,7 +171,7 @@ def _case(engine: Engine, asked: Capability) -> str:
 
 def _untested(outcomes: Sequence[Outcome]) -> Iterator[str]:
     """What no check has tested, and why: what is declared first."""
-    tested = frozenset().union(*(each.needs for each in outcomes if each.status in (PASS, FAIL)))
+    tested = frozenset[Capability]().union(*(each.needs for each in outcomes if each.status in (PASS, FAIL)))
     refused = {each.check.removeprefix("supports: "): each for each in outcomes if each.status == REFUSED}
     for name, each in refused.items():
         if each.declared:

@@ -74,6 +74,7 @@ def request(
       ninedisk request binary-collision --engine siconos --option siconos.theta=1
       ninedisk request nine-disk/compression --set load_case=b1 --engine-cmd 'node my-engine.mjs' | node my-engine.mjs run
     """
+    from ninedisk.harness.api.engine import Engine
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.registry import get_engine
     from ninedisk.harness.wire.command import CommandEngine
@@ -81,7 +82,9 @@ def request(
 
     if engine is not None and command is not None:
         raise UsageError("give one engine: --engine ID or --engine-cmd COMMAND")
-    asked = get_engine(engine) if engine is not None else CommandEngine(command) if command is not None else None
+    asked: Engine | None = (
+        get_engine(engine) if engine is not None else CommandEngine(command) if command is not None else None
+    )
     chosen = parse_settings(options or [], flag="--option", example="mine.theta=1")
     typer.echo(example_request(case, parse_settings(settings or []), asked, chosen, _note))
 
