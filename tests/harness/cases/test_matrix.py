@@ -66,7 +66,7 @@ LEAST = {
     "impact/held-disk": 9,
     "impact/two-disks": 14,
     "contact/belt": 8,
-    "contact/cluster": 40,
+    "contact/cluster": 26,
     "contact/orbit": 6,
     "friction/hold": 8,
     "energy/budget": 4,
