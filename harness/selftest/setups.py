@@ -65,7 +65,8 @@ def first_segment(scene: Scene) -> Scene:
     return scene.replace(walls=walls)
 
 
-def _laws_of_first_wall(scene: Scene) -> Scene:
+def laws_of_first_wall(scene: Scene) -> Scene:
+    """Every wall has the law of the first."""
     return scene.replace(walls=tuple(replace(wall, law=scene.walls[0].law) for wall in scene.walls))
 
 
@@ -77,7 +78,7 @@ def _unequal(engine: str) -> tuple[Defect, ...]:
         _scene(engine, "inertia-of-first", "every disk has the moment of inertia of the first", "unequal", like_first("inertia")),
         _scene(engine, "rotation-of-first", "disks turn if the first one does", "box", like_first("rotating")),
         _scene(engine, "spins-swapped", "spins are given to the disks in the wrong order", "unequal", spins_swapped),
-        _scene(engine, "laws-of-first-wall", "every wall has the law of the first", "box", _laws_of_first_wall),
+        _scene(engine, "laws-of-first-wall", "every wall has the law of the first", "box", laws_of_first_wall),
         _scene(engine, "walls-never-stop", "walls go on with the second segment of their motion", "belt-stops", first_segment),
     )  # fmt: skip
 

@@ -26,6 +26,7 @@ from ninedisk.harness.check_engine.verdict import CASE_OF, show
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.engines.dem.adapter import DemEngine
 from ninedisk.harness.selftest.declared import DECLARED, Declared
+from ninedisk.harness.selftest.setups import first_segment, laws_of_first_wall, like_first, spins_swapped
 
 Change = Callable[[Any], Any]
 
@@ -300,6 +301,28 @@ PLANTED = {
         Planted(answer=history(wall_force=np.negative)),
         "force on the floor",
     ),
+    "masses of the first": ("pairs: oblique impact", Planted(scene=like_first("mass")), "vx_1_final is"),
+    "inertias of the first": (
+        "pairs: oblique impact that sticks",
+        Planted(scene=like_first("inertia")),
+        "spin_2_final is",
+    ),
+    "heavy disks of one mass": ("pairs: impact of heavy disks", Planted(scene=like_first("mass")), "vx_2 is"),
+    "a belt that never stops": ("walls: belt", Planted(scene=first_segment), "v_block is"),
+    "spins in the wrong order": ("pairs: six around one", Planted(scene=spins_swapped), "misfit is"),
+    "small disks with a large one's inertia": (
+        "pairs: nine around one",
+        Planted(scene=like_first("inertia")),
+        "misfit is",
+    ),
+    "a law for all walls": ("walls: four laws", Planted(scene=laws_of_first_wall), "misfit is"),
+    "no dashpot at a wall that moves": ("walls: pushed", Planted(scene=laws(beta=0.0)), "fn is"),
+    "angles modulo a turn": (
+        "pairs: three revolutions",
+        Planted(answer=history(angle=lambda a: np.arctan2(np.sin(a), np.cos(a)))),
+        "angle_1 is",
+    ),
+    "no friction after reopening": ("pairs: reopening", Planted(scene=laws(mu=0.0)), " instead of "),
     "half of the reduced modulus": ("supports: HERTZ_MINDLIN", Planted(scene=laws(e_star=5e6)), "overlap is"),
     "a force that shrinks": ("supports: UNLOADING_FORCE", Planted(scene=laws(unloading="rescale")), "fs is"),
     "a spring that is not scaled": ("supports: UNLOADING_RESCALE", Planted(scene=laws(unloading="none")), "fs is"),
