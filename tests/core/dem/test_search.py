@@ -139,20 +139,20 @@ def with_room(scene: Scene, steps: int, monkeypatch: pytest.MonkeyPatch) -> Hist
     """The same run with lists that never have to grow."""
     n = len(scene.disks)
     monkeypatch.setattr(arrays_module, "empty_list", lambda rows, _, bends=False: empty_list(rows, n * n, bends))
-    return run(scene, numerics(1e-3, steps))
+    return run(scene, numerics(5e-4, steps))
 
 
 def test_full_disk_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = imploding(40)
-    session = DemSession(scene, numerics(1e-3, 20), [(0, 1)])
+    session = DemSession(scene, numerics(5e-4, 40), [(0, 1)])
     room = session._lists.pairs.other.shape[0]
     found = session.run()
     assert session._lists.pairs.start[-1] > 1.5 * room
     assert session._lists.pairs.other.shape[0] == session._lists.spare.other.shape[0] > 1.5 * room
-    expected = with_room(scene, 20, monkeypatch)
+    expected = with_room(scene, 40, monkeypatch)
     for name in ("x", "v", "omega", "angle"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
-    twin = Oracle(scene, numerics(1e-3, 20)).run()
+    twin = Oracle(scene, numerics(5e-4, 40)).run()
     # All fly along the lines of centres: spins of 4e-5 rad/s are what slips leave of speeds of 570 m/s, and feel their rounding.
     assert max(difference(expected, twin, FIELDS).values()) < 1e-10
 
@@ -161,12 +161,12 @@ def test_full_wall_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyP
     soft = ContactLaw(kn=1.0, ks=0.5, mu=0.5)
     walls = tuple(Wall(name=n, point=(0.0, -1.0), normal=(s, 1.0), law=soft) for n, s in (("a", 0.0), ("b", 1e-3)))
     scene = imploding(64, walls)
-    session = DemSession(scene, numerics(1e-3, 12))
+    session = DemSession(scene, numerics(5e-4, 24))
     room = session._lists.wall_pairs.other.shape[0]
     found = session.run()
     assert session._lists.wall_pairs.start[-1] > 1.5 * room
     assert np.ptp(session._lists.wall_pairs.start[:-1]) > room
-    expected = with_room(scene, 12, monkeypatch)
+    expected = with_room(scene, 24, monkeypatch)
     np.testing.assert_array_equal(found.x, expected.x)
     np.testing.assert_array_equal(found.wall_force, expected.wall_force)
     assert np.abs(found.wall_force[-1]).max() > 0.0

@@ -215,7 +215,8 @@ def test_bad_input_names_the_value_and_the_way_out(make: Any, words: str) -> Non
 def test_too_long_a_step_and_a_sphere_behind_a_wall_are_named() -> None:
     with pytest.raises(UnstableTimeStepError, match="exceeds the critical step"):
         simulate(box(LINEAR), Numerics(dt=0.1, n_steps=1, contact_dt=0.1))
-    fast = replace(box(LINEAR), gravity=(0.0, 0.0, -1e7))
+    alone = Spheres(x=[[0.2, 0.2, 0.5]], radius=0.1, mass=1.0)
+    fast = replace(box(LINEAR), spheres=alone, laws={}, gravity=(0.0, 0.0, -1e7))
     with pytest.raises(BehindWallError, match="behind wall 'floor'"):
         simulate(fast, Numerics(dt=1e-4, n_steps=100, contact_dt=1e-4, allow_unstable=True))
 
