@@ -104,7 +104,9 @@ class LawTable:
                     f"the law of {names[k]} has lever_arm = 'torque-overlap', which contact dynamics does not have: its friction "
                     "does work with one arm; use radius or overlap"
                 )
-            if self.elastic[k] and law.mu > 0.0 and law.ks == 0.0 and used[k]:
+            # Where materials have laws those of walls and disks may stand for no pair at all.
+            acts = used[k] and (k > len(scene.walls) or not scene.laws)
+            if self.elastic[k] and law.mu > 0.0 and law.ks == 0.0 and acts:
                 raise InvalidSceneError(
                     f"the law of {names[k]} is elastic and has mu = {law.mu:g} with ks = 0: {NO_SHEAR_SPRING}, or make the contact rigid "
                     "(regularised, or cd.contacts = rigid)"

@@ -89,6 +89,7 @@ def worlds(draw: st.DrawFn, method: str, *, walls: int = 4, most: int = 7) -> Wo
         "mu": draw(st.sampled_from([0.0, 0.1, 0.5, 2.0])),
     }
     if soft:
+        law["mu"] *= law["ks"] > 0.0  # friction needs a shear spring
         law |= {
             "beta": draw(st.sampled_from([0.0, 0.1])),
             "lever_arm": draw(st.sampled_from(["radius", "overlap", "torque-overlap"])),
