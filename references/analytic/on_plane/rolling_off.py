@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.references._validate import finite, positive, slope, times_of
+from ninedisk.references._validate import array, finite, positive, times_of
 
 FloatArray = NDArray[np.float64]
 
@@ -60,9 +60,9 @@ def fallen_time(*, reached: ArrayLike, start: float) -> FloatArray:
     Parameters
     ----------
     reached : array_like
-        Angles from the top [rad]; one below ``start`` takes no time, NaN is unknown.
+        Angles from the top [rad], a number or shape (s,); one below ``start`` takes no time.
     start : float
-        [rad], in (0, pi).
+        [rad], in [1e-12, pi).
 
     Returns
     -------
@@ -72,7 +72,7 @@ def fallen_time(*, reached: ArrayLike, start: float) -> FloatArray:
     from scipy.special import ellipkinc, ellipkm1  # slow to import, and most runs do not need it
 
     _angle(start)
-    angle = np.clip(np.asarray(reached, dtype=np.float64), start, math.pi)
+    angle = np.clip(array("reached", reached, dimensions=(0, 1)), start, math.pi)
     k = math.cos(0.5 * start)
     share = np.clip(np.cos(0.5 * angle) / k, 0.0, 1.0)
     return np.asarray(np.maximum(ellipkm1(math.sin(0.5 * start) ** 2) - ellipkinc(np.arcsin(share), k**2), 0.0))
@@ -90,7 +90,7 @@ def falling(*, t: ArrayLike, rate: float, start: float) -> FloatArray:
     rate : float
         Growth rate L [1/s], > 0.
     start : float
-        [rad], in (0, pi).
+        [rad], in [1e-12, pi).
     """
     from scipy.special import ellipj  # slow to import, and most runs do not need it
 
@@ -152,7 +152,7 @@ def rolled_off(*, mu: float, inertia_ratio: float, arm: float, g: float, start: 
     Source: derived above.
     """
     positive(mu=mu, inertia_ratio=inertia_ratio, arm=arm, g=g)
-    slope(start)
+    _angle(start, least=0.0, most=0.5 * math.pi)
     if mu > 100.0:
         raise ValueError(
             f"mu = {mu!r} is not allowed: it must be at most 100, where the body no longer slides before it leaves"
@@ -188,7 +188,9 @@ def rolled_off(*, mu: float, inertia_ratio: float, arm: float, g: float, start: 
     )
 
 
-def _angle(start: float) -> None:
+def _angle(start: float, least: float = 1e-12, most: float = math.pi) -> None:
     finite(start=start)
-    if not 0.0 < start < math.pi:
-        raise ValueError(f"start = {start!r} rad is not allowed: it must lie in (0, pi); degrees must be converted")
+    if not least <= start < most:
+        raise ValueError(
+            f"start = {start!r} rad is not allowed: it must lie in [{least:g}, {most:.4g}); degrees must be converted"
+        )
