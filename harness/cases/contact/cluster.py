@@ -66,13 +66,18 @@ class UnequalCluster:
         Parameter(name="arrangement", default="six", choices=("six", "many", "box"), in_id=True,
                   help="six disks around one, nine small ones around a large one, or three between walls"),
         Parameter(name="blocked", default=False, help="whether the first disk of the box cannot turn"),
+        Parameter(name="xi", default=0.0, low=0.0, high=1e3, unit="1/s", help="global damping"),
         Parameter(name="steps", default=1000, low=SAMPLES, whole=True, help=f"steps of every engine, a multiple of {SAMPLES}"),
         *NINE_DISK_CD,
     )  # fmt: skip
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Each arrangement."""
-        return [{"arrangement": name} for name in ("six", "many", "box")] + [{"arrangement": "box", "blocked": True}]
+        """Each arrangement; one disk that cannot turn; global damping of velocities and spins."""
+        further: tuple[dict[str, Value], ...] = (
+            {"arrangement": "box", "blocked": True},
+            {"arrangement": "six", "xi": 200.0},
+        )
+        return [*({"arrangement": name} for name in ("six", "many", "box")), *further]
 
     def sticks(self, params: Mapping[str, Any]) -> bool:  # noqa: ARG002
         """No contact slides."""
@@ -93,6 +98,7 @@ class UnequalCluster:
             ),
             disk_disk=ContactLaw(kn=KN, ks=KS, mu=MU, beta=given.beta),
             walls=tuple(walls),
+            xi=params["xi"],
         )  # fmt: skip
         steps = max(1, params["steps"] // SAMPLES) * SAMPLES
         dt = DURATION / steps
@@ -267,7 +273,7 @@ def touches(given: Cluster) -> list[Touch]:
 
 
 @lru_cache(maxsize=8)
-def _swing(arrangement: str, blocked: bool, times: FloatRow) -> Swing:
+def _swing(arrangement: str, blocked: bool, xi: float, times: FloatRow) -> Swing:
     given = cluster(arrangement, blocked)
     return cluster_swing(
         times,
@@ -276,12 +282,13 @@ def _swing(arrangement: str, blocked: bool, times: FloatRow) -> Swing:
         mass=given.mass,
         inertia=inertias(given)[:, 2],
         touches=touches(given),
+        xi=xi,
     )
 
 
 def truth(params: Mapping[str, Any], t: FloatArray) -> Swing:
     """The linear motion at the samples."""
-    return _swing(params["arrangement"], params["blocked"], tuple(np.nan_to_num(t).tolist()))
+    return _swing(params["arrangement"], params["blocked"], params["xi"], tuple(np.nan_to_num(t).tolist()))
 
 
 def total_energy(given: Cluster) -> float:

@@ -64,8 +64,9 @@ def cluster_swing(
     mass: ArrayLike,
     inertia: ArrayLike,
     touches: Sequence[Touch],
+    xi: float = 0.0,
 ) -> Swing:
-    """``M q'' + C q' + K q = F``, where the normals and lever arms are those of time 0.
+    """``M (q'' + xi q') + C q' + K q = F``, where the normals and lever arms are those of time 0.
 
     With ``q = (x, y, angle)`` of each body, a contact's overlap grows by ``n.(x_i - x_j)`` and its slip by
     ``t.(x_i - x_j) + R_i angle_i + R_j angle_j``, ``t = (-n_y, n_x)``. Its force on i is ``-fn n + fs t``, with
@@ -80,6 +81,8 @@ def cluster_swing(
     radius, mass, inertia : array_like, shape (n,)
         [m], [kg], [kg m^2], > 0; a huge inertia keeps the spin.
     touches : sequence of Touch
+    xi : float
+        Global damping [1/s], >= 0, of velocities and spins.
 
     Raises
     ------
@@ -91,6 +94,7 @@ def cluster_swing(
     The exponential of the system's matrix is exact. What is left out is of the order of the overlap over the radius.
     Source: small oscillations, Landau & Lifshitz, Mechanics, section 23; with dashpots, section 25.
     """
+    not_negative(xi=xi)
     from scipy.linalg import expm  # slow to import, and most runs do not need it
 
     times, start = times_of(t), array("velocity", velocity, dimensions=(2,))
@@ -131,7 +135,7 @@ def cluster_swing(
     stiffness = ease[:, None] * ((g.T * kn) @ g + (h.T * ks) @ h)
     system[:size, size:-1] = np.eye(size)
     system[size:-1, :size] = -stiffness
-    system[size:-1, size:-1] = -ease[:, None] * ((g.T * c) @ g)
+    system[size:-1, size:-1] = -ease[:, None] * ((g.T * c) @ g) - xi * np.eye(size)
     system[size:-1, -1] = -ease * (g.T @ (kn * first))
     state = np.concatenate([np.zeros(size), start.ravel(), [1.0]])
     found = np.array([expm(system * at) @ state for at in times])
