@@ -11,7 +11,6 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 from ninedisk.reports.build import build_report
-from ninedisk.reports.panel import text
 from ninedisk.reports.panel.load import load_store
 from ninedisk.reports.panel.model import build_panel
 from ninedisk.reports.panel.ranking import percent
