@@ -10,8 +10,8 @@ from ninedisk.harness.api.capabilities import SPACE, Capability, capabilities_ne
 from ninedisk.harness.api.engine import Engine, EngineUnsupportedError, SupportLevel, facts_of
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
-from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres, unequal
-from ninedisk.harness.cases.adapter.unequal import unequal_probes
+from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres
+from ninedisk.harness.cases.adapter.unequal import unequal_probes, unequal_spheres
 from ninedisk.harness.check_engine import conduct
 from ninedisk.harness.check_engine.outcomes import REFUSED, Bench, Outcome, attempt, outcome
 
@@ -77,7 +77,7 @@ def _checks(bench: Bench) -> Iterator[Check]:
         yield name, _judged(bench, name, probe), _needs(probe)
     unlike = [
         *(unequal_probes(info) if info.plane else ()),
-        *(unequal(info) if Capability.SPHERES in info.capabilities else ()),
+        *(unequal_spheres(info) if Capability.SPHERES in info.capabilities else ()),
     ]
     for name, probe in unlike:
         yield name, _judged(bench, name, probe, strict=True), _needs(probe)

@@ -7,6 +7,7 @@ cell will have, without running its engine.
 from __future__ import annotations
 
 import json
+import math
 import time
 import traceback
 from collections import Counter

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, UNLOADING, Capability
 from ninedisk.harness.api.case import FloatArray, SphereSetup
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.api.params import resolve
 from ninedisk.harness.cases.adapter.probes import (
     FIRST_ORDER,
     FLOOR,
@@ -37,7 +35,6 @@ from ninedisk.harness.cases.adapter.probes import (
     round_off,
     thrown,
 )
-from ninedisk.harness.cases.spheres.unequal import CASE
 
 UP = np.array([2.0, -1.0, 2.0]) / 3.0
 """Normal of the floor: no two components of one size and sign, so that axes that are exchanged or turned show."""
@@ -274,62 +271,6 @@ def probe_in_space(capability: Capability, info: EngineInfo) -> Probe | None:
         ),
     }.get(capability)
     return None if make is None else make()
-
-
-UNEQUAL: Mapping[str, tuple[Mapping[str, Any], str]] = {
-    "impacts of springs": (
-        {"kind": "impacts"},
-        "each contact has the law of its own pair or plane, its reduced mass and radius, its two arms and spins",
-    ),
-    "impacts that slide": (
-        {"kind": "impacts", "law": "linear"},
-        "each body has its own mass, radius and moment of inertia; impulses on both bodies are equal and opposite",
-    ),
-    "flight": (
-        {"kind": "flight"},
-        "weights go with the body's own mass; angles are integrals of its own spin, whatever their size",
-    ),
-    "belt": (
-        {"kind": "belt"},
-        "each plane has its own normal, law and motion, segment by segment, and rests after the last one",
-    ),
-    "crowd": (
-        {"kind": "crowd"},
-        "a sphere has all its contacts: there is no largest number, and reach goes with both radii",
-    ),
-    "resisted": (
-        {"kind": "resisted"},
-        "torques of rolling and twisting act on both spheres, with their reduced radius",
-    ),
-    "resisted by springs": (
-        {"kind": "resisted", "model": "elastic-plastic"},
-        "torques of rolling and twisting act on both spheres, with their own moments of inertia",
-    ),
-}
-"""Variants of `spheres/unequal` by the name of their check, and what is wrong with an adapter that misses them."""
-
-
-def unequal(info: EngineInfo) -> Iterator[tuple[str, Probe]]:
-    """Spheres of which none is like another: the variants of the case, within its own tolerances."""
-    for name, (variant, mend) in UNEQUAL.items():
-        params = resolve(CASE, variant).params
-        setup = CASE.build(params)
-
-        def closed_forms(
-            history: History, params: Mapping[str, Any] = params, setup: SphereSetup = setup, mend: str = mend
-        ) -> list[ClosedForm]:
-            observed = CASE.observe(params, setup, history)
-            found = []
-            for check in CASE.checks(params, setup, observed, info):
-                unit, value = {**observed.series, **observed.scalars}[check.quantity]
-                bound = max(check.atol, check.known.size if check.known else 0.0)
-                found.append(
-                    ClosedForm(quantity=check.quantity, unit=unit, value=value, expected=check.expected, bound=bound, why=check.why,
-                               mend=mend)
-                )  # fmt: skip
-            return found
-
-        yield f"unequal spheres: {name}", Probe(title=f"unequal spheres {name}", setup=setup, closed_forms=closed_forms)
 
 
 def probe_of(capability: Capability, info: EngineInfo) -> Probe:

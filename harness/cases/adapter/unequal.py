@@ -20,6 +20,7 @@ from ninedisk.harness.cases.contact.orbit import CASE as ORBIT
 from ninedisk.harness.cases.contact.reopening import CASE as REOPENING
 from ninedisk.harness.cases.impact.binary import CASE as BINARY
 from ninedisk.harness.cases.impact.two_disks import CASE as TWO_DISKS
+from ninedisk.harness.cases.spheres.unequal import CASE as SPHERES
 
 HEAVY: Mapping[str, Value] = {"restitution": 0.5, "mass": 3e3, "mass_2": 5e3, "radius": 0.4, "radius_2": 0.7}
 """Of a head-on impact: masses far from 1."""
@@ -87,3 +88,42 @@ def unequal_probes(info: EngineInfo) -> Iterator[tuple[str, Probe]]:
     mend = "a shear force turns with the contact, and is kept as long as it is closed; angles count from time 0, not modulo a turn"
     yield probe("pairs: three revolutions", ORBIT, mend, arm=arm)
     yield probe("pairs: reopening", REOPENING, "a contact that has opened begins without shear force")
+
+
+OF_SPHERES: Mapping[str, tuple[Mapping[str, Value], str]] = {
+    "impacts of springs": (
+        {"kind": "impacts"},
+        "each contact has the law of its own pair or plane, its reduced mass and radius, its two arms and spins",
+    ),
+    "impacts that slide": (
+        {"kind": "impacts", "law": "linear"},
+        "each body has its own mass, radius and moment of inertia; impulses on both bodies are equal and opposite",
+    ),
+    "flight": (
+        {"kind": "flight"},
+        "weights go with the body's own mass; angles are integrals of its own spin, whatever their size",
+    ),
+    "belt": (
+        {"kind": "belt"},
+        "each plane has its own normal, law and motion, segment by segment, and rests after the last one",
+    ),
+    "crowd": (
+        {"kind": "crowd"},
+        "a sphere has all its contacts: there is no largest number, and reach goes with both radii",
+    ),
+    "resisted": (
+        {"kind": "resisted"},
+        "torques of rolling and twisting act on both spheres, with their reduced radius",
+    ),
+    "resisted by springs": (
+        {"kind": "resisted", "model": "elastic-plastic"},
+        "torques of rolling and twisting act on both spheres, with their own moments of inertia",
+    ),
+}
+"""Variants of `spheres/unequal` by the name of their check, and what is wrong with an adapter that misses them."""
+
+
+def unequal_spheres(info: EngineInfo) -> Iterator[tuple[str, Probe]]:
+    """Name and probe of each variant of `spheres/unequal`."""
+    for name, (params, mend) in OF_SPHERES.items():
+        yield f"unequal spheres: {name}", from_case(SPHERES, info, name, mend, params)
