@@ -62,6 +62,7 @@ BUILTIN_CASES: dict[str, str] = {
     "contact/materials": "ninedisk.harness.cases.contact.materials:CASE",
     "motion/forces": "ninedisk.harness.cases.motion.forces:CASE",
     "cell/lattice": "ninedisk.harness.cases.cell.lattice:CASE",
+    "cell/own-image": "ninedisk.harness.cases.cell.own_image:CASE",
     "cell/shear": "ninedisk.harness.cases.cell.shear:CASE",
     "invariance/objectivity": "ninedisk.harness.cases.invariance.rotating_box:CASE",
     "spheres/chung-ooi/1": "ninedisk.harness.cases.spheres.chung_ooi:ONE",
