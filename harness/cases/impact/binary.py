@@ -129,7 +129,7 @@ class BinaryCollision:
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """The source's two, a restitution between, a soft spring, an impact within a step, and Newton's law; unequal disks, also fast ones."""
+        """The source's two, a restitution between, a soft spring, an impact within a step, and Newton's law; unequal, and fast, disks."""
         unequal: dict[str, Value] = {"kind": "elastic", "radius": 0.4, "radius_2": 0.7}
         return (
             {"kind": "elastic"},
