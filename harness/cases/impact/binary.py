@@ -129,7 +129,7 @@ class BinaryCollision:
     )
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """The source's two, a restitution between, a soft spring, an impact within a step, and Newton's law; unequal disks."""
+        """The source's two, a restitution between, a soft spring, an impact within a step, and Newton's law; unequal, and fast, disks."""
         unequal: dict[str, Value] = {"kind": "elastic", "radius": 0.4, "radius_2": 0.7}
         return (
             {"kind": "elastic"},
@@ -142,6 +142,7 @@ class BinaryCollision:
             {**unequal, "mass": 1.0, "mass_2": 3.0, "restitution": 0.5},
             {**unequal, "mass": 1e4, "mass_2": 1.0, "restitution": 0.5},
             {**unequal, "mass": 3e3, "mass_2": 5e3, "restitution": 0.5},
+            {**unequal, "mass": 1.0, "mass_2": 3.0, "speed": 5.0, "kn": 100.0},
         )
 
     def build(self, params: Mapping[str, Any]) -> Setup:
