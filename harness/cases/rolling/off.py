@@ -212,8 +212,7 @@ class RollsOff:
             # Shear springs bear friction from the start: the body swings about rolling by that over their rate.
             room += 2.0 * friction / math.sqrt(ks * MASS) + MASS * G / KN / RADIUS * speed
             return room, "springs that start without load swing into it; arms that shrink by the overlap"
-        why = "two steps of weight where it leaves, and one at the start, which grows: line of centres and speed of one end of a step"
-        why += soft_reason(engine)
+        why = f"two steps of weight where it leaves, and one at the start, which grows{soft_reason(engine)}"
         # What is off at the start has grown by the ratio of the speeds when the bodies part.
         grown = math.sin(0.5 * self._truth(params)[0].slips) / math.sin(0.5 * BEGIN)
         room += (2.0 + math.sin(BEGIN) * grown) * G * dt + G * (slack_time(engine, dt) + softness(engine) * t_end)
