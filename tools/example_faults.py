@@ -46,7 +46,8 @@ def ninedisk(folder: Path, *arguments: str) -> list[dict[str, str]]:
     if not rows.exists():
         raise SystemExit(f"{shlex.join(command)} ended with {done.returncode}:\n{done.stderr}")
     found = json.loads(rows.read_text())
-    return found["findings"] if isinstance(found, dict) else found
+    listed: list[dict[str, str]] = found["findings"] if isinstance(found, dict) else found
+    return listed
 
 
 def planted(source: str, fault: dict[str, str]) -> str:

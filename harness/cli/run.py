@@ -285,9 +285,9 @@ def without_a_cell(cells: Sequence[Row], named: Collection[str], *, by_case: boo
     for (engine, case), group in groups.items():
         if any(cell["status"] not in _NOT_RUN for cell in group):
             continue
-        sets = [set(names) for cell in group if (names := lacking(cell))]
+        sets = [frozenset(names) for cell in group if (names := lacking(cell))]
         if sets and by_case:
-            fewest = sorted(min(sets, key=lambda each: (len(each), sorted(each))))
+            fewest = min((sorted(each) for each in sets), key=lambda names: (len(names), names))
             why = f"it lacks {', '.join(fewest)}"
         else:
             why = f"it lacks {reasons(group)[0][0]}" if sets else str(group[0]["reason"]).partition("\n")[0]

@@ -85,7 +85,8 @@ class RollsOff:
         self.id = "spheres/off-ball" if space else "rolling/off-disk"
         self.title = f"A {body} rolls off a larger one"
         self.requirement = f"slips where friction reaches mu fn and leaves where fn ends; at cos(theta) = {leaves} where it never slips"
-        self.up, self.side = SPACE if space else PLANE
+        axes: tuple[FloatArray, FloatArray] = SPACE if space else PLANE
+        self.up, self.side = axes
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
         """Friction that gives up halfway, and one that holds nearly to the end."""
@@ -197,7 +198,7 @@ class RollsOff:
                       scale=left.slips, why=why),
             ]  # fmt: skip
 
-        return allowing(LIFTS, setup, engine, found)  # type: ignore[arg-type]
+        return allowing(LIFTS, setup, engine, found)
 
     def _room(self, params: Mapping[str, Any], setup: Setup, engine: EngineInfo, speed: float) -> tuple[float, str]:
         """What the speed may be off by [m/s], and why."""
