@@ -95,6 +95,7 @@ ANY_SIGN = {
     "speed",
     "spin",
     "start",
+    "reached",
     "end",
     "v_1",
     "v_2",

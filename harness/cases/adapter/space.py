@@ -312,7 +312,7 @@ UNEQUAL: Mapping[str, tuple[Mapping[str, Any], str]] = {
 def unequal(info: EngineInfo) -> Iterator[tuple[str, Probe]]:
     """Spheres of which none is like another: the variants of the case, within its own tolerances."""
     for name, (variant, mend) in UNEQUAL.items():
-        params = resolve(CASE, variant).params
+        params = resolve(CASE, variant).params  # type: ignore[arg-type]
         setup = CASE.build(params)
 
         def closed_forms(
@@ -321,7 +321,8 @@ def unequal(info: EngineInfo) -> Iterator[tuple[str, Probe]]:
             observed = CASE.observe(params, setup, history)
             found = []
             for check in CASE.checks(params, setup, observed, info):
-                unit, value = {**observed.series, **observed.scalars}[check.quantity]
+                seen: dict[str, tuple[str, Any]] = {**observed.series, **observed.scalars}
+                unit, value = seen[check.quantity]
                 bound = max(check.atol, check.known.size if check.known else 0.0)
                 found.append(
                     ClosedForm(quantity=check.quantity, unit=unit, value=value, expected=check.expected, bound=bound, why=check.why,

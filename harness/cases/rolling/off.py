@@ -85,6 +85,8 @@ class RollsOff:
         self.id = "spheres/off-ball" if space else "rolling/off-disk"
         self.title = f"A {body} rolls off a larger one"
         self.requirement = f"slips where friction reaches mu fn and leaves where fn ends; at cos(theta) = {leaves} where it never slips"
+        self.up: FloatArray
+        self.side: FloatArray
         self.up, self.side = SPACE if space else PLANE
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
@@ -197,7 +199,7 @@ class RollsOff:
                       scale=left.slips, why=why),
             ]  # fmt: skip
 
-        return allowing(LIFTS, setup, engine, found)  # type: ignore[arg-type]
+        return allowing(LIFTS, setup, engine, found)
 
     def _room(self, params: Mapping[str, Any], setup: Setup, engine: EngineInfo, speed: float) -> tuple[float, str]:
         """What the speed may be off by [m/s], and why."""

@@ -212,7 +212,9 @@ def _impact_ends(params: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
 
 def _impact_seen(params: Mapping[str, Any], history: History) -> tuple[dict[str, Any], dict[str, Any]]:
     """As `ninedisk.harness.cases.spheres.impact.observed_of`, of each meeting."""
-    series, scalars, v, w = {}, {}, history.v, history.omega
+    series: dict[str, Any] = {}
+    scalars: dict[str, Any] = {}
+    v, w = history.v, history.omega
     for place, each in enumerate(_meetings(params)):
         (i, j), b = each.bodies, np.cross(each.n, each.t)
         approach = v[:, i] @ each.n - (v[:, j] @ each.n if j < 5 else 0.0)
@@ -518,7 +520,10 @@ def _resisted(params: Mapping[str, Any]) -> SphereSetup:
     )
     law = SphereLaw(kn=HELD_KN, rolling=resistance, twisting=resistance, slip_at="end")
     x = np.array([np.zeros(3), (R_HELD.sum() - SUNK) * n])
-    scene = SphereScene(spheres=Spheres(x=x, omega=SPINS, radius=R_HELD, mass=M_HELD, held=True), sphere_sphere=law)
+    scene = SphereScene(
+        spheres=Spheres(x=x, omega=SPINS, radius=R_HELD, mass=M_HELD, held=np.ones((2, 3), dtype=bool)),
+        sphere_sphere=law,
+    )
     numerics = Numerics(dt=HELD_DT, n_steps=HELD_STEPS, contact_dt=HELD_DT / 10.0, sample_every=20, allow_unstable=True)
     return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
 
