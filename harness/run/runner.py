@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, UnstableTimeStepError
+from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError, TooFastError, UnstableTimeStepError
 from ninedisk.core.history import History
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import capabilities_asked
@@ -61,7 +61,7 @@ from ninedisk.harness.run.timing import reference_seconds, timing_columns
 Progress = Callable[[int, int, str], None]
 """Called with (cells done, cells in all, name of the cell that begins)."""
 
-USERS_MISTAKES = (InvalidSceneError, InvalidNumericsError, UnstableTimeStepError)
+USERS_MISTAKES = (InvalidSceneError, InvalidNumericsError, UnstableTimeStepError, TooFastError)
 """Errors of an engine's run that come from the parameters, not from the engine."""
 
 LATE_CELLS = 3

@@ -113,6 +113,7 @@ ANY_SIGN = {
     "speed",
     "spin",
     "start",
+    "reached",
     "end",
     "v_1",
     "v_2",
