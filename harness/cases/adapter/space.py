@@ -281,6 +281,10 @@ UNEQUAL: Mapping[str, tuple[Mapping[str, Any], str]] = {
         {"kind": "impacts"},
         "each contact has the law of its own pair or plane, its reduced mass and radius, its two arms and spins",
     ),
+    "elastic impacts": (
+        {"kind": "impacts", "heavy": 100.0},
+        "Hertz' force goes with the reduced radius of both bodies",
+    ),
     "impacts that slide": (
         {"kind": "impacts", "law": "linear"},
         "each body has its own mass, radius and moment of inertia; impulses on both bodies are equal and opposite",
