@@ -4,7 +4,8 @@
 # Versions: cannon-es 0.20.0 (npm)
 # Why a good guess misses: friction of a set coefficient is expected to be mu times the normal force, which the solver knows, for every
 #   step; and slow bodies stop so early with any friction that nothing looks wrong.
-# Documentation: cannon-es API, page "ContactMaterial" (friction: "Friction coefficient") and "World" (frictionGravity): neither says it.
+# Documentation: cannon-es API, page "World": frictionGravity is said to approximate the largest friction from mass and gravity; page
+#   "ContactMaterial" (friction): a coefficient. Nothing on the length of the step.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
