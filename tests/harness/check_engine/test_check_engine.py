@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene
+from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability, capabilities_asked, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.registry import case_table, get_case, get_engine
@@ -134,6 +136,17 @@ RANDOM = np.random.default_rng(1)
 SWEEPS = {"sweeps": Option(default=10, whole=True, why="planted")}
 
 EXACT = Support(SupportLevel.EXACT, notes=("so it says",))
+
+
+def spheres_like_the_first(name: str) -> Callable[[SphereScene], SphereScene]:
+    """Every sphere has this value of the first."""
+
+    def like(scene: SphereScene) -> SphereScene:
+        values = getattr(scene.spheres, name)
+        return replace(scene, spheres=replace(scene.spheres, **{name: np.full_like(values, values[0])}))
+
+    return like
+
 
 PLANTED = {
     "an id of another": ("facts", Planted(facts={"id": "mine"}), "info().id is 'mine'"),
@@ -331,6 +344,43 @@ PLANTED = {
     "no twisting spring": ("supports: TWISTING_SPRING", Planted(scene=laws(twisting=None)), "omega is"),
     "half of the surface energy": ("supports: SURFACE_DMT", Planted(scene=laws(surface_energy=2.5)), "fn is"),
     "DMT for JKR": ("supports: SURFACE_JKR", Planted(scene=laws(surface="dmt"), support=EXACT), "fn is"),
+    "one mass for all": (
+        "unequal spheres: impacts of springs",
+        Planted(scene=spheres_like_the_first("mass")),
+        "pair_vt_final",
+    ),
+    "one radius for all": (
+        "unequal spheres: elastic impacts",
+        Planted(scene=spheres_like_the_first("radius")),
+        "pair_force_max",
+    ),
+    "one inertia for all": (
+        "unequal spheres: impacts that slide",
+        Planted(scene=spheres_like_the_first("inertia")),
+        "spin_final",
+    ),
+    "angles of half a turn": (
+        "unequal spheres: flight",
+        Planted(answer=history(angle=lambda a: np.remainder(a + math.pi, 2.0 * math.pi) - math.pi)),
+        "angle_1x",
+    ),
+    "a belt at rest": (
+        "unequal spheres: belt",
+        Planted(scene=plain(lambda d: [w.update(motion=[]) for w in d["walls"]])),
+        "plane_x",
+    ),
+    "spheres that turn all the same": (
+        "unequal spheres: held",
+        Planted(scene=lambda s: replace(s, spheres=replace(s.spheres, rotating=True))),
+        "omega_1x",
+    ),
+    "spheres that stick in a crowd": ("unequal spheres: crowd", Planted(answer=history(v=np.zeros_like)), "v_0x"),
+    "no torque against rolling": ("unequal spheres: resisted", Planted(scene=laws(rolling=None)), "omega_0x"),
+    "no torque against twisting": (
+        "unequal spheres: resisted by springs",
+        Planted(scene=laws(twisting=None)),
+        "omega_0x",
+    ),
     "more than its facts": (
         "supports: HELD_MOTION",
         Planted(support=Support(SupportLevel.EXACT)),
