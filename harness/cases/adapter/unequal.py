@@ -111,6 +111,7 @@ OF_SPHERES: Mapping[str, tuple[Mapping[str, Value], str]] = {
         {"kind": "belt"},
         "each plane has its own normal, law and motion, segment by segment, and rests after the last one",
     ),
+    "held": ({"kind": "held"}, "each sphere has its own rotating and held; what is held keeps its first value"),
     "crowd": (
         {"kind": "crowd"},
         "a sphere has all its contacts: there is no largest number, and reach goes with both radii",
