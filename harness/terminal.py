@@ -42,7 +42,7 @@ def table(*headers: str, right: tuple[str, ...] = (), whole: tuple[str, ...] = (
             )
             if least + len(widths) > options.max_width:
                 for column in self.columns:
-                    column.no_wrap = False
+                    column.no_wrap, column.min_width = False, None
             return super().__rich_console__(console, options)
 
     made = Folding(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))

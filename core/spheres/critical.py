@@ -50,7 +50,7 @@ class Network(NamedTuple):
 
 
 def critical_time_step(network: Network) -> float:
-    """Largest stable contact step [s] by Lanczos' method; ``inf`` without contacts."""
+    """Largest stable contact step [s] by Lanczos' method; ``inf`` without contacts of what can move."""
     if not len(network.bodies):
         return float("inf")
     directions = _directions(network)
@@ -86,7 +86,8 @@ def critical_time_step(network: Network) -> float:
             if residual <= TOLERANCE * values[-1]:
                 break
         before, vector = vector, image / beside[k + 1]
-    return 1.0 / (float(values[-1]) + residual)
+    largest = float(values[-1]) + residual
+    return 1.0 / largest if largest > 0.0 else float("inf")  # nothing that can move is in contact
 
 
 def _directions(network: Network) -> FloatArray:

@@ -80,7 +80,9 @@ def converge(
 
     if engine is not None and engine_cmd is not None:
         raise UsageError("--engine and --engine-cmd exclude each other: orders are measured on one engine")
-    chosen_engine: Engine = CommandEngine(engine_cmd) if engine_cmd is not None else get_engine(engine or "dem")
+    chosen_engine: Engine = (
+        CommandEngine(engine_cmd) if engine_cmd is not None else get_engine("dem" if engine is None else engine)
+    )
     refuse_not_installed({chosen_engine.id: chosen_engine})
     params, chosen = (
         parse_settings(settings or []),

@@ -130,7 +130,7 @@ def commands(case_id: str, cells: Sequence[Cell], shown: Any) -> list[str]:
     return [
         f"ninedisk list cases {case_id}",
         f"ninedisk run {case_id} --engine {ours} {chosen}".rstrip(),
-        f"ninedisk run {case_id} --engine {ours} --engine pymunk {chosen} --json rows.json",
+        f"ninedisk run {case_id} --engine {ours} --engine pymunk {chosen} --allow-unsupported --json rows.json",
     ]
 
 

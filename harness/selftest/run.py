@@ -228,6 +228,8 @@ def _in_parallel(
 class EngineWithResult:
     """The real engine's card with a result that is there already."""
 
+    keeps_runs = True
+
     def __init__(self, real: Engine, outcome: Outcome) -> None:
         self.id, self._real, self._outcome = real.id, real, outcome
 

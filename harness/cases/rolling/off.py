@@ -60,7 +60,15 @@ class RollsOff:
     version = 1
     source = SOURCE
     parameters: tuple[Parameter, ...] = (
-        Parameter.positive("mu", 0.3, high=100.0, unit="-", in_id=True, help="friction coefficient"),
+        Parameter(
+            name="mu",
+            default=0.3,
+            low=0.1,
+            high=100.0,
+            unit="-",
+            in_id=True,
+            help="friction coefficient; below 0.1 the body slips at once",
+        ),
         Parameter.positive("dt", 5e-4, high=5e-3, unit="s", help="step; sampling of spring engines"),
         CONTACT_DT,
     )

@@ -144,7 +144,7 @@ def test_memory_is_that_of_the_arrays(settled: DemProblem) -> None:
     """Against the sizes of the arrays of a session, counted one by one; clocks and numbers of chosen disks are some 2 kB."""
     many = replace(settled, scene=packings.side_by_side(settled.scene, 30))
     session = DemSession(many.scene, many.numerics(), particles=[0])
-    parts = (session._disks, session._walls, session._team, *session._lists, session._samples)
+    parts = (session._disks, session._walls, session._team, *session._lists, session._samples, session._watch)
     arrays = {id(array): array.nbytes for part in parts for array in part if isinstance(array, np.ndarray)}
     assert core_memory(many) * many.n == pytest.approx(sum(arrays.values()), abs=4_000)
     assert sum(arrays.values()) > 300_000

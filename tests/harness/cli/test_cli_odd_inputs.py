@@ -30,11 +30,11 @@ ALL_DIGITS = VALUES[-1:]
 
 TAKEN: dict[tuple[str, str], tuple[str, ...]] = {
     # A store that is not there is an empty one, which has nothing to show, to compare, to export or to draw.
-    **{(words, "--store"): ("", *MISSING) for words in ("run", "runs", "prune", "merge")},
+    **{(words, "--store"): ("", *MISSING) for words in ("run", "runs", "prune", "merge", "findings")},
     # A folder without curves.
     ("run", "--published"): ("",),
     # Files and an engine's folder are made in folders that are there; pages and schemas bring theirs along.
-    **{(words, "--json"): TOP for words in ("run", "compare")},
+    **{(words, "--json"): TOP for words in ("run", "compare", "findings")},
     ("run", "--write-known-gaps"): TOP,
     **{("compare", option): TOP for option in ("--markdown", "--junit", "--html")},
     **{(words, "--out"): MISSING for words in ("report", "dashboard", "site")},

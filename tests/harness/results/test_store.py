@@ -109,8 +109,8 @@ def test_half_a_character_does_not_cost_a_run(tmp_path: Path) -> None:
     prepare_store(tmp_path)
     write_run(tmp_path, "odd", [odd], [], FACTS)
     _, tables = read_run(tmp_path, "odd")
-    assert list(tables["cells"]["reason"]) == ["odd ?"]
-    assert set(tables["series"]["unit"]) == {"?"}
+    assert list(tables["cells"]["reason"]) == ["odd \\udcff"]
+    assert set(tables["series"]["unit"]) == {"\\ud800"}
 
 
 @pytest.mark.parametrize("moment", ["rename", "fsync"])

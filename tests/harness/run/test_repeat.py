@@ -130,7 +130,10 @@ def test_the_request_by_hand_is_the_one_that_the_engine_got(engine_of, tmp_path:
 
 @pytest.mark.parametrize(
     ("mode", "more", "said"),
-    [("about-exit", [], "gives no description of the engine"), ("", ["--option", "bad.effort=5"], "add --engine-cmd")],
+    [
+        ("about-exit", [], "gives no description of the engine"),
+        ("", ["--option", "bad.effort=5"], "add --engine ID or --engine-cmd COMMAND"),
+    ],
 )
 def test_a_request_that_cannot_be_made_says_why(tmp_path: Path, mode: str, more: list[str], said: str) -> None:
     engine = ["--engine-cmd", shlex.join([sys.executable, str(BAD), mode])] if mode else []

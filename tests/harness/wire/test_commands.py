@@ -36,7 +36,7 @@ def test_check_engine_tells_how_to_see_what_fails(tmp_path: Path) -> None:
     wrong.write_text(BAD.read_text().replace('"restitution"]', '"restitution", "gravity"]'))
     done = ninedisk("check-engine", *command(wrong, "good"))
     assert done.exit_code == 1, done.output
-    line = next(line for line in done.output.splitlines() if line.startswith("the first failing check again: "))
+    line = next(line for line in done.output.splitlines() if line.startswith("  again: "))
     again = ninedisk(*shlex.split(line.partition(": ")[2])[1:], "--json", "found.json")
     assert again.exit_code == 1, again.output
     (found,) = json.loads(Path("found.json").read_text())["findings"]
