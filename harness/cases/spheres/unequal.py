@@ -736,7 +736,7 @@ class Unequal:
                 back = 2.0 * pull * M_BELT.max() / (KS_OVER_KN * BELT_KN)
                 sunk = M_BELT.max() * G / BELT_KN
                 v += 3.0 * pull * back / least + 2.0 * G * (sunk / LIFT + own) + sunk / R_BELT.min() * speed
-                why = "shear springs that turn round; springs that let go over their overlap"
+                why = "shear springs that reverse; springs that release over their overlap"
             else:
                 # The plane has another velocity one step earlier or later; spheres leave it in that step.
                 v += 3.0 * pull * dt + G * dt
