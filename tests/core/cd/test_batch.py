@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 
-RIGID = ContactLaw(kn=1e8, ks=1e8, mu=0.3, restitution=0.5, regularised=True)
+RIGID = ContactLaw(kn=1e8, ks=1e8, mu=0.3, regularised=True)
+NEWTON = replace(RIGID, restitution=0.5)
 SOFT = ContactLaw(kn=1e6, ks=8e5, mu=0.3, lever_arm="overlap", wall_velocity_at="mid-overlap")
 TOLERANCE = 1e-11
 """Of the largest value. Batches and single steps add contacts at different times and end elsewhere within the solver's tolerance, 1e-14
@@ -46,7 +48,7 @@ def held_first() -> np.ndarray:
 SCENES: dict[str, tuple[Scene, dict[str, Any]]] = {
     "rigid": (heap(RIGID, turning=True), {"theta": 0.7}),
     "elastic": (heap(SOFT, turning=True), {"theta": 0.5}),
-    "Newton": (heap(RIGID), {"theta": 0.5, "impact": "newton"}),
+    "Newton": (heap(NEWTON), {"theta": 0.5, "impact": "newton"}),
     "Coulomb": (heap(RIGID), {"theta": 1.0, "sliding": "coulomb"}),
     "held": (heap(SOFT, held=held_first()), {"theta": 1.0}),
 }

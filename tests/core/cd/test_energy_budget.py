@@ -40,8 +40,9 @@ def random_scene(seed: int, contacts: str) -> Scene:
     x = np.array([(1.05 * i + 1.0, 1.05 * j + 0.6) for i in range(4) for j in range(4)])
     radius = rng.uniform(0.42, 0.5, 16)
     stiff = 2e4 if contacts == "soft" else 1e8
+    mu, beta, restitution = rng.uniform(0.1, 0.8), rng.uniform(0.0, 0.6), rng.uniform(0.0, 0.9)
     law = ContactLaw(
-        kn=stiff, ks=0.6 * stiff, mu=rng.uniform(0.1, 0.8), beta=rng.uniform(0.0, 0.6), restitution=rng.uniform(0.0, 0.9),
+        kn=stiff, ks=0.6 * stiff, mu=mu, beta=beta, restitution=restitution if contacts == "newton" else 0.0,
         lever_arm="overlap" if contacts == "soft" else "radius", regularised=contacts != "soft",
     )  # fmt: skip
     glide = replace(law, mu=0.05, adhesion=3.0 if contacts != "soft" and seed % 2 else 0.0)

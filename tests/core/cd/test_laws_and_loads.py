@@ -65,7 +65,7 @@ def test_laws_by_materials_are_those_of_the_bodies(outlines: bool) -> None:
     """Nine disks whose laws are named by materials, beside laws nobody uses, move as those that have them of their own, to the bit."""
     own = box(mu=0.3, wall_mu=0.2, xi=1.0)
     own = outlined(own, 0.5) if outlines else own
-    other = ContactLaw(kn=1.0, mu=0.9)
+    other = ContactLaw(kn=1.0, ks=0.5, mu=0.9)
     named = replace(own, disks=replace(own.disks, material="steel"), disk_disk=other)
     named = named.replace(
         walls=tuple(replace(wall, law=other, material=wall.name) for wall in own.walls),

@@ -90,7 +90,7 @@ def test_the_comparison_sees_other_arms() -> None:
 @pytest.mark.parametrize("impact", ["theta", "newton"])
 def test_rigid_disks_as_outlines(impact: str) -> None:
     """A pile of six falls, rolls and comes to rest between walls."""
-    law = replace(RIGID, mu=0.4, restitution=0.3)
+    law = replace(RIGID, mu=0.4, restitution=0.3 if impact == "newton" else 0.0)
     walls = tuple(
         Wall(name=name, point=point, normal=normal, law=law)
         for name, point, normal in (("floor", (0, 0), (0, 1)), ("left", (0, 0), (1, 0)), ("right", (3.3, 0), (-1, 0)))

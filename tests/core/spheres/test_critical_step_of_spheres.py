@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ninedisk.core import InvalidSceneError, Numerics, UnstableTimeStepError, simulate
+from ninedisk.core.errors import TooFastError
 from ninedisk.core.law import Rolling
 from ninedisk.core.spheres.critical import critical_time_step
 from ninedisk.core.spheres.law import SphereLaw
@@ -70,7 +72,10 @@ def test_the_step_is_sharp_on_both_sides(law: SphereLaw, form: str) -> None:
     def grown(fraction: float) -> float:
         dt = fraction * critical
         numerics = Numerics(dt=dt, n_steps=1500, contact_dt=dt, damping_form=form, allow_unstable=True)
-        h = simulate(scene, numerics)
+        try:
+            h = simulate(scene, numerics)
+        except TooFastError:
+            return math.inf
         moved = np.abs(h.v[:, :3]).max(axis=(1, 2)) + R * np.abs(h.omega[:, :3]).max(axis=(1, 2))
         return float(moved.max() / moved[0])
 

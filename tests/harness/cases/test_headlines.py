@@ -92,6 +92,7 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("impact/cohesion", {}, "speed after a cohesive impact", -2.0),
     ("contact/holding", {}, "displacement of what holds", 0.15 - 0.5 * 5.0 * 0.15**2),
     ("contact/holding", {"kind": "pyramid"}, "displacement of what holds", math.nan),
+    ("contact/holding", {"kind": "rough-pyramid"}, "displacement of what holds", 0.0),
     ("contact/materials", {}, "rebound of unlike materials", 0.3 * 4.0),
     ("motion/forces", {"span": "constant"}, "distance under a force", 0.4 * 0.6 + 0.5 * 1.5 * 0.36),
     ("energy/budget", {}, "energy missing from the budget", 0.0),
