@@ -316,6 +316,7 @@ def watch_arrays(scene: Scene) -> Watch:
         near=np.array([NEAR * float(scene.disks.radius.min())]),
         sums=np.zeros((len(size), 2)),
         checked=np.zeros(1, dtype=np.int64),
+        verdict=np.zeros(1, dtype=np.int64),
     )
 
 

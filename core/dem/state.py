@@ -389,6 +389,8 @@ class Watch(NamedTuple):
         Scratch: stiffness [1/s^2] and dashpots [1/s] over the masses.
     checked : ndarray of int64, shape (1,)
         Step that was looked at last.
+    verdict : ndarray of int64, shape (1,)
+        `LOOK` if the contact step may be unstable there, else `OK`.
     """
 
     size: FloatArray
@@ -397,6 +399,7 @@ class Watch(NamedTuple):
     near: FloatArray
     sums: FloatArray
     checked: IntArray
+    verdict: IntArray
 
 
 class Loads(NamedTuple):

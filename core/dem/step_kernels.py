@@ -347,12 +347,13 @@ def advance(
         sampled = row < samples.at.shape[0] and samples.at[row] == n
         if step.watched and (stale or sampled):
             if thread == 0:
-                team.code[0] = OK
+                # Not in team.code, which other threads may still be reading after the rebuild.
+                watch.verdict[0] = OK
                 if watch.checked[0] < n:
                     watch.checked[0] = n
-                    team.code[0] = LOOK if may_be_unstable(system, system.laws, images, watch) else OK
+                    watch.verdict[0] = LOOK if may_be_unstable(system, system.laws, images, watch) else OK
             wait_for_all(team.flags, thread, threads)
-            if team.code[0] != OK:
+            if watch.verdict[0] != OK:
                 return LOOK
         pending, stale = False, False
         moved_on = False

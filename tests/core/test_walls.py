@@ -247,12 +247,12 @@ def test_the_same_disk_is_named_whatever_the_number_of_threads() -> None:
     side = 50
     x = np.stack(np.meshgrid(np.arange(side) * 2.0 + 1.0, np.arange(side) * 2.0 + 1.0), axis=-1).reshape(-1, 2)
     v = np.zeros_like(x)
-    v[[77, 1303, 2400]] = [[0.0, -1e6], [-1e6, 0.0], [0.0, -1e6]]
+    v[[7, 1300, 41]] = [[0.0, -850.0], [-850.0, 0.0], [0.0, -850.0]]  # two steps to a wall and behind it
     walls = (FLOOR, Wall(name="left", point=(0.0, 0.0), normal=(1.0, 0.0), law=LAW))
     scene = Scene(disks=Disks(x=x, v=v, radius=0.9, mass=1.0), disk_disk=LAW, walls=walls)
     said = set()
     for threads in (1, 2, 3):
-        with pytest.raises(BehindWallError, match=r"centre of disk (77|1303|2400) is 9\d\d m behind wall") as caught:
+        with pytest.raises(BehindWallError, match=r"centre of disk (7|1300|41) is .* m behind wall") as caught:
             DemSession(scene, numerics(1e-3, 3), threads=threads).run()
         said.add(str(caught.value))
     assert len(said) == 1
