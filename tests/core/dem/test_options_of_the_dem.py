@@ -144,9 +144,9 @@ def test_lists_grow_with_the_history_of_rolling_springs() -> None:
     crowd = imploding(40)
     spins = np.random.default_rng(1).normal(0.0, 3.0, 40)
     scene = crowd.replace(disks=replace(crowd.disks, omega=spins), disk_disk=law)
-    session = DemSession(scene, numerics(9e-4, 20), all_pairs(scene))
+    session = DemSession(scene, numerics(1e-3, 14), all_pairs(scene))
     room = len(session._lists.pairs.bending)
-    found, twin = session.run(), Oracle(scene, numerics(9e-4, 20)).run()
+    found, twin = session.run(), Oracle(scene, numerics(1e-3, 14)).run()
     assert len(session._lists.pairs.bending) == len(session._laws.reach) > 1.5 * room
     # Speeds of 570 m/s bring the round-off of positions into slips.
     assert max(difference(found, twin, ("x", "v", "omega", "fn", "elastic_rolling")).values()) < 1e-10
