@@ -35,6 +35,10 @@ FUSED: dict[str, Any] = {"fastmath": {"contract"}}
 """Further option of kernels that are bound by arithmetic: a product and the sum that it goes into are rounded once where the
 processor can. Nothing is reordered; the result is as good, its last bits are those of this kind of processor."""
 
+INLINE: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Further options of kernels that only kernels call. A wrapper that takes a hundred arrays out of their tuples, compiled and thrown away
+again, was a quarter of the time of compilation."""
+
 
 def source_hash(root: Path) -> str:
     """Hash of every Python source below ``root`` (relative name and content), 16 hex digits."""
@@ -155,12 +159,25 @@ class _SharedCache(_numba.FunctionCache):  # type: ignore[misc]
 
 
 def inline_kernel(function: Function) -> Function:
-    """Like `kernel`, for small functions that are only called by kernels: LLVM inlines them, no cache of their own."""
-    compiled: Any = numba.njit(**OPTIONS)(function)
-    return cast(Function, compiled)
+    """Like `kernel`, for small functions that only kernels call: LLVM inlines them, with no cache and no way in from Python."""
+    return _inlined(function, OPTIONS | INLINE)
 
 
 def fused_inline_kernel(function: Function) -> Function:
     """Like `inline_kernel`, with `FUSED` arithmetic."""
-    compiled: Any = numba.njit(**OPTIONS | FUSED)(function)
+    return _inlined(function, OPTIONS | INLINE | FUSED)
+
+
+def _inlined(function: Function, options: dict[str, Any]) -> Function:
+    compiled: Any = numba.njit(**options)(function)
+    if not cast(Any, numba.config).DISABLE_JIT:
+
+        def refuse(*args: Any, **kwargs: Any) -> Any:  # noqa: ARG001
+            raise TypeError(f"{function.__qualname__} is for kernels to call; from Python call it within a kernel")
+
+        def keep(compiled_here: Any) -> None:
+            compiled.overloads[tuple(compiled_here.signature.args)] = compiled_here
+
+        # Numba would jump to the wrapper that is not there.
+        compiled._compile_for_args, compiled.add_overload = refuse, keep
     return cast(Function, compiled)
