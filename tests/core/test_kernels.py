@@ -34,7 +34,22 @@ def test_a_kernel_cannot_allocate() -> None:
         return made.sum()
 
     with pytest.raises(numba.core.errors.NumbaError):
-        total(3)
+        total.compile((numba.int64,))
+
+
+@compiled
+def test_a_kernel_of_kernels_is_refused_to_python() -> None:
+    """It has no wrapper; without a refusal Numba would jump to where none is, compiled or not."""
+
+    @inline_kernel
+    def half(x: float) -> float:
+        return 0.5 * x
+
+    with pytest.raises(TypeError, match="half is for kernels to call"):
+        half(3.0)
+    assert numba.njit(lambda x: half(x))(3.0) == 1.5
+    with pytest.raises(TypeError, match="half is for kernels to call"):
+        half(3.0)
 
 
 @compiled
@@ -68,7 +83,8 @@ def test_arithmetic_of_a_kernel_does_not_depend_on_who_calls_it_first() -> None:
         return product_and_sum(a, b, c)
 
     numbers = (1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0)
-    assert [caller(*numbers) for caller in (by_a_fused_one, by_a_plain_one)] == [0.0, 0.0]
+    assert numba.njit(lambda a, b, c: by_a_fused_one(a, b, c))(*numbers) == 0.0
+    assert numba.njit(lambda a, b, c: by_a_plain_one(a, b, c))(*numbers) == 0.0
 
 
 PROGRAM = """
