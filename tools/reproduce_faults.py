@@ -119,35 +119,29 @@ def _slow_bodies() -> Answer:
     return bool(np.allclose(speeds, [0.0, 1.0, 0.0, 1.0], atol=1e-3)), f"final velocities over the first: {found}"
 
 
-@fault("D2", "a critical step that falls on the way is refused, or no energy is gained")
+@fault("D2", "a critical step that falls on the way is refused, where going on gains energy")
 def _critical_step_on_the_way() -> Answer:
-    # Large light disks that many heavy ones press on: the stiffness at such a disk is several times that of one contact.
-    large = [(1.0 + 2.2 * k, 1.05) for k in range(4)]
-    small = [(0.4 + 0.75 * k, 3.0 + 0.8 * row) for row in range(5) for k in range(12)]
-    law = ContactLaw(kn=1e6, ks=1e6, mu=0.3, beta=0.05)
+    # Disks that fall loosely into a box, where each has more contacts than at the start.
+    k = np.arange(60)
+    law = ContactLaw(kn=1e5, ks=5e4, mu=0.5, beta=0.1)
     scene = Scene(
-        disks=disks_of(x=[*large, *small], radius=[1.0] * 4 + [0.3] * 60, mass=[0.1] * 4 + [10.0] * 60),
+        disks=disks_of(x=np.column_stack([2.02 * (k % 6) + 0.1 * np.cos(k * k), 1.2 + 2.2 * (k // 6)]), radius=1.0, mass=1.0),
         walls=(
             Wall(name="floor", point=(0, 0), normal=(0, 1), law=law),
-            Wall(name="left", point=(-0.1, 0), normal=(1, 0), law=law),
-            Wall(name="right", point=(9.0, 0), normal=(-1, 0), law=law),
+            Wall(name="left", point=(-1.2, 0), normal=(1, 0), law=law),
+            Wall(name="right", point=(11.5, 0), normal=(-1, 0), law=law),
         ),
-        disk_disk=law, gravity=(0.0, -9.81),
+        disk_disk=law, gravity=(0.0, -50.0),
     )  # fmt: skip
     from ninedisk.core.dem.session import DemSession
 
-    limit = DemSession(scene, Numerics(dt=1e-3, n_steps=1)).critical_dt
-    step = 0.95 * limit
-    message = ""
-    try:
-        history = simulate(scene, Numerics(dt=50 * step, n_steps=150, contact_dt=step))
-    except CoreError as error:
-        message = str(error).splitlines()[0]
-    if message:
-        return True, message
-    energy = history.energy["kinetic"] + history.energy["elastic"] + history.energy["gravity"]
-    gain = float((np.maximum.accumulate(energy[::-1])[::-1][1:] - energy[:-1]).max())
-    return gain < 1e-6 * abs(energy[0]), f"the largest gain of energy is {gain:.3g} J"
+    step = 0.95 * DemSession(scene, Numerics(dt=1e-3, n_steps=1)).critical_dt
+    numerics = Numerics(dt=step, contact_dt=step, n_steps=2000, sample_every=10)
+    message = refused(scene, numerics)
+    energy = simulate(scene, numerics.replace(allow_unstable=True)).energy
+    total = energy["kinetic"] + energy["elastic"] + energy["gravity"]
+    gain = float((np.maximum.accumulate(total[::-1])[::-1][1:] - total[:-1]).max())
+    return bool(message), f"{message or 'runs'}; unlooked at, energy grows by up to {gain:.3g} of {total[0]:.3g} J"
 
 
 @fault("D3", "the energy budget closes with every lever arm")
