@@ -53,7 +53,7 @@ class MovingWall:
     """
 
     id = "contact/moving-wall"
-    version = 1
+    version = 2
     title = "Disk at a moving wall"
     source = "an impact seen from the wall; driven linear oscillator, Landau & Lifshitz, Mechanics, section 26"
     requirement = "a pushed disk leaves with 1 + e of the wall's speed; on a shaken floor the force is that of a driven oscillator"
@@ -61,8 +61,8 @@ class MovingWall:
         Parameter(name="motion", default="push", choices=("push", "shake"), in_id=True, help="motion of the wall"),
         Parameter(name="beta", default=0.2, low=0.0, high=0.9, unit="-", in_id=True, help="contact damping ratio"),
         Parameter(name="kn", default=1e6, low=1e4, unit="N/m", help="normal stiffness"),
-        Parameter.positive("dt", 5e-5, unit="s", help="step of every engine"),
-        Parameter(name="steps", default=600, low=1, whole=True, help="steps of the run"),
+        Parameter.positive("dt", 5e-6, unit="s", help="step of every engine"),
+        Parameter(name="steps", default=6000, low=1, whole=True, help="steps of the run"),
         DAMPING_FORM,
         *NINE_DISK_CD,
     )

@@ -45,7 +45,7 @@ class Reopening:
     """
 
     id = "contact/reopening"
-    version = 1
+    version = 2
     title = "Rough contact that opens and closes again"
     source = "Cundall & Strack, Geotechnique 29 (1979): a contact that opens loses its shear force"
     requirement = (
@@ -63,7 +63,7 @@ class Reopening:
         Parameter.positive("ks_over_kn", 1e-6, high=1e-4,
                            help="shear over normal stiffness: so small that shear forces do not change the motion"),
         Parameter.positive("mu", 0.5, unit="-", help="friction coefficient of the rough contact"),
-        Parameter.positive("dt", 2e-5, unit="s", help="step of every engine"),
+        Parameter.positive("dt", 5e-6, unit="s", help="step of every engine"),
         *NINE_DISK_CD,
     )  # fmt: skip
 

@@ -34,7 +34,7 @@ PAIR = (0, 1)
 PHASE = 0.05
 """Resolution of a spring contact, omega dt."""
 
-AFTER = 40
+AFTER = 400
 """Steps after the impact."""
 
 
@@ -45,14 +45,14 @@ class HeldDisk:
     """
 
     id = "impact/held-disk"
-    version = 1
+    version = 2
     title = "Impact on a disk whose motion is prescribed"
     beside_headlines = "an engine may place the impact up to a step early or late: places after it have no one truth"
     source = "Newton's restitution along the line of centres, for a partner that takes any momentum"
     requirement = "the free disk loses 1 + e of its approach along the line of centres; the other one keeps its motion"
     parameters: tuple[Parameter, ...] = (
         Parameter(name="partner", default="fixed", choices=("fixed", "held"), in_id=True, help="fixed, or held at a velocity"),
-        Parameter.positive("dt", 1e-3, high=1e-2, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 1e-4, high=1e-2, unit="s", help="step; sampling of spring engines"),
         Parameter(name="kn", default=1e8, low=1e6, unit="N/m", help="stiffness of spring engines"),
     )  # fmt: skip
 
