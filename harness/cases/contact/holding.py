@@ -113,6 +113,8 @@ class Holding:
             else:
                 steady = SPEED * history.t[:, None, None] * np.array([params["kind"] == "row", 0.0])
                 series["moved"] = ("m", np.abs(moved - steady).max(axis=(1, 2)))
+        if params["kind"] == "pyramid":
+            series["sunk"] = ("m", -moved[:, :, 1].mean(axis=1))
         last = {name: values[-1] for name, (_, values) in series.items()}
         name = "slid" if params["kind"] == "cohesion" else "moved"
         return Observed(
@@ -166,7 +168,9 @@ class Holding:
         if engine.contact == "spring":
             # Springs in series, each under no more than all that presses; loaded at once they swing to twice their rest.
             if kind == "pyramid":
-                return []
+                free, room = 0.5 * GRAVITY * t**2, 0.5 * _fall(setup)
+                why = "no truth but that of energy and momentum: the centre of mass sinks, and not faster than in free fall"
+                return [Check(quantity="sunk", expected=0.5 * free, atol=room, why=why, scale=_fall(setup), **common)]
             series, load = (LAYERS, 1.0) if kind in PYRAMIDS else (ROW, MU["row"])
             sinks = 2.0 * series * load * len(setup.scene.disks) * weight / setup.scene.disk_disk.kn
             why = f"contact springs loaded at once, {series} in series, each by no more than all disks"
