@@ -149,11 +149,14 @@ def _rolling(**factors: float) -> Callable[[Scene], Scene]:
 
 
 def mixed(scene: Scene) -> Scene:
-    """The friction of two unlike materials is the geometric mean of the means that each of them has with all."""
+    """The friction of two unlike materials is the geometric mean of the means that each of them has with all; `ks` where there was none."""
     names = sorted({name for pair in scene.laws for name in pair})
     mean = {name: np.mean([law.mu for pair, law in scene.laws.items() if name in pair]) for name in names}
     return scene.replace(
-        laws={(a, b): replace(law, mu=math.sqrt(mean[a] * mean[b])) for (a, b), law in scene.laws.items()}
+        laws={
+            (a, b): replace(law, mu=math.sqrt(mean[a] * mean[b]), ks=law.ks or law.kn)
+            for (a, b), law in scene.laws.items()
+        }
     )
 
 
