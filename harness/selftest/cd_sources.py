@@ -108,8 +108,6 @@ STEPS = (
             ("cd.laws", "self.mu = np.where(stiffer > 1.0, self.mu * stiffer, self.mu)", "self.mu = 1.0 * self.mu")),
     _python("rest-forgotten", "bodies at rest take any solution of Coulomb's law", "pyramid",
             ("cd.solvers.coulomb", "if at_rest:", "if at_rest and not at_rest:")),
-    _python("polish-slip-sign", "the polish gives slip the friction of the other side", "pushed-row",
-            ("cd.solvers.polish", "SIDE = np.array([0.0, 0.0, 1.0, -1.0])", "SIDE = np.array([0.0, 0.0, -1.0, 1.0])")),
 )  # fmt: skip
 
 HOLES = tuple(
