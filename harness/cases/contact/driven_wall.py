@@ -43,8 +43,8 @@ PAIR = (0, 1)
 PHASE = 0.05
 """Resolution of a spring contact, omega dt."""
 
-AFTER = 160
-"""Steps after the impact."""
+AFTER = 0.04
+"""Time after the impact [s]."""
 
 
 class DrivenWall:
@@ -93,7 +93,7 @@ class DrivenWall:
             gravity=(0.0, -GRAVITY if shakes else 0.0),
             initial_shear={PAIR: -MASS * AMPLITUDE * FREQUENCY**2} if shakes else {},
         )
-        until = 2.0 * math.pi / FREQUENCY if shakes else _struck().time + AFTER * dt
+        until = 2.0 * math.pi / FREQUENCY if shakes else _struck().time + AFTER
         numerics = numerics_of(
             params,
             n_steps=math.ceil(until / dt),
