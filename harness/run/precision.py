@@ -8,6 +8,7 @@ at worst: positions whose displacement in a step is no whole number of units are
 - free motion: speeds off by ``a T``, positions by ``b T + a T^2/2``;
 - a contact of stiffness k that lasts swings about a place that moves at ``b``: its speed is off by b, its force by ``m w b + m a``, with
   ``w = sqrt(k/m)``, and by ``k dx`` since it sees rounded places. Contact dynamics finds forces anew in each step: ``w = 1/h``;
+- a shear spring sums speeds, whose integral is not the rounded displacement: it is off by ``ks b T``, by twice Coulomb's limit at most;
 - energies: ``m v`` times the error of the speed, weight and contact force times that of the place.
 
 Engines with impulses or soft contacts have neither springs nor a theta scheme, and steps that are long: their cases state what rounding
@@ -26,7 +27,10 @@ from ninedisk.harness.api.case import Check, Observed, Setup
 from ninedisk.harness.api.engine import EngineInfo
 
 IMPACT = 4.0
-"""Changes of the rate b in a contact: places of two bodies where it begins and where it ends."""
+"""Changes of the rate b in a contact: places of two bodies where it begins and where it ends; of bodies of one mass."""
+
+GAP = 2.0 * math.sqrt(2.0)
+"""Roundings in a gap from the start: two coordinates of two bodies."""
 
 CONTACTS = 12.0
 """Roundings in the force of a contact and of those that push on: places of two bodies, speeds, products; four in each of three contacts."""
@@ -142,10 +146,13 @@ def roundings(
     w = math.sqrt(max(stiff) / float(bodies.mass[bodies.mass > 0.0].min())) if stiff else SWING / own
     w = min(w, 1.0 / own) if engine.contact == "spring" else 1.0 / own
     steps = duration / own
-    of_speed = steps * dv + IMPACT * b
-    place = steps * dx + 0.5 * duration * steps * dv
+    heavy, light = mass, float(bodies.mass[bodies.mass > 0.0].min())
+    # In an impact a body's speed changes by m2/(m1 + m2) of that of approach, twice that of equal masses at most.
+    of_speed = steps * dv + IMPACT * b * 2.0 * heavy / (heavy + light)
+    place = (steps + GAP) * dx + 0.5 * duration * steps * dv
     contact = known.get("N", 0.0)
     force = CONTACTS * (mass * (w * b + a) + (max(stiff) * dx if stiff else 0.0)) + steps * 0.5 * _unit(contact)
+    force += _of_shear(scene.laws_in_use, steps * dx, contact)
     of_spin = steps * dw + of_speed / radius
     energy = count * mass * (speed * of_speed + gravity * place) + contact * (b / w + place)
     return Roundings(
@@ -162,6 +169,14 @@ def roundings(
         time=(place / speed if speed else 0.0),
         acceleration=a + b / own,
         fastest=own_speed,
+    )
+
+
+def _of_shear(laws: Sequence[object], slip: float, contact: float) -> float:
+    """Error [N] of shear springs whose slip is off by ``slip`` [m], under normal forces of up to ``contact`` [N]."""
+    return max(
+        (min(ks * slip, 2.0 * getattr(law, "mu", 0.0) * contact) for law in laws if (ks := getattr(law, "ks", None))),
+        default=0.0,
     )
 
 

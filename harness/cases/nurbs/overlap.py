@@ -170,7 +170,7 @@ def grade_of(pair: int) -> str:
 
 
 def expected_gaps(params: Mapping[str, Any], setup: Setup, history: History) -> FloatArray:
-    """True gaps [m] of the pairs where the engine's grains are, shape of ``history.gap``."""
+    """True gaps [m] of the pairs where the engine's grains are, shape of ``history.gap``; of ellipses that are apart no less than 0."""
     if params["shape"] == "disk":
         return np.column_stack([disk_gap(setup, history, column) for column in range(len(history.pairs))])
     disks, axes = setup.scene.disks, AXES["ellipse"]
@@ -179,7 +179,10 @@ def expected_gaps(params: Mapping[str, Any], setup: Setup, history: History) -> 
         if np.isfinite(history.x[row]).all():
             pair = history.pairs[column]
             one, two = (_ellipse(axes[disks.outline[k]], history.x[row, k], disks.angle[k]) for k in pair)
-            found[row, column] = -_overlap(one, two)
+            try:
+                found[row, column] = -_overlap(one, two)
+            except ValueError:  # an engine's grains may be apart where they ought to graze: any distance is right then
+                found[row, column] = max(float(history.gap[row, column]), 0.0)
     return found
 
 

@@ -43,6 +43,11 @@ QUICK: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
     ("dem", "nine-disk/compression", {"xi": 0.0}),
     ("dem", "contact/reopening", {"pair": "wall"}),
     ("dem", "spheres/turned", {"kind": "plane"}),
+    ("dem", "nine-disk/distortion", {"ks_over_kn": 2.0 / 3.0, "walls": "corner-pivot-caps-translate", "wall_mu": "mu"}),
+    ("cd", "binary-collision", {"kind": "elastic", "mass": 1.0, "mass_2": 3.0, "radius": 0.4, "radius_2": 0.7}),
+    ("dem", "nurbs/overlap", {"shape": "disk"}),
+    ("cd", "nurbs/overlap", {"shape": "ellipse"}),
+    ("impulse", "nurbs/settle", {"slope": 0.0}),
 )
 
 
